@@ -1,0 +1,1 @@
+"""The scenes that the project makes itself, with their generators."""

@@ -1,0 +1,1 @@
+"""The Vulkan foundation: binding, device, memory, resources, shaders, window, readback."""

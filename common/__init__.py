@@ -1,0 +1,1 @@
+"""API-free foundation of Strata: scenes, transforms, cameras, images, metrics, statistics, lessons."""

@@ -1,0 +1,63 @@
+"""Where Strata finds its own files and where it may write: never the current directory."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+"""The clone: `chapters/`, `shaders/`, `assets/` are beside each other here."""
+
+
+def user_cache() -> Path:
+    """Return the folder for everything that can be made again (not created); `STRATA_CACHE` overrides it."""
+    chosen = os.environ.get("STRATA_CACHE")
+    if chosen:
+        return Path(chosen)
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local")) / "strata"
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Caches" / "strata"
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "strata"
+
+
+def cache_dir(name: str) -> Path | None:
+    """Return the writable cache folder `name`, created if need be, or None where nothing can be written.
+
+    A read-only or full disk must cost speed, never the picture: callers work without a cache when this is None.
+    """
+    folder = user_cache() / name
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return folder
+    except OSError:
+        return None
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Write `data` to `path` so that a reader sees the old file or the new one, never a part (temporary, then rename)."""
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(data)
+        os.chmod(temporary, 0o666 & ~_umask())
+        os.replace(temporary, path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def asset_dir() -> Path | None:
+    """Return the folder of real models made elsewhere (`STRATA_ASSETS`, else `../shared/assets`), or None."""
+    chosen = os.environ.get("STRATA_ASSETS")
+    folder = Path(chosen) if chosen else ROOT.parent / "shared" / "assets"
+    return folder if folder.is_dir() else None
