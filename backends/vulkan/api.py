@@ -1,0 +1,377 @@
+"""The one module between Strata and the `vulkan` package: its C types and constants, our structs, calls and checks.
+
+The package ships Vulkan's header as a cffi interface, which is right, and a Python layer above it, which is not:
+39 of its constants are wrong and 492 are None, nested structs are freed while the driver still reads them, functions
+that return an address return their argument, `VK_WHOLE_SIZE` is -1, success codes such as VK_SUBOPTIMAL_KHR raise,
+and a second debug messenger silently replaces the first. So only the header is used, and what a program needs above
+it is here:
+
+- constants: `vk.VK_FORMAT_R8G8B8A8_UNORM` (module attributes, taken from the header's enums);
+- structs: `vk.new("VkBufferCreateInfo", size=64, usage=...)`: sType and counts filled in, everything that the struct
+  points to kept alive as long as the struct itself;
+- functions: a `Functions` table per instance and device, whose members are the raw C function pointers;
+- results: `vk.check` raises on errors, with the call's name and a hint, and returns success codes.
+"""
+
+from __future__ import annotations
+
+import importlib.machinery
+import importlib.util
+import os
+import sys
+import weakref
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from common.errors import DeviceError, UnsupportedError
+
+
+def _load_header() -> Any:
+    """Return the package's cffi object without running the package, whose `__init__` opens a loader by one fixed name."""
+    package = importlib.util.find_spec("vulkan")
+    if package is None or not package.submodule_search_locations:
+        raise UnsupportedError("The Python package 'vulkan' is missing: run ./strata once to set the environment up.")
+    path = Path(next(iter(package.submodule_search_locations))) / "_vulkancache.py"
+    spec = importlib.util.spec_from_file_location("_strata_vulkan_header", path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.ffi
+
+
+ffi: Any = _load_header()
+"""Vulkan's types: `ffi.new`, `ffi.cast`, `ffi.buffer`."""
+
+_enums: Any = ffi.dlopen(None) if sys.platform != "win32" else ffi.dlopen("kernel32")
+"""Any library will do: enum constants come from the header, not from the file that is opened."""
+
+NULL = ffi.NULL
+
+# Macros of the header are not enums, so cffi does not know them (Vulkan specification, appendix "Defines").
+_MACROS: dict[str, Any] = {
+    "VK_WHOLE_SIZE": 2**64 - 1,
+    "VK_REMAINING_MIP_LEVELS": 2**32 - 1,
+    "VK_REMAINING_ARRAY_LAYERS": 2**32 - 1,
+    "VK_QUEUE_FAMILY_IGNORED": 2**32 - 1,
+    "VK_QUEUE_FAMILY_EXTERNAL": 2**32 - 2,
+    "VK_ATTACHMENT_UNUSED": 2**32 - 1,
+    "VK_SUBPASS_EXTERNAL": 2**32 - 1,
+    "VK_SHADER_UNUSED_KHR": 2**32 - 1,
+    "VK_LOD_CLAMP_NONE": 1000.0,
+    "VK_TRUE": 1,
+    "VK_FALSE": 0,
+    "VK_API_VERSION_1_0": 1 << 22,
+    "VK_API_VERSION_1_1": (1 << 22) | (1 << 12),
+    "VK_API_VERSION_1_2": (1 << 22) | (2 << 12),
+    "VK_API_VERSION_1_3": (1 << 22) | (3 << 12),
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Look a constant up once (`vk.VK_...`); an unknown name is an AttributeError, never None."""
+    if not name.startswith("VK_"):
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = _MACROS.get(name)
+    if value is None:
+        try:
+            value = getattr(_enums, name)
+        except AttributeError:
+            raise AttributeError(f"{name} is not a constant of Vulkan 1.3.275") from None
+    globals()[name] = value
+    return value
+
+
+# --- structs ----------------------------------------------------------------------------------------------------------
+
+_KEEP: weakref.WeakKeyDictionary[Any, list[Any]] = weakref.WeakKeyDictionary()
+"""Struct -> everything that it points to. cffi keeps only the outermost allocation alive."""
+
+_STYPES = {
+    name.removeprefix("VK_STRUCTURE_TYPE_").replace("_", "").lower(): value
+    for name, value in ffi.typeof("VkStructureType").relements.items()
+}
+
+
+class _StructType:
+    """What `new` has to know about a struct, looked up once per name."""
+
+    __slots__ = ("counts", "fields", "name", "pointer", "stype")
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        ctype = ffi.typeof(name)
+        self.pointer = ffi.typeof(f"{name} *")
+        self.fields = {field: info.type for field, info in ctype.fields}
+        self.stype = _STYPES[name[2:].lower()] if "sType" in self.fields else None
+        self.counts = {field: count for field in self.fields if (count := self._count_of(field))}
+
+    def _count_of(self, field: str) -> str | None:
+        """Return the member that holds the length of array member `field` (pSetLayouts -> setLayoutCount)."""
+        plain = field.lstrip("p")
+        if plain == field or not plain:
+            return None
+        plain = plain[0].lower() + plain[1:]
+        singular = plain[:-3] + "y" if plain.endswith("ies") else plain.removesuffix("s")
+        for candidate in (singular + "Count", plain + "Count", singular.removesuffix("Name") + "Count"):
+            if candidate in self.fields:
+                return candidate
+        return None
+
+
+_TYPES: dict[str, _StructType] = {}
+
+
+def _struct_type(name: str) -> _StructType:
+    found = _TYPES.get(name)
+    if found is None:
+        try:
+            found = _TYPES[name] = _StructType(name)
+        except (ffi.error, KeyError):
+            raise AttributeError(f"{name} is not a struct of Vulkan 1.3.275") from None
+    return found
+
+
+def new(struct: str, /, **fields: Any) -> Any:
+    """Return a pointer to a new struct; what its members point to lives as long as this object does.
+
+    Members are given by their names in the specification. sType is filled in; a list, tuple or numpy array for an
+    array member also fills its count member. Nested structs are dicts or results of `new`; strings are str; None
+    leaves a member zero. A wrong member name raises AttributeError, a wrong kind of value TypeError.
+    """
+    described = _struct_type(struct)
+    keep: list[Any] = []
+    init: dict[str, Any] = {}
+    if described.stype is not None:
+        init["sType"] = described.stype
+    for name, value in fields.items():
+        if value is None:
+            continue
+        try:
+            ctype = described.fields[name]
+        except KeyError:
+            raise AttributeError(f"{struct} has no member {name}") from None
+        init[name] = _convert(ctype, value, keep)
+        count = described.counts.get(name)
+        if count is not None and count not in fields and not isinstance(value, ffi.CData):
+            init[count] = len(value)
+    pointer = ffi.new(described.pointer, init)
+    if keep:
+        _KEEP[pointer] = keep
+    return pointer
+
+
+def array(item: str, values: Iterable[Any]) -> Any:
+    """Return a C array of structs, handles or numbers, with everything they point to kept alive."""
+    keep: list[Any] = []
+    made = _array(ffi.typeof(item), list(values), keep)
+    if keep:
+        _KEEP[made] = keep
+    return made
+
+
+def keep(owner: Any, *things: Any) -> Any:
+    """Keep `things` alive as long as the cffi object `owner`; return `owner`."""
+    _KEEP.setdefault(owner, []).extend(things)
+    return owner
+
+
+def _array(item: Any, values: list[Any], keep: list[Any]) -> Any:
+    return ffi.new(f"{item.cname}[]" if item.kind != "pointer" else ffi.getctype(item, "[]"), [_convert(item, v, keep) for v in values])
+
+
+def _convert(ctype: Any, value: Any, keep: list[Any]) -> Any:
+    """Turn a Python value into what cffi stores in a member of type `ctype`, noting in `keep` what must stay alive."""
+    kind = ctype.kind
+    if kind == "pointer":
+        return _convert_pointer(ctype, value, keep)
+    if kind in ("struct", "union"):
+        if isinstance(value, dict):
+            if kind == "union":
+                fields = dict(ctype.fields)
+                return {name: _convert(fields[name].type, item, keep) for name, item in value.items()}
+            value = new(ctype.cname, **value)
+        if isinstance(value, ffi.CData) and ffi.typeof(value).kind == "pointer":
+            keep.append(value)
+            return value[0]
+        return value
+    if kind == "array":
+        if isinstance(value, (bytes, str)):
+            return value.encode() if isinstance(value, str) else value
+        return [_convert(ctype.item, item, keep) for item in value]
+    if kind == "enum" or isinstance(value, np.integer):
+        return int(value)
+    if isinstance(value, np.floating):
+        return float(value)
+    return value
+
+
+def _convert_pointer(ctype: Any, value: Any, keep: list[Any]) -> Any:
+    item = ctype.item
+    if isinstance(value, ffi.CData):
+        keep.append(value)
+        return ffi.cast("void *", value) if item.kind == "void" else value
+    if isinstance(value, str):
+        made = ffi.new("char[]", value.encode())
+    elif isinstance(value, dict):
+        made = new(item.cname, **value)
+    elif isinstance(value, np.ndarray):
+        if item.kind == "primitive" and ffi.sizeof(item) != value.itemsize:
+            raise TypeError(f"an array of {value.dtype} was given for {ctype.cname}")
+        made = ffi.from_buffer(np.ascontiguousarray(value))
+        keep.append(made)
+        return ffi.cast(ctype, made)
+    elif isinstance(value, (bytes, bytearray, memoryview)):
+        made = ffi.from_buffer(value)
+        keep.append(made)
+        return ffi.cast(ctype, made)
+    elif isinstance(value, (list, tuple)):
+        made = _array(item, list(value), keep)
+    else:
+        raise TypeError(f"{type(value).__name__} given for {ctype.cname}")
+    keep.append(made)
+    return made
+
+
+# --- functions and results --------------------------------------------------------------------------------------------
+
+
+class Functions:
+    """Raw C function pointers of one instance or device, resolved at first use: `functions.vkCmdDraw(...)`.
+
+    A member is a cffi function: it converts nothing, checks nothing, and costs half a microsecond. Pass structs made
+    by `new`, arrays made by `array`, `NULL`.
+    """
+
+    def __init__(self, resolve: Callable[[bytes], Any]) -> None:
+        self._resolve = resolve
+        self._trace: list[tuple[str, tuple[Any, ...]]] | None = None
+
+    def __getattr__(self, name: str) -> Any:
+        if not name.startswith("vk"):
+            raise AttributeError(name)
+        address = self._resolve(name.encode())
+        if address == NULL:
+            raise UnsupportedError(f"This Vulkan driver has no {name}: an extension or version it needs is missing.")
+        function = ffi.cast(f"PFN_{name}", address)
+        if self._trace is not None:
+            function = self._traced(name, function, self._trace)
+        self.__dict__[name] = function
+        return function
+
+    @staticmethod
+    def _traced(name: str, function: Any, log: list[tuple[str, tuple[Any, ...]]]) -> Callable[..., Any]:
+        def call(*arguments: Any) -> Any:
+            log.append((name, arguments))
+            return function(*arguments)
+
+        return call
+
+    def trace(self, log: list[tuple[str, tuple[Any, ...]]] | None) -> None:
+        """Append (name, arguments) of every later call to `log`; None stops, and then a call costs nothing extra."""
+        for name in [name for name in self.__dict__ if name.startswith("vk")]:
+            del self.__dict__[name]
+        self._trace = log
+
+
+_RESULT_NAMES = {value: name for name, value in ffi.typeof("VkResult").relements.items()}
+
+_HINTS = {
+    "VK_ERROR_OUT_OF_DEVICE_MEMORY": "the GPU's memory is full: a smaller --size or scene needs less",
+    "VK_ERROR_OUT_OF_HOST_MEMORY": "the machine's memory is full",
+    "VK_ERROR_DEVICE_LOST": "the driver stopped: run again with --validate, which names the call that was wrong",
+    "VK_ERROR_INCOMPATIBLE_DRIVER": "the driver is older than Vulkan 1.3: ./strata doctor says what is installed",
+    "VK_ERROR_LAYER_NOT_PRESENT": "install the Vulkan validation layers, or run without --validate",
+    "VK_ERROR_EXTENSION_NOT_PRESENT": "./strata doctor lists the extensions of every device",
+    "VK_ERROR_INITIALIZATION_FAILED": "./strata doctor shows which drivers the loader found",
+}
+
+
+class VulkanError(DeviceError):
+    """A Vulkan call failed; `code` is its VkResult, `call` the function's name."""
+
+    def __init__(self, call: str, code: int, arguments: tuple[Any, ...] = ()) -> None:
+        self.call, self.code = call, code
+        self.result = _RESULT_NAMES.get(code, str(code))
+        hint = _HINTS.get(self.result)
+        shown = ", ".join(_shown(argument) for argument in arguments)
+        super().__init__(f"{call}({shown}) failed with {self.result}" + (f": {hint}." if hint else "."))
+
+
+def _shown(argument: Any) -> str:
+    """Return an argument as a reader of an error message wants it: the struct's name, or the value."""
+    if not isinstance(argument, ffi.CData):
+        return repr(argument)
+    if argument == NULL:
+        return "NULL"
+    return ffi.typeof(argument).cname
+
+
+def check(code: int, call: str, *arguments: Any) -> int:
+    """Raise VulkanError if `code` is an error; return it otherwise (VK_SUCCESS, VK_SUBOPTIMAL_KHR, VK_TIMEOUT...)."""
+    if code < 0:
+        raise VulkanError(call, code, arguments)
+    return code
+
+
+def listed(function: Any, call: str, item: str, *arguments: Any) -> list[Any]:
+    """Call a function of the two-call kind (count, then data) and return its items, however often the count changes.
+
+    Structs are returned as pointers that own their memory, with sType set.
+    """
+    count = ffi.new("uint32_t *")
+    ctype = ffi.typeof(item)
+    stype = _struct_type(item).stype if ctype.kind == "struct" else None
+    while True:
+        check(function(*arguments, count, NULL) or 0, call)
+        # One more than reported: a list that grew between the calls is then seen as VK_INCOMPLETE.
+        data = ffi.new(ffi.getctype(ctype, "[]"), max(count[0], 1))
+        if stype is not None:
+            for index in range(len(data)):
+                data[index].sType = stype
+        if check(function(*arguments, count, data) or 0, call) != __getattr__("VK_INCOMPLETE"):
+            break
+    if ctype.kind != "struct":
+        return [data[index] for index in range(count[0])]
+    return [keep(ffi.addressof(data, index), data) for index in range(count[0])]
+
+
+def text(chars: Any) -> str:
+    """Return a C string as str; drivers are not always UTF-8."""
+    return "" if chars == NULL else ffi.string(chars).decode("utf-8", "replace")
+
+
+# --- the loader -------------------------------------------------------------------------------------------------------
+
+
+def loader_names(platform: str, environment: dict[str, str]) -> list[str]:
+    """Return the names under which a Vulkan loader (or MoltenVK itself) is looked for, best first."""
+    if platform == "win32":
+        return ["vulkan-1.dll"]
+    if platform == "darwin":
+        sdk = environment.get("VULKAN_SDK")
+        folders = [f"{sdk}/lib"] if sdk else []
+        folders += ["/opt/homebrew/lib", "/usr/local/lib"]  # Homebrew on Apple silicon and on Intel
+        libraries = ("libvulkan.dylib", "libvulkan.1.dylib", "libMoltenVK.dylib")
+        return [*libraries, *(f"{folder}/{library}" for library in libraries for folder in folders)]
+    return ["libvulkan.so.1", "libvulkan.so"]
+
+
+def open_loader() -> tuple[Any, str]:
+    """Return (library, name) of the Vulkan loader; raise UnsupportedError where there is none."""
+    for name in loader_names(sys.platform, dict(os.environ)):
+        try:
+            return ffi.dlopen(name), name
+        except OSError:
+            continue
+    raise UnsupportedError("No Vulkan loader was found on this machine: ./strata doctor says what to install.")
+
+
+def global_functions() -> tuple[Functions, Any]:
+    """Return the functions that exist before an instance does, and the loader's `vkGetInstanceProcAddr`."""
+    loader, _ = open_loader()
+    get = loader.vkGetInstanceProcAddr
+    # The table keeps the library open: dlclose would unmap drivers that are still in use.
+    return Functions(lambda name, _loader=loader: get(NULL, name)), get
