@@ -178,6 +178,11 @@ def keep(owner: Any, *things: Any) -> Any:
     return owner
 
 
+def _plain(ctype: Any) -> str:
+    """Return a struct's name as the specification writes it; cffi calls some of them `struct VkX`."""
+    return ctype.cname.removeprefix("struct ").removeprefix("union ")
+
+
 def _array(item: Any, values: list[Any], keep: list[Any]) -> Any:
     return ffi.new(f"{item.cname}[]" if item.kind != "pointer" else ffi.getctype(item, "[]"), [_convert(item, v, keep) for v in values])
 
@@ -192,7 +197,7 @@ def _convert(ctype: Any, value: Any, keep: list[Any]) -> Any:
             if kind == "union":
                 fields = dict(ctype.fields)
                 return {name: _convert(fields[name].type, item, keep) for name, item in value.items()}
-            value = new(ctype.cname, **value)
+            value = new(_plain(ctype), **value)
         if isinstance(value, ffi.CData) and ffi.typeof(value).kind == "pointer":
             keep.append(value)
             return value[0]
@@ -216,7 +221,7 @@ def _convert_pointer(ctype: Any, value: Any, keep: list[Any]) -> Any:
     if isinstance(value, str):
         made = ffi.new("char[]", value.encode())
     elif isinstance(value, dict):
-        made = new(item.cname, **value)
+        made = new(_plain(item), **value)
     elif isinstance(value, np.ndarray):
         if item.kind == "primitive" and ffi.sizeof(item) != value.itemsize:
             raise TypeError(f"an array of {value.dtype} was given for {ctype.cname}")
@@ -369,9 +374,13 @@ def open_loader() -> tuple[Any, str]:
     raise UnsupportedError("No Vulkan loader was found on this machine: ./strata doctor says what to install.")
 
 
+_opened: list[Any] = []
+"""Loaders stay open: cffi closes a library with its last reference, and drivers would be unmapped while in use."""
+
+
 def global_functions() -> tuple[Functions, Any]:
     """Return the functions that exist before an instance does, and the loader's `vkGetInstanceProcAddr`."""
-    loader, _ = open_loader()
-    get = loader.vkGetInstanceProcAddr
-    # The table keeps the library open: dlclose would unmap drivers that are still in use.
-    return Functions(lambda name, _loader=loader: get(NULL, name)), get
+    if not _opened:
+        _opened.append(open_loader()[0])
+    get = _opened[0].vkGetInstanceProcAddr
+    return Functions(lambda name: get(NULL, name)), get

@@ -1,0 +1,208 @@
+"""What everything outside a chapter sees of a renderer, whatever its chapter and backend.
+
+`Renderer` and `Frame` are what `chapters.open` returns and `render` gives; `Pass` is the shape of every module in a
+chapter's `passes/` and `gl/`; `Capabilities` says what a device can do, `resolve` which path each feature takes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal, Protocol
+
+import numpy as np
+
+from common.errors import UnsupportedError, UserError
+from common.names import suggest
+
+if TYPE_CHECKING:
+    from common.camera import View
+    from common.scene import Scene
+
+BACKENDS = ("vulkan", "gl")
+
+# --- features ---------------------------------------------------------------------------------------------------------
+
+FEATURES: dict[str, tuple[str, str]] = {
+    # name: (what it gives, the path taken without it)
+    "anisotropy": ("anisotropic texture filtering", "trilinear filtering"),
+    "async-compute": ("a compute queue beside the graphics queue", "one queue, same graph, submitted in order"),
+    "async-transfer": ("a transfer queue of its own", "one queue, same semaphores, submitted in order"),
+    "bindless": ("one unbounded array of textures", "texture arrays in sets of fixed size"),
+    "fp64": ("64-bit floats in shaders", "32-bit floats"),
+    "draw-indirect-count": ("draws whose number is on the GPU", "draws of zero instances at the end of the list"),
+    "int64": ("64-bit integers in shaders", "pairs of 32-bit integers"),
+    "mesh-shader": ("task and mesh shaders", "compute culling and compacted indirect draws"),
+    "pipeline-statistics": ("counts of the GPU's own work", "counters of the program alone"),
+    "ray-query": ("rays in any shader", "traversal of our own BVH in compute"),
+    "ray-tracing": ("ray-tracing pipelines", "traversal of our own BVH in compute"),
+    "sampler-minmax": ("minimum and maximum filters", "four fetches in the shader"),
+    "shading-rate": ("variable rate shading", "the lighting function in compute, one sample a block"),
+    "sparse": ("sparse residency of images", "a software page table over an atlas"),
+    "types-16bit": ("16-bit types in shaders and buffers", "packed 32-bit words"),
+    "wireframe": ("lines in place of filled triangles", "edges from barycentric coordinates"),
+}
+"""Every optional feature that some chapter uses, in the words of the plan table."""
+
+
+@dataclass(frozen=True)
+class Capabilities:
+    """What one device can do, as probed; `why_not` explains each missing feature in a few words."""
+
+    backend: str
+    device: str
+    driver: str
+    api_version: tuple[int, int, int]
+    kind: Literal["discrete", "integrated", "virtual", "software", "other"]
+    features: frozenset[str]
+    why_not: Mapping[str, str] = field(default_factory=dict)
+    limits: Mapping[str, int] = field(default_factory=dict)
+
+    @property
+    def is_software(self) -> bool:
+        """Whether the device is a program on the CPU: goldens are compared on one such driver alone."""
+        return self.kind == "software"
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The path that one feature takes, and why."""
+
+    feature: str
+    native: bool
+    path: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class Plan:
+    """One choice per feature that a chapter uses."""
+
+    choices: tuple[Choice, ...]
+
+    def native(self, feature: str) -> bool:
+        """Whether `feature` takes its native path; a feature that the chapter did not ask for does not."""
+        return any(choice.feature == feature and choice.native for choice in self.choices)
+
+
+def check_without(without: Iterable[str]) -> frozenset[str]:
+    """Return the features to be switched off, with 'all' expanded; raise UserError for an unknown name."""
+    wanted = set(without)
+    for name in sorted(wanted - {"all"} - FEATURES.keys()):
+        raise UserError(f"There is no feature '{name}' to do without{suggest(name, ['all', *FEATURES])}.")
+    return frozenset(FEATURES) if "all" in wanted else frozenset(wanted)
+
+
+def resolve(
+    required: Iterable[str], optional: Iterable[str], capabilities: Capabilities, without: Iterable[str] = ()
+) -> Plan:
+    """Choose a path per feature. A feature in `without` takes the same path as on a device that lacks it.
+
+    Raises UnsupportedError, naming the feature, where a required one is missing.
+    """
+    off = check_without(without)
+    choices = []
+    for feature in sorted({*required, *optional}):
+        native, reason = feature in capabilities.features, "the device has it"
+        if not native:
+            reason = capabilities.why_not.get(feature, "the device lacks it")
+        elif feature in off:
+            native, reason = False, "switched off by --without"
+        if not native and feature in set(required):
+            raise UnsupportedError(f"This chapter needs {FEATURES[feature][0]} ({feature}), but {reason}.")
+        choices.append(Choice(feature, native, FEATURES[feature][0 if native else 1], reason))
+    return Plan(tuple(choices))
+
+
+# --- renderer and frame -----------------------------------------------------------------------------------------------
+
+
+class Frame(Protocol):
+    """One rendered frame. Images can be read until the frame's slot is used again, two frames later."""
+
+    index: int  # frames since the last reset
+    cpu_ms: float  # time that `render` took on the CPU
+
+    def image(self, name: str) -> np.ndarray:
+        """Wait for the frame and return an output as (H, W) or (H, W, C), row 0 on top.
+
+        Raises StaleFrameError when the slot was used again or `name` was not in `outputs`.
+        """
+
+    @property
+    def timings(self) -> dict[str, float]:
+        """GPU milliseconds by pass name, in the order of the frame."""
+
+    @property
+    def work(self) -> dict[str, int]:
+        """Counters of what was done and of what was skipped."""
+
+
+class Renderer(Protocol):
+    """A chapter's renderer: one stream of frames of one view of one scene. A context manager."""
+
+    capabilities: Capabilities
+    plan: Plan
+    settings: Any
+    size: tuple[int, int]
+
+    def render(self, view: View, time: float = 0.0) -> Frame:
+        """Enqueue one frame of `view` at `time` seconds; nothing is waited for."""
+
+    def idle(self, view: View, time: float = 0.0) -> bool:
+        """Whether a frame now would equal the last one, with every temporal pass done."""
+
+    def resize(self, size: tuple[int, int]) -> None:
+        """Change the picture to (width, height) pixels; histories are reset."""
+
+    def reset_history(self, reason: str) -> None:
+        """Start again at frame 0: the same calls afterwards give the same pixels."""
+
+    def close(self) -> None:
+        """Release every object on the GPU."""
+
+
+def check_size(size: tuple[int, int], largest: int = 16384) -> tuple[int, int]:
+    """Return (width, height); raise UserError unless both are between 1 and `largest` pixels."""
+    width, height = size
+    if not (1 <= width <= largest and 1 <= height <= largest):
+        raise UserError(f"A picture of {width}x{height} pixels cannot be made: each side must be 1 to {largest}.")
+    return width, height
+
+
+# --- passes -----------------------------------------------------------------------------------------------------------
+
+Use = Literal["color", "depth", "sampled", "storage", "copy", "uniform", "indirect"]
+
+
+@dataclass(frozen=True)
+class Access:
+    """What a pass reads or writes: the resource's name, the kind of use, and for images format and size.
+
+    `format` is a short name such as 'rgba16f'; None leaves it to the renderer. `scale` is relative to the output.
+    `clear` is the value an attachment starts from; None keeps what an earlier pass of the frame wrote.
+    """
+
+    resource: str
+    use: Use
+    format: str | None = None
+    scale: float = 1.0
+    clear: tuple[float, ...] | None = None
+
+
+class Pass(Protocol):
+    """One pass of a chapter. `record` holds draws and dispatches only; the renderer writes everything around it."""
+
+    name: str
+    reads: tuple[Access, ...]
+    writes: tuple[Access, ...]
+
+    @staticmethod
+    def needed(scene: Scene, settings: Any) -> bool:
+        """Whether the scene and the settings give this pass anything to do."""
+
+    def create(self) -> None:
+        """Make pipelines and whatever else lives as long as the pass."""
+
+    def record(self, commands: Any) -> None:
+        """Record this frame's draws and dispatches."""

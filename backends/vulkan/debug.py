@@ -1,0 +1,124 @@
+"""What the driver and the validation layers say, tied to the pass, the objects and the Python line that caused it.
+
+The messenger's callback runs inside the Vulkan call that is wrong, on the thread that made it. So Python's stack at
+that moment still shows the line of the caller, and no bookkeeping is needed to find it.
+"""
+
+from __future__ import annotations
+
+import sys
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+from typing import Any, Literal
+
+from backends.vulkan import api as vk
+from common.paths import ROOT
+
+Severity = Literal["info", "warning", "error"]
+
+
+@dataclass(frozen=True)
+class Message:
+    """One message of the validation layers or the driver."""
+
+    severity: Severity
+    id: str  # the rule's name, such as VUID-vkCmdDraw-None-08600
+    text: str
+    objects: tuple[str, ...]  # names given with `Device.name`, else type and handle
+    labels: tuple[str, ...]  # command-buffer and queue labels that were open: the pass
+    line: str  # "file:line" of the nearest caller outside backends/vulkan
+
+    def __str__(self) -> str:
+        where = f" in pass {' > '.join(self.labels)}" if self.labels else ""
+        objects = f" [{', '.join(self.objects)}]" if self.objects else ""
+        return f"{self.severity}: {self.text}{objects}{where}, called from {self.line}"
+
+
+ALLOWED: tuple[tuple[str, str], ...] = (
+    # A layer that is older than the driver does not know the driver's newer extensions. That says nothing about the
+    # program: Strata enables only what the header of 1.3.275 has.
+    ("WARNING-DEBUG-PRINTF", "is not supported by this layer"),
+    ("", "is not supported by this layer"),
+    # Software drivers are conformant by their own statement only; the loader says so once for each.
+    ("", "is not a conformant Vulkan implementation"),
+)
+"""(id prefix, part of the text) of messages that are not counted, with the reason beside each."""
+
+
+class ValidationSink:
+    """Receives every message once, keeps each distinct one with its count, and hands it to the callbacks.
+
+    `messages` maps message -> count, warnings and errors alone; tests assert that it is empty.
+    """
+
+    def __init__(self) -> None:
+        self.messages: dict[Message, int] = {}
+        self.callbacks: list[Callable[[Message], None]] = []
+        self.failure: BaseException | None = None
+        self._pointer = vk.ffi.callback("PFN_vkDebugUtilsMessengerCallbackEXT", self._receive, onerror=self._failed)
+
+    def create_info(self) -> Any:
+        """Return the messenger's create-info; chain it to the instance's too, so that its creation is covered."""
+        return vk.keep(
+            vk.new(
+                "VkDebugUtilsMessengerCreateInfoEXT",
+                messageSeverity=vk.VK_DEBUG_UTILS_MESSAGE_SEVERITY_WARNING_BIT_EXT
+                | vk.VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT,
+                messageType=vk.VK_DEBUG_UTILS_MESSAGE_TYPE_GENERAL_BIT_EXT
+                | vk.VK_DEBUG_UTILS_MESSAGE_TYPE_VALIDATION_BIT_EXT
+                | vk.VK_DEBUG_UTILS_MESSAGE_TYPE_PERFORMANCE_BIT_EXT,
+                pfnUserCallback=self._pointer,
+            ),
+            self,
+        )
+
+    def _receive(self, severity: int, kinds: int, data: Any, user: Any) -> int:
+        kind: Severity = "error" if severity >= vk.VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT else "warning"
+        labels = [vk.text(data.pQueueLabels[i].pLabelName) for i in range(data.queueLabelCount)]
+        labels += [vk.text(data.pCmdBufLabels[i].pLabelName) for i in range(data.cmdBufLabelCount)]
+        message = Message(
+            kind,
+            vk.text(data.pMessageIdName),
+            vk.text(data.pMessage),
+            tuple(_object_name(data.pObjects[i]) for i in range(data.objectCount)),
+            tuple(labels),
+            _calling_line(sys._getframe(1)),
+        )
+        if any(message.id.startswith(prefix) and part in message.text for prefix, part in ALLOWED):
+            return 0
+        self.messages[message] = self.messages.get(message, 0) + 1
+        for callback in self.callbacks:
+            callback(message)
+        return 0
+
+    def _failed(self, kind: type[BaseException], error: BaseException, trace: Any) -> int:
+        """An exception cannot pass through the driver's C code: keep it, and show it now."""
+        self.failure = error
+        traceback.print_exception(kind, error, trace)
+        return 0
+
+    def report(self) -> list[str]:
+        """Return one text per distinct message, with its count."""
+        return [f"{message}" + (f" ({count} times)" if count > 1 else "") for message, count in self.messages.items()]
+
+
+def _object_name(described: Any) -> str:
+    name = vk.text(described.pObjectName)
+    return name or f"object {described.objectType} 0x{described.objectHandle:x}"
+
+
+_HERE = str(Path(__file__).resolve().parent)
+
+
+def _calling_line(frame: FrameType | None) -> str:
+    """Return "file:line" of the nearest frame outside this folder."""
+    while frame is not None and frame.f_code.co_filename.startswith((_HERE, "<")):
+        frame = frame.f_back
+    if frame is None:
+        return "an unknown line"
+    path = Path(frame.f_code.co_filename)
+    shown = path.relative_to(ROOT) if path.is_relative_to(ROOT) else path
+    return f"{shown}:{frame.f_lineno}"
