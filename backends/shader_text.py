@@ -1,0 +1,379 @@
+"""Builds the text of a shader for either API: includes, the backend's prelude, constants from Python.
+
+A shader file holds no `#version` and may write `#include "name.glsl"`. The file is looked for beside the
+including one, then in the roots given by the caller (a chapter's `shaders/`), then in the repository's
+`shaders/`. Names in `snippets` come first: their text is made in Python, as that of the record layouts is.
+A file is included once per shader, so files need no guards.
+
+What the compiler sees is one string with `#line line index` marks. `describe_errors` turns its messages back
+into files, source lines and the chain of includes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import numbers
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from common.errors import ShaderError
+from common.paths import ROOT
+
+Backend = Literal["vulkan", "gl"]
+Constant = int | float | bool | str
+
+STAGES = ("vert", "frag", "comp", "mesh", "task", "rgen", "rchit", "rahit", "rmiss", "rint", "rcall")
+"""File suffixes, which are also the compilers' names of the stages."""
+
+SHADERS = ROOT / "shaders"
+
+# BIND hides that Vulkan counts bindings per set, while OpenGL counts them per kind of resource (`k`) over the
+# whole program. PUSH declares small constants: a push-constant block, or a uniform block in the last slot. A
+# struct used with it holds vec4, mat4 and uvec4 only, whose layout std140 and std430 agree upon.
+_PRELUDES: dict[str, str] = {
+    "vulkan": """\
+#version 460
+{extensions}\
+#define BACKEND_VULKAN 1
+#define BACKEND_GL 0
+#define VERTEX_ID gl_VertexIndex
+#define INSTANCE_ID gl_InstanceIndex
+#define BIND(s, b, k) set = s, binding = b
+#define PUSH(T, n) layout(push_constant) uniform PushBlock_ {{ T n; }};
+""",
+    "gl": """\
+#version 450
+{extensions}\
+#define BACKEND_VULKAN 0
+#define BACKEND_GL 1
+#define VERTEX_ID gl_VertexID
+#define INSTANCE_ID (gl_InstanceID + gl_BaseInstanceARB)
+#define BIND(s, b, k) binding = k
+#define PUSH(T, n) layout(std140, binding = 14) uniform PushBlock_ {{ T n; }};
+""",
+}
+
+
+@dataclass(frozen=True)
+class SourceFile:
+    """One file as it was included: its name for messages, its lines, and (index of the includer, line)."""
+
+    name: str
+    lines: tuple[str, ...] = field(repr=False)
+    included_from: tuple[int, int] | None = None
+
+
+@dataclass(frozen=True)
+class ShaderSource:
+    """A shader ready for the compiler. `files[i]` is what `#line ... i` refers to; `files[0]` is the prelude.
+
+    `key` is the same for the same stage and text on every machine and from every folder: chapters that carry
+    a shader on unchanged share its compiled form.
+    """
+
+    stage: str
+    text: str = field(repr=False)
+    files: tuple[SourceFile, ...] = field(repr=False)
+    key: str
+
+    @property
+    def name(self) -> str:
+        """The file that was asked for, as messages show it."""
+        return self.files[1].name
+
+
+def stage_of(path: Path | str) -> str:
+    """Return the stage that the suffix of `path` stands for; raise ShaderError for any other suffix."""
+    suffix = Path(path).suffix.removeprefix(".")
+    if suffix not in STAGES:
+        raise ShaderError(f"{path}: the suffix of a shader says its stage, one of .{', .'.join(STAGES)}.")
+    return suffix
+
+
+def build(
+    path: Path,
+    backend: Backend,
+    *,
+    stage: str | None = None,
+    roots: Sequence[Path] = (),
+    defines: Mapping[str, Constant] | None = None,
+    extensions: Sequence[str] = (),
+    snippets: Mapping[str, str] | None = None,
+) -> ShaderSource:
+    """Return the shader in file `path`, expanded for `backend`; its stage is that of the suffix unless given.
+
+    `defines` become macros: integers and floats with all their digits, bools as 1 and 0, strings as they are.
+    `extensions` are required by the text; files may require more of their own. Raises ShaderError with the
+    place of the include that is missing, part of a cycle, or malformed.
+    """
+    builder = _Builder(backend, stage or stage_of(path), roots, snippets or {})
+    return builder.build(_File(_shown(path), _read(path), path.parent), defines or {}, extensions)
+
+
+def build_text(
+    text: str,
+    stage: str,
+    backend: Backend,
+    *,
+    name: str = "<text>",
+    roots: Sequence[Path] = (),
+    defines: Mapping[str, Constant] | None = None,
+    extensions: Sequence[str] = (),
+    snippets: Mapping[str, str] | None = None,
+) -> ShaderSource:
+    """Return a shader whose main file is `text`, called `name` in messages; everything else as in `build`."""
+    if stage not in STAGES:
+        raise ShaderError(f"{name}: there is no shader stage '{stage}', only {', '.join(STAGES)}.")
+    builder = _Builder(backend, stage, roots, snippets or {})
+    return builder.build(_File(name, text, None), defines or {}, extensions)
+
+
+def literal(value: Any) -> str:
+    """Return a Constant or a scalar of numpy's as GLSL reads it back without loss, or raise ValueError."""
+    if isinstance(value, str):
+        if "\n" in value:
+            raise ValueError("a shader constant is one line of text")
+        return value
+    if isinstance(value, numbers.Integral):  # bool too: `#if` needs 1 and 0
+        number = int(value)
+        if not -(2**31) <= number < 2**32:
+            raise ValueError(f"the shader constant {number} does not fit 32 bits")
+        if number == -(2**31):
+            return "(-2147483647 - 1)"  # GLSL has no negative literals, and 2147483648 is no int
+        return f"({number})" if number < 0 else f"{number}u" if number >= 2**31 else str(number)
+    if isinstance(value, numbers.Real):
+        real = float(value)
+        if not math.isfinite(real):
+            raise ValueError(f"the shader constant {real} is not finite")
+        # repr gives the fewest digits that read back as the same double, and its exponent is GLSL's too.
+        return f"({real!r})" if math.copysign(1.0, real) < 0 else repr(real)
+    raise ValueError(f"a shader constant cannot be a {type(value).__name__}")
+
+
+# --- expansion ----------------------------------------------------------------------------------------------
+
+_DIRECTIVE = re.compile(r"\s*#\s*(include|version|ifdef|ifndef|if|endif)\b\s*(.*)")
+_QUOTED = re.compile(r'"([^"]+)"\s*$')
+_COMMENT = re.compile(r"//.*|/\*.*?(?:\*/|$)")
+
+
+@dataclass(frozen=True)
+class _File:
+    """A file before expansion; `folder` is None for text that lies nowhere on disk."""
+
+    name: str
+    text: str
+    folder: Path | None
+
+    @property
+    def identity(self) -> tuple[str, str]:
+        folder = "" if self.folder is None else str(self.folder.resolve())
+        return folder, self.name
+
+
+class _Builder:
+    """State of one expansion."""
+
+    def __init__(
+        self, backend: Backend, stage: str, roots: Sequence[Path], snippets: Mapping[str, str]
+    ) -> None:
+        self.backend, self.stage, self.snippets = backend, stage, snippets
+        self.roots = [*roots, SHADERS]
+        self.files: list[SourceFile] = []
+        self.output: list[str] = []
+        self.done: set[tuple[str, str]] = set()  # included where no condition can leave them out
+        self.guards: dict[
+            tuple[str, str], str
+        ] = {}  # included under a condition: the macro that says whether
+
+    def build(self, main: _File, defines: Mapping[str, Constant], extensions: Sequence[str]) -> ShaderSource:
+        prelude = self._prelude(defines, extensions)
+        self.files.append(SourceFile("<prelude>", _lines(prelude)))
+        self._expand(main, None, (), 0)
+        text = prelude + "\n".join(self.output) + "\n"
+        key = hashlib.sha256(f"{self.stage}\n{text}".encode()).hexdigest()
+        return ShaderSource(self.stage, text, tuple(self.files), key)
+
+    def _prelude(self, defines: Mapping[str, Constant], extensions: Sequence[str]) -> str:
+        wanted = list(extensions)
+        if self.backend == "gl" and self.stage == "vert":
+            wanted.insert(0, "GL_ARB_shader_draw_parameters")  # gl_InstanceID leaves the base instance out
+        required = "".join(f"#extension {name} : require\n" for name in dict.fromkeys(wanted))
+        lines = []
+        for name, value in defines.items():
+            if not re.fullmatch(r"[A-Za-z_]\w*", name):
+                raise ShaderError(f"'{name}' cannot be the name of a shader constant.")
+            try:
+                lines.append(f"#define {name} {literal(value)}\n")
+            except ValueError as error:
+                raise ShaderError(f"{name}: {error}.") from None
+        return _PRELUDES[self.backend].format(extensions=required) + "".join(lines)
+
+    def _expand(
+        self, file: _File, origin: tuple[int, int] | None, above: tuple[_File, ...], depth: int
+    ) -> None:
+        """Append the lines of `file`. `depth` counts the `#if`s around it, `above` are its includers."""
+        index = len(self.files)
+        lines = _lines(file.text)
+        self.files.append(SourceFile(file.name, lines, origin))
+        self.output.append(f"#line 1 {index}")
+        conditions = 0
+        for number, (line, code) in enumerate(zip(lines, _without_comments(lines), strict=True), start=1):
+            directive = _DIRECTIVE.match(code)
+            kind, rest = directive.groups() if directive else (None, "")
+            if kind == "include":
+                self._include(rest, (index, number), (*above, file), depth + conditions)
+                self.output.append(f"#line {number + 1} {index}")
+                continue
+            if kind == "version":
+                raise self._error(
+                    (index, number), "the prelude of the backend sets the version; leave this line out"
+                )
+            conditions += {"if": 1, "ifdef": 1, "ifndef": 1, "endif": -1}.get(kind or "", 0)
+            self.output.append(line)
+        if conditions:
+            raise self._error((index, len(lines)), "an #if and its #endif must be in the same file")
+
+    def _include(self, rest: str, place: tuple[int, int], above: tuple[_File, ...], depth: int) -> None:
+        quoted = _QUOTED.match(rest.rstrip())
+        if not quoted:
+            raise self._error(place, 'an include is written #include "name.glsl"')
+        file = self._find(quoted[1], above[-1], place)
+        if file.identity in [one.identity for one in above]:
+            first = [one.identity for one in above].index(file.identity)
+            names = " -> ".join(one.name for one in (*above[first:], file))
+            raise self._error(place, f"files include each other in a circle: {names}")
+        if file.identity in self.done:
+            return
+        # Under an #if the compiler may leave the file out, and then a later include of it must count. So
+        # "once" is decided there by the compiler, through a macro.
+        guard = self.guards.get(file.identity)
+        if depth and guard is None:
+            guard = self.guards[file.identity] = f"INCLUDED_{len(self.files)}"
+        if guard:
+            self.output += [f"#ifndef {guard}", f"#define {guard}"]
+        self._expand(file, place, above, depth)
+        if guard:
+            self.output.append("#endif")
+        if not depth:
+            self.done.add(file.identity)
+
+    def _find(self, name: str, includer: _File, place: tuple[int, int]) -> _File:
+        if name in self.snippets:
+            return _File(f"<{name}>", self.snippets[name], None)
+        folders = ([includer.folder] if includer.folder else []) + self.roots
+        for folder in folders:
+            path = folder / name
+            if path.is_file():
+                return _File(_shown(path), _read(path), path.parent)
+        looked = ", ".join(dict.fromkeys(_shown(folder) for folder in folders))
+        raise self._error(place, f"there is no file '{name}' in {looked}")
+
+    def _error(self, place: tuple[int, int], message: str) -> ShaderError:
+        return ShaderError(_located(self.files, *place, None, f"error: {message}"))
+
+
+def _without_comments(lines: Sequence[str]) -> list[str]:
+    """Return the lines without their comments, so that an include in a comment is none."""
+    result = []
+    inside = False
+    for line in lines:
+        if inside:
+            _, end, line = line.partition("*/")
+            inside = not end
+        found = _COMMENT.findall(line)
+        if found and found[-1].startswith("/*") and (len(found[-1]) < 4 or not found[-1].endswith("*/")):
+            inside = True
+        result.append(_COMMENT.sub(" ", line))
+    return result
+
+
+def _lines(text: str) -> tuple[str, ...]:
+    """Return the lines of `text` as a compiler counts them: str.splitlines would split at form feeds too."""
+    text = text.removeprefix("\ufeff").replace("\r\n", "\n").removesuffix("\n")
+    return tuple(text.split("\n"))
+
+
+def _read(path: Path) -> str:
+    """Return a file's text with LF line ends and without a byte-order mark."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise ShaderError(f"The shader {_shown(path)} cannot be read: {error.strerror or error}.") from None
+    except UnicodeDecodeError:
+        raise ShaderError(f"The shader {_shown(path)} is not UTF-8 text.") from None
+    if "\0" in text:
+        raise ShaderError(f"The shader {_shown(path)} is not text: it has a zero byte.")
+    return text
+
+
+def _shown(path: Path) -> str:
+    """Return `path` as messages show it: from the repository's root where it lies inside."""
+    path = path.resolve()
+    return path.relative_to(ROOT).as_posix() if path.is_relative_to(ROOT) else str(path)
+
+
+# --- messages -----------------------------------------------------------------------------------------------
+
+_MESSAGES = (
+    re.compile(
+        r"(?P<kind>ERROR|WARNING): (?P<file>\d+):(?P<line>\d+):(?:(?P<column>\d+):)? *(?P<text>.*)"
+    ),  # glslang
+    re.compile(r"(?P<file>\d+):(?P<line>\d+)\((?P<column>\d+)\): (?P<text>.*)"),  # Mesa
+    re.compile(r"(?P<file>\d+)\((?P<line>\d+)\) : (?P<text>.*)"),  # NVIDIA
+)
+_NOISE = re.compile(
+    r"ERROR: \d+ compilation errors?\.|.*'' : compilation terminated|SPIR-V is not generated|\s*$"
+)
+
+
+def describe_errors(log: str, source: ShaderSource) -> str:
+    """Return a compiler's messages with file, line, the source line with a caret, and the chain of includes.
+
+    Lines of `log` that name no place are kept as they are.
+    """
+    shown = []
+    located = False
+    for line in log.splitlines():
+        if _NOISE.match(line):
+            continue
+        found = next((match for pattern in _MESSAGES if (match := pattern.match(line.strip()))), None)
+        if found is None or int(found["file"]) >= len(source.files):
+            shown.append(line.rstrip().removeprefix("ERROR: "))
+            continue
+        located = True
+        parts = found.groupdict()
+        message = f"{parts['kind'].lower()}: {parts['text']}" if parts.get("kind") else parts["text"]
+        column = int(parts["column"]) if parts.get("column") else None
+        shown.append(_located(source.files, int(found["file"]), int(found["line"]), column, message.strip()))
+    text = "\n".join(dict.fromkeys(shown)) or "the compiler refuses this shader and does not say why"
+    return text if located else f"{source.name}: {text}"
+
+
+def _located(files: Sequence[SourceFile], index: int, line: int, column: int | None, message: str) -> str:
+    """Return `message` with its place; without a column the caret is below the first word that it quotes."""
+    file = files[index]
+    parts = [f"{file.name}:{line}: {message}"]
+    if 1 <= line <= len(file.lines):
+        code = file.lines[line - 1]
+        offset = min(column - 1, len(code)) if column else _quoted_offset(code, message)
+        # Tabs stay tabs, so that the caret stands below its character whatever their width.
+        padding = "".join("\t" if character == "\t" else " " for character in code[:offset])
+        parts += [f"    {code}", f"    {padding}^"]
+    while file.included_from is not None:
+        index, line = file.included_from
+        file = files[index]
+        parts.append(f"  included from {file.name}:{line}")
+    return "\n".join(parts)
+
+
+def _quoted_offset(code: str, message: str) -> int:
+    for word in re.findall(r"'([^']+)'", message):
+        found = re.search(rf"(?<!\w){re.escape(word)}(?!\w)", code) or re.search(re.escape(word), code)
+        if found:
+            return found.start()
+    return len(code) - len(code.lstrip())
