@@ -89,7 +89,8 @@ def check_without(without: Iterable[str]) -> frozenset[str]:
     """Return the features to be switched off, with 'all' expanded; raise UserError for an unknown name."""
     wanted = set(without)
     for name in sorted(wanted - {"all"} - FEATURES.keys()):
-        raise UserError(f"There is no feature '{name}' to do without{suggest(name, ['all', *FEATURES])}.")
+        near = suggest(name, ["all", *FEATURES])
+        raise UserError(f"There is no feature '{name}' to do without{near}" + ("" if near.endswith("?") else "."))
     return frozenset(FEATURES) if "all" in wanted else frozenset(wanted)
 
 

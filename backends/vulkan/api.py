@@ -95,6 +95,24 @@ _STYPES = {
 }
 
 
+_PLURALS = {"ies": "y", "ices": "ex", "sses": "ss", "Names": ""}
+
+_COUNTS = {
+    # Array members whose count has another name than theirs.
+    "pBindingFlags": "bindingCount",
+    "pBufferInfo": "descriptorCount",
+    "pColorAttachmentFormats": "colorAttachmentCount",
+    "pDescriptorCounts": "descriptorSetCount",
+    "pImageIndices": "swapchainCount",
+    "pImageInfo": "descriptorCount",
+    "pImmutableSamplers": "descriptorCount",
+    "pQueuePriorities": "queueCount",
+    "pSetLayouts": "descriptorSetCount",
+    "pTexelBufferView": "descriptorCount",
+    "pValues": "semaphoreCount",
+}
+
+
 class _StructType:
     """What `new` has to know about a struct, looked up once per name."""
 
@@ -114,8 +132,10 @@ class _StructType:
         if plain == field or not plain:
             return None
         plain = plain[0].lower() + plain[1:]
-        singular = plain[:-3] + "y" if plain.endswith("ies") else plain.removesuffix("s")
-        for candidate in (singular + "Count", plain + "Count", singular.removesuffix("Name") + "Count"):
+        candidates = [plain.removesuffix("s") + "Count", plain + "Count", _COUNTS.get(field, "")]
+        for ending, singular in _PLURALS.items():
+            candidates.append(plain.removesuffix(ending) + singular + "Count")
+        for candidate in candidates:
             if candidate in self.fields:
                 return candidate
         return None
@@ -154,9 +174,13 @@ def new(struct: str, /, **fields: Any) -> Any:
         except KeyError:
             raise AttributeError(f"{struct} has no member {name}") from None
         init[name] = _convert(ctype, value, keep)
-        count = described.counts.get(name)
-        if count is not None and count not in fields and not isinstance(value, ffi.CData):
-            init[count] = len(value)
+        if isinstance(value, (list, tuple, np.ndarray)) and ctype.kind == "pointer":
+            count = described.counts.get(name)
+            if count is not None and count not in fields:
+                init[count] = len(value)
+            elif count is None and not any(field.endswith(("Count", "Size")) for field in fields):
+                # A count left at zero would have the driver ignore the array, or read past it.
+                raise TypeError(f"{struct}: give the count of {name}, whose member has a name of its own")
     pointer = ffi.new(described.pointer, init)
     if keep:
         _KEEP[pointer] = keep

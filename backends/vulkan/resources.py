@@ -1,0 +1,227 @@
+"""Buffers, images, views and samplers: each with its memory, a name, and one call to make and one to free it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from backends.vulkan import api as vk
+from backends.vulkan.device import Device
+from backends.vulkan.memory import Allocation, MemoryUse
+from common.scene import Sampler
+
+# Short names of formats, as passes declare them: (Vulkan's constant, bytes of a texel, numpy type, channels).
+FORMATS: dict[str, tuple[int, int, type, int]] = {
+    "r8": (vk.VK_FORMAT_R8_UNORM, 1, np.uint8, 1),
+    "rgba8": (vk.VK_FORMAT_R8G8B8A8_UNORM, 4, np.uint8, 4),
+    "rgba8_srgb": (vk.VK_FORMAT_R8G8B8A8_SRGB, 4, np.uint8, 4),
+    "r32ui": (vk.VK_FORMAT_R32_UINT, 4, np.uint32, 1),
+    "r32f": (vk.VK_FORMAT_R32_SFLOAT, 4, np.float32, 1),
+    "rg16f": (vk.VK_FORMAT_R16G16_SFLOAT, 4, np.float16, 2),
+    "rgba16f": (vk.VK_FORMAT_R16G16B16A16_SFLOAT, 8, np.float16, 4),
+    "rgba32f": (vk.VK_FORMAT_R32G32B32A32_SFLOAT, 16, np.float32, 4),
+    "d32f": (vk.VK_FORMAT_D32_SFLOAT, 4, np.float32, 1),
+}
+
+
+@dataclass(eq=False)
+class Buffer:
+    """A buffer; `mapped` is (size,) uint8 where the CPU can reach it."""
+
+    handle: Any
+    size: int
+    allocation: Allocation
+    name: str
+
+    @property
+    def mapped(self) -> np.ndarray:
+        """The buffer's bytes; ValueError for memory that only the GPU reaches."""
+        if self.allocation.mapped is None:
+            raise ValueError(f"The buffer '{self.name}' is in memory that the CPU cannot map.")
+        return self.allocation.mapped[: self.size]
+
+    def view(self, dtype: Any) -> np.ndarray:
+        """Return the mapped bytes as an array of `dtype`."""
+        itemsize = np.dtype(dtype).itemsize
+        return self.mapped[: self.size // itemsize * itemsize].view(dtype)
+
+
+@dataclass(eq=False)
+class Image:
+    """An image with a view of all of it; `views` holds the others that were asked for."""
+
+    handle: Any
+    view: Any
+    format: str
+    width: int
+    height: int
+    levels: int
+    layers: int
+    aspect: int
+    allocation: Allocation
+    name: str
+    views: list[Any] = field(default_factory=list)
+
+
+def create_buffer(device: Device, size: int, usage: int, use: MemoryUse, name: str) -> Buffer:
+    """Return a buffer of `size` bytes (at least 4: Vulkan has no empty buffers)."""
+    size = max(int(size), 4)
+    info = vk.new("VkBufferCreateInfo", size=size, usage=usage, sharingMode=vk.VK_SHARING_MODE_EXCLUSIVE)
+    handle = device.create("vkCreateBuffer", info, name)
+    requirements = vk.new("VkMemoryRequirements")
+    device.fn.vkGetBufferMemoryRequirements(device.handle, handle, requirements)
+    try:
+        allocation = device.memory.allocate(requirements, use, linear=True)
+    except Exception:
+        device.destroy("VkBuffer", handle)
+        raise
+    code = device.fn.vkBindBufferMemory(device.handle, handle, allocation.memory, allocation.offset)
+    vk.check(code, "vkBindBufferMemory", handle)
+    return Buffer(handle, size, allocation, name)
+
+
+def destroy_buffer(device: Device, buffer: Buffer) -> None:
+    """Free a buffer that no submitted work uses."""
+    device.destroy("VkBuffer", buffer.handle)
+    device.memory.free(buffer.allocation)
+
+
+def buffer_address(device: Device, buffer: Buffer) -> int:
+    """Return the GPU's address of a buffer made with VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT."""
+    info = vk.new("VkBufferDeviceAddressInfo", buffer=buffer.handle)
+    return int(device.fn.vkGetBufferDeviceAddress(device.handle, info))
+
+
+DEDICATED_SIZE = 16 << 20
+"""Bytes from which an image gets memory of its own: render targets come and go with the window's size."""
+
+
+def create_image(
+    device: Device,
+    format: str,
+    size: tuple[int, int],
+    usage: int,
+    name: str,
+    *,
+    levels: int = 1,
+    layers: int = 1,
+    flags: int = 0,
+    view_format: str | None = None,
+) -> Image:
+    """Return a 2D image of (width, height) and a view of all its levels; `view_format` is the view's, if another.
+
+    The view of an sRGB format is for sampling alone, so that the image itself can also be written by compute.
+    """
+    width, height = size
+    plain = FORMATS[format][0]
+    aspect = vk.VK_IMAGE_ASPECT_DEPTH_BIT if format == "d32f" else vk.VK_IMAGE_ASPECT_COLOR_BIT
+    if view_format is not None and view_format != format:
+        flags |= vk.VK_IMAGE_CREATE_MUTABLE_FORMAT_BIT
+    info = vk.new(
+        "VkImageCreateInfo",
+        flags=flags,
+        imageType=vk.VK_IMAGE_TYPE_2D,
+        format=plain,
+        extent={"width": width, "height": height, "depth": 1},
+        mipLevels=levels,
+        arrayLayers=layers,
+        samples=vk.VK_SAMPLE_COUNT_1_BIT,
+        tiling=vk.VK_IMAGE_TILING_OPTIMAL,
+        usage=usage,
+        sharingMode=vk.VK_SHARING_MODE_EXCLUSIVE,
+        initialLayout=vk.VK_IMAGE_LAYOUT_UNDEFINED,
+    )
+    handle = device.create("vkCreateImage", info, name)
+    requirements = vk.new("VkMemoryRequirements")
+    device.fn.vkGetImageMemoryRequirements(device.handle, handle, requirements)
+    owner = None
+    if requirements.size >= DEDICATED_SIZE:
+        owner = vk.new("VkMemoryDedicatedAllocateInfo", image=handle)
+    try:
+        allocation = device.memory.allocate(requirements, "device", linear=False, owner=owner)
+    except Exception:
+        device.destroy("VkImage", handle)
+        raise
+    code = device.fn.vkBindImageMemory(device.handle, handle, allocation.memory, allocation.offset)
+    vk.check(code, "vkBindImageMemory", handle)
+    image = Image(handle, None, view_format or format, width, height, levels, layers, aspect, allocation, name)
+    sampled_only = view_format is not None and view_format != format
+    image.view = create_view(device, image, image.format, usage=vk.VK_IMAGE_USAGE_SAMPLED_BIT if sampled_only else None)
+    return image
+
+
+def create_view(
+    device: Device,
+    image: Image,
+    format: str,
+    *,
+    level: int = 0,
+    levels: int | None = None,
+    usage: int | None = None,
+) -> Any:
+    """Return a view of `levels` mip levels from `level` on (all by default); it is freed with its image."""
+    narrowed = vk.new("VkImageViewUsageCreateInfo", usage=usage) if usage is not None else None
+    info = vk.new(
+        "VkImageViewCreateInfo",
+        pNext=narrowed,
+        image=image.handle,
+        viewType=vk.VK_IMAGE_VIEW_TYPE_2D_ARRAY if image.layers > 1 else vk.VK_IMAGE_VIEW_TYPE_2D,
+        format=FORMATS[format][0],
+        subresourceRange={
+            "aspectMask": image.aspect,
+            "baseMipLevel": level,
+            "levelCount": image.levels - level if levels is None else levels,
+            "layerCount": image.layers,
+        },
+    )
+    view = device.create("vkCreateImageView", info, f"{image.name} view")
+    image.views.append(view)
+    return view
+
+
+def destroy_image(device: Device, image: Image) -> None:
+    """Free an image and its views, when no submitted work uses them."""
+    for view in image.views:
+        device.destroy("VkImageView", view)
+    image.views.clear()
+    device.destroy("VkImage", image.handle)
+    device.memory.free(image.allocation)
+
+
+_FILTERS = {"nearest": vk.VK_FILTER_NEAREST, "linear": vk.VK_FILTER_LINEAR}
+_MIPMAPS = {"nearest": vk.VK_SAMPLER_MIPMAP_MODE_NEAREST, "linear": vk.VK_SAMPLER_MIPMAP_MODE_LINEAR}
+_WRAPS = {
+    "repeat": vk.VK_SAMPLER_ADDRESS_MODE_REPEAT,
+    "clamp": vk.VK_SAMPLER_ADDRESS_MODE_CLAMP_TO_EDGE,
+    "mirror": vk.VK_SAMPLER_ADDRESS_MODE_MIRRORED_REPEAT,
+}
+
+
+def create_sampler(device: Device, sampler: Sampler, anisotropy: float, name: str) -> Any:
+    """Return a VkSampler for glTF's filters and wraps; `anisotropy` above 1 needs the feature and trilinear filters.
+
+    A sampler without mipmaps reads level 0 alone: its largest level is 0.25, since 0 would also choose the
+    magnification filter for minified texels (Vulkan specification, "Image Sampling", note on VkSamplerCreateInfo).
+    """
+    trilinear = sampler.mag == sampler.min == sampler.mipmap == "linear"
+    level = min(anisotropy, float(device.limits.maxSamplerAnisotropy)) if trilinear else 1.0
+    info = vk.new(
+        "VkSamplerCreateInfo",
+        magFilter=_FILTERS[sampler.mag],
+        minFilter=_FILTERS[sampler.min],
+        mipmapMode=_MIPMAPS[sampler.mipmap or "nearest"],
+        addressModeU=_WRAPS[sampler.wrap_u],
+        addressModeV=_WRAPS[sampler.wrap_v],
+        addressModeW=vk.VK_SAMPLER_ADDRESS_MODE_CLAMP_TO_EDGE,
+        anisotropyEnable=int(level > 1.0 and device.has("anisotropy")),
+        maxAnisotropy=max(level, 1.0),
+        maxLod=vk.VK_LOD_CLAMP_NONE if sampler.mipmap else 0.25,
+    )
+    return device.create("vkCreateSampler", info, name)
+
+
+def mip_levels(width: int, height: int) -> int:
+    """Return the number of levels of a full chain down to 1x1."""
+    return max(width, height).bit_length()

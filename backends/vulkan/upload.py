@@ -1,0 +1,320 @@
+"""Getting data to the GPU: a ring of mapped staging memory, copies, and mip chains made on the GPU.
+
+The ring has two halves. One is filled while the GPU still copies from the other, so loading never waits for a copy
+that it could have overlapped. An array larger than a half goes up in parts, images by rows.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from backends import shader_text
+from backends.vulkan import api as vk
+from backends.vulkan.barriers import barriers, image_barrier
+from backends.vulkan.device import Device
+from backends.vulkan.resources import FORMATS, Buffer, Image, create_buffer, create_view, destroy_buffer
+from backends.vulkan.shaders import compile_shader
+from common.paths import ROOT
+
+HALF = 8 << 20
+"""Bytes of one half of the ring."""
+
+ALIGNMENT = 16
+"""Offsets of copies: a multiple of every texel size that is used."""
+
+SETS = 1024
+"""Mip levels that may be made between two waits."""
+
+
+class _Half:
+    """One half of the ring: its memory, its command buffer, and the fence that says when both are free again."""
+
+    def __init__(self, device: Device, number: int) -> None:
+        self.buffer = create_buffer(
+            device, HALF, vk.VK_BUFFER_USAGE_TRANSFER_SRC_BIT, "upload", f"upload ring, half {number}"
+        )
+        pool_info = vk.new(
+            "VkCommandPoolCreateInfo",
+            flags=vk.VK_COMMAND_POOL_CREATE_TRANSIENT_BIT,
+            queueFamilyIndex=device.queue.family,
+        )
+        self.pool = device.create("vkCreateCommandPool", pool_info, "upload commands")
+        info = vk.new("VkCommandBufferAllocateInfo", commandPool=self.pool, commandBufferCount=1)
+        out = vk.ffi.new("VkCommandBuffer[1]")
+        vk.check(device.fn.vkAllocateCommandBuffers(device.handle, info, out), "vkAllocateCommandBuffers")
+        self.commands = out[0]
+        self.fence = device.create("vkCreateFence", vk.new("VkFenceCreateInfo"), "upload done")
+        self.busy = False
+        self.open = False
+        self.used = 0
+        self.sets: Any = None
+        self.set_count = 0
+
+    def close(self, device: Device) -> None:
+        destroy_buffer(device, self.buffer)
+        device.destroy("VkCommandPool", self.pool)
+        device.destroy("VkFence", self.fence)
+        if self.sets is not None:
+            device.destroy("VkDescriptorPool", self.sets)
+
+
+class Uploader:
+    """Copies arrays into buffers and images. `flush` submits; nothing is there before `finish`, which waits."""
+
+    def __init__(self, device: Device) -> None:
+        self._device = device
+        self._halves = [_Half(device, 0), _Half(device, 1)]
+        self._current = 0
+        self._mips: dict[str, _MipPipeline] = {}
+        self._begin_info = vk.new(
+            "VkCommandBufferBeginInfo", flags=vk.VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT
+        )
+        self.bytes = 0
+
+    def __enter__(self) -> Uploader:
+        return self
+
+    def __exit__(self, kind: object, *_: object) -> None:
+        if kind is None:
+            self.finish()
+        self.close()
+
+    def buffer(self, target: Buffer, data: np.ndarray, offset: int = 0) -> None:
+        """Copy the bytes of `data` to `target` from byte `offset` on."""
+        raw = np.ascontiguousarray(data).view(np.uint8).reshape(-1)
+        if offset + raw.size > target.size:
+            raise ValueError(f"{raw.size} bytes at {offset} do not fit into '{target.name}' of {target.size} bytes.")
+        done = 0
+        while done < raw.size:
+            half, start, count = self._reserve(raw.size - done, 1)
+            half.buffer.mapped[start : start + count] = raw[done : done + count]
+            region = vk.new("VkBufferCopy", srcOffset=start, dstOffset=offset + done, size=count)
+            self._device.fn.vkCmdCopyBuffer(half.commands, half.buffer.handle, target.handle, 1, region)
+            done += count
+
+    def image(self, target: Image, pixels: np.ndarray, *, mips: bool = True, srgb: bool = False) -> None:
+        """Copy (H, W, C) pixels to level 0, make the other levels if `mips`, and leave the image ready for sampling.
+
+        `pixels` has the type and channels of the image's format; `srgb` says that colour is to be averaged as light.
+        """
+        _, texel, dtype, channels = FORMATS[target.format]
+        expected = (target.height, target.width, channels)
+        if pixels.shape != expected or pixels.dtype != dtype:
+            raise ValueError(f"'{target.name}' wants {expected} {np.dtype(dtype)}, not {pixels.shape} {pixels.dtype}.")
+        rows = np.ascontiguousarray(pixels).view(np.uint8).reshape(target.height, target.width * texel)
+        commands = self._reserve(rows.shape[1], rows.shape[1])[0].commands
+        self._barrier(commands, target, "undefined", "copy_target")
+        done = 0
+        while done < target.height:
+            half, start, count = self._reserve((target.height - done) * rows.shape[1], rows.shape[1])
+            some = count // rows.shape[1]
+            half.buffer.mapped[start : start + some * rows.shape[1]] = rows[done : done + some].reshape(-1)
+            region = vk.new(
+                "VkBufferImageCopy",
+                bufferOffset=start,
+                imageSubresource={"aspectMask": target.aspect, "layerCount": 1},
+                imageOffset={"x": 0, "y": done, "z": 0},
+                imageExtent={"width": target.width, "height": some, "depth": 1},
+            )
+            layout = vk.VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL
+            fn = self._device.fn
+            fn.vkCmdCopyBufferToImage(half.commands, half.buffer.handle, target.handle, layout, 1, region)
+            done += some
+        commands = self._halves[self._current].commands
+        self._barrier(commands, target, "copy_target", "sampled", 0, 1)
+        if target.levels > 1:
+            if not mips:
+                raise ValueError(f"'{target.name}' has {target.levels} levels, and only one was given.")
+            self._make_mips(target, srgb)
+
+    def _barrier(
+        self, commands: Any, image: Image, before: str, after: str, level: int = 0, levels: int | None = None
+    ) -> None:
+        made = barriers(image_barrier(image.handle, image.aspect, before, after, level, levels))
+        self._device.fn.vkCmdPipelineBarrier2(commands, made)
+
+    def _make_mips(self, image: Image, srgb: bool) -> None:
+        plain = "rgba8" if image.format == "rgba8_srgb" else image.format
+        pipeline = self._mips.get(plain)
+        if pipeline is None:
+            pipeline = self._mips[plain] = _MipPipeline(self._device, plain)
+        if self._half().set_count + image.levels > SETS:
+            self.flush()
+        half = self._half()
+        if half.sets is None:
+            half.sets = pipeline.create_pool()
+        self._barrier(half.commands, image, "copy_target", "storage", 1)
+        pipeline.record(half.commands, half.sets, image, plain, srgb, self._barrier)
+        half.set_count += image.levels - 1
+
+    def _half(self) -> _Half:
+        """Return the half being filled, open for recording; wait for the GPU if it still copies from it."""
+        half = self._halves[self._current]
+        if half.open:
+            return half
+        fn, device = self._device.fn, self._device.handle
+        if half.busy:
+            fences = vk.array("VkFence", [half.fence])
+            vk.check(fn.vkWaitForFences(device, 1, fences, 1, 2**64 - 1), "vkWaitForFences")
+            vk.check(fn.vkResetFences(device, 1, fences), "vkResetFences")
+            half.busy = False
+        vk.check(fn.vkResetCommandPool(device, half.pool, 0), "vkResetCommandPool")
+        if half.sets is not None:
+            vk.check(fn.vkResetDescriptorPool(device, half.sets, 0), "vkResetDescriptorPool")
+        half.used = half.set_count = 0
+        vk.check(fn.vkBeginCommandBuffer(half.commands, self._begin_info), "vkBeginCommandBuffer")
+        half.open = True
+        return half
+
+    def _reserve(self, size: int, unit: int) -> tuple[_Half, int, int]:
+        """Return (half, offset, bytes) of room for a multiple of `unit` bytes, at most `size`, submitting if need be."""
+        if unit > HALF:
+            raise ValueError(f"One row of {unit} bytes does not fit into the upload ring.")
+        half = self._half()
+        if HALF - half.used < unit:
+            self.flush()
+            half = self._half()
+        count = min(size, (HALF - half.used) // unit * unit)
+        start = half.used
+        half.used = min(HALF, (start + count + ALIGNMENT - 1) // ALIGNMENT * ALIGNMENT)
+        self.bytes += count
+        return half, start, count
+
+    def flush(self) -> None:
+        """Submit what was recorded, and go on with the other half of the ring."""
+        half = self._halves[self._current]
+        if not half.open:
+            return
+        fn = self._device.fn
+        # Whatever reads the data next runs in a later submission; this makes the writes visible to all of it.
+        write = (vk.VK_PIPELINE_STAGE_2_ALL_TRANSFER_BIT, vk.VK_ACCESS_2_TRANSFER_WRITE_BIT)
+        read = (vk.VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT, vk.VK_ACCESS_2_MEMORY_READ_BIT)
+        fn.vkCmdPipelineBarrier2(half.commands, barriers(memory=(*write, *read)))
+        vk.check(fn.vkEndCommandBuffer(half.commands), "vkEndCommandBuffer")
+        submit = vk.new("VkSubmitInfo2", pCommandBufferInfos=[{"commandBuffer": half.commands}])
+        vk.check(fn.vkQueueSubmit2(self._device.queue.handle, 1, submit, half.fence), "vkQueueSubmit2")
+        half.open, half.busy = False, True
+        self._current = 1 - self._current
+
+    def finish(self) -> None:
+        """Submit what was recorded and wait until everything has arrived."""
+        self.flush()
+        for half in self._halves:
+            if half.busy:
+                fences = vk.array("VkFence", [half.fence])
+                code = self._device.fn.vkWaitForFences(self._device.handle, 1, fences, 1, 2**64 - 1)
+                vk.check(code, "vkWaitForFences")
+
+    def close(self) -> None:
+        """Free the ring."""
+        self._device.wait_idle()
+        for half in self._halves:
+            half.close(self._device)
+        for pipeline in self._mips.values():
+            pipeline.close()
+
+
+class _MipPipeline:
+    """The compute pipeline of `shaders/mips.comp` for images of one format."""
+
+    def __init__(self, device: Device, format: str) -> None:
+        self._device = device
+        source = shader_text.build(ROOT / "shaders" / "mips.comp", "vulkan", defines={"FORMAT": format})
+        code = compile_shader(source)
+        self._sampler = device.create("vkCreateSampler", vk.new("VkSamplerCreateInfo"), "texel fetches")
+        stage = vk.VK_SHADER_STAGE_COMPUTE_BIT
+        bindings = [
+            {"binding": 0, "descriptorType": vk.VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER, "descriptorCount": 1},
+            {"binding": 1, "descriptorType": vk.VK_DESCRIPTOR_TYPE_STORAGE_IMAGE, "descriptorCount": 1},
+        ]
+        info = vk.new("VkDescriptorSetLayoutCreateInfo", pBindings=[{**b, "stageFlags": stage} for b in bindings])
+        self._set_layout = device.create("vkCreateDescriptorSetLayout", info, "mips")
+        info = vk.new(
+            "VkPipelineLayoutCreateInfo",
+            pSetLayouts=[self._set_layout],
+            pPushConstantRanges=[{"stageFlags": stage, "size": 32}],
+        )
+        self._layout = device.create("vkCreatePipelineLayout", info, "mips")
+        module = device.create("vkCreateShaderModule", vk.new("VkShaderModuleCreateInfo", codeSize=len(code), pCode=code))
+        infos = vk.array(
+            "VkComputePipelineCreateInfo",
+            [
+                vk.new(
+                    "VkComputePipelineCreateInfo",
+                    stage=vk.new("VkPipelineShaderStageCreateInfo", stage=stage, module=module, pName="main"),
+                    layout=self._layout,
+                )
+            ],
+        )
+        self._pipeline = device.create_pipelines("vkCreateComputePipelines", infos, [f"mips {format}"])[0]
+        device.destroy("VkShaderModule", module)
+
+    def create_pool(self) -> Any:
+        """Return a pool for the descriptor sets of SETS levels."""
+        sizes = [
+            {"type": vk.VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER, "descriptorCount": SETS},
+            {"type": vk.VK_DESCRIPTOR_TYPE_STORAGE_IMAGE, "descriptorCount": SETS},
+        ]
+        info = vk.new("VkDescriptorPoolCreateInfo", maxSets=SETS, pPoolSizes=sizes)
+        return self._device.create("vkCreateDescriptorPool", info, "mips")
+
+    def record(self, commands: Any, pool: Any, image: Image, format: str, srgb: bool, barrier: Any) -> None:
+        """Record the making of levels 1 and up from level 0, which is in state 'sampled'; all end in that state."""
+        fn = self._device.fn
+        count = image.levels - 1
+        allocate = vk.new(
+            "VkDescriptorSetAllocateInfo", descriptorPool=pool, pSetLayouts=[self._set_layout] * count
+        )
+        sets = vk.ffi.new("VkDescriptorSet[]", count)
+        vk.check(fn.vkAllocateDescriptorSets(self._device.handle, allocate, sets), "vkAllocateDescriptorSets")
+        views = [
+            create_view(
+                self._device,
+                image,
+                format,
+                level=level,
+                levels=1,
+                usage=vk.VK_IMAGE_USAGE_SAMPLED_BIT | vk.VK_IMAGE_USAGE_STORAGE_BIT,
+            )
+            for level in range(image.levels)
+        ]
+        fn.vkCmdBindPipeline(commands, vk.VK_PIPELINE_BIND_POINT_COMPUTE, self._pipeline)
+        for level in range(1, image.levels):
+            writes = [
+                {
+                    "dstSet": sets[level - 1],
+                    "dstBinding": binding,
+                    "descriptorType": kind,
+                    "pImageInfo": [{"sampler": sampler, "imageView": view, "imageLayout": layout}],
+                    "descriptorCount": 1,
+                }
+                for binding, kind, sampler, view, layout in (
+                    (
+                        0,
+                        vk.VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER,
+                        self._sampler,
+                        views[level - 1],
+                        vk.VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL,
+                    ),
+                    (1, vk.VK_DESCRIPTOR_TYPE_STORAGE_IMAGE, None, views[level], vk.VK_IMAGE_LAYOUT_GENERAL),
+                )
+            ]
+            fn.vkUpdateDescriptorSets(self._device.handle, 2, vk.array("VkWriteDescriptorSet", writes), 0, vk.NULL)
+            bound = vk.array("VkDescriptorSet", [sets[level - 1]])
+            point = vk.VK_PIPELINE_BIND_POINT_COMPUTE
+            fn.vkCmdBindDescriptorSets(commands, point, self._layout, 0, 1, bound, 0, vk.NULL)
+            above = [max(1, image.width >> level - 1), max(1, image.height >> level - 1)]
+            size = [max(1, image.width >> level), max(1, image.height >> level)]
+            push = vk.ffi.from_buffer(np.array([*size, *above, int(srgb), 0, 0, 0], np.uint32))
+            fn.vkCmdPushConstants(commands, self._layout, vk.VK_SHADER_STAGE_COMPUTE_BIT, 0, 32, push)
+            fn.vkCmdDispatch(commands, (size[0] + 7) // 8, (size[1] + 7) // 8, 1)
+            barrier(commands, image, "storage", "sampled", level, 1)
+
+    def close(self) -> None:
+        """Free the pipeline."""
+        self._device.destroy("VkPipeline", self._pipeline)
+        self._device.destroy("VkPipelineLayout", self._layout)
+        self._device.destroy("VkDescriptorSetLayout", self._set_layout)
+        self._device.destroy("VkSampler", self._sampler)

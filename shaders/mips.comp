@@ -1,0 +1,52 @@
+// One level of a mip chain from the level above: the exact box filter, for sizes that are not powers of two as well.
+//
+// A target texel covers a window of 2 source texels where the source is even, and of 2 + 1/n where it is odd (n texels
+// in the target): three texels, the outer two in part (weights as in NVIDIA's "Non-power-of-two mipmapping", 2005).
+// So the mean of every level equals the mean of level 0. Colour that is sRGB-coded is averaged as light.
+
+layout(local_size_x = 8, local_size_y = 8) in;
+
+struct Push {
+    uvec4 size;   // target width and height, source width and height
+    uvec4 flags;  // x: 1 if colour is sRGB-coded
+};
+PUSH(Push, push)
+
+layout(BIND(0, 0, 0)) uniform sampler2D source;
+layout(BIND(0, 1, 0), FORMAT) uniform writeonly image2D target;
+
+#include "srgb.glsl"
+
+// Weights of the source texels 2i, 2i+1, 2i+2 for target texel i along one axis.
+vec3 window(uint i, uint target_size, uint source_size) {
+    if (source_size == 1u) {
+        return vec3(1.0, 0.0, 0.0);
+    }
+    if ((source_size & 1u) == 0u) {
+        return vec3(0.5, 0.5, 0.0);
+    }
+    float n = float(target_size);
+    return vec3(n - float(i), n, float(i) + 1.0) / (2.0 * n + 1.0);
+}
+
+void main() {
+    uvec2 id = gl_GlobalInvocationID.xy;
+    if (any(greaterThanEqual(id, push.size.xy))) {
+        return;
+    }
+    vec3 across = window(id.x, push.size.x, push.size.z);
+    vec3 down = window(id.y, push.size.y, push.size.w);
+    vec4 sum = vec4(0.0);
+    for (int y = 0; y < 3; ++y) {
+        for (int x = 0; x < 3; ++x) {
+            float weight = across[x] * down[y];
+            if (weight > 0.0) {
+                vec4 texel = texelFetch(source, ivec2(id * 2u) + ivec2(x, y), 0);
+                texel.rgb = push.flags.x != 0u ? linear_from_srgb(texel.rgb) : texel.rgb;
+                sum += weight * texel;
+            }
+        }
+    }
+    sum.rgb = push.flags.x != 0u ? srgb_from_linear(sum.rgb) : sum.rgb;
+    imageStore(target, ivec2(id), sum);
+}
