@@ -1,9 +1,9 @@
-"""The scene as every renderer sees it: structure-of-arrays numpy, free of any file format and any graphics API.
+"""The scene as every renderer sees it: structure-of-arrays numpy, free of any file format and graphics API.
 
-Geometry lives in one pool of vertices and one of indices; a *mesh* is a range of both with one material (a glTF
-primitive). An *instance* draws one mesh at one node; its number is its stable id, seen in `frame.image("instance_id")`.
-Nodes form a forest; their world matrices are composed in float64 and only `world - origin` ever becomes float32, so a
-scene far from zero keeps its precision.
+Geometry lives in one pool of vertices and one of indices; a *mesh* is a range of both with one material (a
+glTF primitive). An *instance* draws one mesh at one node; its number is its stable id, seen in
+`frame.image("instance_id")`. Nodes form a forest; their world matrices are composed in float64 and only
+`world - origin` ever becomes float32, so a scene far from zero keeps its precision.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from enum import Flag, auto
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,8 +42,8 @@ AlphaMode = Literal["opaque", "mask", "blend"]
 class Image:
     """A decoded picture, `pixels` (H, W, 4) uint8 or uint16, row 0 on top, straight alpha.
 
-    Whether its colour is sRGB-coded is decided by the use, not by the file: base colour and emission are, the rest
-    is linear (glTF 2.0, 3.9.2).
+    Whether its colour is sRGB-coded is decided by the use, not by the file: base colour and emission are, the
+    rest is linear (glTF 2.0, 3.9.2).
     """
 
     name: str
@@ -63,7 +63,7 @@ class Sampler:
 
 @dataclass(frozen=True)
 class TextureRef:
-    """One use of an image by a material: which image, how sampled, which uv set, and KHR_texture_transform."""
+    """One use of an image by a material: which image, how sampled, which uv set, KHR_texture_transform."""
 
     image: int
     sampler: Sampler = Sampler()
@@ -73,7 +73,7 @@ class TextureRef:
     scale: tuple[float, float] = (1.0, 1.0)
 
     def matrix(self) -> Float64:
-        """Return the (2, 3) matrix `image_from_uv` = translation * rotation * scale of KHR_texture_transform."""
+        """Return `image_from_uv` (2, 3) = translation * rotation * scale of KHR_texture_transform."""
         c, s = math.cos(self.rotation), math.sin(self.rotation)
         return np.array(
             [
@@ -85,7 +85,7 @@ class TextureRef:
 
 @dataclass(frozen=True)
 class Material:
-    """The metallic-roughness material of glTF 2.0. Colours are linear; `emissive` is in nits, strength included."""
+    """The metallic-roughness material of glTF 2.0; colours are linear, `emissive` is in nits."""
 
     name: str = ""
     base_color: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
@@ -120,8 +120,8 @@ class Material:
 class Light:
     """A punctual light of KHR_lights_punctual; it shines along the -z axis of its node.
 
-    `intensity` is candela for point and spot lights, lux for directional ones; `range` in metres, infinite if none
-    was given; cone angles are half angles in radians.
+    `intensity` is candela for point and spot lights, lux for directional ones; `range` in metres, infinite if
+    none was given; cone angles are half angles in radians.
     """
 
     kind: Literal["point", "spot", "directional"]
@@ -151,7 +151,7 @@ class SceneCamera:
 
 @dataclass(frozen=True)
 class AnimationChannel:
-    """Keys of one property of one node; `values` (K, C), or (K, 3, C) for cubic splines (in-tangent, value, out)."""
+    """Keys of a property of a node; `values` (K, C), for cubic splines (K, 3, C): in-tangent, value, out."""
 
     node: int
     path: Literal["translation", "rotation", "scale", "weights"]
@@ -173,8 +173,8 @@ class Animation:
 class Deformation:
     """What moves the vertices of one mesh: a skin, morph targets, or both.
 
-    `joints` are node numbers, `inverse_bind` (J, 4, 4); `vertex_joints`/`vertex_weights` (V, 4*sets) index into
-    `joints`. Morph arrays are (T, V, 3). Each deforming instance has a mesh of its own.
+    `joints` are node numbers, `inverse_bind` (J, 4, 4); `vertex_joints`/`vertex_weights` (V, 4*sets) index
+    into `joints`. Morph arrays are (T, V, 3). Each deforming instance has a mesh of its own.
     """
 
     mesh: int
@@ -201,8 +201,8 @@ class Change(Flag):
 class Nodes:
     """The forest of nodes, structure of arrays: parents stand before children after loading.
 
-    `translation` (N, 3), `rotation` (N, 4) quaternions xyzw, `scale` (N, 3) where `has_matrix` is false, else the
-    local matrix is `matrix` (N, 4, 4). All float64.
+    `translation` (N, 3), `rotation` (N, 4) quaternions xyzw, `scale` (N, 3) where `has_matrix` is false, else
+    the local matrix is `matrix` (N, 4, 4). All float64.
     """
 
     parent: NDArray[np.int32]
@@ -213,7 +213,21 @@ class Nodes:
     has_matrix: NDArray[np.bool_]
     names: list[str]
     weights: dict[int, Float64] = field(default_factory=dict)  # morph weights of the rest pose, by node
-    extras: dict[int, dict] = field(default_factory=dict)
+    extras: dict[int, dict[str, Any]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        # Every step doubles how far a node looks up, so a chain of a million nodes takes twenty. The extra
+        # last element stands above all roots.
+        count = len(self.parent)
+        ancestor = np.append(np.where(self.parent < 0, count, self.parent), count)
+        depth = (ancestor < count).astype(np.intp)
+        for _ in range(count.bit_length()):
+            depth += depth[ancestor]
+            ancestor = ancestor[ancestor]
+        depth = depth[:count]
+        order = np.argsort(depth, kind="stable")
+        self.levels: list[NDArray[np.intp]] = np.split(order, np.flatnonzero(np.diff(depth[order])) + 1)
+        """Nodes by distance from their root, roots first: all of a level can be computed at once."""
 
     def __len__(self) -> int:
         return len(self.parent)
@@ -225,7 +239,7 @@ class Instances:
 
     node: NDArray[np.int32]  # (I,)
     mesh: NDArray[np.int32]  # (I,)
-    local: Float64 | None = None  # (I, 4, 4) node_from_object of EXT_mesh_gpu_instancing, None if all are identity
+    local: Float64 | None = None  # (I, 4, 4) node_from_object of EXT_mesh_gpu_instancing; None: all identity
     visible: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, bool))
 
     def __post_init__(self) -> None:
@@ -240,8 +254,8 @@ class Instances:
 class Pose:
     """The scene at one time. Matrices are float64, world from node and world from object.
 
-    `vertices` holds, for each deforming mesh, its (positions, normals, tangents) as float32 in the space that the
-    mesh's instance matrix expects.
+    `vertices` holds, for each deforming mesh, its (positions, normals, tangents) as float32 in the space that
+    the mesh's instance matrix expects.
     """
 
     time: float
@@ -254,9 +268,10 @@ class Pose:
 class Scene:
     """Everything a renderer draws. Arrays are never written after loading; use `edit()` to change the scene.
 
-    `positions` (V, 3), `normals` (V, 3), `tangents` (V, 4; w is the handedness), `uv0` (V, 2) are always there;
-    `uv1` (V, 2) and `colors` (V, 4, linear) are None where no mesh has them. `indices` (T*3,) uint32 relative to
-    each mesh's `first_vertex`. `uv0` is zero and `tangents` are an arbitrary frame where the file has none.
+    `positions` (V, 3), `normals` (V, 3), `tangents` (V, 4; w is the handedness), `uv0` (V, 2) are always
+    there; `uv1` (V, 2) and `colors` (V, 4, linear) are None where no mesh has them. `indices` (T*3,) uint32
+    relative to each mesh's `first_vertex`. `uv0` is zero and `tangents` are an arbitrary frame where the file
+    has none.
     """
 
     name: str
@@ -334,7 +349,11 @@ class SceneEdit:
         else:
             if nodes.has_matrix[node]:
                 raise ValueError(f"node {node} has a matrix, not translation, rotation and scale")
-            for array, value in ((nodes.translation, translation), (nodes.rotation, rotation), (nodes.scale, scale)):
+            for array, value in (
+                (nodes.translation, translation),
+                (nodes.rotation, rotation),
+                (nodes.scale, scale),
+            ):
                 if value is not None:
                     array[node] = value
         self.changed |= Change.TRANSFORMS

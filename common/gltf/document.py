@@ -1,0 +1,192 @@
+"""A parsed and checked glTF document: one dictionary, its buffers, and what the user should be told about it.
+
+Small files go through pygltflib, whose classes know the standard's defaults. It decodes every object into a
+dataclass, which costs about 1.2 ms per mesh, so a file with more than `LIBRARY_LIMIT` objects is taken as the
+standard library's json gives it. Both ways end in the same `Document`, and a test holds that they give equal
+scenes.
+"""
+
+from __future__ import annotations
+
+import json
+import warnings
+from pathlib import Path
+from typing import Any
+
+from common.gltf.container import Bytes, Container, open_container, read_uri
+from common.gltf.refusal import refuse
+from common.gltf.schema import LISTS, check_document
+
+LIBRARY_LIMIT = 200
+"""Objects (meshes, nodes, accessors, ...) up to which pygltflib decodes a file."""
+
+SUPPORTED = frozenset(
+    {
+        "EXT_mesh_gpu_instancing",
+        "KHR_lights_punctual",
+        "KHR_materials_emissive_strength",
+        "KHR_materials_unlit",
+        "KHR_mesh_quantization",
+        "KHR_texture_transform",
+    }
+)
+
+_REQUIRED_ADVICE = {
+    "KHR_draco_mesh_compression": "export it without Draco compression",
+    "EXT_meshopt_compression": "export it without meshopt compression",
+    "KHR_texture_basisu": "export it with PNG or JPEG images",
+    "EXT_texture_webp": "export it with PNG or JPEG images",
+}
+
+Object = dict[str, Any]
+
+
+class Document:
+    """A checked document; `root` follows the schema, so its keys can be read without asking again.
+
+    Buffers are mapped or decoded when first used, so that one which nothing refers to costs nothing, and may
+    be missing.
+    """
+
+    def __init__(self, root: Object, container: Container) -> None:
+        self.root = root
+        self.folder: Path = container.folder
+        self.warnings: list[str] = []
+        self._binary = container.binary
+        self._buffers: dict[int, Bytes] = {}
+        self._views: dict[int, Bytes] = {}
+
+    def items(self, name: str) -> list[Object]:
+        """Return a top-level list, empty where the document has none."""
+        return self.root.get(name) or []
+
+    def warn(self, text: str) -> None:
+        """Keep a sentence for the user, each one once."""
+        if text not in self.warnings:
+            self.warnings.append(text)
+
+    def buffer(self, index: int) -> Bytes:
+        """Return the bytes of a buffer, exactly `byteLength` of them.
+
+        Raises:
+            Refusal: its file is missing or shorter than `byteLength`, or its URI is refused.
+        """
+        if index not in self._buffers:
+            place = f"buffers[{index}]"
+            entry = self.items("buffers")[index]
+            uri, length = entry.get("uri"), entry["byteLength"]
+            if uri is not None:
+                data = read_uri(uri, self.folder, f"{place}.uri")
+            elif index == 0 and self._binary is not None:
+                data = self._binary
+            else:
+                refuse(f"{place}.uri", "is missing, and the file has no binary chunk for it")
+            if length > len(data):
+                refuse(
+                    place, f"is cut short: {len(data)} of {length} bytes", "export or download its data again"
+                )
+            self._buffers[index] = data[:length]
+        return self._buffers[index]
+
+    def buffer_view(self, index: int) -> Bytes:
+        """Return the bytes of a buffer view; no copy is made.
+
+        Raises:
+            Refusal: the view does not fit into its buffer.
+        """
+        if index not in self._views:
+            entry = self.items("bufferViews")[index]
+            offset, length = entry.get("byteOffset", 0), entry["byteLength"]
+            data = self.buffer(entry["buffer"])
+            if offset + length > len(data):
+                refuse(
+                    f"bufferViews[{index}]",
+                    f"ends at byte {offset + length} of a buffer of {len(data)} bytes",
+                )
+            self._views[index] = data[offset : offset + length]
+        return self._views[index]
+
+
+def read_document(path: Path, use_library: bool | None = None) -> Document:
+    """Open, parse and check a .gltf or .glb file.
+
+    `use_library` chooses pygltflib (True) or plain json (False); None decides by the number of objects.
+
+    Raises:
+        Refusal: anything that is wrong with the file, its JSON or its shape, or an extension that it requires
+            and Strata does not have.
+    """
+    container = open_container(path)
+    text = _decode(container.text)
+    root = _parse(text)
+    check_document(root)
+    _check_version(root["asset"])
+    for name in root.get("extensionsRequired") or []:
+        if name not in SUPPORTED:
+            advice = _REQUIRED_ADVICE.get(name, "export it without this extension")
+            refuse("extensionsRequired", f"names {name}, which Strata does not support", advice)
+    if use_library is None:
+        use_library = sum(len(root.get(name) or []) for name in LISTS) <= LIBRARY_LIMIT
+    document = Document(_through_library(text, root) if use_library else root, container)
+    for name in root.get("extensionsUsed") or []:
+        if name not in SUPPORTED:
+            document.warn(f"The extension {name} is not supported and was ignored.")
+    return document
+
+
+def _decode(data: Bytes) -> str:
+    try:
+        return data.tobytes().decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        refuse(
+            "",
+            f"byte {error.start} is not UTF-8 text, so this is neither a .gltf nor a .glb",
+            "check the file",
+        )
+
+
+def _no_constant(name: str) -> float:
+    raise ValueError(f"{name} is not a JSON number")
+
+
+def _parse(text: str) -> Any:
+    try:
+        return json.loads(text, parse_constant=_no_constant)
+    except RecursionError:
+        refuse("the JSON", "is nested too deeply")
+    except json.JSONDecodeError as error:
+        refuse(f"line {error.lineno}, column {error.colno}", f"is not valid JSON ({error.msg})")
+    except ValueError as error:  # an infinite number, or one with thousands of digits
+        refuse("the JSON", f"has a number that cannot be read ({error})")
+
+
+def _check_version(asset: Object) -> None:
+    for key, accepted in (("version", {"2"}), ("minVersion", {"2"})):
+        version = asset.get(key)
+        if version is not None and version.split(".")[0] not in accepted:
+            refuse(f"asset.{key}", f"is {version!r}, and only glTF 2 is supported", "export it as glTF 2.0")
+    if asset.get("minVersion") not in (None, "2.0"):
+        refuse(
+            "asset.minVersion", f"is {asset['minVersion']!r}, newer than glTF 2.0", "export it as glTF 2.0"
+        )
+
+
+def _through_library(text: str, root: Object) -> Object:
+    """Return the document as pygltflib understands it, without its empty fields.
+
+    pygltflib 1.16 has no field for a node's `weights`, so they are put back. Where it cannot decode a
+    document that has passed our check (say, extras nested deeper than its recursion goes), the plain document
+    is used: both say the same.
+    """
+    import pygltflib  # 0.1 s, not needed for large files
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # "NoneType object value of non-optional type": harmless defaults
+            decoded: Object = json.loads(pygltflib.GLTF2.gltf_from_json(text).gltf_to_json())
+    except Exception:
+        return root
+    for node, original in zip(decoded.get("nodes") or [], root.get("nodes") or [], strict=True):
+        if original.get("weights"):
+            node["weights"] = original["weights"]
+    return decoded

@@ -1,0 +1,153 @@
+"""Pictures of a glTF file decoded with Pillow on threads, their size bounded before a pixel is unpacked."""
+
+from __future__ import annotations
+
+import io
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import PurePath
+
+import numpy as np
+from PIL import Image as Pillow
+
+from common.gltf.container import Bytes, read_uri
+from common.gltf.document import Document
+from common.gltf.refusal import Refusal, refuse
+from common.scene import Image
+
+MAX_SIDE = 16_384
+"""Pixels along a side: what graphics cards take as a texture."""
+MAX_PIXELS = 2**26
+"""Pixels of one image (8192 x 8192); below the count at which Pillow suspects an attack."""
+MAX_TOTAL_BYTES = 4 * 2**30
+"""Decoded bytes of all images of a scene together."""
+
+_SMALLER = "make the image smaller"
+
+
+class ImageDecoder:
+    """Decodes the images that a scene uses while the caller works on its geometry.
+
+    `start` reads headers and queues the work; `finish` waits. Pillow releases the interpreter lock while it
+    inflates.
+    """
+
+    def __init__(
+        self, document: Document, used: Sequence[int], progress: Callable[[], None] | None = None
+    ) -> None:
+        """`used` are image numbers of the file; `progress` is called from a thread after each image."""
+        self._pool = ThreadPoolExecutor(min(8, os.cpu_count() or 1), thread_name_prefix="decode-image")
+        self._futures: list[Future[Image]] = []
+        total = 0
+        try:
+            for index in used:
+                place = f"images[{index}]"
+                entry = document.items("images")[index]
+                name = entry.get("name") or PurePath(_file_name(entry.get("uri", ""))).stem
+                if "uri" in entry:
+                    data = read_uri(entry["uri"], document.folder, f"{place}.uri")
+                elif "bufferView" in entry:
+                    data = document.buffer_view(entry["bufferView"])
+                else:
+                    refuse(place, "has neither uri nor bufferView")
+                width, height = image_size(data, place)
+                total += width * height * 4
+                if total > MAX_TOTAL_BYTES:
+                    refuse(
+                        place, f"brings the images of the scene above {MAX_TOTAL_BYTES >> 30} GiB", _SMALLER
+                    )
+                self._futures.append(self._pool.submit(_decode, data, name, place, progress))
+        except BaseException:
+            self.close()
+            raise
+
+    def finish(self) -> list[Image]:
+        """Return the images in the order asked for.
+
+        Raises:
+            Refusal: one is damaged; the first of them is named.
+        """
+        return [future.result() for future in self._futures]
+
+    def close(self) -> None:
+        """Drop what has not begun and wait for the rest."""
+        self._pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _file_name(uri: str) -> str:
+    return "" if uri[:5].lower() == "data:" else uri
+
+
+def image_size(data: Bytes, place: str) -> tuple[int, int]:
+    """Return (width, height) from the header of a PNG or JPEG.
+
+    Pillow would tell as well, but only after its own check against huge images, which warns or raises by a
+    process-wide setting.
+
+    Raises:
+        Refusal: neither PNG nor JPEG, cut short, or larger than `MAX_SIDE` and `MAX_PIXELS` allow.
+    """
+    head = data[:24].tobytes()
+    if head[:8] == b"\x89PNG\r\n\x1a\n" and head[12:16] == b"IHDR" and len(head) == 24:
+        width, height = int.from_bytes(head[16:20], "big"), int.from_bytes(head[20:24], "big")
+    elif head[:2] == b"\xff\xd8":
+        width, height = _jpeg_size(data, place)
+    else:
+        refuse(place, "is neither a PNG nor a JPEG", "convert it to PNG or JPEG")
+    if width == 0 or height == 0:
+        refuse(place, "has no pixels", "save the image again")
+    if width > MAX_SIDE or height > MAX_SIDE or width * height > MAX_PIXELS:
+        limit = f"at most {MAX_SIDE} pixels a side and {MAX_PIXELS} together are loaded"
+        refuse(place, f"is {width} x {height} pixels, and {limit}", _SMALLER)
+    return width, height
+
+
+def _jpeg_size(data: Bytes, place: str) -> tuple[int, int]:
+    """Walk the segments up to the frame header (SOF0..SOF15 without DHT, JPG and DAC; ITU T.81, B.2.2)."""
+    offset = 2
+    while offset + 9 <= len(data):
+        if data[offset] != 0xFF:
+            break
+        marker = int(data[offset + 1])
+        if marker == 0xFF:  # fill byte
+            offset += 1
+            continue
+        if 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):
+            height, width = data[offset + 5 : offset + 9].view(">u2")
+            return int(width), int(height)
+        alone = marker == 0x01 or 0xD0 <= marker <= 0xD7
+        offset += 2 if alone else 2 + int.from_bytes(data[offset + 2 : offset + 4].tobytes(), "big")
+    return refuse(place, "is a damaged JPEG without a frame header", "save the image again")
+
+
+def _decode(data: Bytes, name: str, place: str, progress: Callable[[], None] | None) -> Image:
+    try:
+        with Pillow.open(io.BytesIO(data.tobytes()), formats=("PNG", "JPEG")) as picture:
+            pixels = _to_rgba(picture)
+    except Refusal:
+        raise
+    except Exception as error:  # Pillow's plugins let struct, zlib, syntax and index errors out
+        raise Refusal(
+            place, f"is damaged ({str(error) or type(error).__name__})", "save the image again"
+        ) from error
+    if progress is not None:
+        progress()
+    return Image(name, pixels)
+
+
+def _to_rgba(picture: Pillow.Image) -> np.ndarray:
+    """Return (H, W, 4) uint8, or uint16 for 16-bit grey.
+
+    Pillow keeps 16 bits of grey alone; of 16-bit colour it gives the upper byte.
+    """
+    if picture.mode.startswith("I"):  # "I;16", "I;16B", and "I" in older versions
+        grey = np.asarray(picture)
+        if grey.dtype != np.uint16:
+            grey = np.clip(grey, 0, 65535).astype(np.uint16)
+        pixels = np.full((*grey.shape, 4), 65535, np.uint16)
+        pixels[..., :3] = grey[..., None]
+        return pixels
+    if picture.mode == "CMYK":
+        picture = picture.convert("RGB")
+    return np.asarray(picture if picture.mode == "RGBA" else picture.convert("RGBA"))

@@ -1,0 +1,159 @@
+"""From a .gltf or .glb file to a `Scene`, in the order in which things depend on each other."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from common.errors import SceneError
+from common.gltf.accessors import Accessors
+from common.gltf.document import Document, read_document
+from common.gltf.geometry import Pools, SurfaceReader
+from common.gltf.images import ImageDecoder
+from common.gltf.materials import MaterialKey, Materials
+from common.gltf.nodes import Forest, read_cameras, read_forest, read_lights
+from common.gltf.refusal import Refusal, refuse
+from common.gltf.schema import NUMBER_LIMIT
+from common.scene import Instances, Scene
+
+Progress = Callable[[float, str], None]
+"""Called with the part that is done, 0 to 1, and what is being done."""
+
+
+def load_scene(
+    path: str | os.PathLike[str], progress: Progress | None = None, use_library: bool | None = None
+) -> Scene:
+    """Load the default scene of a glTF 2.0 file (.gltf with files or data URIs, or .glb).
+
+    `use_library` says whether pygltflib decodes the document; None leaves that to its size.
+
+    Raises:
+        SceneError: the file cannot be used. The text is one sentence that names the file, the place in it,
+            the fault and what to do; no other exception leaves this function, whatever the file holds.
+    """
+    path = Path(path)
+    try:
+        return _load(path, progress or (lambda _part, _what: None), use_library)
+    except Refusal as refusal:
+        raise SceneError(_one_line(f"{path}: {refusal}")) from None
+    except MemoryError:
+        raise SceneError(f"{path}: the scene does not fit into memory; load a smaller one.") from None
+
+
+def _one_line(text: str) -> str:
+    """Names and keys come from the file: no control character of theirs reaches a terminal."""
+    clean = "".join(character if character.isprintable() else " " for character in text)
+    return clean if len(clean) <= 600 else clean[:597] + "..."
+
+
+def _load(path: Path, progress: Progress, use_library: bool | None) -> Scene:
+    progress(0.0, "reading")
+    document = read_document(path, use_library)
+    forest = read_forest(document)
+    materials = Materials(document)
+    drawn = sorted(
+        {
+            document.items("nodes")[node]["mesh"]
+            for node in forest.shown
+            if "mesh" in document.items("nodes")[node]
+        }
+    )
+    images = materials.images(_used_materials(document, drawn))
+    steps = _Steps(progress, len(images) + 1)
+    decoder = ImageDecoder(document, images, lambda: steps.done("decoding images"))
+    try:
+        scene = _assemble(path, document, forest, materials, decoder, steps)
+    finally:
+        decoder.close()
+    progress(1.0, "loaded")
+    return scene
+
+
+class _Steps:
+    def __init__(self, progress: Progress, total: int) -> None:
+        self._progress = progress
+        self._total = total
+        self._count = 0
+
+    def done(self, what: str) -> None:
+        self._count += 1
+        self._progress(self._count / (self._total + 1), what)
+
+
+def _used_materials(document: Document, meshes: list[int]) -> list[MaterialKey]:
+    used = {
+        primitive.get("material")
+        for mesh in meshes
+        for primitive in document.items("meshes")[mesh]["primitives"]
+    }
+    return [MaterialKey(index) for index in sorted(index for index in used if index is not None)]
+
+
+def _assemble(
+    path: Path, document: Document, forest: Forest, materials: Materials, decoder: ImageDecoder, steps: _Steps
+) -> Scene:
+    reader = SurfaceReader(document, Accessors(document), materials)
+    pools = Pools()
+    keys: dict[MaterialKey, int] = {}
+    read: dict[int, list[int]] = {}
+    nodes, meshes = [], []
+    for index in forest.shown:
+        mesh = document.items("nodes")[index].get("mesh")
+        if mesh is None:
+            continue
+        if mesh not in read:
+            read[mesh] = []
+            name = document.items("meshes")[mesh].get("name") or f"mesh {mesh}"
+            for number in range(len(document.items("meshes")[mesh]["primitives"])):
+                found = reader.read(mesh, number, deforms=False)
+                if found is not None:
+                    surface, key = found
+                    read[mesh].append(pools.add(surface, keys.setdefault(key, len(keys)), name))
+        for row in read[mesh]:
+            nodes.append(forest.place[index])
+            meshes.append(row)
+    table = pools.meshes()
+    ordered = sorted(keys, key=lambda key: (key.index is None, key.index or 0, key.unlit))
+    rank = np.zeros(len(keys), np.uint32)
+    rank[[keys[key] for key in ordered]] = np.arange(len(keys), dtype=np.uint32)
+    if len(table):
+        table["material"] = rank[table["material"]]
+    vertices: dict[str, Any] = pools.vertices()
+    steps.done("geometry")
+    lights, cameras = read_lights(document, forest), read_cameras(document, forest)
+    images = decoder.finish()
+    with np.errstate(over="ignore", invalid="ignore"):  # checked below
+        scene = Scene(
+            name=path.stem,
+            path=path,
+            **vertices,
+            indices=pools.indices(),
+            meshes=table,
+            mesh_names=pools.names,
+            materials=materials.build(ordered),
+            images=images,
+            nodes=forest.nodes,
+            instances=Instances(np.array(nodes, np.int32), np.array(meshes, np.int32)),
+            lights=lights,
+            cameras=cameras,
+            animations=[],
+            deformations=[],
+            ambient=_ambient(document),
+            warnings=document.warnings,
+        )
+    # NaN fails this comparison as well.
+    if not (np.abs(scene.bounds) <= NUMBER_LIMIT).all():
+        refuse("the scene", f"reaches further than {NUMBER_LIMIT:g} m from its origin", "scale it down")
+    return scene
+
+
+def _ambient(document: Document) -> float | None:
+    """Return `extras.strata.ambient` of the default scene, nits."""
+    scenes = document.items("scenes")
+    extras = scenes[document.root.get("scene", 0)].get("extras") if scenes else None
+    value = (extras.get("strata") or {}).get("ambient") if isinstance(extras, dict) else None
+    return None if value is None else max(0.0, float(value))
