@@ -26,11 +26,17 @@ BACKENDS = ("vulkan", "gl")
 FEATURES: dict[str, tuple[str, str]] = {
     # name: (what it gives, the path taken without it)
     "anisotropy": ("anisotropic texture filtering", "trilinear filtering"),
-    "async-compute": ("a compute queue beside the graphics queue", "one queue, same graph, submitted in order"),
+    "async-compute": (
+        "a compute queue beside the graphics queue",
+        "one queue, same graph, submitted in order",
+    ),
     "async-transfer": ("a transfer queue of its own", "one queue, same semaphores, submitted in order"),
     "bindless": ("one unbounded array of textures", "texture arrays in sets of fixed size"),
     "fp64": ("64-bit floats in shaders", "32-bit floats"),
-    "draw-indirect-count": ("draws whose number is on the GPU", "draws of zero instances at the end of the list"),
+    "draw-indirect-count": (
+        "draws whose number is on the GPU",
+        "draws of zero instances at the end of the list",
+    ),
     "int64": ("64-bit integers in shaders", "pairs of 32-bit integers"),
     "mesh-shader": ("task and mesh shaders", "compute culling and compacted indirect draws"),
     "pipeline-statistics": ("counts of the GPU's own work", "counters of the program alone"),
@@ -90,7 +96,9 @@ def check_without(without: Iterable[str]) -> frozenset[str]:
     wanted = set(without)
     for name in sorted(wanted - {"all"} - FEATURES.keys()):
         near = suggest(name, ["all", *FEATURES])
-        raise UserError(f"There is no feature '{name}' to do without{near}" + ("" if near.endswith("?") else "."))
+        raise UserError(
+            f"There is no feature '{name}' to do without{near}" + ("" if near.endswith("?") else ".")
+        )
     return frozenset(FEATURES) if "all" in wanted else frozenset(wanted)
 
 
@@ -167,7 +175,9 @@ def check_size(size: tuple[int, int], largest: int = 16384) -> tuple[int, int]:
     """Return (width, height); raise UserError unless both are between 1 and `largest` pixels."""
     width, height = size
     if not (1 <= width <= largest and 1 <= height <= largest):
-        raise UserError(f"A picture of {width}x{height} pixels cannot be made: each side must be 1 to {largest}.")
+        raise UserError(
+            f"A picture of {width}x{height} pixels cannot be made: each side must be 1 to {largest}."
+        )
     return width, height
 
 

@@ -38,7 +38,7 @@ def cache_dir(name: str) -> Path | None:
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """Write `data` to `path` so that a reader sees the old file or the new one, never a part (temporary, then rename)."""
+    """Write `data` so that a reader of `path` sees the old file or the new one, never a part (write, then rename)."""
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
         with os.fdopen(handle, "wb") as stream:

@@ -30,10 +30,12 @@ from common.errors import DeviceError, UnsupportedError
 
 
 def _load_header() -> Any:
-    """Return the package's cffi object without running the package, whose `__init__` opens a loader by one fixed name."""
+    """Return the package's cffi object without running the package, which opens a loader by one fixed name."""
     package = importlib.util.find_spec("vulkan")
     if package is None or not package.submodule_search_locations:
-        raise UnsupportedError("The Python package 'vulkan' is missing: run ./strata once to set the environment up.")
+        raise UnsupportedError(
+            "The Python package 'vulkan' is missing: run ./strata once to set the environment up."
+        )
     path = Path(next(iter(package.submodule_search_locations))) / "_vulkancache.py"
     spec = importlib.util.spec_from_file_location("_strata_vulkan_header", path)
     assert spec is not None and spec.loader is not None
@@ -86,8 +88,12 @@ def __getattr__(name: str) -> Any:
 
 # --- structs ----------------------------------------------------------------------------------------------------------
 
-_KEEP: weakref.WeakKeyDictionary[Any, list[Any]] = weakref.WeakKeyDictionary()
-"""Struct -> everything that it points to. cffi keeps only the outermost allocation alive."""
+_KEEP: dict[int, tuple[weakref.ref[Any], list[Any]]] = {}
+"""id of an object -> everything that it points to. cffi keeps only the outermost allocation alive.
+
+By identity, since cffi's pointers are equal when their addresses are: a WeakKeyDictionary would mix up a struct, its
+first member, and whatever is allocated there later.
+"""
 
 _STYPES = {
     name.removeprefix("VK_STRUCTURE_TYPE_").replace("_", "").lower(): value
@@ -106,17 +112,24 @@ _COUNTS = {
     "pImageIndices": "swapchainCount",
     "pImageInfo": "descriptorCount",
     "pImmutableSamplers": "descriptorCount",
+    "pResolveAttachments": "colorAttachmentCount",
     "pQueuePriorities": "queueCount",
     "pSetLayouts": "descriptorSetCount",
     "pTexelBufferView": "descriptorCount",
     "pValues": "semaphoreCount",
+    "pWaitDstStageMask": "waitSemaphoreCount",
 }
+
+
+def _counts(member: str) -> bool:
+    """Whether a struct's member says how long an array is."""
+    return member.endswith(("Count", "Size"))
 
 
 class _StructType:
     """What `new` has to know about a struct, looked up once per name."""
 
-    __slots__ = ("counts", "fields", "name", "pointer", "stype")
+    __slots__ = ("counted", "counts", "fields", "name", "pointer", "stype")
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -125,6 +138,7 @@ class _StructType:
         self.fields = {field: info.type for field, info in ctype.fields}
         self.stype = _STYPES[name[2:].lower()] if "sType" in self.fields else None
         self.counts = {field: count for field in self.fields if (count := self._count_of(field))}
+        self.counted = any(map(_counts, self.fields))
 
     def _count_of(self, field: str) -> str | None:
         """Return the member that holds the length of array member `field` (pSetLayouts -> setLayoutCount)."""
@@ -149,7 +163,7 @@ def _struct_type(name: str) -> _StructType:
     if found is None:
         try:
             found = _TYPES[name] = _StructType(name)
-        except (ffi.error, KeyError):
+        except (ffi.error, KeyError, AttributeError):
             raise AttributeError(f"{name} is not a struct of Vulkan 1.3.275") from None
     return found
 
@@ -162,7 +176,7 @@ def new(struct: str, /, **fields: Any) -> Any:
     leaves a member zero. A wrong member name raises AttributeError, a wrong kind of value TypeError.
     """
     described = _struct_type(struct)
-    keep: list[Any] = []
+    kept: list[Any] = []
     init: dict[str, Any] = {}
     if described.stype is not None:
         init["sType"] = described.stype
@@ -173,32 +187,36 @@ def new(struct: str, /, **fields: Any) -> Any:
             ctype = described.fields[name]
         except KeyError:
             raise AttributeError(f"{struct} has no member {name}") from None
-        init[name] = _convert(ctype, value, keep)
+        init[name] = _convert(ctype, value, kept)
         if isinstance(value, (list, tuple, np.ndarray)) and ctype.kind == "pointer":
             count = described.counts.get(name)
             if count is not None and count not in fields:
-                init[count] = len(value)
-            elif count is None and not any(field.endswith(("Count", "Size")) for field in fields):
+                init[count] = value.size if isinstance(value, np.ndarray) else len(value)
+            elif count is None and described.counted and not any(map(_counts, fields)):
                 # A count left at zero would have the driver ignore the array, or read past it.
                 raise TypeError(f"{struct}: give the count of {name}, whose member has a name of its own")
     pointer = ffi.new(described.pointer, init)
-    if keep:
-        _KEEP[pointer] = keep
+    if kept:
+        # By the struct rather than by the pointer: `new(...)[0]` drops the pointer.
+        keep(pointer[0], *kept)
     return pointer
 
 
 def array(item: str, values: Iterable[Any]) -> Any:
     """Return a C array of structs, handles or numbers, with everything they point to kept alive."""
-    keep: list[Any] = []
-    made = _array(ffi.typeof(item), list(values), keep)
-    if keep:
-        _KEEP[made] = keep
-    return made
+    kept: list[Any] = []
+    made = _array(ffi.typeof(item), list(values), kept)
+    return keep(made, *kept) if kept else made
 
 
 def keep(owner: Any, *things: Any) -> Any:
     """Keep `things` alive as long as the cffi object `owner`; return `owner`."""
-    _KEEP.setdefault(owner, []).extend(things)
+    key = id(owner)
+    found = _KEEP.get(key)
+    if found is None:
+        # The callback runs while the object dies, so before its id can be another's.
+        found = _KEEP[key] = (weakref.ref(owner, lambda _: _KEEP.pop(key, None)), [])
+    found[1].extend(things)
     return owner
 
 
@@ -208,7 +226,10 @@ def _plain(ctype: Any) -> str:
 
 
 def _array(item: Any, values: list[Any], keep: list[Any]) -> Any:
-    return ffi.new(f"{item.cname}[]" if item.kind != "pointer" else ffi.getctype(item, "[]"), [_convert(item, v, keep) for v in values])
+    return ffi.new(
+        f"{item.cname}[]" if item.kind != "pointer" else ffi.getctype(item, "[]"),
+        [_convert(item, v, keep) for v in values],
+    )
 
 
 def _convert(ctype: Any, value: Any, keep: list[Any]) -> Any:
@@ -237,6 +258,15 @@ def _convert(ctype: Any, value: Any, keep: list[Any]) -> Any:
     return value
 
 
+def _fits(dtype: np.dtype[Any], item: Any) -> bool:
+    """Whether numbers (or records) of `dtype` are what an array of C type `item` holds, bit for bit."""
+    if item.kind == "void":
+        return True
+    if dtype.itemsize != ffi.sizeof(item) or not dtype.isnative:
+        return False
+    return item.kind != "primitive" or (dtype.kind == "f") == (item.cname in ("float", "double"))
+
+
 def _convert_pointer(ctype: Any, value: Any, keep: list[Any]) -> Any:
     item = ctype.item
     if isinstance(value, ffi.CData):
@@ -244,10 +274,10 @@ def _convert_pointer(ctype: Any, value: Any, keep: list[Any]) -> Any:
         return ffi.cast("void *", value) if item.kind == "void" else value
     if isinstance(value, str):
         made = ffi.new("char[]", value.encode())
-    elif isinstance(value, dict):
+    elif isinstance(value, dict) and item.kind != "void":
         made = new(_plain(item), **value)
     elif isinstance(value, np.ndarray):
-        if item.kind == "primitive" and ffi.sizeof(item) != value.itemsize:
+        if not _fits(value.dtype, item):
             raise TypeError(f"an array of {value.dtype} was given for {ctype.cname}")
         made = ffi.from_buffer(np.ascontiguousarray(value))
         keep.append(made)
@@ -256,7 +286,7 @@ def _convert_pointer(ctype: Any, value: Any, keep: list[Any]) -> Any:
         made = ffi.from_buffer(value)
         keep.append(made)
         return ffi.cast(ctype, made)
-    elif isinstance(value, (list, tuple)):
+    elif isinstance(value, (list, tuple)) and item.kind != "void":
         made = _array(item, list(value), keep)
     else:
         raise TypeError(f"{type(value).__name__} given for {ctype.cname}")
@@ -283,7 +313,9 @@ class Functions:
             raise AttributeError(name)
         address = self._resolve(name.encode())
         if address == NULL:
-            raise UnsupportedError(f"This Vulkan driver has no {name}: an extension or version it needs is missing.")
+            raise UnsupportedError(
+                f"This Vulkan driver has no {name}: an extension or version it needs is missing."
+            )
         function = ffi.cast(f"PFN_{name}", address)
         if self._trace is not None:
             function = self._traced(name, function, self._trace)
@@ -395,7 +427,9 @@ def open_loader() -> tuple[Any, str]:
             return ffi.dlopen(name), name
         except OSError:
             continue
-    raise UnsupportedError("No Vulkan loader was found on this machine: ./strata doctor says what to install.")
+    raise UnsupportedError(
+        "No Vulkan loader was found on this machine: ./strata doctor says what to install."
+    )
 
 
 _opened: list[Any] = []

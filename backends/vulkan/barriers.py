@@ -60,7 +60,7 @@ STATES: dict[str, State] = {
     ),
     "present": State(vk.VK_IMAGE_LAYOUT_PRESENT_SRC_KHR, vk.VK_PIPELINE_STAGE_2_NONE, 0),
 }
-"""Each state's name with its layout, stages and accesses (Vulkan specification, "Synchronization", table of accesses)."""
+"""Each state's name with its layout, stages and accesses (Vulkan specification, "Synchronization and Cache Control")."""
 
 
 def image_barrier(

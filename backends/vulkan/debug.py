@@ -58,7 +58,9 @@ class ValidationSink:
         self.messages: dict[Message, int] = {}
         self.callbacks: list[Callable[[Message], None]] = []
         self.failure: BaseException | None = None
-        self._pointer = vk.ffi.callback("PFN_vkDebugUtilsMessengerCallbackEXT", self._receive, onerror=self._failed)
+        self._pointer = vk.ffi.callback(
+            "PFN_vkDebugUtilsMessengerCallbackEXT", self._receive, onerror=self._failed
+        )
 
     def create_info(self) -> Any:
         """Return the messenger's create-info; chain it to the instance's too, so that its creation is covered."""
@@ -76,7 +78,9 @@ class ValidationSink:
         )
 
     def _receive(self, severity: int, kinds: int, data: Any, user: Any) -> int:
-        kind: Severity = "error" if severity >= vk.VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT else "warning"
+        kind: Severity = (
+            "error" if severity >= vk.VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT else "warning"
+        )
         labels = [vk.text(data.pQueueLabels[i].pLabelName) for i in range(data.queueLabelCount)]
         labels += [vk.text(data.pCmdBufLabels[i].pLabelName) for i in range(data.cmdBufLabelCount)]
         message = Message(
@@ -102,7 +106,10 @@ class ValidationSink:
 
     def report(self) -> list[str]:
         """Return one text per distinct message, with its count."""
-        return [f"{message}" + (f" ({count} times)" if count > 1 else "") for message, count in self.messages.items()]
+        return [
+            f"{message}" + (f" ({count} times)" if count > 1 else "")
+            for message, count in self.messages.items()
+        ]
 
 
 def _object_name(described: Any) -> str:

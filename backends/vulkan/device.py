@@ -1,4 +1,4 @@
-"""The logical device: negotiated features, queues, checked creation and destruction, names, and the count of what lives."""
+"""The logical device: negotiated features, queues, checked creation and destruction, and the count of what lives."""
 
 from __future__ import annotations
 
@@ -71,7 +71,8 @@ class Device:
             "VkDeviceCreateInfo",
             pNext=chain[vf.CORE],
             pQueueCreateInfos=[
-                {"queueFamilyIndex": family, "pQueuePriorities": [1.0], "queueCount": 1} for family in sorted(families)
+                {"queueFamilyIndex": family, "pQueuePriorities": [1.0], "queueCount": 1}
+                for family in sorted(families)
             ],
             ppEnabledExtensionNames=sorted(enabled),
         )
@@ -223,7 +224,9 @@ def capabilities(physical: PhysicalDevice) -> Capabilities:
             find_family(physical.families, wanted, avoid)
         except LookupError:
             why_not[feature] = "the device has no queue family for it alone"
-    if "sparse" not in why_not and not any(f.flags & vk.VK_QUEUE_SPARSE_BINDING_BIT for f in physical.families):
+    if "sparse" not in why_not and not any(
+        f.flags & vk.VK_QUEUE_SPARSE_BINDING_BIT for f in physical.families
+    ):
         why_not["sparse"] = "no queue can bind sparse memory"
     return Capabilities(
         backend="vulkan",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Literal
 
 from backends.vulkan import api as vk
@@ -24,7 +25,9 @@ class Instance:
         self.layers = {
             vk.text(layer.layerName): _version(layer.specVersion)
             for layer in vk.listed(
-                functions.vkEnumerateInstanceLayerProperties, "vkEnumerateInstanceLayerProperties", "VkLayerProperties"
+                functions.vkEnumerateInstanceLayerProperties,
+                "vkEnumerateInstanceLayerProperties",
+                "VkLayerProperties",
             )
         }
         offered = {
@@ -45,7 +48,9 @@ class Instance:
             raise UnsupportedError(f"The Vulkan loader lacks the instance extension {missing[0]}.")
         self.version = self._loader_version(functions)
         if self.version < (1, 3, 0):
-            raise UnsupportedError(f"The Vulkan loader is version {_dotted(self.version)}; Strata needs 1.3 or newer.")
+            raise UnsupportedError(
+                f"The Vulkan loader is version {_dotted(self.version)}; Strata needs 1.3 or newer."
+            )
         self.validates = validate
         enabled = set(extensions)
         self.has_debug_utils = validate or "VK_EXT_debug_utils" in offered
@@ -62,7 +67,9 @@ class Instance:
         info = vk.new(
             "VkInstanceCreateInfo",
             pNext=chain,
-            flags=vk.VK_INSTANCE_CREATE_ENUMERATE_PORTABILITY_BIT_KHR if PORTABILITY_ENUMERATION in enabled else 0,
+            flags=vk.VK_INSTANCE_CREATE_ENUMERATE_PORTABILITY_BIT_KHR
+            if PORTABILITY_ENUMERATION in enabled
+            else 0,
             pApplicationInfo={"pApplicationName": "strata", "apiVersion": vk.VK_API_VERSION_1_3},
             ppEnabledLayerNames=[VALIDATION_LAYER] if validate else None,
             ppEnabledExtensionNames=sorted(enabled),
@@ -75,7 +82,9 @@ class Instance:
         self._messenger: Any = None
         if self.has_debug_utils:
             messenger = vk.ffi.new("VkDebugUtilsMessengerEXT *")
-            code = self.fn.vkCreateDebugUtilsMessengerEXT(self.handle, self.sink.create_info(), vk.NULL, messenger)
+            code = self.fn.vkCreateDebugUtilsMessengerEXT(
+                self.handle, self.sink.create_info(), vk.NULL, messenger
+            )
             vk.check(code, "vkCreateDebugUtilsMessengerEXT")
             self._messenger = messenger[0]
 
@@ -155,7 +164,9 @@ class PhysicalDevice:
         """Return why Strata cannot use this device at all, or None."""
         if self.version < (1, 3, 0):
             return f"it offers Vulkan {_dotted(self.version)}, and 1.3 is needed"
-        if not any(family.has(vk.VK_QUEUE_GRAPHICS_BIT | vk.VK_QUEUE_COMPUTE_BIT) for family in self.families):
+        if not any(
+            family.has(vk.VK_QUEUE_GRAPHICS_BIT | vk.VK_QUEUE_COMPUTE_BIT) for family in self.families
+        ):
             return "it has no queue for graphics and compute"
         return self.lacks(vf.FLOOR)
 
@@ -206,13 +217,16 @@ def describe(instance: Instance, handle: Any) -> PhysicalDevice:
         fn.vkGetPhysicalDeviceFeatures2(handle, chain[vf.CORE])
         for struct, pointer in chain.items():
             target = pointer.features if struct == vf.CORE else pointer
-            bits |= {(struct, m) for m in dir(target) if m not in ("sType", "pNext") and getattr(target, m) == 1}
+            bits |= {
+                (struct, m) for m in dir(target) if m not in ("sType", "pNext") and getattr(target, m) == 1
+            }
     count = vk.ffi.new("uint32_t *")
     fn.vkGetPhysicalDeviceQueueFamilyProperties(handle, count, vk.NULL)
     raw = vk.ffi.new("VkQueueFamilyProperties[]", count[0])
     fn.vkGetPhysicalDeviceQueueFamilyProperties(handle, count, raw)
     families = tuple(
-        QueueFamily(i, raw[i].queueFlags, raw[i].queueCount, raw[i].timestampValidBits) for i in range(count[0])
+        QueueFamily(i, raw[i].queueFlags, raw[i].queueCount, raw[i].timestampValidBits)
+        for i in range(count[0])
     )
     plain = properties.properties
     return PhysicalDevice(
@@ -238,7 +252,7 @@ def feature_chain(*structs: str) -> dict[str, Any]:
     """Return the named feature structs chained by pNext in this order, the first one owning the rest."""
     made = {name: vk.new(name) for name in structs}
     pointers = list(made.values())
-    for first, second in zip(pointers, pointers[1:], strict=False):
+    for first, second in pairwise(pointers):
         first.pNext = vk.ffi.cast("void *", second)
     vk.keep(pointers[0], *pointers[1:])
     return made

@@ -81,7 +81,9 @@ class _Block:
     """One `VkDeviceMemory`, mapped for good where it can be: mapping again and again costs more than it saves."""
 
     def __init__(self, device: Device, type_index: int, size: int, visible: bool, owner: Any = None) -> None:
-        flags = vk.new("VkMemoryAllocateFlagsInfo", flags=vk.VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT, pNext=owner)
+        flags = vk.new(
+            "VkMemoryAllocateFlagsInfo", flags=vk.VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT, pNext=owner
+        )
         info = vk.new("VkMemoryAllocateInfo", allocationSize=size, memoryTypeIndex=type_index, pNext=flags)
         self.handle = device.create("vkAllocateMemory", info, f"memory type {type_index}, {size >> 10} KiB")
         self.size = size

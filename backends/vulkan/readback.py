@@ -19,7 +19,9 @@ class Readback:
         _, texel, self._dtype, self._channels = FORMATS[image.format]
         self._shape = (image.height, image.width)
         size = image.width * image.height * texel
-        self.buffer: Buffer = create_buffer(device, size, vk.VK_BUFFER_USAGE_TRANSFER_DST_BIT, "readback", name)
+        self.buffer: Buffer = create_buffer(
+            device, size, vk.VK_BUFFER_USAGE_TRANSFER_DST_BIT, "readback", name
+        )
         self._image = image
         self._region = vk.new(
             "VkBufferImageCopy",

@@ -146,9 +146,13 @@ def create_image(
         raise
     code = device.fn.vkBindImageMemory(device.handle, handle, allocation.memory, allocation.offset)
     vk.check(code, "vkBindImageMemory", handle)
-    image = Image(handle, None, view_format or format, width, height, levels, layers, aspect, allocation, name)
+    image = Image(
+        handle, None, view_format or format, width, height, levels, layers, aspect, allocation, name
+    )
     sampled_only = view_format is not None and view_format != format
-    image.view = create_view(device, image, image.format, usage=vk.VK_IMAGE_USAGE_SAMPLED_BIT if sampled_only else None)
+    image.view = create_view(
+        device, image, image.format, usage=vk.VK_IMAGE_USAGE_SAMPLED_BIT if sampled_only else None
+    )
     return image
 
 

@@ -85,7 +85,9 @@ class Uploader:
         """Copy the bytes of `data` to `target` from byte `offset` on."""
         raw = np.ascontiguousarray(data).view(np.uint8).reshape(-1)
         if offset + raw.size > target.size:
-            raise ValueError(f"{raw.size} bytes at {offset} do not fit into '{target.name}' of {target.size} bytes.")
+            raise ValueError(
+                f"{raw.size} bytes at {offset} do not fit into '{target.name}' of {target.size} bytes."
+            )
         done = 0
         while done < raw.size:
             half, start, count = self._reserve(raw.size - done, 1)
@@ -102,7 +104,9 @@ class Uploader:
         _, texel, dtype, channels = FORMATS[target.format]
         expected = (target.height, target.width, channels)
         if pixels.shape != expected or pixels.dtype != dtype:
-            raise ValueError(f"'{target.name}' wants {expected} {np.dtype(dtype)}, not {pixels.shape} {pixels.dtype}.")
+            raise ValueError(
+                f"'{target.name}' wants {expected} {np.dtype(dtype)}, not {pixels.shape} {pixels.dtype}."
+            )
         rows = np.ascontiguousarray(pixels).view(np.uint8).reshape(target.height, target.width * texel)
         commands = self._reserve(rows.shape[1], rows.shape[1])[0].commands
         self._barrier(commands, target, "undefined", "copy_target")
@@ -169,7 +173,7 @@ class Uploader:
         return half
 
     def _reserve(self, size: int, unit: int) -> tuple[_Half, int, int]:
-        """Return (half, offset, bytes) of room for a multiple of `unit` bytes, at most `size`, submitting if need be."""
+        """Return (half, offset, bytes): room for a multiple of `unit` bytes, at most `size`; submits if need be."""
         if unit > HALF:
             raise ValueError(f"One row of {unit} bytes does not fit into the upload ring.")
         half = self._half()
@@ -226,10 +230,16 @@ class _MipPipeline:
         self._sampler = device.create("vkCreateSampler", vk.new("VkSamplerCreateInfo"), "texel fetches")
         stage = vk.VK_SHADER_STAGE_COMPUTE_BIT
         bindings = [
-            {"binding": 0, "descriptorType": vk.VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER, "descriptorCount": 1},
+            {
+                "binding": 0,
+                "descriptorType": vk.VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER,
+                "descriptorCount": 1,
+            },
             {"binding": 1, "descriptorType": vk.VK_DESCRIPTOR_TYPE_STORAGE_IMAGE, "descriptorCount": 1},
         ]
-        info = vk.new("VkDescriptorSetLayoutCreateInfo", pBindings=[{**b, "stageFlags": stage} for b in bindings])
+        info = vk.new(
+            "VkDescriptorSetLayoutCreateInfo", pBindings=[{**b, "stageFlags": stage} for b in bindings]
+        )
         self._set_layout = device.create("vkCreateDescriptorSetLayout", info, "mips")
         info = vk.new(
             "VkPipelineLayoutCreateInfo",
@@ -237,7 +247,9 @@ class _MipPipeline:
             pPushConstantRanges=[{"stageFlags": stage, "size": 32}],
         )
         self._layout = device.create("vkCreatePipelineLayout", info, "mips")
-        module = device.create("vkCreateShaderModule", vk.new("VkShaderModuleCreateInfo", codeSize=len(code), pCode=code))
+        module = device.create(
+            "vkCreateShaderModule", vk.new("VkShaderModuleCreateInfo", codeSize=len(code), pCode=code)
+        )
         infos = vk.array(
             "VkComputePipelineCreateInfo",
             [
@@ -301,7 +313,9 @@ class _MipPipeline:
                     (1, vk.VK_DESCRIPTOR_TYPE_STORAGE_IMAGE, None, views[level], vk.VK_IMAGE_LAYOUT_GENERAL),
                 )
             ]
-            fn.vkUpdateDescriptorSets(self._device.handle, 2, vk.array("VkWriteDescriptorSet", writes), 0, vk.NULL)
+            fn.vkUpdateDescriptorSets(
+                self._device.handle, 2, vk.array("VkWriteDescriptorSet", writes), 0, vk.NULL
+            )
             bound = vk.array("VkDescriptorSet", [sets[level - 1]])
             point = vk.VK_PIPELINE_BIND_POINT_COMPUTE
             fn.vkCmdBindDescriptorSets(commands, point, self._layout, 0, 1, bound, 0, vk.NULL)

@@ -1,0 +1,31 @@
+"""Chapter 1: a glTF scene, lit by its own lights and drawn in one forward pass."""
+
+from common.lessons import Lesson, Needs
+
+LESSON = Lesson(
+    number=1,
+    title="A forward renderer for glTF scenes",
+    adds=(
+        "frames in flight",
+        "handles and deferred deletion",
+        "descriptor sets per material",
+        "pipelines with dynamic rendering",
+        "GPU timestamps",
+        "metallic-roughness shading",
+        "punctual lights",
+    ),
+    needs=Needs(required=frozenset(), optional=frozenset({"anisotropy"})),
+    reading=(
+        "renderer.py",
+        "passes/forward.py",
+        "shaders/forward.frag",
+        "graphics/frames.py",
+        "graphics/resources.py",
+        "graphics/descriptors.py",
+        "graphics/pipelines.py",
+        "graphics/commands.py",
+        "graphics/profiler.py",
+        "passes/tonemap.py",
+        "logic/packing.py",
+    ),
+)

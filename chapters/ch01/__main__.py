@@ -1,0 +1,7 @@
+"""`python -m chapters.ch01 ...` is `strata run 1 ...`."""
+
+import sys
+
+from chapters.__main__ import main
+
+main(["run", __package__.rpartition("ch")[2].lstrip("0"), *sys.argv[1:]])

@@ -1,0 +1,207 @@
+"""Graphics pipelines: a description in plain words, and the object the driver builds from it.
+
+Equal descriptions share one pipeline. Viewport, scissor, culling and the front face are dynamic state, since they
+change with the window and with mirrored objects; everything else is fixed when the pipeline is built.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from backends import shader_text
+from backends.vulkan import api as vk
+from backends.vulkan.device import Device
+from backends.vulkan.resources import FORMATS
+from backends.vulkan.shaders import compile_all
+from common import layouts
+
+SHADERS = Path(__file__).resolve().parents[1] / "shaders"
+
+SNIPPETS = {
+    "frame_constants.glsl": layouts.glsl("FrameConstants"),
+    "instance.glsl": layouts.glsl("Instance"),
+}
+"""Includes whose text is made in Python, so that a record is laid out in one place only."""
+
+PUSH_SIZE = 16
+"""Bytes of push constants: one uvec4, the number of the instance in x."""
+
+_STAGES = {
+    ".vert": vk.VK_SHADER_STAGE_VERTEX_BIT,
+    ".frag": vk.VK_SHADER_STAGE_FRAGMENT_BIT,
+}
+
+_VERTEX_FORMATS = {
+    2: vk.VK_FORMAT_R32G32_SFLOAT,
+    3: vk.VK_FORMAT_R32G32B32_SFLOAT,
+    4: vk.VK_FORMAT_R32G32B32A32_SFLOAT,
+}
+
+_ALL_CHANNELS = (
+    vk.VK_COLOR_COMPONENT_R_BIT
+    | vk.VK_COLOR_COMPONENT_G_BIT
+    | vk.VK_COLOR_COMPONENT_B_BIT
+    | vk.VK_COLOR_COMPONENT_A_BIT
+)
+
+
+@dataclass(frozen=True)
+class GraphicsPipeline:
+    """What a pipeline is made of. `streams` are (shader location, floats per vertex), one vertex buffer each."""
+
+    shaders: tuple[str, ...]
+    set_layouts: tuple[Any, ...] = ()
+    defines: tuple[tuple[str, int | float | str], ...] = ()
+    streams: tuple[tuple[int, int], ...] = ()
+    color: str | None = "rgba16f"
+    depth: Literal["write", "test", "equal"] | None = "write"
+    blend: bool = False
+    name: str = ""
+
+
+@dataclass(frozen=True)
+class Built:
+    """A pipeline with the layout through which descriptors and push constants reach it."""
+
+    handle: Any
+    layout: Any
+
+
+class Pipelines:
+    """Builds pipelines at their first use and keeps them."""
+
+    def __init__(self, device: Device) -> None:
+        self._device = device
+        self._built: dict[GraphicsPipeline, Built] = {}
+        self._layouts: dict[tuple[Any, ...], Any] = {}
+
+    def __len__(self) -> int:
+        return len(self._built)
+
+    def get(self, wanted: Sequence[GraphicsPipeline]) -> list[Built]:
+        """Return one pipeline per description; those that are new have their shaders compiled together, on threads."""
+        new = [described for described in dict.fromkeys(wanted) if described not in self._built]
+        sources = [
+            shader_text.build(SHADERS / file, "vulkan", defines=dict(described.defines), snippets=SNIPPETS)
+            for described in new
+            for file in described.shaders
+        ]
+        codes = iter(compile_all(sources))
+        for described in new:
+            self._built[described] = self._build(described, [next(codes) for _ in described.shaders])
+        return [self._built[described] for described in wanted]
+
+    def _layout(self, set_layouts: tuple[Any, ...]) -> Any:
+        if set_layouts not in self._layouts:
+            stages = vk.VK_SHADER_STAGE_VERTEX_BIT | vk.VK_SHADER_STAGE_FRAGMENT_BIT
+            info = vk.new(
+                "VkPipelineLayoutCreateInfo",
+                pSetLayouts=list(set_layouts),
+                pPushConstantRanges=[{"stageFlags": stages, "size": PUSH_SIZE}],
+            )
+            self._layouts[set_layouts] = self._device.create("vkCreatePipelineLayout", info, "graphics")
+        return self._layouts[set_layouts]
+
+    def _build(self, described: GraphicsPipeline, codes: Sequence[bytes]) -> Built:
+        modules = [
+            self._device.create(
+                "vkCreateShaderModule",
+                vk.new("VkShaderModuleCreateInfo", codeSize=len(code), pCode=code),
+                file,
+            )
+            for file, code in zip(described.shaders, codes, strict=True)
+        ]
+        stages = [
+            vk.new(
+                "VkPipelineShaderStageCreateInfo",
+                stage=_STAGES[Path(file).suffix],
+                module=module,
+                pName="main",
+            )
+            for file, module in zip(described.shaders, modules, strict=True)
+        ]
+        layout = self._layout(described.set_layouts)
+        dynamic = [
+            vk.VK_DYNAMIC_STATE_VIEWPORT,
+            vk.VK_DYNAMIC_STATE_SCISSOR,
+            vk.VK_DYNAMIC_STATE_CULL_MODE,
+            vk.VK_DYNAMIC_STATE_FRONT_FACE,
+        ]
+        rendering = vk.new(
+            "VkPipelineRenderingCreateInfo",
+            pColorAttachmentFormats=[FORMATS[described.color][0]] if described.color else None,
+            depthAttachmentFormat=FORMATS["d32f"][0] if described.depth else vk.VK_FORMAT_UNDEFINED,
+        )
+        info = vk.new(
+            "VkGraphicsPipelineCreateInfo",
+            pNext=rendering,
+            pStages=stages,
+            pVertexInputState=self._vertex_input(described),
+            pInputAssemblyState={"topology": vk.VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST},
+            pViewportState={"viewportCount": 1, "scissorCount": 1},
+            pRasterizationState={"polygonMode": vk.VK_POLYGON_MODE_FILL, "lineWidth": 1.0},
+            pMultisampleState={"rasterizationSamples": vk.VK_SAMPLE_COUNT_1_BIT},
+            pDepthStencilState=self._depth(described),
+            pColorBlendState=self._blend(described),
+            pDynamicState={"pDynamicStates": dynamic},
+            layout=layout,
+        )
+        infos = vk.array("VkGraphicsPipelineCreateInfo", [info])
+        name = described.name or " + ".join(described.shaders)
+        handle = self._device.create_pipelines("vkCreateGraphicsPipelines", infos, [name])[0]
+        for module in modules:
+            self._device.destroy("VkShaderModule", module)
+        return Built(handle, layout)
+
+    @staticmethod
+    def _vertex_input(described: GraphicsPipeline) -> Any:
+        return vk.new(
+            "VkPipelineVertexInputStateCreateInfo",
+            pVertexBindingDescriptions=[
+                {"binding": location, "stride": 4 * floats, "inputRate": vk.VK_VERTEX_INPUT_RATE_VERTEX}
+                for location, floats in described.streams
+            ],
+            pVertexAttributeDescriptions=[
+                {"location": location, "binding": location, "format": _VERTEX_FORMATS[floats]}
+                for location, floats in described.streams
+            ],
+        )
+
+    @staticmethod
+    def _depth(described: GraphicsPipeline) -> Any:
+        # Reversed z: the near plane is 1, infinity 0, and nearer is greater. The float's fine steps near 0 then fall
+        # together with the coarse ones of 1/z, and depth keeps its relative precision at any distance.
+        compare = vk.VK_COMPARE_OP_EQUAL if described.depth == "equal" else vk.VK_COMPARE_OP_GREATER_OR_EQUAL
+        return vk.new(
+            "VkPipelineDepthStencilStateCreateInfo",
+            depthTestEnable=int(described.depth is not None),
+            depthWriteEnable=int(described.depth == "write"),
+            depthCompareOp=compare,
+        )
+
+    @staticmethod
+    def _blend(described: GraphicsPipeline) -> Any:
+        if described.color is None:
+            return vk.new("VkPipelineColorBlendStateCreateInfo")
+        attachment: dict[str, Any] = {"colorWriteMask": _ALL_CHANNELS}
+        if described.blend:
+            attachment |= {
+                "blendEnable": 1,
+                "srcColorBlendFactor": vk.VK_BLEND_FACTOR_SRC_ALPHA,
+                "dstColorBlendFactor": vk.VK_BLEND_FACTOR_ONE_MINUS_SRC_ALPHA,
+                "colorBlendOp": vk.VK_BLEND_OP_ADD,
+                "srcAlphaBlendFactor": vk.VK_BLEND_FACTOR_ONE,
+                "dstAlphaBlendFactor": vk.VK_BLEND_FACTOR_ONE_MINUS_SRC_ALPHA,
+                "alphaBlendOp": vk.VK_BLEND_OP_ADD,
+            }
+        return vk.new("VkPipelineColorBlendStateCreateInfo", pAttachments=[attachment])
+
+    def close(self) -> None:
+        """Free every pipeline and layout."""
+        for built in self._built.values():
+            self._device.destroy("VkPipeline", built.handle)
+        for layout in self._layouts.values():
+            self._device.destroy("VkPipelineLayout", layout)

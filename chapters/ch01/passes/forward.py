@@ -1,0 +1,90 @@
+"""The forward pass: every object of the scene is drawn once and lit by all lights while it is drawn."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from backends.contract import Access
+from common.scene import Scene
+
+from ..graphics.commands import Commands
+from ..graphics.pipelines import Built, GraphicsPipeline, Pipelines
+from ..graphics.scene_data import SceneData
+from ..logic import packing
+from ..logic.packing import Variant
+from ..settings import Settings
+from .scene_draws import DrawListBuilder, DrawLists
+
+
+class ForwardPass:
+    """Opaque objects, then alpha-masked ones, then transparent ones from the farthest to the nearest."""
+
+    name = "forward"
+
+    def __init__(self, scene: Scene, settings: Settings, data: SceneData, pipelines: Pipelines) -> None:
+        self._scene, self._settings = scene, settings
+        self._data, self._pipelines = data, pipelines
+        grey = settings.background
+        self.reads: tuple[Access, ...] = ()
+        self.writes = (
+            Access("color_hdr", "color", format=settings.color_format, clear=(grey, grey, grey, 1.0)),
+            Access("depth", "depth", format="d32f", clear=(0.0,)),
+        )
+        self._builder = DrawListBuilder(scene, data)
+        self._key: Any = None
+        self.lists = DrawLists([], [], np.zeros(0, np.int64))
+        self.frame_set: Any = None
+        self.geometry: Any = None
+        self.order: list[int] = []
+
+    @staticmethod
+    def needed(scene: Scene, settings: Settings) -> bool:
+        """Even an empty scene has a background."""
+        return True
+
+    def describe(self, variant: Variant) -> GraphicsPipeline:
+        """Return the pipeline that draws materials of `variant`."""
+        blend = variant.alpha_mode == "blend"
+        return GraphicsPipeline(
+            shaders=("forward.vert", "forward.frag"),
+            set_layouts=self._data.set_layouts(variant),
+            defines=variant.defines,
+            streams=self._data.vertex_streams(variant),
+            color=self._settings.color_format,
+            depth="test" if blend else "write",
+            blend=blend,
+            name=f"forward {' '.join(name.lower() for name, _ in variant.defines)}",
+        )
+
+    def create(self) -> None:
+        """Build the pipelines of all materials that are drawn, and no other."""
+        used = np.unique(self._scene.meshes["material"][self._scene.instances.mesh])
+        self._pipelines.get([self.describe(self._data.variants[material]) for material in used.tolist()])
+
+    def prepare(self, slot: int, view_from_world: np.ndarray, instances: np.ndarray, visibility: int) -> None:
+        """Choose what this frame draws and in which order. `instances` are the packed records of the slot."""
+        mirrored = instances["ids"][:, 3] != 0
+        key = (visibility, mirrored.tobytes())
+        if key != self._key:
+            self.lists = self._builder.build(mirrored, self._pipeline)
+            self._key = key
+        self.frame_set = self._data.frame_sets[slot]
+        self.geometry = self._data.geometry(slot)
+        some = self.lists.transparent_instances
+        if len(some):
+            middle = (instances["bounds_min"][some, :3] + instances["bounds_max"][some, :3]) / 2
+            rows = instances["world_from_object"][some]
+            centers = np.einsum("bij,bj->bi", rows[:, :, :3], middle) + rows[:, :, 3]
+            self.order = packing.back_to_front(centers, view_from_world).tolist()
+
+    def _pipeline(self, variant: Variant) -> Built:
+        return self._pipelines.get([self.describe(variant)])[0]
+
+    def record(self, commands: Commands) -> None:
+        """Record the draws of this frame."""
+        commands.bind_geometry(*self.geometry)
+        commands.draw_groups(self.lists.solid, self.frame_set)
+        if self.lists.transparent:
+            commands.draw_groups([self.lists.transparent[index] for index in self.order], self.frame_set)

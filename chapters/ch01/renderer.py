@@ -1,0 +1,432 @@
+"""A frame of chapter 1, from top to bottom.
+
+    update     constants, instances and lights of this frame are written into its slot
+    forward    every object is drawn once and lit while it is drawn     -> color_hdr, depth
+    instance   which object is where, if somebody asks                  -> instance_id
+    tonemap    light becomes a picture                                  -> color
+    copy       the outputs that were asked for go to the CPU
+
+Between the passes stand barriers, written by hand here: an image must be finished as a target before it is read.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Collection, Iterable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from backends.contract import check_size, resolve
+from backends.vulkan import api as vk
+from backends.vulkan.barriers import barriers, image_barrier
+from backends.vulkan.device import Device
+from backends.vulkan.instance import Instance
+from backends.vulkan.readback import TO_HOST, Readback
+from backends.vulkan.resources import Image
+from common import layouts
+from common.camera import View, exposure
+from common.errors import StaleFrameError, UserError
+from common.pose import evaluate_pose
+from common.scene import Change, Light, Pose, Sampler, Scene
+
+from . import LESSON
+from .graphics.commands import Commands, Rendering
+from .graphics.descriptors import Descriptors, Texture
+from .graphics.frames import SLOTS, Frames, FrameSlot
+from .graphics.pipelines import Pipelines
+from .graphics.profiler import Profiler
+from .graphics.resources import Resources
+from .graphics.scene_data import SceneData
+from .passes.forward import ForwardPass
+from .passes.instance_id import InstanceIdPass
+from .passes.tonemap import BINDINGS, TonemapPass
+from .settings import Settings
+
+OUTPUTS = ("color", "color_linear", "depth", "instance_id")
+"""What a frame can be asked for."""
+
+_SOURCES = {"color": "color", "color_linear": "color_hdr", "depth": "depth", "instance_id": "instance_id"}
+
+
+class Frame:
+    """One rendered frame; see `backends.contract.Frame`."""
+
+    def __init__(self, renderer: Renderer, slot: FrameSlot, index: int, exposure: float) -> None:
+        self._renderer, self._slot, self._number = renderer, slot, slot.number
+        self.index, self._exposure = index, exposure
+        self.cpu_ms = 0.0
+        self.work: dict[str, int] = {}
+        self._timings: dict[str, float] | None = None
+
+    def image(self, name: str) -> np.ndarray:
+        """Wait for the frame and return output `name` as (H, W) or (H, W, C), row 0 on top."""
+        return self._renderer.read(self._slot, self._number, name, self._exposure)
+
+    @property
+    def timings(self) -> dict[str, float]:
+        """GPU milliseconds by pass; waits for the frame."""
+        if self._timings is None:
+            self._timings = self._renderer.read_timings(self._slot, self._number)
+        return self._timings
+
+
+class Renderer:
+    """Chapter 1 on Vulkan: one stream of frames of one view of one scene."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        size: tuple[int, int] = (640, 360),
+        settings: Settings | None = None,
+        without: Iterable[str] = (),
+        outputs: Collection[str] = ("color",),
+        validate: bool = False,
+        device: Device | None = None,
+    ) -> None:
+        unknown = sorted(set(outputs) - set(OUTPUTS))
+        if unknown:
+            raise UserError(f"There is no output '{unknown[0]}'; chapter 1 has {', '.join(OUTPUTS)}.")
+        self.settings = settings or Settings()
+        self.scene = self._lit(scene)
+        self.outputs = tuple(name for name in OUTPUTS if name in outputs)
+        self._owned: list[Any] = []
+        if device is None:
+            instance = Instance(validate)
+            self._owned.append(instance)
+            try:
+                device = Device(instance, without=without)
+            except BaseException:
+                instance.close()
+                raise
+            self._owned.append(device)
+        self.device = device
+        self.capabilities = device.capabilities
+        self.plan = resolve(LESSON.needs.required, LESSON.needs.optional, self.capabilities, without)
+        self.size = check_size(size, self.capabilities.limits["maxImageDimension2D"])
+        try:
+            self._create()
+        except BaseException:
+            self.close()
+            raise
+
+    def _lit(self, scene: Scene) -> Scene:
+        """Return the scene, with a light that travels with the camera if it has none and the settings want one."""
+        self._headlight = not scene.lights and self.settings.default_light
+        if not self._headlight:
+            return scene
+        # Pi lux on a white diffuse surface that faces the light gives a luminance of 1.
+        light = Light("directional", node=0, name="default light", intensity=float(np.pi))
+        lit = replace(scene, lights=[light])
+        lit.revision = scene.revision  # edits of the scene are edits of this view of it
+        return lit
+
+    # --- made once ---
+
+    def _create(self) -> None:
+        device, scene, settings = self.device, self.scene, self.settings
+        self._frames = Frames(device)
+        self._resources = Resources(device)
+        self._descriptors = Descriptors(device)
+        self._pipelines = Pipelines(device)
+        self._profiler = Profiler(device)
+        self._commands = Commands(device)
+        self._data = SceneData(device, scene, settings, self._resources, self._descriptors)
+        self._forward = ForwardPass(scene, settings, self._data, self._pipelines)
+        self._instance_id = InstanceIdPass(self._forward, self._data, self._pipelines)
+        self._tonemap = TonemapPass(settings, self._descriptors, self._pipelines)
+        self.passes: list[Any] = [self._forward]
+        if "instance_id" in self.outputs and InstanceIdPass.needed(scene, settings):
+            self.passes.append(self._instance_id)
+        if "color" in self.outputs:
+            self.passes.append(self._tonemap)
+        for made in self.passes:
+            made.create()
+        self._index = 0
+        self._previous_view: View | None = None
+        self._last: Any = None
+        self._create_targets()
+
+    def _create_targets(self) -> None:
+        """Make everything whose size is the picture's: targets, attachments, barriers, readback."""
+        self._targets: dict[str, Image] = {}
+        self._target_handles = []
+        usages = {
+            "color": vk.VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT,
+            "depth": vk.VK_IMAGE_USAGE_DEPTH_STENCIL_ATTACHMENT_BIT,
+        }
+        for made in self.passes:
+            for access in made.writes:
+                usage = (
+                    usages[access.use] | vk.VK_IMAGE_USAGE_TRANSFER_SRC_BIT | vk.VK_IMAGE_USAGE_SAMPLED_BIT
+                )
+                handle = self._resources.image(access.format, self.size, usage, access.resource)
+                self._target_handles.append(handle)
+                self._targets[access.resource] = self._resources.images.get(handle)
+        target = self._targets
+        grey = self._forward.writes[0].clear
+        self._forward_rendering = Rendering(self.size, target["color_hdr"], target["depth"], grey, 0.0)
+        self._to_forward = barriers(
+            self._start("color_hdr", "color"),
+            self._start("depth", "depth"),
+        )
+        if self._instance_id in self.passes:
+            self._id_rendering = Rendering(self.size, target["instance_id"], target["depth"], (0, 0, 0, 0))
+            self._to_id = barriers(
+                self._start("instance_id", "color"),
+                image_barrier(target["depth"].handle, target["depth"].aspect, "depth", "depth"),
+            )
+        if self._tonemap in self.passes:
+            self._tonemap_rendering = Rendering(self.size, target["color"], None)
+            hdr = target["color_hdr"]
+            self._to_tonemap = barriers(
+                image_barrier(hdr.handle, hdr.aspect, "color", "sampled"),
+                self._start("color", "color"),
+            )
+            nearest = Sampler("nearest", "nearest", None, "clamp", "clamp")
+            texture = Texture(hdr.view, self._resources.sampler(nearest, 1.0))
+            made = self._descriptors.create([(BINDINGS, {0: texture}, "tonemap source")])
+            self._tonemap.source_set = vk.array("VkDescriptorSet", made)
+        self._create_readbacks()
+
+    def _used_last(self, name: str) -> str:
+        """Return the state in which the passes leave target `name`."""
+        if name == "color_hdr" and self._tonemap in self.passes:
+            return "sampled"
+        return "depth" if name == "depth" else "color"
+
+    def _start(self, name: str, state: str) -> Any:
+        """Return the barrier that begins a target's frame: its content is given up, its last user waited for."""
+        image = self._targets[name]
+        copied = any(_SOURCES[output] == name for output in self.outputs)
+        last = "copy_source" if copied else self._used_last(name)
+        return image_barrier(image.handle, image.aspect, last, state, discard=True)
+
+    def _create_readbacks(self) -> None:
+        target = self._targets
+        available = [name for name in self.outputs if _SOURCES[name] in target]
+        copied = [target[_SOURCES[name]] for name in available]
+        self._to_copy = barriers(
+            *(image_barrier(i.handle, i.aspect, self._used_last(i.name), "copy_source") for i in copied)
+        )
+        self._to_host = barriers(memory=TO_HOST)
+        self._readbacks = [
+            {
+                name: Readback(self.device, image, f"{name}, slot {slot}")
+                for name, image in zip(available, copied, strict=True)
+            }
+            for slot in range(SLOTS)
+        ]
+
+    def _destroy_targets(self) -> None:
+        self._wait()
+        for slot in self._readbacks:
+            for readback in slot.values():
+                readback.close()
+        self._readbacks = []
+        for handle in self._target_handles:
+            self._resources.destroy_image(handle)
+        self._target_handles = []
+        if self._tonemap in self.passes:
+            self.device.destroy("VkDescriptorPool", self._descriptors.release_pool())
+
+    # --- every frame ---
+
+    def render(self, view: View, time: float = 0.0) -> Frame:
+        """Enqueue one frame of `view` at `time` seconds; nothing is waited for but the slot's last frame."""
+        started = clock.perf_counter()
+        slot = self._frames.begin()
+        self._resources.collect(slot.number)
+        frame = Frame(self, slot, self._index, exposure(view.ev100))
+        commands = self._commands
+        commands.begin(slot)
+        self._profiler.begin_frame(slot)
+
+        written = self._update(slot, view, time)
+
+        commands.barrier(self._to_forward)
+        self._run(self._forward, self._forward_rendering)
+        if self._instance_id in self.passes:
+            commands.barrier(self._to_id)
+            self._run(self._instance_id, self._id_rendering)
+        if self._tonemap in self.passes:
+            commands.barrier(self._to_tonemap)
+            self._run(self._tonemap, self._tonemap_rendering)
+        self._copy_outputs(slot)
+
+        self._frames.submit(slot)
+        frame.work = self._count(commands.work, written)
+        self._index += 1
+        self._previous_view = view
+        frame.cpu_ms = (clock.perf_counter() - started) * 1e3
+        return frame
+
+    def _update(self, slot: FrameSlot, view: View, time: float) -> int:
+        """Write what this frame's shaders read; return the bytes written."""
+        scene = self.scene
+        pose = self._pose(view, time)
+        constants = layouts.frame_constants(
+            view=view,
+            previous_view=self._previous_view,
+            size=self.size,
+            origin=scene.origin,
+            length_scale=scene.length_scale,
+            time=time,
+            previous_time=self._last[1] if self._last else time,
+            index=self._index,
+            ambient=self._ambient() * exposure(view.ev100),
+        )
+        self._data.write_frame(slot.index, constants)
+        written = constants.nbytes + self._data.write_scene(slot.index, pose, exposure(view.ev100))
+        written += self._data.record_deformation(slot.commands, slot.index, pose)
+        view_from_origin = view.view_from_world(scene.origin)
+        visibility = scene.revision[Change.VISIBILITY]
+        self._forward.prepare(slot.index, view_from_origin, self._data.instances, visibility)
+        self._last = self._state(view, time)
+        return written
+
+    def _pose(self, view: View, time: float) -> Pose:
+        pose = evaluate_pose(self.scene, time)
+        if not self._headlight:
+            return pose
+        # The default light is no node of the scene: it stands a little above and beside the camera's shoulder.
+        nodes = pose.world_from_node.copy()
+        right, up, back = (
+            view.world_from_view[:3, 0],
+            view.world_from_view[:3, 1],
+            view.world_from_view[:3, 2],
+        )
+        if not len(nodes):
+            nodes = np.eye(4)[None]
+        nodes[0] = np.eye(4)
+        nodes[0, :3, 2] = back + 0.5 * up + 0.3 * right
+        return replace(pose, world_from_node=nodes)
+
+    def _ambient(self) -> float:
+        """Return the luminance that arrives from everywhere, in nits."""
+        if self.settings.ambient >= 0.0:
+            return self.settings.ambient
+        if self.scene.ambient is not None:
+            return self.scene.ambient
+        return 0.25 if self._headlight else 0.0
+
+    def _run(self, made: Any, rendering: Rendering) -> None:
+        """Record one pass between its label, its timestamps and its attachments."""
+        commands = self._commands
+        commands.begin_label(made.name)
+        self._profiler.begin(commands.slot, made.name)
+        commands.begin_rendering(rendering)
+        made.record(commands)
+        commands.end_rendering()
+        self._profiler.end(commands.slot)
+        commands.end_label()
+
+    def _copy_outputs(self, slot: FrameSlot) -> None:
+        readbacks = self._readbacks[slot.index]
+        if readbacks:
+            self._commands.begin_label("copy outputs")
+            self._commands.barrier(self._to_copy)
+            for readback in readbacks.values():
+                readback.record(slot.commands)
+            self._commands.barrier(self._to_host)
+            self._commands.end_label()
+
+    def _count(self, work: dict[str, int], written: int) -> dict[str, int]:
+        return {
+            **work,
+            "passes": len(self.passes),
+            "passes_skipped": 3 - len(self.passes),
+            "instances": int(self.scene.instances.visible.sum()),
+            "lights": len(self.scene.lights) if self._data.lit else 0,
+            "bytes_written": written,
+            "pipelines": len(self._pipelines),
+            "descriptor_sets": self._descriptors.set_count,
+            "textures": self._data.textures,
+            "samplers": self._resources.counts["samplers"],
+        }
+
+    # --- reading ---
+
+    def read(self, slot: FrameSlot, number: int, name: str, exposed: float) -> np.ndarray:
+        """Return an output of frame `number`; see `Frame.image`."""
+        self._check_fresh(slot, number)
+        if name not in self.outputs:
+            wanted = ", ".join(repr(output) for output in (*self.outputs, name))
+            raise StaleFrameError(
+                f"'{name}' is not among this renderer's outputs: open it with outputs={{{wanted}}}."
+            )
+        self._frames.wait(slot)
+        readback = self._readbacks[slot.index].get(name)
+        if readback is None:  # an empty scene has no instances, and so no pass that would draw their ids
+            return np.zeros(self.size[::-1], np.uint32)
+        pixels = readback.read()
+        if name == "color_linear":
+            return pixels[..., :3].astype(np.float32) / np.float32(exposed)
+        return pixels[..., :3] if name == "color" else pixels
+
+    def read_timings(self, slot: FrameSlot, number: int) -> dict[str, float]:
+        """Return GPU milliseconds by pass of frame `number`."""
+        self._check_fresh(slot, number)
+        self._frames.wait(slot)
+        return self._profiler.read(slot)
+
+    @staticmethod
+    def _check_fresh(slot: FrameSlot, number: int) -> None:
+        if slot.number != number:
+            raise StaleFrameError(
+                f"Frame {number} is gone: its slot was used again by frame {slot.number}. Read a frame's images "
+                f"before {SLOTS} more are rendered."
+            )
+
+    # --- life ---
+
+    def _state(self, view: View, time: float) -> tuple[Any, float, Any]:
+        return view, time if self.scene.animations else 0.0, dict(self.scene.revision)
+
+    def idle(self, view: View, time: float = 0.0) -> bool:
+        """Whether a frame now would equal the last one: same view, same scene, and nothing that moves by itself."""
+        return self._last == self._state(view, time)
+
+    def resize(self, size: tuple[int, int]) -> None:
+        """Change the picture to (width, height) pixels."""
+        size = check_size(size, self.capabilities.limits["maxImageDimension2D"])
+        if size == self.size:
+            return
+        self._destroy_targets()
+        self.size = size
+        self._create_targets()
+        self.reset_history("resize")
+
+    def reset_history(self, reason: str) -> None:
+        """Start again at frame 0. This chapter keeps nothing from frame to frame but the previous view."""
+        self._index = 0
+        self._previous_view = None
+        self._last = None
+
+    def _wait(self) -> None:
+        for slot in self._frames.slots:
+            self._frames.wait(slot)
+
+    def close(self) -> None:
+        """Free everything on the GPU; a second time does nothing."""
+        device, self._closed = self.device, getattr(self, "_closed", False)
+        if self._closed:
+            return
+        self._closed = True
+        device.wait_idle()
+        for readbacks in getattr(self, "_readbacks", []):
+            for readback in readbacks.values():
+                readback.close()
+        for name in ("_frames", "_profiler", "_pipelines", "_descriptors", "_resources"):
+            held = getattr(self, name, None)
+            if held is not None:
+                held.close()
+        for owned in reversed(self._owned):
+            owned.close()
+
+    def __enter__(self) -> Renderer:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
