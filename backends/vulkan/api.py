@@ -215,7 +215,7 @@ def keep(owner: Any, *things: Any) -> Any:
     found = _KEEP.get(key)
     if found is None:
         # The callback runs while the object dies, so before its id can be another's.
-        found = _KEEP[key] = (weakref.ref(owner, lambda _: _KEEP.pop(key, None)), [])
+        found = _KEEP[key] = (weakref.ref(owner, lambda _, drop=_KEEP.pop: drop(key, None)), [])
     found[1].extend(things)
     return owner
 
