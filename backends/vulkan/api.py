@@ -21,6 +21,7 @@ import os
 import sys
 import weakref
 from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -209,13 +210,18 @@ def array(item: str, values: Iterable[Any]) -> Any:
     return keep(made, *kept) if kept else made
 
 
+def _forget(key: int, _: object, drop: Callable[..., Any] = _KEEP.pop) -> None:
+    """Drop what a dead owner kept. `drop` is bound here: at exit the module's names are gone before its objects."""
+    drop(key, None)
+
+
 def keep(owner: Any, *things: Any) -> Any:
     """Keep `things` alive as long as the cffi object `owner`; return `owner`."""
     key = id(owner)
     found = _KEEP.get(key)
     if found is None:
         # The callback runs while the object dies, so before its id can be another's.
-        found = _KEEP[key] = (weakref.ref(owner, lambda _, drop=_KEEP.pop: drop(key, None)), [])
+        found = _KEEP[key] = (weakref.ref(owner, partial(_forget, key)), [])
     found[1].extend(things)
     return owner
 
