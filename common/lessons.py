@@ -1,0 +1,49 @@
+"""What a chapter says about itself: its number and title, what it adds, what it needs of a device."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class Needs:
+    """Device features by name, as in the table of `strata doctor`.
+
+    Without a `required` one the chapter does not run; an `optional` one has a fallback with the same picture.
+    """
+
+    required: frozenset[str] = frozenset()
+    optional: frozenset[str] = frozenset()
+
+    def __post_init__(self) -> None:
+        both = self.required & self.optional
+        if both:
+            raise ValueError(f"features cannot be required and optional at once: {', '.join(sorted(both))}")
+
+    def __or__(self, other: Needs) -> Needs:
+        """Return what both need together; what one of them requires is required."""
+        required = self.required | other.required
+        return Needs(required, (self.optional | other.optional) - required)
+
+
+@dataclass(frozen=True)
+class Lesson:
+    """One chapter. `adds` are slugs of the feature ledger in teaching order; `reading` is what to go on with.
+
+    `replaces` names what earlier chapters did and this one no longer does.
+    """
+
+    number: int
+    title: str
+    adds: Sequence[str] = ()
+    needs: Needs = field(default_factory=Needs)
+    reading: Sequence[str] = ()
+    replaces: Sequence[str] = ()
+
+    def __post_init__(self) -> None:
+        # Lists are how a chapter writes them; tuples are what a frozen record may hold.
+        for name in ("adds", "reading", "replaces"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
+        if len(set(self.adds)) != len(self.adds):
+            raise ValueError(f"lesson {self.number} adds a feature twice")

@@ -1,0 +1,183 @@
+"""Knobs of a renderer: dataclass fields that carry their meaning, unit and range, and are set by text.
+
+    @dataclass
+    class Settings:
+        PRESETS: ClassVar[dict[str, dict[str, object]]] = {"low": {"samples": 1}, "medium": {}}
+        samples: int = knob(4, "Rays per pixel", minimum=1, maximum=64)
+
+The type of a knob is the type of its default: bool, int, float or str.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple, TypeVar
+
+from common.errors import SettingError
+from common.names import suggest
+
+S = TypeVar("S")
+Value = bool | int | float | str
+
+_BOOLS = {
+    "true": True,
+    "on": True,
+    "yes": True,
+    "1": True,
+    "false": False,
+    "off": False,
+    "no": False,
+    "0": False,
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class Knob:
+    """What is known about one setting; `reference` is the value that gives the truest picture."""
+
+    default: Value
+    doc: str
+    unit: str = ""
+    minimum: float | None = None
+    maximum: float | None = None
+    choices: tuple[str, ...] | None = None
+    reference: Value | None = None
+
+    def range_text(self) -> str:
+        """Return the values allowed, for a table and for messages."""
+        if self.choices:
+            return " | ".join(self.choices)
+        if isinstance(self.default, bool):
+            return "on | off"
+        if isinstance(self.default, str):
+            return "any text"
+        if self.minimum is not None and self.maximum is not None:
+            return f"{self.minimum:g} to {self.maximum:g}"
+        if self.minimum is not None:
+            return f"at least {self.minimum:g}"
+        if self.maximum is not None:
+            return f"at most {self.maximum:g}"
+        return "any number"
+
+
+class Row(NamedTuple):
+    """One setting as a line of a table: all of it text."""
+
+    name: str
+    default: str
+    range: str
+    unit: str
+    doc: str
+
+
+def knob(
+    default: Any,
+    doc: str,
+    unit: str = "",
+    minimum: float | None = None,
+    maximum: float | None = None,
+    choices: Sequence[str] | None = None,
+    reference: Any = None,
+) -> Any:
+    """Return a dataclass field with a documented value; raises ValueError if its own default is out of range.
+
+    Returns Any, as `dataclasses.field` does for a type checker: the annotation of the field says the type.
+    """
+    record = Knob(default, doc, unit, minimum, maximum, tuple(choices) if choices else None, reference)
+    for value in (default, reference):
+        problem = None if value is None else _problem(record, value)
+        if problem:
+            raise ValueError(f"knob {doc!r}: {value!r} {problem}")
+    return dataclasses.field(default=default, metadata={"knob": record})
+
+
+def knobs(settings: Any) -> dict[str, Knob]:
+    """Return the knobs of a settings class or instance, by name, in their order."""
+    found = {field.name: field.metadata.get("knob") for field in dataclasses.fields(settings)}
+    return {name: record for name, record in found.items() if isinstance(record, Knob)}
+
+
+def apply_overrides(settings: S, overrides: Iterable[str]) -> S:
+    """Return a copy of `settings` with texts "key=value" applied in order.
+
+    Raises SettingError for a text without "=", an unknown name (with the near match), a value that is not of
+    the knob's type, and one out of its range.
+    """
+    changes: dict[str, Value] = {}
+    known = knobs(settings)
+    for override in overrides:
+        name, separator, text = override.partition("=")
+        name = name.strip().replace("-", "_")
+        if not separator:
+            raise SettingError(f"setting {override!r} has no value: write {name or 'name'}=value")
+        if name not in known:
+            raise SettingError(f"there is no setting {name!r}{suggest(name, known)}")
+        changes[name] = parse(name, known[name], text.strip())
+    return dataclasses.replace(settings, **changes)  # type: ignore[type-var]
+
+
+def parse(name: str, record: Knob, text: str) -> Value:
+    """Return `text` as the type of a knob; raises SettingError if it is not one of its values."""
+    try:
+        value = _convert(record, text)
+    except ValueError:
+        kind = {bool: "on or off", int: "a whole number", float: "a number"}[type(record.default)]
+        raise SettingError(f"setting {name} must be {kind}, not {text!r}") from None
+    problem = _problem(record, value)
+    if problem:
+        raise SettingError(f"setting {name} {problem}, not {text!r}")
+    return value
+
+
+def _convert(record: Knob, text: str) -> Value:
+    if isinstance(record.default, bool):
+        if text.lower() not in _BOOLS:
+            raise ValueError(text)
+        return _BOOLS[text.lower()]
+    if isinstance(record.default, int):
+        return int(text, 0)
+    if isinstance(record.default, float):
+        return float(text)
+    return text
+
+
+def _problem(record: Knob, value: Value) -> str | None:
+    """Return what is wrong with a value of the right type, as the middle of a sentence, or None."""
+    if record.choices and value not in record.choices:
+        return f"must be one of {', '.join(record.choices)}"
+    if isinstance(value, str | bool):
+        return None
+    low = -math.inf if record.minimum is None else record.minimum
+    high = math.inf if record.maximum is None else record.maximum
+    if math.isnan(value) or not low <= value <= high:
+        return f"must be {record.range_text()}"
+    return None
+
+
+def describe(settings_class: type | Any) -> list[Row]:
+    """Return one row for each knob: name, default, range, unit, meaning."""
+    rows = []
+    for name, record in knobs(settings_class).items():
+        default = (
+            ("on" if record.default else "off") if isinstance(record.default, bool) else f"{record.default}"
+        )
+        rows.append(Row(name, default, record.range_text(), record.unit, record.doc))
+    return rows
+
+
+def preset(settings_class: type[S], name: str) -> S:
+    """Return the settings of a preset: the defaults, changed by the class's `PRESETS[name]`.
+
+    "reference" takes each knob's `reference` value first, where it has one. Raises SettingError for an
+    unknown preset.
+    """
+    presets: dict[str, dict[str, Any]] = getattr(settings_class, "PRESETS", {})
+    if name not in presets:
+        raise SettingError(f"there is no preset {name!r}{suggest(name, presets)}")
+    values: dict[str, Any] = {}
+    if name == "reference":
+        truest = {key: record.reference for key, record in knobs(settings_class).items()}
+        values = {key: value for key, value in truest.items() if value is not None}
+    return settings_class(**{**values, **presets[name]})
