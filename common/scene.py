@@ -186,6 +186,7 @@ class Deformation:
     morph_positions: Float32 | None = None
     morph_normals: Float32 | None = None
     morph_tangents: Float32 | None = None
+    flat: bool = False  # normals are those of the posed triangles; their vertices are unshared and in order
 
 
 class Change(Flag):
@@ -298,8 +299,13 @@ class Scene:
     revision: dict[Change, int] = field(default_factory=lambda: dict.fromkeys(Change, 0))
 
     def __post_init__(self) -> None:
+        from common.animation import build_tracks
         from common.pose import evaluate_pose, pose_bounds
 
+        self.tracks = build_tracks(self.animations)
+        """What plays: channels of the animations, grouped to be sampled together."""
+        self.rest_pose: tuple[int, Pose] | None = None
+        """The pose of a scene without animation and the revision of its transforms, kept by `evaluate_pose`."""
         self.bounds: Float64 = pose_bounds(self, evaluate_pose(self, 0.0))
         """(2, 3) corners of the world-space box around everything visible at time 0, float64."""
         self.origin: Float64 = self.bounds.mean(axis=0)

@@ -9,6 +9,7 @@ import numpy as np
 
 from common.gltf.document import Document, Object
 from common.gltf.refusal import refuse
+from common.gltf.schema import NUMBER_LIMIT
 from common.scene import Float32, Float64, UInt32
 
 COMPONENTS: dict[int, np.dtype[Any]] = {
@@ -65,9 +66,11 @@ class Accessors:
             values = self._floats[index] = _as_float(
                 self.raw(index), self._entries[index].get("normalized", False)
             )
-        if finite and not np.isfinite(values).all():
-            element = int(np.argmin(np.isfinite(values).all(axis=1)))
-            refuse(place, f"(accessors[{index}]) has a number that is not finite in element {element}")
+        if finite and not np.abs(values).max() <= NUMBER_LIMIT:  # a NaN makes the maximum NaN
+            element = int(np.argmin((np.abs(values) <= NUMBER_LIMIT).all(axis=1)))
+            finite = bool(np.isfinite(values[element]).all())
+            what = "beyond 1e18" if finite else "that is not finite"
+            refuse(place, f"(accessors[{index}]) has a number {what} in element {element}")
         return values
 
     def indices(self, index: int, place: str, vertex_count: int) -> UInt32:

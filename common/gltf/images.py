@@ -29,8 +29,8 @@ _SMALLER = "make the image smaller"
 class ImageDecoder:
     """Decodes the images that a scene uses while the caller works on its geometry.
 
-    `start` reads headers and queues the work; `finish` waits. Pillow releases the interpreter lock while it
-    inflates.
+    The constructor reads headers and queues the work; `finish` waits. Pillow releases the interpreter lock
+    while it inflates.
     """
 
     def __init__(
@@ -57,7 +57,7 @@ class ImageDecoder:
                     refuse(
                         place, f"brings the images of the scene above {MAX_TOTAL_BYTES >> 30} GiB", _SMALLER
                     )
-                self._futures.append(self._pool.submit(_decode, data, name, place, progress))
+                self._futures.append(self._pool.submit(_decode, data, (width, height), name, place, progress))
         except BaseException:
             self.close()
             raise
@@ -121,9 +121,13 @@ def _jpeg_size(data: Bytes, place: str) -> tuple[int, int]:
     return refuse(place, "is a damaged JPEG without a frame header", "save the image again")
 
 
-def _decode(data: Bytes, name: str, place: str, progress: Callable[[], None] | None) -> Image:
+def _decode(
+    data: Bytes, size: tuple[int, int], name: str, place: str, progress: Callable[[], None] | None
+) -> Image:
     try:
         with Pillow.open(io.BytesIO(data.tobytes()), formats=("PNG", "JPEG")) as picture:
+            if picture.size != size:
+                refuse(place, f"has two sizes, {size} and {picture.size}", "save the image again")
             pixels = _to_rgba(picture)
     except Refusal:
         raise

@@ -11,14 +11,16 @@ import numpy as np
 
 from common.errors import SceneError
 from common.gltf.accessors import Accessors
+from common.gltf.animation import read_animations
 from common.gltf.document import Document, read_document
-from common.gltf.geometry import Pools, SurfaceReader
 from common.gltf.images import ImageDecoder
+from common.gltf.instances import read_instances
 from common.gltf.materials import MaterialKey, Materials
 from common.gltf.nodes import Forest, read_cameras, read_forest, read_lights
+from common.gltf.primitives import PrimitiveReader
 from common.gltf.refusal import Refusal, refuse
 from common.gltf.schema import NUMBER_LIMIT
-from common.scene import Instances, Scene
+from common.scene import Scene
 
 Progress = Callable[[float, str], None]
 """Called with the part that is done, 0 to 1, and what is being done."""
@@ -96,26 +98,11 @@ def _used_materials(document: Document, meshes: list[int]) -> list[MaterialKey]:
 def _assemble(
     path: Path, document: Document, forest: Forest, materials: Materials, decoder: ImageDecoder, steps: _Steps
 ) -> Scene:
-    reader = SurfaceReader(document, Accessors(document), materials)
-    pools = Pools()
-    keys: dict[MaterialKey, int] = {}
-    read: dict[int, list[int]] = {}
-    nodes, meshes = [], []
-    for index in forest.shown:
-        mesh = document.items("nodes")[index].get("mesh")
-        if mesh is None:
-            continue
-        if mesh not in read:
-            read[mesh] = []
-            name = document.items("meshes")[mesh].get("name") or f"mesh {mesh}"
-            for number in range(len(document.items("meshes")[mesh]["primitives"])):
-                found = reader.read(mesh, number, deforms=False)
-                if found is not None:
-                    surface, key = found
-                    read[mesh].append(pools.add(surface, keys.setdefault(key, len(keys)), name))
-        for row in read[mesh]:
-            nodes.append(forest.place[index])
-            meshes.append(row)
+    accessors = Accessors(document)
+    animations = read_animations(document, accessors, forest)
+    reader = PrimitiveReader(document, accessors, materials)
+    drawing = read_instances(document, accessors, forest, reader, animations)
+    pools, keys = drawing.pools, drawing.materials
     table = pools.meshes()
     ordered = sorted(keys, key=lambda key: (key.index is None, key.index or 0, key.unlit))
     rank = np.zeros(len(keys), np.uint32)
@@ -137,11 +124,11 @@ def _assemble(
             materials=materials.build(ordered),
             images=images,
             nodes=forest.nodes,
-            instances=Instances(np.array(nodes, np.int32), np.array(meshes, np.int32)),
+            instances=drawing.instances(),
             lights=lights,
             cameras=cameras,
-            animations=[],
-            deformations=[],
+            animations=animations,
+            deformations=drawing.deformations,
             ambient=_ambient(document),
             warnings=document.warnings,
         )
