@@ -30,6 +30,7 @@ from common.camera import View, exposure
 from common.errors import StaleFrameError, UserError
 from common.pose import evaluate_pose
 from common.scene import Change, Light, Pose, Sampler, Scene
+from common.transforms import translation
 
 from . import LESSON
 from .graphics.commands import Commands, Rendering
@@ -145,6 +146,7 @@ class Renderer:
             made.create()
         self._index = 0
         self._previous_view: View | None = None
+        self._previous_time = 0.0
         self._last: Any = None
         self._create_targets()
 
@@ -258,7 +260,7 @@ class Renderer:
         self._frames.submit(slot)
         frame.work = self._count(commands.work, written)
         self._index += 1
-        self._previous_view = view
+        self._previous_view, self._previous_time = view, time
         frame.cpu_ms = (clock.perf_counter() - started) * 1e3
         return frame
 
@@ -266,21 +268,25 @@ class Renderer:
         """Write what this frame's shaders read; return the bytes written."""
         scene = self.scene
         pose = self._pose(view, time)
-        constants = layouts.frame_constants(
-            view=view,
-            previous_view=self._previous_view,
-            size=self.size,
+        constants = np.zeros((), layouts.dtype("FrameConstants"))
+        layouts.fill_frame_constants(
+            constants,
+            view,
+            self._previous_view or view,
+            self.size,
             origin=scene.origin,
             length_scale=scene.length_scale,
             time=time,
-            previous_time=self._last[1] if self._last else time,
-            index=self._index,
-            ambient=self._ambient() * exposure(view.ev100),
+            previous_time=self._previous_time if self._previous_view else time,
+            frame_index=self._index,
+            instance_count=len(scene.instances),
+            light_count=len(scene.lights),
+            ambient=self._ambient(),
         )
         self._data.write_frame(slot.index, constants)
         written = constants.nbytes + self._data.write_scene(slot.index, pose, exposure(view.ev100))
         written += self._data.record_deformation(slot.commands, slot.index, pose)
-        view_from_origin = view.view_from_world(scene.origin)
+        view_from_origin = view.view_from_world() @ translation(scene.origin)
         visibility = scene.revision[Change.VISIBILITY]
         self._forward.prepare(slot.index, view_from_origin, self._data.instances, visibility)
         self._last = self._state(view, time)

@@ -113,13 +113,9 @@ class SceneData:
         self.bytes_uploaded = uploader.bytes
         self.slots = [self._make_slot(index) for index in range(SLOTS)]
         self._make_sets()
-        self._previous_instances: np.ndarray | None = None
-
-    @property
-    def instances(self) -> np.ndarray:
-        """The packed records that were written last."""
-        assert self._previous_instances is not None, "write_scene comes first"
-        return self._previous_instances
+        self._previous_pose: Pose | None = None
+        self.instances = np.zeros(0, layouts.dtype("Instance"))
+        """The records that were written last."""
 
     # --- made once ---
 
@@ -315,15 +311,14 @@ class SceneData:
         revisions = scene.revision
         key = (revisions[Change.TRANSFORMS], pose.time if scene.animations else None)
         if held.written.get("instances") != (key, "settled"):
-            records = packing.pack_instances(scene, pose, self._previous_instances)
+            records = packing.pack_instances(scene, pose, self._previous_pose)
             held.instances.view(records.dtype)[: len(records)] = records
             written += records.nbytes
             # An object that stops is written once more, so that its previous transform is its present one.
-            moved = self._previous_instances is not None and not np.array_equal(
-                records["world_from_object"], self._previous_instances["world_from_object"]
-            )
+            moved = bool((records["flags"] & layouts.INSTANCE_MOVED).any())
             held.written["instances"] = (key, "moving" if moved else "settled")
-            self._previous_instances = records
+            self.instances = records
+        self._previous_pose = pose
         if held.written.get("materials") != revisions[Change.MATERIALS]:
             records = packing.pack_materials(scene.materials)
             held.materials.view(records.dtype)[: len(records)] = records

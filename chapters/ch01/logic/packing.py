@@ -9,7 +9,6 @@ import numpy as np
 
 from common import layouts
 from common.scene import Light, Material, Pose, Scene
-from common.transforms import normal_matrix
 
 MATERIAL = np.dtype(
     [
@@ -101,27 +100,22 @@ def pack_materials(materials: list[Material]) -> np.ndarray:
     return records
 
 
-def pack_instances(scene: Scene, pose: Pose, previous: np.ndarray | None) -> np.ndarray:
-    """Return (I,) Instance records; `previous` holds those of the frame before, whose transforms are kept beside."""
+def pack_instances(scene: Scene, pose: Pose, previous: Pose | None) -> np.ndarray:
+    """Return (I,) Instance records at `pose`; `previous` is the pose that was rendered before, if any was."""
     records = np.zeros(len(scene.instances), layouts.dtype("Instance"))
-    if not len(records):
-        return records
-    meshes = scene.instances.mesh
-    relative = pose.world_from_object.copy()
-    relative[:, :3, 3] -= scene.origin
-    records["world_from_object"] = relative[:, :3, :]
-    records["previous_world_from_object"] = (
-        records["world_from_object"] if previous is None else previous["world_from_object"]
-    )
-    records["normal_from_object"][:, :, :3] = normal_matrix(relative)
-    low, high = scene.meshes["bounds_min"][meshes], scene.meshes["bounds_max"][meshes]
-    records["bounds_min"][:, :3], records["bounds_max"][:, :3] = low, high
-    records["ids"][:, 0] = meshes
-    records["ids"][:, 1] = scene.meshes["material"][meshes]
-    records["ids"][:, 2] = np.arange(len(records))
-    records["ids"][:, 3] = (
-        np.linalg.det(relative[:, :3, :3]) < 0
-    )  # mirrored: its front faces wind the other way
+    if len(records):
+        mesh = scene.instances.mesh
+        layouts.fill_instances(
+            records,
+            pose.world_from_object,
+            (previous or pose).world_from_object,
+            origin=scene.origin,
+            object_bounds=np.stack([scene.meshes["bounds_min"][mesh], scene.meshes["bounds_max"][mesh]], axis=1),
+            mesh=mesh,
+            material=scene.meshes["material"][mesh],
+            visible=scene.instances.visible,
+            deforming=np.isin(mesh, [deformation.mesh for deformation in scene.deformations]),
+        )
     return records
 
 

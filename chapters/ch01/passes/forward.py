@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from backends.contract import Access
+from common import layouts
 from common.scene import Scene
 
 from ..graphics.commands import Commands
@@ -65,7 +66,7 @@ class ForwardPass:
 
     def prepare(self, slot: int, view_from_world: np.ndarray, instances: np.ndarray, visibility: int) -> None:
         """Choose what this frame draws and in which order. `instances` are the packed records of the slot."""
-        mirrored = instances["ids"][:, 3] != 0
+        mirrored = (instances["flags"] & layouts.INSTANCE_MIRRORED) != 0
         key = (visibility, mirrored.tobytes())
         if key != self._key:
             self.lists = self._builder.build(mirrored, self._pipeline)
@@ -74,9 +75,7 @@ class ForwardPass:
         self.geometry = self._data.geometry(slot)
         some = self.lists.transparent_instances
         if len(some):
-            middle = (instances["bounds_min"][some, :3] + instances["bounds_max"][some, :3]) / 2
-            rows = instances["world_from_object"][some]
-            centers = np.einsum("bij,bj->bi", rows[:, :, :3], middle) + rows[:, :, 3]
+            centers = instances["bounds_centre"][some, :3]
             self.order = packing.back_to_front(centers, view_from_world).tolist()
 
     def _pipeline(self, variant: Variant) -> Built:

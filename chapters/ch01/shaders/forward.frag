@@ -66,7 +66,7 @@ vec3 shading_normal(Material material, vec3 view) {
 
 void main() {
     Instance instance = instances[push.draw.x];
-    Material material = materials[instance.ids.y];
+    Material material = materials[instance.material];
 
     vec4 base = material.base_color;
 #ifdef VERTEX_COLOR
@@ -99,16 +99,18 @@ void main() {
     metallic = clamp(metallic, 0.0, 1.0);
     float alpha = max(roughness * roughness, ALPHA_MIN);
 
-    // A perspective eye is a point (w = 1), an orthographic one a direction (w = 0).
-    vec3 to_eye = frame.eye.xyz - frame.eye.w * in_position;
+    // An orthographic view has no eye, only a direction: the camera's +z axis, against which it looks.
+    vec3 to_eye = frame.orthographic != 0u ? frame.world_from_view[2].xyz : frame.eye.xyz - in_position;
     vec3 view = to_eye * inversesqrt(max(dot(to_eye, to_eye), 1e-30));
     vec3 n = shading_normal(material, view);
 
     vec3 color = vec3(0.0);
 #ifdef LIT
+    float smallest = 1e-6 * frame.eye.w;  // of the scene's length scale: nearer lights are not told apart
+    float smallest2 = smallest * smallest;
     for (uint i = 0u; i < light_count.x; ++i) {
         vec3 to_light;
-        vec3 received = illuminance(lights[i], in_position, frame.lengths.y, to_light);
+        vec3 received = illuminance(lights[i], in_position, smallest2, to_light);
         if (max(received.r, max(received.g, received.b)) > 0.0) {
             color += received * metallic_roughness(n, to_light, view, base.rgb, metallic, alpha);
         }
@@ -129,7 +131,7 @@ void main() {
 #ifdef EMISSIVE_MAP
     emissive *= texture(emissive_map, image_uv(material, 4, in_uv0, in_uv1)).rgb;
 #endif
-    color += emissive * frame.exposure.x;
+    color += emissive * frame.exposure;
     out_color = vec4(finite_color(color), base.a);
 #endif
 }

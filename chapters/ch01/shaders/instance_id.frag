@@ -21,7 +21,7 @@ layout(location = 0) out uint out_id;
 
 void main() {
 #ifdef ALPHA_MASK
-    Material material = materials[instances[push.draw.x].ids.y];
+    Material material = materials[instances[push.draw.x].material];
     float alpha = material.base_color.a;
 #ifdef VERTEX_COLOR
     alpha *= in_color.a;
