@@ -1,0 +1,1 @@
+"""What `./strata` does before Strata can run: look at the machine, decide, make `.venv`. Standard library alone."""

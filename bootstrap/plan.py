@@ -1,0 +1,272 @@
+"""Decide what a machine needs before Strata can draw on it: a pure function from its description to a plan.
+
+Nothing here looks at the machine or changes it; `machine.py` describes, `run.py` does.
+"""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+from bootstrap import apt_sources
+from bootstrap.machine import VALIDATION_LAYER, Machine, Version
+
+NEEDED_VULKAN: Version = (1, 3)
+NEEDED_GL: Version = (4, 5)
+
+Mode = Literal["nothing", "run", "ask", "print"]
+
+APT_VULKAN = ("libvulkan1", "mesa-vulkan-drivers")
+APT_GL = ("libegl1", "libgl1", "libegl-mesa0", "libglx-mesa0", "libgl1-mesa-dri", "libgbm1")
+APT_LAYERS = ("vulkan-validationlayers",)
+# A screen in memory, and what GLFW opens by name when it makes a window on it.
+APT_WINDOW = ("xvfb", "libx11-xcb1", "libxcursor1", "libxi6", "libxinerama1", "libxrandr2")
+APT_PACKAGES = (*APT_VULKAN, *APT_GL, *APT_LAYERS, *APT_WINDOW)
+"""All that a plan may ask apt for, so that `machine.describe` can say what is there already."""
+
+BACKPORTED = "src:mesa src:libdrm"  # Mesa, and the library below it whose version it asks for
+PACKAGES = {
+    "dnf": {
+        "vulkan": ("vulkan-loader", "mesa-vulkan-drivers", "mesa-libEGL"),
+        "layers": ("vulkan-validation-layers",),
+    },
+    "pacman": {
+        "vulkan": ("vulkan-icd-loader", "vulkan-swrast", "mesa"),
+        "layers": ("vulkan-validation-layers",),
+    },
+    "brew": {"vulkan": ("molten-vk", "vulkan-loader"), "layers": ("vulkan-validationlayers",)},
+}
+INSTALL = {
+    "dnf": ("dnf", "install", "-y"),
+    "pacman": ("pacman", "-S", "--needed", "--noconfirm"),
+    "brew": ("brew", "install"),
+}
+
+
+@dataclass(frozen=True)
+class Step:
+    """One change to the system: a command, or a file to write, with its reason."""
+
+    reason: str
+    command: tuple[str, ...] = ()
+    file: tuple[str, str] | None = None  # (path, text), in place of a command
+    may_fail: bool = False
+    instead: tuple[Step, ...] = ()  # done when the command fails; the plan then goes on
+    otherwise: str = ""  # what that means, in one sentence
+
+    def shell(self, prefix: str = "") -> str:
+        """Return the step as a line (or a here-document) for a shell; `prefix` is "sudo " or nothing."""
+        if self.file is None:
+            return prefix + shlex.join(self.command)
+        path, text = self.file
+        return f"{prefix}tee {shlex.quote(path)} >/dev/null <<'END'\n{text}END"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is missing, what would help, and whether it is done, asked about or only shown."""
+
+    mode: Mode
+    steps: tuple[Step, ...] = ()
+    prefix: tuple[str, ...] = ()  # put before every command: ("sudo",) or nothing
+    missing: tuple[str, ...] = ()  # sentences for the user
+    notes: tuple[str, ...] = ()  # sentences that ask for nothing
+    blocks: Literal["nothing", "graphics", "everything"] = "nothing"  # what cannot be done without the steps
+
+    def commands(self) -> Iterator[str]:
+        """Yield every step as the user would type it."""
+        prefix = "".join(word + " " for word in self.prefix)
+        return (step.shell(prefix) for step in self.steps)
+
+
+def decide(machine: Machine, *, yes: bool = False, install: bool = True) -> Plan:
+    """Return the plan for a machine; `yes` agrees in advance, `install=False` leaves the system alone."""
+    draws = machine.vulkan is not None and machine.vulkan >= NEEDED_VULKAN
+    wants = set() if draws else {"vulkan", "layers"}
+    if machine.ci:
+        wants |= ({"layers"} if VALIDATION_LAYER not in machine.layers else set()) | {"window"}
+    missing = _what_is_missing(machine, draws, wants)
+    blocks: Literal["nothing", "graphics", "everything"] = "nothing" if draws else "graphics"
+    if not machine.can_make_venv:
+        blocks = "everything"
+    steps = _steps(machine, wants)
+    if not steps:
+        return Plan("nothing", missing=missing, notes=_notes(machine, draws), blocks=blocks)
+    mode, prefix = _mode(machine, yes, install)
+    return Plan(mode, steps, prefix, missing, _notes(machine, draws), blocks)
+
+
+def _mode(machine: Machine, yes: bool, install: bool) -> tuple[Mode, tuple[str, ...]]:
+    """Return who decides, and what stands before each command."""
+    by_user = (
+        machine.system != "linux" or machine.root
+    )  # Homebrew refuses to run as root, winget asks by itself
+    shown = () if by_user or not machine.sudo else ("sudo",)
+    if not install or not (by_user or machine.sudo):
+        return "print", shown
+    if machine.terminal and machine.system == "linux" and not yes:
+        return "ask", shown
+    if yes or (machine.root and "apt-get" in machine.managers):
+        # Without a terminal nobody can type a password: -n fails at once where one would be asked for.
+        return "run", (*shown, "-n") if shown and not machine.terminal else shown
+    return "print", shown
+
+
+def _what_is_missing(machine: Machine, draws: bool, wants: set[str]) -> tuple[str, ...]:
+    missing = []
+    if not machine.can_make_venv:
+        missing.append(
+            "This Python cannot make virtual environments: its modules venv and ensurepip are not installed."
+        )
+    if not draws and machine.vulkan is not None:
+        version = ".".join(map(str, machine.vulkan))
+        missing.append(f"{machine.vulkan_device} offers Vulkan {version}; Strata needs 1.3.")
+    elif not draws:
+        missing.append(
+            "No Vulkan device was found; Strata needs a driver for Vulkan 1.3 (a software one will do)."
+        )
+    if machine.ci and VALIDATION_LAYER not in machine.layers:
+        missing.append(
+            "The Vulkan validation layers are not installed, and in CI every test runs under them."
+        )
+    return tuple(missing)
+
+
+def _notes(machine: Machine, draws: bool) -> tuple[str, ...]:
+    notes = []
+    if not draws and machine.system == "linux" and not {"apt-get", "dnf", "pacman"} & set(machine.managers):
+        notes.append(
+            "Install with this system's packages: the Vulkan loader, Mesa's Vulkan drivers, the validation layers."
+        )
+    if not draws and machine.gl is not None and machine.gl >= NEEDED_GL:
+        version = ".".join(map(str, machine.gl))
+        notes.append(
+            f"OpenGL {version} works here ({machine.gl_device}), but Strata cannot draw with OpenGL yet."
+        )
+    if not draws and machine.wsl:
+        notes.append(
+            "Under WSL, Mesa reaches the graphics card through Windows where its package has the driver for it."
+        )
+    if not draws and machine.system == "linux" and not machine.wsl:
+        notes.append(
+            "Mesa serves AMD and Intel cards and draws on the processor; NVIDIA's own driver brings Vulkan itself."
+        )
+    if not draws and machine.system == "win32":
+        notes.append(
+            "On Windows Vulkan comes with the driver of the graphics card: update that from its maker's page."
+        )
+    if not draws and machine.system == "darwin" and "brew" not in machine.managers:
+        notes.append("The commands need Homebrew; the Vulkan SDK for macOS brings the same libraries.")
+    if machine.system == "win32" and not machine.glslang:
+        notes.append("The GLSL compiler (glslangValidator) comes with the Vulkan SDK.")
+    return tuple(notes)
+
+
+def _steps(machine: Machine, wants: set[str]) -> tuple[Step, ...]:
+    if machine.system == "win32":
+        sdk = ("winget", "install", "--id", "KhronosGroup.VulkanSDK")
+        wanted = not machine.glslang or "layers" in wants
+        return (
+            (Step("The GLSL compiler and the validation layers come with the Vulkan SDK.", sdk),)
+            if wanted
+            else ()
+        )
+    if machine.system == "darwin":
+        return _one_command("brew", wants, "Vulkan on top of Apple's Metal")
+    if "apt-get" in machine.managers:
+        return _apt_steps(machine, wants)
+    for manager in ("dnf", "pacman"):
+        if manager in machine.managers:
+            return _one_command(manager, wants, "Vulkan's loader and Mesa's drivers")
+    return ()
+
+
+def _one_command(manager: str, wants: set[str], what: str) -> tuple[Step, ...]:
+    names = PACKAGES[manager]
+    packages = [package for want, some in names.items() if want in wants for package in some]
+    reason = what if "vulkan" in wants else "The validation layers"
+    return (Step(f"{reason}.", (*INSTALL[manager], *packages)),) if packages else ()
+
+
+def _apt_steps(machine: Machine, wants: set[str]) -> tuple[Step, ...]:
+    """Return the steps for Debian, Ubuntu and what is made from them; on Debian 12 with Mesa from its backports."""
+    wished = []
+    if not machine.can_make_venv:
+        # Python's own name is in the package's, so that a second Python (Ubuntu 22.04: python3.11) gets its own.
+        wished.append("python{}.{}-venv".format(*machine.python))
+    if "vulkan" in wants:
+        wished += [*APT_VULKAN, *APT_GL]
+    if "layers" in wants:
+        wished += APT_LAYERS
+    if "window" in wants:
+        wished += APT_WINDOW
+    # Mesa is named even where an older one is installed: the point may be its newer version.
+    packages = [
+        p for p in wished if p not in machine.packages or ("vulkan" in wants and p in APT_VULKAN + APT_GL)
+    ]
+    if not packages:
+        return ()
+    steps = [Step("Bring apt's lists of packages up to date.", ("apt-get", "update"), may_fail=True)]
+    if "vulkan" in wants and machine.distribution == "debian" and machine.codename == "bookworm":
+        steps += _backports(machine)
+    command = (
+        "apt-get",
+        "-o",
+        "DPkg::Lock::Timeout=120",
+        "install",
+        "-y",
+        "--no-install-recommends",
+        *packages,
+    )
+    return (*steps, Step(_reason(packages), command))
+
+
+def _backports(machine: Machine) -> list[Step]:
+    """Return the steps that make Debian 12's apt take Mesa, and nothing else, from its backports."""
+    codename = machine.codename
+    pin = Step(
+        "Take Mesa and its libdrm from the backports, and nothing else.",
+        file=(apt_sources.PIN_FILE, apt_sources.pin_of(codename, BACKPORTED)),
+    )
+    if apt_sources.has_backports(machine.sources, codename):
+        return [pin]
+    text = apt_sources.backports_of(machine.sources, codename)
+    if text is None:
+        return []
+    remove = Step("Take that back.", ("rm", "-f", apt_sources.BACKPORTS_FILE, apt_sources.PIN_FILE))
+    # Reads the one new list only: another source that fails is none of our business.
+    only = ("-o", f"Dir::Etc::SourceList={apt_sources.BACKPORTS_FILE}", "-o", "Dir::Etc::SourceParts=-")
+    keep = ("-o", "APT::Get::List-Cleanup=0")
+    return [
+        Step(
+            "Debian 12's own Mesa is 22.3; its backports, on the same host, have 25.0 with mesh shaders and rays.",
+            file=(apt_sources.BACKPORTS_FILE, text),
+        ),
+        pin,
+        Step(
+            "Read the list of the backports.",
+            ("apt-get", "update", "--error-on=any", *only, *keep),
+            instead=(remove,),
+            otherwise=(
+                "Debian's backports cannot be reached, so its own older Mesa is taken: every chapter runs, some by "
+                "their fallbacks, and ./strata doctor says which."
+            ),
+        ),
+    ]
+
+
+def _reason(packages: list[str]) -> str:
+    reasons = {
+        APT_VULKAN[
+            0
+        ]: "Vulkan's loader, Mesa's drivers for Vulkan and OpenGL (one of them draws on the processor)",
+        APT_LAYERS[0]: "the validation layers",
+        APT_WINDOW[0]: "a screen in memory for the tests of windows",
+    }
+    words = [text for package, text in reasons.items() if package in packages]
+    if any(package.endswith("-venv") for package in packages):
+        words.insert(0, "Python's virtual environments")
+    text = "; ".join(words) or "what windows need"
+    return text[0].upper() + text[1:] + "."

@@ -1,0 +1,57 @@
+"""Write `requirements.lock` anew: `python -m bootstrap.relock [--upgrade]`, with the program `uv` on the PATH.
+
+One resolution serves every system and every Python that pyproject.toml admits; where a pin differs, a marker says so.
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import tempfile
+import tomllib
+from pathlib import Path
+
+from bootstrap.packages import LOCK, names_in
+
+ROOT = Path(__file__).resolve().parents[1]
+HEADER = """\
+# Every package that Strata installs, for Python 3.11 to 3.14 on Linux, macOS and Windows, with the hashes of its files.
+# A section holds what the set of packages in its name needs beside the core.
+# Written by `python -m bootstrap.relock`, which resolves pyproject.toml; not edited by hand.
+"""
+
+
+def resolve(arguments: list[str], output: Path) -> str:
+    """Return what uv resolves pyproject.toml to; pins already in `output` are kept where they still fit."""
+    command = ["uv", "pip", "compile", "--quiet", "--universal", "--python-version", "3.11", "--no-header"]
+    command += ["--no-annotate", "--no-emit-index-url", "--output-file", str(output), *arguments]
+    subprocess.run([*command, str(ROOT / "pyproject.toml")], check=True, stdout=subprocess.DEVNULL)
+    return output.read_text("utf-8")
+
+
+def relock(old: str, upgrade: bool) -> str:
+    """Return the text of a new lock; the pins of the old one stay unless `upgrade`."""
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["optional-dependencies"]
+    with tempfile.TemporaryDirectory() as folder:
+        full = Path(folder, "all.txt")
+        full.write_text(old, "utf-8")
+        text = resolve(["--all-extras", "--generate-hashes", *(["--upgrade"] if upgrade else [])], full)
+        members = {}
+        for name in ("core", *extras):
+            extra = [] if name == "core" else ["--extra", name]
+            members[name] = set(names_in(resolve([*extra, "--constraint", str(full)], Path(folder, name))))
+    parts: dict[tuple[str, ...], str] = {}
+    for block in re.split(r"^(?=[A-Za-z0-9])", text, flags=re.MULTILINE)[1:]:
+        package = names_in(block)[0]
+        belongs = tuple(name for name in ("core", *extras) if package in members[name])
+        key = ("core",) if "core" in belongs else belongs
+        parts[key] = parts.get(key, "") + block
+    return HEADER + "".join(f"\n# [{', '.join(key)}]\n{parts[key]}" for key in sorted(parts))
+
+
+if __name__ == "__main__":
+    lock = ROOT / LOCK
+    lock.write_text(
+        relock(lock.read_text("utf-8") if lock.is_file() else "", "--upgrade" in sys.argv), "utf-8"
+    )

@@ -1,0 +1,160 @@
+"""Set Strata up on first use, by the plan of `plan.py`, and hand over to the command line in its own environment."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+from bootstrap import machine, probe
+from bootstrap.environment import Environment, SetupError, make, only_one
+from bootstrap.plan import APT_PACKAGES, NEEDED_VULKAN, Plan, Step, decide
+
+ROOT = Path(__file__).resolve().parents[1]
+
+WITHOUT_DEVICE = ("carry", "diff", "doctor", "list", "site", "--help", "--version")
+"""Commands that are of use where nothing can be drawn; so is Strata without a command, which prints its help."""
+
+
+def main(arguments: list[str]) -> int:
+    """Set up what is missing and start Strata; return an exit code, 2 when the user has to do something first."""
+    options, rest = parse(arguments)
+    try:
+        set_up(Environment(ROOT), options, needs_device=bool(rest) and rest[0] not in WITHOUT_DEVICE)
+    except SetupError as error:
+        say(str(error))
+        return 2
+    except KeyboardInterrupt:
+        say("Stopped; the next start of ./strata sets up what is still missing.")
+        return 130
+    return start(rest)
+
+
+def parse(arguments: list[str]) -> tuple[argparse.Namespace, list[str]]:
+    """Return the options of the set-up, which stand before the command, and the words for Strata itself."""
+    names = {
+        "--yes": "agree in advance to what the set-up would change on this system",
+        "--no-install": "change nothing on this system outside the clone",
+        "--extras": "install all optional packages too, for development and reference",
+        "--latest": "install the newest Python packages, not those of the lock",
+    }
+    parser = argparse.ArgumentParser(add_help=False)
+    for name, text in names.items():
+        parser.add_argument(name, action="store_true", help=text)
+    count = next((i for i, word in enumerate(arguments) if word not in names), len(arguments))
+    return parser.parse_args(arguments[:count]), arguments[count:]
+
+
+def set_up(environment: Environment, options: argparse.Namespace, needs_device: bool) -> None:
+    """Bring system and environment to what is asked; raise SetupError when Strata cannot go on."""
+    with only_one(say):
+        plan = Plan("nothing")
+        before = environment.stamp()
+        everything = options.extras or machine.in_ci() or before[1] == "all"
+        asked = options.yes or options.latest or options.extras
+        if environment.ready(everything) and not asked:
+            return  # another start did it, or the launcher could not tell
+        # The drivers are asked once: not again because a package of ours has another version.
+        if options.yes or before[1] != ("all" if everything else "core"):
+            say("Looking at this machine, once.")
+            plan = decide(machine.describe(APT_PACKAGES), yes=options.yes, install=not options.no_install)
+            plan = carry_out(plan)
+        if plan.blocks == "everything":
+            raise SetupError(explain(plan))
+        if not environment.ready(everything) or options.latest:
+            make(environment, everything, options.latest, say)
+            say("Strata is set up; this happens once.")
+    if plan.blocks == "graphics" or plan.steps:
+        if needs_device and plan.blocks == "graphics" and not options.no_install:
+            raise SetupError(explain(plan))
+        say(explain(plan))
+
+
+def carry_out(plan: Plan) -> Plan:
+    """Do the steps that the plan says to do, or that the user agrees to; return what is still to be done."""
+    if plan.mode == "ask":
+        say(explain(plan))
+        sys.stderr.write(f"strata: Do this now ({len(plan.steps)} steps)? [y/N] ")
+        sys.stderr.flush()
+        if sys.stdin.readline().strip().lower() not in ("y", "yes"):
+            return plan
+    elif plan.mode != "run":
+        return plan
+    for step in plan.steps:
+        perform(step, plan.prefix)
+    version = probe.ask("vulkan").get("version", [0, 0])
+    if plan.blocks != "nothing" and tuple(version) < NEEDED_VULKAN:
+        raise SetupError(
+            "Everything was installed, but still no device offers Vulkan 1.3: `vulkaninfo --summary` of the package "
+            "vulkan-tools says what the drivers report; --no-install goes on without."
+        )
+    return Plan("nothing")
+
+
+def perform(step: Step, prefix: tuple[str, ...]) -> None:
+    """Do one step; raise SetupError where it fails and neither may fail nor has something in its place."""
+    say(step.reason)
+    sys.stderr.write(
+        "".join(f"  $ {line}\n" for line in step.shell(" ".join((*prefix, ""))).splitlines()[:1])
+    )
+    command, given = step.command, ""
+    if step.file is not None:
+        path, given = step.file
+        command = ("tee", path)
+    variables = {**os.environ, "DEBIAN_FRONTEND": "noninteractive"}
+    try:
+        done = subprocess.run(
+            (*prefix, *command),
+            input=given,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            env=variables,
+            check=False,
+        )
+        failed, output = done.returncode != 0, done.stdout
+    except OSError as error:
+        failed, output = True, str(error)
+    if not failed or step.may_fail:
+        return
+    if not step.instead:
+        lines = "\n  ".join(output.strip().splitlines()[-12:])
+        raise SetupError(f"`{shlex.join(command)}` failed; its last lines:\n  {lines}")
+    say(step.otherwise)
+    for other in step.instead:
+        perform(other, prefix)
+
+
+def explain(plan: Plan) -> str:
+    """Return what is missing, what to type and why, and what else there is to know."""
+    lines = [*plan.missing]
+    if plan.steps:
+        by_root = "" if plan.prefix or plan.mode == "ask" or sys.platform != "linux" else ", as root"
+        lines.append(f"These commands help{by_root}:")
+        for step, command in zip(plan.steps, plan.commands(), strict=True):
+            lines += [f"  # {step.reason}", *(f"  {line}" for line in command.splitlines())]
+    lines += plan.notes
+    return "\n".join(lines)
+
+
+def say(text: str) -> None:
+    """Tell the user, beside the program's own output."""
+    sys.stderr.write(f"strata: {text}\n")
+    sys.stderr.flush()
+
+
+def start(arguments: list[str]) -> int:
+    """Become the command line (on Windows: run it and return its exit code)."""
+    python = str(Environment(ROOT).python)
+    # -P: a file of the user's folder that is called like a module is not taken for one.
+    command = [python, "-P", "-m", "chapters", *arguments]
+    os.environ.pop("PYTHONHOME", None)
+    if sys.platform == "win32":  # os.execv returns to the prompt there, before the program is done
+        try:
+            return subprocess.run(command, check=False).returncode
+        except KeyboardInterrupt:
+            return 130
+    return os.execv(python, command)

@@ -1,0 +1,37 @@
+@echo off
+rem Start Strata on Windows. The first use sets everything up, and so does the first after a change of the packages:
+rem that is done by bootstrap\, in Python. Any later use goes straight to the command line in .venv.
+setlocal
+set "root=%~dp0"
+if "%root:~-1%"=="\" set "root=%root:~0,-1%"
+set "python=%root%\.venv\Scripts\python.exe"
+set "PYTHONHOME="
+
+for %%o in (--yes --no-install --extras --latest) do if "%~1"=="%%o" goto setup
+
+rem The same question as Environment.ready in bootstrap\environment.py.
+if not exist "%python%" goto setup
+set "home="
+set "extent="
+(set /p home= & set /p extent=) 2>nul <"%root%\.venv\strata.stamp"
+if not "%home%"=="%root%" goto setup
+if /i "%CI%"=="true" if not "%extent%"=="all" goto setup
+fc /b "%root%\requirements.lock" "%root%\.venv\requirements.lock" >nul 2>nul || goto setup
+"%python%" -P -m chapters %*
+exit /b
+
+:setup
+for %%p in ("py -3" python python3) do (
+    %%~p -I -c "import sys; sys.exit(sys.version_info < (3, 11))" >nul 2>nul && (
+        %%~p -I "%root%\bootstrap\__main__.py" %*
+        goto done
+    )
+)
+where uv >nul 2>nul && (
+    uv run --quiet --no-project --python ">=3.11" python -I "%root%\bootstrap\__main__.py" %*
+    goto done
+)
+echo strata: Strata needs Python 3.11 or newer, and found none: winget install Python.Python.3.13 >&2
+exit /b 2
+:done
+exit /b
