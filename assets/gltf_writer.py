@@ -377,5 +377,5 @@ class GltfBuilder:
 def encode_png(pixels: NDArray[np.uint8]) -> bytes:
     """Return `pixels` (H, W), (H, W, 3) or (H, W, 4) as PNG."""
     stream = io.BytesIO()
-    Image.fromarray(pixels).save(stream, format="PNG", compress_level=9)
+    Image.fromarray(pixels).save(stream, format="PNG", compress_level=6)
     return stream.getvalue()

@@ -55,6 +55,12 @@ class SceneInfo:
 
 _ALL = (
     SceneInfo(
+        "atrium",
+        "assets.atrium",
+        {"medium": 34800, "small": 5000, "large": 250000},
+        "Everything a frame can hold: all texture maps, alpha mask and blend, instances, cloth, animation, many lights.",
+    ),
+    SceneInfo(
         "cornell",
         "assets.cornell",
         {"medium": 82},

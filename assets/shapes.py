@@ -68,6 +68,16 @@ class Mesh:
         assert self.uv0 is not None
         return replace(self, uv0=self.uv0 * np.asarray(scale, np.float64) + offset)
 
+    def with_turned_uv(self) -> Mesh:
+        """Return the mesh with its first uv set turned by a quarter: what ran along v now runs along u."""
+        assert self.uv0 is not None
+        tangents = self.tangents
+        if tangents is not None:
+            # The new u grows where v grew, which is down in the old texture: against the bitangent.
+            down = -np.cross(self.normals, tangents[:, :3]) * tangents[:, 3:]
+            tangents = np.concatenate([down, tangents[:, 3:]], axis=1)
+        return replace(self, uv0=np.stack([self.uv0[:, 1], -self.uv0[:, 0]], -1), tangents=tangents)
+
 
 def rotation_y(degrees: float) -> Float64:
     """Return the (3, 3) rotation about +y, exact for quarter turns."""
@@ -168,32 +178,57 @@ def lathe(
     profile: Sequence[Sequence[tuple[float, float]]],
     segments: int,
     repeat: tuple[float, float] = (1.0, 1.0),
-    sweep_degrees: float = 360.0,
+    faceted: bool = False,
 ) -> Mesh:
     """Turn `profile` about the y axis: runs of (radius, height) from top to bottom, smooth within, creased between.
 
-    u goes `repeat[0]` times around, v counts metres of the profile's length times `repeat[1]`.
+    u goes `repeat[0]` times around, v counts metres of the profile's length times `repeat[1]`. A faceted lathe is a
+    prism: flat around, with its first corner towards +z.
     """
-    angle = np.radians(np.linspace(0.0, sweep_degrees, segments + 1))
+    angle = np.linspace(0.0, 2 * np.pi, segments + 1)
     c, s = np.cos(angle), np.sin(angle)
-    if sweep_degrees == 360.0:
-        c[-1], s[-1] = c[0], s[0]
+    c[-1], s[-1] = c[0], s[0]
+    middle = (angle[:-1] + angle[1:]) / 2
+    spans = [slice(i, i + 2) for i in range(segments)] if faceted else [slice(None)]
     parts, length = [], 0.0
     for run in profile:
-        r, y = np.array(run, np.float64).T
-        steps = np.hypot(np.diff(r), np.diff(y))
+        r, y = (values[:, None] for values in np.array(run, np.float64).T)
+        steps = np.hypot(np.diff(r[:, 0]), np.diff(y[:, 0]))
         v = length + np.concatenate([[0.0], np.cumsum(steps)])
         length = v[-1]
         # The outward normal of a step down along the profile, averaged at the points between two steps.
-        step = normalized(np.stack([-np.diff(y), np.diff(r), np.zeros(len(r) - 1)], -1))
-        mean = np.concatenate([step[:1], step[:-1] + step[1:], step[-1:]])
-        points = np.stack([r[:, None] * s, np.broadcast_to(y[:, None], (len(r), len(c))), r[:, None] * c], -1)
-        normals = np.stack(
-            [mean[:, :1] * s, np.broadcast_to(mean[:, 1:2], points.shape[:2]), mean[:, :1] * c], -1
-        )
-        u = np.broadcast_to(np.linspace(0, repeat[0], segments + 1), points.shape[:2])
-        uv = np.stack([u, np.broadcast_to(v[:, None] * repeat[1], u.shape)], -1)
-        parts.append(surface(points, uv, normals))
+        step = normalized(np.stack([-np.diff(y[:, 0]), np.diff(r[:, 0]), np.zeros(len(steps))], -1))
+        mean = normalized(np.concatenate([step[:1], step[:-1] + step[1:], step[-1:]]))
+        for number, span in enumerate(spans):
+            facing = np.full(2, middle[number]) if faceted else angle
+            ns, nc = (np.sin(facing), np.cos(facing)) if faceted else (s, c)
+            points = np.stack(np.broadcast_arrays(r * s[span], y, r * c[span]), -1)
+            normals = np.stack(np.broadcast_arrays(mean[:, :1] * ns, mean[:, 1:2], mean[:, :1] * nc), -1)
+            u = np.linspace(0.0, repeat[0], segments + 1)[span]
+            parts.append(
+                surface(points, np.stack(np.broadcast_arrays(u, v[:, None] * repeat[1]), -1), normals)
+            )
+    return join(*parts)
+
+
+def arc(
+    center: tuple[float, float], radius: float, start_degrees: float, end_degrees: float, steps: int
+) -> list[tuple[float, float]]:
+    """Return points of a circle for a profile, `steps` + 1 of them; 0 degrees points outwards, 90 up."""
+    angle = np.radians(np.linspace(start_degrees, end_degrees, steps + 1))
+    return [(center[0] + radius * float(np.cos(a)), center[1] + radius * float(np.sin(a))) for a in angle]
+
+
+def extrude(profile: Sequence[Sequence[tuple[float, float]]], length: float) -> Mesh:
+    """Draw `profile` along x, centred: runs of (z, y) from top to bottom seen from +z, creased between; uv in metres."""
+    parts, covered = [], 0.0
+    x = np.array([-length / 2, length / 2])
+    for run in profile:
+        z, y = (values[:, None] for values in np.array(run, np.float64).T)
+        v = covered + np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(z[:, 0]), np.diff(y[:, 0])))])
+        covered = v[-1]
+        points = np.stack(np.broadcast_arrays(x, y, z), -1)
+        parts.append(surface(points, np.stack(np.broadcast_arrays(x, v[:, None]), -1)))
     return join(*parts)
 
 
