@@ -349,7 +349,7 @@ _HINTS = {
     "VK_ERROR_OUT_OF_DEVICE_MEMORY": "the GPU's memory is full: a smaller --size or scene needs less",
     "VK_ERROR_OUT_OF_HOST_MEMORY": "the machine's memory is full",
     "VK_ERROR_DEVICE_LOST": "the driver stopped: run again with --validate, which names the call that was wrong",
-    "VK_ERROR_INCOMPATIBLE_DRIVER": "the driver is older than Vulkan 1.3: ./strata doctor says what is installed",
+    "VK_ERROR_INCOMPATIBLE_DRIVER": "no driver was found that can do this: ./strata doctor says what to install",
     "VK_ERROR_LAYER_NOT_PRESENT": "install the Vulkan validation layers, or run without --validate",
     "VK_ERROR_EXTENSION_NOT_PRESENT": "./strata doctor lists the extensions of every device",
     "VK_ERROR_INITIALIZATION_FAILED": "./strata doctor shows which drivers the loader found",
@@ -393,7 +393,7 @@ def listed(function: Any, call: str, item: str, *arguments: Any) -> list[Any]:
     stype = _struct_type(item).stype if ctype.kind == "struct" else None
     while True:
         check(function(*arguments, count, NULL) or 0, call)
-        # One more than reported: a list that grew between the calls is then seen as VK_INCOMPLETE.
+        # A list that grows between the two calls is cut off, which VK_INCOMPLETE says.
         data = ffi.new(ffi.getctype(ctype, "[]"), max(count[0], 1))
         if stype is not None:
             for index in range(len(data)):
