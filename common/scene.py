@@ -40,14 +40,14 @@ AlphaMode = Literal["opaque", "mask", "blend"]
 
 @dataclass(frozen=True)
 class Image:
-    """A decoded picture, `pixels` (H, W, 4) uint8 or uint16, row 0 on top, straight alpha.
+    """A decoded picture, `pixels` (H, W, 4) uint8, uint16 or float32, row 0 on top, straight alpha.
 
-    Whether its colour is sRGB-coded is decided by the use, not by the file: base colour and emission are, the
-    rest is linear (glTF 2.0, 3.9.2).
+    Whether integers are sRGB codes is decided by the use, not by the file: base colour and emission are, the
+    rest is linear (glTF 2.0, 3.9.2). Floats are always linear.
     """
 
     name: str
-    pixels: NDArray[np.uint8] | NDArray[np.uint16]
+    pixels: NDArray[np.uint8] | NDArray[np.uint16] | Float32
 
 
 @dataclass(frozen=True)

@@ -133,7 +133,8 @@ class Renderer:
         self._pipelines = Pipelines(device)
         self._profiler = Profiler(device)
         self._commands = Commands(device)
-        self._data = SceneData(device, scene, settings, self._resources, self._descriptors)
+        anisotropy = settings.anisotropy if self.plan.native("anisotropy") else 1.0
+        self._data = SceneData(device, scene, settings, anisotropy, self._resources, self._descriptors)
         self._forward = ForwardPass(scene, settings, self._data, self._pipelines)
         self._instance_id = InstanceIdPass(self._forward, self._data, self._pipelines)
         self._tonemap = TonemapPass(settings, self._descriptors, self._pipelines)

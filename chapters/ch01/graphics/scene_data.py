@@ -17,6 +17,7 @@ from backends.vulkan.device import Device
 from backends.vulkan.resources import Buffer, mip_levels
 from backends.vulkan.upload import Uploader
 from common import layouts
+from common.color import decode_srgb
 from common.pools import Handle
 from common.scene import Change, Pose, Sampler, Scene
 
@@ -92,13 +93,33 @@ def stream_offsets(sizes: dict[str, int], alignment: int = ALIGNMENT) -> tuple[d
     return offsets, end
 
 
+def half_texels(pixels: np.ndarray, srgb: bool) -> np.ndarray:
+    """Return (H, W, 4) uint16 or float texels as float16 light; sRGB codes of integers are decoded.
+
+    What is not finite is made so here: a filter would spread one NaN over every smaller mip level.
+    """
+    if pixels.dtype == np.uint16:
+        value = pixels.astype(np.float32) / np.float32(65535.0)
+        if srgb:
+            value[..., :3] = decode_srgb(value[..., :3])
+    else:
+        value = np.nan_to_num(pixels.astype(np.float32), nan=0.0, posinf=65504.0, neginf=-65504.0)
+    return np.clip(value, -65504.0, 65504.0).astype(np.float16)
+
+
 class SceneData:
     """Everything that draws read: buffers, textures and descriptor sets."""
 
     def __init__(
-        self, device: Device, scene: Scene, settings: Settings, resources: Resources, descriptors: Descriptors
+        self,
+        device: Device,
+        scene: Scene,
+        settings: Settings,
+        anisotropy: float,
+        resources: Resources,
+        descriptors: Descriptors,
     ) -> None:
-        self._device, self._scene, self._settings = device, scene, settings
+        self._device, self._scene, self._settings, self._anisotropy = device, scene, settings, anisotropy
         self._resources, self._descriptors = resources, descriptors
         everything = not settings.skip_unused
         self.variants = [
@@ -176,15 +197,11 @@ class SceneData:
         if levels > 1:
             usage |= vk.VK_IMAGE_USAGE_STORAGE_BIT
         pixels = image.pixels
-        if pixels.dtype == np.uint16:
+        if pixels.dtype != np.uint8:
             # Sixteen bits do not fit into eight; half precision keeps eleven of them and is filtered everywhere.
-            value = pixels.astype(np.float32) / 65535.0
-            if srgb:
-                from common.images import linear_from_srgb
-
-                value[..., :3] = linear_from_srgb(value[..., :3])
+            value = half_texels(pixels, srgb)
             handle = self._resources.image("rgba16f", (width, height), usage, image.name, levels=levels)
-            uploader.image(self._resources.images.get(handle), value.astype(np.float16))
+            uploader.image(self._resources.images.get(handle), value)
             return handle
         handle = self._resources.image(
             "rgba8",
@@ -248,8 +265,7 @@ class SceneData:
                 texture = material.textures().get(role)
                 image = self._resources.images.get(self._images[self._image_key(role, texture)])
                 sampler = texture.sampler if texture is not None else Sampler()
-                anisotropy = self._settings.anisotropy
-                held[ROLES.index(role)] = Texture(image.view, self._resources.sampler(sampler, anisotropy))
+                held[ROLES.index(role)] = Texture(image.view, self._resources.sampler(sampler, self._anisotropy))
             wanted.append((self._material_bindings(variant), held, f"material {index} {material.name}"))
         sets = self._descriptors.create(wanted)
         self.frame_sets = [vk.array("VkDescriptorSet", [made]) for made in sets[:SLOTS]]
