@@ -293,15 +293,15 @@ def _without_comments(lines: Sequence[str]) -> list[str]:
 
 
 def _lines(text: str) -> tuple[str, ...]:
-    """Return the lines of `text` as a compiler counts them: str.splitlines would split at form feeds too."""
+    """Return the lines of `text` without its byte-order mark, as a compiler counts them (no form feeds)."""
     text = text.removeprefix("\ufeff").replace("\r\n", "\n").removesuffix("\n")
     return tuple(text.split("\n"))
 
 
 def _read(path: Path) -> str:
-    """Return a file's text with LF line ends and without a byte-order mark."""
+    """Return a file's text with LF line ends."""
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = path.read_text(encoding="utf-8")
     except OSError as error:
         raise ShaderError(f"The shader {_shown(path)} cannot be read: {error.strerror or error}.") from None
     except UnicodeDecodeError:

@@ -298,6 +298,9 @@ def test_lists_are_whole_however_often_they_change() -> None:
 
     items = vk.listed(enumerate_, "list", "VkExtensionProperties")
     gc.collect()
+    # If the items did not keep the list's memory, these would get it.
+    junk = [ffi.new("char[]", b"X" * 5 * ffi.sizeof("VkExtensionProperties")) for _ in range(100)]
+    assert junk
     assert [item.specVersion for item in items] == [1, 2, 3, 4, 5]
 
 
