@@ -75,7 +75,7 @@ class Document:
             place = f"buffers[{index}]"
             entry = self.items("buffers")[index]
             uri, length = entry.get("uri"), entry["byteLength"]
-            if uri is not None:
+            if uri:
                 data = read_uri(uri, self.folder, f"{place}.uri")
             elif index == 0 and self._binary is not None:
                 data = self._binary
@@ -174,9 +174,9 @@ def _check_version(asset: Object) -> None:
 def _through_library(text: str, root: Object) -> Object:
     """Return the document as pygltflib understands it, without its empty fields.
 
-    pygltflib 1.16 has no field for a node's `weights`, so they are put back. Where it cannot decode a
-    document that has passed our check (say, extras nested deeper than its recursion goes), the plain document
-    is used: both say the same.
+    pygltflib 1.16 has no field for a node's `weights` and empties `extras`, so both are put back. Where it
+    cannot decode a document that has passed our check (say, extras nested deeper than its recursion goes),
+    the plain document is used: both say the same.
     """
     import pygltflib  # 0.1 s, not needed for large files
 
@@ -187,6 +187,5 @@ def _through_library(text: str, root: Object) -> Object:
     except Exception:
         return root
     for node, original in zip(decoded.get("nodes") or [], root.get("nodes") or [], strict=True):
-        if original.get("weights"):
-            node["weights"] = original["weights"]
+        node.update({key: original[key] for key in ("weights", "extras") if key in original})
     return decoded

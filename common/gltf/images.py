@@ -45,7 +45,7 @@ class ImageDecoder:
                 place = f"images[{index}]"
                 entry = document.items("images")[index]
                 name = entry.get("name") or PurePath(_file_name(entry.get("uri", ""))).stem
-                if "uri" in entry:
+                if entry.get("uri"):
                     data = read_uri(entry["uri"], document.folder, f"{place}.uri")
                 elif "bufferView" in entry:
                     data = document.buffer_view(entry["bufferView"])
