@@ -1,0 +1,213 @@
+"""Pictures in files: PNG for what is shown, EXR and Radiance for what is measured.
+
+Arrays are (H, W, C), row 0 on top. Integers are coded as the file has them; floats are linear. Every file is
+written whole or not at all, and what is wrong with a path or a file is a UserError of one sentence.
+"""
+
+from __future__ import annotations
+
+import io
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image as PillowImage
+
+from common.errors import UserError
+from common.paths import write_whole
+from common.png16 import decode_png16, encode_png16, is_deep_color
+from common.radiance import decode_radiance, encode_radiance
+
+Array = NDArray[Any]
+
+WRITABLE = (".png", ".exr", ".hdr")
+READABLE = (".png", ".jpg", ".jpeg", ".exr", ".hdr")
+MAX_PIXELS = 1 << 28
+_CHANNEL_NAMES = {1: "Y", 2: "XY", 3: "RGB", 4: "RGBA"}
+
+
+def check_writable(path: Path) -> None:
+    """Raise UserError if no picture can be written to `path`: to be called before the work, not after it."""
+    if path.suffix.lower() not in WRITABLE:
+        raise UserError(
+            f"{path} has no suffix of a picture: write {', '.join(WRITABLE[:-1])} or {WRITABLE[-1]}"
+        )
+    if path.is_dir():
+        raise UserError(f"{path} is a folder: name a file in it")
+    if not path.parent.is_dir():
+        raise UserError(f"there is no folder {path.parent} for {path.name}: create it first")
+    if path.suffix.lower() == ".exr":
+        _openexr()
+
+
+def write_image(path: str | Path, image: Array) -> None:
+    """Write a picture in the format of its suffix.
+
+    .png takes uint8 or uint16 in 1 to 4 channels, .exr float16, float32 or uint32, .hdr floats in 3 channels.
+    Raises UserError for a path that cannot be written, ValueError for an array that the format cannot hold.
+    """
+    path = Path(path)
+    check_writable(path)
+    image = image[..., None] if image.ndim == 2 else image
+    if image.ndim != 3 or 0 in image.shape:
+        raise ValueError(f"a picture has the shape (H, W, C), not {image.shape}")
+    suffix = path.suffix.lower()
+    data = {".png": _encode_png, ".exr": _encode_exr_image, ".hdr": _encode_hdr}[suffix](image)
+    _write(path, data)
+
+
+def write_layers(path: str | Path, layers: Mapping[str, Array]) -> None:
+    """Write pictures of one size into one EXR: the layer "" is the picture, others become "name.R"."""
+    path = Path(path)
+    check_writable(path)
+    if path.suffix.lower() != ".exr":
+        raise UserError(f"{path} cannot hold layers: only .exr can")
+    _write(path, _encode_exr(layers))
+
+
+def read_image(path: str | Path) -> Array:
+    """Return a picture (H, W, C) as its file has it; raises UserError if it cannot be read."""
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix not in READABLE:
+        raise UserError(f"{path} is not of a kind that can be read: {', '.join(READABLE)}")
+    if suffix == ".exr":
+        layers = read_layers(path)
+        if "" not in layers:
+            raise UserError(f"{path} has no unnamed layer, only {', '.join(layers)}")
+        return layers[""]
+    data = _read(path)
+    try:
+        if suffix == ".hdr":
+            return decode_radiance(data)
+        return decode_png16(data) if is_deep_color(data[:26]) else _decode_with_pillow(data)
+    except (ValueError, OSError, SyntaxError, PillowImage.DecompressionBombError) as error:
+        reason = (
+            str(error)
+            if isinstance(error, ValueError)
+            else "it is broken or of another kind than its suffix says"
+        )
+        raise UserError(f"{path} cannot be read: {reason}") from None
+
+
+def read_layers(path: str | Path) -> dict[str, Array]:
+    """Return all layers (H, W, C) of an EXR by name, "" for the channels without one. Raises UserError."""
+    path = Path(path)
+    openexr = _openexr()
+    _read(path, 4)  # for its errors
+    try:
+        window = openexr.File(str(path), header_only=True).header()["dataWindow"]
+        width, height = (window[1].astype(np.int64) - window[0] + 1).tolist()
+        if width * height > MAX_PIXELS:
+            raise UserError(f"{path} cannot be read: it claims {width} x {height} pixels")
+        channels = {
+            name: c.pixels for name, c in openexr.File(str(path), separate_channels=True).channels().items()
+        }
+    except (RuntimeError, ValueError, KeyError):
+        raise UserError(f"{path} cannot be read: it is broken or no EXR") from None
+    layers: dict[str, dict[str, Array]] = {}
+    for name, pixels in channels.items():
+        # A file that is cut off is reported on the console alone: its channels then have no pixels.
+        if pixels is None or pixels.shape != (height, width):
+            raise UserError(f"{path} cannot be read: it is cut off or has channels of different sizes")
+        layer, _, channel = name.rpartition(".")
+        layers.setdefault(layer, {})[channel] = pixels
+    return {layer: np.stack(_in_order(parts), axis=-1) for layer, parts in layers.items()}
+
+
+def _in_order(parts: dict[str, Array]) -> list[Array]:
+    """Channels in the order of RGBA or XY, which files sort by letter."""
+    return [parts[name] for name in sorted(parts, key=lambda name: ("RGBAXYZW".find(name[:1].upper()), name))]
+
+
+def _encode_png(image: Array) -> bytes:
+    if image.dtype not in (np.uint8, np.uint16) or image.shape[2] > 4:
+        raise ValueError(
+            f"a PNG holds uint8 or uint16 in 1 to 4 channels, not {image.dtype} in {image.shape[2]}"
+        )
+    if image.dtype == np.uint16:
+        return encode_png16(image)
+    pillow = PillowImage.fromarray(np.ascontiguousarray(image[..., 0] if image.shape[2] == 1 else image))
+    stream = io.BytesIO()
+    pillow.save(stream, "PNG", compress_level=6)
+    return stream.getvalue()
+
+
+def _decode_with_pillow(data: bytes) -> Array:
+    with PillowImage.open(io.BytesIO(data), formats=("PNG", "JPEG")) as picture:
+        if picture.width * picture.height > MAX_PIXELS:
+            raise ValueError(f"it claims {picture.width} x {picture.height} pixels")
+        plain = picture.mode in ("L", "LA", "RGB", "RGBA", "I;16")
+        palette = "RGBA" if "transparency" in picture.info else "RGB"
+        pixels = np.asarray(picture if plain else picture.convert(palette))
+    return pixels[..., None] if pixels.ndim == 2 else pixels
+
+
+def _encode_hdr(image: Array) -> bytes:
+    if not np.issubdtype(image.dtype, np.floating) or image.shape[2] != 3:
+        raise ValueError(f"a Radiance file holds floats in 3 channels, not {image.dtype} in {image.shape[2]}")
+    return encode_radiance(image)
+
+
+def _encode_exr_image(image: Array) -> bytes:
+    return _encode_exr({"": image})
+
+
+def _encode_exr(layers: Mapping[str, Array]) -> bytes:
+    openexr = _openexr()
+    channels = {}
+    for layer, image in layers.items():
+        image = image[..., None] if image.ndim == 2 else image
+        image = image.astype(np.float32) if image.dtype == np.float64 else image
+        if (
+            image.ndim != 3
+            or image.shape[2] not in _CHANNEL_NAMES
+            or image.dtype not in (np.float16, np.float32, np.uint32)
+        ):
+            raise ValueError(
+                f"an EXR layer is (H, W, 1..4) of float16, float32 or uint32, not {image.shape} {image.dtype}"
+            )
+        for index, channel in enumerate(_CHANNEL_NAMES[image.shape[2]]):
+            name = f"{layer}.{channel}" if layer else channel
+            channels[name] = np.ascontiguousarray(image[..., index])  # the package ignores strides
+    if len({pixels.shape for pixels in channels.values()}) != 1:
+        raise ValueError("the layers of an EXR must have one size")
+    header = {"compression": openexr.ZIP_COMPRESSION, "type": openexr.scanlineimage}
+    with tempfile.TemporaryDirectory() as folder:  # older versions of the package cannot write to memory
+        path = Path(folder) / "image.exr"
+        openexr.File(header, channels).write(str(path))
+        return path.read_bytes()
+
+
+def _openexr() -> ModuleType:
+    try:
+        import OpenEXR
+    except ImportError:
+        raise UserError(
+            "EXR needs the package OpenEXR: run `pip install OpenEXR`, or write .png or .hdr"
+        ) from None
+    module: ModuleType = OpenEXR
+    return module
+
+
+def _write(path: Path, data: bytes) -> None:
+    try:
+        write_whole(path, data)
+    except OSError as error:
+        raise UserError(f"{path} cannot be written: {error.strerror or error}") from None
+
+
+def _read(path: Path, count: int = -1) -> bytes:
+    if path.is_dir():
+        raise UserError(f"{path} is a folder, not a picture")
+    try:
+        with path.open("rb") as stream:
+            return stream.read(count)
+    except FileNotFoundError:
+        raise UserError(f"there is no file {path}") from None
+    except OSError as error:
+        raise UserError(f"{path} cannot be read: {error.strerror or error}") from None
