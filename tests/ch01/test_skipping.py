@@ -1,0 +1,154 @@
+"""What a scene does not need is not done, and the picture is the same as if it were: always in pairs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from chapters.ch01.logic.packing import material_variant
+from chapters.ch01.renderer import Renderer
+from chapters.ch01.settings import Settings
+from common.scene import Image, Light, Material
+from tests.support.scenes import facing, quad_scene, texture, translated
+
+SIZE = (32, 32)
+SUN = Light("directional", node=0, intensity=math.pi)
+PLAIN = Material(base_color=(0.7, 0.5, 0.3, 1.0), metallic=0.2, roughness=0.4, emissive=(0.1, 0.2, 0.3))
+SETTINGS = Settings(default_light=False, ambient=0.2)
+
+
+def texels(seed):
+    return Image(f"texels {seed}", np.random.default_rng(seed).integers(0, 256, (8, 8, 4), dtype=np.uint8))
+
+
+SCENES = {
+    "nothing": quad_scene(PLAIN),
+    "lights": quad_scene(PLAIN, lights=(SUN,)),
+    "texture": quad_scene(replace(PLAIN, base_color_texture=texture()), images=(texels(0),)),
+    "normal map": quad_scene(replace(PLAIN, normal_texture=texture()), images=(texels(1),), lights=(SUN,)),
+    "mask": quad_scene(replace(PLAIN, alpha_mode="mask", base_color_texture=texture()), images=(texels(2),)),
+    "blend": quad_scene(replace(PLAIN, base_color=(1, 1, 1, 0.5), alpha_mode="blend"), lights=(SUN,)),
+    "unlit": quad_scene(replace(PLAIN, unlit=True)),
+}
+
+
+@pytest.fixture(scope="module")
+def frames(vulkan_device):
+    """Return, by scene, the picture and the work with skipping, and both without."""
+    made = {}
+    for name, scene in SCENES.items():
+        pair = []
+        for skip in (True, False):
+            settings = replace(SETTINGS, skip_unused=skip)
+            with Renderer(scene, SIZE, settings, outputs={"color_linear"}, device=vulkan_device) as renderer:
+                frame = renderer.render(facing())
+                pair.append((frame.image("color_linear"), frame.work))
+        made[name] = pair
+    return made
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_the_picture_is_the_same_with_skipping_turned_off(frames, name):
+    (skipped, _), (whole, _) = frames[name]
+    assert np.allclose(skipped, whole, rtol=2e-3, atol=1e-6)  # one step of half precision in the target
+
+
+def test_a_scene_without_textures_has_no_texture_sampler_or_material_set(frames):
+    (_, skipped), (_, whole) = frames["lights"]
+    assert skipped["textures"] == 0
+    assert skipped["samplers"] == 0
+    assert skipped["descriptor_sets"] == 2, "one for each frame in flight"
+    assert whole["textures"] > 0
+    assert whole["samplers"] > 0
+    assert whole["descriptor_sets"] == 3
+
+
+def test_a_scene_without_lights_has_no_light_buffer_and_no_light_loop(vulkan_device, frames):
+    (_, skipped), (_, whole) = frames["nothing"]
+    assert skipped["lights"] == 0
+    made = []
+    for settings in (SETTINGS, replace(SETTINGS, skip_unused=False)):
+        with Renderer(SCENES["nothing"], SIZE, settings, outputs={"color"}, device=vulkan_device):
+            made.append(sum(name.startswith("lights") for name in vulkan_device.alive.values()))
+    assert made == [0, 2]
+    assert whole["bytes_written"] > skipped["bytes_written"]
+
+
+def test_a_scene_without_masks_builds_no_pipeline_with_an_alpha_test():
+    scene = SCENES["texture"]
+    assert not material_variant(scene.materials[0], scene).has("ALPHA_MASK")
+    assert material_variant(SCENES["mask"].materials[0], SCENES["mask"]).has("ALPHA_MASK")
+
+
+def test_pipelines_are_those_of_materials_that_are_drawn(vulkan_device):
+    """Three materials, of which one is drawn twice, one once and one never: two forward pipelines, one tone curve."""
+    materials = (PLAIN, replace(PLAIN, unlit=True), replace(PLAIN, alpha_mode="mask"))
+    matrices = (translated(-1.0), translated(1.0), translated(2.0))
+    scene = quad_scene(materials=materials, matrices=matrices, instance_materials=(0, 1, 0))
+    with Renderer(scene, SIZE, SETTINGS, device=vulkan_device) as made:
+        work = made.render(facing(ymag=3.0)).work
+    assert work["pipelines"] == 3
+    assert work["draws"] == 4
+
+
+def test_passes_whose_output_nobody_reads_do_not_run(vulkan_device):
+    for outputs, names in (
+        ({"color"}, ["forward", "tonemap"]),
+        ({"color_linear"}, ["forward"]),
+        ({"depth", "instance_id"}, ["forward", "instance_id"]),
+    ):
+        with Renderer(SCENES["lights"], SIZE, SETTINGS, outputs=outputs, device=vulkan_device) as made:
+            frame = made.render(facing())
+            assert [one.name for one in made.passes] == names
+            assert frame.work["passes"] == len(names)
+            assert frame.work["passes_skipped"] == 3 - len(names)
+            assert list(frame.timings) == names
+
+
+@pytest.mark.feature("gltf/prebuilt-descriptor-sets")
+def test_a_still_frame_builds_nothing_and_writes_one_record(vulkan_device):
+    log: list = []
+    with Renderer(SCENES["texture"], SIZE, SETTINGS, device=vulkan_device) as made:
+        for _ in range(3):
+            made.render(facing())
+        vulkan_device.fn.trace(log)
+        frame = made.render(facing(distance=1.7))
+        vulkan_device.fn.trace(None)
+    calls = [name for name, _ in log]
+    built = ("vkCreate", "vkAllocate", "vkUpdateDescriptorSets", "vkDestroy", "vkFree", "vkMap")
+    assert not [name for name in calls if name.startswith(built)]
+    assert calls.count("vkQueueSubmit2") == 1
+    from common import layouts
+
+    assert frame.work["bytes_written"] == layouts.dtype("FrameConstants").itemsize
+
+
+@pytest.mark.feature("device/command-buffers")
+@pytest.mark.feature("device/api-trace")
+def test_a_frame_is_the_golden_list_of_calls(vulkan_device):
+    """Every pass between its label, its stamps and its attachments; every draw after its pipeline, sets and constants."""
+    log: list = []
+    with Renderer(SCENES["texture"], SIZE, SETTINGS, device=vulkan_device) as made:
+        made.render(facing())
+        made.render(facing())
+        vulkan_device.fn.trace(log)
+        made.render(facing())
+        vulkan_device.fn.trace(None)
+    calls = [name.removeprefix("vk").removeprefix("Cmd") for name, _ in log]
+    begin = ["BeginDebugUtilsLabelEXT", "WriteTimestamp2", "BeginRendering", "SetViewport", "SetScissor"]
+    end = ["EndRendering", "WriteTimestamp2", "EndDebugUtilsLabelEXT"]
+    state = ["BindPipeline", "SetCullMode", "SetFrontFace"]
+    forward = ["BindVertexBuffers"] * 3 + ["BindIndexBuffer", *state]
+    forward += ["BindDescriptorSets", "BindDescriptorSets", "PushConstants", "DrawIndexed"]
+    tonemap = [*state, "BindDescriptorSets", "Draw"]
+    copy = ["BeginDebugUtilsLabelEXT", "PipelineBarrier2", "CopyImageToBuffer", "PipelineBarrier2"]
+    assert calls == [
+        *("WaitForFences", "ResetCommandPool", "BeginCommandBuffer", "ResetQueryPool"),
+        *("PipelineBarrier2", *begin, *forward, *end),
+        *("PipelineBarrier2", *begin, *tonemap, *end),
+        *(*copy, "EndDebugUtilsLabelEXT"),
+        *("EndCommandBuffer", "ResetFences", "QueueSubmit2"),
+    ]
