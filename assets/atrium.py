@@ -30,9 +30,9 @@ from assets.atrium_shell import add_building
 from assets.gltf_writer import GltfBuilder, axis_angle, look_at
 from assets.shapes import Mesh, quad, tube
 
-SUN_LUX, SUN_DIRECTION, SUN_COLOR = 3000.0, (0.40, -0.80, 0.44), (1.0, 0.85, 0.64)
-AMBIENT_NITS = 125.0
-LANTERN_CANDELA, LANTERN_COLOR, LANTERN_REACH = 320.0, (1.0, 0.62, 0.28), 7.0
+SUN_LUX, SUN_DIRECTION, SUN_COLOR = 3000.0, (0.42, -0.84, 0.34), (1.0, 0.85, 0.64)
+AMBIENT_NITS = 180.0
+LANTERN_CANDELA, LANTERN_COLOR, LANTERN_REACH = 700.0, (1.0, 0.62, 0.28), 7.0
 EV100 = 9.3
 LOOP_S = 12.0  # seconds until everything that moves is where it was
 
@@ -114,7 +114,7 @@ def _fountain(scene: GltfBuilder, material: dict[str, int], detail: Detail) -> l
 
     times = np.linspace(0, LOOP_S, 9)
     turns = lambda axis, count: np.array([axis_angle(axis, 360 * count * t / LOOP_S) for t in times])  # noqa: E731
-    circle = np.linspace(0, 2 * np.pi, 9)
+    circle = np.linspace(0, 2 * np.pi, 9) + 2.4  # at first the boat lies in front for most cameras
     at = np.stack([0.78 * np.cos(circle), 0.425 + 0.006 * np.sin(3 * circle), 0.78 * np.sin(circle)], -1)
     speed = np.stack([-0.78 * np.sin(circle), 0.018 * np.cos(3 * circle), 0.78 * np.cos(circle)], -1) * (
         2 * np.pi / LOOP_S
@@ -131,7 +131,7 @@ def _fountain(scene: GltfBuilder, material: dict[str, int], detail: Detail) -> l
 def _lanterns(scene: GltfBuilder, material: dict[str, int], detail: Detail, nodes: dict[str, int]) -> list:
     """Hang the lanterns into the arches, each with its light; return the channels of those that swing."""
     chains = {
-        length: scene.add_mesh("chain", (props.chain(length), material["bronze"]))
+        length: scene.add_mesh("chain", (props.chain(length, detail), material["bronze"]))
         for length in sorted({l[3] for l in LANTERNS})
     }
     body = scene.add_mesh(
@@ -231,7 +231,7 @@ def _plants(scene: GltfBuilder, material: dict[str, int], detail: Detail, nodes:
         scene.add_node(f"ivy_{k}", nodes[f"{side}_upper"], translation=(x, 0.1, 0.36), mesh=vines[k % 2])
 
     rng = np.random.default_rng(431)
-    count = 16 * len(TREES)
+    count = round(16 * detail.plenty) * len(TREES)
     bed_of = np.array(TREES)[np.arange(count) % len(TREES)]
     place = rng.uniform(-0.46, 0.46, (count, 2)) + bed_of
     size = rng.uniform(0.035, 0.075, (count, 1)) * np.array([1.25, 0.6, 1.0])
@@ -301,13 +301,13 @@ def _lights_and_cameras(scene: GltfBuilder) -> None:
     )
     views = {
         "overview": ((-5.5, 1.9, 0.45), (3.0, 2.2, -0.5), 60.0, EV100),
-        "fountain": ((-2.1, 1.75, 1.5), (0.05, 1.2, 0.0), 42.0, EV100),
-        "gallery": ((-7.4, 1.75, -4.9), (4.0, 2.0, -4.5), 58.0, EV100 - 1),
-        "upper": ((6.9, UPPER_FLOOR + 1.7, -4.3), (-2.0, 1.9, 1.0), 58.0, EV100),
-        "banners": ((-1.9, 3.1, -0.2), (0.3, 3.5, -3.6), 48.0, EV100),
-        "oranges": ((-3.1, 1.55, 0.75), (-4.4, 1.75, 2.2), 50.0, EV100),
+        "fountain": ((-2.2, 1.75, 1.55), (0.05, 0.98, 0.0), 44.0, EV100),
+        "gallery": ((-5.6, 1.75, -5.0), (5.0, 2.0, -4.3), 58.0, EV100 - 0.7),
+        "upper": ((-5.3, 5.5, -2.3), (1.4, 1.2, 1.2), 60.0, EV100),
+        "banners": ((-1.2, 2.6, 0.6), (-0.1, 3.35, 3.6), 55.0, EV100),
+        "oranges": ((2.95, 1.6, 0.55), (4.35, 1.8, 2.05), 50.0, EV100),
         "portal": ((2.6, 1.7, -0.3), (8.4, 2.2, 0.1), 52.0, EV100),
-        "roof": ((-12.5, 13.5, 10.5), (0.2, 2.4, -0.4), 40.0, EV100),
+        "roof": ((-9.0, 17.0, 8.0), (0.4, 1.5, 0.3), 40.0, EV100),
     }
     group = scene.add_node("cameras")
     for name, (eye, target, yfov, ev100) in views.items():

@@ -23,7 +23,14 @@ SPRING, CEILING = 2.55, 3.85  # of the ground storey
 UPPER_FLOOR, UPPER_SPRING, UPPER_CEILING = 4.15, 6.05, 6.85
 EAVE, RIDGE = 7.05, 8.2  # heights of the roof's lower and upper edge
 OVERHANG = 0.45
-STONE, MOSAIC, PLASTER, PLANKS, PAVING, TILES = 1 / 1.2, 2.0, 0.5, 1.25, 1 / 2.4, 1 / 1.2  # repeats per metre
+STONE, MOSAIC, PLASTER, PLANKS, PAVING, TILES = (
+    1 / 1.2,
+    2.0,
+    1 / 3,
+    1.25,
+    1 / 2.4,
+    1 / 1.2,
+)  # repeats per metre
 
 # Turn about y, position, length and number of bays of each side; north is -z.
 SIDES = {
@@ -38,20 +45,21 @@ SIDES = {
 class Detail:
     """How finely the atrium is made."""
 
-    texture_px: int
+    texture_px: int  # of the finest textures
     column_segments: int
-    curve_steps: int  # of each moulding
+    curve_steps: int  # of each moulding; 0 leaves the smallest ornament out
     voussoirs: int  # of a ground arch
     arch_steps: int  # per voussoir
     cloth: tuple[int, int]  # cells across and down a banner
-    leaves: float  # share of the twigs of plants and trees
-    round_segments: int  # of pots, basins, rings
+    plenty: float  # share of twigs, fruit and pebbles
+    round_segments: int  # of pots, bowls, hoops
+    carved: bool  # tiles of the roof and blocks under the cornice are modelled
 
 
 DETAILS = {
-    "small": Detail(256, 5, 1, 5, 1, (4, 6), 0.25, 6),
-    "medium": Detail(512, 12, 2, 13, 1, (12, 20), 1.0, 14),
-    "large": Detail(512, 48, 8, 17, 4, (48, 80), 4.0, 64),
+    "small": Detail(256, 5, 0, 5, 1, (4, 6), 0.25, 6, False),
+    "medium": Detail(512, 12, 2, 13, 1, (12, 20), 1.0, 14, False),
+    "large": Detail(512, 40, 7, 17, 4, (48, 72), 5.0, 44, True),
 }
 
 
@@ -88,7 +96,7 @@ def plan_occlusion(px: int) -> Bytes:
     outside = np.hypot(np.maximum(np.abs(x) - HALF_X, 0), np.maximum(np.abs(z) - HALF_Z, 0))
     inside = np.maximum(np.minimum(HALF_X - np.abs(x), HALF_Z - np.abs(z)), 0)
     openness = np.where(
-        outside > 0, 0.24 + 0.46 / (1 + (outside * 0.9) ** 2), 1.0 - 0.30 * np.exp(-inside / 0.9)
+        outside > 0, 0.34 + 0.42 / (1 + (outside * 0.9) ** 2), 1.0 - 0.30 * np.exp(-inside / 0.9)
     )
     for cx, cz in column_places():
         openness = openness * (1 - 0.45 * np.exp(-(((x - cx) ** 2 + (z - cz) ** 2) / 0.34**2)))
@@ -121,6 +129,8 @@ def column(detail: Detail, height: float, radius: float, plinth: float) -> Mesh:
         arc((radius, low + 0.39 * half), 0.11 * half, 90, -90, n + 1),
         arc((radius * 1.04, low + 0.14 * half), 0.14 * half, 90, -90, n + 1),
     ]
+    if n == 0:
+        profile = [[(wide, top), (narrow, neck)], [(narrow, neck), (radius, low)]]
     around = max(1.0, round(2 * np.pi * radius * STONE))
     shaft = lathe(profile, detail.column_segments, (around, STONE))
     foot = box((-half, 0, -half), (half, low, half), "xXYzZ").with_uv(STONE)
@@ -184,15 +194,15 @@ def railing() -> tuple[Mesh, Mesh]:
     return rails.with_uv(STONE), panel
 
 
-def door() -> tuple[Mesh, Mesh]:
+def door(panelled: bool) -> tuple[Mesh, Mesh]:
     """Return frame (stone) and leaves (wood) of a double door standing on the origin before a wall at z = 0."""
     frame = join(
         box((-0.72, 0, 0), (-0.55, 2.25, 0.10), "xXYZ"),
         box((0.55, 0, 0), (0.72, 2.25, 0.10), "xXYZ"),
         box((-0.80, 2.25, 0), (0.80, 2.48, 0.15), "xXyYZ"),
     )
-    panels = [quad((-0.55, 2.25, 0.03), (1.10, 0, 0), (0, -2.25, 0))]
-    for x in (-0.28, 0.28):
+    panels = [quad((-0.55, 2.25, 0.055), (1.10, 0, 0), (0, -2.25, 0))]
+    for x in (-0.28, 0.28) if panelled else ():
         for y, height in ((0.12, 0.62), (0.86, 1.25)):
-            panels.append(box((x - 0.19, y, 0.03), (x + 0.19, y + height, 0.055), "xXyYZ"))
+            panels.append(box((x - 0.19, y, 0.055), (x + 0.19, y + height, 0.08), "xXyYZ"))
     return frame.with_uv(STONE), join(*panels).with_uv(PLANKS)

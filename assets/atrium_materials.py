@@ -10,8 +10,8 @@ from assets import pictures, textures
 from assets.gltf_writer import GltfBuilder, Texture
 from assets.noise import Bytes
 
-LAMP_NITS = 2600.0  # of a lantern's flame
-PANE_NITS = 700.0  # where it shines through the pierced panes
+LAMP_NITS = 6000.0  # of a lantern's flame
+PANE_NITS = 2400.0  # where it shines through the pierced panes
 
 BANNER_DYES = {"crimson": (0.52, 0.035, 0.045), "saffron": (0.80, 0.38, 0.05), "teal": (0.03, 0.27, 0.30)}
 
@@ -94,7 +94,7 @@ def add_materials(scene: GltfBuilder, px: int, occlusion: Bytes) -> dict[str, in
         alpha="BLEND",
         double_sided=True,
     )
-    add("water", color=(0.05, 0.20, 0.21, 0.62), roughness=0.06, alpha="BLEND")
+    add("water", color=(0.05, 0.20, 0.21, 0.45), roughness=0.06, alpha="BLEND")
     add(
         "lantern_glass",
         color=(0.80, 0.52, 0.26, 0.42),

@@ -108,10 +108,10 @@ def lantern_body(detail: Detail) -> Mesh:
         [(0.165, low - 0.02), (0.09, low - 0.08), (0.02, low - 0.11)],
         [(0.02, low - 0.11), (0.0, low - 0.14)],
     ]
-    parts = [ring, lathe(roof, 6, faceted=True), lathe(cup, 6, faceted=True)]
-    for k in range(6):
+    parts = [lathe(roof, 6, faceted=True), lathe(cup, 6, faceted=True)]
+    if detail.curve_steps:
         post = box((-0.009, low, 0.142), (0.009, top - 0.19, 0.160), "xXZ")
-        parts.append(post.turned(rotation_y(60.0 * k)))
+        parts += [ring, *(post.turned(rotation_y(60.0 * k)) for k in range(6))]
     return join(*parts).with_uv(2.5)
 
 
@@ -131,9 +131,9 @@ def flame(detail: Detail) -> Mesh:
     return lathe(profile, max(6, detail.round_segments // 2))
 
 
-def chain(length: float) -> Mesh:
-    """Return links, each a flat rhomb turned against the next, from the origin down."""
-    count = round(length / 0.05)
+def chain(length: float, detail: Detail) -> Mesh:
+    """Return links, each a thin double cone turned against the next, from the origin down."""
+    count = round(length / 0.05) if detail.curve_steps else 1
     parts = []
     for k in range(count):
         y = -k * length / count
@@ -202,7 +202,7 @@ def twig(foot: Float64, direction: Float64, length: float, droop: float, bends: 
         foot
         + forward * (t * length)
         - np.array([0.0, droop * length, 0.0]) * t**2
-        + side * (u * length * 0.8)
+        + side * (u * length * 0.9)
     )
     uv = np.stack(np.broadcast_arrays(u[..., 0] + 0.5, 1 - t[..., 0]), -1)
     return surface(points, uv).without_tangents()
@@ -212,7 +212,7 @@ def bush(detail: Detail, seed: int) -> Mesh:
     """Return the leaves of a potted plant: twigs that rise from the pot and bend outwards."""
     rng = np.random.default_rng(seed)
     parts = []
-    for k in range(max(8, round(26 * detail.leaves))):
+    for k in range(max(8, round(26 * detail.plenty))):
         around, rise = 2.399963 * k + rng.uniform(-0.3, 0.3), rng.uniform(0.35, 1.35)
         direction = np.array(
             [math.cos(around) * math.cos(rise), math.sin(rise), math.sin(around) * math.cos(rise)]
@@ -238,7 +238,7 @@ def tree(detail: Detail) -> tuple[Mesh, Mesh, Mesh]:
         wood.append(tube(limb, 0.028, max(4, sides - 1)))
     center = np.array([0.0, 1.95, 0.0])
     leaves, fruit = [], []
-    count = round(120 * detail.leaves)
+    count = round(170 * detail.plenty)
     for k in range(count):
         # Points spread evenly over a sphere (golden angle), pulled in at random to fill the crown.
         height = 1 - 2 * (k + 0.5) / count
@@ -250,11 +250,11 @@ def tree(detail: Detail) -> tuple[Mesh, Mesh, Mesh]:
                 math.sin(around) * math.sqrt(1 - height * height),
             ]
         )
-        foot = center + out * np.array([0.52, 0.46, 0.52]) * rng.uniform(0.45, 0.92)
+        foot = center + out * np.array([0.52, 0.46, 0.52]) * rng.uniform(0.25, 0.85)
         lean = normalized(out + rng.normal(0.0, 0.35, 3) + [0.0, 0.25, 0.0])
-        leaves.append(twig(foot, lean, rng.uniform(0.28, 0.42), 0.2, bends=1))
-    ball = sphere(0.042, max(5, detail.round_segments // 2), max(3, detail.round_segments // 3))
-    for k in range(11):
+        leaves.append(twig(foot, lean, rng.uniform(0.30, 0.46), 0.25, bends=1))
+    ball = sphere(0.042, max(5, detail.round_segments // 2), max(3, detail.round_segments // 4))
+    for k in range(min(11, round(11 * detail.plenty))):
         around, height = 2.399963 * k, rng.uniform(-0.75, 0.45)
         ring = math.sqrt(1 - height * height)
         fruit.append(
@@ -270,7 +270,7 @@ def ivy(detail: Detail, seed: int) -> Mesh:
     """Return ivy that hangs from the origin over a wall in the plane z = 0, 1.4 m wide and as long."""
     rng = np.random.default_rng(seed)
     parts = []
-    for _ in range(max(12, round(46 * detail.leaves))):
+    for _ in range(max(12, round(46 * detail.plenty))):
         x = rng.normal(0.0, 0.32)
         reach = 1.35 * math.exp(-((x / 0.45) ** 2)) * rng.uniform(0.2, 1.0)
         foot = np.array([x, -reach + 0.1, rng.uniform(0.03, 0.10)])

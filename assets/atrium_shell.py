@@ -41,7 +41,7 @@ from assets.atrium_building import (
     spandrel,
 )
 from assets.gltf_writer import GltfBuilder
-from assets.shapes import Mesh, arc, box, extrude, join, quad, rotation_y, surface
+from assets.shapes import Mesh, arc, box, extrude, join, normalized, quad, rotation_y, surface
 
 EDGE_X, EDGE_Z = HALF_X - 0.35, HALF_Z - 0.35  # where the step down to the court is
 INNER_X, INNER_Z = HALF_X + GALLERY, HALF_Z + GALLERY  # faces of the back walls
@@ -72,7 +72,7 @@ def add_building(scene: GltfBuilder, material: dict[str, int], detail: Detail) -
     piers = scene.add_node("corner_piers", building)
     for name, x, z in (("nw", -1, -1), ("ne", 1, -1), ("sw", -1, 1), ("se", 1, 1)):
         scene.add_node(f"pier_{name}", piers, translation=(x * HALF_X, 0, z * HALF_Z), mesh=shared["pier"])
-    for name, (mesh, kind) in _unique_parts().items():
+    for name, (mesh, kind) in _unique_parts(detail).items():
         scene.add_node(name, building, mesh=scene.add_mesh(name, (mesh, material[kind])))
     return nodes
 
@@ -123,9 +123,9 @@ def _shared_parts(detail: Detail) -> dict[str, tuple[Part, ...]]:
     slender = replace(
         detail,
         column_segments=max(4, detail.column_segments * 2 // 3),
-        curve_steps=max(1, detail.curve_steps // 2),
+        curve_steps=(detail.curve_steps + 1) // 2,
     )
-    frame, leaves = door()
+    frame, leaves = door(detail.curve_steps > 0)
     rails, lattice = railing()
     # The bay in the middle of the north side stands for all: they share its place on the plan of occlusion.
     ceiling = ceiling_bay(BAY, 3)
@@ -151,7 +151,7 @@ def _shared_parts(detail: Detail) -> dict[str, tuple[Part, ...]]:
     }
 
 
-def _unique_parts() -> dict[str, Part]:
+def _unique_parts(detail: Detail) -> dict[str, Part]:
     """Return the meshes that exist once, by the name of their node, in the building's frame."""
     floor = _flat(0.0, (-EDGE_X, EDGE_X), (-EDGE_Z, EDGE_Z))
     parts: dict[str, Part] = {
@@ -173,6 +173,9 @@ def _unique_parts() -> dict[str, Part]:
         "portal_jambs": (_portal_jambs(), "limestone"),
         "outer_walls": (_outer_walls(), "outer_wall"),
     }
+    if detail.carved:
+        parts["roof_barrels"] = (_around(_roof_barrels), "roof_tiles")
+        parts["dentils"] = (_around(_dentils), "limestone")
     for side in SIDES:
         plaster, dado, ledge = _back_wall(side)
         parts[f"{side}_wall"] = (plan_uv(plaster), "wall")
@@ -260,6 +263,41 @@ def _roof_side(half: float) -> Mesh:
     slope = float(np.hypot(out - back, RIDGE - low))
     uv = np.stack([points[..., 0], np.array([[0.0, 0.0], [slope, slope]])], -1)
     return surface(points, uv).with_uv(TILES)
+
+
+def _roof_barrels(half: float) -> Mesh:
+    """Return rows of half-round tiles on one slope, each course lying over the next; they end at the mitre."""
+    out, back, low = OVERHANG, -GALLERY - WALL - 0.15, EAVE + 0.10
+    foot, head = np.array([0.0, low, out]), np.array([0.0, RIDGE, back])
+    along, across = normalized(foot - head), np.array([1.0, 0.0, 0.0])
+    above = np.cross(across, -along)
+    length, spacing, course, radius = float(np.linalg.norm(foot - head)), 0.26, 0.34, 0.10
+    angle = np.linspace(np.pi, 0.0, 6)[None, :, None]
+    rows = []
+    for x in np.arange(-half + back, half - back, spacing) + spacing / 2:
+        reach = length * min(1.0, (half - back - abs(x)) / (out - back))
+        for k in range(int(reach / course) + 1):
+            start, end = k * course, min((k + 1) * course + 0.04, reach)
+            if end - start < 0.08:
+                continue
+            t = np.array([start, end])[:, None, None]
+            lift = np.array([0.0, 0.025])[:, None, None]
+            width = np.array([radius * 0.9, radius])[:, None, None]
+            rim = across * np.cos(angle) * width + above * (np.sin(angle) * width + lift)
+            rows.append(
+                surface(
+                    head + across * x + along * t + rim,
+                    np.stack(np.broadcast_arrays(1 - angle[..., 0] / np.pi, t[..., 0]), -1),
+                )
+            )
+    return join(*rows).with_uv(TILES)
+
+
+def _dentils(half: float) -> Mesh:
+    """Return the row of small blocks that seems to carry the cornice."""
+    block = box((-0.045, CEILING - 0.02, 0.2), (0.045, CEILING + 0.08, 0.30), "xXyZ").with_uv(STONE)
+    count = round(2 * half / 0.2)
+    return join(*(block.moved(((k + 0.5) * 2 * half / count - half, 0, 0)) for k in range(count)))
 
 
 def _back_wall(side: str) -> tuple[Mesh, Mesh, Mesh]:

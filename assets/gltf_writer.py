@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -345,7 +346,8 @@ class GltfBuilder:
         Each file appears whole or not at all, the main one last; raises OSError where `folder` cannot be written.
         """
         folder.mkdir(parents=True, exist_ok=True)
-        encoded = [(name, encode_png(pixels)) for name, pixels in self.images]
+        with ThreadPoolExecutor() as pool:  # zlib works outside the interpreter's lock
+            encoded = list(pool.map(lambda image: (image[0], encode_png(image[1])), self.images))
         self.gltf.buffers, self.gltf.images = [gl.Buffer(byteLength=len(self.blob))], []
         if binary:
             return self._save_binary(folder, encoded)

@@ -33,9 +33,8 @@ def leaves(px: int) -> Bytes:
     alpha = np.where(np.abs(across - stem) < mix(0.014, 0.004, up), 1.0, 0.0) * (up < 0.86)
     color = np.zeros((px, px, 3)) + (0.25, 0.36, 0.13)
     rng = np.random.default_rng(241)
-    leaf_list = [(0.06 + 0.085 * k, (-1) ** k * (58 - 3.2 * k), 0.40 - 0.016 * k) for k in range(10)] + [
-        (0.78, 4.0, 0.21)
-    ]
+    pairs = [(0.05 + 0.105 * k, (-1) ** k * (56 - 3.5 * k), 0.46 - 0.022 * k) for k in range(8)]
+    leaf_list = [*pairs, (0.74, 4.0, 0.25)]
     for foot, degrees, length in leaf_list:
         angle = math.radians(degrees + rng.uniform(-8, 8))
         shade = 0.80 + 0.40 * rng.random()
@@ -43,7 +42,7 @@ def leaves(px: int) -> Bytes:
         along = (dx * math.sin(angle) + dy * math.cos(angle)) / length
         side = (dx * math.cos(angle) - dy * math.sin(angle)) / length
         side = side - 0.10 * along * along  # leaves bend a little
-        width = 0.30 * np.sqrt(np.clip(along, 0, 1)) * np.clip(1 - along, 0, 1) * 1.5
+        width = 0.40 * np.sqrt(np.clip(along, 0, 1)) * np.clip(1 - along, 0, 1) * 1.5
         inside = (np.abs(side) < width) & (along > 0) & (along < 1)
         rib = smoothstep(0.030, 0.0, np.abs(side))
         veins = smoothstep(0.6, 1.0, np.abs(((along - 0.8 * np.abs(side)) * 9) % 1.0 * 2 - 1))
@@ -119,7 +118,7 @@ def stained_glass(px: int) -> Bytes:
     opaque = smoothstep(0.045, 0.025, lead)
     ripple = 0.85 + 0.3 * fbm(px, 5, 3, 271)
     color = mix(color * ripple[..., None], np.array([0.10, 0.10, 0.11]), opaque[..., None])
-    return bytes_of(np.concatenate([color, mix(0.5, 1.0, opaque)[..., None]], -1))
+    return bytes_of(np.concatenate([color, mix(0.42, 1.0, opaque)[..., None]], -1))
 
 
 def filigree(px: int) -> Bytes:

@@ -38,7 +38,7 @@ def limestone(px: int) -> Maps:
     """Return pale dressed stone for columns and arches, 1 repeat = 1.2 m: bedding, pits and weather."""
     grain = fbm(px, 6, 5, 11, 0.6)
     bedding = fbm(px, (2, 12), 3, 21)
-    pits = smoothstep(0.70, 0.80, fbm(px, 32, 3, 31)) * smoothstep(0.45, 0.6, fbm(px, 4, 2, 36))
+    pits = smoothstep(0.66, 0.86, fbm(px, 40, 3, 31)) * smoothstep(0.5, 0.65, fbm(px, 4, 2, 36))
     value = 0.80 + 0.16 * (grain - 0.5) + 0.14 * (bedding - 0.5) - 0.12 * pits
     stained = smoothstep(0.52, 0.75, fbm(px, 3, 4, 41))
     color = tint((1.0, 0.945, 0.84), value) * (1 - 0.14 * stained[..., None] * np.array([0.4, 0.8, 1.5]))
@@ -51,15 +51,15 @@ def limestone(px: int) -> Maps:
 
 
 def worn_wall(px: int) -> Maps:
-    """Return coloured plaster that has come off the bricks here and there, 1 repeat = 2 m."""
+    """Return coloured plaster that has come off the bricks here and there, 1 repeat = 3 m."""
     x, y = pixel_grid(px)
-    rows, columns = 24, 8
+    rows, columns = 36, 12
     row = np.floor(y * rows).astype(np.int64)
     along = x * columns + 0.5 * (row % 2)
     brick = np.floor(along).astype(np.int64) % columns + columns * row
     to_joint = np.minimum(
-        np.minimum(along % 1.0, 1 - along % 1.0) * (2.0 / columns),
-        np.minimum(y * rows % 1.0, 1 - y * rows % 1.0) * (2.0 / rows),
+        np.minimum(along % 1.0, 1 - along % 1.0) * (3.0 / columns),
+        np.minimum(y * rows % 1.0, 1 - y * rows % 1.0) * (3.0 / rows),
     )  # metres
     in_brick = smoothstep(0.004, 0.012, to_joint)
     grain = fbm(px, 16, 4, 51)
@@ -69,8 +69,8 @@ def worn_wall(px: int) -> Maps:
     bare = mix(mortar, brick_color, in_brick[..., None])
     # The plaster's edge is ragged at every scale and stays away from most of the wall.
     cover = fbm(px, 2, 7, 71, 0.55)
-    plaster = smoothstep(0.385, 0.395, cover)
-    rim = smoothstep(0.44, 0.39, cover) * plaster
+    plaster = smoothstep(0.345, 0.353, cover)
+    rim = smoothstep(0.395, 0.350, cover) * plaster
     clouds = fbm(px, 3, 6, 81, 0.6)
     painted = tint((0.80, 0.55, 0.40), 0.92 + 0.34 * (clouds - 0.5) + 0.10 * (grain - 0.5))
     painted = mix(painted, np.array([0.86, 0.80, 0.70]), 0.55 * rim[..., None])

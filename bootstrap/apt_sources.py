@@ -41,7 +41,7 @@ def parse_deb822(text: str) -> list[Source]:
             "false",
         ):
             continue
-        options = tuple((k, fields[k]) for k in ("Signed-By", "Trusted", "Architectures") if k in fields)
+        options = tuple((k, fields[k]) for k in ("Architectures", "Signed-By", "Trusted") if k in fields)
         uris, suites = fields.get("Uris", "").split(), fields.get("Suites", "").split()
         sources.append(
             Source(tuple(uris), tuple(suites), tuple(fields.get("Components", "").split()), options)
@@ -59,8 +59,8 @@ def parse_one_line(text: str) -> list[Source]:
         if match is None or len(words) < 2:
             continue
         pairs = (word.split("=", 1) for word in (match.group(1) or "").split() if "=" in word)
-        options = tuple((names[key], value.replace(",", " ")) for key, value in pairs if key in names)
-        sources.append(Source((words[0],), (words[1],), tuple(words[2:]), options))
+        options = sorted((names[k], value.replace(",", " ")) for k, value in pairs if k in names)
+        sources.append(Source((words[0],), (words[1],), tuple(words[2:]), tuple(options)))
     return sources
 
 
@@ -97,14 +97,15 @@ def backports_of(sources: tuple[Source, ...], codename: str) -> str | None:
     return None
 
 
-def pin_of(codename: str, sources: str) -> str:
-    """Return apt preferences that take the binaries of `sources` ("src:mesa ..."), and no others, from backports.
+def pin_of(codename: str, sources: str, hold_the_rest: bool) -> str:
+    """Return apt preferences that take the binaries of `sources` ("src:mesa ...") from backports.
 
-    500 is the priority of the release itself, so that for these the newer version wins; below it the release wins.
+    500 is the priority of the release itself, so that for these the newer version wins. `hold_the_rest` keeps all else
+    below it; a machine that had backports before keeps its owner's own priorities.
     """
     release = f"Pin: release n={codename}-backports\n"
-    return (
-        "# Written by Strata's set-up: from backports come the Mesa drivers and the library they need, nothing else.\n"
-        f"Package: {sources}\n{release}Pin-Priority: 500\n\n"
-        f"Package: *\n{release}Pin-Priority: 100\n"
+    text = (
+        "# Written by Strata's set-up: from backports come the Mesa drivers and the library that they need.\n"
+        f"Package: {sources}\n{release}Pin-Priority: 500\n"
     )
+    return text + (f"\nPackage: *\n{release}Pin-Priority: 100\n" if hold_the_rest else "")

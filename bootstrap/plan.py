@@ -26,6 +26,8 @@ APT_WINDOW = ("xvfb", "libx11-xcb1", "libxcursor1", "libxi6", "libxinerama1", "l
 APT_PACKAGES = (*APT_VULKAN, *APT_GL, *APT_LAYERS, *APT_WINDOW)
 """All that a plan may ask apt for, so that `machine.describe` can say what is there already."""
 
+# Another apt at work is waited for, two minutes at most.
+APT_INSTALL = ("apt-get", "-o", "DPkg::Lock::Timeout=120", "install", "-y", "--no-install-recommends")
 BACKPORTED = "src:mesa src:libdrm"  # Mesa, and the library below it whose version it asks for
 PACKAGES = {
     "dnf": {
@@ -87,7 +89,7 @@ def decide(machine: Machine, *, yes: bool = False, install: bool = True) -> Plan
     wants = set() if draws else {"vulkan", "layers"}
     if machine.ci:
         wants |= ({"layers"} if VALIDATION_LAYER not in machine.layers else set()) | {"window"}
-    missing = _what_is_missing(machine, draws, wants)
+    missing = _what_is_missing(machine, draws)
     blocks: Literal["nothing", "graphics", "everything"] = "nothing" if draws else "graphics"
     if not machine.can_make_venv:
         blocks = "everything"
@@ -100,9 +102,8 @@ def decide(machine: Machine, *, yes: bool = False, install: bool = True) -> Plan
 
 def _mode(machine: Machine, yes: bool, install: bool) -> tuple[Mode, tuple[str, ...]]:
     """Return who decides, and what stands before each command."""
-    by_user = (
-        machine.system != "linux" or machine.root
-    )  # Homebrew refuses to run as root, winget asks by itself
+    # Homebrew refuses to run as root, and winget asks by itself.
+    by_user = machine.system != "linux" or machine.root
     shown = () if by_user or not machine.sudo else ("sudo",)
     if not install or not (by_user or machine.sudo):
         return "print", shown
@@ -114,65 +115,59 @@ def _mode(machine: Machine, yes: bool, install: bool) -> tuple[Mode, tuple[str, 
     return "print", shown
 
 
-def _what_is_missing(machine: Machine, draws: bool, wants: set[str]) -> tuple[str, ...]:
+def _what_is_missing(machine: Machine, draws: bool) -> tuple[str, ...]:
     missing = []
     if not machine.can_make_venv:
-        missing.append(
-            "This Python cannot make virtual environments: its modules venv and ensurepip are not installed."
-        )
+        missing.append("This Python cannot make virtual environments: it has no module venv or ensurepip.")
     if not draws and machine.vulkan is not None:
-        version = ".".join(map(str, machine.vulkan))
-        missing.append(f"{machine.vulkan_device} offers Vulkan {version}; Strata needs 1.3.")
+        version = _dotted(machine.vulkan)
+        missing.append(f"{machine.vulkan_device} offers Vulkan {version}, and Strata needs 1.3.")
     elif not draws:
         missing.append(
-            "No Vulkan device was found; Strata needs a driver for Vulkan 1.3 (a software one will do)."
+            "No Vulkan device was found, and Strata needs Vulkan 1.3 (a driver in software will do)."
         )
     if machine.ci and VALIDATION_LAYER not in machine.layers:
-        missing.append(
-            "The Vulkan validation layers are not installed, and in CI every test runs under them."
-        )
+        missing.append("The Vulkan validation layers are missing, and in CI every test runs under them.")
     return tuple(missing)
 
 
 def _notes(machine: Machine, draws: bool) -> tuple[str, ...]:
+    by_glslang = ("The GLSL compiler, glslangValidator, comes with the Vulkan SDK.",)
+    if draws:
+        return by_glslang if machine.system == "win32" and not machine.glslang else ()
     notes = []
-    if not draws and machine.system == "linux" and not {"apt-get", "dnf", "pacman"} & set(machine.managers):
+    if machine.gl is not None and machine.gl >= NEEDED_GL:
+        version = _dotted(machine.gl)
+        notes.append(f"OpenGL {version} works ({machine.gl_device}), but Strata does not draw with it yet.")
+    if machine.system == "win32":
+        notes.append("Vulkan comes with the driver of the graphics card: get the newest from its maker.")
+        notes += by_glslang if not machine.glslang else ()
+    elif machine.system == "darwin":
+        if "brew" not in machine.managers:
+            notes.append("The command needs Homebrew; the Vulkan SDK for macOS brings the same libraries.")
+    elif machine.wsl:
         notes.append(
-            "Install with this system's packages: the Vulkan loader, Mesa's Vulkan drivers, the validation layers."
+            "Under WSL a Mesa that has the driver dzn draws on Windows' card, any other on the processor."
         )
-    if not draws and machine.gl is not None and machine.gl >= NEEDED_GL:
-        version = ".".join(map(str, machine.gl))
+    else:
         notes.append(
-            f"OpenGL {version} works here ({machine.gl_device}), but Strata cannot draw with OpenGL yet."
+            "Mesa is for AMD, Intel and the processor; for NVIDIA's cards install NVIDIA's own driver."
         )
-    if not draws and machine.wsl:
-        notes.append(
-            "Under WSL, Mesa reaches the graphics card through Windows where its package has the driver for it."
-        )
-    if not draws and machine.system == "linux" and not machine.wsl:
-        notes.append(
-            "Mesa serves AMD and Intel cards and draws on the processor; NVIDIA's own driver brings Vulkan itself."
-        )
-    if not draws and machine.system == "win32":
-        notes.append(
-            "On Windows Vulkan comes with the driver of the graphics card: update that from its maker's page."
-        )
-    if not draws and machine.system == "darwin" and "brew" not in machine.managers:
-        notes.append("The commands need Homebrew; the Vulkan SDK for macOS brings the same libraries.")
-    if machine.system == "win32" and not machine.glslang:
-        notes.append("The GLSL compiler (glslangValidator) comes with the Vulkan SDK.")
+    if machine.system == "linux" and not {"apt-get", "dnf", "pacman"} & set(machine.managers):
+        notes.append("Install the Vulkan loader, Mesa's Vulkan drivers and the validation layers.")
     return tuple(notes)
+
+
+def _dotted(version: Version) -> str:
+    return ".".join(map(str, version))
 
 
 def _steps(machine: Machine, wants: set[str]) -> tuple[Step, ...]:
     if machine.system == "win32":
+        if machine.glslang and "layers" not in wants:
+            return ()
         sdk = ("winget", "install", "--id", "KhronosGroup.VulkanSDK")
-        wanted = not machine.glslang or "layers" in wants
-        return (
-            (Step("The GLSL compiler and the validation layers come with the Vulkan SDK.", sdk),)
-            if wanted
-            else ()
-        )
+        return (Step("The GLSL compiler and the validation layers.", sdk),)
     if machine.system == "darwin":
         return _one_command("brew", wants, "Vulkan on top of Apple's Metal")
     if "apt-get" in machine.managers:
@@ -192,45 +187,41 @@ def _one_command(manager: str, wants: set[str], what: str) -> tuple[Step, ...]:
 
 def _apt_steps(machine: Machine, wants: set[str]) -> tuple[Step, ...]:
     """Return the steps for Debian, Ubuntu and what is made from them; on Debian 12 with Mesa from its backports."""
-    wished = []
+    wished: dict[str, tuple[str, ...]] = {}
     if not machine.can_make_venv:
         # Python's own name is in the package's, so that a second Python (Ubuntu 22.04: python3.11) gets its own.
-        wished.append("python{}.{}-venv".format(*machine.python))
+        wished["Python's virtual environments"] = ("python{}.{}-venv".format(*machine.python),)
     if "vulkan" in wants:
-        wished += [*APT_VULKAN, *APT_GL]
+        wished["Vulkan's loader, Mesa's drivers (one of them draws on the processor)"] = APT_VULKAN + APT_GL
     if "layers" in wants:
-        wished += APT_LAYERS
+        wished["the validation layers"] = APT_LAYERS
     if "window" in wants:
-        wished += APT_WINDOW
+        wished["a screen in memory for the tests of windows"] = APT_WINDOW
     # Mesa is named even where an older one is installed: the point may be its newer version.
-    packages = [
-        p for p in wished if p not in machine.packages or ("vulkan" in wants and p in APT_VULKAN + APT_GL)
-    ]
+    newer = APT_VULKAN + APT_GL if "vulkan" in wants else ()
+    lists = {
+        why: [p for p in some if p in newer or p not in machine.packages] for why, some in wished.items()
+    }
+    packages = [package for some in lists.values() for package in some]
     if not packages:
         return ()
     steps = [Step("Bring apt's lists of packages up to date.", ("apt-get", "update"), may_fail=True)]
     if "vulkan" in wants and machine.distribution == "debian" and machine.codename == "bookworm":
         steps += _backports(machine)
-    command = (
-        "apt-get",
-        "-o",
-        "DPkg::Lock::Timeout=120",
-        "install",
-        "-y",
-        "--no-install-recommends",
-        *packages,
-    )
-    return (*steps, Step(_reason(packages), command))
+    reason = "; ".join(why for why, some in lists.items() if some)
+    steps.append(Step(reason[0].upper() + reason[1:] + ".", (*APT_INSTALL, *packages)))
+    return tuple(steps)
 
 
 def _backports(machine: Machine) -> list[Step]:
     """Return the steps that make Debian 12's apt take Mesa, and nothing else, from its backports."""
     codename = machine.codename
+    known = apt_sources.has_backports(machine.sources, codename)
     pin = Step(
         "Take Mesa and its libdrm from the backports, and nothing else.",
-        file=(apt_sources.PIN_FILE, apt_sources.pin_of(codename, BACKPORTED)),
+        file=(apt_sources.PIN_FILE, apt_sources.pin_of(codename, BACKPORTED, hold_the_rest=not known)),
     )
-    if apt_sources.has_backports(machine.sources, codename):
+    if known:
         return [pin]
     text = apt_sources.backports_of(machine.sources, codename)
     if text is None:
@@ -255,18 +246,3 @@ def _backports(machine: Machine) -> list[Step]:
             ),
         ),
     ]
-
-
-def _reason(packages: list[str]) -> str:
-    reasons = {
-        APT_VULKAN[
-            0
-        ]: "Vulkan's loader, Mesa's drivers for Vulkan and OpenGL (one of them draws on the processor)",
-        APT_LAYERS[0]: "the validation layers",
-        APT_WINDOW[0]: "a screen in memory for the tests of windows",
-    }
-    words = [text for package, text in reasons.items() if package in packages]
-    if any(package.endswith("-venv") for package in packages):
-        words.insert(0, "Python's virtual environments")
-    text = "; ".join(words) or "what windows need"
-    return text[0].upper() + text[1:] + "."

@@ -67,7 +67,7 @@ def set_up(environment: Environment, options: argparse.Namespace, needs_device: 
         if not environment.ready(everything) or options.latest:
             make(environment, everything, options.latest, say)
             say("Strata is set up; this happens once.")
-    if plan.blocks == "graphics" or plan.steps:
+    if plan.missing or plan.steps:
         if needs_device and plan.blocks == "graphics" and not options.no_install:
             raise SetupError(explain(plan))
         say(explain(plan))
@@ -80,49 +80,47 @@ def carry_out(plan: Plan) -> Plan:
         sys.stderr.write(f"strata: Do this now ({len(plan.steps)} steps)? [y/N] ")
         sys.stderr.flush()
         if sys.stdin.readline().strip().lower() not in ("y", "yes"):
-            return plan
+            sentence = "Nothing was installed; the commands above help."
+            return Plan("nothing", missing=(sentence,), blocks=plan.blocks)
     elif plan.mode != "run":
         return plan
     for step in plan.steps:
         perform(step, plan.prefix)
-    version = probe.ask("vulkan").get("version", [0, 0])
-    if plan.blocks != "nothing" and tuple(version) < NEEDED_VULKAN:
-        raise SetupError(
-            "Everything was installed, but still no device offers Vulkan 1.3: `vulkaninfo --summary` of the package "
-            "vulkan-tools says what the drivers report; --no-install goes on without."
-        )
-    return Plan("nothing")
+    if plan.blocks == "nothing" or tuple(probe.ask("vulkan").get("version", ())) >= NEEDED_VULKAN:
+        return Plan("nothing")
+    sentence = (
+        "Everything was installed, and still no device offers Vulkan 1.3: `vulkaninfo --summary` of the package "
+        "vulkan-tools tells what the drivers say, and --no-install goes on without one."
+    )
+    return Plan("nothing", missing=(sentence,), blocks="graphics")
 
 
 def perform(step: Step, prefix: tuple[str, ...]) -> None:
     """Do one step; raise SetupError where it fails and neither may fail nor has something in its place."""
-    say(step.reason)
-    sys.stderr.write(
-        "".join(f"  $ {line}\n" for line in step.shell(" ".join((*prefix, ""))).splitlines()[:1])
-    )
     command, given = step.command, ""
     if step.file is not None:
         path, given = step.file
         command = ("tee", path)
-    variables = {**os.environ, "DEBIAN_FRONTEND": "noninteractive"}
+    say(f"{step.reason}\n  $ {shlex.join((*prefix, *command))}")
     try:
         done = subprocess.run(
             (*prefix, *command),
             input=given,
-            stdout=subprocess.PIPE,
+            # Somebody who looks on sees what it does; in a log its words are of use when it fails.
+            stdout=sys.stderr if sys.stderr.isatty() else subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            env=variables,
+            env={**os.environ, "DEBIAN_FRONTEND": "noninteractive"},
             check=False,
         )
-        failed, output = done.returncode != 0, done.stdout
+        failed, output = done.returncode != 0, done.stdout or ""
     except OSError as error:
         failed, output = True, str(error)
     if not failed or step.may_fail:
         return
     if not step.instead:
-        lines = "\n  ".join(output.strip().splitlines()[-12:])
-        raise SetupError(f"`{shlex.join(command)}` failed; its last lines:\n  {lines}")
+        lines = "".join(f"\n  {line}" for line in output.strip().splitlines()[-12:])
+        raise SetupError(f"`{shlex.join(command)}` failed; ./strata --no-install goes on without.{lines}")
     say(step.otherwise)
     for other in step.instead:
         perform(other, prefix)
