@@ -58,7 +58,8 @@ class Device:
         self.instance = instance
         self.physical = physical or choose(instance.devices())
         self.capabilities = capabilities(self.physical)
-        self.features = self.capabilities.features - check_without(without)
+        self.without = check_without(without)
+        self.features = self.capabilities.features - self.without
         self.limits = self.physical.limits
         self.sink = instance.sink
         self.alive: dict[tuple[str, int], str] = {}

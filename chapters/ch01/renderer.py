@@ -104,7 +104,8 @@ class Renderer:
             self._owned.append(device)
         self.device = device
         self.capabilities = device.capabilities
-        self.plan = resolve(LESSON.needs.required, LESSON.needs.optional, self.capabilities, without)
+        off = {*without, *device.without}
+        self.plan = resolve(LESSON.needs.required, LESSON.needs.optional, self.capabilities, off)
         self.size = check_size(size, self.capabilities.limits["maxImageDimension2D"])
         try:
             self._create()

@@ -1,0 +1,74 @@
+"""What every test gets: a validated device that fails the test on any message, and on anything left alive.
+
+The tests of chapters run once per variant: on the device as it is, and with every optional feature switched off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from backends.vulkan.device import Device
+from backends.vulkan.instance import VALIDATION_LAYER, Instance
+from common.errors import UnsupportedError
+from common.paths import asset_dir
+
+HERE = Path(__file__).parent
+VARIANTS = {"vulkan": frozenset[str](), "without-all": frozenset({"all"})}
+"""Names of the variants, and what the device of each does without."""
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """Run the tests of chapters that draw once per variant."""
+    area = metafunc.definition.path.relative_to(HERE).parts[0]
+    if "vulkan_device" in metafunc.fixturenames and (area.startswith("ch") or area == "stability"):
+        metafunc.parametrize("vulkan_device", list(VARIANTS), indirect=True, scope="module")
+
+
+@pytest.fixture(scope="session")
+def vulkan_instance() -> Iterator[Instance]:
+    """A Vulkan instance with validation and synchronization validation, where the layers are installed."""
+    try:
+        with Instance() as plain:
+            validate = VALIDATION_LAYER in plain.layers
+            fit = [device for device in plain.devices() if device.unfit() is None]
+    except UnsupportedError as error:
+        pytest.skip(f"no Vulkan: {error}")
+    if not fit:
+        pytest.skip("no Vulkan 1.3 device")
+    with Instance(validate) as instance:
+        yield instance
+
+
+@pytest.fixture(scope="module")
+def vulkan_device(request: pytest.FixtureRequest, vulkan_instance: Instance) -> Iterator[Device]:
+    """A device for the tests of one module; an object that outlives them fails the last one."""
+    without = VARIANTS[getattr(request, "param", "vulkan")]
+    with Device(vulkan_instance, without=without) as device:
+        yield device
+
+
+@pytest.fixture(autouse=True)
+def _no_validation_message(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Fail a test on any message of the layers or the driver."""
+    if not {"vulkan_instance", "vulkan_device"} & set(request.fixturenames):
+        yield
+        return
+    sink: Any = request.getfixturevalue("vulkan_instance").sink
+    sink.messages.clear()
+    yield
+    messages = sink.report()
+    sink.messages.clear()
+    assert not messages, "the validation layers say:\n" + "\n".join(messages)
+
+
+@pytest.fixture(scope="session")
+def models() -> Path:
+    """The folder of real glTF models made elsewhere."""
+    folder = asset_dir()
+    if folder is None:
+        pytest.skip("the models made elsewhere are not here (STRATA_ASSETS)")
+    return folder / "models"
