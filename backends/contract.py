@@ -50,6 +50,34 @@ FEATURES: dict[str, tuple[str, str]] = {
 }
 """Every optional feature that some chapter uses, in the words of the plan table."""
 
+MAIN_USES: dict[str, tuple[str, ...]] = {
+    "anisotropy": ("sampled",),
+    "async-compute": ("hand-over",),
+    "async-transfer": ("hand-over",),
+    "bindless": ("sampled",),
+    "draw-indirect-count": ("draw",),
+    "fp64": ("arithmetic",),
+    "int64": ("arithmetic",),
+    "mesh-shader": ("draw", "task"),
+    "pipeline-statistics": ("draw", "compute"),
+    "ray-query": ("compute",),
+    "ray-tracing": ("trace",),
+    "sampler-minmax": ("sampled",),
+    "shading-rate": ("attachment",),
+    "sparse": ("sampled",),
+    "types-16bit": ("arithmetic",),
+    "wireframe": ("draw",),
+}
+"""What each feature is for; where one of these uses gives wrong results, the feature counts as missing."""
+
+OTHER_USES: dict[str, tuple[str, ...]] = {
+    "mesh-shader": ("indirect-count", "statistics", "compute-statistics"),
+    "ray-query": ("fragment",),
+    "sparse": ("attachment", "depth-attachment", "cube-array", "plain-image"),
+    "timeline-semaphore": ("order",),  # every Vulkan 1.3 device has it
+}
+"""What else a feature may be used for; a chapter asks `Capabilities.use` before it relies on one of these."""
+
 
 @dataclass(frozen=True)
 class Capabilities:
@@ -63,11 +91,22 @@ class Capabilities:
     features: frozenset[str]
     why_not: Mapping[str, str] = field(default_factory=dict)
     limits: Mapping[str, int] = field(default_factory=dict)
+    broken: Mapping[str, str] = field(default_factory=dict)  # "feature/use": what is wrong with it
 
     @property
     def is_software(self) -> bool:
         """Whether the device is a program on the CPU: goldens are compared on one such driver alone."""
         return self.kind == "software"
+
+    def use(self, feature: str, use: str) -> bool:
+        """Whether the device has `feature` and it works for `use`; KeyError if there is no such use.
+
+        "Works" means that no self-test of this driver failed, and that it is not one of the uses known not to work.
+        """
+        if use not in (*MAIN_USES.get(feature, ()), *OTHER_USES.get(feature, ())):
+            raise KeyError(f"{feature}/{use}")
+        there = feature in self.features or feature not in FEATURES
+        return there and f"{feature}/{use}" not in self.broken
 
 
 @dataclass(frozen=True)
@@ -152,6 +191,7 @@ class Renderer(Protocol):
 
     capabilities: Capabilities
     plan: Plan
+    scene: Scene
     settings: Any
     size: tuple[int, int]
 

@@ -1,1 +1,120 @@
-"""The fifteen lessons, and what must know all of them: `open`, the command line, the drivers of bench and site."""
+"""The fifteen lessons, and what must know all of them: `open`, the command line, the drivers of bench and site.
+
+import chapters
+from common.gltf import load_scene
+
+with chapters.open(1, scene=load_scene("helmet.gltf"), size=(640, 360)) as renderer:
+    picture = renderer.render(chapters.view_of(renderer)).image("color")
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from common.errors import UnsupportedError, UserError
+from common.lessons import Lesson
+from common.names import suggest
+
+if TYPE_CHECKING:
+    from backends.contract import Renderer
+    from common.camera import View
+    from common.scene import Scene
+
+FOLDER = Path(__file__).parent
+COUNT = 15
+BACKENDS = ("auto", "vulkan", "gl")
+
+
+@cache
+def available() -> tuple[int, ...]:
+    """Return the numbers of the chapters that are here, in order."""
+    found = (n for n in range(1, COUNT + 1) if (FOLDER / folder_name(n) / "renderer.py").is_file())
+    return tuple(found)
+
+
+def folder_name(number: int) -> str:
+    """Return "ch01" for 1."""
+    return f"ch{number:02d}"
+
+
+def parse(text: str) -> int:
+    """Return the chapter meant by "1", "01" or "ch01"; raise UserError if there is none."""
+    digits = text.lower().removeprefix("ch")
+    known = [str(number) for number in available()]
+    if not (digits.isascii() and digits.isdigit()):
+        raise UserError(f"There is no chapter {text!r}{suggest(text, known)}.")
+    number = int(digits)
+    if number not in available():
+        here = f"chapters {known[0]} to {known[-1]} are" if len(known) > 1 else f"chapter {known[0]} is"
+        raise UserError(f"There is no chapter {number}: {here} here.")
+    return number
+
+
+def lesson(number: int) -> Lesson:
+    """Return what chapter `number` says about itself."""
+    found: Lesson = import_module(f"chapters.{folder_name(number)}").LESSON
+    return found
+
+
+def settings_class(number: int) -> type:
+    """Return the class of a chapter's settings."""
+    found: type = import_module(f"chapters.{folder_name(number)}.settings").Settings
+    return found
+
+
+def choose_backend(wanted: str = "auto") -> str:
+    """Return the backend to use; raise UserError for an unknown one, UnsupportedError for one that is not built."""
+    if wanted not in BACKENDS:
+        raise UserError(f"There is no backend {wanted!r}{suggest(wanted, BACKENDS)}.")
+    if wanted == "gl":
+        raise UnsupportedError(
+            "The OpenGL backend is not part of this version: use --backend vulkan, or auto."
+        )
+    return "vulkan"
+
+
+def open(  # the name of the contract: chapters.open(6, ...)
+    number: int,
+    backend: str = "auto",
+    *,
+    scene: Scene,
+    size: tuple[int, int] = (640, 360),
+    settings: Any = None,
+    without: Iterable[str] = (),
+    outputs: Collection[str] = ("color",),
+    validate: bool = False,
+    **more: Any,
+) -> Renderer:
+    """Open chapter `number` on `scene` and return its renderer, a context manager.
+
+    `settings` is the chapter's `Settings` (None: its defaults), `without` names features to do without, `outputs` are
+    the images that can be read. Further arguments go to the backend's renderer (`device=` shares a device).
+    Raises UserError for a wrong argument, UnsupportedError where this machine cannot do it.
+    """
+    if number not in available():
+        parse(str(number))
+    choose_backend(backend)
+    module = import_module(f"chapters.{folder_name(number)}.renderer")
+    opened: Renderer = module.Renderer(
+        scene, size, settings=settings, without=without, outputs=outputs, validate=validate, **more
+    )
+    return opened
+
+
+def outputs_of(number: int) -> tuple[str, ...]:
+    """Return the images that a chapter's frames can be asked for."""
+    found: tuple[str, ...] = import_module(f"chapters.{folder_name(number)}.renderer").OUTPUTS
+    return found
+
+
+def view_of(renderer: Renderer, camera: str | None = None, time: float = 0.0) -> View:
+    """Return a view of the renderer's scene: its first camera, or what `camera` names (see `view_of_scene`)."""
+    from common.camera import view_of_scene
+    from common.pose import evaluate_pose
+
+    scene = renderer.scene
+    return view_of_scene(scene, evaluate_pose(scene, time), camera, renderer.size[0] / renderer.size[1])

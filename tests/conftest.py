@@ -15,10 +15,31 @@ from backends.vulkan.device import Device
 from backends.vulkan.instance import VALIDATION_LAYER, Instance
 from common.errors import UnsupportedError
 from common.paths import asset_dir
+from tests.support.report import Report
 
 HERE = Path(__file__).parent
 VARIANTS = {"vulkan": frozenset[str](), "without-all": frozenset({"all"})}
 """Names of the variants, and what the device of each does without."""
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add what `strata test` passes on."""
+    parser.addoption("--long", action="store_true", help="also run what takes minutes")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Let the report watch the run."""
+    config.pluginmanager.register(Report(config), "strata-report")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out what takes minutes unless it was asked for."""
+    if config.getoption("--long"):
+        return
+    long = [item for item in items if item.get_closest_marker("long")]
+    if long:
+        config.hook.pytest_deselected(items=long)
+        items[:] = [item for item in items if not item.get_closest_marker("long")]
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
@@ -48,6 +69,9 @@ def vulkan_device(request: pytest.FixtureRequest, vulkan_instance: Instance) -> 
     """A device for the tests of one module; an object that outlives them fails the last one."""
     without = VARIANTS[getattr(request, "param", "vulkan")]
     with Device(vulkan_instance, without=without) as device:
+        layers = "validated" if vulkan_instance.validates else "without validation layers"
+        report: Any = request.config.pluginmanager.getplugin("strata-report")
+        report.device = f"{device.capabilities.device}, {device.capabilities.driver}, {layers}"
         yield device
 
 

@@ -265,7 +265,9 @@ class SceneData:
                 texture = material.textures().get(role)
                 image = self._resources.images.get(self._images[self._image_key(role, texture)])
                 sampler = texture.sampler if texture is not None else Sampler()
-                held[ROLES.index(role)] = Texture(image.view, self._resources.sampler(sampler, self._anisotropy))
+                held[ROLES.index(role)] = Texture(
+                    image.view, self._resources.sampler(sampler, self._anisotropy)
+                )
             wanted.append((self._material_bindings(variant), held, f"material {index} {material.name}"))
         sets = self._descriptors.create(wanted)
         self.frame_sets = [vk.array("VkDescriptorSet", [made]) for made in sets[:SLOTS]]

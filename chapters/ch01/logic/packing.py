@@ -110,7 +110,9 @@ def pack_instances(scene: Scene, pose: Pose, previous: Pose | None) -> np.ndarra
             pose.world_from_object,
             (previous or pose).world_from_object,
             origin=scene.origin,
-            object_bounds=np.stack([scene.meshes["bounds_min"][mesh], scene.meshes["bounds_max"][mesh]], axis=1),
+            object_bounds=np.stack(
+                [scene.meshes["bounds_min"][mesh], scene.meshes["bounds_max"][mesh]], axis=1
+            ),
             mesh=mesh,
             material=scene.meshes["material"][mesh],
             visible=scene.instances.visible,

@@ -1,0 +1,89 @@
+"""`python -m chapters`: the command line, behind the one place where an error becomes a sentence and an exit code."""
+
+from __future__ import annotations
+
+import sys
+import traceback
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NoReturn
+
+from common.errors import ShaderError, StrataError
+from common.paths import ROOT
+
+LIBRARY = ("common", "backends", "chapters", "assets")
+"""Folders of the clone whose frames a traceback shows only with -v; a chapter's own folder is the reader's code."""
+
+
+def main(arguments: Sequence[str] | None = None) -> NoReturn:
+    """Run one command and exit: 0, 1 for a fault of ours, 2 for one of the user's, 130 after Ctrl-C."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    sys.exit(run(words))
+
+
+def run(words: list[str]) -> int:
+    """Run one command and return its exit code; nothing is raised."""
+    from chapters import console
+    from chapters.cli import invoke
+
+    try:
+        return invoke(words)
+    except StrataError as error:
+        console.say(f"strata: {error}")
+        # A wrong input is no one's code. A fault of a chapter or a shader is code that the reader may be writing.
+        if error.exit_code == 1 and not isinstance(error, ShaderError):
+            console.say(reader_trace(error, whole="-v" in words))
+        return error.exit_code
+    except KeyboardInterrupt:
+        console.say("strata: stopped.")
+        return 130
+    except MemoryError:
+        console.say("strata: this does not fit into memory; a smaller --size or scene may.")
+        return 2
+    except OSError as error:
+        if console.stdout_is_closed(error):
+            return 0
+        if error.filename is None and error.errno is None:
+            raise
+        where = f"{error.filename}: " if error.filename else ""
+        console.say(f"strata: {where}{error.strerror or error}.")
+        console.say(reader_trace(error, whole=True)) if "-v" in words else None
+        return 2
+    except Exception as error:
+        console.say(f"strata: {type(error).__name__}: {error}")
+        console.say(reader_trace(error, whole="-v" in words))
+        console.say("strata: this is a fault of the code, not of what you typed." + _hint(words))
+        return 1
+
+
+def _hint(words: list[str]) -> str:
+    return "" if "-v" in words else " -v shows all of the traceback."
+
+
+def reader_trace(error: BaseException, whole: bool) -> str:
+    """Return the traceback of `error`, cut to the lines of chapters and of the reader's own files unless `whole`.
+
+    An error that never touched those keeps its last line of our code, so that there is always a place to look at.
+    """
+    frames = traceback.extract_tb(error.__traceback__)
+    if not whole:
+        own = [frame for frame in frames if is_readers(Path(frame.filename))]
+        ours = [frame for frame in frames if Path(frame.filename).is_relative_to(ROOT)]
+        frames = traceback.StackSummary.from_list(own or ours[-1:])
+    return "".join(traceback.format_list(frames)).rstrip()
+
+
+def is_readers(path: Path) -> bool:
+    """Whether a file is a chapter's or the reader's own: neither foundation nor an installed package."""
+    if not path.is_relative_to(ROOT):
+        return (
+            "site-packages" not in path.parts
+            and not path.is_relative_to(Path(sys.base_prefix))
+            and path.exists()
+        )
+    parts = path.relative_to(ROOT).parts
+    return len(parts) > 2 and parts[0] == "chapters" and parts[1].startswith("ch")
+
+
+if __name__ == "__main__":
+    main()

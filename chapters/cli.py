@@ -1,0 +1,240 @@
+"""The commands and their options; what they do is in the module of each."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from chapters.console import say
+
+app = typer.Typer(
+    name="strata",
+    help="Real-time rendering in fifteen chapters: run one, look at its code, change it, measure it.",
+    epilog="Start with: ./strata run 1",
+    add_completion=False,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+Chapter = Annotated[
+    str, typer.Argument(metavar="N", help="Number of the chapter: 1, or ch01.", show_default=False)
+]
+
+
+# Some versions of typer bring a click of their own: the base of all complaints is found from one that typer exports.
+ClickException: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
+
+
+def invoke(words: list[str]) -> int:
+    """Run the command in `words` and return its exit code; click's own complaints become one sentence."""
+    try:
+        result = typer.main.get_command(app).main(
+            words or ["--help"], prog_name="strata", standalone_mode=False
+        )
+    except ClickException as error:
+        say(f"strata: {sentence(error)}")
+        return 2
+    except typer.Exit as ended:
+        return ended.exit_code
+    except typer.Abort:
+        say("strata: stopped.")
+        return 130
+    return result if isinstance(result, int) else 0
+
+
+def sentence(error: Any) -> str:
+    """Return a complaint of click on one line, with where help is."""
+    text = " ".join(error.format_message().split())
+    context = getattr(error, "ctx", None)
+    command = context.command_path if context else "strata"
+    return f"{text}{'' if text.endswith(('.', '?')) else '.'} `{command} --help` shows what there is."
+
+
+@app.command()
+def run(
+    chapter: Chapter,
+    backend: Annotated[str, typer.Option(metavar="auto|vulkan|gl", help="Graphics API.")] = "auto",
+    scene: Annotated[
+        str,
+        typer.Option(metavar="NAME|PATH", help="A scene of `strata list --scenes`, or a .gltf or .glb file."),
+    ] = "atrium",
+    size: Annotated[str, typer.Option(metavar="WxH", help="Size of the picture in pixels.")] = "1280x720",
+    frames: Annotated[
+        int | None,
+        typer.Option(metavar="K", help="Stop after K frames; a file gets the last.", show_default=False),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Write .png (as shown) or .exr (linear light, depth, ids), without a window.",
+            show_default=False,
+        ),
+    ] = None,
+    camera: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME|VIEW",
+            help="A camera of the scene, or eye:target[:fov] as 3,2,5:0,1,0:45.",
+            show_default=False,
+        ),
+    ] = None,
+    quality: Annotated[
+        str,
+        typer.Option(
+            metavar="auto|low|medium|high|reference",
+            help="Preset of settings; auto: the best that holds 20 frames a second in a window, else medium.",
+        ),
+    ] = "auto",
+    set_: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", metavar="KEY=VALUE", help="Turn a knob of `strata list N --settings`; repeatable."
+        ),
+    ] = None,
+    without: Annotated[
+        list[str] | None,
+        typer.Option(metavar="FEATURE|all", help="Do as on a device that lacks it; repeatable."),
+    ] = None,
+    validate: Annotated[
+        bool, typer.Option("--validate", help="Check every call by the validation layers.")
+    ] = False,
+    json: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Write timings, work, device, plan and settings.", show_default=False
+        ),
+    ] = None,
+    time: Annotated[float, typer.Option(metavar="SECONDS", help="Time of the first frame.")] = 0.0,
+    fps: Annotated[
+        float, typer.Option(metavar="RATE", help="Frames per second of animation without a window.")
+    ] = 60.0,
+    headless: Annotated[bool, typer.Option("--headless", help="Open no window.")] = False,
+    verbose: Annotated[
+        bool, typer.Option("-v", "--verbose", help="Show plan, timings, work and notes.")
+    ] = False,
+) -> int:
+    """Draw a scene with a chapter's renderer: in a window, or without a display into a file."""
+    import chapters
+    from chapters import run as running
+
+    request = running.Request(
+        chapter=chapters.parse(chapter),
+        backend=backend,
+        scene=scene,
+        size=running.parse_size(size),
+        frames=frames,
+        out=out,
+        camera=camera,
+        quality=quality,
+        overrides=tuple(set_ or ()),
+        without=tuple(without or ()),
+        validate=validate,
+        json=json,
+        time=time,
+        fps=fps,
+        headless=headless,
+        verbose=verbose,
+    )
+    return running.run(request)
+
+
+@app.command(name="list")
+def list_(
+    chapter: Annotated[
+        str | None, typer.Argument(metavar="[N]", help="A chapter, to see its lesson.", show_default=False)
+    ] = None,
+    settings: Annotated[bool, typer.Option("--settings", help="Every knob of chapter N.")] = False,
+    scenes: Annotated[bool, typer.Option("--scenes", help="The scenes that come with Strata.")] = False,
+    features: Annotated[
+        bool, typer.Option("--features", help="What is tested, and how the tests last went.")
+    ] = False,
+) -> int:
+    """Show the chapters, one chapter's lesson or knobs, the scenes, or the features that tests hold."""
+    from chapters import listing
+
+    return listing.run(chapter, settings=settings, scenes=scenes, features=features)
+
+
+@app.command()
+def doctor(
+    json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
+    selftest: Annotated[
+        bool,
+        typer.Option(
+            "--selftest", help="Try every feature that the device advertises, each in its own process."
+        ),
+    ] = False,
+) -> int:
+    """Show what this machine has and how each chapter would run on it."""
+    from chapters import doctor as examination
+
+    return examination.run(json=json, selftest=selftest)
+
+
+@app.command(
+    name="test",
+    context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
+    epilog="Whatever is not listed here goes to pytest: ./strata test ch01 -k alpha -x",
+)
+def run_tests(
+    context: typer.Context,
+    long: Annotated[bool, typer.Option("--long", help="Also what takes minutes.")] = False,
+    bless: Annotated[
+        bool, typer.Option("--bless", help="Make golden pictures anew, after showing them.")
+    ] = False,
+    static: Annotated[
+        bool, typer.Option("--static", help="Also ruff, mypy and import-linter, as CI does.")
+    ] = False,
+) -> int:
+    """Run the tests: all, or those of an area such as ch01, common or backends."""
+    from chapters import testing
+
+    return testing.run([*context.args], long=long, bless=bless, static=static)
+
+
+@app.command()
+def bench(
+    chapter: Chapter,
+    backend: Annotated[str, typer.Option(metavar="auto|vulkan|gl", help="Graphics API.")] = "auto",
+    scene: Annotated[str, typer.Option(metavar="NAME|PATH", help="As for `strata run`.")] = "atrium",
+    size: Annotated[str, typer.Option(metavar="WxH", help="Size of the picture in pixels.")] = "640x360",
+    quick: Annotated[bool, typer.Option("--quick", help="Few frames: a look, not a measurement.")] = False,
+    json: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write the record.", show_default=False)
+    ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write time against error as a picture.", show_default=False),
+    ] = None,
+    record: Annotated[bool, typer.Option("--record", help="Keep the record in docs/benchmarks.")] = False,
+) -> int:
+    """Measure time, error and work of a chapter's presets and knobs."""
+    import chapters
+    from chapters import bench as measuring
+    from chapters import run as running
+
+    options: dict[str, Any] = {"quick": quick, "json_path": json, "plot_path": plot, "record": record}
+    return measuring.run(
+        chapters.parse(chapter), backend=backend, scene=scene, size=running.parse_size(size), **options
+    )
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from chapters.run import strata_version
+
+        typer.echo(f"strata {strata_version()}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
+    ] = False,
+) -> None:
+    pass

@@ -1,0 +1,158 @@
+"""`strata list`: chapters, lessons, knobs, scenes, and the features that tests hold."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+
+from rich.markup import escape
+
+import chapters
+from chapters.console import out, say
+from chapters.tables import table
+from common.errors import UserError
+from common.paths import ROOT, cache_dir
+from common.settings import describe, preset
+
+RESULTS = "features.json"
+"""Name of the file, in the user's cache, in which a test run leaves what became of each feature's tests."""
+
+
+def run(chapter: str | None, *, settings: bool, scenes: bool, features: bool) -> int:
+    """Print what was asked for; return the exit code."""
+    if settings:
+        if chapter is None:
+            raise UserError("--settings needs a chapter: ./strata list 1 --settings")
+        show_settings(chapters.parse(chapter))
+    elif scenes:
+        show_scenes()
+    elif features:
+        show_features()
+    elif chapter is not None:
+        show_lesson(chapters.parse(chapter))
+    else:
+        show_chapters()
+    return 0
+
+
+def show_chapters() -> None:
+    """Print the chapters that are here."""
+    made = table("Chapters", ">N", "title", "what it adds")
+    for number in chapters.available():
+        lesson = chapters.lesson(number)
+        made.add_row(str(number), lesson.title, ", ".join(lesson.adds))
+    out.print(made)
+    out.print("./strata run N draws with one, ./strata list N shows its lesson.")
+
+
+def show_lesson(number: int) -> None:
+    """Print what a chapter teaches and in which order its files are read."""
+    lesson = chapters.lesson(number)
+    folder = chapters.folder_name(number)
+    out.print(f"[bold]Chapter {number}: {escape(lesson.title)}[/bold]\n")
+    out.print("Adds:  " + escape(", ".join(lesson.adds)), soft_wrap=True)
+    if lesson.replaces:
+        out.print("Replaces:  " + escape(", ".join(lesson.replaces)), soft_wrap=True)
+    needs = [
+        *(f"{name} (required)" for name in sorted(lesson.needs.required)),
+        *sorted(lesson.needs.optional),
+    ]
+    out.print("Uses:  " + escape(", ".join(needs) or "nothing beyond Vulkan 1.3"), soft_wrap=True)
+    out.print("Gives:  " + ", ".join(chapters.outputs_of(number)))
+    made = table(f"Read chapters/{folder}/README.md first, then", "file", "what it is")
+    for name in lesson.reading:
+        made.add_row(name, first_sentence(ROOT / "chapters" / folder / name))
+    out.print()
+    out.print(made)
+
+
+def first_sentence(path: Path) -> str:
+    """Return the first sentence with which a Python or GLSL file says what it is."""
+    text = path.read_text("utf-8") if path.is_file() else ""
+    if path.suffix == ".py":
+        match = re.match(r'\s*"""(.*?)"""', text, re.S)
+        body = match[1] if match else ""
+    else:
+        lines = [line.removeprefix("//").strip() for line in text.splitlines() if line.startswith("//")]
+        body = " ".join(lines)
+    body = " ".join(body.split())
+    return re.split(r"(?<=[.])\s", body, maxsplit=1)[0]
+
+
+def show_settings(number: int) -> None:
+    """Print every knob of a chapter, with the presets' values."""
+    kind: Any = chapters.settings_class(number)
+    presets = list(kind.PRESETS)
+    made = table(
+        f"Settings of chapter {number}: --set name=value", "name", "default", "range", "unit", "meaning"
+    )
+    for row in describe(kind):
+        made.add_row(*(escape(text) for text in row))
+    out.print(made)
+    compared = table("Presets: --quality name (what differs)", "name", *presets)
+    values = {name: preset(kind, name) for name in presets}
+    for row in describe(kind):
+        shown = [f"{getattr(values[name], row.name)}" for name in presets]
+        if len(set(shown)) > 1:
+            compared.add_row(row.name, *shown)
+    out.print(compared)
+
+
+def show_scenes() -> None:
+    """Print the scenes that the project makes itself."""
+    import assets
+
+    made = table(
+        "Scenes: --scene name, or the path of a .gltf or .glb file", "name", ">triangles", "what it exercises"
+    )
+    for info in assets.SCENES.values():
+        for size, triangles in info.sizes.items():
+            default = size == info.default_size
+            name = info.name if default else f"{info.name}:{size}"
+            note = info.exercises if default else "the same, made on first use and kept"
+            made.add_row(name, f"{triangles:,}", note)
+    out.print(made)
+
+
+def show_features() -> None:
+    """Print each feature that some test holds, how many tests there are, and how they went when last run here."""
+    tests = features_in_tests()
+    results = last_results()
+    made = table("Features that tests hold", "feature", ">tests", "last run here")
+    for slug in sorted(tests):
+        made.add_row(slug, str(tests[slug]), verdict(results.get("features", {}).get(slug)))
+    out.print(made)
+    if not results:
+        say("No results yet: ./strata test writes them.")
+    else:
+        say(f"Last results: {results['when']}, commit {results['commit']}, {results['device']}.")
+
+
+def features_in_tests() -> dict[str, int]:
+    """Return how many test functions name each feature of the ledger."""
+    found: dict[str, int] = defaultdict(int)
+    for path in (ROOT / "tests").rglob("test_*.py"):
+        for mark in re.finditer(r"mark\.feature\(([^)]*)\)", path.read_text("utf-8")):
+            for slug in re.findall(r"[\"']([\w-]+/[\w-]+)[\"']", mark[1]):
+                found[slug] += 1
+    return dict(found)
+
+
+def last_results() -> dict[str, Any]:
+    """Return what the last test run left, or nothing."""
+    folder = cache_dir("tests")
+    try:
+        found: dict[str, Any] = json.loads((folder / RESULTS).read_text("utf-8")) if folder else {}
+    except (OSError, ValueError):
+        return {}
+    return found
+
+
+def verdict(counts: dict[str, int] | None) -> str:
+    """Return {"passed": 3, "skipped": 1} as words; a feature with a failing test has failed."""
+    if not counts:
+        return "not run"
+    return ", ".join(f"{count} {name}" for name, count in sorted(counts.items()) if count)

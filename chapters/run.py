@@ -1,0 +1,307 @@
+"""`strata run N`: open a chapter on a scene, draw, and leave a picture and a record; with a display, a window."""
+
+from __future__ import annotations
+
+import json
+import math
+import platform
+import re
+import statistics
+import time as clock
+import tomllib
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import chapters
+from chapters import scenes
+from chapters.console import Steps, out, say
+from common import images
+from common.errors import UserError
+from common.paths import ROOT, write_whole
+from common.settings import apply_overrides, preset
+
+if TYPE_CHECKING:
+    from backends.contract import Frame, Renderer
+    from common.scene import Scene
+
+QUALITIES = ("auto", "low", "medium", "high", "reference")
+DEFAULT_SIZE = (1280, 720)
+FRAMES_KEPT = 1000
+"""A record holds the figures of at most so many frames, the last ones."""
+
+EXR_OUTPUTS = {"color_linear": "", "depth": "depth", "instance_id": "instance_id"}
+"""What goes into an EXR, and the name of its layer."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """What the user asked for, checked as far as that needs neither scene nor device."""
+
+    chapter: int
+    backend: str = "auto"
+    scene: str = scenes.DEFAULT
+    size: tuple[int, int] = DEFAULT_SIZE
+    frames: int | None = None
+    out: Path | None = None
+    camera: str | None = None
+    quality: str = "auto"
+    overrides: tuple[str, ...] = ()
+    without: tuple[str, ...] = ()
+    validate: bool = False
+    json: Path | None = None
+    time: float = 0.0
+    fps: float = 60.0
+    headless: bool = False
+    verbose: bool = False
+
+
+def parse_size(text: str) -> tuple[int, int]:
+    """Return (width, height) of a text such as "640x360"; raise UserError unless both are at least 1."""
+    match = re.fullmatch(r"\s*(\d{1,9})\s*[xX×]\s*(\d{1,9})\s*", text, re.ASCII)
+    if match is None:
+        raise UserError(f"--size {text!r} is no size: write width x height in pixels, such as 640x360.")
+    from backends.contract import check_size
+
+    return check_size((int(match[1]), int(match[2])))
+
+
+def check(request: Request) -> None:
+    """Raise UserError for what is wrong with a request before anything is opened."""
+    from backends.contract import check_without
+
+    chapters.choose_backend(request.backend)
+    check_without(request.without)
+    if request.quality not in QUALITIES:
+        from common.names import suggest
+
+        raise UserError(f"There is no quality {request.quality!r}{suggest(request.quality, QUALITIES)}.")
+    if request.frames is not None and request.frames < 1:
+        raise UserError(f"--frames {request.frames} draws nothing: it must be at least 1.")
+    if not math.isfinite(request.time):
+        raise UserError(f"--time {request.time} is no time: give seconds.")
+    if not (math.isfinite(request.fps) and request.fps > 0):
+        raise UserError(f"--fps {request.fps} is no rate: give frames per second above 0.")
+    if request.out is not None:
+        images.check_writable(request.out)
+        if request.out.suffix.lower() not in (".png", ".exr"):
+            raise UserError(
+                f"--out {request.out}: write .png for the picture as shown, .exr for linear light."
+            )
+    if request.json is not None and (request.json.is_dir() or not request.json.absolute().parent.is_dir()):
+        raise UserError(f"--json {request.json} cannot be written: name a file in a folder that exists.")
+    settings_of(request, "medium")
+
+
+def settings_of(request: Request, quality: str) -> Any:
+    """Return the chapter's settings: those of a preset, changed by --set."""
+    return apply_overrides(preset(chapters.settings_class(request.chapter), quality), request.overrides)
+
+
+def run(request: Request) -> int:
+    """Do what was asked; return the exit code. Raises StrataError."""
+    began = clock.perf_counter()
+    check(request)
+    return draw(request, began)
+
+
+def draw(request: Request, began: float) -> int:
+    """Render without a window, write the picture and the record, and say where they are."""
+    target = request.out or default_picture(request)
+    outputs = set(EXR_OUTPUTS) if target.suffix.lower() == ".exr" else {"color"}
+    quality = "medium" if request.quality == "auto" else request.quality
+    settings = settings_of(request, quality)
+    with Steps() as steps:
+        scene = scenes.load(request.scene, steps.of("load", 0.05, 0.5))  # type: ignore[arg-type]
+        tell_warnings(scene, request.verbose)
+        steps("create", 0.5)
+        with chapters.open(
+            request.chapter,
+            request.backend,
+            scene=scene,
+            size=request.size,
+            settings=settings,
+            without=request.without,
+            outputs=outputs,
+            validate=request.validate,
+        ) as renderer:
+            log = Log(request, renderer, quality)
+            count = request.frames or 1
+            for index in range(count):
+                steps("first frame" if index == 0 else "frames", 0.7 + 0.3 * index / count)
+                time = request.time + index / request.fps
+                frame = renderer.render(chapters.view_of(renderer, request.camera, time), time)
+                log.add(frame)
+            steps("write", 1.0)
+            write_picture(target, frame)
+            steps.finish()
+            log.start = {**steps.times, "total": clock.perf_counter() - began}
+            log.pictures = [str(target)]
+            messages = report_messages(renderer)
+            if request.json is not None:
+                log.write(request.json)
+            if request.verbose:
+                log.show()
+    say(
+        f"Chapter {request.chapter}, {scene.name}, {request.size[0]}x{request.size[1]}, {log.device}: wrote {target}"
+    )
+    return 1 if messages else 0
+
+
+def default_picture(request: Request) -> Path:
+    """Return where a picture goes for which no place was named: `out/` in the current folder."""
+    folder = Path("out")
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        raise UserError(
+            f"The folder {folder.absolute()} cannot be made ({error.strerror}): say --out FILE.png."
+        ) from None
+    name = re.sub(r"[^\w.-]+", "-", Path(request.scene).stem if "/" in request.scene else request.scene)
+    path = folder / f"{chapters.folder_name(request.chapter)}-{name.strip('-') or 'scene'}.png"
+    images.check_writable(path)
+    return path
+
+
+def write_picture(path: Path, frame: Frame) -> None:
+    """Write a frame as it is shown (.png), or its linear colour, depth and instance ids as layers (.exr)."""
+    if path.suffix.lower() == ".exr":
+        images.write_layers(path, {layer: frame.image(name) for name, layer in EXR_OUTPUTS.items()})
+    else:
+        images.write_image(path, frame.image("color"))
+
+
+def tell_warnings(scene: Scene, verbose: bool) -> None:
+    """Say what the file holds that was left out or put right: all of it with -v, else how much."""
+    shown = scene.warnings if verbose else scene.warnings[:3]
+    for warning in shown:
+        say(f"strata: {scene.name}: {warning}")
+    if len(scene.warnings) > len(shown):
+        say(f"strata: {scene.name}: {len(scene.warnings) - len(shown)} more notes; -v shows them.")
+
+
+def report_messages(renderer: Renderer) -> int:
+    """Print each distinct validation message once with its count; return how many there are."""
+    sink = getattr(getattr(renderer, "device", None), "sink", None)
+    texts: list[str] = sink.report() if sink is not None else []
+    for text in texts:
+        say(f"strata: {text}")
+    return len(texts)
+
+
+@dataclass
+class Log:
+    """What a run leaves for `--json` and `-v`: device, plan, settings, start-up times, and each frame's figures."""
+
+    request: Request
+    renderer: Renderer
+    quality: str
+    frames: list[dict[str, Any]] = field(default_factory=list)
+    start: dict[str, float] = field(default_factory=dict)
+    pictures: list[str] = field(default_factory=list)
+
+    @property
+    def device(self) -> str:
+        """The device's name and driver."""
+        capabilities = self.renderer.capabilities
+        return f"{capabilities.device} ({capabilities.driver})"
+
+    def add(self, frame: Frame) -> None:
+        """Keep one frame's figures; reading them waits, so no frame's time holds a part of the next one's."""
+        self.frames.append(
+            {
+                "index": frame.index,
+                "cpu_ms": frame.cpu_ms,
+                "timings_ms": dict(frame.timings),
+                "work": dict(frame.work),
+            }
+        )
+        del self.frames[:-FRAMES_KEPT]
+
+    def medians(self) -> dict[str, float]:
+        """Return the median of each pass's GPU milliseconds, and of the CPU's.
+
+        The first frame, in which drivers compile, counts only if it is the only one.
+        """
+        counted = self.frames[1:] or self.frames
+        names = list(dict.fromkeys(name for frame in counted for name in frame["timings_ms"]))
+        result = {
+            name: statistics.median(f["timings_ms"][name] for f in counted if name in f["timings_ms"])
+            for name in names
+        }
+        return {**result, "cpu": statistics.median(f["cpu_ms"] for f in counted)}
+
+    def record(self) -> dict[str, Any]:
+        """Return everything as JSON has it."""
+        from backends.vulkan.shaders import shared
+
+        scene, capabilities, renderer = self.renderer.scene, self.renderer.capabilities, self.renderer
+        return {
+            "strata": strata_version(),
+            "chapter": self.request.chapter,
+            "title": chapters.lesson(self.request.chapter).title,
+            "backend": capabilities.backend,
+            "device": {
+                "name": capabilities.device,
+                "driver": capabilities.driver,
+                "api_version": ".".join(map(str, capabilities.api_version)),
+                "kind": capabilities.kind,
+            },
+            "system": f"{platform.system()} {platform.machine()}, Python {platform.python_version()}",
+            "plan": [asdict(choice) for choice in renderer.plan.choices],
+            "scene": {
+                "name": scene.name,
+                "path": str(scene.path) if scene.path else None,
+                "meshes": len(scene.meshes),
+                "instances": len(scene.instances),
+                "triangles": triangles(scene),
+                "indices": int(scene.meshes["index_count"][scene.instances.mesh].sum()),
+                "materials": len(scene.materials),
+                "images": len(scene.images),
+                "lights": len(scene.lights),
+                "warnings": list(scene.warnings),
+            },
+            "size": list(renderer.size),
+            "quality": self.quality,
+            "settings": asdict(renderer.settings),
+            "start_s": self.start,
+            "shaders": asdict(shared().counters),
+            "median_ms": self.medians(),
+            "frames": self.frames,
+            "pictures": self.pictures,
+        }
+
+    def write(self, path: Path) -> None:
+        """Write the record, whole or not at all."""
+        try:
+            write_whole(path.absolute(), (json.dumps(self.record(), indent=1) + "\n").encode())
+        except OSError as error:
+            raise UserError(f"--json {path} cannot be written: {error.strerror or error}.") from None
+
+    def show(self) -> None:
+        """Print plan and figures as tables."""
+        from chapters.tables import plan_table, table
+
+        out.print(plan_table(self.renderer.plan, self.device))
+        figures = table("Milliseconds", "part", ">median")
+        for name, value in self.medians().items():
+            figures.add_row("recording (CPU)" if name == "cpu" else name, f"{value:.2f}")
+        out.print(figures)
+        seconds = ", ".join(f"{name} {value:.2f}" for name, value in self.start.items())
+        out.print(f"Start in seconds: {seconds}", soft_wrap=True)
+        work = ", ".join(f"{name} {count}" for name, count in self.frames[-1]["work"].items())
+        out.print(f"Work: {work}", soft_wrap=True)
+
+
+def triangles(scene: Scene) -> int:
+    """Return the triangles that a frame of the whole scene draws."""
+    return int(np.sum(scene.meshes["index_count"][scene.instances.mesh], dtype=np.int64)) // 3
+
+
+def strata_version() -> str:
+    """Return the version of this clone."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    found: str = project["version"]
+    return found

@@ -1,0 +1,62 @@
+"""From what a user types after --scene to a scene: a name of our own, or the path of a glTF file."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import assets
+from common.errors import SceneError, UserError
+from common.gltf import load_scene
+from common.gltf.load import Progress
+from common.scene import Scene
+
+DEFAULT = "atrium"
+SUFFIXES = (".gltf", ".glb")
+
+
+def find(text: str) -> Path:
+    """Return the file meant by `text`: a path if it looks like one, else a scene of our own by name.
+
+    Raises UserError or SceneError: there is no such scene or file, it is a folder, or no glTF.
+    """
+    path = Path(text).expanduser()
+    if not _is_path(text, path):
+        return assets.locate(text)
+    if path.is_dir():
+        inside = sorted(p.name for p in path.iterdir() if p.suffix.lower() in SUFFIXES)
+        hint = (
+            f"name a file in it, such as {Path(text) / inside[0]}"
+            if inside
+            else "it holds no .gltf or .glb file"
+        )
+        raise SceneError(f"{text} is a folder: {hint}.")
+    if not path.exists():
+        near = sorted(p for p in _siblings(path) if p.suffix.lower() in SUFFIXES)
+        hint = f"; {path.parent} has {', '.join(p.name for p in near[:5])}" if near else ""
+        raise SceneError(f"There is no file {text}{hint}.")
+    if path.suffix.lower() not in SUFFIXES:
+        raise SceneError(f"{text} is no glTF scene: its name must end in .gltf or .glb.")
+    return path
+
+
+def _is_path(text: str, path: Path) -> bool:
+    name = text.partition(":")[0]
+    if name in assets.SCENES:
+        return False
+    separators = {os.sep, "/", os.altsep or "/"}
+    return path.exists() or bool(path.suffix) or any(s in text for s in separators) or text.startswith("~")
+
+
+def _siblings(path: Path) -> list[Path]:
+    try:
+        return list(path.parent.iterdir())
+    except OSError:
+        return []
+
+
+def load(text: str, progress: Progress | None = None) -> Scene:
+    """Load the scene meant by `text`; raises UserError with one sentence where that fails."""
+    if not text.strip():
+        raise UserError("--scene needs a name or a path: ./strata list --scenes shows the names.")
+    return load_scene(find(text), progress)

@@ -1,0 +1,212 @@
+"""What a test run leaves and says: counts per area, variant and feature; skips that CI does not allow; time budgets.
+
+tests/allowed_skips.txt   "test id pattern | part of the reason": what may be skipped in CI (`CI=true`)
+docs/records/long.json    the last run with --long: result, commit, time
+"""
+
+from __future__ import annotations
+
+import datetime
+import fnmatch
+import json
+import os
+import re
+import subprocess
+from collections import Counter, defaultdict
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from common.paths import ROOT, cache_dir, write_whole
+
+ALLOWED_SKIPS = ROOT / "tests" / "allowed_skips.txt"
+LONG_RECORD = ROOT / "docs" / "records" / "long.json"
+TEST_BUDGET_S = 5.0
+AREA_BUDGET_S = 25.0
+"""For one test, and for one area (a chapter: in one variant). Tests marked `long` have none."""
+
+
+@dataclass
+class Outcome:
+    """What became of one test, over its set-up, call and tear-down."""
+
+    nodeid: str
+    features: tuple[str, ...]
+    long: bool
+    result: str = "passed"
+    reason: str = ""
+    seconds: float = 0.0
+    area: str = field(init=False)
+    variant: str = field(init=False)
+
+    def __post_init__(self) -> None:
+        parts = Path(self.nodeid.partition("::")[0]).parts
+        name = re.sub(r"^test_|\.py$", "", parts[2]) if parts[1] == "stability" else parts[1]
+        self.area = name.removesuffix(".py")
+        found = re.search(r"\[(vulkan|without-all|gl)\b", self.nodeid)
+        self.variant = found[1] if found else "-"
+
+
+def allowed_skips(text: str) -> list[tuple[str, str]]:
+    """Return (pattern of test ids, part of the reason) of each line that is no comment."""
+    lines = (line.strip() for line in text.splitlines())
+    pairs = (line.partition("|") for line in lines if line and not line.startswith("#"))
+    return [(pattern.strip(), reason.strip()) for pattern, _, reason in pairs]
+
+
+def is_allowed(outcome: Outcome, allowed: list[tuple[str, str]]) -> bool:
+    """Whether a skip is in the written list."""
+    return any(fnmatch.fnmatch(outcome.nodeid, p) and r and r in outcome.reason for p, r in allowed)
+
+
+def over_budget(outcomes: list[Outcome]) -> list[str]:
+    """Return a sentence for each test and each area that took longer than it may."""
+    quick = [outcome for outcome in outcomes if not outcome.long]
+    texts = [
+        f"{o.nodeid} took {o.seconds:.1f} s; a test may take {TEST_BUDGET_S:g} s"
+        for o in quick
+        if o.seconds > TEST_BUDGET_S
+    ]
+    totals: dict[tuple[str, str], float] = defaultdict(float)
+    for outcome in quick:
+        totals[outcome.area, outcome.variant] += outcome.seconds
+    for (area, variant), seconds in sorted(totals.items()):
+        if seconds > AREA_BUDGET_S:
+            where = area if variant == "-" else f"{area} ({variant})"
+            texts.append(f"{where} took {seconds:.1f} s; an area may take {AREA_BUDGET_S:g} s")
+    return texts
+
+
+def summary(outcomes: list[Outcome]) -> list[str]:
+    """Return the table of counts per area and variant, and the number of features that passed."""
+    counts: dict[tuple[str, str], Counter[str]] = defaultdict(Counter)
+    seconds: Counter[tuple[str, str]] = Counter()
+    for outcome in outcomes:
+        key = outcome.area, outcome.variant
+        counts[key][outcome.result] += 1
+        seconds[key] += outcome.seconds  # type: ignore[assignment]
+    lines = [f"{'area':<14}{'variant':<14}{'passed':>8}{'failed':>8}{'skipped':>9}{'seconds':>9}"]
+    for key in sorted(counts):
+        c = counts[key]
+        lines.append(
+            f"{key[0]:<14}{key[1]:<14}{c['passed']:>8}{c['failed']:>8}{c['skipped']:>9}{seconds[key]:>9.1f}"
+        )
+    by_feature = feature_counts(outcomes)
+    held = sum(1 for c in by_feature.values() if c.get("passed") and not c.get("failed"))
+    lines.append(f"{len(by_feature)} features of the ledger have tests here, {held} of them pass.")
+    return lines
+
+
+def feature_counts(outcomes: list[Outcome]) -> dict[str, dict[str, int]]:
+    """Return, for each feature that a test names, how many of its tests had which result."""
+    found: dict[str, Counter[str]] = defaultdict(Counter)
+    for outcome in outcomes:
+        for slug in outcome.features:
+            found[slug][outcome.result] += 1
+    return {slug: dict(counts) for slug, counts in found.items()}
+
+
+class Report:
+    """The pytest plugin that collects all this and has the last word before pytest's own last line."""
+
+    def __init__(self, config: pytest.Config) -> None:
+        self.config = config
+        self.outcomes: dict[str, Outcome] = {}
+        self.device = "no device was opened"
+        self.in_ci = os.environ.get("CI") == "true"
+        self.complaints: list[str] = []
+
+    def pytest_collection_finish(self, session: pytest.Session) -> None:
+        for item in session.items:
+            slugs = tuple(slug for mark in item.iter_markers("feature") for slug in mark.args)
+            self.outcomes[item.nodeid] = Outcome(
+                item.nodeid, slugs, item.get_closest_marker("long") is not None
+            )
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        outcome = self.outcomes.get(report.nodeid)
+        if outcome is None:
+            return
+        # A device or a renderer that a whole module shares is made in the set-up of its first test: the area's time.
+        outcome.seconds += report.duration
+        if report.failed:
+            outcome.result = "failed"
+        elif report.skipped and outcome.result != "failed":
+            outcome.result = "skipped"
+            outcome.reason = (
+                report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)
+            )
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_sessionfinish(self, session: pytest.Session, exitstatus: int) -> None:
+        if self.config.option.collectonly or not self.outcomes:
+            return
+        outcomes = list(self.outcomes.values())
+        self.complaints = over_budget(outcomes)
+        if self.in_ci:
+            text = ALLOWED_SKIPS.read_text("utf-8") if ALLOWED_SKIPS.is_file() else ""
+            allowed = allowed_skips(text)
+            self.complaints += [
+                f"{o.nodeid} was skipped ({o.reason}), which {ALLOWED_SKIPS.name} does not allow"
+                for o in outcomes
+                if o.result == "skipped" and not is_allowed(o, allowed)
+            ]
+            if self.complaints and session.exitstatus == pytest.ExitCode.OK:
+                session.exitstatus = pytest.ExitCode.TESTS_FAILED
+        self._keep(outcomes, exitstatus)
+
+    def _keep(self, outcomes: list[Outcome], exitstatus: int) -> None:
+        """Write the results of features for `strata list --features`, merged into those of other runs."""
+        head = {
+            "when": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+            "commit": commit(),
+            "device": self.device,
+        }
+        folder = cache_dir("tests")
+        if folder is not None:
+            path = folder / "features.json"
+            try:
+                before: dict[str, Any] = json.loads(path.read_text("utf-8"))["features"]
+            except (OSError, ValueError, KeyError):
+                before = {}
+            merged = {**before, **feature_counts(outcomes)}
+            write_whole(path, json.dumps({**head, "features": merged}, indent=1).encode())
+        if self.config.getoption("--long") and any(o.long for o in outcomes):
+            LONG_RECORD.parent.mkdir(parents=True, exist_ok=True)
+            longest = [o for o in outcomes if o.long]
+            record = {
+                **head,
+                "exit_status": int(exitstatus),
+                "tests": {o.nodeid: {"result": o.result, "seconds": round(o.seconds, 1)} for o in longest},
+            }
+            write_whole(LONG_RECORD, (json.dumps(record, indent=1) + "\n").encode())
+
+    def pytest_terminal_summary(self, terminalreporter: Any) -> None:
+        if self.config.option.collectonly or not self.outcomes:
+            return
+        terminalreporter.section("strata", sep="=")
+        terminalreporter.line(f"device: {self.device}")
+        for line in summary(list(self.outcomes.values())):
+            terminalreporter.line(line)
+        for text in self.complaints:
+            terminalreporter.line(("FAILED " if self.in_ci else "note: ") + text, red=self.in_ci)
+
+
+def commit() -> str:
+    """Return the commit of the clone, with "+" after it if files differ from it."""
+    try:
+        name = subprocess.run(
+            ["git", "rev-parse", "--short=12", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=True
+        ).stdout.strip()
+        changed = subprocess.run(
+            ["git", "status", "--porcelain", "--untracked-files=no"],
+            cwd=ROOT,
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"
+    return name + ("+" if changed else "")
