@@ -5,7 +5,9 @@ setlocal
 set "root=%~dp0"
 if "%root:~-1%"=="\" set "root=%root:~0,-1%"
 set "python=%root%\.venv\Scripts\python.exe"
+rem Another Python's; its packages would hide ours of the same name.
 set "PYTHONHOME="
+set "PYTHONPATH="
 
 for %%o in (--yes --no-install --extras --latest) do if "%~1"=="%%o" goto setup
 

@@ -149,7 +149,8 @@ def start(arguments: list[str]) -> int:
     python = str(Environment(ROOT).python)
     # -P: a file of the user's folder that is called like a module is not taken for one.
     command = [python, "-P", "-m", "chapters", *arguments]
-    os.environ.pop("PYTHONHOME", None)
+    for name in ("PYTHONHOME", "PYTHONPATH"):  # as in the launchers
+        os.environ.pop(name, None)
     if sys.platform == "win32":  # os.execv returns to the prompt there, before the program is done
         try:
             return subprocess.run(command, check=False).returncode

@@ -35,7 +35,14 @@ def test_every_pin_is_exact_and_hashed() -> None:
 @pytest.mark.parametrize("python", ["3.11", "3.12", "3.13", "3.14"])
 @pytest.mark.parametrize(
     ("system", "architecture"),
-    [("linux", "x86_64"), ("linux", "aarch64"), ("darwin", "arm64"), ("win32", "AMD64")],
+    [
+        ("linux", "x86_64"),
+        ("linux", "aarch64"),
+        ("darwin", "arm64"),
+        ("darwin", "x86_64"),
+        ("win32", "AMD64"),
+        ("win32", "ARM64"),
+    ],
 )
 def test_the_lock_holds_what_pyproject_asks_for(
     extra: str, python: str, system: str, architecture: str
