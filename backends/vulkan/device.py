@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
+from backends import verdicts
 from backends.contract import Capabilities, check_without
 from backends.vulkan import api as vk
 from backends.vulkan import features as vf
@@ -46,6 +47,7 @@ class Device:
     """A Vulkan device with every optional feature that it has and `without` does not take away.
 
     Everything is created by `create` and destroyed by `destroy`, so that `close` can name what was forgotten.
+    With `believe` the driver's word counts, whatever self-tests said about it.
     """
 
     def __init__(
@@ -54,10 +56,12 @@ class Device:
         physical: PhysicalDevice | None = None,
         without: Iterable[str] = (),
         extensions: Iterable[str] = (),
+        *,
+        believe: bool = False,
     ) -> None:
         self.instance = instance
         self.physical = physical or choose(instance.devices())
-        self.capabilities = capabilities(self.physical)
+        self.capabilities = capabilities(self.physical, believe)
         self.without = check_without(without)
         self.features = self.capabilities.features - self.without
         self.limits = self.physical.limits
@@ -209,8 +213,16 @@ def _integer(handle: Any) -> int:
     return int(vk.ffi.cast("uintptr_t", handle))
 
 
-def capabilities(physical: PhysicalDevice) -> Capabilities:
-    """Return what `physical` says it can do, in Strata's feature names."""
+def identity(physical: PhysicalDevice) -> verdicts.Identity:
+    """Return under which name verdicts on `physical` are kept."""
+    return verdicts.Identity(physical.name, physical.driver, physical.cache_uuid)
+
+
+def capabilities(physical: PhysicalDevice, believe: bool = False) -> Capabilities:
+    """Return what `physical` can do, in Strata's feature names: what it says, less what self-tests found wrong.
+
+    With `believe` it is all that the driver says.
+    """
     why_not: dict[str, str] = {}
     for feature, requirement in vf.OPTIONAL.items():
         reason = physical.lacks(requirement)
@@ -229,7 +241,7 @@ def capabilities(physical: PhysicalDevice) -> Capabilities:
         f.flags & vk.VK_QUEUE_SPARSE_BINDING_BIT for f in physical.families
     ):
         why_not["sparse"] = "no queue can bind sparse memory"
-    return Capabilities(
+    said = Capabilities(
         backend="vulkan",
         device=physical.name,
         driver=physical.driver,
@@ -239,3 +251,6 @@ def capabilities(physical: PhysicalDevice) -> Capabilities:
         why_not=why_not,
         limits={name: int(getattr(physical.limits, name)) for name in LIMITS},
     )
+    if believe:
+        return said
+    return verdicts.apply(said, verdicts.broken(physical.driver, verdicts.read(identity(physical))))

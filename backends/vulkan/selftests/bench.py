@@ -1,0 +1,480 @@
+"""The workbench of the self-tests: buffers, textures, descriptors, one dispatch, one draw; all freed at its end.
+
+Nothing is kept or shared between calls, since a self-test makes one or two of them. Small pieces of GLSL are given as
+text; what they compute is compared with numbers made in Python.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from backends.shader_text import build_text
+from backends.vulkan import api as vk
+from backends.vulkan.barriers import barriers, transition
+from backends.vulkan.device import Device
+from backends.vulkan.once import submit_once
+from backends.vulkan.readback import read_image
+from backends.vulkan.resources import (
+    FORMATS,
+    Buffer,
+    Image,
+    create_buffer,
+    create_image,
+    destroy_buffer,
+    destroy_image,
+)
+from backends.vulkan.shaders import compile_shader
+
+STAGES = {
+    "vert": vk.VK_SHADER_STAGE_VERTEX_BIT,
+    "frag": vk.VK_SHADER_STAGE_FRAGMENT_BIT,
+    "comp": vk.VK_SHADER_STAGE_COMPUTE_BIT,
+    "task": vk.VK_SHADER_STAGE_TASK_BIT_EXT,
+    "mesh": vk.VK_SHADER_STAGE_MESH_BIT_EXT,
+    "rgen": vk.VK_SHADER_STAGE_RAYGEN_BIT_KHR,
+    "rmiss": vk.VK_SHADER_STAGE_MISS_BIT_KHR,
+    "rchit": vk.VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR,
+}
+
+EVERYTHING = (
+    vk.VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT,
+    vk.VK_ACCESS_2_MEMORY_WRITE_BIT,
+    vk.VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT | vk.VK_PIPELINE_STAGE_2_HOST_BIT,
+    vk.VK_ACCESS_2_MEMORY_READ_BIT | vk.VK_ACCESS_2_MEMORY_WRITE_BIT | vk.VK_ACCESS_2_HOST_READ_BIT,
+)
+"""The memory barrier for who does not count microseconds."""
+
+UNSET = 0xCDCDCDCD
+"""What an output buffer holds before the GPU writes to it."""
+
+BUFFER_USAGE = (
+    vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT
+    | vk.VK_BUFFER_USAGE_TRANSFER_SRC_BIT
+    | vk.VK_BUFFER_USAGE_TRANSFER_DST_BIT
+    | vk.VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT
+    | vk.VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT
+)
+
+FULL_SCREEN = "void main() { gl_Position = vec4(VERTEX_ID == 1 ? 3 : -1, VERTEX_ID == 2 ? 3 : -1, 0.5, 1); }"
+"""A vertex shader whose three vertices cover everything."""
+
+
+@dataclass(frozen=True)
+class Texture:
+    """A view and a sampler, for a combined image sampler."""
+
+    view: Any
+    sampler: Any
+
+
+@dataclass(frozen=True)
+class Acceleration:
+    """A top-level acceleration structure."""
+
+    handle: Any
+
+
+Resource = Buffer | Texture | Acceleration | Sequence[Texture | None]
+"""What is bound at 0, 1, 2, ... of set 0; a sequence is an array of textures with gaps, and must come last."""
+
+
+@dataclass(frozen=True)
+class Program:
+    """A pipeline with its layout and the set of what it reads and writes."""
+
+    pipeline: Any
+    layout: Any
+    set: Any
+    bind_point: int
+
+
+class Bench:
+    """Makes what a self-test needs on `device`, and frees it."""
+
+    def __init__(self, device: Device) -> None:
+        self.device = device
+        self.fn = device.fn
+        self._free: list[Callable[[], None]] = []
+
+    def __enter__(self) -> Bench:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.device.wait_idle()
+        for free in reversed(self._free):
+            free()
+
+    def at_end(self, free: Callable[..., None], *arguments: Any) -> None:
+        """Call `free(*arguments)` at the end, last given first."""
+        self._free.append(lambda: free(*arguments))
+
+    def make(self, call: str, struct: str, **fields: Any) -> Any:
+        """Return what `vkCreate...` makes of a struct with `fields`."""
+        handle = self.device.create(call, vk.new(struct, **fields), "selftest")
+        self.at_end(self.device.destroy, "Vk" + call.removeprefix("vkCreate"), handle)
+        return handle
+
+    # --- buffers and textures ---
+
+    def input(self, data: np.ndarray, usage: int = 0) -> Buffer:
+        """Return a buffer with `data`, for storage or indirect arguments."""
+        buffer = create_buffer(self.device, data.nbytes, BUFFER_USAGE | usage, "upload", "input")
+        self.at_end(destroy_buffer, self.device, buffer)
+        buffer.mapped[: data.nbytes] = np.frombuffer(data.tobytes(), np.uint8)
+        return buffer
+
+    def output(self, words: int) -> Buffer:
+        """Return a buffer of `words` 32-bit words, each UNSET, for `read`."""
+        buffer = create_buffer(self.device, 4 * words, BUFFER_USAGE, "readback", "output")
+        self.at_end(destroy_buffer, self.device, buffer)
+        with self.submit() as commands:
+            self.fn.vkCmdFillBuffer(commands, buffer.handle, 0, vk.VK_WHOLE_SIZE, UNSET)
+            self.fn.vkCmdPipelineBarrier2(commands, barriers(memory=EVERYTHING))
+        return buffer
+
+    def read(self, buffer: Buffer, dtype: Any) -> np.ndarray:
+        """Return a copy of what the GPU wrote to an output."""
+        self.device.memory.invalidate(buffer.allocation)
+        return buffer.view(dtype).copy()
+
+    def image(self, format: str, size: tuple[int, int], usage: int) -> Image:
+        """Return an image that can be copied from and to as well."""
+        copies = vk.VK_IMAGE_USAGE_TRANSFER_SRC_BIT | vk.VK_IMAGE_USAGE_TRANSFER_DST_BIT
+        image = create_image(self.device, format, size, usage | copies, "selftest")
+        self.at_end(destroy_image, self.device, image)
+        return image
+
+    def fill(self, image: Any, size: tuple[int, int], data: np.ndarray, levels: int = 1) -> None:
+        """Write `data` into an image whose level 0 is of `size`, and make it ready to be sampled.
+
+        With `levels` above 1 the image is a chain of mip levels, and `data` their texels in order; else the first axis
+        of a three-dimensional `data` counts layers.
+        """
+        buffer = self.input(data)
+        width, height = size
+        layers = data.shape[0] if levels == 1 and data.ndim == 3 else 1
+        regions, offset = [], 0
+        for level in range(levels):
+            extent = {"width": max(width >> level, 1), "height": max(height >> level, 1), "depth": 1}
+            part = {
+                "aspectMask": vk.VK_IMAGE_ASPECT_COLOR_BIT,
+                "mipLevel": level,
+                "layerCount": layers,
+            }
+            regions.append({"bufferOffset": offset, "imageSubresource": part, "imageExtent": extent})
+            offset += data.itemsize * extent["width"] * extent["height"]
+        made = vk.array("VkBufferImageCopy", regions)
+        layout = vk.VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL
+        with self.submit() as commands:
+            self.move(commands, image, vk.VK_IMAGE_LAYOUT_UNDEFINED, layout)
+            self.fn.vkCmdCopyBufferToImage(commands, buffer.handle, image, layout, len(regions), made)
+            self.move(commands, image, layout, vk.VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL)
+
+    def move(
+        self, commands: Any, image: Any, before: int, after: int, aspect: int = vk.VK_IMAGE_ASPECT_COLOR_BIT
+    ) -> None:
+        """Record a barrier for all of an image, from one layout to another, that waits for everything."""
+        stages, writes = EVERYTHING[:2]
+        barrier = vk.new(
+            "VkImageMemoryBarrier2",
+            srcStageMask=stages,
+            srcAccessMask=writes,
+            dstStageMask=stages,
+            dstAccessMask=vk.VK_ACCESS_2_MEMORY_READ_BIT | vk.VK_ACCESS_2_MEMORY_WRITE_BIT,
+            oldLayout=before,
+            newLayout=after,
+            srcQueueFamilyIndex=vk.VK_QUEUE_FAMILY_IGNORED,
+            dstQueueFamilyIndex=vk.VK_QUEUE_FAMILY_IGNORED,
+            image=image,
+            subresourceRange={
+                "aspectMask": aspect,
+                "levelCount": vk.VK_REMAINING_MIP_LEVELS,
+                "layerCount": vk.VK_REMAINING_ARRAY_LAYERS,
+            },
+        )
+        self.fn.vkCmdPipelineBarrier2(commands, barriers(barrier))
+
+    def sampler(self, **fields: Any) -> Any:
+        """Return a sampler that clamps and takes the nearest texel, but for `fields`."""
+        edge = vk.VK_SAMPLER_ADDRESS_MODE_CLAMP_TO_EDGE
+        modes = {"addressModeU": edge, "addressModeV": edge, "addressModeW": edge}
+        return self.make("vkCreateSampler", "VkSamplerCreateInfo", **{**modes, **fields})
+
+    def texture(self, format: str, data: np.ndarray, sampler: Any = None) -> Texture:
+        """Return a 2D texture of one level with `data` (H, W)."""
+        size = (data.shape[1], data.shape[0])
+        image = self.image(format, size, vk.VK_IMAGE_USAGE_SAMPLED_BIT)
+        self.fill(image.handle, size, data)
+        return Texture(image.view, sampler if sampler is not None else self.sampler())
+
+    # --- programs ---
+
+    def submit(self) -> Any:
+        """Give a command buffer that is submitted and waited for at the end of a `with` block."""
+        return submit_once(self.device)
+
+    def stages(self, sources: Mapping[str, str], extensions: Sequence[str] = ()) -> list[Any]:
+        """Return the stages of GLSL texts by stage ("comp", "frag"); needs glslang or its cache."""
+        made = []
+        for stage, text in sources.items():
+            code = compile_shader(build_text(text, stage, "vulkan", name=stage, extensions=extensions))
+            module = self.make(
+                "vkCreateShaderModule", "VkShaderModuleCreateInfo", codeSize=len(code), pCode=code
+            )
+            made.append({"stage": STAGES[stage], "module": module, "pName": "main"})
+        return made
+
+    def compute(self, source: str, resources: Sequence[Resource], extensions: Sequence[str] = ()) -> Program:
+        """Return a compute program of one GLSL text."""
+        layout, bound = self.layout(resources)
+        stage = self.stages({"comp": source}, extensions)[0]
+        infos = vk.array("VkComputePipelineCreateInfo", [{"stage": stage, "layout": layout}])
+        pipeline = self.device.create_pipelines("vkCreateComputePipelines", infos, ["selftest"])[0]
+        self.at_end(self.device.destroy, "VkPipeline", pipeline)
+        return Program(pipeline, layout, bound, vk.VK_PIPELINE_BIND_POINT_COMPUTE)
+
+    def dispatch(
+        self,
+        source: str,
+        resources: Sequence[Resource],
+        groups: int = 1,
+        extensions: Sequence[str] = (),
+    ) -> None:
+        """Run a compute shader once and wait."""
+        program = self.compute(source, resources, extensions)
+        with self.submit() as commands:
+            self.bind(commands, program)
+            self.fn.vkCmdDispatch(commands, groups, 1, 1)
+            self.fn.vkCmdPipelineBarrier2(commands, barriers(memory=EVERYTHING))
+
+    def graphics(
+        self,
+        sources: Mapping[str, str],
+        resources: Sequence[Resource] = (),
+        *,
+        extensions: Sequence[str] = (),
+        target: str = "r32ui",
+        polygon_mode: int = vk.VK_POLYGON_MODE_FILL,
+        rate: Any = None,
+    ) -> Program:
+        """Return a program that draws triangles into one target; `rate` is a shading-rate state to chain."""
+        layout, bound = self.layout(resources)
+        depth = target == "d32f"
+        rendering = vk.new(
+            "VkPipelineRenderingCreateInfo",
+            pNext=rate,
+            pColorAttachmentFormats=None if depth else [FORMATS[target][0]],
+            depthAttachmentFormat=FORMATS[target][0] if depth else vk.VK_FORMAT_UNDEFINED,
+        )
+        flags = vk.VK_PIPELINE_CREATE_RENDERING_FRAGMENT_SHADING_RATE_ATTACHMENT_BIT_KHR if rate else 0
+        blend = None if depth else [{"colorWriteMask": 0xF}]
+        dynamic = [vk.VK_DYNAMIC_STATE_VIEWPORT, vk.VK_DYNAMIC_STATE_SCISSOR]
+        classic = "vert" in sources
+        infos = vk.array(
+            "VkGraphicsPipelineCreateInfo",
+            [
+                {
+                    "pNext": rendering,
+                    "flags": flags,
+                    "pStages": self.stages(sources, extensions),
+                    "pVertexInputState": {} if classic else None,
+                    "pInputAssemblyState": {"topology": vk.VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST}
+                    if classic
+                    else None,
+                    "pViewportState": {"viewportCount": 1, "scissorCount": 1},
+                    "pRasterizationState": {"polygonMode": polygon_mode, "lineWidth": 1.0},
+                    "pMultisampleState": {"rasterizationSamples": vk.VK_SAMPLE_COUNT_1_BIT},
+                    "pDepthStencilState": {
+                        "depthTestEnable": int(depth),
+                        "depthWriteEnable": int(depth),
+                        "depthCompareOp": vk.VK_COMPARE_OP_ALWAYS,
+                    },
+                    "pColorBlendState": {"pAttachments": blend},
+                    "pDynamicState": {"pDynamicStates": dynamic},
+                    "layout": layout,
+                }
+            ],
+        )
+        pipeline = self.device.create_pipelines("vkCreateGraphicsPipelines", infos, ["selftest"])[0]
+        self.at_end(self.device.destroy, "VkPipeline", pipeline)
+        return Program(pipeline, layout, bound, vk.VK_PIPELINE_BIND_POINT_GRAPHICS)
+
+    def render(
+        self,
+        program: Program,
+        size: tuple[int, int],
+        record: Callable[[Any], None],
+        rate: Any = None,
+    ) -> np.ndarray:
+        """Return (H, W) uint32: 0, and what `record(commands)` draws into an r32ui target of `size`."""
+        image = self.image("r32ui", size, vk.VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT)
+        with self.submit() as commands:
+            transition(self.device, commands, image, "undefined", "color")
+            self.draw(commands, program, image.view, size, record, rate=rate)
+            transition(self.device, commands, image, "color", "copy_source")
+        return read_image(self.device, image, "copy_source")
+
+    def draw(
+        self,
+        commands: Any,
+        program: Program,
+        view: Any,
+        size: tuple[int, int],
+        record: Callable[[Any], None],
+        *,
+        depth: bool = False,
+        rate: Any = None,
+    ) -> None:
+        """Record a rendering into a cleared target; `rate` is a shading-rate attachment to chain."""
+        width, height = size
+        area = {"extent": {"width": width, "height": height}}
+        layout = (
+            vk.VK_IMAGE_LAYOUT_DEPTH_ATTACHMENT_OPTIMAL
+            if depth
+            else vk.VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL
+        )
+        target = {
+            "imageView": view,
+            "imageLayout": layout,
+            "loadOp": vk.VK_ATTACHMENT_LOAD_OP_CLEAR,
+            "storeOp": vk.VK_ATTACHMENT_STORE_OP_STORE,
+        }
+        info = vk.new(
+            "VkRenderingInfo",
+            pNext=rate,
+            renderArea=area,
+            layerCount=1,
+            pColorAttachments=None if depth else [target],
+            pDepthAttachment=target if depth else None,
+        )
+        self.fn.vkCmdBeginRendering(commands, info)
+        self.bind(commands, program)
+        viewport = vk.new("VkViewport", width=width, height=height, maxDepth=1.0)
+        self.fn.vkCmdSetViewport(commands, 0, 1, viewport)
+        self.fn.vkCmdSetScissor(commands, 0, 1, vk.new("VkRect2D", **area))
+        record(commands)
+        self.fn.vkCmdEndRendering(commands)
+
+    def bind(self, commands: Any, program: Program) -> None:
+        """Record the binding of a program and of its resources."""
+        self.fn.vkCmdBindPipeline(commands, program.bind_point, program.pipeline)
+        sets = vk.array("VkDescriptorSet", [program.set])
+        self.fn.vkCmdBindDescriptorSets(commands, program.bind_point, program.layout, 0, 1, sets, 0, vk.NULL)
+
+    # --- descriptors ---
+
+    def layout(self, resources: Sequence[Resource]) -> tuple[Any, Any]:
+        """Return (pipeline layout, descriptor set) with `resources` at the bindings 0, 1, 2, ...
+
+        An array of textures is bindless: its size is variable, gaps are not written, and it may be written late.
+        """
+        described, flags, sizes = [], [], []
+        for binding, resource in enumerate(resources):
+            many = isinstance(resource, Sequence)
+            count = len(resource) if isinstance(resource, Sequence) else 1
+            described.append(
+                {
+                    "binding": binding,
+                    "descriptorType": _type_of(resource),
+                    "descriptorCount": count,
+                    "stageFlags": vk.VK_SHADER_STAGE_ALL,
+                }
+            )
+            flags.append(_BINDLESS if many else 0)
+            sizes.append(
+                {"type": _type_of(resource), "descriptorCount": count},
+            )
+        late = any(flags)
+        set_layout = self.make(
+            "vkCreateDescriptorSetLayout",
+            "VkDescriptorSetLayoutCreateInfo",
+            pNext=vk.new("VkDescriptorSetLayoutBindingFlagsCreateInfo", pBindingFlags=flags)
+            if late
+            else None,
+            flags=vk.VK_DESCRIPTOR_SET_LAYOUT_CREATE_UPDATE_AFTER_BIND_POOL_BIT if late else 0,
+            pBindings=described or None,
+        )
+        pool = self.make(
+            "vkCreateDescriptorPool",
+            "VkDescriptorPoolCreateInfo",
+            flags=vk.VK_DESCRIPTOR_POOL_CREATE_UPDATE_AFTER_BIND_BIT if late else 0,
+            maxSets=1,
+            pPoolSizes=sizes or [{"type": vk.VK_DESCRIPTOR_TYPE_SAMPLER, "descriptorCount": 1}],
+        )
+        counts = None
+        if late:
+            counts = vk.new(
+                "VkDescriptorSetVariableDescriptorCountAllocateInfo",
+                pDescriptorCounts=[sizes[-1]["descriptorCount"]],
+            )
+        allocate = vk.new(
+            "VkDescriptorSetAllocateInfo", pNext=counts, descriptorPool=pool, pSetLayouts=[set_layout]
+        )
+        out = vk.ffi.new("VkDescriptorSet[1]")
+        code = self.fn.vkAllocateDescriptorSets(self.device.handle, allocate, out)
+        vk.check(code, "vkAllocateDescriptorSets", allocate)
+        for binding, resource in enumerate(resources):
+            if not isinstance(resource, Sequence):
+                self.write(out[0], binding, 0, resource)
+        layout = self.make("vkCreatePipelineLayout", "VkPipelineLayoutCreateInfo", pSetLayouts=[set_layout])
+        return layout, out[0]
+
+    def write(self, target: Any, binding: int, index: int, resource: Buffer | Texture | Acceleration) -> None:
+        """Write one descriptor of a set."""
+        fields: dict[str, Any] = {}
+        if isinstance(resource, Buffer):
+            fields["pBufferInfo"] = [{"buffer": resource.handle, "range": vk.VK_WHOLE_SIZE}]
+        elif isinstance(resource, Texture):
+            layout = vk.VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL
+            fields["pImageInfo"] = [
+                {"sampler": resource.sampler, "imageView": resource.view, "imageLayout": layout}
+            ]
+        else:
+            fields["descriptorCount"] = 1
+            fields["pNext"] = vk.new(
+                "VkWriteDescriptorSetAccelerationStructureKHR", pAccelerationStructures=[resource.handle]
+            )
+        writes = vk.array(
+            "VkWriteDescriptorSet",
+            [
+                {
+                    "dstSet": target,
+                    "dstBinding": binding,
+                    "dstArrayElement": index,
+                    "descriptorType": _type_of(resource),
+                    **fields,
+                }
+            ],
+        )
+        self.fn.vkUpdateDescriptorSets(self.device.handle, 1, writes, 0, vk.NULL)
+
+
+_BINDLESS = (
+    vk.VK_DESCRIPTOR_BINDING_PARTIALLY_BOUND_BIT
+    | vk.VK_DESCRIPTOR_BINDING_UPDATE_AFTER_BIND_BIT
+    | vk.VK_DESCRIPTOR_BINDING_VARIABLE_DESCRIPTOR_COUNT_BIT
+)
+
+
+def _type_of(resource: Resource) -> int:
+    if isinstance(resource, Buffer):
+        return int(vk.VK_DESCRIPTOR_TYPE_STORAGE_BUFFER)
+    if isinstance(resource, Acceleration):
+        return int(vk.VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR)
+    return int(vk.VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER)
+
+
+def differ(what: str, found: np.ndarray, expected: np.ndarray) -> str:
+    """Return "" where two arrays are equal, else how many of their values differ, and the first of these."""
+    wrong = np.flatnonzero(np.ravel(found != expected))
+    if not wrong.size:
+        return ""
+    first = int(wrong[0])
+    return (
+        f"{wrong.size} of {expected.size} {what} differ, the first ({first}) is {found.ravel()[first]} "
+        f"and should be {expected.ravel()[first]}"
+    )
