@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import platform
 import re
 import statistics
@@ -135,6 +136,8 @@ def draw(request: Request, began: float) -> int:
                 frame = renderer.render(chapters.view_of(renderer, request.camera, time), time)
                 log.add(frame)
             steps("write", 1.0)
+            if request.out is None:
+                target.parent.mkdir(exist_ok=True)
             write_picture(target, frame)
             steps.finish()
             log.start = {**steps.times, "total": clock.perf_counter() - began}
@@ -151,18 +154,11 @@ def draw(request: Request, began: float) -> int:
 
 
 def default_picture(request: Request) -> Path:
-    """Return where a picture goes for which no place was named: `out/` in the current folder."""
-    folder = Path("out")
-    try:
-        folder.mkdir(exist_ok=True)
-    except OSError as error:
-        raise UserError(
-            f"The folder {folder.absolute()} cannot be made ({error.strerror}): say --out FILE.png."
-        ) from None
+    """Return where a picture goes for which no place was named: in `out/` of the current folder, made at the end."""
+    if not os.access(Path.cwd(), os.W_OK):
+        raise UserError(f"Nothing can be written to {Path.cwd()}: say --out FILE.png.")
     name = re.sub(r"[^\w.-]+", "-", Path(request.scene).stem if "/" in request.scene else request.scene)
-    path = folder / f"{chapters.folder_name(request.chapter)}-{name.strip('-') or 'scene'}.png"
-    images.check_writable(path)
-    return path
+    return Path("out") / f"{chapters.folder_name(request.chapter)}-{name.strip('-') or 'scene'}.png"
 
 
 def write_picture(path: Path, frame: Frame) -> None:

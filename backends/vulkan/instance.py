@@ -15,6 +15,7 @@ from common.errors import UnsupportedError, UserError
 
 VALIDATION_LAYER = "VK_LAYER_KHRONOS_validation"
 PORTABILITY_ENUMERATION = "VK_KHR_portability_enumeration"  # macOS: MoltenVK is listed only to those who ask
+NO_DEVICE = "No Vulkan 1.3 device was found ({}): ./strata doctor says what to install."
 
 
 class Instance:
@@ -75,7 +76,10 @@ class Instance:
             ppEnabledExtensionNames=sorted(enabled),
         )
         handle = vk.ffi.new("VkInstance *")
-        vk.check(functions.vkCreateInstance(info, vk.NULL, handle), "vkCreateInstance")
+        code = functions.vkCreateInstance(info, vk.NULL, handle)
+        if code == vk.VK_ERROR_INCOMPATIBLE_DRIVER:
+            raise UnsupportedError(NO_DEVICE.format("the loader found no driver"))
+        vk.check(code, "vkCreateInstance")
         self.handle = handle[0]
         self.extensions = frozenset(enabled)
         self.fn = vk.Functions(lambda name: get(self.handle, name))
@@ -281,10 +285,7 @@ def choose(devices: Sequence[PhysicalDevice], wanted: str | None = None) -> Phys
     fit = [device for device in devices if device.unfit() is None]
     if not fit:
         detail = "; ".join(f"{device.name}: {device.unfit()}" for device in devices)
-        raise UnsupportedError(
-            f"No Vulkan 1.3 device was found ({detail or 'the loader found no driver'}): "
-            "./strata doctor says what to install."
-        )
+        raise UnsupportedError(NO_DEVICE.format(detail or "the loader found no driver"))
     return min(fit, key=lambda device: _PREFERENCE.index(device.kind))
 
 

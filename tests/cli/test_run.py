@@ -1,0 +1,348 @@
+"""`strata run` as a user types it: pictures, records, and one sentence with exit code 2 for whatever is wrong."""
+
+from __future__ import annotations
+
+import json
+import os
+import struct
+import subprocess
+import sys
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from chapters.__main__ import run
+from common.images import read_image, read_layers
+from common.paths import ROOT
+from tests.common.gltf.builder import TRIANGLE, Gltf, triangle
+
+
+@pytest.fixture
+def strata(vulkan_instance, capsys, tmp_path, monkeypatch):
+    """Run a command in an empty folder, without a display; return (exit code, stdout, stderr)."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+
+    def command(*words: str) -> tuple[int, str, str]:
+        code = run([str(word) for word in words])
+        printed = capsys.readouterr()
+        return code, printed.out, printed.err
+
+    return command
+
+
+@pytest.fixture
+def box(tmp_path) -> Path:
+    """A scene of one triangle."""
+    return triangle().write(tmp_path)
+
+
+def test_a_picture_and_a_record_are_written_where_they_were_asked_for(strata, tmp_path, box):
+    code, out, err = strata(
+        *("run", "1", "--scene", box, "--size", "64x48", "--frames", "3"),
+        *("--out", "picture.png", "--json", "run.json", "--validate"),
+    )
+    assert code == 0, err
+    assert out == ""
+    assert "picture.png" in err and err.count("\n") == 1
+    picture = read_image(tmp_path / "picture.png")
+    assert picture.shape == (48, 64, 3)
+    assert len(np.unique(picture)) > 1
+    record = json.loads((tmp_path / "run.json").read_text())
+    assert record["scene"]["triangles"] == 1
+    assert record["size"] == [64, 48]
+    assert [frame["index"] for frame in record["frames"]] == [0, 1, 2]
+    assert set(record["frames"][0]["timings_ms"]) == {"forward", "tonemap"}
+    assert record["frames"][0]["work"]["draws"] == 2  # the triangle, and the tone mapping's own
+    assert record["plan"][0]["feature"] == "anisotropy"
+    assert record["device"]["name"] and record["device"]["driver"]
+    assert record["settings"]["anisotropy"] == 4.0  # medium
+    assert record["start_s"]["total"] >= sum(v for k, v in record["start_s"].items() if k != "total")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["picture.png", "run.json", "scene.glb"]
+
+
+def test_an_exr_holds_linear_light_depth_and_ids(strata, tmp_path, box):
+    assert strata("run", "1", "--scene", box, "--size", "32x32", "--out", "a.exr")[0] == 0
+    layers = read_layers(tmp_path / "a.exr")
+    assert {name: (a.shape, a.dtype) for name, a in layers.items()} == {
+        "": ((32, 32, 3), np.float32),
+        "depth": ((32, 32, 1), np.float32),
+        "instance_id": ((32, 32, 1), np.uint32),
+    }
+    drawn = layers["instance_id"] == 1
+    assert drawn.any() and ((layers["depth"] > 0) == drawn).all()
+
+
+def test_without_a_name_the_picture_goes_to_out_in_the_current_folder(strata, tmp_path, box):
+    code, _, err = strata("run", "ch01", "--scene", box, "--size", "16x16")
+    assert code == 0
+    assert "out/ch01-scene.png" in err.replace(os.sep, "/")
+    assert (tmp_path / "out" / "ch01-scene.png").is_file()
+
+
+def test_without_all_draws_and_verbose_says_the_plan(strata, box):
+    code, out, _ = strata("run", "1", "--scene", box, "--size", "16x16", "--without", "all", "-v")
+    assert code == 0
+    assert "trilinear filtering" in out and "switched off by --without" in " ".join(out.split())
+    assert "recording (CPU)" in out
+
+
+def test_a_camera_and_a_time_change_the_picture(strata, tmp_path):
+    """A triangle that an animation moves to the side, seen from the front and from the back."""
+    gltf = Gltf()
+    node = gltf.draw(gltf.primitive(POSITION=TRIANGLE))
+    sampler = {"input": gltf.accessor([0.0, 2.0], "f4", min=[0.0], max=[2.0])}
+    sampler["output"] = gltf.accessor([(0, 0, 0), (0.4, 0, 0)], "f4")
+    channel = {"sampler": 0, "target": {"node": node, "path": "translation"}}
+    gltf.add("animations", {"samplers": [sampler], "channels": [channel]})
+    path = gltf.write(tmp_path)
+    common = ("run", "1", "--scene", path, "--size", "32x32")
+    view = ("--camera", "0.5,0.5,3:0.5,0.5,0")
+    assert strata(*common, *view, "--out", "start.png")[0] == 0
+    assert strata(*common, *view, "--time", "1", "--out", "end.png")[0] == 0
+    assert strata(*common, *view, "--fps", "4", "--frames", "5", "--out", "frame4.png")[0] == 0
+    start, end, frame4 = (read_image(tmp_path / f"{name}.png") for name in ("start", "end", "frame4"))
+    assert (start != end).any()
+    assert np.array_equal(end, frame4)
+
+
+WRONG_WORDS = {
+    "no such chapter": (("run", "7"), "chapter 7"),
+    "a chapter that is a word": (("run", "helmet"), "no chapter 'helmet'"),
+    "no chapter": (("run",), "Missing argument"),
+    "empty size": (("run", "1", "--size", "0x5"), "0x5"),
+    "huge size": (("run", "1", "--size", "100000x5"), "100000x5"),
+    "size without a cross": (("run", "1", "--size", "640"), "640x360"),
+    "negative size": (("run", "1", "--size", "-4x4"), "-4x4"),
+    "no such setting": (("run", "1", "--set", "anistropy=2"), "did you mean 'anisotropy'?"),
+    "a setting out of range": (("run", "1", "--set", "anisotropy=99"), "1 to 16"),
+    "a setting that is no number": (("run", "1", "--set", "anisotropy=much"), "a number"),
+    "a setting without a value": (("run", "1", "--set", "anisotropy"), "anisotropy=value"),
+    "no such feature": (("run", "1", "--without", "mesh-shaders"), "did you mean 'mesh-shader'?"),
+    "no such quality": (("run", "1", "--quality", "hihg"), "did you mean 'high'?"),
+    "no such backend": (("run", "1", "--backend", "metal"), "no backend 'metal'"),
+    "OpenGL": (("run", "1", "--backend", "gl"), "OpenGL"),
+    "no frames": (("run", "1", "--frames", "0"), "--frames 0"),
+    "a time that is none": (("run", "1", "--time", "nan"), "--time"),
+    "no such scene": (("run", "1", "--scene", "atrum"), "atrium"),
+    "no such size of a scene": (("run", "1", "--scene", "atrium:huge"), "atrium:large"),
+    "no such file": (("run", "1", "--scene", "nowhere/box.gltf"), "nowhere/box.gltf"),
+    "a folder": (("run", "1", "--scene", "."), "folder"),
+    "no such camera": (("run", "1", "--scene", "cornell", "--camera", "nose"), "no camera 'nose'"),
+    "a picture of an unknown kind": (("run", "1", "--out", "a.jpg"), ".png"),
+    "a picture in no folder": (("run", "1", "--out", "nowhere/a.png"), "nowhere"),
+    "a picture over a folder": (("run", "1", "--out", "."), "."),
+    "a record in no folder": (("run", "1", "--json", "nowhere/a.json"), "nowhere"),
+    "no such command": (("rnu", "1"), "No such command"),
+    "no such option": (("run", "1", "--fames", "2"), "--frames"),
+    "settings of no chapter": (("list", "--settings"), "list 1 --settings"),
+    "no such tests": (("test", "ch1"), "ch01"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG_WORDS)
+def test_a_wrong_word_is_one_sentence_and_leaves_no_file(strata, tmp_path, name):
+    words, part = WRONG_WORDS[name]
+    code, out, err = strata(*words)
+    assert code == 2
+    assert out == ""
+    assert part in err
+    one_sentence(err)
+    assert not list(tmp_path.iterdir())
+
+
+def one_sentence(err: str) -> None:
+    assert err.startswith("strata: ")
+    assert err.count("\n") == 1, err
+    assert "Traceback" not in err and 'File "' not in err
+
+
+def truncated(tmp_path):
+    path = triangle().write(tmp_path)
+    path.write_bytes(path.read_bytes()[:-20])
+    return path
+
+
+def changed(**changes):
+    """A triangle whose document differs in one place: "accessors.0.count" -> value."""
+
+    def make(tmp_path):
+        gltf = triangle()
+        for place, value in changes.items():
+            target = gltf.json
+            *steps, last = place.split("__")
+            for step in steps:
+                target = target[int(step) if step.isdigit() else step]
+            target[int(last) if last.isdigit() else last] = value
+        return gltf.write(tmp_path, "data")
+
+    return make
+
+
+def nan_positions(tmp_path):
+    gltf = Gltf()
+    gltf.draw(gltf.primitive(POSITION=np.full((3, 3), np.nan, "f4")))
+    return gltf.write(tmp_path)
+
+
+def indices_out_of_range(tmp_path):
+    gltf = Gltf()
+    gltf.draw(gltf.primitive(np.array([0, 1, 9], "u2"), POSITION=TRIANGLE))
+    return gltf.write(tmp_path)
+
+
+def cyclic_nodes(tmp_path):
+    gltf = triangle()
+    gltf.node(children=[2])
+    gltf.node(children=[1])
+    gltf.json["scenes"] = [{"nodes": [0, 1]}]
+    gltf.json["scene"] = 0
+    return gltf.write(tmp_path)
+
+
+def with_image(make_png):
+    def make(tmp_path):
+        gltf = Gltf()
+        gltf.add("images", {"uri": "picture.png"})
+        gltf.add("textures", {"source": 0})
+        gltf.add("materials", {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}})
+        uv = np.array([(0, 0), (1, 0), (0, 1)], "f4")
+        gltf.draw(gltf.primitive(POSITION=TRIANGLE, TEXCOORD_0=uv, material=0))
+        make_png(tmp_path / "picture.png")
+        return gltf.write(tmp_path, "gltf")
+
+    return make
+
+
+def giant_png(path):
+    """A PNG of a few bytes whose header claims 30,000 x 30,000 pixels."""
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    header = struct.pack(">IIBBBBB", 30_000, 30_000, 8, 2, 0, 0, 0)
+    data = chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(b"\0" * 64)) + chunk(b"IEND", b"")
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + data)
+
+
+WRONG_SCENES = {
+    "truncated": (truncated, "scene.glb"),
+    "an empty file": (lambda tmp: _file(tmp, b""), "scene.glb"),
+    "text that is no JSON": (lambda tmp: _file(tmp, b"{]", "scene.gltf"), "scene.gltf"),
+    "a wrong JSON type": (changed(nodes={"mesh": 0}), "nodes"),
+    "a number that is a text": (changed(accessors__0__count="three"), "accessors[0]"),
+    "an accessor out of range": (changed(meshes__0__primitives__0__attributes__POSITION=5), "5"),
+    "an accessor beyond its buffer": (changed(accessors__0__count=3_000_000), "accessors[0]"),
+    "indices out of range": (indices_out_of_range, "9"),
+    "NaN positions": (nan_positions, "meshes[0]"),
+    "cyclic nodes": (cyclic_nodes, "nodes"),
+    "an unknown required extension": (changed(extensionsRequired=["ACME_teapot"]), "ACME_teapot"),
+    "a missing image": (with_image(lambda path: None), "picture.png"),
+    "an image of 30,000 pixels a side": (with_image(giant_png), "30000"),
+    "an image that is none": (with_image(lambda path: path.write_bytes(b"nonsense")), "images[0]"),
+}
+
+
+def _file(folder, data, name="scene.glb"):
+    path = folder / name
+    path.write_bytes(data)
+    return path
+
+
+@pytest.mark.parametrize("name", WRONG_SCENES)
+def test_a_wrong_scene_is_one_sentence_that_names_the_place(strata, tmp_path, name):
+    make, part = WRONG_SCENES[name]
+    path = make(tmp_path)
+    before = sorted(tmp_path.iterdir())
+    code, out, err = strata(
+        "run", "1", "--scene", path, "--size", "16x16", "--out", "a.png", "--json", "a.json"
+    )
+    assert code == 2, err
+    assert out == ""
+    assert part in err
+    one_sentence(err)
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_a_chapter_that_fails_leaves_the_old_picture(strata, tmp_path, box, monkeypatch):
+    """A picture is written when it is whole: the one from before stays until then."""
+    (tmp_path / "a.png").write_bytes(b"the picture from before")
+    from chapters.ch01.renderer import Renderer
+
+    def broken(self, view, time=0.0):
+        raise ValueError("a slip of the pen")
+
+    monkeypatch.setattr(Renderer, "render", broken)
+    code, _, err = strata("run", "1", "--scene", box, "--size", "16x16", "--out", "a.png")
+    assert code == 1
+    assert "a slip of the pen" in err
+    assert 'test_run.py", line' in err  # the reader's own line, and none of the foundation's
+    assert "chapters/run.py" not in err
+    assert (tmp_path / "a.png").read_bytes() == b"the picture from before"
+
+
+def start(*words: str, cwd: Path, **variables: str) -> subprocess.CompletedProcess[str]:
+    """Run the command line as a process of its own, outside the clone."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), **variables}
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        environment.pop(name, None)
+    command = [sys.executable, "-P", "-m", "chapters", *words]
+    return subprocess.run(
+        command, cwd=cwd, env=environment, capture_output=True, text=True, check=False, timeout=60
+    )
+
+
+def test_without_a_driver_it_says_what_to_install(tmp_path):
+    done = start("run", "1", "--size", "16x16", cwd=tmp_path, VK_DRIVER_FILES="/nowhere.json")
+    assert done.returncode == 2
+    one_sentence(done.stderr)
+    assert "./strata doctor" in done.stderr
+
+
+def test_a_cache_that_cannot_be_written_costs_time_only(tmp_path, vulkan_instance):
+    blocked = tmp_path / "cache"
+    blocked.write_text("a file where the folder should be")
+    done = start(
+        *("run", "1", "--scene", "cornell", "--size", "16x16", "--out", "a.png"),
+        cwd=tmp_path,
+        STRATA_CACHE=str(blocked),
+    )
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "a.png").is_file()
+
+
+def test_two_at_once_give_the_same_picture(tmp_path, vulkan_instance):
+    words = ("run", "1", "--scene", "cornell", "--size", "32x32", "--out")
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "STRATA_CACHE": str(tmp_path / "cache")}
+    both = [
+        subprocess.Popen(
+            [sys.executable, "-P", "-m", "chapters", *words, f"{name}.png"],
+            cwd=tmp_path,
+            env=environment,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        for name in "ab"
+    ]
+    for process in both:
+        _, err = process.communicate(timeout=60)
+        assert process.returncode == 0, err
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+
+
+def test_a_reader_that_goes_away_is_no_error(tmp_path):
+    """`strata list | head -1`"""
+    command = f'"{sys.executable}" -P -m chapters list --scenes | head -1; exit ${{PIPESTATUS[0]}}'
+    done = subprocess.run(
+        ["bash", "-c", command],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert "Traceback" not in done.stderr and "Exception" not in done.stderr
+    assert done.returncode == 0

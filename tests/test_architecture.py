@@ -1,0 +1,139 @@
+"""The rules of the house that a program can check: who imports whom, what every file says, what no file contains."""
+
+from __future__ import annotations
+
+import ast
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import chapters
+from common.paths import ROOT
+
+FOLDERS = ("common", "backends", "chapters", "assets", "bootstrap", "shaders", "tests")
+LONGEST = 450
+"""Lines of a module; the aim is 400. Tests may have more: they are lists of cases."""
+
+
+def files(*suffixes: str) -> list[Path]:
+    found = [path for folder in FOLDERS for path in (ROOT / folder).rglob("*") if path.suffix in suffixes]
+    return sorted(path for path in found if "__pycache__" not in path.parts)
+
+
+def shown(path: Path) -> str:
+    return path.relative_to(ROOT).as_posix()
+
+
+@pytest.mark.feature("core/layer-rule")
+def test_imports_go_one_way():
+    """common <- backends <- chapters; no shared module imports a chapter, and no chapter another."""
+    pytest.importorskip("importlinter", reason="import-linter is in the extra dev")
+    code = "from importlinter.cli import lint_imports_command as lint; lint(['--no-cache'])"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.feature("core/layer-rule")
+def test_imports_go_one_way_in_the_text_too():
+    """The same by the syntax trees, so that it holds where import-linter is not installed."""
+    forbidden = {
+        "common": {"backends", "chapters", "vulkan", "moderngl", "glfw"},
+        "backends": {"chapters"},
+        "assets": {"backends", "chapters"},
+        "bootstrap": {"common", "backends", "chapters", "assets"},
+    }
+    wrong = []
+    for path in files(".py"):
+        home = path.relative_to(ROOT).parts[0]
+        for name in imported(path):
+            if name.split(".")[0] in forbidden.get(home, ()):
+                wrong.append(f"{shown(path)} imports {name}")
+    assert not wrong
+
+
+def test_only_the_binding_imports_the_vulkan_package():
+    users = [shown(p) for p in files(".py") if any(n.split(".")[0] == "vulkan" for n in imported(p))]
+    assert [p for p in users if not p.startswith("tests/")] == ["backends/vulkan/api.py"]
+
+
+def imported(path: Path) -> list[str]:
+    names = []
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.Import):
+            names += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
+            names.append(node.module)
+    return names
+
+
+def test_imports_inside_a_chapter_are_relative():
+    """So that a copy of the file is right in the next chapter."""
+    wrong = []
+    for path in files(".py"):
+        parts = path.relative_to(ROOT).parts
+        if parts[0] == "chapters" and len(parts) > 2:
+            wrong += [f"{shown(path)}: {n}" for n in imported(path) if re.match(r"chapters\.ch\d", n)]
+    assert not wrong
+
+
+def test_every_module_begins_with_what_it_is():
+    bare = [
+        shown(p)
+        for p in files(".py")
+        if not (ast.get_docstring(ast.parse(p.read_text("utf-8"))) or "").strip()
+    ]
+    assert not bare
+
+
+def test_modules_are_short():
+    counts = {
+        shown(p): len(p.read_text("utf-8").splitlines()) for p in files(".py") if p.parts[-3:-1] != ("tests",)
+    }
+    long = {name: n for name, n in counts.items() if n > LONGEST and not name.startswith("tests/")}
+    assert not long
+
+
+def test_no_file_names_a_machine_or_is_left_undone():
+    """Paths of one machine, marks of unfinished work, and carriage returns belong into no file."""
+    unwanted = {
+        "a home folder": re.compile(r"/(home|Users)/[a-z]"),
+        "a folder of one machine": re.compile(r"/work/|/check/"),
+        "work left undone": re.compile(r"\b(TODO|FIXME|XXX)\b"),
+    }
+    wrong = []
+    for path in files(".py", ".glsl", ".vert", ".frag", ".comp", ".md", ".toml"):
+        if path == Path(__file__):
+            continue
+        text = path.read_bytes().decode("utf-8")
+        wrong += [f"{shown(path)}: {what}" for what, pattern in unwanted.items() if pattern.search(text)]
+        if "\r" in text:
+            wrong.append(f"{shown(path)}: a carriage return")
+    assert not wrong
+
+
+@pytest.mark.parametrize("number", chapters.available())
+def test_a_lesson_is_complete(number):
+    """Its README is there, and what it tells to read exists and says in its first sentence what it is."""
+    from chapters.listing import first_sentence
+
+    folder = ROOT / "chapters" / chapters.folder_name(number)
+    lesson = chapters.lesson(number)
+    assert lesson.number == number
+    assert (folder / "README.md").is_file()
+    assert lesson.reading
+    for name in lesson.reading:
+        assert first_sentence(folder / name), name
+
+
+@pytest.mark.parametrize("number", chapters.available())
+def test_presets_are_those_of_the_command_line(number):
+    from chapters.run import QUALITIES
+    from common.settings import preset
+
+    kind = chapters.settings_class(number)
+    assert tuple(kind.PRESETS) == QUALITIES[1:]
+    for name in kind.PRESETS:
+        preset(kind, name)
