@@ -19,7 +19,7 @@ BODY = """
 
 
 def lit(device, **given):
-    """Return illuminance and direction to the light, both (N, 3), of a point light of 1 cd at zero, but for what is given."""
+    """Return illuminance and direction to the light, both (N, 3). The default is a point light of 1 cd at zero."""
     count = max(len(value) for value in given.values() if np.ndim(value))
     shapes = {
         "light_position": (0.0, 0.0, 0.0),

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from backends.shader_text import build_text
+from backends.vulkan.shaders import compile_shader
 from tests.support.gpu_functions import evaluate
 
 COUNT = 5000
@@ -100,6 +102,30 @@ def test_the_same_point_gets_the_same_bits_whatever_surrounds_it(vulkan_device):
         vulkan_device, ["transform.glsl"], CLIP + other, inputs, {"clip": "vec4", "other": "vec4"}
     )
     assert np.array_equal(alone, with_more["clip"])
+
+
+def test_no_product_of_a_position_may_be_fused_or_reordered():
+    """What `precise` becomes: each product of vector and matrix is decorated NoContraction (SPIR-V, 3.20).
+
+    The software driver fuses nothing anyway, so that its pictures alone would not show a missing `precise`.
+    """
+    text = """#include "transform.glsl"
+        layout(local_size_x = 1) in;
+        layout(BIND(0, 0, 0), std430) buffer Data_ { mat3x4 affine; mat4 a; mat4 b; vec4 clip; };
+        void main() { clip = clip_position(a, b, transform_point(affine, clip.xyz)); }
+    """
+    words = np.frombuffer(compile_shader(build_text(text, "comp", "vulkan")), np.uint32)
+    decorated, products = set(), set()
+    at = 5  # behind the module's header
+    while at < len(words):
+        opcode, length = int(words[at]) & 0xFFFF, int(words[at]) >> 16
+        if opcode == 71 and words[at + 2] == 42:  # OpDecorate, NoContraction
+            decorated.add(int(words[at + 1]))
+        if opcode in (144, 145):  # OpVectorTimesMatrix, OpMatrixTimesVector
+            products.add(int(words[at + 2]))
+        at += length
+    assert len(products) >= 3
+    assert products <= decorated
 
 
 def test_broken_matrices_spoil_no_other_point(vulkan_device):
