@@ -28,6 +28,19 @@ def names_in(requirements: str) -> list[str]:
     return re.findall(r"^([A-Za-z0-9][\w.-]*)", requirements, re.MULTILINE)
 
 
+def canonical(name: str) -> str:
+    """Return a package's name in the one spelling that indexes compare: `typing_extensions` is `typing-extensions`."""
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def versions_in(lock: str) -> dict[str, list[str]]:
+    """Return the pinned versions of every package by its canonical name; two where markers choose between them."""
+    versions: dict[str, list[str]] = {}
+    for name, version in re.findall(r"^([A-Za-z0-9][\w.-]*)==([\w.]+)", lock, re.MULTILINE):
+        versions.setdefault(canonical(name), []).append(version)
+    return versions
+
+
 def newest(pyproject: Path, everything: bool) -> str:
     """Return the requirements of `pyproject.toml`, which name lower bounds alone."""
     project = tomllib.loads(pyproject.read_text("utf-8"))["project"]

@@ -1,6 +1,7 @@
 """Write `requirements.lock` anew: `python -m bootstrap.relock [--upgrade]`, with the program `uv` on the PATH.
 
 One resolution serves every system and every Python that pyproject.toml admits; where a pin differs, a marker says so.
+The versions in NOTICE.md follow. A package that is new is named there by hand, since somebody has to read its licence.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import tempfile
 import tomllib
 from pathlib import Path
 
-from bootstrap.packages import LOCK, names_in
+from bootstrap.packages import LOCK, canonical, names_in, versions_in
 
 ROOT = Path(__file__).resolve().parents[1]
 HEADER = """\
@@ -50,8 +51,33 @@ def relock(old: str, upgrade: bool) -> str:
     return HEADER + "".join(f"\n# [{', '.join(key)}]\n{parts[key]}" for key in sorted(parts))
 
 
+def follow(notice: str, lock: str) -> tuple[str, set[str]]:
+    """Return NOTICE.md with the versions of the lock and without what left it, and the packages that it must gain."""
+    versions = versions_in(lock)
+    lines, known = [], set()
+    for line in notice.splitlines():
+        cells = line.split(" | ")
+        if len(cells) == 4 and "version" not in cells:  # a row of a package
+            name = canonical(cells[0].removeprefix("| "))
+            if name not in versions:
+                continue
+            known.add(name)
+            cells[1] = ", ".join(versions[name])
+        lines.append(" | ".join(cells))
+    return "\n".join(lines) + "\n", set(versions) - known
+
+
+def main() -> int:
+    """Write the lock and the notice; return 1 where a package is missing in the notice."""
+    lock, notice = ROOT / LOCK, ROOT / "NOTICE.md"
+    text = relock(lock.read_text("utf-8") if lock.is_file() else "", "--upgrade" in sys.argv)
+    lock.write_text(text, "utf-8")
+    followed, new = follow(notice.read_text("utf-8"), text)
+    notice.write_text(followed, "utf-8")
+    if new:
+        print(f"NOTICE.md needs a row, with licence and home page, for {', '.join(sorted(new))}.")
+    return 1 if new else 0
+
+
 if __name__ == "__main__":
-    lock = ROOT / LOCK
-    lock.write_text(
-        relock(lock.read_text("utf-8") if lock.is_file() else "", "--upgrade" in sys.argv), "utf-8"
-    )
+    sys.exit(main())

@@ -10,7 +10,7 @@ from packaging.markers import default_environment
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-from bootstrap import packages
+from bootstrap import packages, relock
 from common.paths import ROOT
 
 LOCK = (ROOT / packages.LOCK).read_text("utf-8")
@@ -87,3 +87,36 @@ def test_newest_reads_lower_bounds() -> None:
     core = packages.newest(ROOT / "pyproject.toml", everything=False)
     assert packages.names_in(core) == [Requirement(text).name for text in PYPROJECT["dependencies"]]
     assert "scipy" in packages.newest(ROOT / "pyproject.toml", everything=True)
+
+
+# --- NOTICE.md ---
+
+NOTICE = (ROOT / "NOTICE.md").read_text("utf-8")
+ROW = re.compile(r"^\| ([\w.-]+) \| ([\w., ]+) \| ([^|]+) \| <(https://[^|>]+)> \|$", re.MULTILINE)
+
+
+def test_notice_and_lock_name_the_same_packages_in_the_same_versions() -> None:
+    rows = {canonicalize_name(name): versions.split(", ") for name, versions, _, _ in ROW.findall(NOTICE)}
+    assert rows == packages.versions_in(LOCK)
+    assert len(rows) == len(ROW.findall(NOTICE))  # each once
+
+
+def test_the_notice_sorts_packages_by_the_sets_of_the_lock() -> None:
+    for names, text in packages.sections(LOCK).items():
+        title = (
+            "Needed to run"
+            if names == ("core",)
+            else "Optional: " + " and ".join(f"extra `{n}`" for n in names)
+        )
+        part = NOTICE.split(f"## {title}\n", 1)[1].split("\n## ", 1)[0]
+        rows = {canonicalize_name(name) for name, *_ in ROW.findall(part)}
+        assert rows == set(packages.versions_in(text))
+
+
+def test_the_notice_follows_a_new_lock() -> None:
+    notice = "| package | version | licence | home page |\n|---|---|---|---|\n"
+    rows = "| Ab_c | 1 | MIT | <https://a> |\n", "| gone | 1 | MIT | <https://g> |\n"
+    text, new = relock.follow(notice + "".join(rows), "ab-c==2 ; x\nab-c==3 ; y\nfresh==1 \\\n")
+    assert text == notice + "| Ab_c | 2, 3 | MIT | <https://a> |\n"
+    assert new == {"fresh"}
+    assert relock.follow(NOTICE, LOCK) == (NOTICE, set())
