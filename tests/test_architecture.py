@@ -54,9 +54,10 @@ def test_imports_go_one_way_in_the_text_too():
     assert not wrong
 
 
-def test_only_the_binding_imports_the_vulkan_package():
+def test_nothing_runs_the_python_layer_of_the_vulkan_package():
+    """The binding takes its header alone; see backends/vulkan/api.py for what is wrong with the rest."""
     users = [shown(p) for p in files(".py") if any(n.split(".")[0] == "vulkan" for n in imported(p))]
-    assert [p for p in users if not p.startswith("tests/")] == ["backends/vulkan/api.py"]
+    assert [path for path in users if not path.startswith("tests/")] == []
 
 
 def imported(path: Path) -> list[str]:

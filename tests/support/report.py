@@ -43,8 +43,8 @@ class Outcome:
 
     def __post_init__(self) -> None:
         parts = Path(self.nodeid.partition("::")[0]).parts
-        name = re.sub(r"^test_|\.py$", "", parts[2]) if parts[1] == "stability" else parts[1]
-        self.area = name.removesuffix(".py")
+        name = parts[2] if parts[1] == "stability" else parts[1]
+        self.area = name.removeprefix("test_").removesuffix(".py")
         found = re.search(r"\[(vulkan|without-all|gl)\b", self.nodeid)
         self.variant = found[1] if found else "-"
 
