@@ -1,0 +1,245 @@
+"""The launcher itself, started as a user starts it: first, again, from elsewhere, twice at once, interrupted."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.launcher.clone import Clone
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has strata.cmd, which needs cmd.exe")
+
+
+def told(done: subprocess.CompletedProcess[str]) -> dict[str, Any]:
+    """Return what the clone's command line printed."""
+    assert done.returncode == 0, done.stderr
+    answer: dict[str, Any] = json.loads(done.stdout)
+    return answer
+
+
+def link_to(target: Path | str, path: Path) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.symlink_to(target)
+    return path
+
+
+# --- Later uses ---
+
+
+def test_later_use_is_silent_and_hands_the_words_over_as_they_are(finished: Clone) -> None:
+    words = ["run", "1", "--set", "name=a b", "", "*", "$HOME", "--yes"]  # after a command, --yes is not ours
+    done = finished.start(*words)
+    assert told(done)["arguments"] == words
+    assert done.stderr == ""
+
+
+def test_the_folder_of_the_user_stays_and_its_modules_are_not_taken(finished: Clone, tmp_path: Path) -> None:
+    (tmp_path / "tiny.py").write_text("VERSION = 'the wrong one'")
+    foreign = tmp_path / "foreign"
+    shutil.copytree(tmp_path, foreign)
+    answer = told(finished.start("list", folder=tmp_path, PYTHONHOME="/nowhere", PYTHONPATH=str(foreign)))
+    assert answer["folder"] == str(tmp_path)
+    assert answer["tiny"] == 1
+    assert answer["python"] == str(finished.python)
+
+
+@pytest.mark.parametrize(
+    "way", ["absolute", "relative", "found on PATH", "folder", "link to link", "relative link", "run by sh"]
+)
+def test_the_clone_is_found(finished: Clone, tmp_path: Path, way: str) -> None:
+    launcher, folder = finished.root / "strata", tmp_path
+    if way == "folder":
+        launcher = link_to(finished.root, tmp_path / "other name") / "strata"
+    elif way == "link to link":
+        first = link_to(launcher, tmp_path / "one" / "first link")
+        launcher = link_to(first, tmp_path / "second")
+    elif way == "relative link":
+        launcher = link_to(os.path.relpath(launcher, tmp_path / "a b"), tmp_path / "a b" / "strata")
+    if way == "relative":
+        done = finished.start("list", launcher="./strata")
+        folder = finished.root
+    elif way == "found on PATH":
+        path = f"{finished.root}{os.pathsep}{os.environ['PATH']}"
+        done = subprocess.run(
+            ["/usr/bin/env", "strata", "list"],
+            cwd=tmp_path,
+            env=finished.environment(PATH=path),
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+    elif way == "run by sh":
+        done = finished.start("strata", "list", launcher="/bin/sh")
+        folder = finished.root
+    else:
+        done = finished.start("list", launcher=launcher, folder=tmp_path)
+    answer = told(done)
+    assert (answer["python"], answer["folder"]) == (str(finished.python), str(folder))
+    assert done.stderr == ""
+
+
+def test_the_exit_code_passes_and_nothing_stands_between(finished: Clone) -> None:
+    assert finished.start("fail").returncode == 7
+    # The same process: signals and the terminal are the command line's own.
+    with subprocess.Popen(
+        [finished.root / "strata", "list"], env=finished.environment(), stdout=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        assert json.loads(process.stdout.read())["process"] == process.pid
+
+
+def test_later_use_adds_less_than_50_ms(finished: Clone) -> None:
+    direct = [finished.python, "-P", "-m", "chapters", "list"]
+    launched = [finished.root / "strata", "list"]
+
+    def seconds(command: list[Any]) -> float:
+        begin = time.perf_counter()
+        subprocess.run(
+            command, cwd=finished.root, env=finished.environment(), capture_output=True, check=True
+        )
+        return time.perf_counter() - begin
+
+    # The least of several: what else runs on the machine only ever adds.
+    pairs = [(seconds(direct), seconds(launched)) for _ in range(12)]
+    added = min(through for _, through in pairs) - min(alone for alone, _ in pairs)
+    assert added < 0.05
+
+
+# --- What makes a set-up necessary again ---
+
+
+def test_a_new_lock_is_installed_once(moved: Clone) -> None:
+    told(moved.start("list"))
+    moved.write_lock(2)
+    first = moved.start("list")
+    assert told(first)["tiny"] == 2
+    assert "Installing" in first.stderr
+    assert "Looking at this machine" not in first.stderr  # drivers do not change with a package of ours
+    assert moved.start("list").stderr == ""
+
+
+def test_a_package_that_was_tampered_with_is_refused_and_the_old_ones_stay(moved: Clone) -> None:
+    told(moved.start("list"))
+    before = moved.stamp.read_bytes()
+    moved.write_lock(2)
+    lock = moved.root / "requirements.lock"
+    lock.write_text(lock.read_text().replace("sha256:", "sha256:0000")[:-4])
+    failed = moved.start("list")
+    assert failed.returncode == 2
+    assert "could not be installed" in failed.stderr
+    assert "Traceback" not in failed.stderr
+    assert moved.stamp.read_bytes() == before
+    moved.write_lock(1)
+    assert told(moved.start("list"))["tiny"] == 1
+
+
+def test_continuous_integration_gets_all_extras(moved: Clone) -> None:
+    small = [moved.python, "-c", "import small"]
+    told(moved.start("list"))
+    assert subprocess.run(small, capture_output=True, check=False).returncode == 1
+    done = moved.start("--no-install", "list", CI="true")
+    told(done)
+    assert subprocess.run(small, capture_output=True, check=False).returncode == 0
+    assert moved.start("list", CI="true").stderr == ""
+    moved.write_lock(2)  # and whoever has them keeps them up to date
+    assert "up to 2 Python packages" in moved.start("list").stderr
+
+
+def test_a_moved_clone_is_put_right_without_network(moved: Clone, tmp_path: Path) -> None:
+    nowhere = (tmp_path / "nowhere").as_uri()
+    first = moved.start("list", PIP_FIND_LINKS=nowhere)
+    assert told(first)["python"] == str(moved.python)
+    assert "was moved" in first.stderr
+    tool = moved.python.parent / "tiny-tool"
+    assert subprocess.run([tool], capture_output=True, check=False).returncode != 126  # its #! line is right
+    assert str(moved.root) in tool.read_text()
+    assert moved.start("list", PIP_FIND_LINKS=nowhere).stderr == ""
+
+
+def test_an_environment_without_its_python_is_made_anew(moved: Clone) -> None:
+    moved.python.unlink()  # as after an upgrade of the system's Python
+    moved.python.symlink_to("/nowhere/python3")
+    (moved.root / ".venv" / "left over").touch()
+    done = moved.start("--no-install", "list")
+    assert told(done)["tiny"] == 1
+    assert "is not whole and is made anew" in done.stderr
+    assert not (moved.root / ".venv" / "left over").exists()
+
+
+# --- First uses ---
+
+
+def test_an_interrupted_first_use_says_so_and_two_next_ones_at_once_both_succeed(clone: Clone) -> None:
+    command = [clone.root / "strata", "--no-install", "list"]
+    mark = clone.root / ".venv" / "strata.unfinished"
+
+    def begin() -> subprocess.Popen[str]:
+        return subprocess.Popen(
+            command,
+            cwd=clone.root,
+            env=clone.environment(),
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+            # A shell's background jobs ignore Ctrl-C, and so would their children.
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        )
+
+    with begin() as cut:
+        limit = time.monotonic() + 30
+        while not mark.exists() and time.monotonic() < limit:
+            time.sleep(0.01)
+        os.killpg(cut.pid, signal.SIGINT)
+        _, said = cut.communicate(timeout=30)
+    assert cut.returncode == 130
+    assert said.splitlines()[-1].startswith("strata: Stopped;")
+    assert "Traceback" not in said
+    assert mark.exists()
+    assert not clone.stamp.exists()
+
+    with begin() as one, begin() as other:
+        ends = [process.communicate(timeout=60) for process in (one, other)]
+    assert [one.returncode, other.returncode] == [0, 0], ends
+    assert all(json.loads(out)["tiny"] == 1 for out, _ in ends)
+    errors = [error for _, error in ends]
+    assert sum("Installing" in error for error in errors) == 1  # one set it up, the other waited
+    assert sum("waiting" in error for error in errors) == 1
+    assert not mark.exists()
+
+
+@pytest.mark.parametrize("uv", [False, True])
+def test_without_a_python_that_is_new_enough_uv_is_asked_or_the_user_told(
+    clone: Clone, tmp_path: Path, uv: bool
+) -> None:
+    programs = tmp_path / "bin"
+    for tool in ("sh", "readlink", "cmp", "cat"):
+        found = shutil.which(tool)
+        assert found is not None
+        link_to(found, programs / tool)
+    old = programs / "python3"
+    old.write_text("#!/bin/sh\nexit 1\n")  # as Python 3.10 answers the question for its version
+    old.chmod(0o755)
+    if uv:
+        fake = programs / "uv"
+        fake.write_text('#!/bin/sh\nfor word; do echo "$word"; done\n')
+        fake.chmod(0o755)
+    done = clone.start("run", "1", PATH=str(programs))
+    if uv:
+        words = done.stdout.splitlines()
+        assert words[:5] == ["run", "--quiet", "--no-project", "--python", ">=3.11"]
+        assert words[-3:] == [str(clone.root / "bootstrap" / "__main__.py"), "run", "1"]
+    else:
+        assert done.returncode == 2
+        assert "needs Python 3.11 or newer" in done.stderr
+    assert not (clone.root / ".venv").exists()
