@@ -171,26 +171,36 @@ class Commands:
 
     def draw_groups(self, groups: Sequence[DrawGroup], frame_set: Any) -> None:
         """Record all draws of `groups` in order, with `frame_set` as set 0."""
-        push, draw = self._fn.vkCmdPushConstants, self._fn.vkCmdDrawIndexed
-        handle = self.handle
+        # Looked up once: the loop runs for every object of the scene, every frame.
+        bind, push, draw = (
+            self._fn.vkCmdBindDescriptorSets,
+            self._fn.vkCmdPushConstants,
+            self._fn.vkCmdDrawIndexed,
+        )
+        handle, null = self.handle, vk.NULL
         bound: tuple[Any, int, int] | None = None
         layout: Any = None
-        count = triangles = 0
+        material_set: Any = None
+        count = triangles = binds = 0
         for group in groups:
-            state = (group.pipeline.handle, group.cull, group.front)
+            pipeline, textures, draws = group.pipeline, group.material_set, group.draws
+            state = (pipeline.handle, group.cull, group.front)
             if state != bound:
-                self.bind_pipeline(group.pipeline, group.cull, group.front)
+                self.bind_pipeline(pipeline, group.cull, group.front)
                 bound = state
-            if group.pipeline.layout != layout:
+            if pipeline.layout != layout:
                 # Sets stay bound as long as the layout does.
-                layout = group.pipeline.layout
-                self.bind_set(group.pipeline, 0, frame_set)
-            if group.material_set is not None:
-                self.bind_set(group.pipeline, 1, group.material_set)
-            for constants, index_count, first_index, first_vertex in group.draws:
+                layout, material_set = pipeline.layout, None
+                self.bind_set(pipeline, 0, frame_set)
+            if textures is not None and textures is not material_set:
+                bind(handle, _GRAPHICS, layout, 1, 1, textures, 0, null)
+                material_set = textures
+                binds += 1
+            for constants, index_count, first_index, first_vertex in draws:
                 push(handle, layout, _STAGES, 0, PUSH_SIZE, constants)
                 draw(handle, index_count, 1, first_index, first_vertex, 0)
                 triangles += index_count
-            count += len(group.draws)
+            count += len(draws)
         self.work["draws"] += count
         self.work["triangles"] += triangles // 3
+        self.work["descriptor_binds"] += binds

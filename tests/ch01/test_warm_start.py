@@ -1,0 +1,73 @@
+"""The second start of the program compiles no shader and shows the same picture, bit for bit.
+
+Each start is a process of its own, with a cache folder that only this test knows. What the driver compiles is another
+matter: its cache is its own, and chapter 2's lesson.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from common.paths import ROOT
+
+START = """
+import hashlib, json, sys
+from assets import locate
+from backends.vulkan import glslang, shaders
+from chapters.ch01.renderer import Renderer
+from common.camera import view_of_scene
+from common.gltf import load_scene
+from common.pose import evaluate_pose
+
+scene = load_scene(locate("spheres"))
+with Renderer(scene, (64, 36), outputs={"color", "instance_id"}) as renderer:
+    frame = renderer.render(view_of_scene(scene, evaluate_pose(scene, 0.0), None, 64 / 36))
+    pictures = [frame.image(name).tobytes() for name in ("color", "instance_id")]
+counters = shaders.shared().counters
+print(json.dumps({
+    "compiled": counters.compiled,
+    "cached": counters.cached,
+    "compiler loaded": glslang.is_loaded(),
+    "picture": hashlib.sha256(b"".join(pictures)).hexdigest(),
+    "black": not any(pictures[0]),
+}))
+"""
+
+
+def start(cache: Path) -> dict[str, object]:
+    """Render one frame in a new process and return what it says."""
+    environment = {**os.environ, "STRATA_CACHE": str(cache), "PYTHONPATH": str(ROOT)}
+    run = subprocess.run(
+        [sys.executable, "-c", START], env=environment, cwd=ROOT, capture_output=True, text=True, timeout=60
+    )
+    if "UnsupportedError" in run.stderr:
+        pytest.skip(f"no Vulkan: {run.stderr.splitlines()[-1]}")
+    assert run.returncode == 0, run.stderr
+    said: dict[str, object] = json.loads(run.stdout)
+    return said
+
+
+def test_the_second_start_compiles_no_glsl_and_shows_the_same_bits(tmp_path: Path) -> None:
+    first, second = start(tmp_path), start(tmp_path)
+    assert first["compiled"] > 0  # type: ignore[operator]
+    assert first["cached"] == 0
+    assert second["compiled"] == 0
+    assert second["cached"] == first["compiled"]
+    assert not second["compiler loaded"]
+    assert second["picture"] == first["picture"]
+    assert not first["black"]
+
+
+def test_a_start_that_may_write_nowhere_shows_the_same_bits(tmp_path: Path) -> None:
+    """A cache that cannot be made costs compilation, and nothing of the picture."""
+    blocked = tmp_path / "a file, no folder"
+    blocked.write_bytes(b"")
+    without, with_cache = start(blocked / "cache"), start(tmp_path / "cache")
+    assert without["compiled"] == with_cache["compiled"]
+    assert without["picture"] == with_cache["picture"]
