@@ -1,0 +1,76 @@
+"""`--quality auto`: the best preset that holds 20 frames a second here, from a short measurement that is kept."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import statistics
+import time as clock
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from backends.contract import Capabilities
+from common.paths import cache_dir, write_whole
+
+GOAL_MS = 50.0
+CANDIDATES = ("high", "medium", "low")
+"""From the best on; `reference` is for measuring, not for looking."""
+
+WARM_UP, MEASURED = 2, 5
+
+Measure = Callable[[str], float]
+"""Milliseconds that a frame takes with the preset of this name."""
+
+
+def choose(
+    measure: Measure, key: str | None, candidates: Sequence[str] = CANDIDATES, folder: Path | None = None
+) -> tuple[str, float]:
+    """Return the first of `candidates` whose frames take at most `GOAL_MS`, else the last, and its milliseconds.
+
+    What was measured is kept in `folder` (default: the user's cache) under `key` and not measured again; None keeps
+    nothing.
+    """
+    folder = folder or cache_dir("quality")
+    path = folder / f"{hashlib.sha256(key.encode()).hexdigest()[:24]}.json" if folder and key else None
+    known = _read(path, candidates)
+    if known is not None:
+        return known
+    name, taken = candidates[-1], 0.0
+    for name in candidates:
+        taken = measure(name)
+        if taken <= GOAL_MS:
+            break
+    if path is not None:
+        with contextlib.suppress(OSError):
+            write_whole(path, json.dumps({"key": key, "preset": name, "ms": taken}).encode())
+    return name, taken
+
+
+def _read(path: Path | None, candidates: Sequence[str]) -> tuple[str, float] | None:
+    if path is None:
+        return None
+    try:
+        kept = json.loads(path.read_text("utf-8"))
+        name, taken = kept["preset"], float(kept["ms"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return (name, taken) if name in candidates else None
+
+
+def key_of(chapter: int, capabilities: Capabilities, scene: str, size: tuple[int, int], settings: str) -> str:
+    """Return what a measurement holds for: another driver, scene, size or setting is measured anew."""
+    parts = (chapter, capabilities.backend, capabilities.device, capabilities.driver, scene, size, settings)
+    return json.dumps(parts)
+
+
+def frame_ms(draw: Callable[[], None]) -> float:
+    """Return the median time of one call of `draw`, which draws a frame and waits for it, after a warm-up."""
+    for _ in range(WARM_UP):
+        draw()
+    times = []
+    for _ in range(MEASURED):
+        began = clock.perf_counter()
+        draw()
+        times.append((clock.perf_counter() - began) * 1e3)
+    return statistics.median(times)
