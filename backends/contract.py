@@ -210,6 +210,10 @@ class Renderer(Protocol):
     def close(self) -> None:
         """Release every object on the GPU."""
 
+    def __enter__(self) -> Renderer: ...
+
+    def __exit__(self, *_: object) -> None: ...
+
 
 def check_size(size: tuple[int, int], largest: int = 16384) -> tuple[int, int]:
     """Return (width, height); raise UserError unless both are between 1 and `largest` pixels."""

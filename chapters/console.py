@@ -96,11 +96,12 @@ class Steps:
                 console=err,
                 transient=True,
             )
-            self._progress.add_task(self._what, total=1.0, completed=self._part)
+            self._progress.add_task(self._what, total=1.0)
+            self._update()
             self._progress.start()
 
     def _update(self, detail: str = "") -> None:
-        if self._progress is not None:
+        if self._progress is not None and self._progress.task_ids:
             description = f"{self._what}: {detail}" if detail and detail != self._what else self._what
             self._progress.update(self._progress.task_ids[0], description=description, completed=self._part)
 
