@@ -1,4 +1,4 @@
-"""Scenes for tests, built in memory, and scenes moved, scaled and spoiled in one stated way."""
+"""Scenes for tests, built in memory."""
 
 from __future__ import annotations
 
@@ -6,9 +6,22 @@ from dataclasses import replace
 
 import numpy as np
 
-from common.camera import Orthographic, Perspective, View
-from common.scene import MESH_DTYPE, Image, Instances, Light, Material, Nodes, Sampler, Scene, SceneCamera, TextureRef
+from common.camera import Orthographic, View
+from common.scene import MESH_DTYPE, Image, Instances, Light, Material, Nodes, Sampler, Scene, TextureRef
+from common.stability import moved, pixels_changed, scaled
 from common.transforms import pose_looking_at
+
+__all__ = [
+    "NEAREST",
+    "facing",
+    "moved",
+    "nodes_at",
+    "pixels_changed",
+    "quad_scene",
+    "scaled",
+    "texture",
+    "translated",
+]
 
 NEAREST = Sampler("nearest", "nearest", None)
 
@@ -93,54 +106,3 @@ def translated(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> np.ndarray:
     matrix = np.eye(4)
     matrix[:3, 3] = x, y, z
     return matrix
-
-
-def _transformed(scene: Scene, world: np.ndarray) -> Nodes:
-    """Return the scene's nodes under a new root transform `world` (4, 4)."""
-    from common.transforms import compose
-
-    nodes = scene.nodes
-    local = compose(nodes.translation, nodes.rotation, nodes.scale)
-    local[nodes.has_matrix] = nodes.matrix[nodes.has_matrix]
-    roots = nodes.parent < 0
-    matrix, has_matrix = nodes.matrix.copy(), nodes.has_matrix.copy()
-    matrix[roots] = world @ local[roots]
-    has_matrix[roots] = True
-    return replace(nodes, matrix=matrix, has_matrix=has_matrix)
-
-
-def moved(scene: Scene, view: View, offset: tuple[float, float, float]) -> tuple[Scene, View]:
-    """Return scene and view moved by `offset` metres: the picture stays the same."""
-    by = translated(*offset)
-    return replace(scene, nodes=_transformed(scene, by)), replace(view, world_from_view=by @ view.world_from_view)
-
-
-def scaled(scene: Scene, view: View, factor: float) -> tuple[Scene, View]:
-    """Return scene and view scaled about zero: lengths times `factor`, candelas times its square, lux unchanged."""
-    by = np.diag((factor, factor, factor, 1.0))
-    lights = [
-        light
-        if light.kind == "directional"
-        else replace(light, intensity=light.intensity * factor**2, range=light.range * factor)
-        for light in scene.lights
-    ]
-    cameras = [
-        replace(c, near=c.near * factor, far=c.far * factor, ymag=c.ymag * factor) if isinstance(c, SceneCamera) else c
-        for c in scene.cameras
-    ]
-    pose = view.world_from_view.copy()
-    pose[:3, 3] *= factor
-    projection: Perspective | Orthographic
-    if isinstance(view.projection, Perspective):
-        projection = replace(view.projection, near=view.projection.near * factor)
-    else:
-        p = view.projection
-        projection = Orthographic(p.ymag * factor, p.near * factor, p.far * factor)
-    changed = replace(scene, nodes=_transformed(scene, by), lights=lights, cameras=cameras)
-    return changed, replace(view, world_from_view=pose, projection=projection)
-
-
-def pixels_changed(a: np.ndarray, b: np.ndarray, step: int = 1) -> float:
-    """Return the fraction of pixels of which some channel differs by more than `step` of 255."""
-    difference = np.abs(a.astype(np.int16) - b.astype(np.int16))
-    return float((difference > step).any(axis=-1).mean())
