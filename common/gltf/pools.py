@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from common.arrays import fill_rows
 from common.gltf.completion import any_tangents
 from common.gltf.refusal import refuse
 from common.gltf.surface import MAX_VERTICES, Surface
@@ -84,7 +85,8 @@ class Pools:
         total = self.vertex_count
         has_uv1 = any(block.uv1 is not None for block in self.blocks)
         has_colors = any(block.colors is not None for block in self.blocks)
-        positions, normals = np.empty((total, 3), np.float32), np.empty((total, 3), np.float32)
+        positions = fill_rows((block.positions for block in self.blocks), total, 3)
+        normals = fill_rows((block.normals for block in self.blocks if block.normals is not None), total, 3)
         tangents, uv0 = np.empty((total, 4), np.float32), np.zeros((total, 2), np.float32)
         uv1 = np.zeros((total, 2), np.float32) if has_uv1 else None
         colors = np.ones((total, 4), np.float32) if has_colors else None
@@ -93,8 +95,6 @@ class Pools:
         for block in self.blocks:
             place = slice(first, first + len(block.positions))
             first = place.stop
-            positions[place] = block.positions
-            normals[place] = block.normals
             if block.tangents is not None:
                 tangents[place] = block.tangents
                 given[place] = True
