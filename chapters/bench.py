@@ -1,0 +1,247 @@
+"""`strata bench N`: time, error and work of a chapter's settings, its start, and its worst case of stability."""
+
+from __future__ import annotations
+
+import datetime
+import json
+import os
+import platform
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import chapters
+from chapters import bench_points, bench_start, scenes
+from chapters.bench_points import Effort, Subject
+from chapters.console import Steps, out, say
+from chapters.tables import table
+from common import stability
+from common.errors import UserError
+from common.paths import ROOT, write_whole
+
+FORMAT = 1
+"""Of the record; readers refuse another."""
+
+FOLDER = ROOT / "docs" / "benchmarks"
+
+
+def run(
+    number: int,
+    backend: str = "auto",
+    scene: str = scenes.DEFAULT,
+    size: tuple[int, int] = (640, 360),
+    quick: bool = False,
+    json_path: Path | None = None,
+    plot_path: Path | None = None,
+    record: bool = False,
+) -> int:
+    """Measure chapter `number` and say what came out; return the exit code.
+
+    `json_path` and `plot_path` get the record and its plot; `record` keeps both in `docs/benchmarks`, under the class
+    of the device. Raises UserError for a wrong argument, before anything is measured.
+    """
+    chapters.choose_backend(backend)
+    for path in (json_path, plot_path):
+        if path is not None and (path.is_dir() or not path.absolute().parent.is_dir()):
+            raise UserError(f"{path} cannot be written: name a file in a folder that exists.")
+    if record and quick:
+        raise UserError("A quick look is no record: leave out --quick, or --record.")
+    if plot_path is not None and not can_plot():
+        raise UserError("--plot needs the package matplotlib: run `pip install matplotlib`, or leave it out.")
+    with Steps() as steps:
+        made = measure(
+            number, backend, scene, size, bench_points.QUICK if quick else bench_points.FULL, steps
+        )
+    made["quick"] = quick
+    if record:
+        FOLDER.mkdir(parents=True, exist_ok=True)
+        json_path = json_path or record_path(number, made["device"]["class"])
+        if can_plot():
+            plot_path = plot_path or json_path.with_suffix(".png")
+    if json_path is not None:
+        write_record(json_path, made)
+    if plot_path is not None:
+        plot(plot_path, made)
+    show(made)
+    for path in (json_path, plot_path):
+        if path is not None:
+            say(f"Wrote {path}")
+    return 0
+
+
+def record_path(number: int, device_class: str) -> Path:
+    """Return where the record of a chapter on a class of devices is kept."""
+    return FOLDER / f"{chapters.folder_name(number)}-{device_class}.json"
+
+
+def read_record(path: Path) -> dict[str, Any]:
+    """Return a record; raise UserError if it is none, or of another format."""
+    try:
+        made: dict[str, Any] = dict(json.loads(path.read_text("utf-8")))
+    except (OSError, ValueError, TypeError) as error:
+        raise UserError(f"{path} is no record of a bench: {error}.") from None
+    if made.get("format") != FORMAT:
+        raise UserError(f"{path} is a record of format {made.get('format')}, not {FORMAT}: measure again.")
+    return made
+
+
+def write_record(path: Path, made: dict[str, Any]) -> None:
+    """Write a record, whole or not at all."""
+    try:
+        write_whole(path.absolute(), (json.dumps(made, indent=1) + "\n").encode())
+    except OSError as error:
+        raise UserError(f"{path} cannot be written: {error.strerror or error}.") from None
+
+
+def measure(
+    number: int, backend: str, scene: str, size: tuple[int, int], effort: Effort, steps: Steps
+) -> dict[str, Any]:
+    """Return the record of one bench."""
+    steps("load", 0.0)
+    subject = Subject(number, backend, scenes.load(scene), size)
+    load_before = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
+    defaults = vars(chapters.settings_class(number)())
+    with subject.open(None, {"color"}) as renderer:
+        capabilities = renderer.capabilities
+    steps("start, cold and warm", 0.05)
+    starts = bench_start.cold_and_warm(number, backend, scene, size, effort.rounds)
+    found = bench_points.sweep(subject, effort, lambda what, part: steps(what, 0.2 + 0.6 * part))
+    steps("stability", 0.8)
+    cases = bench_points.stability_cases(subject)
+    return {
+        "format": FORMAT,
+        "chapter": number,
+        "title": chapters.lesson(number).title,
+        "backend": capabilities.backend,
+        "device": {
+            "name": capabilities.device,
+            "driver": capabilities.driver,
+            "class": capabilities.kind,
+            "api_version": ".".join(map(str, capabilities.api_version)),
+        },
+        "system": f"{platform.system()} {platform.machine()}, {os.cpu_count()} CPUs",
+        "python": platform.python_version(),
+        "load_before": load_before,
+        "commit": commit(),
+        "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        "scene": {
+            "name": scene,
+            "instances": len(subject.scene.instances),
+            "triangles": subject.scene.triangle_count,
+        },
+        "size": list(size),
+        "cache_state": f"shaders and driver warm, {effort.warm_up} frames before each round",
+        "frames": effort.frames,
+        "rounds": effort.rounds,
+        "reference": {"preset": "reference", "samples_per_pixel": effort.samples**2},
+        "points": [point.record(defaults) for point in found],
+        "start_s": starts,
+        "stability": {
+            "bound": stability.BOUND,
+            "worst": max(cases, key=lambda case: case["pixels_changed"]),
+            "cases": cases,
+        },
+    }
+
+
+def commit() -> str:
+    """Return the commit of the clone, with "+" after it if files differ from it."""
+
+    def git(*words: str) -> str:
+        run = subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True, check=True)
+        return run.stdout.strip()
+
+    try:
+        changed = git("status", "--porcelain", "--untracked-files=no")
+        return git("rev-parse", "--short=12", "HEAD") + ("+" if changed else "")
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"
+
+
+def show(made: dict[str, Any]) -> None:
+    """Print a record as tables."""
+    width, height = made["size"]
+    where = f"{made['scene']['name']}, {width}x{height}, {made['device']['name']}"
+    shown = table(
+        f"Chapter {made['chapter']}: {where}",
+        "setting",
+        ">GPU ms",
+        ">±",
+        ">wall ms",
+        ">rel. MSE",
+        ">max",
+        ">FLIP",
+    )
+    for point in made["points"]:
+        error = point["error"]
+        flip = "-" if error["flip"] is None else f"{error['flip']:.4f}"
+        shown.add_row(
+            point["name"],
+            f"{point['gpu_ms']:.2f}",
+            f"{point['noise_ms']:.2f}",
+            f"{point['wall_ms']:.2f}",
+            f"{error['relative_mse']:.5f}",
+            f"{error['max_abs']:.3f}",
+            flip,
+        )
+    out.print(shown)
+    for state, times in made["start_s"].items():
+        parts = ", ".join(
+            f"{name} {value:.2f} s"
+            for name, value in times.items()
+            if name not in ("total", "shaders_compiled")
+        )
+        out.print(
+            f"Start, {state}: {times['total']:.2f} s to the picture ({parts}); "
+            f"{times['shaders_compiled']:.0f} shaders compiled.",
+            soft_wrap=True,
+        )
+    worst = made["stability"]["worst"]
+    out.print(
+        f"Stability: worst when {worst['case']}, {worst['pixels_changed']:.3%} of the pixels change "
+        f"(at most {made['stability']['bound']:.1%} may).",
+        soft_wrap=True,
+    )
+    for name, better in bench_points.dominated(made["points"]):
+        out.print(f"The preset {name} is slower and less true than {better}.")
+
+
+def can_plot() -> bool:
+    """Whether matplotlib is there."""
+    from importlib.util import find_spec
+
+    return find_spec("matplotlib") is not None
+
+
+def plot(path: Path, made: dict[str, Any]) -> None:
+    """Draw time against error: presets joined by a line, knobs turned alone as small marks."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7, 4.5), layout="constrained")
+    axes = figure.add_subplot()
+    flip = all(point["error"]["flip"] is not None for point in made["points"])
+    measure_name = "flip" if flip else "relative_mse"
+    for kind, mark in (("knob", "x"), ("preset", "o-")):
+        chosen = sorted((p for p in made["points"] if p["kind"] == kind), key=lambda p: p["gpu_ms"])
+        times = [p["gpu_ms"] for p in chosen]
+        values = [p["error"][measure_name] for p in chosen]
+        noise = [p["noise_ms"] for p in chosen]
+        axes.errorbar(
+            times, values, xerr=noise, fmt=mark if kind == "preset" else "x", label=f"{kind}s", capsize=2
+        )
+        for point, x, y in zip(chosen, times, values, strict=True):
+            axes.annotate(point["name"], (x, y), textcoords="offset points", xytext=(5, 5), fontsize=8)
+    width, height = made["size"]
+    axes.set_xlabel(f"GPU time, ms a frame at {width}x{height}")
+    spp = made["reference"]["samples_per_pixel"]
+    axes.set_ylabel(
+        f"{'mean FLIP' if flip else 'relative MSE'} against the reference at {spp} samples a pixel"
+    )
+    axes.set_title(
+        f"Chapter {made['chapter']}, {made['scene']['name']}, {made['device']['name']}", fontsize=10
+    )
+    axes.legend()
+    try:
+        figure.savefig(path)
+    except (OSError, ValueError) as error:
+        raise UserError(f"--plot {path} cannot be written: {error}.") from None

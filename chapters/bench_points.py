@@ -1,0 +1,241 @@
+"""What a bench measures: the settings of a chapter, each with its time, its error and its work.
+
+Error is against the `reference` preset drawn with several samples a pixel along each axis and averaged: no setting is
+its own truth, and what all of them lack (here: more than one sample a pixel) counts for all of them.
+"""
+
+from __future__ import annotations
+
+import statistics
+import time as clock
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+
+import chapters
+from backends.contract import Frame, Renderer
+from common import metrics, stability
+from common.color import decode_srgb, encode_srgb
+from common.errors import UserError
+from common.scene import Scene
+from common.settings import Knob, knobs, preset
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How long is measured: frames before and in each of several rounds, and samples per axis of the reference."""
+
+    warm_up: int
+    frames: int
+    rounds: int
+    samples: int
+
+
+FULL = Effort(warm_up=5, frames=30, rounds=3, samples=4)
+QUICK = Effort(warm_up=1, frames=3, rounds=1, samples=2)
+
+
+@dataclass
+class Point:
+    """One setting on the plot. Times in ms, `noise_ms` is half the spread of the rounds' medians."""
+
+    name: str
+    kind: str  # "preset" or "knob"
+    settings: Any
+    rounds: list[list[dict[str, float]]] = field(default_factory=list)
+    error: dict[str, float | None] = field(default_factory=dict)
+    work: dict[str, int] = field(default_factory=dict)
+
+    def record(self, defaults: dict[str, Any]) -> dict[str, Any]:
+        """Return what the JSON holds; of the settings, those that are not the chapter's defaults."""
+        changed = {k: v for k, v in asdict(self.settings).items() if v != defaults[k]}
+        frames = [frame for one in self.rounds for frame in one]
+        # A pass that a frame left out took no time there.
+        passes = {name: statistics.median(f.get(name, 0.0) for f in frames) for name in frames[0]}
+        totals = [statistics.median(frame["gpu"] for frame in one) for one in self.rounds]
+        return {
+            "name": self.name,
+            "kind": self.kind,
+            "settings": changed,
+            "gpu_ms": passes.pop("gpu"),
+            "wall_ms": passes.pop("wall"),
+            "cpu_ms": passes.pop("cpu"),
+            "noise_ms": (max(totals) - min(totals)) / 2,
+            "passes_ms": passes,
+            "error": self.error,
+            "work": self.work,
+        }
+
+
+def points(settings_class: type) -> list[Point]:
+    """Return the presets, then `medium` with each knob of the presets (or of the class's SWEEP) turned alone."""
+    presets: dict[str, dict[str, Any]] = settings_class.PRESETS  # type: ignore[attr-defined]
+    made = [Point(name, "preset", preset(settings_class, name)) for name in presets]
+    known = knobs(settings_class)
+    turned = {name: list(_values(name, known[name], presets)) for one in presets.values() for name in one}
+    turned |= {name: list(values) for name, values in getattr(settings_class, "SWEEP", {}).items()}
+    base = asdict(preset(settings_class, "medium"))
+    for name, values in turned.items():
+        for value in values:
+            settings = settings_class(**{**base, name: value})
+            if all(asdict(settings) != asdict(point.settings) for point in made):
+                made.append(
+                    Point(
+                        f"{name}={value:g}" if isinstance(value, float) else f"{name}={value}",
+                        "knob",
+                        settings,
+                    )
+                )
+    return made
+
+
+def _values(name: str, knob: Knob, presets: dict[str, dict[str, Any]]) -> Iterator[Any]:
+    """Give a knob's values to measure: all choices, both states, or those of the presets and doublings between."""
+    if knob.choices:
+        yield from knob.choices
+    elif isinstance(knob.default, bool):
+        yield from (False, True)
+    else:
+        named = sorted({one[name] for one in presets.values() if name in one})
+        value = named[0]
+        while value < named[-1]:
+            yield value
+            value = value * 2 if value > 0 else named[1]
+        yield named[-1]
+
+
+class Subject:
+    """One chapter on one scene and size, opened with one setting after the other."""
+
+    def __init__(self, chapter: int, backend: str, scene: Scene, size: tuple[int, int]) -> None:
+        self.chapter, self.backend, self.scene, self.size = chapter, backend, scene, size
+
+    @contextmanager
+    def open(
+        self, settings: Any, outputs: set[str], size: tuple[int, int] | None = None
+    ) -> Iterator[Renderer]:
+        """Open the chapter; the size is the bench's, if no other is given."""
+        size = size or self.size
+        with chapters.open(
+            self.chapter, self.backend, scene=self.scene, size=size, settings=settings, outputs=outputs
+        ) as renderer:  # type: ignore[attr-defined]
+            yield renderer
+
+    def measure(self, settings: Any, effort: Effort) -> tuple[list[dict[str, float]], dict[str, int]]:
+        """Return one round: per frame the passes' GPU milliseconds with "gpu", "cpu" and "wall", and the work."""
+        with self.open(settings, {"color"}) as renderer:
+            view = chapters.view_of(renderer)
+            for _ in range(effort.warm_up):  # drivers compile at the first draw
+                renderer.render(view).timings  # noqa: B018
+            frames = []
+            for _ in range(effort.frames):
+                began = clock.perf_counter()
+                frame = renderer.render(view)
+                passes = frame.timings
+                wall = (clock.perf_counter() - began) * 1e3
+                # A device without timestamps leaves the wall clock.
+                gpu = sum(passes.values()) if passes else wall
+                frames.append({**passes, "gpu": gpu, "cpu": frame.cpu_ms, "wall": wall})
+            return frames, dict(frame.work)
+
+    def pictures(self, settings: Any, samples: int = 1) -> tuple[Array, Array]:
+        """Return (linear light (H, W, 3) float32, what is shown (H, W, 3) of 0..1), averaged over `samples`^2 a pixel.
+
+        What is shown is averaged as light, as an eye at a distance does.
+        """
+        width, height = self.size
+        with self.open(settings, {"color", "color_linear"}, (width * samples, height * samples)) as renderer:
+            frame = settled(renderer, chapters.view_of(renderer))
+            linear, shown = frame.image("color_linear"), frame.image("color")
+        shown = shown[..., :3].astype(np.float32) / np.float32(255)
+        if samples == 1:
+            return linear, shown
+        return _averaged(linear, samples), encode_srgb(_averaged(decode_srgb(shown), samples)).astype(
+            np.float32
+        )
+
+
+def settled(renderer: Renderer, view: Any, most: int = 64) -> Frame:
+    """Return a frame after which another would be the same: temporal passes have run their course."""
+    frame = renderer.render(view)
+    while most > 0 and not renderer.idle(view):
+        frame = renderer.render(view)
+        most -= 1
+    return frame
+
+
+def _averaged(image: Array, samples: int) -> Array:
+    height, width, channels = image.shape
+    blocks = image.reshape(height // samples, samples, width // samples, samples, channels)
+    return blocks.mean(axis=(1, 3), dtype=np.float64).astype(np.float32)
+
+
+def errors(got: tuple[Array, Array], truth: tuple[Array, Array]) -> dict[str, float | None]:
+    """Return relative MSE of linear light, and the largest difference and FLIP of what is shown."""
+    try:
+        flip: float | None = metrics.flip_mean(got[1], truth[1])
+    except UserError:  # the package is an extra; the others need none
+        flip = None
+    return {
+        "relative_mse": metrics.relative_mse(got[0], truth[0]),
+        "max_abs": metrics.max_abs(got[1], truth[1]),
+        "flip": flip,
+    }
+
+
+def sweep(subject: Subject, effort: Effort, step: Callable[[str, float], None]) -> list[Point]:
+    """Measure every point. Rounds go through all of them in turn, so that a busy minute hits no point alone."""
+    settings_class = chapters.settings_class(subject.chapter)
+    found = points(settings_class)
+    step("reference", 0.0)
+    truth = subject.pictures(preset(settings_class, "reference"), effort.samples)
+    for number, point in enumerate(found):
+        step(f"error of {point.name}", 0.1 + 0.3 * number / len(found))
+        point.error = errors(subject.pictures(point.settings), truth)
+    for turn in range(effort.rounds):
+        for number, point in enumerate(found):
+            step(f"time of {point.name}", 0.4 + 0.6 * (turn + number / len(found)) / effort.rounds)
+            frames, point.work = subject.measure(point.settings, effort)
+            point.rounds.append(frames)
+    return found
+
+
+def stability_cases(subject: Subject) -> list[dict[str, Any]]:
+    """Return for each case of `common.stability` the fraction of pixels that change by more than 1/255."""
+    settings = preset(chapters.settings_class(subject.chapter), "medium")
+    with subject.open(settings, {"color"}) as renderer:
+        view = chapters.view_of(renderer)
+        still = settled(renderer, view).image("color")
+    found = []
+    for name, scene, seen in stability.cases(subject.scene, view):
+        other = Subject(subject.chapter, subject.backend, scene, subject.size)
+        with other.open(settings, {"color"}) as renderer:
+            picture = settled(renderer, seen).image("color")
+        found.append({"case": name, "pixels_changed": stability.pixels_changed(picture, still)})
+    return found
+
+
+def dominated(records: list[dict[str, Any]]) -> list[tuple[str, str]]:
+    """Return (preset, the one better in time and error by more than the noise) among a record's points."""
+    presets = [point for point in records if point["kind"] == "preset"]
+    found = []
+    for one in presets:
+        for other in presets:
+            noise = one["noise_ms"] + other["noise_ms"]
+            faster = other["gpu_ms"] < one["gpu_ms"] - noise
+            measures = [
+                name for name, value in one["error"].items() if name != "max_abs" and value is not None
+            ]
+            truer = all(other["error"][name] < one["error"][name] * (1 - ERROR_NOISE) for name in measures)
+            if faster and truer:
+                found.append((one["name"], other["name"]))
+    return found
+
+
+ERROR_NOISE = 1e-3
+"""Errors that differ by less, relatively, are taken as equal: the last bits of a filter, not a better picture."""

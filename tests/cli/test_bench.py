@@ -1,0 +1,153 @@
+"""`strata bench`: a quick one leaves a whole record; what is wrong with a wish is said before anything is measured."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from chapters import bench, bench_points
+from chapters.ch01.settings import Settings
+from chapters.cli import invoke
+from common import stability
+from common.errors import UnsupportedError, UserError
+
+QUICK = ["bench", "1", "--quick", "--scene", "cornell", "--size", "64x36"]
+
+
+@pytest.fixture(scope="module")
+def record(tmp_path_factory, vulkan_instance):
+    """The record of one quick bench, made through the command line."""
+    path = tmp_path_factory.mktemp("bench") / "record.json"
+    assert invoke([*QUICK, "--json", str(path)]) == 0
+    return bench.read_record(path)
+
+
+@pytest.mark.feature("tools/bench")
+def test_a_record_says_what_was_measured_where(record):
+    assert record["chapter"] == 1
+    assert record["size"] == [64, 36]
+    assert record["scene"]["name"] == "cornell"
+    assert record["scene"]["triangles"] > 0
+    assert record["backend"] == "vulkan"
+    assert record["device"].keys() >= {"name", "driver", "class", "api_version"}
+    assert all(record["device"].values())
+    assert record["commit"]
+    assert record["cache_state"]
+    assert record["quick"] is True
+    assert record["reference"] == {"preset": "reference", "samples_per_pixel": 4}
+
+
+@pytest.mark.feature("tools/bench")
+def test_every_setting_has_time_error_and_work(record):
+    names = [point["name"] for point in record["points"]]
+    assert names[:4] == ["low", "medium", "high", "reference"]
+    assert len(set(names)) == len(names) > 4
+    for point in record["points"]:
+        times = [point[name] for name in ("gpu_ms", "wall_ms", "cpu_ms")]
+        assert all(math.isfinite(time) and time > 0 for time in times)
+        assert set(point["passes_ms"]) == {"forward", "tonemap"}
+        assert point["gpu_ms"] <= point["wall_ms"]
+        assert point["noise_ms"] >= 0
+        assert point["error"].keys() == {"relative_mse", "max_abs", "flip"}
+        # One sample a pixel is never the average of many: an error of 0 would mean that nothing was compared.
+        assert all(value is None or 0 < value < 1 for value in point["error"].values())
+        assert point["work"]["draws"] > 0
+        assert point["work"]["passes"] == 2
+
+
+@pytest.mark.feature("tools/bench")
+def test_starts_and_stability_are_part_of_the_record(record):
+    cold, warm = (record["start_s"][state] for state in ("cold", "warm"))
+    for times in (cold, warm):
+        parts = [times[name] for name in ("python", "import", "load", "create", "first frame")]
+        assert all(part > 0 for part in parts)
+        assert sum(parts) == pytest.approx(times["total"], abs=0.01)
+    assert cold["shaders_compiled"] > 0
+    assert warm["shaders_compiled"] == 0
+    assert len(record["stability"]["cases"]) == len(stability.OFFSETS_M) + len(stability.FACTORS)
+    assert record["stability"]["worst"]["pixels_changed"] <= stability.BOUND == record["stability"]["bound"]
+
+
+def test_settings_are_the_presets_and_each_of_their_knobs_turned_alone():
+    found = {point.name: point for point in bench_points.points(Settings)}
+    assert found["low"].settings.anisotropy == 1.0
+    assert found["anisotropy=8"].settings == Settings(anisotropy=8.0)
+    assert found["color_format=rgba32f"].settings == Settings(color_format="rgba32f")
+    assert "anisotropy=4" not in found  # it is the preset medium
+    assert all(
+        point.kind == ("preset" if name in Settings.PRESETS else "knob") for name, point in found.items()
+    )
+
+
+def test_a_supersampled_picture_is_the_mean_of_its_samples():
+    fine = np.arange(2 * 4 * 3, dtype=np.float32).reshape(2, 4, 3)
+    expected = [[fine[:2, :2].mean(axis=(0, 1)), fine[:2, 2:].mean(axis=(0, 1))]]
+    assert np.array_equal(bench_points._averaged(fine, 2), np.float32(expected))
+
+
+def point(name, gpu_ms, error, noise_ms=0.1):
+    """Return a preset's point of a record."""
+    errors = {"relative_mse": error, "max_abs": 1.0, "flip": error}
+    return {"name": name, "kind": "preset", "gpu_ms": gpu_ms, "noise_ms": noise_ms, "error": errors}
+
+
+@pytest.mark.feature("tools/presets")
+@pytest.mark.parametrize(
+    ("others", "found"),
+    [
+        ([point("b", 5.0, 0.1)], [("a", "b")]),  # faster and truer
+        ([point("b", 9.9, 0.1)], []),  # faster by less than both noises
+        ([point("b", 5.0, 0.19999)], []),  # truer by less than the noise of a filter's last bit
+        ([point("b", 5.0, 0.3)], []),  # faster, less true
+        ([point("b", 20.0, 0.1)], []),  # truer, slower
+        ([point("b", 5.0, 0.1, noise_ms=6.0)], []),  # too noisy to say
+    ],
+)
+def test_a_preset_is_dominated_only_beyond_the_noise(others, found):
+    assert bench_points.dominated([point("a", 10.0, 0.2), *others]) == found
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"json_path": Path("/nowhere/at/all.json")}, "folder that exists"),
+        ({"plot_path": Path("/nowhere/at/all.png")}, "folder that exists"),
+        ({"record": True, "quick": True}, "--quick"),
+        ({"backend": "metal"}, "no backend"),
+        ({"scene": "atriun", "quick": True}, "atrium"),
+    ],
+)
+def test_a_wrong_wish_is_one_sentence_and_nothing_is_measured(options, said, monkeypatch):
+    monkeypatch.setattr(bench_points, "sweep", lambda *_: pytest.fail("it was measured"))
+    with pytest.raises((UserError, UnsupportedError), match=said):
+        bench.run(1, **options)
+
+
+def test_a_record_of_another_format_is_refused(tmp_path):
+    path = tmp_path / "old.json"
+    for text in (json.dumps({"format": 0}), "{", "[]"):
+        path.write_text(text)
+        with pytest.raises(UserError, match="record"):
+            bench.read_record(path)
+    with pytest.raises(UserError, match="no record"):
+        bench.read_record(tmp_path / "none.json")
+
+
+def test_a_plot_is_made_where_matplotlib_is(record, tmp_path):
+    if not bench.can_plot():
+        with pytest.raises(UserError, match="matplotlib"):
+            bench.run(1, plot_path=tmp_path / "plot.png")
+        return
+    bench.plot(tmp_path / "plot.png", record)
+    assert (tmp_path / "plot.png").stat().st_size > 1000
+
+
+def test_the_tables_show_every_setting(record, capsys):
+    bench.show(record)
+    shown = capsys.readouterr().out
+    for word in (*(point["name"] for point in record["points"]), "FLIP", "cold", "Stability"):
+        assert word in shown
