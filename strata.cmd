@@ -17,6 +17,7 @@ set "home="
 set "extent="
 (set /p home= & set /p extent=) 2>nul <"%root%\.venv\strata.stamp"
 if not "%home%"=="%root%" goto setup
+if not defined extent goto setup
 if /i "%CI%"=="true" if not "%extent%"=="all" goto setup
 fc /b "%root%\requirements.lock" "%root%\.venv\requirements.lock" >nul 2>nul || goto setup
 "%python%" -P -m chapters %*

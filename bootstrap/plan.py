@@ -55,15 +55,16 @@ class Step:
     command: tuple[str, ...] = ()
     file: tuple[str, str] | None = None  # (path, text), in place of a command
     may_fail: bool = False
-    instead: tuple[Step, ...] = ()  # done when the command fails; the plan then goes on
+    instead: Step | None = None  # done when the command fails; the plan then goes on
     otherwise: str = ""  # what that means, in one sentence
 
     def shell(self, prefix: str = "") -> str:
         """Return the step as a line (or a here-document) for a shell; `prefix` is "sudo " or nothing."""
-        if self.file is None:
-            return prefix + shlex.join(self.command)
-        path, text = self.file
-        return f"{prefix}tee {shlex.quote(path)} >/dev/null <<'END'\n{text}END"
+        if self.file is not None:
+            path, text = self.file
+            return f"{prefix}tee {shlex.quote(path)} >/dev/null <<'END'\n{text}END"
+        line = prefix + shlex.join(self.command)
+        return line if self.instead is None else f"{line} || {self.instead.shell(prefix)}"
 
 
 @dataclass(frozen=True)
@@ -239,7 +240,7 @@ def _backports(machine: Machine) -> list[Step]:
         Step(
             "Read the list of the backports.",
             ("apt-get", "update", "--error-on=any", *only, *keep),
-            instead=(remove,),
+            instead=remove,
             otherwise=(
                 "Debian's backports cannot be reached, so its own older Mesa is taken: every chapter runs, some by "
                 "their fallbacks, and ./strata doctor says which."

@@ -118,12 +118,11 @@ def perform(step: Step, prefix: tuple[str, ...]) -> None:
         failed, output = True, str(error)
     if not failed or step.may_fail:
         return
-    if not step.instead:
+    if step.instead is None:
         lines = "".join(f"\n  {line}" for line in output.strip().splitlines()[-12:])
         raise SetupError(f"`{shlex.join(command)}` failed; ./strata --no-install goes on without.{lines}")
     say(step.otherwise)
-    for other in step.instead:
-        perform(other, prefix)
+    perform(step.instead, prefix)
 
 
 def explain(plan: Plan) -> str:
@@ -131,9 +130,11 @@ def explain(plan: Plan) -> str:
     lines = [*plan.missing]
     if plan.steps:
         by_root = "" if plan.prefix or plan.mode == "ask" or sys.platform != "linux" else ", as root"
-        lines.append(f"These commands help{by_root}:")
+        lines += [f"These commands help{by_root}:", ""]
+        # Not indented, so that all of them can be copied into a shell at once: a here-document keeps every space.
         for step, command in zip(plan.steps, plan.commands(), strict=True):
-            lines += [f"  # {step.reason}", *(f"  {line}" for line in command.splitlines())]
+            lines += [f"# {step.reason}", command]
+        lines.append("")
     lines += plan.notes
     return "\n".join(lines)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import io
+import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -88,7 +89,7 @@ def test_what_stands_in_for_a_failure_is_done_and_the_plan_goes_on(
     device(monkeypatch, [1, 3])
     (folder / "source").touch()
     back = Step("Take that back.", ("rm", "source"))
-    risky = replace(FAILING, instead=(back,), otherwise="The older one is taken.")
+    risky = replace(FAILING, instead=back, otherwise="The older one is taken.")
     plan = run.carry_out(Plan("run", (risky, STEP), blocks="graphics"))
     assert plan == Plan("nothing")
     assert not (folder / "source").exists()
@@ -112,7 +113,7 @@ def test_asking_shows_all_commands_with_reasons_and_takes_anything_but_yes_for_n
     assert (
         said.index("No device.")
         < said.index("# The driver.")
-        < said.index("  touch driver")
+        < said.index("\ntouch driver\n")
         < said.index("[y/N]")
     )
     assert (folder / "driver").exists() == done
@@ -124,6 +125,22 @@ def test_what_is_only_shown_is_not_done(folder: Path, mode: str) -> None:
     plan = Plan(mode, (STEP,), blocks="graphics")  # type: ignore[arg-type]
     assert run.carry_out(plan) is plan
     assert list(folder.iterdir()) == []
+
+
+def test_what_is_shown_can_be_copied_into_a_shell_as_it_is(folder: Path) -> None:
+    text = "Types: deb\n\n it's a $line that `goes` on\n"
+    back = Step("Take that back.", ("rm", "gone"))
+    steps = (
+        Step("A file; it's needed (now).", file=(str(folder / "a source"), text)),
+        Step("A file to take back.", file=("gone", "")),
+        replace(FAILING, instead=back),
+        STEP,
+    )
+    shown = run.explain(Plan("print", steps, ("env",), missing=("No device.",), notes=("A note.",)))
+    block = shown.split(":\n\n", 1)[1].rsplit("\n\nA note.", 1)[0]
+    subprocess.run(["/bin/sh", "-c", block], stderr=subprocess.DEVNULL, check=True)
+    assert (folder / "a source").read_text() == text
+    assert sorted(path.name for path in folder.iterdir()) == ["a source", "driver"]
 
 
 @pytest.mark.parametrize("version", [None, [1, 2]])
@@ -192,8 +209,8 @@ def test_a_user_without_rights_gets_the_commands_and_the_end(set_up: SetUp, comm
     text = str(caught.value)
     assert text.startswith("No Vulkan device was found")
     assert ", as root:" in text
-    assert "  apt-get update" in text.splitlines()
-    with pytest.raises(SetupError, match="  sudo apt-get update"):
+    assert "apt-get update" in text.splitlines()
+    with pytest.raises(SetupError, match="\nsudo apt-get update\n"):
         set_up(replace(UBUNTU, sudo=True), command)
 
 
@@ -271,3 +288,16 @@ def test_a_folder_that_cannot_be_written_is_said_in_a_sentence(tmp_path: Path) -
     clone.folder.write_text("a file in the way")
     with pytest.raises(SetupError, match=r"its folder .venv cannot be written .*; put the clone"):
         environment.make(clone, False, False, lambda text: None)
+
+
+def test_a_python_works_that_is_new_enough_and_has_pip(tmp_path: Path) -> None:
+    works = environment._works
+    assert works(Path(sys.executable))
+    assert not works(tmp_path / "missing")
+    broken = tmp_path / "python"
+    broken.symlink_to("/nowhere/python3")  # as after an upgrade of the system's Python
+    assert not works(broken)
+    old = tmp_path / "old"
+    old.write_text("#!/bin/sh\nexit 1\n")
+    old.chmod(0o755)
+    assert not works(old)

@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 
+from bootstrap.environment import Environment
 from tests.launcher.clone import Clone
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has strata.cmd, which needs cmd.exe")
@@ -117,6 +118,49 @@ def test_later_use_adds_less_than_50_ms(finished: Clone) -> None:
 # --- What makes a set-up necessary again ---
 
 
+@pytest.mark.parametrize(
+    ("flaw", "ready", "ready_in_ci"),
+    [
+        ("none", True, False),
+        ("has all extras", True, True),
+        ("another lock", False, False),
+        ("no lock", False, False),
+        ("moved", False, False),
+        ("no stamp", False, False),
+        ("half a stamp", False, False),
+        ("no python", False, False),
+    ],
+)
+def test_launcher_and_bootstrap_ask_the_same_question(
+    finished: Clone, tmp_path: Path, flaw: str, ready: bool, ready_in_ci: bool
+) -> None:
+    root = (tmp_path / "a clone").resolve()
+    (root / "bootstrap").mkdir(parents=True)
+    (root / ".venv" / "bin").mkdir(parents=True)
+    shutil.copy2(finished.root / "strata", root)
+    shutil.copy2(finished.root / "requirements.lock", root)
+    shutil.copy2(finished.root / "requirements.lock", root / ".venv")
+    (root / "bootstrap" / "__main__.py").write_text("print('set up')")
+    clone = Clone(root, finished.wheels)
+    clone.python.write_text("#!/bin/sh\necho start")
+    clone.python.chmod(0o755)
+    lines = {"moved": "/elsewhere\ncore\n", "has all extras": f"{root}\nall\n", "half a stamp": f"{root}\n"}
+    clone.stamp.write_text(lines.get(flaw, f"{root}\ncore\n"))
+    if flaw == "no stamp":
+        clone.stamp.unlink()
+    elif flaw == "no python":
+        clone.python.unlink()
+    elif flaw == "no lock":
+        (root / ".venv" / "requirements.lock").unlink()
+    elif flaw == "another lock":
+        clone.write_lock(2)
+    answers = (clone.start("list").stdout, clone.start("list", CI="true").stdout)
+    assert answers == tuple("start\n" if yes else "set up\n" for yes in (ready, ready_in_ci))
+    environment = Environment(root)
+    assert (environment.ready(everything=False), environment.ready(everything=True)) == (ready, ready_in_ci)
+    assert clone.start("--no-install", "list").stdout == "set up\n"
+
+
 def test_a_new_lock_is_installed_once(moved: Clone) -> None:
     told(moved.start("list"))
     moved.write_lock(2)
@@ -165,16 +209,6 @@ def test_a_moved_clone_is_put_right_without_network(moved: Clone, tmp_path: Path
     assert moved.start("list", PIP_FIND_LINKS=nowhere).stderr == ""
 
 
-def test_an_environment_without_its_python_is_made_anew(moved: Clone) -> None:
-    moved.python.unlink()  # as after an upgrade of the system's Python
-    moved.python.symlink_to("/nowhere/python3")
-    (moved.root / ".venv" / "left over").touch()
-    done = moved.start("--no-install", "list")
-    assert told(done)["tiny"] == 1
-    assert "is not whole and is made anew" in done.stderr
-    assert not (moved.root / ".venv" / "left over").exists()
-
-
 # --- First uses ---
 
 
@@ -207,6 +241,8 @@ def test_an_interrupted_first_use_says_so_and_two_next_ones_at_once_both_succeed
     assert "Traceback" not in said
     assert mark.exists()
     assert not clone.stamp.exists()
+    left_over = clone.root / ".venv" / "half a package"
+    left_over.touch()
 
     with begin() as one, begin() as other:
         ends = [process.communicate(timeout=60) for process in (one, other)]
@@ -215,7 +251,9 @@ def test_an_interrupted_first_use_says_so_and_two_next_ones_at_once_both_succeed
     errors = [error for _, error in ends]
     assert sum("Installing" in error for error in errors) == 1  # one set it up, the other waited
     assert sum("waiting" in error for error in errors) == 1
+    assert sum("is not whole and is made anew" in error for error in errors) == 1
     assert not mark.exists()
+    assert not left_over.exists()
 
 
 @pytest.mark.parametrize("uv", [False, True])
