@@ -47,39 +47,44 @@ def module_of(use: str) -> str:
 # --- the parent -------------------------------------------------------------------------------------------------------
 
 
+def child_environment() -> dict[str, str]:
+    """Return the environment for a child process that imports from this clone, from whatever folder it starts in."""
+    paths = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
+
+
 def judge(use: str, number: int, timeout_s: float = TIMEOUT_S, child: Sequence[str] = CHILD) -> str:
     """Return the verdict on `use` on device `number` of the loader's list, by a child process."""
-    paths = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
     try:
         done = subprocess.run(
             [*child, use, str(number)],
             stdin=subprocess.DEVNULL,
             capture_output=True,
             timeout=timeout_s,
-            env=environment,
+            env=child_environment(),
             check=False,
         )
     except subprocess.TimeoutExpired:
         return f"hung (stopped after {timeout_s:g} s)"
     except OSError as error:
         return f"{UNCHECKED}: no process could be started ({error})"
-    code = done.returncode
-    if code < 0:
-        return f"crashed (signal {-code}{_signal_name(-code)})"
     try:
         verdict = json.loads(done.stdout.decode("utf-8", "replace").splitlines()[-1])["verdict"]
     except (ValueError, IndexError, KeyError, TypeError):
         verdict = None
-    if code == 0 and isinstance(verdict, str):
+    if done.returncode == 0 and isinstance(verdict, str):
         return verdict
-    return f"crashed (exit code {code if code < 256 else hex(code)})"
+    return crash(done.returncode)
 
 
-def _signal_name(number: int) -> str:
+def crash(code: int) -> str:
+    """Return how a process ended whose exit code is `code`; Windows has large ones for what are signals elsewhere."""
+    if code >= 0:
+        return f"crashed (exit code {code if code < 256 else hex(code)})"
+    name = ""
     with contextlib.suppress(ValueError):
-        return f", {signal.Signals(number).name}"
-    return ""
+        name = f", {signal.Signals(-code).name}"
+    return f"crashed (signal {-code}{name})"
 
 
 def judge_all(
