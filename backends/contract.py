@@ -195,6 +195,16 @@ class Renderer(Protocol):
     settings: Any
     size: tuple[int, int]
 
+    @property
+    def present_source(self) -> Any:
+        """The image that holds the last frame's picture, for a window: 8-bit sRGB codes, row 0 on top.
+
+        StaleFrameError unless the renderer was opened with `presents=True` (nothing is copied to the CPU for it) or
+        with the output "color". On Vulkan it is a `backends.vulkan.resources.Image`, in state 'copy_source' after each
+        frame's submission. Copies from it that are submitted to the same queue end before the next frame draws to it.
+        `resize` makes another one.
+        """
+
     def render(self, view: View, time: float = 0.0) -> Frame:
         """Enqueue one frame of `view` at `time` seconds; nothing is waited for."""
 

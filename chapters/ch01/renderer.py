@@ -85,6 +85,7 @@ class Renderer:
         outputs: Collection[str] = ("color",),
         validate: bool = False,
         device: Device | None = None,
+        presents: bool = False,
     ) -> None:
         unknown = sorted(set(outputs) - set(OUTPUTS))
         if unknown:
@@ -92,6 +93,8 @@ class Renderer:
         self.settings = settings or Settings()
         self.scene = self._lit(scene)
         self.outputs = tuple(name for name in OUTPUTS if name in outputs)
+        # Targets that somebody copies from after the passes: the CPU, or a window.
+        self._handed_on = {*(_SOURCES[name] for name in self.outputs), *(["color"] if presents else [])}
         self._owned: list[Any] = []
         if device is None:
             instance = Instance(validate)
@@ -142,7 +145,7 @@ class Renderer:
         self.passes: list[Any] = [self._forward]
         if "instance_id" in self.outputs and InstanceIdPass.needed(scene, settings):
             self.passes.append(self._instance_id)
-        if "color" in self.outputs:
+        if "color" in self._handed_on:
             self.passes.append(self._tonemap)
         for made in self.passes:
             made.create()
@@ -203,16 +206,16 @@ class Renderer:
     def _start(self, name: str, state: str) -> Any:
         """Return the barrier that begins a target's frame: its content is given up, its last user waited for."""
         image = self._targets[name]
-        copied = any(_SOURCES[output] == name for output in self.outputs)
-        last = "copy_source" if copied else self._used_last(name)
+        last = "copy_source" if name in self._handed_on else self._used_last(name)
         return image_barrier(image.handle, image.aspect, last, state, discard=True)
 
     def _create_readbacks(self) -> None:
         target = self._targets
         available = [name for name in self.outputs if _SOURCES[name] in target]
         copied = [target[_SOURCES[name]] for name in available]
+        handed_on = [image for name, image in target.items() if name in self._handed_on]
         self._to_copy = barriers(
-            *(image_barrier(i.handle, i.aspect, self._used_last(i.name), "copy_source") for i in copied)
+            *(image_barrier(i.handle, i.aspect, self._used_last(i.name), "copy_source") for i in handed_on)
         )
         self._to_host = barriers(memory=TO_HOST)
         self._readbacks = [
@@ -331,11 +334,10 @@ class Renderer:
         commands.end_label()
 
     def _copy_outputs(self, slot: FrameSlot) -> None:
-        readbacks = self._readbacks[slot.index]
-        if readbacks:
+        if self._handed_on:
             self._commands.begin_label("copy outputs")
             self._commands.barrier(self._to_copy)
-            for readback in readbacks.values():
+            for readback in self._readbacks[slot.index].values():
                 readback.record(slot.commands)
             self._commands.barrier(self._to_host)
             self._commands.end_label()
@@ -355,6 +357,13 @@ class Renderer:
         }
 
     # --- reading ---
+
+    @property
+    def present_source(self) -> Image:
+        """The finished picture on the GPU, for a window to copy from; see `backends.contract.Renderer`."""
+        if "color" not in self._handed_on:
+            raise StaleFrameError("This renderer has no picture for a window: open it with presents=True.")
+        return self._targets["color"]
 
     def read(self, slot: FrameSlot, number: int, name: str, exposed: float) -> np.ndarray:
         """Return an output of frame `number`; see `Frame.image`."""

@@ -1,0 +1,121 @@
+"""A window on Vulkan: instance, surface, device and swapchain, opened in this order and closed in the other.
+
+with Window((1280, 720), "title", loader=loader_address()) as window, Screen(window) as screen:
+    with open_renderer(device=screen.device, presents=True) as renderer:
+        renderer.render(view)
+        screen.show(renderer)
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from backends.contract import Renderer
+from backends.vulkan import api as vk
+from backends.vulkan.device import Device
+from backends.vulkan.instance import Instance, PhysicalDevice, choose
+from backends.vulkan.swapchain import Swapchain
+from backends.window import Window
+from common.errors import UnsupportedError
+
+
+def loader_address() -> int:
+    """Return the address of the loader's vkGetInstanceProcAddr, for `Window`."""
+    return int(vk.ffi.cast("uintptr_t", vk.global_functions()[1]))
+
+
+def choose_presenting(
+    devices: Sequence[PhysicalDevice], presents: Sequence[bool], wanted: str | None = None
+) -> PhysicalDevice:
+    """Return the device for a window: like `choose`, among those that can show something on this display.
+
+    A device that was named is taken or refused with UnsupportedError, never replaced by another.
+    """
+    wanted = wanted if wanted is not None else os.environ.get("STRATA_DEVICE") or None
+    showing = [device for device, can in zip(devices, presents, strict=True) if can]
+    picked = choose(devices, wanted)
+    if any(picked is device for device in showing):
+        return picked
+    others = [device for device in showing if device.unfit() is None]
+    if wanted is not None or not others:
+        raise UnsupportedError(
+            f"The Vulkan device '{picked.name}' cannot show pictures on this display: run with --headless."
+        )
+    return choose(others, "")
+
+
+class Screen:
+    """What stands between a window and a renderer on Vulkan.
+
+    `device` is for the renderer, which must be closed before this is. Raises UnsupportedError where Vulkan cannot draw to the
+    display.
+    """
+
+    def __init__(
+        self, window: Window, *, validate: bool = False, without: Iterable[str] = (), vsync: bool = True
+    ) -> None:
+        self._window = window
+        self._surface: Any = None
+        self._device: Device | None = None
+        self._swapchain: Swapchain | None = None
+        self._instance = Instance(validate, window.vulkan_extensions())
+        try:
+            address = int(vk.ffi.cast("uintptr_t", self._instance.handle))
+            self._surface = vk.ffi.cast("VkSurfaceKHR", window.vulkan_surface(address))
+            devices = self._instance.devices()
+            picked = choose_presenting(devices, [self._presents(device) for device in devices])
+            self._device = Device(self._instance, picked, without, {"VK_KHR_swapchain"})
+            self._swapchain = Swapchain(self._device, self._surface, vsync=vsync)
+        except BaseException:
+            self.close()
+            raise
+
+    def _presents(self, physical: PhysicalDevice) -> bool:
+        """Whether the family that `Device` draws on can present to the surface."""
+        if physical.unfit() is not None or "VK_KHR_swapchain" not in physical.extensions:
+            return False
+        wanted = vk.VK_QUEUE_GRAPHICS_BIT | vk.VK_QUEUE_COMPUTE_BIT
+        family = next(family.index for family in physical.families if family.has(wanted))
+        supported = vk.ffi.new("VkBool32 *")
+        code = self._instance.fn.vkGetPhysicalDeviceSurfaceSupportKHR(
+            physical.handle, family, self._surface, supported
+        )
+        vk.check(code, "vkGetPhysicalDeviceSurfaceSupportKHR")
+        return bool(supported[0])
+
+    @property
+    def device(self) -> Device:
+        """The device that can show pictures in the window."""
+        assert self._device is not None, "closed"
+        return self._device
+
+    @property
+    def swapchain(self) -> Swapchain:
+        """The images of the window."""
+        assert self._swapchain is not None, "closed"
+        return self._swapchain
+
+    def show(self, renderer: Renderer) -> bool:
+        """Show the renderer's last picture in the window, again if need be; return whether that happened."""
+        return self.swapchain.show(renderer.present_source, self._window.size)
+
+    def close(self) -> None:
+        """Free everything, last made first; a second time does nothing."""
+        try:
+            if self._swapchain is not None:
+                self._swapchain.close()
+            if self._surface is not None:
+                self._instance.fn.vkDestroySurfaceKHR(self._instance.handle, self._surface, vk.NULL)
+            if self._device is not None:
+                self._device.close()
+        finally:
+            self._swapchain = self._surface = self._device = None
+            self._instance.close()
+
+    def __enter__(self) -> Screen:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

@@ -1,0 +1,265 @@
+"""A window of the desktop: opened by GLFW for either backend, its events collected for whoever asks once a frame.
+
+GLFW works on one thread, the one that opened the window, and from the first window to the last one is open.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable
+from typing import Any, Literal
+
+from common.errors import UnsupportedError
+from common.inputs import Inputs
+
+NO_WINDOW = "No window can be opened here ({}): run with --headless to get a picture without one."
+
+_KEY_NAMES: dict[int, str] = {}
+"""GLFW's number of a key -> its name, as on a US keyboard: W A S D then lie together on every layout."""
+
+_open = 0
+"""Windows that need GLFW to stay initialised."""
+
+_errors: list[str] = []
+"""What GLFW said since the last call that asked; by itself it would print."""
+
+
+def _glfw() -> Any:
+    """Return the package, imported at first use: a headless run pays nothing for it."""
+    try:
+        import glfw
+    except ImportError as error:
+        raise UnsupportedError(NO_WINDOW.format(f"GLFW is missing: {error}")) from None
+    if not _KEY_NAMES:
+        for name, number in vars(glfw).items():
+            if name.startswith("KEY_") and name not in ("KEY_UNKNOWN", "KEY_LAST"):
+                _KEY_NAMES[number] = name.removeprefix("KEY_")
+    return glfw
+
+
+def _has_server() -> bool:
+    """Whether the environment names a display at all: cheap, and silent where GLFW would not be."""
+    if sys.platform in ("win32", "darwin"):
+        return True
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def _initialise(loader: int | None = None) -> None:
+    """Begin to use GLFW, or raise UnsupportedError with what it says."""
+    global _open
+    if not _has_server():
+        raise UnsupportedError(NO_WINDOW.format("neither DISPLAY nor WAYLAND_DISPLAY is set"))
+    glfw = _glfw()
+    if _open == 0:
+        _errors.clear()
+        # Before `init`, which otherwise warns by itself.
+        glfw.set_error_callback(lambda code, text: _errors.append(_decoded(text)))
+        if loader is not None:
+            # GLFW looks for the Vulkan loader by one name; the backend has found it already, whatever its name.
+            glfw.init_vulkan_loader(loader)
+        if not glfw.init():
+            raise UnsupportedError(NO_WINDOW.format(_said("the display does not answer")))
+    _open += 1
+
+
+def _finish() -> None:
+    global _open
+    _open -= 1
+    if _open == 0:
+        _glfw().terminate()
+
+
+def _decoded(text: str | bytes) -> str:
+    return text.decode("utf-8", "replace") if isinstance(text, bytes) else text
+
+
+def _said(otherwise: str) -> str:
+    return _errors[-1].rstrip(".") if _errors else otherwise
+
+
+def display_available() -> bool:
+    """Whether a window could be opened here; prints nothing and leaves nothing open."""
+    try:
+        _initialise()
+    except UnsupportedError:
+        return False
+    _finish()
+    return True
+
+
+class Window:
+    """A window of (width, height) pixels, with what the user did to it since it was last asked.
+
+    `inputs` is the state of keyboard and mouse for cameras; `take_keys` gives the keys pressed, for commands. `damaged`
+    is set when the desktop wants the content again, and stays set until whoever draws clears it. For "vulkan", `loader`
+    is the address of vkGetInstanceProcAddr. Raises UnsupportedError where there is no display. A context manager.
+    """
+
+    def __init__(
+        self,
+        size: tuple[int, int],
+        title: str,
+        api: Literal["vulkan", "gl"] = "vulkan",
+        *,
+        inputs: Inputs | None = None,
+        loader: int | None = None,
+        hints: dict[int, int] | None = None,
+    ) -> None:
+        self.inputs = inputs if inputs is not None else Inputs()
+        self.damaged = True
+        self._iconified = False
+        self._keys: list[str] = []
+        self.handle: Any = None
+        _initialise(loader)
+        glfw = _glfw()
+        glfw.default_window_hints()
+        if api == "vulkan":
+            glfw.window_hint(glfw.CLIENT_API, glfw.NO_API)
+        for hint, value in (hints or {}).items():
+            glfw.window_hint(hint, value)
+        _errors.clear()
+        self.handle = glfw.create_window(*size, title, None, None) or None
+        if self.handle is None:
+            _finish()
+            raise UnsupportedError(NO_WINDOW.format(_said("GLFW gives no reason")))
+        for listen, callback in self._callbacks(glfw):
+            listen(self.handle, callback)
+
+    def _callbacks(self, glfw: Any) -> list[tuple[Any, Callable[..., None]]]:
+        return [
+            (glfw.set_key_callback, self._on_key),
+            (glfw.set_mouse_button_callback, self._on_button),
+            (glfw.set_cursor_pos_callback, self._on_cursor),
+            (glfw.set_scroll_callback, self._on_scroll),
+            (glfw.set_window_focus_callback, self._on_focus),
+            (glfw.set_window_iconify_callback, self._on_iconify),
+            (glfw.set_framebuffer_size_callback, self._on_resize),
+            (glfw.set_window_refresh_callback, self._on_refresh),
+        ]
+
+    # --- events ---
+
+    def _on_key(self, window: Any, key: int, scancode: int, action: int, mods: int) -> None:
+        glfw, name = _glfw(), _KEY_NAMES.get(key)
+        if name is None or action == glfw.REPEAT:
+            return
+        pressed = action == glfw.PRESS
+        if pressed:
+            self._keys.append(name)
+        self.inputs.key(name, pressed)
+
+    def _on_button(self, window: Any, button: int, action: int, mods: int) -> None:
+        glfw = _glfw()
+        if button == glfw.MOUSE_BUTTON_LEFT:
+            # The place of the press, in case that the pointer was not seen moving there.
+            self._on_cursor(window, *glfw.get_cursor_pos(window))
+            self.inputs.dragging = action == glfw.PRESS
+
+    def _on_cursor(self, window: Any, x: float, y: float) -> None:
+        width, height = _glfw().get_window_size(window)  # in the desktop's units, as x and y are
+        self.inputs.mouse = (x / max(width, 1), y / max(height, 1))
+
+    def _on_scroll(self, window: Any, x: float, y: float) -> None:
+        self.inputs.scroll += y
+
+    def _on_focus(self, window: Any, focused: int) -> None:
+        if not focused:
+            self.inputs.release_all()
+
+    def _on_iconify(self, window: Any, iconified: int) -> None:
+        self._iconified = bool(iconified)
+        self.damaged = True
+
+    def _on_resize(self, window: Any, width: int, height: int) -> None:
+        self.damaged = True
+
+    def _on_refresh(self, window: Any) -> None:
+        self.damaged = True
+
+    def poll(self) -> None:
+        """Collect what happened since the last call."""
+        _glfw().poll_events()
+
+    def wait(self, timeout: float) -> None:
+        """Sleep until something happens, but at most `timeout` seconds, and collect it."""
+        _glfw().wait_events_timeout(timeout)
+
+    def take_keys(self) -> list[str]:
+        """Return the names of the keys that went down since the last call, in order."""
+        keys, self._keys = self._keys, []
+        return keys
+
+    # --- state ---
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of the content in pixels; (0, 0) while some desktops have it minimised."""
+        width, height = _glfw().get_framebuffer_size(self.handle)
+        return int(width), int(height)
+
+    @property
+    def minimised(self) -> bool:
+        """Whether there is nothing to draw to."""
+        return self._iconified or 0 in self.size
+
+    @property
+    def closing(self) -> bool:
+        """Whether the user, or `request_close`, asked for the end."""
+        return bool(_glfw().window_should_close(self.handle))
+
+    def request_close(self) -> None:
+        """Ask for the end, as the button of the window's frame does."""
+        _glfw().set_window_should_close(self.handle, True)
+
+    def resize(self, size: tuple[int, int]) -> None:
+        """Ask the desktop for another size; what becomes of that is in `size` after the next events."""
+        _glfw().set_window_size(self.handle, *size)
+
+    def set_title(self, title: str) -> None:
+        """Write `title` into the window's frame."""
+        _glfw().set_window_title(self.handle, title)
+
+    # --- Vulkan ---
+
+    def vulkan_extensions(self) -> list[str]:
+        """Return the instance extensions that a surface here needs; raise UnsupportedError if there can be none."""
+        glfw = _glfw()
+        _errors.clear()
+        names = glfw.get_required_instance_extensions() if glfw.vulkan_supported() else []
+        if not names:
+            raise UnsupportedError(NO_WINDOW.format(_said("Vulkan cannot draw to this display")))
+        return [str(name) for name in names]
+
+    def vulkan_surface(self, instance: int) -> int:
+        """Return a new VkSurfaceKHR for the VkInstance at address `instance`; both are plain numbers.
+
+        Raises UnsupportedError with the driver's reason. Destroy it before the window is closed.
+        """
+        import ctypes
+
+        _errors.clear()
+        surface = ctypes.c_uint64(0)
+        # GLFW is called through ctypes and knows nothing of cffi: addresses cross over as numbers.
+        code = _glfw().create_window_surface(
+            ctypes.c_void_p(instance), self.handle, None, ctypes.byref(surface)
+        )
+        if code != 0:
+            raise UnsupportedError(NO_WINDOW.format(_said(f"vkCreateSurface says {code}")))
+        return surface.value
+
+    # --- life ---
+
+    def close(self) -> None:
+        """Take the window away; a second time does nothing."""
+        if self.handle is None:
+            return
+        _glfw().destroy_window(self.handle)
+        self.handle = None
+        _finish()
+
+    def __enter__(self) -> Window:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
