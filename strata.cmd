@@ -24,17 +24,22 @@ fc /b "%root%\requirements.lock" "%root%\.venv\requirements.lock" >nul 2>nul || 
 exit /b
 
 :setup
+set "candidate="
 for %%p in ("py -3" python python3) do (
-    %%~p -I -c "import sys; sys.exit(sys.version_info < (3, 11))" >nul 2>nul && (
-        %%~p -I "%root%\bootstrap\__main__.py" %*
-        goto done
+    if not defined candidate (
+        %%~p -I -c "import sys; sys.exit(sys.version_info < (3, 11))" >nul 2>nul && set "candidate=%%~p"
     )
 )
-where uv >nul 2>nul && (
-    uv run --quiet --no-project --python ">=3.11" python -I "%root%\bootstrap\__main__.py" %*
-    goto done
-)
+rem Outside of the loop: a parenthesis in the user's words would end its block.
+if defined candidate goto python
+where uv >nul 2>nul && goto uv
 echo strata: Strata needs Python 3.11 or newer, and found none: winget install Python.Python.3.13 >&2
 exit /b 2
-:done
+
+:python
+%candidate% -I "%root%\bootstrap\__main__.py" %*
+exit /b
+
+:uv
+uv run --quiet --no-project --python ">=3.11" python -I "%root%\bootstrap\__main__.py" %*
 exit /b
