@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
 
 from bootstrap import environment, packages, run
 from common.paths import ROOT
@@ -44,11 +43,6 @@ def test_both_launchers_know_the_same_options_and_files() -> None:
 
 
 def test_git_writes_the_line_ends_that_each_system_reads() -> None:
-    ends = subprocess.run(
-        ["git", "check-attr", "eol", "--", "strata", "strata.cmd", "bootstrap/run.py"],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=True,
-    ).stdout.splitlines()
-    assert [line.rsplit(" ", 1)[1] for line in ends] == ["lf", "crlf", "lf"]
+    rules = (ROOT / ".gitattributes").read_text("utf-8").splitlines()
+    assert rules[0] == "* text=auto eol=lf"
+    assert "*.cmd text eol=crlf" in rules
