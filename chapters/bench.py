@@ -104,7 +104,7 @@ def measure(
     with subject.open(None, {"color"}) as renderer:
         capabilities = renderer.capabilities
     steps("start, cold and warm", 0.05)
-    starts = bench_start.cold_and_warm(number, backend, scene, size, effort.rounds)
+    starts = bench_start.cold_and_warm(number, backend, scene, size, effort.starts)
     found = bench_points.sweep(subject, effort, lambda what, part: steps(what, 0.2 + 0.6 * part))
     steps("stability", 0.8)
     cases = bench_points.stability_cases(subject)

@@ -28,21 +28,22 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Effort:
-    """How long is measured: frames before and in each of several rounds, and samples per axis of the reference."""
+    """How long is measured: frames before and in each of several rounds, samples per axis of the reference, starts."""
 
     warm_up: int
     frames: int
     rounds: int
     samples: int
+    starts: int
 
 
-FULL = Effort(warm_up=5, frames=30, rounds=3, samples=4)
-QUICK = Effort(warm_up=1, frames=3, rounds=1, samples=2)
+FULL = Effort(warm_up=3, frames=12, rounds=7, samples=4, starts=3)
+QUICK = Effort(warm_up=1, frames=3, rounds=1, samples=2, starts=1)
 
 
 @dataclass
 class Point:
-    """One setting on the plot. Times in ms, `noise_ms` is half the spread of the rounds' medians."""
+    """One setting on the plot: its figures of every round and frame."""
 
     name: str
     kind: str  # "preset" or "knob"
@@ -52,12 +53,16 @@ class Point:
     work: dict[str, int] = field(default_factory=dict)
 
     def record(self, defaults: dict[str, Any]) -> dict[str, Any]:
-        """Return what the JSON holds; of the settings, those that are not the chapter's defaults."""
+        """Return what the JSON holds; of the settings, those that are not the chapter's defaults.
+
+        Times are medians over all frames in ms; `noise_ms` is half the distance between the quartiles of the rounds'
+        medians, which one disturbed round does not reach.
+        """
         changed = {k: v for k, v in asdict(self.settings).items() if v != defaults[k]}
         frames = [frame for one in self.rounds for frame in one]
         # A pass that a frame left out took no time there.
         passes = {name: statistics.median(f.get(name, 0.0) for f in frames) for name in frames[0]}
-        totals = [statistics.median(frame["gpu"] for frame in one) for one in self.rounds]
+        low, high = np.percentile([np.median([f["gpu"] for f in one]) for one in self.rounds], (25, 75))
         return {
             "name": self.name,
             "kind": self.kind,
@@ -65,7 +70,7 @@ class Point:
             "gpu_ms": passes.pop("gpu"),
             "wall_ms": passes.pop("wall"),
             "cpu_ms": passes.pop("cpu"),
-            "noise_ms": (max(totals) - min(totals)) / 2,
+            "noise_ms": float(high - low) / 2,
             "passes_ms": passes,
             "error": self.error,
             "work": self.work,
