@@ -49,8 +49,8 @@ def choose_presenting(
 class Screen:
     """What stands between a window and a renderer on Vulkan.
 
-    `device` is for the renderer, which must be closed before this is. Raises UnsupportedError where Vulkan cannot draw to the
-    display.
+    `device` is for the renderer, which must be closed before this is. Raises UnsupportedError where Vulkan cannot draw
+    to the display.
     """
 
     def __init__(
