@@ -7,7 +7,10 @@ from __future__ import annotations
 
 import base64
 import binascii
+import difflib
+import itertools
 import mmap
+import os
 import re
 import struct
 from dataclasses import dataclass
@@ -23,6 +26,9 @@ Bytes = NDArray[np.uint8]
 
 MAX_JSON_BYTES = 512 * 2**20
 """A parsed JSON text takes about ten times its size; what is larger belongs into a binary buffer anyway."""
+
+MAX_ENTRIES = 1000
+"""Names of a folder that are looked at for one near a missing file's."""
 
 _GLB_MAGIC = b"glTF"
 _GLB_HEADER = struct.Struct("<4sII")  # magic, version, length of the file
@@ -54,8 +60,9 @@ def map_file(path: Path, place: str = "") -> Bytes:
             )
         if not path.exists():
             if place:
-                refuse(place, f"names the file {path.name}, which is missing", "put it beside the scene")
-            refuse("", "there is no such file", "check the path")
+                advice = f"put it beside the scene{_near(path)}"
+                refuse(place, f"names the file {path.name}, which is missing", advice)
+            refuse("", "there is no such file", f"check the path{_near(path)}")
         if not path.is_file():
             refuse(place, f"{path.name} is not a regular file", "give a file")
         with path.open("rb") as stream:
@@ -66,6 +73,17 @@ def map_file(path: Path, place: str = "") -> Bytes:
     except (OSError, ValueError) as error:  # ValueError: a null character in the name
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         refuse(place, f"cannot be read ({reason})", "check the file's name and its permissions")
+
+
+def _near(path: Path) -> str:
+    """Return how advice goes on where the folder of a missing file has one of nearly its name (another case, say)."""
+    try:
+        with os.scandir(path.parent) as entries:
+            names = {entry.name.lower(): entry.name for entry in itertools.islice(entries, MAX_ENTRIES)}
+    except OSError:
+        return ""
+    near = difflib.get_close_matches(path.name.lower(), names, n=1, cutoff=0.75)
+    return f", or name {names[near[0]]!r}, which is there" if near else ""
 
 
 def open_container(path: Path) -> Container:

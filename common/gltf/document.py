@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from common.gltf.container import Bytes, Container, open_container, read_uri
-from common.gltf.refusal import refuse
+from common.gltf.refusal import Refusal, refuse
 from common.gltf.schema import LISTS, check_document
 
 LIBRARY_LIMIT = 200
@@ -124,13 +124,13 @@ def read_document(path: Path, use_library: bool | None = None) -> Document:
     for name in root.get("extensionsRequired") or []:
         if name not in SUPPORTED:
             advice = _REQUIRED_ADVICE.get(name, "export it without this extension")
-            refuse("extensionsRequired", f"names {name}, which Strata does not support", advice)
+            refuse("extensionsRequired", f"names {name[:80]}, which Strata does not support", advice)
     if use_library is None:
         use_library = sum(len(root.get(name) or []) for name in LISTS) <= LIBRARY_LIMIT
     document = Document(_through_library(text, root) if use_library else root, container)
     for name in root.get("extensionsUsed") or []:
         if name not in SUPPORTED:
-            document.warn(f"The extension {name} is not supported and was ignored.")
+            document.warn(f"The extension {name[:80]} is not supported and was ignored.")
     return document
 
 
@@ -175,8 +175,8 @@ def _through_library(text: str, root: Object) -> Object:
     """Return the document as pygltflib understands it, without its empty fields.
 
     pygltflib 1.16 has no field for a node's `weights` and empties `extras`, so both are put back. Where it
-    cannot decode a document that has passed our check (say, extras nested deeper than its recursion goes),
-    the plain document is used: both say the same.
+    cannot decode a document that has passed our check (say, extras nested deeper than its recursion goes), or
+    drops what the check asks for (an empty list of joints), the plain document is used: both say the same.
     """
     import pygltflib  # 0.1 s, not needed for large files
 
@@ -188,4 +188,8 @@ def _through_library(text: str, root: Object) -> Object:
         return root
     for node, original in zip(decoded.get("nodes") or [], root.get("nodes") or [], strict=True):
         node.update({key: original[key] for key in ("weights", "extras") if key in original})
+    try:
+        check_document(decoded)
+    except Refusal:
+        return root
     return decoded
