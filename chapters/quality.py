@@ -64,7 +64,7 @@ def key_of(chapter: int, capabilities: Capabilities, scene: str, size: tuple[int
     return json.dumps(parts)
 
 
-def frame_ms(draw: Callable[[], None]) -> float:
+def frame_ms(draw: Callable[[], object]) -> float:
     """Return the median time of one call of `draw`, which draws a frame and waits for it, after a warm-up."""
     for _ in range(WARM_UP):
         draw()

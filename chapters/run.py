@@ -11,13 +11,14 @@ import statistics
 import time as clock
 import tomllib
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 import chapters
-from chapters import scenes
+from chapters import quality, scenes
 from chapters.console import Steps, out, say
 from common import images
 from common.errors import UserError
@@ -105,15 +106,98 @@ def run(request: Request) -> int:
     """Do what was asked; return the exit code. Raises StrataError."""
     began = clock.perf_counter()
     check(request)
-    return draw(request, began)
+    return show(request) if wants_window(request) else draw(request, began)
+
+
+def wants_window(request: Request) -> bool:
+    """Whether to open a window: there is a display, and no picture was asked for."""
+    if request.headless or request.out is not None:
+        return False
+    from backends.window import display_available
+
+    return display_available()
+
+
+def show(request: Request) -> int:
+    """Draw in a window until it is closed, and write the record if one was asked for."""
+    from chapters.window import HELP, run_window
+
+    with Steps() as steps:
+        scene = scenes.load(request.scene, steps.of("load", 0.05, 0.6))  # type: ignore[arg-type]
+        tell_warnings(scene, request.verbose)
+        steps("measure the presets" if request.quality == "auto" else "open", 0.6)
+        preset_name, note = chosen_quality(request, scene)
+    settings = settings_of(request, preset_name)
+    lesson = chapters.lesson(request.chapter)
+    logs: list[Log] = []
+
+    def opened(**options: Any) -> Renderer:
+        renderer = chapters.open(request.chapter, request.backend, scene=scene, settings=settings, **options)
+        logs.append(Log(request, renderer, preset_name))
+        return renderer
+
+    say(f"Chapter {request.chapter}, {scene.name}{note}. {HELP}")
+    figures = run_window(
+        partial(opened, without=request.without, validate=request.validate),
+        size=request.size,
+        title=f"Strata {request.chapter}: {lesson.title}",
+        camera=request.camera,
+        validate=request.validate,
+        without=request.without,
+        time=request.time,
+        frames=request.frames,
+        # Reading a frame's figures waits for it: only who asked for them pays that.
+        on_frame=(lambda _, frame: logs[0].add(frame)) if request.json or request.verbose else None,
+    )
+    for text in figures.messages:
+        say(f"strata: {text}")
+    if logs and logs[0].frames:
+        if request.json is not None:
+            logs[0].write(request.json)
+        if request.verbose:
+            logs[0].show()
+    return 1 if figures.messages else 0
+
+
+def chosen_quality(request: Request, scene: Scene) -> tuple[str, str]:
+    """Return the preset for a window, and what to say about it: `auto` takes the best that is fast enough here."""
+    if request.quality != "auto":
+        return request.quality, ""
+    from backends.vulkan.device import Device
+    from backends.vulkan.instance import Instance
+
+    with Instance() as instance, Device(instance, without=request.without) as device:
+        key = quality.key_of(
+            request.chapter,
+            device.capabilities,
+            f"{scene.path} {triangles(scene)}",
+            request.size,
+            f"{request.overrides} {sorted(request.without)}",
+        )
+
+        def measure(name: str) -> float:
+            settings = settings_of(request, name)
+            with chapters.open(
+                request.chapter,
+                request.backend,
+                scene=scene,
+                size=request.size,
+                settings=settings,
+                device=device,
+            ) as renderer:
+                view = chapters.view_of(renderer, request.camera, request.time)
+                return quality.frame_ms(lambda: renderer.render(view, request.time).timings)
+
+        name, taken = quality.choose(measure, key)
+    return name, f", quality {name} ({taken:.0f} ms a frame here; --quality sets another)"
 
 
 def draw(request: Request, began: float) -> int:
     """Render without a window, write the picture and the record, and say where they are."""
     target = request.out or default_picture(request)
     outputs = set(EXR_OUTPUTS) if target.suffix.lower() == ".exr" else {"color"}
-    quality = "medium" if request.quality == "auto" else request.quality
-    settings = settings_of(request, quality)
+    preset_name = "medium" if request.quality == "auto" else request.quality
+    settings = settings_of(request, preset_name)
     with Steps() as steps:
         scene = scenes.load(request.scene, steps.of("load", 0.05, 0.5))  # type: ignore[arg-type]
         tell_warnings(scene, request.verbose)
@@ -128,7 +212,7 @@ def draw(request: Request, began: float) -> int:
             outputs=outputs,
             validate=request.validate,
         ) as renderer:
-            log = Log(request, renderer, quality)
+            log = Log(request, renderer, preset_name)
             count = request.frames or 1
             for index in range(count):
                 steps("first frame" if index == 0 else "frames", 0.7 + 0.3 * index / count)
@@ -285,8 +369,9 @@ class Log:
         for name, value in self.medians().items():
             figures.add_row("recording (CPU)" if name == "cpu" else name, f"{value:.2f}")
         out.print(figures)
-        seconds = ", ".join(f"{name} {value:.2f}" for name, value in self.start.items())
-        out.print(f"Start in seconds: {seconds}", soft_wrap=True)
+        if self.start:
+            seconds = ", ".join(f"{name} {value:.2f}" for name, value in self.start.items())
+            out.print(f"Start in seconds: {seconds}", soft_wrap=True)
         work = ", ".join(f"{name} {count}" for name, count in self.frames[-1]["work"].items())
         out.print(f"Work: {work}", soft_wrap=True)
 
