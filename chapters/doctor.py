@@ -14,7 +14,7 @@ import platform
 import re
 import subprocess
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -47,7 +47,11 @@ PACKAGES = (
 MESA_25 = FEATURES.keys() - {"async-compute", "async-transfer", "shading-rate"}
 """What the software driver of Mesa 25.0 offers, as found on Debian's 25.0.7."""
 
-VARIABLES = re.compile(r"(VK_|STRATA_|LIBGL_|MESA_|GALLIUM_|LP_|EGL_|__EGL_|__GLX_|DRI_PRIME$|VULKAN_SDK$)")
+CHILD = (sys.executable, "-P", "-m", "chapters.doctor_probe")
+
+VARIABLES = re.compile(
+    r"(LD_LIBRARY_PATH$|VK_|STRATA_|LIBGL_|MESA_|GALLIUM_|LP_|EGL_|__EGL_|__GLX_|DRI_PRIME$|VULKAN_SDK$)"
+)
 """Names of environment variables that change which driver is taken, or what it does."""
 
 OWN_PACKAGES = ("common", "backends", "chapters", "assets", "bootstrap", "vulkan")
@@ -108,16 +112,15 @@ def report(selftest: bool = False, progress: Progress = lambda what, part: None)
 # --- questions ----------------------------------------------------------------------------------------------
 
 
-def ask(what: str, timeout_s: float = TIMEOUT_S) -> Report:
+def ask(what: str, timeout_s: float = TIMEOUT_S, child: Sequence[str] = CHILD) -> Report:
     """Return the answers of a child process to one of the questions of `doctor_probe`, whatever became of it.
 
     "problem" says what went wrong, a crash or a hang included; "devices" and "compilers" are lists.
     """
-    command = [sys.executable, "-P", "-m", "chapters.doctor_probe", what]
     problem = None
     try:
         done = subprocess.run(
-            command,
+            [*child, what],
             stdin=subprocess.DEVNULL,
             capture_output=True,
             timeout=timeout_s,
@@ -274,7 +277,7 @@ def libraries(environment: Mapping[str, str]) -> list[str]:
     """Return the files of every Vulkan loader in the usual folders of Linux; links to the same file count once."""
     if sys.platform != "linux":
         return []
-    folders = os.environ.get("LD_LIBRARY_PATH", "").split(":")
+    folders = environment.get("LD_LIBRARY_PATH", "").split(":")
     folders += [f"{environment['VULKAN_SDK']}/lib"] if "VULKAN_SDK" in environment else []
     machine = platform.machine()
     folders += ["/usr/local/lib", "/usr/lib64", f"/usr/lib/{machine}-linux-gnu", "/usr/lib", "/lib64"]

@@ -6,7 +6,8 @@ import numpy as np
 
 from backends.vulkan import api as vk
 from backends.vulkan.resources import create_image, destroy_image
-from backends.vulkan.selftests.bench import FULL_SCREEN, Bench, Texture
+from backends.vulkan.selftests.bench import FULL_SCREEN, Bench
+from backends.vulkan.selftests.bindings import Texture
 
 # Each level holds its own number; from pixel to pixel it is 16 texels across, and 1 down.
 FRAGMENT = """

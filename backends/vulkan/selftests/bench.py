@@ -27,6 +27,8 @@ from backends.vulkan.resources import (
     destroy_buffer,
     destroy_image,
 )
+from backends.vulkan.selftests import bindings
+from backends.vulkan.selftests.bindings import Resource, Texture
 from backends.vulkan.shaders import compile_shader
 
 STAGES = {
@@ -61,25 +63,6 @@ BUFFER_USAGE = (
 
 FULL_SCREEN = "void main() { gl_Position = vec4(VERTEX_ID == 1 ? 3 : -1, VERTEX_ID == 2 ? 3 : -1, 0.5, 1); }"
 """A vertex shader whose three vertices cover everything."""
-
-
-@dataclass(frozen=True)
-class Texture:
-    """A view and a sampler, for a combined image sampler."""
-
-    view: Any
-    sampler: Any
-
-
-@dataclass(frozen=True)
-class Acceleration:
-    """A top-level acceleration structure."""
-
-    handle: Any
-
-
-Resource = Buffer | Texture | Acceleration | Sequence[Texture | None]
-"""What is bound at 0, 1, 2, ... of set 0; a sequence is an array of textures with gaps, and must come last."""
 
 
 @dataclass(frozen=True)
@@ -230,7 +213,7 @@ class Bench:
 
     def compute(self, source: str, resources: Sequence[Resource], extensions: Sequence[str] = ()) -> Program:
         """Return a compute program of one GLSL text."""
-        layout, bound = self.layout(resources)
+        layout, bound = bindings.layout(self, resources)
         stage = self.stages({"comp": source}, extensions)[0]
         infos = vk.array("VkComputePipelineCreateInfo", [{"stage": stage, "layout": layout}])
         pipeline = self.device.create_pipelines("vkCreateComputePipelines", infos, ["selftest"])[0]
@@ -262,7 +245,7 @@ class Bench:
         rate: Any = None,
     ) -> Program:
         """Return a program that draws triangles into one target; `rate` is a shading-rate state to chain."""
-        layout, bound = self.layout(resources)
+        layout, bound = bindings.layout(self, resources)
         depth = target == "d32f"
         rendering = vk.new(
             "VkPipelineRenderingCreateInfo",
@@ -364,108 +347,6 @@ class Bench:
         self.fn.vkCmdBindPipeline(commands, program.bind_point, program.pipeline)
         sets = vk.array("VkDescriptorSet", [program.set])
         self.fn.vkCmdBindDescriptorSets(commands, program.bind_point, program.layout, 0, 1, sets, 0, vk.NULL)
-
-    # --- descriptors ---
-
-    def layout(self, resources: Sequence[Resource]) -> tuple[Any, Any]:
-        """Return (pipeline layout, descriptor set) with `resources` at the bindings 0, 1, 2, ...
-
-        An array of textures is bindless: its size is variable, gaps are not written, and it may be written late.
-        """
-        described, flags, sizes = [], [], []
-        for binding, resource in enumerate(resources):
-            many = isinstance(resource, Sequence)
-            count = len(resource) if isinstance(resource, Sequence) else 1
-            described.append(
-                {
-                    "binding": binding,
-                    "descriptorType": _type_of(resource),
-                    "descriptorCount": count,
-                    "stageFlags": vk.VK_SHADER_STAGE_ALL,
-                }
-            )
-            flags.append(_BINDLESS if many else 0)
-            sizes.append(
-                {"type": _type_of(resource), "descriptorCount": count},
-            )
-        late = any(flags)
-        set_layout = self.make(
-            "vkCreateDescriptorSetLayout",
-            "VkDescriptorSetLayoutCreateInfo",
-            pNext=vk.new("VkDescriptorSetLayoutBindingFlagsCreateInfo", pBindingFlags=flags)
-            if late
-            else None,
-            flags=vk.VK_DESCRIPTOR_SET_LAYOUT_CREATE_UPDATE_AFTER_BIND_POOL_BIT if late else 0,
-            pBindings=described or None,
-        )
-        pool = self.make(
-            "vkCreateDescriptorPool",
-            "VkDescriptorPoolCreateInfo",
-            flags=vk.VK_DESCRIPTOR_POOL_CREATE_UPDATE_AFTER_BIND_BIT if late else 0,
-            maxSets=1,
-            pPoolSizes=sizes or [{"type": vk.VK_DESCRIPTOR_TYPE_SAMPLER, "descriptorCount": 1}],
-        )
-        counts = None
-        if late:
-            counts = vk.new(
-                "VkDescriptorSetVariableDescriptorCountAllocateInfo",
-                pDescriptorCounts=[sizes[-1]["descriptorCount"]],
-            )
-        allocate = vk.new(
-            "VkDescriptorSetAllocateInfo", pNext=counts, descriptorPool=pool, pSetLayouts=[set_layout]
-        )
-        out = vk.ffi.new("VkDescriptorSet[1]")
-        code = self.fn.vkAllocateDescriptorSets(self.device.handle, allocate, out)
-        vk.check(code, "vkAllocateDescriptorSets", allocate)
-        for binding, resource in enumerate(resources):
-            if not isinstance(resource, Sequence):
-                self.write(out[0], binding, 0, resource)
-        layout = self.make("vkCreatePipelineLayout", "VkPipelineLayoutCreateInfo", pSetLayouts=[set_layout])
-        return layout, out[0]
-
-    def write(self, target: Any, binding: int, index: int, resource: Buffer | Texture | Acceleration) -> None:
-        """Write one descriptor of a set."""
-        fields: dict[str, Any] = {}
-        if isinstance(resource, Buffer):
-            fields["pBufferInfo"] = [{"buffer": resource.handle, "range": vk.VK_WHOLE_SIZE}]
-        elif isinstance(resource, Texture):
-            layout = vk.VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL
-            fields["pImageInfo"] = [
-                {"sampler": resource.sampler, "imageView": resource.view, "imageLayout": layout}
-            ]
-        else:
-            fields["descriptorCount"] = 1
-            fields["pNext"] = vk.new(
-                "VkWriteDescriptorSetAccelerationStructureKHR", pAccelerationStructures=[resource.handle]
-            )
-        writes = vk.array(
-            "VkWriteDescriptorSet",
-            [
-                {
-                    "dstSet": target,
-                    "dstBinding": binding,
-                    "dstArrayElement": index,
-                    "descriptorType": _type_of(resource),
-                    **fields,
-                }
-            ],
-        )
-        self.fn.vkUpdateDescriptorSets(self.device.handle, 1, writes, 0, vk.NULL)
-
-
-_BINDLESS = (
-    vk.VK_DESCRIPTOR_BINDING_PARTIALLY_BOUND_BIT
-    | vk.VK_DESCRIPTOR_BINDING_UPDATE_AFTER_BIND_BIT
-    | vk.VK_DESCRIPTOR_BINDING_VARIABLE_DESCRIPTOR_COUNT_BIT
-)
-
-
-def _type_of(resource: Resource) -> int:
-    if isinstance(resource, Buffer):
-        return int(vk.VK_DESCRIPTOR_TYPE_STORAGE_BUFFER)
-    if isinstance(resource, Acceleration):
-        return int(vk.VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR)
-    return int(vk.VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER)
 
 
 def differ(what: str, found: np.ndarray, expected: np.ndarray) -> str:

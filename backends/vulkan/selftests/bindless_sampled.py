@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from backends.vulkan.barriers import barriers
+from backends.vulkan.selftests import bindings
 from backends.vulkan.selftests.bench import EVERYTHING, Bench, differ
 
 COUNT = 40
@@ -37,7 +38,7 @@ def run(bench: Bench) -> str:
         bench.fn.vkCmdDispatch(commands, 16, 1, 1)
         bench.fn.vkCmdPipelineBarrier2(commands, barriers(memory=EVERYTHING))
         for slot, texture in zip(filled, textures, strict=True):  # after the set was bound
-            bench.write(program.set, 2, int(slot), texture)
+            bindings.write(bench.device, program.set, 2, int(slot), texture)
     i = np.arange(1024)
     expected = texels[which, i // 2 % 2, i % 2]
     return differ("texels", bench.read(output, np.uint32), expected)

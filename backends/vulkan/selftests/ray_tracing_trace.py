@@ -7,7 +7,7 @@ import numpy as np
 from backends.vulkan import api as vk
 from backends.vulkan.barriers import barriers
 from backends.vulkan.resources import buffer_address
-from backends.vulkan.selftests import triangles
+from backends.vulkan.selftests import bindings, triangles
 from backends.vulkan.selftests.bench import EVERYTHING, Bench
 
 SOURCES = {
@@ -43,7 +43,7 @@ def run(bench: Bench) -> str:
     fn, device = bench.fn, bench.device
     rays, world = triangles.rays(), triangles.build(bench)
     output = bench.output(2 * triangles.RAYS)
-    layout, bound = bench.layout([world, bench.input(rays), output])
+    layout, bound = bindings.layout(bench, [world, bench.input(rays), output])
     stages = bench.stages(SOURCES, ["GL_EXT_ray_tracing"])
     unused = vk.VK_SHADER_UNUSED_KHR
     none = dict.fromkeys(("generalShader", "closestHitShader", "anyHitShader", "intersectionShader"), unused)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from backends.vulkan import api as vk
-from backends.vulkan.selftests.bench import Bench, Texture, differ
+from backends.vulkan.selftests.bench import Bench, differ
+from backends.vulkan.selftests.bindings import Texture
 from backends.vulkan.selftests.pages import SIZE, sparse_image
 from common.errors import UnsupportedError
 

@@ -13,7 +13,8 @@ import numpy as np
 from backends.vulkan import api as vk
 from backends.vulkan.barriers import barriers
 from backends.vulkan.resources import Buffer, buffer_address, create_buffer, destroy_buffer
-from backends.vulkan.selftests.bench import BUFFER_USAGE, EVERYTHING, Acceleration, Bench
+from backends.vulkan.selftests.bench import BUFFER_USAGE, EVERYTHING, Bench
+from backends.vulkan.selftests.bindings import Acceleration
 
 RAYS = 1024
 
