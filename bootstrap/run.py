@@ -16,14 +16,14 @@ from bootstrap.plan import APT_PACKAGES, NEEDED_VULKAN, Plan, Step, decide
 ROOT = Path(__file__).resolve().parents[1]
 
 WITHOUT_DEVICE = ("carry", "diff", "doctor", "list", "site", "--help", "--version")
-"""Commands that are of use where nothing can be drawn; so is Strata without a command, which prints its help."""
+"""Commands that are of use where nothing can be drawn; Strata without a command prints its help."""
 
 
 def main(arguments: list[str]) -> int:
     """Set up what is missing and start Strata; return an exit code, 2 when the user has to do something first."""
     options, rest = parse(arguments)
     try:
-        set_up(Environment(ROOT), options, needs_device=bool(rest) and rest[0] not in WITHOUT_DEVICE)
+        set_up(Environment(ROOT), options, command=rest[0] if rest else "--help")
     except SetupError as error:
         say(str(error))
         return 2
@@ -48,8 +48,8 @@ def parse(arguments: list[str]) -> tuple[argparse.Namespace, list[str]]:
     return parser.parse_args(arguments[:count]), arguments[count:]
 
 
-def set_up(environment: Environment, options: argparse.Namespace, needs_device: bool) -> None:
-    """Bring system and environment to what is asked; raise SetupError when Strata cannot go on."""
+def set_up(environment: Environment, options: argparse.Namespace, command: str) -> None:
+    """Bring system and environment to what `command` needs; raise SetupError when Strata cannot go on."""
     with only_one(say):
         plan = Plan("nothing")
         before = environment.stamp()
@@ -68,9 +68,10 @@ def set_up(environment: Environment, options: argparse.Namespace, needs_device: 
             make(environment, everything, options.latest, say)
             say("Strata is set up; this happens once.")
     if plan.missing or plan.steps:
-        if needs_device and plan.blocks == "graphics" and not options.no_install:
+        if plan.blocks == "graphics" and command not in WITHOUT_DEVICE and not options.no_install:
             raise SetupError(explain(plan))
-        say(explain(plan))
+        if command != "doctor":  # which says the same itself
+            say(explain(plan))
 
 
 def carry_out(plan: Plan) -> Plan:

@@ -170,7 +170,7 @@ def set_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., lis
             run, "perform", lambda step, prefix: made.append(" ".join((*prefix, *step.command)))
         )
         options, rest = run.parse(list(words))
-        run.set_up(clone, options, needs_device=bool(rest) and rest[0] not in run.WITHOUT_DEVICE)
+        run.set_up(clone, options, rest[0])
         return made
 
     return go
@@ -214,12 +214,17 @@ def test_a_user_without_rights_gets_the_commands_and_the_end(set_up: SetUp, comm
         set_up(replace(UBUNTU, sudo=True), command)
 
 
-@pytest.mark.parametrize("command", ["list", "doctor", "--help"])
+@pytest.mark.parametrize("command", ["list", "site", "--help"])
 def test_what_needs_no_device_goes_on_and_says_the_commands(
     set_up: SetUp, capsys: pytest.CaptureFixture[str], command: str
 ) -> None:
     assert set_up(UBUNTU, command) == ["core"]
     assert "apt-get update" in capsys.readouterr().err
+
+
+def test_doctor_itself_says_what_is_missing(set_up: SetUp, capsys: pytest.CaptureFixture[str]) -> None:
+    assert set_up(UBUNTU, "doctor") == ["core"]
+    assert "apt-get" not in capsys.readouterr().err
 
 
 def test_no_install_goes_on_without_a_device(set_up: SetUp) -> None:
@@ -234,7 +239,7 @@ def test_a_python_that_cannot_make_an_environment_stops_every_command(set_up: Se
 def test_main_tells_the_error_in_a_sentence(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def fail(clone: Environment, options: argparse.Namespace, needs_device: bool) -> None:
+    def fail(clone: Environment, options: argparse.Namespace, command: str) -> None:
         raise SetupError("The disk is full; make room.")
 
     monkeypatch.setattr(run, "set_up", fail)
