@@ -37,6 +37,19 @@ MAX_BARE_ELEMENTS = 2**24
 """Elements of an accessor without buffer view: its zeros take memory that no byte of the file pays for."""
 
 
+def within(values: Float32, limit: float) -> bool:
+    """Return whether every number is finite and its size at most `limit` (up to 1e18).
+
+    The sum of squares of non-negative terms is never below the largest of them, in whatever order floats are summed,
+    and one product tells it in a fifth of the time; only where that is too large the sizes themselves are looked at.
+    """
+    flat = values.reshape(-1)
+    with np.errstate(over="ignore", invalid="ignore"):
+        if np.dot(flat, flat) <= limit * limit / 2:  # a NaN compares as false
+            return True
+    return bool(np.abs(values).max(initial=0.0) <= limit)
+
+
 class Accessors:
     """The accessors of a document, each decoded once however often it is used."""
 
@@ -66,7 +79,7 @@ class Accessors:
             values = self._floats[index] = _as_float(
                 self.raw(index), self._entries[index].get("normalized", False)
             )
-        if finite and not np.abs(values).max() <= NUMBER_LIMIT:  # a NaN makes the maximum NaN
+        if finite and not within(values, NUMBER_LIMIT):
             element = int(np.argmin((np.abs(values) <= NUMBER_LIMIT).all(axis=1)))
             finite = bool(np.isfinite(values[element]).all())
             what = "beyond 1e18" if finite else "that is not finite"

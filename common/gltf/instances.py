@@ -24,30 +24,35 @@ MAX_INSTANCES = 2**22
 
 @dataclass
 class Drawing:
-    """Everything that is drawn, as it is collected. `materials` numbers the keys in the order of first use."""
+    """Everything that is drawn, as it is collected.
+
+    `materials` numbers the keys in the order of first use; `copies` are (first instance, their (K, 4, 4) transforms).
+    """
 
     pools: Pools = field(default_factory=Pools)
     materials: dict[MaterialKey, int] = field(default_factory=dict)
     deformations: list[Deformation] = field(default_factory=list)
     node: list[int] = field(default_factory=list)
     mesh: list[int] = field(default_factory=list)
-    local: list[Float64] = field(default_factory=list)
+    copies: list[tuple[int, Float64]] = field(default_factory=list)
 
     def add(self, node: int, mesh: int, copies: Float64 | None) -> None:
         """Add an instance of a mesh at a node, or one for each of the (K, 4, 4) `copies`."""
         count = 1 if copies is None else len(copies)
         if len(self.node) + count > MAX_INSTANCES:
             refuse("the scene", f"has more than {MAX_INSTANCES} instances", "draw fewer")
+        if copies is not None:
+            self.copies.append((len(self.node), copies))
         self.node.extend([node] * count)
         self.mesh.extend([mesh] * count)
-        self.local.append(np.eye(4)[None] if copies is None else copies)
 
     def instances(self) -> Instances:
         """Return the instances in the order they were added."""
-        local = np.concatenate(self.local) if any(len(part) > 1 for part in self.local) else None
-        if local is None and self.local:
-            stacked = np.concatenate(self.local)
-            local = None if (stacked == np.eye(4)).all() else stacked
+        local = None
+        if any((copies != np.eye(4)).any() for _, copies in self.copies):
+            local = np.tile(np.eye(4), (len(self.node), 1, 1))
+            for first, copies in self.copies:
+                local[first : first + len(copies)] = copies
         return Instances(np.array(self.node, np.int32), np.array(self.mesh, np.int32), local)
 
 

@@ -125,6 +125,9 @@ class Pools:
 
 def _drawn_bounds(positions: Float32, indices: UInt32) -> tuple[Float32, Float32]:
     """Return the corners of the box round the vertices that triangles use; others may lie anywhere."""
+    if len(indices) <= 4 * len(positions):
+        drawn = positions[indices]
+        return drawn.min(axis=0), drawn.max(axis=0)
     used = np.zeros(len(positions), bool)
     used[indices] = True
     drawn = positions if used.all() else positions[used]

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from common.gltf.accessors import Accessors
+from common.gltf.accessors import Accessors, within
 from common.gltf.completion import flat_normals, generate_tangents, smooth_normals, unit
 from common.gltf.deformation import with_joints, with_targets
 from common.gltf.document import Document
@@ -62,26 +62,26 @@ class PrimitiveReader:
             return None
         material = entry.get("material")
         mode = entry.get("mode", 4)
-        surface = self._vertices(attributes, material, f"{place}.attributes")
-        if skinned:
-            surface = with_joints(self._document, self._accessors, surface, entry, place)
-        if morphed:
-            surface = with_targets(self._document, self._accessors, surface, entry, place)
-        count = len(surface.positions)
+        count = self._accessors.count(attributes["POSITION"])
         if "indices" in entry:
             indices = self._accessors.indices(entry["indices"], f"{place}.indices", count)
         else:
             indices = self._in_order.setdefault(count, np.arange(count, dtype=np.uint32))
+        if mode > LINE_STRIP:
+            key = (id(indices), mode)  # the accessors keep the array alive
+            indices = self._triangles.setdefault(key, triangle_indices(indices, mode))
+        surface = self._vertices(attributes, indices, material, f"{place}.attributes")
+        if skinned:
+            surface = with_joints(self._document, self._accessors, surface, entry, place)
+        if morphed:
+            surface = with_targets(self._document, self._accessors, surface, entry, place)
 
         if mode <= LINE_STRIP:
             lit = surface.normals is not None
-            return _solid(surface, indices, mode), MaterialKey(material, unlit=not lit)
-        key = (id(indices), mode)  # the accessors keep the array alive
-        indices = self._triangles.setdefault(key, triangle_indices(indices, mode))
+            return _solid(surface, mode), MaterialKey(material, unlit=not lit)
         if len(indices) == 0:
             self._document.warn(f"{place} has no triangle and was left out.")
             return None
-        surface = replace(surface, indices=indices)
         if surface.normals is None:
             # Flat shading needs vertices that no two triangles share; given tangents do not count (glTF 2.0,
             # 3.7.2.1).
@@ -102,7 +102,9 @@ class PrimitiveReader:
                 surface = replace(surface.take(source, indices), tangents=tangents, flat=flat)
         return surface, MaterialKey(material)
 
-    def _vertices(self, attributes: dict[str, int], material: int | None, place: str) -> Surface:
+    def _vertices(
+        self, attributes: dict[str, int], indices: UInt32, material: int | None, place: str
+    ) -> Surface:
         accessors = self._accessors
         sets = self._materials.uv_sets(material)
         names = ("POSITION", "NORMAL", "TANGENT", f"TEXCOORD_{sets[0]}", f"TEXCOORD_{sets[1]}", "COLOR_0")
@@ -125,7 +127,7 @@ class PrimitiveReader:
             if "colors" in found:
                 found["colors"] = self._colors(found["colors"], f"{place}.COLOR_0")
             for name in ("uv0", "uv1"):
-                if name in found and not np.abs(found[name]).max() <= UV_LIMIT:  # a NaN makes the maximum NaN
+                if name in found and not within(found[name], UV_LIMIT):
                     self._document.warn(
                         f"{place} has texture coordinates beyond 1e9 or not finite; they became 0."
                     )
@@ -133,7 +135,7 @@ class PrimitiveReader:
             self._attributes[key] = found
         return Surface(
             found["positions"],
-            np.zeros(0, np.uint32),
+            indices,
             found.get("normals"),
             found.get("tangents"),
             found.get("uv0"),
@@ -155,6 +157,8 @@ class PrimitiveReader:
         assert surface.normals is not None
         normals, tangents = surface.normals, surface.tangents
         usable = _has_direction(normals)
+        if usable.all() and tangents is None:
+            return surface
         if not usable.all():
             self._document.warn(f"{place} has normals without a direction; they were made anew.")
             normals = np.where(usable[:, None], normals, smooth_normals(surface.positions, surface.indices))
@@ -169,11 +173,12 @@ class PrimitiveReader:
 def _has_direction(vectors: Float32) -> np.ndarray:
     with np.errstate(over="ignore", invalid="ignore"):
         squared = np.einsum("ij,ij->i", vectors, vectors)
-    return np.isfinite(squared) & (squared > 1e-30)
+    return (squared > 1e-30) & (squared < np.inf)
 
 
-def _solid(surface: Surface, indices: UInt32, mode: int) -> Surface:
+def _solid(surface: Surface, mode: int) -> Surface:
     """Return points or lines as thin solids; see `topology`."""
+    indices = surface.indices
     if len(indices) * 8 > MAX_VERTICES:
         refuse(
             "a primitive",

@@ -54,7 +54,8 @@ def triangle_indices(indices: UInt32, mode: int) -> UInt32:
     left over at the end of a list is ignored.
     """
     if mode == TRIANGLES:
-        return indices[: len(indices) // 3 * 3]
+        rest = len(indices) % 3
+        return indices[: len(indices) - rest] if rest else indices
     count = max(len(indices) - 2, 0)
     first = np.arange(count)
     if mode == TRIANGLE_STRIP:

@@ -169,7 +169,9 @@ def test_a_generated_file_comes_back(tmp_path, form):
     assert scene.mesh_names == ["mesh 0"]
     assert scene.materials[0].name == "default"
     used = attributes["POSITION"][np.unique(indices)].astype(float)
-    assert np.allclose(scene.bounds, [(*used.min(axis=0), 1, 2, 3), (*used.max(axis=0), 1, 2, 3)], atol=1e-6)
+    assert np.allclose(
+        scene.bounds, np.stack([used.min(axis=0), used.max(axis=0)]) + np.array((1, 2, 3)), atol=1e-6
+    )
 
 
 @pytest.mark.feature("mesh/bounds")
