@@ -43,7 +43,7 @@ def choose_presenting(
         raise UnsupportedError(
             f"The Vulkan device '{picked.name}' cannot show pictures on this display: run with --headless."
         )
-    return choose(others, "")
+    return choose(others)
 
 
 class Screen:
