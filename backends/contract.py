@@ -71,7 +71,8 @@ MAIN_USES: dict[str, tuple[str, ...]] = {
 """What each feature is for; where one of these uses gives wrong results, the feature counts as missing."""
 
 OTHER_USES: dict[str, tuple[str, ...]] = {
-    "mesh-shader": ("indirect-count", "statistics", "compute-statistics"),
+    "mesh-shader": ("indirect-count", "statistics"),
+    "pipeline-statistics": ("after-push-constants",),
     "ray-query": ("fragment",),
     "sparse": ("attachment", "depth-attachment", "cube-array", "plain-image"),
     "timeline-semaphore": ("order",),  # every Vulkan 1.3 device has it

@@ -243,9 +243,13 @@ class Bench:
         target: str = "r32ui",
         polygon_mode: int = vk.VK_POLYGON_MODE_FILL,
         rate: Any = None,
+        push: int = 0,
     ) -> Program:
-        """Return a program that draws triangles into one target; `rate` is a shading-rate state to chain."""
-        layout, bound = bindings.layout(self, resources)
+        """Return a program that draws triangles into one target.
+
+        `rate` is a shading-rate state to chain, `push` the number of bytes of push constants, for all stages.
+        """
+        layout, bound = bindings.layout(self, resources, push)
         depth = target == "d32f"
         rendering = vk.new(
             "VkPipelineRenderingCreateInfo",

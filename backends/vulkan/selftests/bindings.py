@@ -48,8 +48,10 @@ def _type_of(resource: Resource) -> int:
     return int(vk.VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER)
 
 
-def layout(bench: Bench, resources: Sequence[Resource]) -> tuple[Any, Any]:
+def layout(bench: Bench, resources: Sequence[Resource], push: int = 0) -> tuple[Any, Any]:
     """Return (pipeline layout, descriptor set) with `resources` at the bindings 0, 1, 2, ...
+
+    The layout also has `push` bytes of push constants for all stages.
 
     An array of textures is bindless: its size is variable, gaps are not written, and it may be written late.
     """
@@ -99,7 +101,12 @@ def layout(bench: Bench, resources: Sequence[Resource]) -> tuple[Any, Any]:
     for binding, resource in enumerate(resources):
         if not isinstance(resource, Sequence):
             write(bench.device, out[0], binding, 0, resource)
-    layout = bench.make("vkCreatePipelineLayout", "VkPipelineLayoutCreateInfo", pSetLayouts=[set_layout])
+    layout = bench.make(
+        "vkCreatePipelineLayout",
+        "VkPipelineLayoutCreateInfo",
+        pSetLayouts=[set_layout],
+        pPushConstantRanges=[{"stageFlags": vk.VK_SHADER_STAGE_ALL, "size": push}] if push else None,
+    )
     return layout, out[0]
 
 

@@ -1,0 +1,344 @@
+"""`strata doctor`: a working machine, one without a driver, and drivers that crash, hang or hide behind each other."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+import chapters
+from backends.contract import FEATURES
+from backends.vulkan import selftest
+from chapters import doctor
+from chapters.doctor_tables import show
+from common.lessons import Lesson, Needs
+from common.paths import ROOT
+
+KEYS = {
+    "works",
+    "problem",
+    "install",
+    "strata",
+    "packages",
+    "vulkan",
+    "opengl",
+    "display",
+    "compilers",
+    "environment",
+    "plan",
+    "shadowed",
+    "advice",
+}
+
+
+def strata(*words: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Run the command line as a user does, in another folder."""
+    return subprocess.run(
+        [sys.executable, "-P", "-m", "chapters", *words],
+        env={**selftest.child_environment(), "COLUMNS": "160", **environment},
+        cwd="/" if sys.platform != "win32" else None,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+
+
+def examined(selftest: bool = False) -> tuple[int, dict[str, Any]]:
+    """Return exit code and report of `strata doctor --json` in this process."""
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        code = doctor.run(json=True, selftest=selftest)
+    return code, json.loads(printed.getvalue())
+
+
+def shown(report: dict[str, Any]) -> str:
+    console = Console(file=io.StringIO(), width=160)
+    show(report, console)
+    return console.file.getvalue()  # type: ignore[attr-defined]
+
+
+@pytest.fixture(scope="module")
+def healthy(vulkan_instance) -> dict[str, Any]:
+    """The report of this machine, where the exit code is 0."""
+    code, report = examined()
+    assert code == 0, report["problem"]
+    return report
+
+
+# --- a machine that works -----------------------------------------------------------------------------------
+
+
+@pytest.mark.feature("cli/doctor")
+def test_the_report_names_loader_device_layers_and_compilers(healthy, vulkan_instance) -> None:
+    assert healthy.keys() == KEYS
+    assert healthy["works"] is True
+    assert healthy["problem"] is None
+    assert healthy["install"] is None
+    assert healthy["strata"]["root"] == str(ROOT)
+    assert healthy["strata"]["python"] == ".".join(map(str, sys.version_info[:3]))
+    assert healthy["packages"]["numpy"]
+    vulkan = healthy["vulkan"]
+    assert vulkan["loader"]["version"].startswith("1.")
+    devices = vulkan_instance.devices()
+    assert [device["name"] for device in vulkan["devices"]] == [device.name for device in devices]
+    assert [device["driver"] for device in vulkan["devices"]] == [device.driver for device in devices]
+    assert set(vulkan["layers"]) >= set(vulkan_instance.layers)
+    assert any("problem" not in compiler for compiler in healthy["compilers"])
+    chosen = vulkan["devices"][vulkan["chosen"]]
+    assert chosen["unfit"] is None
+    assert set(chosen["features"]) | chosen["why_not"].keys() == FEATURES.keys()
+
+
+def test_every_chapter_has_a_plan(healthy) -> None:
+    assert list(healthy["plan"]) == [chapters.folder_name(number) for number in chapters.available()]
+    for number in chapters.available():
+        plan = healthy["plan"][chapters.folder_name(number)]
+        needs = chapters.lesson(number).needs
+        assert {choice["feature"] for choice in plan["choices"]} == needs.required | needs.optional
+        for choice in plan["choices"]:
+            assert choice["path"] == FEATURES[choice["feature"]][0 if choice["native"] else 1]
+            assert choice["reason"]
+
+
+def test_the_tables_show_what_the_report_says(healthy) -> None:
+    text = shown(healthy)
+    chosen = healthy["vulkan"]["devices"][healthy["vulkan"]["chosen"]]
+    assert text.startswith(f"Strata draws on {chosen['name']}")
+    for part in (chosen["driver"], healthy["vulkan"]["loader"]["version"], "ch01", "anisotropy", "numpy"):
+        assert part in text
+    for feature, reason in chosen["why_not"].items():
+        assert feature in text
+        assert reason.split(":")[0] in text
+
+
+# --- machines that do not -----------------------------------------------------------------------------------
+
+
+@pytest.mark.feature("cli/doctor")
+@pytest.mark.skipif(sys.platform == "win32", reason="drivers are found in the registry there")
+def test_without_a_driver_it_says_so_and_what_to_install() -> None:
+    done = strata("doctor", VK_DRIVER_FILES="/nonexistent")
+    assert done.returncode == 2
+    lines = done.stdout.splitlines()
+    assert lines[0] == "Strata cannot draw here: no Vulkan 1.3 device was found (the loader found no driver)."
+    assert "VK_DRIVER_FILES is set, and what it names does not exist (/nonexistent): unset it." in lines[1]
+    assert "Strata needs Vulkan 1.3" in lines[2]
+    assert "Traceback" not in done.stdout + done.stderr
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="drivers are found in the registry there")
+def test_without_a_driver_the_report_is_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("VK_DRIVER_FILES", "/nonexistent")
+    code, report = examined(selftest=True)
+    assert code == 2
+    assert report.keys() == KEYS
+    assert report["works"] is False
+    assert report["install"]
+    assert report["vulkan"]["loader"]["version"]  # the loader itself is there
+    assert report["vulkan"]["chosen"] is None
+    assert report["environment"]["VK_DRIVER_FILES"] == "/nonexistent"
+    assert all(plan["problem"] == "no device works" for plan in report["plan"].values())
+
+
+def test_a_device_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch, vulkan_instance) -> None:
+    monkeypatch.setenv("STRATA_DEVICE", "no such card")
+    code, report = examined()
+    assert code == 2
+    assert "matches 'no such card'" in shown(report).splitlines()[0]
+
+
+CHILD = """
+import os, signal, sys, time
+print('{"loader": {"name": "x", "path": "/x", "version": "1.3.1"}}', flush=True)
+print('the driver says hello', flush=True)
+print('{"device": {"number": 0}}\\n{"device": {"number": 1}}', flush=True)
+if sys.argv[1] == "crash":
+    os.kill(os.getpid(), signal.SIGSEGV)
+if sys.argv[1] == "hang":
+    time.sleep(60)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no signals")
+@pytest.mark.parametrize(
+    ("end", "problem"),
+    [
+        ("crash", "what asks for it crashed (signal 11, SIGSEGV)"),
+        ("hang", "what asks for it hung (stopped after 0.5 s)"),
+        ("well", None),
+    ],
+)
+def test_what_was_said_before_a_crash_is_kept(tmp_path: Path, end: str, problem: str | None) -> None:
+    script = tmp_path / "child.py"
+    script.write_text(CHILD)
+    answers = doctor.ask(end, 0.5 if end == "hang" else 20.0, (sys.executable, "-S", str(script)))
+    assert answers["loader"]["version"] == "1.3.1"
+    assert answers["devices"] == [{"number": 0}, {"number": 1}]
+    assert answers.get("problem") == problem
+
+
+def test_nothing_at_all_answers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every question fails; the report is whole, the tables print, and the first line is a sentence."""
+
+    def fail(*_: object) -> Any:
+        raise RuntimeError("odd machine")
+
+    monkeypatch.setattr(doctor, "ask", lambda what: {"problem": f"{what} crashed"})
+    for name in ("_what_to_install", "_strata", "driver_manifests", "hidden_package", "libraries"):
+        monkeypatch.setattr(doctor, name, fail)
+    report = doctor.report()
+    assert report.keys() == KEYS
+    assert json.loads(json.dumps(report)) == report
+    assert shown(report).startswith("Strata cannot draw here: vulkan crashed.\n")
+
+
+# --- plans, self-tests, advice ------------------------------------------------------------------------------
+
+DEVICE: dict[str, Any] = {
+    "number": 0,
+    "name": "Test GPU",
+    "driver": "testdriver 1",
+    "build": "00",
+    "kind": "discrete",
+    "api": "1.3.0",
+    "unfit": None,
+    "extensions": 3,
+    "queues": [{"family": 0, "queues": 1, "kinds": ["graphics", "compute"]}],
+    "advertised": ["fp64", "sparse"],
+    "features": ["sparse"],
+    "why_not": {"fp64": "its self-test failed (arithmetic): wrong: half", "bindless": "the driver lacks X"},
+    "broken": {"fp64/arithmetic": "wrong: half", "sparse/attachment": "wrong: rows"},
+    "limits": {},
+    "verdicts": None,
+}
+
+
+def test_a_plan_takes_the_fallback_of_what_failed(monkeypatch: pytest.MonkeyPatch) -> None:
+    needs = {
+        1: Needs(optional=frozenset({"fp64", "sparse"})),
+        2: Needs(required=frozenset({"bindless"})),
+        3: None,
+    }
+
+    def lesson(number: int) -> Lesson:
+        if needs[number] is None:
+            raise SyntaxError("half a file")
+        return Lesson(number, "A lesson", needs=needs[number])
+
+    monkeypatch.setattr(chapters, "available", lambda: (1, 2, 3))
+    monkeypatch.setattr(chapters, "lesson", lesson)
+    plan = doctor.plans(DEVICE)
+    by_feature = {choice["feature"]: choice for choice in plan["ch01"]["choices"]}
+    assert by_feature["sparse"]["native"]
+    assert by_feature["fp64"]["path"] == "32-bit floats"
+    assert "wrong: half" in by_feature["fp64"]["reason"]
+    assert not plan["ch02"]["runs"]
+    assert "the driver lacks X" in plan["ch02"]["problem"]
+    assert plan["ch03"]["problem"] == "it cannot be imported: SyntaxError: half a file"
+
+
+def test_selftest_tries_what_is_advertised_and_asks_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[str] = []
+    tried: list[tuple[Any, ...]] = []
+    after = {**DEVICE, "verdicts": {"fp64": {"arithmetic": "wrong: half"}, "sparse": {"sampled": "ok"}}}
+
+    def ask(what: str) -> dict[str, Any]:
+        asked.append(what)
+        return {"devices": [after if tried else DEVICE], "chosen": 0} if what == "vulkan" else {}
+
+    def judge_device(identity, number, advertised, software, progress, again):
+        tried.append((identity.device, identity.driver, number, tuple(advertised), software, again))
+        progress("fp64/arithmetic", "wrong: half")
+
+    monkeypatch.setattr(doctor, "ask", ask)
+    monkeypatch.setattr(selftest, "judge_device", judge_device)
+    heard: list[str] = []
+    report = doctor.report(selftest=True, progress=lambda what, part: heard.append(what))
+    assert tried == [("Test GPU", "testdriver 1", 0, ("fp64", "sparse"), False, True)]
+    assert asked.count("vulkan") == 2
+    assert "trying fp64/arithmetic" in heard
+    rows = [line.split() for line in shown(report).splitlines()]
+    assert ["fp64", "arithmetic", "wrong:", "half"] in rows
+    assert ["sparse", "attachment", "wrong:", "rows"] in rows
+    assert ["sampled", "works"] in rows
+    assert ["bindless", "missing:", "the", "driver", "lacks", "X"] in rows
+
+
+@pytest.mark.parametrize(
+    ("driver", "features", "newer"),
+    [
+        ("llvmpipe Mesa 22.3.6 (LLVM 15.0.6)", sorted(doctor.MESA_25 - {"sparse", "ray-query"}), 2),
+        ("llvmpipe Mesa 24.2.8", sorted(doctor.MESA_25), 0),
+        ("llvmpipe Mesa 25.0.7-2~bpo12+1 (LLVM 15.0.6)", [], 0),
+        ("radv Mesa 22.3.6", [], 0),
+        ("NVIDIA 580.1", [], 0),
+    ],
+)
+def test_what_a_newer_mesa_adds(driver: str, features: list[str], newer: int) -> None:
+    found = doctor.mesa_adds(driver, features)
+    assert len(found) == newer
+    assert set(found) <= {"sparse", "ray-query"}
+
+
+def test_the_newer_mesa_has_what_the_table_says(healthy) -> None:
+    device = healthy["vulkan"]["devices"][healthy["vulkan"]["chosen"]]
+    if not device["driver"].startswith("llvmpipe Mesa 25.0"):
+        pytest.skip("the table was read off the software driver of Mesa 25.0")
+    assert set(device["advertised"]) == doctor.MESA_25
+
+
+# --- what is hidden -----------------------------------------------------------------------------------------
+
+
+def test_a_second_package_is_found_wherever_it_stands(tmp_path: Path) -> None:
+    other = tmp_path / "common"
+    other.mkdir()
+    (other / "__init__.py").write_text("")
+    own = str(ROOT)
+    assert doctor.hidden_package("common", [own]) == []
+    assert doctor.hidden_package("common", [own, own]) == []
+    assert doctor.hidden_package("common", []) == []
+    behind = doctor.hidden_package("common", [own, str(tmp_path)])
+    assert len(behind) == 1
+    assert behind[0].startswith(f"A second package 'common' lies at {other.resolve()}")
+    before = doctor.hidden_package("common", [str(tmp_path), own])
+    assert len(before) == 1
+    assert "hides Strata's own" in before[0]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="where the loaders of Linux lie")
+def test_a_second_loader_and_drivers_are_found(tmp_path: Path) -> None:
+    library = tmp_path / "libvulkan.so.1"
+    library.write_bytes(b"")
+    (tmp_path / "vulkan" / "icd.d").mkdir(parents=True)
+    manifest = tmp_path / "vulkan" / "icd.d" / "a.json"
+    manifest.write_text("{}")
+    assert str(library) in doctor.libraries({"LD_LIBRARY_PATH": f"/nonexistent:{tmp_path}"})
+    assert str(manifest) in doctor.driver_manifests({"XDG_DATA_HOME": str(tmp_path)})
+    assert doctor.driver_manifests({"VK_DRIVER_FILES": "/a.json:/b.json"}) == ["/a.json", "/b.json"]
+    found = {
+        "environment": {"LD_LIBRARY_PATH": str(tmp_path), "LIBGL_ALWAYS_SOFTWARE": "1"},
+        "vulkan": {"loader": {"path": "/usr/lib/libvulkan.so.1.3"}},
+    }
+    sentences = doctor.shadowed(found)
+    assert any(str(library) in sentence for sentence in sentences)
+    assert any(sentence.startswith("LIBGL_ALWAYS_SOFTWARE=1 is set") for sentence in sentences)
+
+
+def test_variables_that_matter_are_shown_and_others_are_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in [name for name in os.environ if doctor.VARIABLES.match(name)]:
+        monkeypatch.delenv(name)
+    names = ("VK_LAYER_PATH", "STRATA_DEVICE", "LIBGL_DEBUG", "MESA_LOADER_DRIVER_OVERRIDE", "LP_NUM_THREADS")
+    for name in (*names, "HOME2", "SECRET_TOKEN"):
+        monkeypatch.setenv(name, "value")
+    monkeypatch.setattr(doctor, "ask", lambda what: {})
+    monkeypatch.setattr(doctor, "_what_to_install", lambda: "")
+    assert set(doctor.report()["environment"]) == set(names)
