@@ -1,0 +1,81 @@
+"""Mip chains made on the GPU by the kernel that Vulkan uses too, so that both backends sample the same texels.
+
+OpenGL takes pixels straight from numpy (`resources.write_image`): the driver keeps its own staging memory.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from backends import shader_text
+from backends.gl import api as gl
+from backends.gl.context import Context
+from backends.gl.programs import Program, Programs
+from backends.gl.resources import (
+    Image,
+    bind_storage_image,
+    bind_texture,
+    create_view,
+    level_size,
+    write_image,
+)
+from common.paths import ROOT
+
+
+class Uploader:
+    """Copies pixels into images and makes their mip levels; its programs live as long as it does."""
+
+    def __init__(self, context: Context) -> None:
+        self._context = context
+        self._programs = Programs(context)
+        self.bytes = 0
+
+    def image(self, target: Image, pixels: np.ndarray, *, mips: bool = True, srgb: bool = False) -> None:
+        """Copy (H, W) or (H, W, C) pixels to level 0, and make the other levels if `mips`.
+
+        `pixels` has the type and channels of the image's format; `srgb` says that colour is to be averaged as light.
+        """
+        expected = (target.height, target.width)
+        if pixels.shape[:2] != expected:
+            raise ValueError(f"'{target.name}' wants {expected} pixels, not {pixels.shape[:2]}.")
+        if target.levels > 1 and not mips:
+            raise ValueError(f"'{target.name}' has {target.levels} levels, and only one was given.")
+        if pixels.ndim == 3 and pixels.shape[2] == 1:
+            pixels = pixels[:, :, 0]
+        write_image(self._context, target, pixels)
+        self.bytes += pixels.nbytes
+        if target.levels > 1:
+            self.make_mips(target, srgb=srgb)
+
+    def make_mips(self, image: Image, *, srgb: bool = False) -> None:
+        """Make levels 1 and up of a "2d" image from level 0, by the exact box filter of `shaders/mips.comp`."""
+        context, fn = self._context, self._context.fn
+        fn.glUseProgram(self._program(image.storage_format).handle)
+        for level in range(1, image.levels):
+            above, size = level_size(image, level - 1), level_size(image, level)
+            source = create_view(context, image, image.storage_format, level=level - 1, levels=1)
+            bind_texture(context, 0, source, 0)
+            bind_storage_image(context, 0, image, level=level)
+            context.push(np.array([*size, *above, int(srgb), 0, 0, 0], np.uint32))
+            fn.glDispatchCompute((size[0] + 7) // 8, (size[1] + 7) // 8, 1)
+            # The next level fetches what this one stored.
+            fn.glMemoryBarrier(gl.GL_TEXTURE_FETCH_BARRIER_BIT)
+            image.views.remove(source)
+            context.destroy("texture", source)
+        fn.glMemoryBarrier(gl.GL_TEXTURE_FETCH_BARRIER_BIT | gl.GL_TEXTURE_UPDATE_BARRIER_BIT)
+
+    def _program(self, format: str) -> Program:
+        # The name of a format is that of the image's layout qualifier.
+        path = ROOT / "shaders" / "mips.comp"
+        source = shader_text.build(path, "gl", defines={"FORMAT": format})
+        return self._programs.get([source], f"mips {format}")
+
+    def close(self) -> None:
+        """Free the programs."""
+        self._programs.close()
+
+    def __enter__(self) -> Uploader:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
