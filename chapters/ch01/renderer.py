@@ -12,7 +12,8 @@ Between the passes stand barriers, written by hand here: an image must be finish
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Collection, Iterable
+import weakref
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -60,17 +61,28 @@ class Frame:
         self.cpu_ms = 0.0
         self.work: dict[str, int] = {}
         self._timings: dict[str, float] | None = None
+        self._gone = ""
 
     def image(self, name: str) -> np.ndarray:
         """Wait for the frame and return output `name` as (H, W) or (H, W, C), row 0 on top."""
-        return self._renderer.read(self._slot, self._number, name, self._exposure)
+        if self._gone:
+            raise StaleFrameError(
+                f"Frame {self._number} is gone: {self._gone}. Read a frame's images before {SLOTS} more are rendered."
+            )
+        return self._renderer.read(self._slot, name, self._exposure)
 
     @property
     def timings(self) -> dict[str, float]:
         """GPU milliseconds by pass; waits for the frame."""
         if self._timings is None:
-            self._timings = self._renderer.read_timings(self._slot, self._number)
+            self._timings = self._renderer.read_timings(self._slot)
         return self._timings
+
+    def let_go(self, why: str) -> None:
+        """Keep the timings, which stay, and give up the images; the frame is over."""
+        if not self._gone:
+            _ = self.timings
+            self._gone = why
 
 
 class Renderer:
@@ -96,6 +108,7 @@ class Renderer:
         # Targets that somebody copies from after the passes: the CPU, or a window.
         self._handed_on = {*(_SOURCES[name] for name in self.outputs), *(["color"] if presents else [])}
         self._owned: list[Any] = []
+        self._closed = False
         if device is None:
             instance = Instance(validate)
             self._owned.append(instance)
@@ -136,6 +149,8 @@ class Renderer:
         self._descriptors = Descriptors(device)
         self._pipelines = Pipelines(device)
         self._profiler = Profiler(device)
+        # Only to tell them when their slot is used again: a frame that nobody else holds goes.
+        self._in_slot: list[Callable[[], Frame | None]] = [lambda: None] * SLOTS
         self._commands = Commands(device)
         anisotropy = settings.anisotropy if self.plan.native("anisotropy") else 1.0
         self._data = SceneData(device, scene, settings, anisotropy, self._resources, self._descriptors)
@@ -227,7 +242,7 @@ class Renderer:
         ]
 
     def _destroy_targets(self) -> None:
-        self._wait()
+        self._let_go("the size of the picture has changed since")
         for slot in self._readbacks:
             for readback in slot.values():
                 readback.close()
@@ -235,17 +250,24 @@ class Renderer:
         for handle in self._target_handles:
             self._resources.destroy_image(handle)
         self._target_handles = []
+        self._resources.flush()  # however often the size changes before the next frame, there is one set of targets
         if self._tonemap in self.passes:
-            self.device.destroy("VkDescriptorPool", self._descriptors.release_pool())
+            self._descriptors.destroy_newest()
 
     # --- every frame ---
 
     def render(self, view: View, time: float = 0.0) -> Frame:
         """Enqueue one frame of `view` at `time` seconds; nothing is waited for but the slot's last frame."""
+        if self._closed:
+            raise StaleFrameError("This renderer was closed and renders no more: open another one.")
         started = clock.perf_counter()
         slot = self._frames.begin()
+        last = self._in_slot[slot.index]()
+        if last is not None:
+            last.let_go(f"its slot was used again by frame {slot.number}")
         self._resources.collect(slot.number)
         frame = Frame(self, slot, self._index, exposure(view.ev100))
+        self._in_slot[slot.index] = weakref.ref(frame)
         commands = self._commands
         commands.begin(slot)
         self._profiler.begin_frame(slot)
@@ -365,9 +387,8 @@ class Renderer:
             raise StaleFrameError("This renderer has no picture for a window: open it with presents=True.")
         return self._targets["color"]
 
-    def read(self, slot: FrameSlot, number: int, name: str, exposed: float) -> np.ndarray:
-        """Return an output of frame `number`; see `Frame.image`."""
-        self._check_fresh(slot, number)
+    def read(self, slot: FrameSlot, name: str, exposed: float) -> np.ndarray:
+        """Return an output of the slot's frame; see `Frame.image`."""
         if name not in self.outputs:
             wanted = ", ".join(repr(output) for output in (*self.outputs, name))
             raise StaleFrameError(
@@ -382,19 +403,10 @@ class Renderer:
             return pixels[..., :3].astype(np.float32) / np.float32(exposed)
         return pixels[..., :3] if name == "color" else pixels
 
-    def read_timings(self, slot: FrameSlot, number: int) -> dict[str, float]:
-        """Return GPU milliseconds by pass of frame `number`."""
-        self._check_fresh(slot, number)
+    def read_timings(self, slot: FrameSlot) -> dict[str, float]:
+        """Return GPU milliseconds by pass of the slot's frame."""
         self._frames.wait(slot)
         return self._profiler.read(slot)
-
-    @staticmethod
-    def _check_fresh(slot: FrameSlot, number: int) -> None:
-        if slot.number != number:
-            raise StaleFrameError(
-                f"Frame {number} is gone: its slot was used again by frame {slot.number}. Read a frame's images "
-                f"before {SLOTS} more are rendered."
-            )
 
     # --- life ---
 
@@ -421,17 +433,22 @@ class Renderer:
         self._previous_view = None
         self._last = None
 
-    def _wait(self) -> None:
+    def _let_go(self, why: str) -> None:
+        """Wait until no frame is in flight, and take the images of those that are still held."""
         for slot in self._frames.slots:
             self._frames.wait(slot)
+            last = self._in_slot[slot.index]()
+            if last is not None:
+                last.let_go(why)
 
     def close(self) -> None:
         """Free everything on the GPU; a second time does nothing."""
-        device, self._closed = self.device, getattr(self, "_closed", False)
         if self._closed:
             return
         self._closed = True
-        device.wait_idle()
+        self.device.wait_idle()
+        if hasattr(self, "_readbacks"):  # else it was never whole, and there are no frames
+            self._let_go("its renderer was closed")
         for readbacks in getattr(self, "_readbacks", []):
             for readback in readbacks.values():
                 readback.close()

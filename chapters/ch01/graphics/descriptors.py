@@ -56,7 +56,7 @@ class Descriptors:
     def __init__(self, device: Device) -> None:
         self._device = device
         self._layouts: dict[tuple[Binding, ...], Any] = {}
-        self._pools: list[Any] = []
+        self._pools: list[tuple[Any, int]] = []  # with the number of sets in each
         self.set_count = 0
 
     def layout(self, bindings: Sequence[Binding]) -> Any:
@@ -90,7 +90,7 @@ class Descriptors:
             pPoolSizes=[{"type": kind, "descriptorCount": count} for kind, count in sizes.items()],
         )
         pool = self._device.create("vkCreateDescriptorPool", info, f"{len(wanted)} sets")
-        self._pools.append(pool)
+        self._pools.append((pool, len(wanted)))
         layouts = [self.layout(bindings) for bindings, _, _ in wanted]
         allocate = vk.new("VkDescriptorSetAllocateInfo", descriptorPool=pool, pSetLayouts=layouts)
         sets = vk.ffi.new("VkDescriptorSet[]", len(wanted))
@@ -127,13 +127,15 @@ class Descriptors:
         }
         return vk.new("VkWriteDescriptorSet", pImageInfo=[image], **target)
 
-    def release_pool(self) -> Any:
-        """Take the newest pool out of this object's care, to be destroyed when no frame uses its sets."""
-        return self._pools.pop()
+    def destroy_newest(self) -> None:
+        """Free the sets that were made by the newest `create`; no frame in flight may use them."""
+        pool, count = self._pools.pop()
+        self._device.destroy("VkDescriptorPool", pool)
+        self.set_count -= count
 
     def close(self) -> None:
         """Free pools (and with them their sets) and layouts."""
-        for pool in self._pools:
+        for pool, _ in self._pools:
             self._device.destroy("VkDescriptorPool", pool)
         for layout in self._layouts.values():
             self._device.destroy("VkDescriptorSetLayout", layout)

@@ -105,9 +105,13 @@ class Resources:
         self.frame = frame
         self._deletions.collect(frame)
 
+    def flush(self) -> None:
+        """Free what was given up; no frame may be in flight."""
+        self._deletions.flush()
+
     def close(self) -> None:
         """Free everything; the device is idle."""
-        self._deletions.flush()
+        self.flush()
         for _, buffer in list(self.buffers.items()):
             destroy_buffer(self._device, buffer)
         for _, image in list(self.images.items()):
