@@ -14,8 +14,8 @@ from typing import Any
 
 import pytest
 
-from bootstrap.environment import Environment
-from tests.launcher.clone import Clone
+from bootstrap.environment import UNFINISHED, Environment
+from tests.launcher.clone import Clone, make_environment
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has strata.cmd, which needs cmd.exe")
 
@@ -161,41 +161,38 @@ def test_launcher_and_bootstrap_ask_the_same_question(
     assert clone.start("--no-install", "list").stdout == "set up\n"
 
 
-def test_a_new_lock_is_installed_once(moved: Clone) -> None:
-    told(moved.start("list"))
-    moved.write_lock(2)
-    first = moved.start("list")
+def test_a_new_lock_is_installed_once(own: Clone) -> None:
+    own.write_lock(2)
+    first = own.start("list")
     assert told(first)["tiny"] == 2
     assert "Installing" in first.stderr
     assert "Looking at this machine" not in first.stderr  # drivers do not change with a package of ours
-    assert moved.start("list").stderr == ""
+    assert own.start("list").stderr == ""
 
 
-def test_a_package_that_was_tampered_with_is_refused_and_the_old_ones_stay(moved: Clone) -> None:
-    told(moved.start("list"))
-    before = moved.stamp.read_bytes()
-    moved.write_lock(2)
-    lock = moved.root / "requirements.lock"
+def test_a_package_that_was_tampered_with_is_refused_and_the_old_ones_stay(own: Clone) -> None:
+    before = own.stamp.read_bytes()
+    own.write_lock(2)
+    lock = own.root / "requirements.lock"
     lock.write_text(lock.read_text().replace("sha256:", "sha256:0000")[:-4])
-    failed = moved.start("list")
+    failed = own.start("list")
     assert failed.returncode == 2
     assert "could not be installed" in failed.stderr
     assert "Traceback" not in failed.stderr
-    assert moved.stamp.read_bytes() == before
-    moved.write_lock(1)
-    assert told(moved.start("list"))["tiny"] == 1
+    assert own.stamp.read_bytes() == before
+    own.write_lock(1)
+    assert told(own.start("list"))["tiny"] == 1
 
 
-def test_continuous_integration_gets_all_extras(moved: Clone) -> None:
-    small = [moved.python, "-c", "import small"]
-    told(moved.start("list"))
+def test_continuous_integration_gets_all_extras(own: Clone) -> None:
+    small = [own.python, "-c", "import small"]
     assert subprocess.run(small, capture_output=True, check=False).returncode == 1
-    done = moved.start("--no-install", "list", CI="true")
+    done = own.start("--no-install", "list", CI="true")
     told(done)
     assert subprocess.run(small, capture_output=True, check=False).returncode == 0
-    assert moved.start("list", CI="true").stderr == ""
-    moved.write_lock(2)  # and whoever has them keeps them up to date
-    assert "up to 2 Python packages" in moved.start("list").stderr
+    assert own.start("list", CI="true").stderr == ""
+    own.write_lock(2)  # and whoever has them keeps them up to date
+    assert "up to 2 Python packages" in own.start("list").stderr
 
 
 def test_a_moved_clone_is_put_right_without_network(moved: Clone, tmp_path: Path) -> None:
@@ -212,48 +209,64 @@ def test_a_moved_clone_is_put_right_without_network(moved: Clone, tmp_path: Path
 # --- First uses ---
 
 
-def test_an_interrupted_first_use_says_so_and_two_next_ones_at_once_both_succeed(clone: Clone) -> None:
-    command = [clone.root / "strata", "--no-install", "list"]
-    mark = clone.root / ".venv" / "strata.unfinished"
+def begin(clone: Clone) -> subprocess.Popen[str]:
+    """Start a first use as a terminal does, in a group of processes of its own, and do not wait."""
+    return subprocess.Popen(
+        [clone.root / "strata", "--no-install", "list"],
+        cwd=clone.root,
+        env=clone.environment(),
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        # A shell's background jobs ignore Ctrl-C, and so would their children.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
 
-    def begin() -> subprocess.Popen[str]:
-        return subprocess.Popen(
-            command,
-            cwd=clone.root,
-            env=clone.environment(),
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            start_new_session=True,
-            # A shell's background jobs ignore Ctrl-C, and so would their children.
-            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-        )
 
-    with begin() as cut:
+def interrupt(clone: Clone) -> tuple[int, str]:
+    """Begin a first use, press Ctrl-C while it works in `.venv`; return its exit code and what it said."""
+    with begin(clone) as cut:
         limit = time.monotonic() + 30
-        while not mark.exists() and time.monotonic() < limit:
-            time.sleep(0.01)
+        while not (clone.root / ".venv" / UNFINISHED).exists() and time.monotonic() < limit:
+            time.sleep(0.005)
         os.killpg(cut.pid, signal.SIGINT)
         _, said = cut.communicate(timeout=30)
-    assert cut.returncode == 130
+    return cut.returncode, said
+
+
+def test_an_interrupted_first_use_says_so_and_leaves_its_mark(clone: Clone) -> None:
+    code, said = interrupt(clone)
+    assert code == 130
     assert said.splitlines()[-1].startswith("strata: Stopped;")
     assert "Traceback" not in said
-    assert mark.exists()
+    assert (clone.root / ".venv" / UNFINISHED).exists()
     assert not clone.stamp.exists()
+
+
+@pytest.mark.long  # seconds, of which Python's venv takes nearly all; every run of CI begins with a first use
+def test_the_use_after_an_interrupted_one_makes_the_environment_anew(clone: Clone) -> None:
+    interrupt(clone)
     left_over = clone.root / ".venv" / "half a package"
     left_over.touch()
+    done = clone.start("--no-install", "list")
+    assert told(done)["tiny"] == 1
+    assert "is not whole and is made anew" in done.stderr
+    assert not left_over.exists()
+    assert not (clone.root / ".venv" / UNFINISHED).exists()
+    assert clone.start("list").stderr == ""
 
-    with begin() as one, begin() as other:
+
+def test_of_two_first_uses_at_once_one_sets_up_and_both_succeed(clone: Clone) -> None:
+    make_environment(clone)
+    with begin(clone) as one, begin(clone) as other:
         ends = [process.communicate(timeout=60) for process in (one, other)]
     assert [one.returncode, other.returncode] == [0, 0], ends
     assert all(json.loads(out)["tiny"] == 1 for out, _ in ends)
     errors = [error for _, error in ends]
-    assert sum("Installing" in error for error in errors) == 1  # one set it up, the other waited
+    assert sum("Installing" in error for error in errors) == 1
     assert sum("waiting" in error for error in errors) == 1
-    assert sum("is not whole and is made anew" in error for error in errors) == 1
-    assert not mark.exists()
-    assert not left_over.exists()
 
 
 @pytest.mark.parametrize("uv", [False, True])
