@@ -31,7 +31,7 @@ def test_faster_than_filling_first():
     def cost(make) -> float:
         """CPU time, for other processes may run; the least of some, for caches and pages may be cold."""
         times = []
-        for _ in range(3):
+        for _ in range(2):
             begin = time.process_time()
             result = make()
             times.append(time.process_time() - begin)
@@ -40,7 +40,7 @@ def test_faster_than_filling_first():
 
     fast, full, zeros = cost(once), cost(filled_first), cost(zeros_first)
     assert fast < 0.9 * full and fast < 0.9 * zeros
-    assert np.array_equal(once(), source) and np.array_equal(filled_first(), source)
+    assert np.array_equal(once(), source)
 
 
 def test_rows_are_converted_and_in_order():

@@ -75,10 +75,10 @@ def test_tail_in_closed_form(x):
 
 
 def test_tail_against_scipy():
-    scipy = pytest.importorskip("scipy.stats", reason="the package scipy is not installed")
+    special = pytest.importorskip("scipy.special", reason="the package scipy is not installed")
     for freedom in (1, 3, 10, 99, 1000, 100_000):
         for factor in (0.0, 0.5, 0.9, 1.0, 1.01, 1.2, 3.0):
-            truth = scipy.chi2.sf(freedom * factor, freedom)
+            truth = special.chdtrc(freedom, freedom * factor)
             assert chi_square_tail(freedom * factor, freedom) == pytest.approx(truth, rel=1e-8, abs=1e-12)
     assert chi_square_tail(math.inf, 4) == 0.0
 
