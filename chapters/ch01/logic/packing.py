@@ -151,12 +151,14 @@ def pack_lights(scene: Scene, pose: Pose, exposure: float, cutoff: float) -> np.
     return records
 
 
+def view_depth(centers: np.ndarray, view_from_world: np.ndarray) -> np.ndarray:
+    """Return how far ahead of the camera world-space points (B, 3) are, in metres (B,)."""
+    return -(centers @ view_from_world[2, :3] + view_from_world[2, 3])
+
+
 def back_to_front(centers: np.ndarray, view_from_world: np.ndarray) -> np.ndarray:
     """Return the order in which transparent objects with world-space `centers` (B, 3) are drawn: farthest first.
 
     Equal distances keep the scene's order, so that the picture does not depend on the sort.
     """
-    depth = (
-        centers @ view_from_world[2, :3] + view_from_world[2, 3]
-    )  # -z is ahead: the smallest is the farthest
-    return np.argsort(depth, kind="stable")
+    return np.argsort(-view_depth(centers, view_from_world), kind="stable")

@@ -20,7 +20,7 @@ from .scene_draws import DrawListBuilder, DrawLists
 
 
 class ForwardPass:
-    """Opaque objects, then alpha-masked ones, then transparent ones from the farthest to the nearest."""
+    """Opaque objects, then alpha-masked ones, the nearest first; then transparent ones from the farthest on."""
 
     name = "forward"
 
@@ -35,7 +35,7 @@ class ForwardPass:
         )
         self._builder = DrawListBuilder(scene, data)
         self._key: Any = None
-        self.lists = DrawLists([], [], np.zeros(0, np.int64))
+        self.lists = DrawLists([], [], [], np.zeros(0, np.int64))
         self.frame_set: Any = None
         self.geometry: Any = None
         self.order: list[int] = []
@@ -73,6 +73,9 @@ class ForwardPass:
             self._key = key
         self.frame_set = self._data.frame_sets[slot]
         self.geometry = self._data.geometry(slot)
+        self.lists = self.lists.nearest_first(
+            packing.view_depth(instances["bounds_centre"][:, :3], view_from_world)
+        )
         some = self.lists.transparent_instances
         if len(some):
             centers = instances["bounds_centre"][some, :3]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,8 +22,25 @@ class DrawLists:
     """`solid` groups are drawn in any order; `transparent` ones, one per object, farthest first."""
 
     solid: list[DrawGroup]
+    solid_instances: list[np.ndarray]  # for each group (G,) the instances of its draws
     transparent: list[DrawGroup]
     transparent_instances: np.ndarray  # (B,) the instances of `transparent`
+
+    def nearest_first(self, depth: np.ndarray) -> DrawLists:
+        """Return the lists with the draws of each solid group sorted by `depth` (I,), which grows away from the eye.
+
+        What is hidden then fails its depth test before it is shaded. Groups keep their order: a change of state costs
+        more than what sorting across them would save.
+        """
+        groups, instances = [], []
+        for group, members in zip(self.solid, self.solid_instances, strict=True):
+            if len(members) > 1:
+                order = np.argsort(depth[members], kind="stable")
+                members = members[order]
+                group = replace(group, draws=[group.draws[place] for place in order.tolist()])
+            groups.append(group)
+            instances.append(members)
+        return replace(self, solid=groups, solid_instances=instances)
 
 
 class DrawListBuilder:
@@ -55,15 +72,14 @@ class DrawListBuilder:
                 # Masked objects after opaque ones: what is hidden by then needs no texture fetch to be discarded.
                 order = (variant.alpha_mode == "mask", variant.defines, material, bool(mirrored[instance]))
                 solid.setdefault(order, []).append(instance)
-        groups = [
-            self._group(instances, order[2], order[3], pipeline_of)
-            for order, instances in sorted(solid.items())
-        ]
+        ordered = sorted(solid.items())
+        groups = [self._group(instances, order[2], order[3], pipeline_of) for order, instances in ordered]
         single = [
             self._group([i], int(meshes["material"][scene.instances.mesh[i]]), bool(mirrored[i]), pipeline_of)
             for i in transparent
         ]
-        return DrawLists(groups, single, np.array(transparent, np.int64))
+        members = [np.array(instances, np.int64) for _, instances in ordered]
+        return DrawLists(groups, members, single, np.array(transparent, np.int64))
 
     def _group(
         self, instances: list[int], material: int, mirrored: bool, pipeline_of: Callable[[Variant], Built]
