@@ -180,6 +180,18 @@ def test_what_was_not_checked_is_tried_at_the_next_call(fake: Fake) -> None:
     assert fake.started() == ["fp64/arithmetic"]
 
 
+def test_verdicts_on_the_other_uses_of_a_feature_stay(fake: Fake) -> None:
+    def again() -> dict[str, str]:
+        found = selftest.judge_device(DEVICE, 0, ["ray-query"], True, child=fake.command, timeout_s=20.0)
+        return found["ray-query"]
+
+    fake.order(**{"ray-query__compute": "wrong: all", "ray-query__fragment": f"{UNCHECKED}: no compiler"})
+    again()
+    fake.order()
+    assert again() == {"compute": "wrong: all", "fragment": OK}
+    assert verdicts.read(DEVICE)["ray-query"] == {"compute": "wrong: all", "fragment": OK}
+
+
 def test_without_a_cache_verdicts_are_still_given(fake: Fake, tmp_path: Path, monkeypatch) -> None:
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("STRATA_CACHE", str(tmp_path / "file"))
