@@ -28,18 +28,16 @@ def test_faster_than_filling_first():
     def once() -> np.ndarray:
         return fill_rows(blocks, COUNT, 3)
 
-    def cost(make) -> float:
-        """CPU time, for other processes may run; the least of some, for caches and pages may be cold."""
-        times = []
-        for _ in range(2):
+    least = {once: np.inf, filled_first: np.inf, zeros_first: np.inf}
+    for _ in range(12):  # other processes disturb a round, hardly the least of some; mostly two are enough
+        for make in least:
             begin = time.process_time()
-            result = make()
-            times.append(time.process_time() - begin)
-            assert result.shape == (COUNT, 3)
-        return min(times)
-
-    fast, full, zeros = cost(once), cost(filled_first), cost(zeros_first)
-    assert fast < 0.9 * full and fast < 0.9 * zeros
+            assert make().shape == (COUNT, 3)
+            least[make] = min(least[make], time.process_time() - begin)
+        if least[once] < 0.9 * min(least[filled_first], least[zeros_first]):
+            break
+    else:
+        pytest.fail(f"CPU seconds: {[round(cost, 4) for cost in least.values()]}")
     assert np.array_equal(once(), source)
 
 
