@@ -185,7 +185,21 @@ def test_hdr_flip_is_the_packages_own_where_nothing_is_black():
 
 
 @pytest.mark.usefixtures("_flip")
-def test_hdr_flip_of_black_pictures():
+def test_ldr_flip_clamps_to_what_a_screen_shows():
+    assert flip_mean(grey(1.5), grey(1.0)) == flip_mean(grey(-0.5), grey(0.0)) == 0.0
+    assert flip_mean(grey(1.5), grey(0.5)) == flip_mean(grey(1.0), grey(0.5))
+
+
+@pytest.mark.usefixtures("_flip")
+def test_hdr_flip_of_black_pictures(monkeypatch):
+    import flip_evaluator
+
+    package, exposures = flip_evaluator.evaluate, []
+    monkeypatch.setattr(
+        flip_evaluator,
+        "evaluate",
+        lambda *args, **more: exposures.append(more["parameters"]["numExposures"]) or package(*args, **more),
+    )
     # The package ends the process for the first, and takes 26 exposures for the last.
     assert flip_mean(grey(0.0), grey(0.0), "hdr") == 0.0
     assert flip_mean(grey(1.0), grey(0.0), "hdr") > 0.9
@@ -194,6 +208,7 @@ def test_hdr_flip_of_black_pictures():
     bright = grey(5.0)
     in_light = flip_map(mostly_black * np.float32(0.9), mostly_black, "hdr")[0, 0]
     assert in_light == pytest.approx(flip_map(bright * np.float32(0.9), bright, "hdr")[0, 0], abs=0.05)
+    assert exposures == [2, 2, 2, 2]
 
 
 @pytest.mark.usefixtures("_flip")
@@ -238,6 +253,8 @@ def test_gradient_step_of_bands(width, step):
 def test_gradient_step_of_a_line_is_nothing():
     line = np.tile(np.linspace(0.0, 1.0, 100)[None, :, None], (4, 1, 3))
     assert gradient_step(line) < 1e-15
+    # The mean slope round the middle of a parabola is its slope there: curvature is no step.
+    assert gradient_step(line**2) < 1e-15
 
 
 @pytest.mark.feature("metrics/banding")
