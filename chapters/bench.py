@@ -107,7 +107,7 @@ def measure(
     starts = bench_start.cold_and_warm(number, backend, scene, size, effort.starts)
     found = bench_points.sweep(subject, effort, lambda what, part: steps(what, 0.2 + 0.6 * part))
     steps("stability", 0.8)
-    cases = bench_points.stability_cases(subject)
+    cases = bench_points.stability_cases(subject, effort)
     return {
         "format": FORMAT,
         "chapter": number,

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from chapters import bench, bench_points
+import chapters
+from chapters import bench, bench_points, scenes
 from chapters.ch01.settings import Settings
 from chapters.cli import invoke
 from common import stability
@@ -19,9 +20,13 @@ QUICK = ["bench", "1", "--quick", "--scene", "cornell", "--size", "64x36"]
 
 
 @pytest.fixture(scope="module")
-def record(tmp_path_factory, vulkan_instance):
+def record(tmp_path_factory):
     """The record of one quick bench, made through the command line."""
     path = tmp_path_factory.mktemp("bench") / "record.json"
+    try:
+        chapters.open(1, scene=scenes.load("cornell"), size=(4, 4)).close()
+    except UnsupportedError as error:
+        pytest.skip(f"no Vulkan: {error}")
     assert invoke([*QUICK, "--json", str(path)]) == 0
     return bench.read_record(path)
 
@@ -44,8 +49,7 @@ def test_a_record_says_what_was_measured_where(record):
 @pytest.mark.feature("tools/bench")
 def test_every_setting_has_time_error_and_work(record):
     names = [point["name"] for point in record["points"]]
-    assert names[:4] == ["low", "medium", "high", "reference"]
-    assert len(set(names)) == len(names) > 4
+    assert names == ["low", "medium", "high", "reference"]  # a quick look turns no knob alone
     for point in record["points"]:
         times = [point[name] for name in ("gpu_ms", "wall_ms", "cpu_ms")]
         assert all(math.isfinite(time) and time > 0 for time in times)
@@ -68,7 +72,7 @@ def test_starts_and_stability_are_part_of_the_record(record):
         assert sum(parts) == pytest.approx(times["total"], abs=0.01)
     assert cold["shaders_compiled"] > 0
     assert warm["shaders_compiled"] == 0
-    assert len(record["stability"]["cases"]) == len(stability.OFFSETS_M) + len(stability.FACTORS)
+    assert record["stability"]["cases"] == [record["stability"]["worst"]]
     assert record["stability"]["worst"]["pixels_changed"] <= stability.BOUND == record["stability"]["bound"]
 
 
