@@ -212,7 +212,7 @@ def _pair(image: Array, reference: Array) -> tuple[Float64, Float64]:
 
 
 def _rgb(image: Array, mode: str) -> Float32:
-    """Return (H, W, 3) float32 as the package of FLIP takes it: it neither scales integers nor clamps."""
+    """Return (H, W, 3) float32 as the package of FLIP takes it: it scales no integers and takes no negative light."""
     image = image[..., None] if image.ndim == 2 else image
     if image.ndim != 3 or image.shape[2] not in (1, 3, 4):
         raise ValueError(f"FLIP takes (H, W), (H, W, 1), (H, W, 3) or (H, W, 4), not {image.shape}")
@@ -220,9 +220,8 @@ def _rgb(image: Array, mode: str) -> Float32:
         if mode == "hdr":
             raise ValueError(f"HDR-FLIP takes linear floats, not {image.dtype}")
         image = image / np.iinfo(image.dtype).max
-    top = 1.0 if mode == "ldr" else float(np.finfo(np.float32).max)
     image = np.broadcast_to(image[..., :3], (*image.shape[:2], 3))
-    return np.ascontiguousarray(np.clip(image, 0.0, top), np.float32)
+    return np.ascontiguousarray(np.clip(image, 0.0, np.finfo(np.float32).max), np.float32)
 
 
 def _exposures(reference: Float32) -> dict[str, Any]:

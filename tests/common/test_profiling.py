@@ -61,6 +61,8 @@ def test_children_sum_to_their_parent_at_most(coarse):
     count = work(random.Random(SEED))
     records = profiler.records()
     assert len(records) == count > 20
+    depths = [-1, *(record.depth for record in records)]
+    assert all(after <= before + 1 for before, after in itertools.pairwise(depths)), "parents before children"
     for parent, record in enumerate(records):
         children = []
         for other in records[parent + 1 :]:
@@ -107,12 +109,14 @@ def test_a_capture_loads_back_equal(tmp_path):
 
 
 def test_times_of_a_long_run_survive_the_file(tmp_path):
-    times = iter([0, 10**15 + 1, 10**15 + 2])  # twelve days, to the nanosecond
+    starts = [1001, 4097, 999_999_999, 10**15 + 1]  # up to twelve days, to the nanosecond
+    times = iter([0, *(time for start in starts for time in (start, start + 1))])
     profiler = BlockProfiler(lambda: next(times))
-    with profiler.block("late"):
-        pass
+    for _ in starts:
+        with profiler.block("x"):
+            pass
     profiler.save(tmp_path / "capture.json")
-    assert load_capture(tmp_path / "capture.json") == [Record("late", 10**15 + 1, 1, 0, 0)]
+    assert load_capture(tmp_path / "capture.json") == [Record("x", start, 1, 0, 0) for start in starts]
 
 
 @pytest.mark.feature("profiling/cpu-blocks")

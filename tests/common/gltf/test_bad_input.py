@@ -241,6 +241,17 @@ def test_what_is_wrong_is_named(tmp_path, name):
         assert sentence_of(path, use_library=False) == sentence_of(path, use_library=True)
 
 
+@pytest.mark.parametrize("value", [0.0, np.nan, np.inf])
+def test_normals_without_a_direction_are_made_anew(tmp_path, value):
+    normals = np.tile((0, 0, 1), (4, 1)).astype("f4")
+    normals[2] = value
+    gltf = Gltf()
+    gltf.draw(gltf.primitive(QUAD_INDICES, POSITION=QUAD, NORMAL=normals))
+    scene = load_scene(gltf.write(tmp_path))
+    assert np.array_equal(scene.normals, np.tile((0, 0, 1), (4, 1)))
+    assert scene.warnings == ["meshes[0].primitives[0] has normals without a direction; they were made anew."]
+
+
 def test_a_missing_file_is_answered_with_a_near_name(tmp_path):
     path = triangle().write(tmp_path, "gltf")
     assert sentence_of(tmp_path / "scne.gltf") == (

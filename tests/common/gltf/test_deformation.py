@@ -168,6 +168,7 @@ def test_a_mesh_that_two_nodes_morph_is_two_meshes(tmp_path):
         channel(gltf, [0.0], [float(node + 1)], "weights", node=node)
     scene = load_scene(gltf.write(tmp_path))
     assert scene.instances.mesh.tolist() == [0, 1]
+    assert scene.meshes["first_vertex"].tolist() == [0, 4]  # each has vertices of its own to be written
     np.testing.assert_allclose(world_positions(scene, 0.0, 0), 2 * QUAD)
     np.testing.assert_allclose(world_positions(scene, 0.0, 1), 3 * QUAD)
 

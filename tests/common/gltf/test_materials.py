@@ -14,6 +14,7 @@ import pytest
 from PIL import Image
 
 from common.errors import SceneError
+from common.gltf import images as decoder
 from common.gltf import load_scene
 from common.gltf.images import MAX_SIDE
 from common.paths import asset_dir
@@ -287,6 +288,32 @@ def test_images_come_from_files_and_data_uris(tmp_path):
     assert [image.name for image in images] == ["wood", ""]
     assert np.array_equal(images[0].pixels, RGBA)
     assert np.array_equal(images[1].pixels[..., 0], GREY)
+
+
+def test_images_are_decoded_on_threads_and_keep_their_order(tmp_path, monkeypatch):
+    """The first image waits for the last, so that only a second thread can let the file load."""
+    decode, last_done, names = decoder._decode, threading.Event(), []
+
+    def slow(data, size, name, place, progress):
+        if place == "images[0]":
+            assert last_done.wait(5), "images are decoded one after another"
+        image = decode(data, size, name, place, progress)
+        names.append(threading.current_thread().name)
+        if place == "images[3]":
+            last_done.set()
+        return image
+
+    monkeypatch.setattr(decoder, "_decode", slow)
+    monkeypatch.setattr(decoder.os, "cpu_count", lambda: 4)
+    pictures = [np.full_like(RGBA, value) for value in (10, 20, 30, 40)]
+    uses = {
+        "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicRoughnessTexture": {"index": 1}},
+        "emissiveTexture": {"index": 2},
+        "occlusionTexture": {"index": 3},
+    }
+    images = load_scene(textured(*map(encoded, pictures), **uses).write(tmp_path)).images
+    assert [int(image.pixels[0, 0, 0]) for image in images] == [10, 20, 30, 40]
+    assert len(set(names)) > 1 and all(name.startswith("decode-image") for name in names)
 
 
 def test_no_thread_stays_behind(tmp_path):

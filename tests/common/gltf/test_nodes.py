@@ -59,6 +59,7 @@ def test_a_random_forest_of_trs_and_matrices(tmp_path):
     gltf.json["nodes"] = nodes
     scene = load_scene(gltf.write(tmp_path))
     assert (scene.nodes.parent < np.arange(count)).all()
+    np.testing.assert_allclose(np.linalg.norm(scene.nodes.rotation, axis=1), 1, rtol=1e-12)
     world: list[np.ndarray] = []
     for index in range(count):
         world.append(local[index] if parents[index] < 0 else world[parents[index]] @ local[index])
