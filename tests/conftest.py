@@ -11,13 +11,16 @@ from typing import Any
 
 import pytest
 
+from backends.gl.context import Context
 from backends.vulkan.device import Device
 from backends.vulkan.instance import VALIDATION_LAYER, Instance
 from common.errors import UnsupportedError
 from common.paths import asset_dir
+from tests.support.gl_functions import assert_silent
 from tests.support.report import Report
 
 HERE = Path(__file__).parent
+NO_DEVICE = "no device was opened"
 VARIANTS = {"vulkan": frozenset[str](), "without-all": frozenset({"all"})}
 """Names of the variants, and what the device of each does without."""
 
@@ -73,6 +76,34 @@ def vulkan_device(request: pytest.FixtureRequest, vulkan_instance: Instance) -> 
         report: Any = request.config.pluginmanager.getplugin("strata-report")
         report.device = f"{device.capabilities.device}, {device.capabilities.driver}, {layers}"
         yield device
+
+
+@pytest.fixture(scope="module")
+def gl_context(request: pytest.FixtureRequest) -> Iterator[Context]:
+    """An OpenGL context whose calls are checked, for the tests of one module; what outlives them fails the last one."""
+    without = VARIANTS[getattr(request, "param", "vulkan")]
+    try:
+        context = Context(validate=True, without=without)
+    except UnsupportedError as error:
+        pytest.skip(f"no OpenGL: {error}")
+    with context:
+        report: Any = request.config.pluginmanager.getplugin("strata-report")
+        if report.device == NO_DEVICE:
+            report.device = f"{context.capabilities.device}, {context.capabilities.driver}"
+        yield context
+
+
+@pytest.fixture(autouse=True)
+def _no_gl_message(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Fail a test on any message of the OpenGL driver, and on an error that nobody asked for."""
+    if "gl_context" not in request.fixturenames:
+        yield
+        return
+    context: Context = request.getfixturevalue("gl_context")
+    context.make_current()  # the test before may have had a context of its own
+    context.sink.messages.clear()
+    yield
+    assert_silent(context)
 
 
 @pytest.fixture(autouse=True)
