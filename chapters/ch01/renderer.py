@@ -242,6 +242,7 @@ class Renderer:
         ]
 
     def _destroy_targets(self) -> None:
+        self.device.wait_idle()  # for the frames, and for what a window still copies from them
         self._let_go("the size of the picture has changed since")
         for slot in self._readbacks:
             for readback in slot.values():
