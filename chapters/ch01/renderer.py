@@ -208,8 +208,8 @@ class Renderer:
             )
             nearest = Sampler("nearest", "nearest", None, "clamp", "clamp")
             texture = Texture(hdr.view, self._resources.sampler(nearest, 1.0))
-            made = self._descriptors.create([(BINDINGS, {0: texture}, "tonemap source")])
-            self._tonemap.source_set = vk.array("VkDescriptorSet", made)
+            self._source_sets = self._descriptors.create([(BINDINGS, {0: texture}, "tonemap source")])
+            self._tonemap.source_set = vk.array("VkDescriptorSet", self._source_sets.handles)
         self._create_readbacks()
 
     def _used_last(self, name: str) -> str:
@@ -253,7 +253,7 @@ class Renderer:
         self._target_handles = []
         self._resources.flush()  # however often the size changes before the next frame, there is one set of targets
         if self._tonemap in self.passes:
-            self._descriptors.destroy_newest()
+            self._descriptors.destroy(self._source_sets)
 
     # --- every frame ---
 
@@ -295,6 +295,10 @@ class Renderer:
     def _update(self, slot: FrameSlot, view: View, time: float) -> int:
         """Write what this frame's shaders read; return the bytes written."""
         scene = self.scene
+        if self._data.follow_materials():
+            for made in (self._forward, self._instance_id):
+                if made in self.passes:
+                    made.create()
         pose = self._pose(view, time)
         constants = np.zeros((), layouts.dtype("FrameConstants"))
         layouts.fill_frame_constants(
@@ -429,8 +433,9 @@ class Renderer:
         self.reset_history("resize")
 
     def reset_history(self, reason: str) -> None:
-        """Start again at frame 0. This chapter keeps nothing from frame to frame but the previous view."""
+        """Start again at frame 0. This chapter keeps nothing from frame to frame but the previous view and pose."""
         self._index = 0
+        self._data.forget_pose()
         self._previous_view = None
         self._last = None
 
@@ -453,7 +458,7 @@ class Renderer:
         for readbacks in getattr(self, "_readbacks", []):
             for readback in readbacks.values():
                 readback.close()
-        for name in ("_frames", "_profiler", "_pipelines", "_descriptors", "_resources"):
+        for name in ("_frames", "_profiler", "_pipelines", "_resources", "_descriptors"):
             held = getattr(self, name, None)
             if held is not None:
                 held.close()

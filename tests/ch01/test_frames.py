@@ -34,7 +34,7 @@ def frames(vulkan_device):
 
 @pytest.mark.feature("device/frames-in-flight")
 def test_a_slot_is_waited_for_before_its_commands_are_thrown_away(vulkan_device, frames):
-    """The order of calls over five frames: slots in turns, and of each the fence, then the pool, then the submission."""
+    """The order of calls over five frames: slots in turns, of each the fence, then the pool, then the submission."""
     pools = {int(vk.ffi.cast("uintptr_t", slot.pool)): slot.index for slot in frames.slots}
     fences = {int(vk.ffi.cast("uintptr_t", slot.fence)): slot.index for slot in frames.slots}
     log: list = []

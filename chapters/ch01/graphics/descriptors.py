@@ -40,6 +40,14 @@ class Texture:
     sampler: Any
 
 
+@dataclass(frozen=True)
+class Sets:
+    """Descriptor sets that were made together, and the pool that they go back to together."""
+
+    pool: Any
+    handles: list[Any]
+
+
 def pool_sizes(sets: Sequence[Sequence[Binding]]) -> dict[int, int]:
     """Return how many descriptors of each Vulkan type the given sets need together."""
     sizes: dict[int, int] = {}
@@ -56,8 +64,12 @@ class Descriptors:
     def __init__(self, device: Device) -> None:
         self._device = device
         self._layouts: dict[tuple[Binding, ...], Any] = {}
-        self._pools: list[tuple[Any, int]] = []  # with the number of sets in each
-        self.set_count = 0
+        self._alive: list[Sets] = []
+
+    @property
+    def set_count(self) -> int:
+        """Sets that exist."""
+        return sum(len(sets.handles) for sets in self._alive)
 
     def layout(self, bindings: Sequence[Binding]) -> Any:
         """Return the layout for a table of bindings, made at its first use."""
@@ -77,12 +89,8 @@ class Descriptors:
             self._layouts[key] = self._device.create("vkCreateDescriptorSetLayout", info, name)
         return self._layouts[key]
 
-    def create(
-        self, wanted: Sequence[tuple[Sequence[Binding], dict[int, Buffer | Texture], str]]
-    ) -> list[Any]:
+    def create(self, wanted: Sequence[tuple[Sequence[Binding], dict[int, Buffer | Texture], str]]) -> Sets:
         """Make one set per (bindings, what each binding number holds, name), from a pool of exactly that size."""
-        if not wanted:
-            return []
         sizes = pool_sizes([bindings for bindings, _, _ in wanted])
         info = vk.new(
             "VkDescriptorPoolCreateInfo",
@@ -90,7 +98,6 @@ class Descriptors:
             pPoolSizes=[{"type": kind, "descriptorCount": count} for kind, count in sizes.items()],
         )
         pool = self._device.create("vkCreateDescriptorPool", info, f"{len(wanted)} sets")
-        self._pools.append((pool, len(wanted)))
         layouts = [self.layout(bindings) for bindings, _, _ in wanted]
         allocate = vk.new("VkDescriptorSetAllocateInfo", descriptorPool=pool, pSetLayouts=layouts)
         sets = vk.ffi.new("VkDescriptorSet[]", len(wanted))
@@ -105,8 +112,9 @@ class Descriptors:
         fn.vkUpdateDescriptorSets(
             self._device.handle, len(writes), vk.array("VkWriteDescriptorSet", writes), 0, vk.NULL
         )
-        self.set_count += len(wanted)
-        return list(sets)
+        made = Sets(pool, list(sets))
+        self._alive.append(made)
+        return made
 
     @staticmethod
     def _write(handle: Any, binding: Binding, held: Buffer | Texture) -> Any:
@@ -127,15 +135,14 @@ class Descriptors:
         }
         return vk.new("VkWriteDescriptorSet", pImageInfo=[image], **target)
 
-    def destroy_newest(self) -> None:
-        """Free the sets that were made by the newest `create`; no frame in flight may use them."""
-        pool, count = self._pools.pop()
-        self._device.destroy("VkDescriptorPool", pool)
-        self.set_count -= count
+    def destroy(self, sets: Sets) -> None:
+        """Free sets; no frame in flight may use them."""
+        self._alive.remove(sets)
+        self._device.destroy("VkDescriptorPool", sets.pool)
 
     def close(self) -> None:
         """Free pools (and with them their sets) and layouts."""
-        for pool, _ in self._pools:
-            self._device.destroy("VkDescriptorPool", pool)
+        for sets in list(self._alive):
+            self.destroy(sets)
         for layout in self._layouts.values():
             self._device.destroy("VkDescriptorSetLayout", layout)

@@ -23,6 +23,7 @@ SHADERS = Path(__file__).resolve().parents[1] / "shaders"
 SNIPPETS = {
     "frame_constants.glsl": layouts.glsl("FrameConstants"),
     "instance.glsl": layouts.glsl("Instance"),
+    "masks.glsl": layouts.glsl_constants(),
 }
 """Includes whose text is made in Python, so that a record is laid out in one place only."""
 

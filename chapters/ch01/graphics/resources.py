@@ -100,6 +100,10 @@ class Resources:
         image = self.images.destroy(handle)
         self._deletions.add(self.frame, lambda: destroy_image(self._device, image))
 
+    def defer(self, destroy: Callable[[], None]) -> None:
+        """Call `destroy` when no frame can use what it destroys any more."""
+        self._deletions.add(self.frame, destroy)
+
     def collect(self, frame: int) -> None:
         """Note that frame `frame` is about to be recorded, and free what is no longer in use."""
         self.frame = frame

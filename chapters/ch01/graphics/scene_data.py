@@ -14,12 +14,11 @@ import numpy as np
 from backends.vulkan import api as vk
 from backends.vulkan.barriers import barriers
 from backends.vulkan.device import Device
-from backends.vulkan.resources import Buffer, mip_levels
+from backends.vulkan.resources import Buffer
 from backends.vulkan.upload import Uploader
 from common import layouts
-from common.color import decode_srgb
 from common.pools import Handle
-from common.scene import Change, Pose, Sampler, Scene
+from common.scene import Change, Pose, Sampler, Scene, TextureRef
 
 from ..logic import packing
 from ..logic.packing import ROLES, Variant
@@ -27,6 +26,7 @@ from ..settings import Settings
 from .descriptors import Binding, Descriptors, Texture
 from .frames import SLOTS
 from .resources import Resources
+from .textures import Textures
 
 STREAMS: dict[str, tuple[int, int]] = {
     # name: (shader location, floats per vertex)
@@ -43,15 +43,6 @@ DEFORMED = ("positions", "normals", "tangents")
 
 ALIGNMENT = 256
 """Offset of every stream: a multiple of what any device asks of any use of a buffer."""
-
-_NEUTRAL = {
-    # What a role without a texture would have to sample for the picture to stay the same.
-    "base_color": (1.0, 1.0, 1.0, 1.0),
-    "metallic_roughness": (1.0, 1.0, 1.0, 1.0),
-    "normal": (0.5, 0.5, 1.0, 1.0),
-    "occlusion": (1.0, 1.0, 1.0, 1.0),
-    "emissive": (1.0, 1.0, 1.0, 1.0),
-}
 
 
 @dataclass
@@ -93,20 +84,6 @@ def stream_offsets(sizes: dict[str, int], alignment: int = ALIGNMENT) -> tuple[d
     return offsets, end
 
 
-def half_texels(pixels: np.ndarray, srgb: bool) -> np.ndarray:
-    """Return (H, W, 4) uint16 or float texels as float16 light; sRGB codes of integers are decoded.
-
-    What is not finite is made so here: a filter would spread one NaN over every smaller mip level.
-    """
-    if pixels.dtype == np.uint16:
-        value = pixels.astype(np.float32) / np.float32(65535.0)
-        if srgb:
-            value[..., :3] = decode_srgb(value[..., :3])
-    else:
-        value = np.nan_to_num(pixels.astype(np.float32), nan=0.0, posinf=65504.0, neginf=-65504.0)
-    return np.clip(value, -65504.0, 65504.0).astype(np.float16)
-
-
 class SceneData:
     """Everything that draws read: buffers, textures and descriptor sets."""
 
@@ -121,24 +98,29 @@ class SceneData:
     ) -> None:
         self._device, self._scene, self._settings, self._anisotropy = device, scene, settings, anisotropy
         self._resources, self._descriptors = resources, descriptors
-        everything = not settings.skip_unused
-        self.variants = [
-            packing.material_variant(material, scene, everything) for material in scene.materials
-        ]
-        self.lit = any(variant.has("LIT") for variant in self.variants)
-        self.bytes_uploaded = 0
-        self._images: dict[Any, Handle] = {}
+        self._choose_variants()
+        self._textures = Textures(scene, resources)
         with Uploader(device) as uploader:
             self._upload_geometry(uploader)
-            self._upload_images(uploader)
+            self._textures.keep(uploader, self._used_textures())
         self.bytes_uploaded = uploader.bytes
         self.slots = [self._make_slot(index) for index in range(SLOTS)]
         self._make_sets()
+        self._kinds = self._material_kinds()
+        self._materials_seen = scene.revision[Change.MATERIALS]
+        self._light_nodes: tuple[int, Any] = (-1, None)
         self._previous_pose: Pose | None = None
         self.instances = np.zeros(0, layouts.dtype("Instance"))
         """The records that were written last."""
 
     # --- made once ---
+
+    def _choose_variants(self) -> None:
+        everything = not self._settings.skip_unused
+        self.variants = [
+            packing.material_variant(material, self._scene, everything) for material in self._scene.materials
+        ]
+        self.lit = any(variant.has("LIT") for variant in self.variants)
 
     def _upload_geometry(self, uploader: Uploader) -> None:
         scene = self._scene
@@ -159,72 +141,21 @@ class SceneData:
             for name, array in arrays.items():
                 uploader.buffer(buffer, array, self._offsets[name])
 
-    def _upload_images(self, uploader: Uploader) -> None:
-        """Upload every image that a role reads, once as colour and once as data if it serves as both."""
-        for material, variant in zip(self._scene.materials, self.variants, strict=True):
-            for role in variant.roles:
-                texture = material.textures().get(role)
-                key = self._image_key(role, texture)
-                if key not in self._images:
-                    self._images[key] = self._upload_image(uploader, role, key)
-
-    @staticmethod
-    def _image_key(role: str, texture: Any) -> tuple[Any, ...]:
-        if texture is None:
-            return ("neutral", _NEUTRAL[role])
-        return (
-            "image",
-            texture.image,
-            role in ("base_color", "emissive"),
-            texture.sampler.mipmap is not None,
-        )
-
-    def _upload_image(self, uploader: Uploader, role: str, key: tuple[Any, ...]) -> Handle:
-        usage = (
-            vk.VK_IMAGE_USAGE_SAMPLED_BIT
-            | vk.VK_IMAGE_USAGE_TRANSFER_DST_BIT
-            | vk.VK_IMAGE_USAGE_TRANSFER_SRC_BIT
-        )
-        if key[0] == "neutral":
-            handle = self._resources.image("rgba16f", (1, 1), usage, f"neutral {role}")
-            pixels = np.array(key[1], np.float16).reshape(1, 1, 4)
-            uploader.image(self._resources.images.get(handle), pixels)
-            return handle
-        _, number, srgb, mipmapped = key
-        image = self._scene.images[number]
-        height, width = image.pixels.shape[:2]
-        levels = mip_levels(width, height) if mipmapped else 1
-        if levels > 1:
-            usage |= vk.VK_IMAGE_USAGE_STORAGE_BIT
-        pixels = image.pixels
-        if pixels.dtype != np.uint8:
-            # Sixteen bits do not fit into eight; half precision keeps eleven of them and is filtered everywhere.
-            value = half_texels(pixels, srgb)
-            handle = self._resources.image("rgba16f", (width, height), usage, image.name, levels=levels)
-            uploader.image(self._resources.images.get(handle), value)
-            return handle
-        handle = self._resources.image(
-            "rgba8",
-            (width, height),
-            usage,
-            image.name,
-            levels=levels,
-            view_format="rgba8_srgb" if srgb else None,
-        )
-        uploader.image(self._resources.images.get(handle), pixels, srgb=srgb)
-        return handle
+    def _used_textures(self) -> list[tuple[str, TextureRef | None]]:
+        """Return (role, texture) of everything that some variant samples."""
+        return [
+            (role, material.textures().get(role))
+            for material, variant in zip(self._scene.materials, self.variants, strict=True)
+            for role in variant.roles
+        ]
 
     def _make_slot(self, index: int) -> _Slot:
         scene = self._scene
 
         def make(size: int, usage: int, name: str) -> Buffer:
-            handle = self._resources.buffer(size, usage, "upload", f"{name}, slot {index}")
-            return self._resources.buffers.get(handle)
+            return self._make_upload(size, usage, f"{name}, slot {index}")
 
         storage = vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT
-        lights = None
-        if self.lit:
-            lights = make(16 + max(1, len(scene.lights)) * packing.LIGHT.itemsize, storage, "lights")
         staging = None
         if scene.deformations:
             vertices = sum(int(scene.meshes["vertex_count"][d.mesh]) for d in scene.deformations)
@@ -239,11 +170,18 @@ class SceneData:
                 max(1, len(scene.instances)) * layouts.dtype("Instance").itemsize, storage, "instances"
             ),
             materials=make(max(1, len(scene.materials)) * packing.MATERIAL.itemsize, storage, "materials"),
-            lights=lights,
+            lights=self._make_lights(index) if self.lit else None,
             staging=staging,
             geometry=self._geometry[index % len(self._geometry)],
             written={},
         )
+
+    def _make_upload(self, size: int, usage: int, name: str) -> Buffer:
+        return self._resources.buffers.get(self._resources.buffer(size, usage, "upload", name))
+
+    def _make_lights(self, slot: int) -> Buffer:
+        size = 16 + max(1, len(self._scene.lights)) * packing.LIGHT.itemsize
+        return self._make_upload(size, vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT, f"lights, slot {slot}")
 
     def _make_sets(self) -> None:
         """Make all descriptor sets: one per slot for the frame, one per material for its textures."""
@@ -254,7 +192,7 @@ class SceneData:
         wanted: list[Any] = []
         for index, slot in enumerate(self.slots):
             held: dict[int, Any] = {0: slot.frame, 1: slot.instances, 2: slot.materials}
-            if slot.lights is not None:
+            if self.lit:
                 held[3] = slot.lights
             wanted.append((bindings, held, f"frame, slot {index}"))
         textured = [index for index, variant in enumerate(self.variants) if variant.roles]
@@ -263,13 +201,13 @@ class SceneData:
             held = {}
             for role in variant.roles:
                 texture = material.textures().get(role)
-                image = self._resources.images.get(self._images[self._image_key(role, texture)])
                 sampler = texture.sampler if texture is not None else Sampler()
                 held[ROLES.index(role)] = Texture(
-                    image.view, self._resources.sampler(sampler, self._anisotropy)
+                    self._textures.get(role, texture).view, self._resources.sampler(sampler, self._anisotropy)
                 )
             wanted.append((self._material_bindings(variant), held, f"material {index} {material.name}"))
-        sets = self._descriptors.create(wanted)
+        self._sets = self._descriptors.create(wanted)
+        sets = self._sets.handles
         self.frame_sets = [vk.array("VkDescriptorSet", [made]) for made in sets[:SLOTS]]
         self._material_sets = {
             index: vk.array("VkDescriptorSet", [made])
@@ -281,6 +219,49 @@ class SceneData:
         return [
             Binding(ROLES.index(role), "texture", vk.VK_SHADER_STAGE_FRAGMENT_BIT) for role in variant.roles
         ]
+
+    # --- made anew when a material becomes another kind ---
+
+    def _material_kinds(self) -> list[Any]:
+        """Return all of each material that is no number in its record: its variant, images and samplers."""
+        kinds = []
+        for material, variant in zip(self._scene.materials, self.variants, strict=True):
+            textures = material.textures()
+            used = [(role, textures[role]) for role in variant.roles if role in textures]
+            kinds.append((variant, [(Textures.key(role, one), one.sampler) for role, one in used]))
+        return kinds
+
+    def follow_materials(self) -> bool:
+        """Make what edited materials need and give up what none needs any more; return whether any became another kind.
+
+        Frames in flight still read the old sets, images and streams, which are therefore deleted later.
+        """
+        revision = self._scene.revision[Change.MATERIALS]
+        if revision == self._materials_seen:
+            return False
+        self._materials_seen = revision
+        self._choose_variants()
+        kinds = self._material_kinds()
+        if kinds == self._kinds:
+            return False
+        self._kinds = kinds
+        resources, sets = self._resources, self._sets
+        with Uploader(self._device) as uploader:
+            if used_streams(self.variants) != self.streams:
+                for handle in self._geometry:
+                    resources.destroy_buffer(handle)
+                self._upload_geometry(uploader)
+                for index, slot in enumerate(self.slots):
+                    slot.geometry = self._geometry[index % len(self._geometry)]
+                    slot.written.pop("deformed", None)
+            self._textures.keep(uploader, self._used_textures())
+        self.bytes_uploaded += uploader.bytes
+        for index, slot in enumerate(self.slots):
+            if self.lit and slot.lights is None:
+                slot.lights = self._make_lights(index)
+        resources.defer(lambda: self._descriptors.destroy(sets))
+        self._make_sets()
+        return True
 
     # --- what passes read ---
 
@@ -314,7 +295,7 @@ class SceneData:
     @property
     def textures(self) -> int:
         """Images that were uploaded."""
-        return len(self._images)
+        return len(self._textures)
 
     # --- written for every frame ---
 
@@ -322,12 +303,20 @@ class SceneData:
         """Write the frame's constants."""
         self.slots[slot].frame.view(constants.dtype)[0] = constants
 
+    def _moving_key(self, pose: Pose) -> tuple[int, float | None]:
+        """Return what the places of nodes and vertices follow from."""
+        return self._scene.revision[Change.TRANSFORMS], pose.time if self._scene.animations else None
+
+    def forget_pose(self) -> None:
+        """Let the next frame be the first: nothing has a previous transform."""
+        self._previous_pose = None
+
     def write_scene(self, slot: int, pose: Pose, exposure: float) -> int:
         """Write what changed since this slot was used last; return the bytes written."""
         held, scene = self.slots[slot], self._scene
         written = 0
         revisions = scene.revision
-        key = (revisions[Change.TRANSFORMS], pose.time if scene.animations else None)
+        key = self._moving_key(pose)
         if held.written.get("instances") != (key, "settled"):
             records = packing.pack_instances(scene, pose, self._previous_pose)
             held.instances.view(records.dtype)[: len(records)] = records
@@ -342,7 +331,12 @@ class SceneData:
             held.materials.view(records.dtype)[: len(records)] = records
             written += records.nbytes
             held.written["materials"] = revisions[Change.MATERIALS]
-        light_key = (key, revisions[Change.LIGHTS], exposure)
+        if self._light_nodes[0] != revisions[Change.LIGHTS]:
+            numbers = np.array([light.node for light in scene.lights], np.intp)
+            self._light_nodes = revisions[Change.LIGHTS], numbers
+        # The default light moves with the camera, so its place says more than the revision of transforms.
+        places = pose.world_from_node[self._light_nodes[1]].tobytes()
+        light_key = (places, revisions[Change.LIGHTS], exposure)
         if held.lights is not None and held.written.get("lights") != light_key:
             records = packing.pack_lights(scene, pose, exposure, self._settings.light_cutoff)
             held.lights.view(np.uint32)[:4] = (len(records), 0, 0, 0)
@@ -354,7 +348,8 @@ class SceneData:
     def record_deformation(self, commands: Any, slot: int, pose: Pose) -> int:
         """Record the copies of deformed vertices into the slot's geometry; return the bytes copied."""
         held, scene = self.slots[slot], self._scene
-        if held.staging is None or held.written.get("deformed") == pose.time:
+        key = self._moving_key(pose)
+        if held.staging is None or held.written.get("deformed") == key:
             return 0
         target = self._resources.buffers.get(held.geometry)
         regions = []
@@ -377,5 +372,5 @@ class SceneData:
         write = (vk.VK_PIPELINE_STAGE_2_ALL_TRANSFER_BIT, vk.VK_ACCESS_2_TRANSFER_WRITE_BIT)
         read = (vk.VK_PIPELINE_STAGE_2_VERTEX_INPUT_BIT, vk.VK_ACCESS_2_VERTEX_ATTRIBUTE_READ_BIT)
         fn.vkCmdPipelineBarrier2(commands, barriers(memory=(*write, *read)))
-        held.written["deformed"] = pose.time
+        held.written["deformed"] = key
         return end

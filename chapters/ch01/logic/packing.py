@@ -35,6 +35,8 @@ ROLES = ("base_color", "metallic_roughness", "normal", "occlusion", "emissive")
 """Texture roles in the order of their bindings."""
 
 LARGEST = float(np.finfo(np.float32).max)
+NEAREST_END, FARTHEST = 1e18, 1e19
+"""Bounds of 1 / range and of the distance where a light ends: their squares are still numbers of 32 bits."""
 
 
 @dataclass(frozen=True)
@@ -143,8 +145,8 @@ def pack_lights(scene: Scene, pose: Pose, exposure: float, cutoff: float) -> np.
         record["direction"] = axis / length if length > 0 else (0.0, 0.0, -1.0)
         record["color"] = np.clip(np.array(light.color) * light.intensity * exposure, 0.0, LARGEST)
         reach = light.range if light.kind != "directional" else math.inf
-        record["inverse_range2"] = 1.0 / reach**2 if reach > 0 else LARGEST
-        record["end_distance2"] = min(cutoff_distance(light, exposure, cutoff) ** 2, LARGEST)
+        record["inverse_range2"] = min(1.0 / reach, NEAREST_END) ** 2 if reach > 0 else NEAREST_END**2
+        record["end_distance2"] = min(cutoff_distance(light, exposure, cutoff), FARTHEST) ** 2
         # glTF: the squared, clamped line through the cosines of the two cone angles.
         scale = 1.0 / max(0.001, math.cos(light.inner_cone) - math.cos(light.outer_cone))
         record["cone"][:2] = scale, -math.cos(light.outer_cone) * scale

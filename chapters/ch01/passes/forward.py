@@ -38,6 +38,7 @@ class ForwardPass:
         self.lists = DrawLists([], [], [], np.zeros(0, np.int64))
         self.frame_set: Any = None
         self.geometry: Any = None
+        self.used: list[int] = []
         self.order: list[int] = []
 
     @staticmethod
@@ -60,9 +61,10 @@ class ForwardPass:
         )
 
     def create(self) -> None:
-        """Build the pipelines of all materials that are drawn, and no other."""
-        used = np.unique(self._scene.meshes["material"][self._scene.instances.mesh])
-        self._pipelines.get([self.describe(self._data.variants[material]) for material in used.tolist()])
+        """Build the pipelines of all materials that are drawn, and no other; again when one became another kind."""
+        self.used = np.unique(self._scene.meshes["material"][self._scene.instances.mesh]).tolist()
+        self._pipelines.get([self.describe(self._data.variants[material]) for material in self.used])
+        self._key = None
 
     def prepare(self, slot: int, view_from_world: np.ndarray, instances: np.ndarray, visibility: int) -> None:
         """Choose what this frame draws and in which order. `instances` are the packed records of the slot."""

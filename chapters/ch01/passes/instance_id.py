@@ -47,8 +47,9 @@ class InstanceIdPass:
         )
 
     def create(self) -> None:
-        """Build one pipeline per variant of a solid material."""
-        for material, variant in enumerate(self._data.variants):
+        """Build one pipeline per variant of a solid material that is drawn."""
+        for material in self._forward.used:
+            variant = self._data.variants[material]
             if variant.alpha_mode != "blend":
                 self._made[material] = self._pipelines.get([self._describe(variant)])[0]
 

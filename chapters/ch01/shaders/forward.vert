@@ -36,7 +36,9 @@ void main() {
     out_normal = transform_vector(instance.normal_from_object, in_normal);
 #endif
 #ifdef NORMAL_MAP
-    out_tangent = vec4(transform_vector(instance.world_from_object, in_tangent.xyz), in_tangent.w);
+    // A mirror turns a right-handed frame into a left-handed one.
+    float handedness = (instance.flags & INSTANCE_MIRRORED) != 0u ? -in_tangent.w : in_tangent.w;
+    out_tangent = vec4(transform_vector(instance.world_from_object, in_tangent.xyz), handedness);
 #endif
 #ifdef TEXTURED
     out_uv0 = in_uv0;

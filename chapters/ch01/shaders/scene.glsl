@@ -4,6 +4,7 @@ layout(BIND(0, 0, 0), std140) uniform Frame_ {
 #include "frame_constants.glsl"
 } frame;
 
+#include "masks.glsl"
 struct Instance {
 #include "instance.glsl"
 };

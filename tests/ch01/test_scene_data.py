@@ -1,0 +1,347 @@
+"""The scene on the GPU: one shared buffer with aligned streams, and edits that upload what they touched and no more."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from chapters.ch01.graphics.scene_data import STREAMS, stream_offsets, used_streams
+from chapters.ch01.graphics.textures import half_texels
+from chapters.ch01.logic import packing
+from chapters.ch01.logic.packing import material_variant
+from chapters.ch01.renderer import Renderer
+from chapters.ch01.settings import Settings
+from common import layouts
+from common.color import decode_srgb
+from common.scene import Deformation, Image, Light, Material
+from tests.support.scenes import facing, nodes_at, quad_scene, texture, translated
+
+SIZE = (16, 16)
+SUN = Light("directional", node=1, intensity=math.pi)
+MATTE = Material(metallic=0.0, roughness=1.0)
+EXACT = Settings(color_format="rgba32f", background=0.0, default_light=False, tone_curve="none")
+FRAME, INSTANCE = (layouts.dtype(name).itemsize for name in ("FrameConstants", "Instance"))
+LIGHTS = 16 + 2 * packing.LIGHT.itemsize
+
+
+def lit_scene(**more):
+    """Return two squares side by side, of two materials, under a sun and a lamp."""
+    scene = quad_scene(
+        materials=(MATTE, replace(MATTE, base_color=(0.5, 0.25, 1.0, 1.0))),
+        matrices=(translated(-1.0), translated(1.0)),
+        instance_materials=(0, 1),
+        lights=(SUN, Light("point", node=2, intensity=2.0)),
+        **more,
+    )
+    return replace(scene, nodes=nodes_at(translated(-1.0), translated(1.0), translated(z=2.0)))
+
+
+def fresh(device, scene, view, settings=EXACT, output="color_linear", time=0.0):
+    """Return the picture of a renderer that has no past."""
+    with Renderer(scene, SIZE, settings, outputs={output}, device=device) as made:
+        return made.render(view, time).image(output)
+
+
+# --- the shared buffer ---
+
+
+@pytest.mark.feature("geometry/shared-buffer")
+@pytest.mark.parametrize("alignment", [16, 32, 64, 128, 256])
+def test_streams_are_aligned_and_do_not_overlap(alignment):
+    rng = np.random.default_rng(alignment)
+    for _ in range(50):
+        sizes = {f"stream {i}": int(size) for i, size in enumerate(rng.integers(0, 5000, rng.integers(1, 8)))}
+        offsets, end = stream_offsets(sizes, alignment)
+        assert all(offset % alignment == 0 for offset in offsets.values())
+        ranges = sorted((offsets[name], offsets[name] + size) for name, size in sizes.items())
+        assert all(a_end <= b_start for (_, a_end), (b_start, _) in itertools.pairwise(ranges))
+        assert end == max(stop for _, stop in ranges)
+        assert end - sum(sizes.values()) < alignment * len(sizes), "no more than the padding is lost"
+
+
+@pytest.mark.feature("geometry/shared-buffer")
+def test_a_draw_from_a_place_deep_in_the_buffer_equals_one_from_its_beginning(vulkan_device):
+    """The same square as the only mesh, and behind 1,000 vertices and 999 indices of others that nobody draws."""
+    plain = lit_scene()
+    deep = lit_scene()
+    pad = np.random.default_rng(1).normal(size=(1000, 3)).astype(np.float32)
+    deep.positions = np.concatenate([pad, deep.positions])
+    deep.normals = np.concatenate([pad, deep.normals])
+    deep.tangents = np.concatenate([np.ones((1000, 4), np.float32), deep.tangents])
+    deep.uv0 = np.concatenate([pad[:, :2], deep.uv0])
+    deep.indices = np.concatenate([np.arange(999, dtype=np.uint32), deep.indices])
+    deep.meshes["first_vertex"] += 1000
+    deep.meshes["first_index"] += 999
+    a = fresh(vulkan_device, plain, facing(ymag=2.0))
+    assert a.max() > 0.5
+    assert np.array_equal(a, fresh(vulkan_device, deep, facing(ymag=2.0)))
+
+
+def test_only_streams_that_a_material_reads_are_uploaded(vulkan_device):
+    images = (Image("grey", np.full((2, 2, 4), 128, np.uint8)),)
+    colors = np.ones((4, 4), np.float32)
+    cases = [
+        (quad_scene(Material(unlit=True)), ["positions"]),
+        (quad_scene(MATTE), ["positions", "normals"]),
+        (quad_scene(Material(unlit=True), colors=colors), ["positions", "colors"]),
+        (
+            quad_scene(Material(unlit=True, base_color_texture=texture()), images=images),
+            ["positions", "uv0"],
+        ),
+        (
+            quad_scene(replace(MATTE, normal_texture=texture()), images=images),
+            ["positions", "normals", "tangents", "uv0"],
+        ),
+        # An unlit material shows its base colour alone: other maps of it are not read.
+        (
+            quad_scene(Material(unlit=True, normal_texture=texture()), images=images),
+            ["positions"],
+        ),
+    ]
+    for scene, streams in cases:
+        assert used_streams([material_variant(scene.materials[0], scene)]) == streams
+        with Renderer(scene, SIZE, EXACT, device=vulkan_device) as made:
+            sizes = {name: 4 * 4 * STREAMS[name][1] for name in streams} | {"indices": scene.indices.nbytes}
+            (geometry,) = made._data._geometry
+            assert made._resources.buffers.get(geometry).size == stream_offsets(sizes)[1]
+            assert made._data.textures == ("uv0" in streams)
+
+
+def test_an_image_is_uploaded_once_however_many_materials_share_it(vulkan_device):
+    images = (Image("shared", np.full((4, 4, 4), 99, np.uint8)),)
+    used = Material(unlit=True, base_color_texture=texture())
+    scene = quad_scene(
+        materials=(used, replace(used, base_color=(1, 0, 0, 1)), replace(MATTE, normal_texture=texture())),
+        images=images,
+        matrices=(np.eye(4),) * 3,
+        instance_materials=(0, 1, 2),
+    )
+    with Renderer(scene, SIZE, EXACT, device=vulkan_device) as made:
+        work = made.render(facing()).work
+    assert work["textures"] == 2, "once as colour (sRGB) and once as data"
+    assert work["samplers"] == 2, "the materials' and the tone curve's"
+    assert work["descriptor_sets"] == 2 + 3 + 1, "slots, materials, tone curve"
+
+
+def test_sixteen_bits_become_half_precision_light():
+    codes = np.array([[[0, 32768, 65535, 65535]]], np.uint16)
+    assert np.array_equal(half_texels(codes, False), (codes / 65535.0).astype(np.float16))
+    light = half_texels(codes, True)
+    assert np.allclose(light[..., :3], decode_srgb(codes[..., :3] / 65535.0), rtol=2**-11)
+    assert light[..., 3] == 1.0
+    wild = np.array([[[np.nan, np.inf, -np.inf, 1e30]]], np.float32)
+    assert np.array_equal(half_texels(wild, False)[0, 0], np.float16([0, 65504, -65504, 65504]))
+
+
+# --- what a frame writes ---
+
+
+def settled(made, view, time=0.0):
+    """Return the last of three frames: every slot has been written, and nothing moves."""
+    return [made.render(view, time) for _ in range(3)][-1]
+
+
+def test_a_moved_camera_writes_one_record(vulkan_device):
+    with Renderer(lit_scene(), SIZE, EXACT, device=vulkan_device) as made:
+        settled(made, facing())
+        assert made.render(facing(distance=3.0)).work["bytes_written"] == FRAME
+
+
+@pytest.mark.parametrize(
+    ("edit", "size"),
+    [
+        (lambda e: e.set_transform(0, matrix=translated(-0.5, 0.5)), 2 * INSTANCE),
+        # The node of a light: nothing that is drawn hangs there, but places of objects are one array.
+        (lambda e: e.set_transform(2, matrix=translated(z=1.0)), 2 * INSTANCE + LIGHTS),
+        (lambda e: e.set_material(0, replace(MATTE, base_color=(0, 1, 0, 1))), 2 * packing.MATERIAL.itemsize),
+        (lambda e: e.set_light(0, replace(SUN, color=(1.0, 0.5, 0.0))), LIGHTS),
+        (lambda e: e.set_visible(1, False), 0),
+    ],
+    ids=["object", "lamp", "materials", "lights", "visibility"],
+)
+def test_an_edit_writes_what_it_touched_and_shows_at_once(vulkan_device, edit, size):
+    """In both slots: the two frames after the edit equal that of a renderer which never knew the scene before."""
+    scene, view = lit_scene(), facing(ymag=2.0)
+    with Renderer(scene, SIZE, EXACT, outputs={"color_linear"}, device=vulkan_device) as made:
+        before = settled(made, view).image("color_linear")
+        with scene.edit() as change:
+            edit(change)
+        first = made.render(view)
+        assert first.work["bytes_written"] == FRAME + size
+        picture = first.image("color_linear")
+        second = made.render(view)
+        assert second.work["bytes_written"] == FRAME + size
+        assert np.array_equal(second.image("color_linear"), picture)
+        made.render(view)
+        assert made.render(view).work["bytes_written"] == FRAME
+    assert not np.array_equal(picture, before)
+    assert np.array_equal(picture, fresh(vulkan_device, scene, view))
+
+
+def test_several_edits_at_once_are_all_seen(vulkan_device):
+    scene, view = lit_scene(), facing(ymag=2.0)
+    with Renderer(scene, SIZE, EXACT, outputs={"color_linear"}, device=vulkan_device) as made:
+        settled(made, view)
+        for step in range(3):
+            with scene.edit() as change:
+                change.set_transform(0, matrix=translated(-1.0, 0.3 * step))
+                change.set_light(1, Light("point", node=2, intensity=1.0 + step))
+                change.set_visible(1, step % 2 == 0)
+            assert np.array_equal(made.render(view).image("color_linear"), fresh(vulkan_device, scene, view))
+
+
+def test_an_object_that_stops_is_written_one_frame_longer(vulkan_device):
+    """Its previous transform must become its present one, or motion vectors of later chapters would go on."""
+    scene = lit_scene()
+    with Renderer(scene, SIZE, EXACT, device=vulkan_device) as made:
+        settled(made, facing())
+        with scene.edit() as change:
+            change.set_transform(0, matrix=translated(0.5))
+        flags = []
+        for _ in range(4):
+            made.render(facing())
+            flags.append(bool(made._data.instances["flags"][0] & layouts.INSTANCE_MOVED))
+            slots = [slot.instances.view(layouts.dtype("Instance"))[0] for slot in made._data.slots]
+        assert flags == [True, False, False, False]
+        assert all((r["world_from_object"] == r["previous_world_from_object"]).all() for r in slots)
+
+
+def test_after_a_reset_nothing_has_moved(vulkan_device):
+    scene = lit_scene()
+    with Renderer(scene, SIZE, EXACT, device=vulkan_device) as made:
+        settled(made, facing())
+        with scene.edit() as change:
+            change.set_transform(0, matrix=translated(0.5))
+        made.reset_history("test")
+        made.render(facing())
+        assert not (made._data.instances["flags"] & layouts.INSTANCE_MOVED).any()
+
+
+# --- edits that change what a material needs ---
+
+GREY = Image("grey", np.full((4, 4, 4), (200, 100, 50, 128), np.uint8))
+STRUCTURAL = {
+    "unlit": replace(MATTE, unlit=True, base_color=(0.3, 0.6, 0.9, 1.0)),
+    "blend": replace(MATTE, alpha_mode="blend", base_color=(1.0, 0.2, 0.2, 0.4)),
+    "mask": replace(MATTE, alpha_mode="mask", base_color_texture=texture(), alpha_cutoff=0.6),
+    "textured": replace(MATTE, base_color_texture=texture()),
+    "normal map": replace(MATTE, normal_texture=texture()),
+    "double sided": replace(MATTE, double_sided=True),
+}
+
+
+@pytest.mark.parametrize("name", STRUCTURAL)
+def test_a_material_may_become_another_kind(vulkan_device, name):
+    """Another pipeline, other textures, other vertex streams: the picture is that of a scene opened like this."""
+    scene, view = lit_scene(images=(GREY,)), facing(ymag=2.0)
+    outputs = {"color_linear", "instance_id"}
+    alive = len(vulkan_device.alive)
+    with Renderer(scene, SIZE, EXACT, outputs=outputs, device=vulkan_device) as made:
+        settled(made, view)
+        with scene.edit() as change:
+            change.set_material(0, STRUCTURAL[name])
+        frames = [made.render(view), made.render(view)]
+        pictures = [frame.image("color_linear") for frame in frames]
+        ids = frames[1].image("instance_id")
+        assert made.render(view).work["bytes_written"] == FRAME
+        with scene.edit() as change:
+            change.set_material(0, MATTE)
+        back = made.render(view).image("color_linear")
+    assert len(vulkan_device.alive) == alive
+    assert np.array_equal(back, fresh(vulkan_device, scene, view))
+    with scene.edit() as change:
+        change.set_material(0, STRUCTURAL[name])
+    for picture in pictures:
+        assert np.array_equal(picture, fresh(vulkan_device, scene, view))
+    assert np.array_equal(ids, fresh(vulkan_device, scene, view, output="instance_id"))
+
+
+def test_other_factors_build_nothing(vulkan_device):
+    """Colours, roughness, cutoff, transforms of textures: numbers in a record, and the same pipelines and sets."""
+    material = replace(MATTE, alpha_mode="mask", base_color_texture=texture())
+    scene = quad_scene(material, images=(GREY,), lights=(replace(SUN, node=0),))
+    with Renderer(scene, SIZE, EXACT, outputs={"color_linear"}, device=vulkan_device) as made:
+        settled(made, facing())
+        changed = replace(
+            material, roughness=0.3, alpha_cutoff=0.1, base_color_texture=texture(offset=(0.5, 0.0))
+        )
+        log: list = []
+        vulkan_device.fn.trace(log)
+        with scene.edit() as change:
+            change.set_material(0, changed)
+        picture = made.render(facing()).image("color_linear")
+        vulkan_device.fn.trace(None)
+    assert not [
+        name for name, _ in log if name.startswith(("vkCreate", "vkAllocate", "vkUpdate", "vkDestroy"))
+    ]
+    assert np.array_equal(picture, fresh(vulkan_device, scene, facing()))
+
+
+# --- what moves by itself ---
+
+
+def test_the_default_light_follows_the_camera(vulkan_device):
+    """A scene without lights is lit from beside the camera, wherever that goes, in both slots."""
+    scene = quad_scene(replace(MATTE, double_sided=True))
+    behind = replace(facing(), world_from_view=np.diag((-1.0, 1.0, -1.0, 1.0)) @ facing().world_from_view)
+    lit = Settings(color_format="rgba32f")
+    expected = [fresh(vulkan_device, scene, view, lit) for view in (facing(), behind)]
+    with Renderer(scene, SIZE, lit, outputs={"color_linear"}, device=vulkan_device) as made:
+        for _ in range(2):
+            for view, picture in ((facing(), expected[0]), (behind, expected[1]), (behind, expected[1])):
+                assert np.array_equal(made.render(view).image("color_linear"), picture)
+    assert expected[1].mean() > 0.5, "the far side is not in the dark"
+
+
+def skinned_scene():
+    """Return a square bound to one joint, node 1, whose place only an edit can change."""
+    scene = quad_scene(Material(unlit=True))
+    deformation = Deformation(
+        mesh=0,
+        node=0,
+        joints=np.array([1], np.int32),
+        inverse_bind=np.eye(4)[None],
+        vertex_joints=np.zeros((4, 4), np.int32),
+        vertex_weights=np.tile((1.0, 0.0, 0.0, 0.0), (4, 1)),
+    )
+    half = np.diag((0.5, 0.5, 1.0, 1.0))
+    return replace(scene, nodes=nodes_at(np.eye(4), half), deformations=[deformation])
+
+
+def test_a_joint_that_is_edited_moves_its_skin(vulkan_device):
+    scene = skinned_scene()
+    with Renderer(scene, SIZE, EXACT, outputs={"instance_id"}, device=vulkan_device) as made:
+        assert settled(made, facing()).image("instance_id").sum() == 8 * 8
+        with scene.edit() as change:
+            change.set_transform(1, matrix=np.diag((1.0, 0.25, 1.0, 1.0)))
+        for _ in range(3):
+            ids = made.render(facing()).image("instance_id")
+            assert (ids[6:10] == 1).all()
+            assert ids.sum() == 16 * 4
+
+
+def test_a_skin_that_stands_still_is_not_copied_again(vulkan_device):
+    with Renderer(skinned_scene(), SIZE, EXACT, device=vulkan_device) as made:
+        settled(made, facing())
+        assert made.render(facing(), time=7.0).work["bytes_written"] == FRAME
+
+
+def test_every_object_of_a_renderer_has_a_name(vulkan_device):
+    images = (GREY,)
+    scene = lit_scene(images=images)
+    scene.materials[0] = replace(MATTE, base_color_texture=texture(), name="wall")
+    before = set(vulkan_device.alive)
+    with Renderer(scene, SIZE, EXACT, outputs={"color", "depth"}, device=vulkan_device) as made:
+        made.render(facing()).image("color")
+        named = {key: name for key, name in vulkan_device.alive.items() if key not in before}
+    without = sorted({kind for (kind, _), name in named.items() if not name})
+    assert not without
+    kinds = {kind for kind, _ in named}
+    assert {"VkBuffer", "VkImage", "VkImageView", "VkSampler", "VkPipeline", "VkQueryPool"} <= kinds
+    names = set(named.values())
+    for part in ("geometry", "instances, slot 1", "grey", "color_hdr", "depth", "tonemap", "frame slot 0"):
+        assert any(part in name for name in names), part
