@@ -38,7 +38,12 @@ def visibility_ggx(n_dot_l: ArrayLike, n_dot_v: ArrayLike, alpha: ArrayLike) -> 
 
 
 def metallic_roughness(
-    n: ArrayLike, l: ArrayLike, v: ArrayLike, base_color: ArrayLike, metallic: ArrayLike, alpha: ArrayLike  # noqa: E741
+    n: ArrayLike,
+    l: ArrayLike,  # noqa: E741
+    v: ArrayLike,
+    base_color: ArrayLike,
+    metallic: ArrayLike,
+    alpha: ArrayLike,
 ) -> Float64:
     """Return BRDF times n.l (..., 3); unit vectors, base colour (..., 3), metallic and alpha (...).
 
@@ -89,4 +94,3 @@ def tone_neutral(color: ArrayLike) -> Float64:
         gray = 1.0 - 1.0 / (desaturation * (peak - new_peak) + 1.0)
         bright = squeezed * (1.0 - gray) + new_peak * gray
     return np.where(peak < start, color, bright)
-

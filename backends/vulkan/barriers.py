@@ -60,7 +60,7 @@ STATES: dict[str, State] = {
     ),
     "present": State(vk.VK_IMAGE_LAYOUT_PRESENT_SRC_KHR, vk.VK_PIPELINE_STAGE_2_NONE, 0),
 }
-"""Each state's name with its layout, stages and accesses (Vulkan specification, "Synchronization and Cache Control")."""
+"""Each state's name with its layout, stages and accesses (Vulkan specification, "Synchronization")."""
 
 
 def image_barrier(

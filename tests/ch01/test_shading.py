@@ -67,7 +67,12 @@ def test_a_lit_square_equals_the_float64_twin(vulkan_device, metallic, roughness
     distance = np.linalg.norm(to_light, axis=-1, keepdims=True)
     up = np.broadcast_to((0.0, 0.0, 1.0), to_light.shape)
     brdf = shading.metallic_roughness(
-        up, to_light / distance, up, (0.8, 0.4, 0.2), np.full(x.shape, metallic), np.full(x.shape, roughness**2)
+        up,
+        to_light / distance,
+        up,
+        (0.8, 0.4, 0.2),
+        np.full(x.shape, metallic),
+        np.full(x.shape, roughness**2),
     )
     expected = brdf * np.array(light.color) * 5.0 / distance**2
     assert np.allclose(picture, expected, rtol=2e-5, atol=1e-6 * expected.max())
@@ -80,7 +85,9 @@ def test_a_directional_light_has_no_falloff_and_pi_lux_on_white_is_one_nit(vulka
     up = np.array((0.0, 0.0, 1.0))
     expected = shading.metallic_roughness(up, up, up, np.ones(3), 0.0, 1.0) * math.pi
     assert np.allclose(near, expected, rtol=1e-5)
-    assert np.allclose(expected, 0.96 + 0.04 / 4, rtol=1e-12), "0.96 of the light diffuse, F0 D/4 pi of it specular"
+    assert np.allclose(expected, 0.96 + 0.04 / 4, rtol=1e-12), (
+        "0.96 of the light diffuse, F0 D/4 pi of it specular"
+    )
 
 
 def test_range_takes_a_point_light_to_zero_and_cone_angles_bound_a_spot(vulkan_device):
@@ -93,7 +100,10 @@ def test_range_takes_a_point_light_to_zero_and_cone_angles_bound_a_spot(vulkan_d
     flat = np.zeros_like(x)
     brdf = shading.metallic_roughness(up, to_light / distance[..., None], up, np.ones(3), flat, flat + 1.0)
     falloff = shading.range_window(distance, reach) / distance**2
-    for kind, factor in (("point", falloff), ("spot", falloff * shading.spot_cone(1 / distance, inner, outer))):
+    for kind, factor in (
+        ("point", falloff),
+        ("spot", falloff * shading.spot_cone(1 / distance, inner, outer)),
+    ):
         light = Light(kind, node=1, intensity=2.0, range=reach, inner_cone=inner, outer_cone=outer)
         scene = replace(quad_scene(MATTE, lights=(light,)), nodes=nodes_at(np.eye(4), translated(z=1.0)))
         picture = draw(vulkan_device, scene)
@@ -188,7 +198,9 @@ def test_a_tilted_normal_map_tilts_the_normal(vulkan_device):
     assert np.array_equal(draw(vulkan_device, quad_scene(material, lights=(light,), images=(flat,))), plain)
     # Scale 0 leaves the geometric normal, whatever the map says.
     unscaled = replace(material, normal_scale=0.0)
-    assert np.allclose(draw(vulkan_device, quad_scene(unscaled, lights=(light,), images=(tilted,))), plain, rtol=1e-6)
+    assert np.allclose(
+        draw(vulkan_device, quad_scene(unscaled, lights=(light,), images=(tilted,))), plain, rtol=1e-6
+    )
 
 
 def test_the_green_of_a_normal_map_is_up(vulkan_device):
@@ -203,14 +215,17 @@ def test_the_green_of_a_normal_map_is_up(vulkan_device):
     seen = []
     for light in lights:
         scene = replace(
-            quad_scene(material, lights=(light,), images=images), nodes=nodes_at(np.eye(4), up_light, down_light)
+            quad_scene(material, lights=(light,), images=images),
+            nodes=nodes_at(np.eye(4), up_light, down_light),
         )
         seen.append(draw(vulkan_device, scene).mean())
     assert seen[0] > 2 * seen[1]
 
 
 def test_emission_is_in_nits_and_its_texture_multiplies(vulkan_device):
-    material = Material(base_color=(0, 0, 0, 1), emissive=(3.0, 2.0, 1.0), emissive_texture=texture(), metallic=1.0)
+    material = Material(
+        base_color=(0, 0, 0, 1), emissive=(3.0, 2.0, 1.0), emissive_texture=texture(), metallic=1.0
+    )
     picture = draw(vulkan_device, quad_scene(material, images=(grey((0.5, 0.25, 1.0, 1.0)),)))
     assert np.allclose(picture, (1.5, 0.5, 1.0), rtol=1e-5)
 
@@ -269,7 +284,9 @@ def test_transparent_squares_are_blended_from_back_to_front(vulkan_device):
 def test_vertex_colours_multiply_the_base_colour(vulkan_device):
     colors = np.array([(1, 0, 0, 1), (0, 1, 0, 1), (0, 0, 1, 1), (1, 1, 1, 1)], np.float32)
     view = facing()
-    picture = draw(vulkan_device, quad_scene(replace(UNLIT, base_color=(0.5, 1, 1, 1)), colors=colors), view=view)
+    picture = draw(
+        vulkan_device, quad_scene(replace(UNLIT, base_color=(0.5, 1, 1, 1)), colors=colors), view=view
+    )
     picture = picture * exposure(view.ev100)
     x, y = pixel_centres()
     # Two triangles: (a, b, c) below the diagonal, (a, c, d) above it; interpolation is linear in each.
@@ -299,7 +316,9 @@ def test_every_draw_has_its_own_transform(vulkan_device):
     small = [np.diag((0.25, 0.25, 1.0, 1.0)) for _ in range(4)]
     for matrix, (x, y) in zip(small, ((-0.5, 0.5), (0.5, 0.5), (-0.5, -0.5), (0.5, -0.5)), strict=True):
         matrix[:2, 3] = x, y
-    ids = draw(vulkan_device, quad_scene(UNLIT, matrices=tuple(small), instance_materials=(0,) * 4), "instance_id")
+    ids = draw(
+        vulkan_device, quad_scene(UNLIT, matrices=tuple(small), instance_materials=(0,) * 4), "instance_id"
+    )
     assert ids[4, 4] == 1
     assert ids[4, 12] == 2
     assert ids[12, 4] == 3

@@ -129,7 +129,7 @@ def test_a_still_frame_builds_nothing_and_writes_one_record(vulkan_device):
 @pytest.mark.feature("device/command-buffers")
 @pytest.mark.feature("device/api-trace")
 def test_a_frame_is_the_golden_list_of_calls(vulkan_device):
-    """Every pass between its label, its stamps and its attachments; every draw after its pipeline, sets and constants."""
+    """Every pass between its label, stamps and attachments; every draw after its pipeline, sets and constants."""
     log: list = []
     with Renderer(SCENES["texture"], SIZE, SETTINGS, device=vulkan_device) as made:
         made.render(facing())

@@ -1,4 +1,4 @@
-"""Numerical stability of the picture: far from zero, very small, very large, and with geometry and texels that are broken.
+"""Numerical stability of the picture: far from zero, very small, very large, with broken geometry and texels.
 
 `chapter` is the one place that says which renderer is tested; later chapters hold the same bounds.
 """
@@ -18,7 +18,16 @@ from common.camera import view_of_scene
 from common.gltf import load_scene
 from common.pose import evaluate_pose
 from common.scene import Image, Light, Material
-from tests.support.scenes import facing, moved, nodes_at, pixels_changed, quad_scene, scaled, texture, translated
+from tests.support.scenes import (
+    facing,
+    moved,
+    nodes_at,
+    pixels_changed,
+    quad_scene,
+    scaled,
+    texture,
+    translated,
+)
 
 SIZE = (128, 96)
 BOUND = 1e-3
@@ -53,7 +62,9 @@ def test_a_world_moved_by_a_hundred_kilometres_looks_the_same(vulkan_device, sph
 def test_a_scaled_world_looks_the_same(vulkan_device, spheres, still, factor):
     """Candelas grow with the square of length, lux and nits stay: the picture knows no unit of length."""
     settings = Settings()
-    assert pixels_changed(picture(vulkan_device, *scaled(*spheres, factor), settings=settings), still) <= BOUND
+    assert (
+        pixels_changed(picture(vulkan_device, *scaled(*spheres, factor), settings=settings), still) <= BOUND
+    )
 
 
 def test_the_stability_test_can_fail(vulkan_device, spheres, still):
@@ -61,7 +72,9 @@ def test_the_stability_test_can_fail(vulkan_device, spheres, still):
     scene, view = spheres
     pose = view.world_from_view.copy()
     pose[:3, 3] += pose[:3, 0] * 0.01 * scene.length_scale
-    assert pixels_changed(picture(vulkan_device, scene, replace(view, world_from_view=pose)), still) > 10 * BOUND
+    assert (
+        pixels_changed(picture(vulkan_device, scene, replace(view, world_from_view=pose)), still) > 10 * BOUND
+    )
 
 
 def extra_triangles(triangles, normal=(0.0, 0.0, 1.0)):
@@ -90,7 +103,9 @@ def extra_triangles(triangles, normal=(0.0, 0.0, 1.0)):
 )
 def test_degenerate_triangles_change_nothing(vulkan_device, name, triangles, normal):
     view = facing()
-    plain = picture(vulkan_device, quad_scene(Material(metallic=0.0, roughness=0.5), lights=(SUN,)), view, "color_linear")
+    plain = picture(
+        vulkan_device, quad_scene(Material(metallic=0.0, roughness=0.5), lights=(SUN,)), view, "color_linear"
+    )
     spoiled = picture(vulkan_device, extra_triangles(triangles, normal), view, "color_linear")
     assert np.isfinite(spoiled).all()
     assert np.allclose(spoiled, plain, atol=1e-6), name
@@ -102,7 +117,9 @@ def test_a_surface_without_normals_stays_finite(vulkan_device):
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-@pytest.mark.parametrize("role", ["base_color_texture", "emissive_texture", "metallic_roughness_texture", "normal_texture"])
+@pytest.mark.parametrize(
+    "role", ["base_color_texture", "emissive_texture", "metallic_roughness_texture", "normal_texture"]
+)
 def test_a_broken_texel_spoils_no_other_pixel(vulkan_device, value, role):
     texels = np.full((16, 16, 4), 0.5, np.float32)
     material = replace(Material(emissive=(1, 1, 1), metallic=0.3, roughness=0.6), **{role: texture()})
@@ -127,7 +144,9 @@ def test_the_ends_of_roughness_are_finite_even_in_the_highlight(vulkan_device, r
     """Light, normal and eye in one line: the peak of D at alpha = 0, where the formula has no value."""
     material = Material(roughness=roughness, metallic=metallic)
     light = Light("directional", node=0, intensity=1e6)
-    linear = picture(vulkan_device, quad_scene(material, lights=(light,)), facing(), "color_linear", size=(16, 16))
+    linear = picture(
+        vulkan_device, quad_scene(material, lights=(light,)), facing(), "color_linear", size=(16, 16)
+    )
     assert np.isfinite(linear).all()
     assert (linear > 0).all()
 
@@ -169,7 +188,9 @@ def test_singular_and_mirrored_transforms_are_finite_and_leave_the_rest_alone(vu
     other = translated(0.5) @ np.diag((0.4, 0.4, 1.0, 1.0))
 
     def shown(*matrices):
-        scene = quad_scene(material, lights=lights, matrices=matrices, instance_materials=(0,) * len(matrices))
+        scene = quad_scene(
+            material, lights=lights, matrices=matrices, instance_materials=(0,) * len(matrices)
+        )
         return picture(vulkan_device, replace(scene, nodes=nodes_at(*matrices)), facing(), "color_linear")
 
     both = shown(place, other)
