@@ -1,0 +1,201 @@
+"""Pipelines: equal descriptions share one, every switch changes its own state alone, variants exist where needed."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from backends.vulkan import api as vk
+from chapters.ch01.graphics.pipelines import PUSH_SIZE, GraphicsPipeline, Pipelines
+from chapters.ch01.logic.packing import ROLES, material_variant
+from chapters.ch01.renderer import Renderer
+from chapters.ch01.settings import Settings
+from common.scene import Image, Light, Material
+from tests.support.scenes import facing, quad_scene, texture, translated
+
+FULLSCREEN = GraphicsPipeline(("fullscreen.vert", "tonemap.frag"), color="rgba8", depth=None, name="plain")
+SUN = Light("directional", node=0, intensity=math.pi)
+
+
+@pytest.fixture
+def pipelines(vulkan_device):
+    made = Pipelines(vulkan_device)
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def layout(vulkan_device):
+    """A set layout with one texture, which `tonemap.frag` reads."""
+    info = vk.new(
+        "VkDescriptorSetLayoutCreateInfo",
+        pBindings=[
+            {
+                "descriptorType": vk.VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER,
+                "descriptorCount": 1,
+                "stageFlags": vk.VK_SHADER_STAGE_FRAGMENT_BIT,
+            }
+        ],
+    )
+    made = vulkan_device.create("vkCreateDescriptorSetLayout", info, "one texture")
+    yield made
+    vulkan_device.destroy("VkDescriptorSetLayout", made)
+
+
+def created(device, made, described):
+    """Return the VkGraphicsPipelineCreateInfo with which `described` was built."""
+    log: list = []
+    device.fn.trace(log)
+    made.get([described])
+    device.fn.trace(None)
+    return dict(log)["vkCreateGraphicsPipelines"][3][0]
+
+
+def state(info):
+    """Return what a pipeline's fixed state says, in plain numbers."""
+    depth, blend = info.pDepthStencilState, info.pColorBlendState
+    attachment = blend.pAttachments[0] if blend.attachmentCount else None
+    rendering = vk.ffi.cast("VkPipelineRenderingCreateInfo *", info.pNext)
+    return {
+        "depth test": depth.depthTestEnable,
+        "depth write": depth.depthWriteEnable,
+        "depth compare": depth.depthCompareOp,
+        "blend": attachment.blendEnable if attachment else 0,
+        "blend factors": (attachment.srcColorBlendFactor, attachment.dstColorBlendFactor)
+        if attachment
+        else (0, 0),
+        "color": rendering.pColorAttachmentFormats[0] if rendering.colorAttachmentCount else 0,
+        "depth format": rendering.depthAttachmentFormat,
+    }
+
+
+@pytest.mark.feature("device/graphics-pipelines")
+def test_equal_descriptions_share_a_pipeline(pipelines, layout, vulkan_device):
+    described = replace(FULLSCREEN, set_layouts=(layout,))
+    first, second, other = pipelines.get([described, replace(described), replace(described, color="rgba16f")])
+    assert first is second
+    assert first.handle != other.handle
+    assert first.layout == other.layout, "pipelines with the same sets share their layout too"
+    assert len(pipelines) == 2
+    log: list = []
+    vulkan_device.fn.trace(log)
+    assert pipelines.get([replace(described)])[0] is first
+    vulkan_device.fn.trace(None)
+    assert not log
+
+
+@pytest.mark.feature("device/graphics-pipelines")
+def test_a_switch_changes_its_own_state_alone(pipelines, layout, vulkan_device):
+    base = replace(FULLSCREEN, set_layouts=(layout,), depth="write")
+    plain = state(created(vulkan_device, pipelines, base))
+    compare = vk.VK_COMPARE_OP_GREATER_OR_EQUAL
+    assert (plain["depth test"], plain["depth write"], plain["depth compare"]) == (1, 1, compare)
+    cases = {
+        "test": ({"depth": "test"}, {"depth write": 0}),
+        "equal": ({"depth": "equal"}, {"depth write": 0, "depth compare": vk.VK_COMPARE_OP_EQUAL}),
+        "none": (
+            {"depth": None},
+            {"depth test": 0, "depth write": 0, "depth format": vk.VK_FORMAT_UNDEFINED},
+        ),
+        "blend": (
+            {"blend": True},
+            {
+                "blend": 1,
+                "blend factors": (vk.VK_BLEND_FACTOR_SRC_ALPHA, vk.VK_BLEND_FACTOR_ONE_MINUS_SRC_ALPHA),
+            },
+        ),
+        "color": ({"color": "rgba32f"}, {"color": vk.VK_FORMAT_R32G32B32A32_SFLOAT}),
+    }
+    for name, (switch, changed) in cases.items():
+        info = state(created(vulkan_device, pipelines, replace(base, **switch)))
+        assert {key: value for key, value in info.items() if value != plain[key]} == changed, name
+
+
+def test_what_changes_from_draw_to_draw_is_dynamic(pipelines, layout, vulkan_device):
+    info = created(vulkan_device, pipelines, replace(FULLSCREEN, set_layouts=(layout,)))
+    dynamic = info.pDynamicState
+    assert {dynamic.pDynamicStates[i] for i in range(dynamic.dynamicStateCount)} == {
+        vk.VK_DYNAMIC_STATE_VIEWPORT,
+        vk.VK_DYNAMIC_STATE_SCISSOR,
+        vk.VK_DYNAMIC_STATE_CULL_MODE,
+        vk.VK_DYNAMIC_STATE_FRONT_FACE,
+    }
+    assert PUSH_SIZE <= 128, "what every device has"
+    assert vulkan_device.capabilities.limits["maxPushConstantsSize"] >= PUSH_SIZE
+
+
+def test_shader_modules_go_when_the_pipeline_is_built(pipelines, layout, vulkan_device):
+    pipelines.get([replace(FULLSCREEN, set_layouts=(layout,))])
+    assert not [kind for kind, _ in vulkan_device.alive if kind == "VkShaderModule"]
+
+
+# --- variants ---
+
+
+def needs(material, **more):
+    scene = quad_scene(material, lights=(SUN,), **more)
+    return {name for name, _ in material_variant(material, scene).defines}
+
+
+@pytest.mark.feature("device/program-variants")
+def test_a_variant_has_what_its_material_needs_and_nothing_else():
+    images = (Image("white", np.full((1, 1, 4), 255, np.uint8)),)
+    assert needs(Material()) == {"SHADED", "LIT"}
+    assert needs(Material(unlit=True)) == set()
+    assert needs(Material(double_sided=True)) == {"SHADED", "LIT", "DOUBLE_SIDED"}
+    assert needs(Material(alpha_mode="mask")) == {"SHADED", "LIT", "ALPHA_MASK"}
+    assert needs(Material(alpha_mode="blend")) == {"SHADED", "LIT", "ALPHA_BLEND"}
+    assert needs(Material(), colors=np.ones((4, 4), np.float32)) == {"SHADED", "LIT", "VERTEX_COLOR"}
+    for role in ROLES:
+        material = Material(**{f"{role}_texture": texture()})
+        expected = {"SHADED", "LIT", "TEXTURED", f"{role.upper()}_MAP"}
+        assert needs(material, images=images) == expected
+        unlit = {"TEXTURED", "BASE_COLOR_MAP"} if role == "base_color" else set()
+        assert needs(replace(material, unlit=True), images=images) == unlit
+    dark = quad_scene(Material())
+    assert not material_variant(dark.materials[0], dark).has("LIT")
+
+
+def test_the_second_uv_set_is_read_by_those_that_name_it():
+    images = (Image("white", np.full((1, 1, 4), 255, np.uint8)),)
+    first, second = (Material(base_color_texture=texture(uv_set=number)) for number in (0, 1))
+    scene = quad_scene(materials=(first, second), images=images)
+    scene.uv1 = scene.uv0.copy()
+    assert [material_variant(one, scene).has("UV1") for one in (first, second)] == [False, True]
+
+
+def test_numbers_make_no_variants(vulkan_device):
+    """Twelve materials that differ in colours, factors and cutoff alone: one pipeline per alpha mode."""
+    materials = tuple(
+        Material(
+            name=str(i),
+            base_color=(i / 12, 0.5, 0.5, 0.9),
+            roughness=i / 12,
+            metallic=i / 24,
+            alpha_mode=mode,
+        )
+        for i, mode in zip(range(12), itertools.cycle(["opaque", "mask", "blend"]), strict=False)
+    )
+    scene = quad_scene(
+        materials=materials,
+        matrices=tuple(translated(z=-0.1 * i) for i in range(12)),
+        instance_materials=tuple(range(12)),
+        lights=(SUN,),
+    )
+    outputs = {"color_linear", "instance_id"}
+    with Renderer(scene, (8, 8), Settings(), outputs=outputs, device=vulkan_device) as made:
+        work = made.render(facing()).work
+    assert work["pipelines"] == 3 + 2, "the forward pass's, and the ids of what is not transparent"
+
+
+def test_materials_that_nothing_has_build_no_pipeline_in_any_pass(vulkan_device):
+    scene = quad_scene(
+        materials=(Material(), Material(alpha_mode="mask"), Material(double_sided=True)), lights=(SUN,)
+    )
+    outputs = {"color_linear", "instance_id"}
+    with Renderer(scene, (8, 8), Settings(), outputs=outputs, device=vulkan_device) as made:
+        assert made.render(facing()).work["pipelines"] == 2
