@@ -87,7 +87,7 @@ def test_equal_tables_share_a_layout(descriptors):
 
 @pytest.mark.feature("gltf/prebuilt-descriptor-sets")
 def test_a_set_per_textured_material_and_no_other(vulkan_device):
-    """Four materials: two with textures (of one and of three roles), one without, one unlit with maps it does not read."""
+    """Four materials: two with textures (of one and of three roles), one without, one unlit whose maps nobody reads."""
     images = tuple(Image(f"image {i}", np.full((2, 2, 4), 60 * i, np.uint8)) for i in range(4))
     materials = (
         Material(name="one", base_color_texture=texture(0)),

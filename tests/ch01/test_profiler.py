@@ -81,13 +81,13 @@ class FakeDevice:
     def destroy(self, kind, handle):
         self.calls.append(("destroy", handle))
 
-    def vkCmdResetQueryPool(self, *arguments):  # noqa: N802
+    def vkCmdResetQueryPool(self, *arguments):
         self.calls.append("reset")
 
-    def vkCmdWriteTimestamp2(self, *arguments):  # noqa: N802
+    def vkCmdWriteTimestamp2(self, *arguments):
         self.calls.append("stamp")
 
-    def vkGetQueryPoolResults(self, device, pool, first, count, size, data, stride, flags):  # noqa: N802
+    def vkGetQueryPoolResults(self, device, pool, first, count, size, data, stride, flags):
         assert flags & vk.VK_QUERY_RESULT_WAIT_BIT == 0, "reading never waits"
         if not self._ready:
             return vk.VK_NOT_READY

@@ -58,7 +58,7 @@ def test_a_buffer_is_really_freed_two_frames_later(vulkan_device, resources):
 
 @pytest.mark.feature("device/deferred-deletion")
 def test_no_fence_no_deletion(vulkan_device):
-    """An image that an edit makes useless is destroyed after the wait for the frame that drew it, in the API's trace."""
+    """An image that an edit makes useless is destroyed after the waits for all frames that may have drawn it."""
     images = (
         Image("first", np.full((4, 4, 4), 255, np.uint8)),
         Image("second", np.zeros((4, 4, 4), np.uint8)),
