@@ -48,13 +48,14 @@ def choose_memory_type(types: Sequence[MemoryType], allowed: int, use: MemoryUse
     lazy = vk.VK_MEMORY_PROPERTY_LAZILY_ALLOCATED_BIT | vk.VK_MEMORY_PROPERTY_PROTECTED_BIT
     required = {"device": 0, "upload": visible | coherent, "readback": visible}[use]
     wanted = {"device": local, "upload": 0, "readback": cached}[use]
+    liked = {"device": 0, "upload": 0, "readback": coherent}[use]  # of two that serve alike
     shunned = {"device": visible, "upload": local | cached, "readback": local}[use]
     best, best_score = -1, (-1, -1, -1)
     for index, kind in enumerate(types):
         if not allowed >> index & 1 or kind.flags & required != required or kind.flags & lazy:
             continue
         score = (
-            (kind.flags & wanted == wanted) * 2 + (kind.flags & coherent == coherent),
+            (kind.flags & wanted == wanted) * 2 + (kind.flags & liked == liked),
             -(kind.flags & shunned).bit_count(),
             kind.heap_size,
         )

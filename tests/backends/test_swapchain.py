@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from backends.vulkan import api as vk
-from backends.vulkan import features as vf
-from backends.vulkan.instance import VALIDATION_LAYER, Instance, PhysicalDevice, QueueFamily
+from backends.vulkan.instance import VALIDATION_LAYER, Instance
 from backends.vulkan.screen import Screen, choose_presenting, loader_address
 from backends.vulkan.swapchain import choose_extent, choose_format, choose_image_count, choose_present_mode
 from backends.window import Window
 from chapters.ch01.renderer import Renderer
 from common.errors import StaleFrameError, UnsupportedError, UserError
 from common.scene import Light, Material
+from tests.support.devices import described
 from tests.support.display import screenshot, virtual_display
 from tests.support.scenes import facing, quad_scene
 
@@ -61,20 +61,14 @@ def test_the_size_is_the_surfaces_own_or_within_its_bounds():
     assert choose_extent((0, 0), (0, 0), (0, 0), (50, 50)) == (0, 0)
 
 
-def device(name, kind, version=(1, 3, 0)):
-    queue = QueueFamily(0, vk.VK_QUEUE_GRAPHICS_BIT | vk.VK_QUEUE_COMPUTE_BIT, 1, 64)
-    bits = frozenset(vf.FLOOR.bits)
-    return PhysicalDevice(None, 0, name, "", kind, version, frozenset(), bits, (queue,), None, "")
-
-
 @pytest.mark.feature("device/bring-up")
 def test_a_device_is_chosen_among_those_that_reach_the_display(monkeypatch):
     monkeypatch.delenv("STRATA_DEVICE", raising=False)
     compute, old, software, laptop = (
-        device("compute card", "discrete"),
-        device("old card", "discrete", (1, 1, 0)),
-        device("pipe", "software"),
-        device("laptop", "integrated"),
+        described("compute card"),
+        described("old card", version=(1, 1, 0)),
+        described("pipe", "software"),
+        described("laptop", "integrated"),
     )
     machine = [software, compute, old, laptop]
     assert choose_presenting(machine, [True, True, False, True]) is compute
