@@ -1,4 +1,4 @@
-"""Real models, made elsewhere: every one loads, draws without a validation message, and stands where float64 puts it."""
+"""Real models, made elsewhere: each loads, draws without a validation message, and stands where float64 puts it."""
 
 from __future__ import annotations
 
