@@ -87,7 +87,7 @@ def turn(angle, axis=(0.0, 0.0, 1.0)):
 
 
 def with_trs(scene, count):
-    """Return the scene with `count` root nodes that have translation, rotation and scale, since matrices cannot move."""
+    """Return the scene with `count` root nodes of translation, rotation and scale, since matrices cannot move."""
     nodes = nodes_at(*(np.eye(4) for _ in range(count)))
     nodes.has_matrix[:] = False
     return replace(scene, nodes=nodes)
