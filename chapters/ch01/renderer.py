@@ -14,7 +14,6 @@ from __future__ import annotations
 import time as clock
 import weakref
 from collections.abc import Callable, Collection, Iterable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -30,17 +29,19 @@ from common import layouts
 from common.camera import View, exposure
 from common.errors import StaleFrameError, UserError
 from common.pose import evaluate_pose
-from common.scene import Change, Light, Pose, Sampler, Scene
+from common.scene import Change, Sampler, Scene
 from common.transforms import translation
 
 from . import LESSON
 from .graphics.commands import Commands, Rendering
 from .graphics.descriptors import Descriptors, Texture
-from .graphics.frames import SLOTS, Frames, FrameSlot
+from .graphics.frames import Frames, FrameSlot
 from .graphics.pipelines import Pipelines
 from .graphics.profiler import Profiler
 from .graphics.resources import Resources
 from .graphics.scene_data import SceneData
+from .logic.default_light import DefaultLight
+from .logic.frame import SLOTS, Frame, check_outputs
 from .passes.forward import ForwardPass
 from .passes.instance_id import InstanceIdPass
 from .passes.tonemap import BINDINGS, TonemapPass
@@ -50,39 +51,6 @@ OUTPUTS = ("color", "color_linear", "depth", "instance_id")
 """What a frame can be asked for."""
 
 _SOURCES = {"color": "color", "color_linear": "color_hdr", "depth": "depth", "instance_id": "instance_id"}
-
-
-class Frame:
-    """One rendered frame; see `backends.contract.Frame`."""
-
-    def __init__(self, renderer: Renderer, slot: FrameSlot, index: int, exposure: float) -> None:
-        self._renderer, self._slot, self._number = renderer, slot, slot.number
-        self.index, self._exposure = index, exposure
-        self.cpu_ms = 0.0
-        self.work: dict[str, int] = {}
-        self._timings: dict[str, float] | None = None
-        self._gone = ""
-
-    def image(self, name: str) -> np.ndarray:
-        """Wait for the frame and return output `name` as (H, W) or (H, W, C), row 0 on top."""
-        if self._gone:
-            raise StaleFrameError(
-                f"Frame {self._number} is gone: {self._gone}. Read a frame's images before {SLOTS} more are rendered."
-            )
-        return self._renderer.read(self._slot, name, self._exposure)
-
-    @property
-    def timings(self) -> dict[str, float]:
-        """GPU milliseconds by pass; waits for the frame."""
-        if self._timings is None:
-            self._timings = self._renderer.read_timings(self._slot)
-        return self._timings
-
-    def let_go(self, why: str) -> None:
-        """Keep the timings, which stay, and give up the images; the frame is over."""
-        if not self._gone:
-            _ = self.timings
-            self._gone = why
 
 
 class Renderer:
@@ -103,7 +71,8 @@ class Renderer:
         if unknown:
             raise UserError(f"There is no output '{unknown[0]}'; chapter 1 has {', '.join(OUTPUTS)}.")
         self.settings = settings or Settings()
-        self.scene = self._lit(scene)
+        self._light = DefaultLight(scene, self.settings)
+        self.scene = self._light.scene
         self.outputs = tuple(name for name in OUTPUTS if name in outputs)
         # Targets that somebody copies from after the passes: the CPU, or a window.
         self._handed_on = {*(_SOURCES[name] for name in self.outputs), *(["color"] if presents else [])}
@@ -128,17 +97,6 @@ class Renderer:
         except BaseException:
             self.close()
             raise
-
-    def _lit(self, scene: Scene) -> Scene:
-        """Return the scene, with a light that travels with the camera if it has none and the settings want one."""
-        self._headlight = not scene.lights and self.settings.default_light
-        if not self._headlight:
-            return scene
-        # Pi lux on a white diffuse surface that faces the light gives a luminance of 1.
-        light = Light("directional", node=0, name="default light", intensity=float(np.pi))
-        lit = replace(scene, lights=[light])
-        lit.revision = scene.revision  # edits of the scene are edits of this view of it
-        return lit
 
     # --- made once ---
 
@@ -299,7 +257,7 @@ class Renderer:
             for made in (self._forward, self._instance_id):
                 if made in self.passes:
                     made.create()
-        pose = self._pose(view, time)
+        pose = self._light.pose(evaluate_pose(scene, time), view)
         constants = np.zeros((), layouts.dtype("FrameConstants"))
         layouts.fill_frame_constants(
             constants,
@@ -313,7 +271,7 @@ class Renderer:
             frame_index=self._index,
             instance_count=len(scene.instances),
             light_count=len(scene.lights),
-            ambient=self._ambient(),
+            ambient=self._light.ambient(),
         )
         self._data.write_frame(slot.index, constants)
         written = constants.nbytes + self._data.write_scene(slot.index, pose, exposure(view.ev100))
@@ -323,31 +281,6 @@ class Renderer:
         self._forward.prepare(slot.index, view_from_origin, self._data.instances, visibility)
         self._last = self._state(view, time)
         return written
-
-    def _pose(self, view: View, time: float) -> Pose:
-        pose = evaluate_pose(self.scene, time)
-        if not self._headlight:
-            return pose
-        # The default light is no node of the scene: it stands a little above and beside the camera's shoulder.
-        nodes = pose.world_from_node.copy()
-        right, up, back = (
-            view.world_from_view[:3, 0],
-            view.world_from_view[:3, 1],
-            view.world_from_view[:3, 2],
-        )
-        if not len(nodes):
-            nodes = np.eye(4)[None]
-        nodes[0] = np.eye(4)
-        nodes[0, :3, 2] = back + 0.5 * up + 0.3 * right
-        return replace(pose, world_from_node=nodes)
-
-    def _ambient(self) -> float:
-        """Return the luminance that arrives from everywhere, in nits."""
-        if self.settings.ambient >= 0.0:
-            return self.settings.ambient
-        if self.scene.ambient is not None:
-            return self.scene.ambient
-        return 0.25 if self._headlight else 0.0
 
     def _run(self, made: Any, rendering: Rendering) -> None:
         """Record one pass between its label, its timestamps and its attachments."""
@@ -394,11 +327,7 @@ class Renderer:
 
     def read(self, slot: FrameSlot, name: str, exposed: float) -> np.ndarray:
         """Return an output of the slot's frame; see `Frame.image`."""
-        if name not in self.outputs:
-            wanted = ", ".join(repr(output) for output in (*self.outputs, name))
-            raise StaleFrameError(
-                f"'{name}' is not among this renderer's outputs: open it with outputs={{{wanted}}}."
-            )
+        check_outputs(self.outputs, OUTPUTS, name)
         self._frames.wait(slot)
         readback = self._readbacks[slot.index].get(name)
         if readback is None:  # an empty scene has no instances, and so no pass that would draw their ids

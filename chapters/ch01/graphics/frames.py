@@ -1,6 +1,5 @@
 """Frames in flight: the CPU records one frame while the GPU draws another.
 
-Two slots are enough: with one, CPU and GPU would take turns; a third adds a frame of latency and no speed.
 Whatever the CPU writes for a frame exists once per slot. A slot's fence tells when the GPU has left it; only then
 is it written again.
 """
@@ -10,7 +9,7 @@ from __future__ import annotations
 from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 
-SLOTS = 2
+from ..logic.frame import SLOTS
 
 FOREVER = 2**64 - 1
 
