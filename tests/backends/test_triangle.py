@@ -62,7 +62,6 @@ def snapped(points):
 EXACT = (128, 64)
 
 
-@pytest.mark.feature("device/bring-up")
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_one_triangle_covers_exactly_its_pixels(vulkan_device, mirrored):
     corners = snapped([[(8.3, 3.1), (119.9, 20.2), (40.6, 60.7)]])
@@ -123,7 +122,6 @@ def test_many_random_triangles_match_the_edge_functions(vulkan_device):
     assert np.array_equal(picture[~near], expected[~near])
 
 
-@pytest.mark.feature("device/offscreen-targets")
 def test_a_target_keeps_its_clear_value_where_nothing_is_drawn(vulkan_device):
     corners = snapped([[(1.0, 1.0), (9.0, 1.0), (1.0, 9.0)]])
     clear = (0.25, 0.5, 0.75, 1.0)

@@ -1,0 +1,256 @@
+"""Buffers, images and samplers: what they hold, what sampling gives, and under which name messages show them."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from backends.vulkan import api as vk
+from backends.vulkan.memory import Allocation
+from backends.vulkan.once import submit_once
+from backends.vulkan.resources import (
+    FORMATS,
+    Buffer,
+    create_buffer,
+    create_image,
+    create_sampler,
+    create_view,
+    destroy_buffer,
+    destroy_image,
+    mip_levels,
+)
+from backends.vulkan.upload import Uploader
+from common.scene import Sampler
+from tests.support.drawing import draw
+
+COPIES = vk.VK_BUFFER_USAGE_TRANSFER_SRC_BIT | vk.VK_BUFFER_USAGE_TRANSFER_DST_BIT
+SAMPLED = vk.VK_IMAGE_USAGE_SAMPLED_BIT | vk.VK_IMAGE_USAGE_TRANSFER_DST_BIT | vk.VK_IMAGE_USAGE_STORAGE_BIT
+
+
+# --- buffers ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.feature("device/staging-copies")
+def test_random_bytes_survive_upload_copy_and_download(vulkan_device):
+    """Odd sizes from odd offsets to odd offsets: staged, copied between two buffers of the GPU, read back."""
+    rng = np.random.default_rng(1)
+    size = 5003
+    first, second = (
+        create_buffer(vulkan_device, size, COPIES, "device", name) for name in ("first", "second")
+    )
+    back = create_buffer(vulkan_device, size, COPIES, "readback", "back")
+    for count, start, place in ((1, 0, 0), (1, 4999, 17), (4097, 3, 901), (5003, 0, 0), (7, 4996, 4995)):
+        data = rng.integers(0, 256, count, np.uint8)
+        with Uploader(vulkan_device) as uploader:
+            uploader.buffer(first, np.zeros(size, np.uint8))
+            uploader.buffer(second, np.zeros(size, np.uint8))
+        with Uploader(vulkan_device) as uploader:
+            uploader.buffer(first, data, start)
+        with submit_once(vulkan_device) as commands:
+            fn = vulkan_device.fn
+            region = vk.new("VkBufferCopy", srcOffset=start, dstOffset=place, size=min(count, size - place))
+            fn.vkCmdCopyBuffer(commands, first.handle, second.handle, 1, region)
+            barrier = vk.new(
+                "VkDependencyInfo",
+                pMemoryBarriers=[
+                    {
+                        "srcStageMask": vk.VK_PIPELINE_STAGE_2_ALL_TRANSFER_BIT,
+                        "srcAccessMask": vk.VK_ACCESS_2_TRANSFER_WRITE_BIT,
+                        "dstStageMask": vk.VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT,
+                        "dstAccessMask": vk.VK_ACCESS_2_MEMORY_READ_BIT,
+                    }
+                ],
+            )
+            fn.vkCmdPipelineBarrier2(commands, barrier)
+            whole = vk.new("VkBufferCopy", size=size)
+            fn.vkCmdCopyBuffer(commands, second.handle, back.handle, 1, whole)
+            fn.vkCmdPipelineBarrier2(commands, barrier)
+        vulkan_device.memory.invalidate(back.allocation)
+        expected = np.zeros(size, np.uint8)
+        expected[place : place + count] = data[: size - place]
+        assert np.array_equal(back.mapped, expected)
+    for buffer in (first, second, back):
+        destroy_buffer(vulkan_device, buffer)
+
+
+def test_a_buffer_is_never_empty_and_knows_its_size(vulkan_device):
+    buffer = create_buffer(vulkan_device, 0, COPIES, "upload", "nothing")
+    assert (buffer.size, len(buffer.mapped)) == (4, 4)
+    destroy_buffer(vulkan_device, buffer)
+
+
+def test_memory_that_the_cpu_cannot_reach_is_named():
+    buffer = Buffer(None, 64, Allocation(None, 0, 64, None, True, None), "vertices")
+    with pytest.raises(ValueError, match="'vertices' is in memory that the CPU cannot map"):
+        buffer.view(np.float32)
+
+
+# --- images -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("size", [(1, 1), (2, 1), (3, 5), (255, 2), (256, 256), (257, 1), (4096, 16)])
+def test_a_full_chain_halves_the_longer_side_down_to_one(size):
+    steps, side = 1, max(size)
+    while side > 1:
+        side //= 2
+        steps += 1
+    assert mip_levels(*size) == steps
+
+
+@pytest.mark.feature("device/lifetime-and-leaks")
+def test_an_image_goes_with_all_its_views(vulkan_device):
+    before = dict(vulkan_device.alive)
+    image = create_image(vulkan_device, "rgba8", (16, 8), SAMPLED, "shown", levels=5)
+    create_view(vulkan_device, image, "rgba8", level=2, levels=1)
+    made = [
+        name for key, name in vulkan_device.alive.items() if key not in before and key[0] != "VkDeviceMemory"
+    ]
+    assert sorted(made) == ["shown", "shown view", "shown view"]
+    destroy_image(vulkan_device, image)
+    left = {key for key in vulkan_device.alive if key not in before}
+    assert all(kind == "VkDeviceMemory" for kind, _ in left), "blocks are kept for the next one"
+
+
+def test_every_format_can_be_made_with_its_aspect(vulkan_device):
+    for name in FORMATS:
+        image = create_image(vulkan_device, name, (4, 4), vk.VK_IMAGE_USAGE_SAMPLED_BIT, name)
+        depth = image.aspect == vk.VK_IMAGE_ASPECT_DEPTH_BIT
+        assert depth == (name == "d32f")
+        destroy_image(vulkan_device, image)
+
+
+@pytest.mark.feature("device/textures")
+def test_an_srgb_view_decodes_and_a_plain_one_does_not(vulkan_device):
+    codes = np.arange(256, dtype=np.uint8).reshape(16, 16, 1).repeat(4, axis=2)
+    sampler = create_sampler(vulkan_device, Sampler("nearest", "nearest", None), 1.0, "nearest")
+    found = {}
+    for view in ("rgba8", "rgba8_srgb"):
+        image = create_image(vulkan_device, "rgba8", (16, 16), SAMPLED, view, view_format=view)
+        with Uploader(vulkan_device) as uploader:
+            uploader.image(image, codes)
+        found[view] = draw(vulkan_device, TEXEL, (16, 16), textures={0: (image, sampler)})
+        destroy_image(vulkan_device, image)
+    vulkan_device.destroy("VkSampler", sampler)
+    c = codes / 255.0
+    light = np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)  # IEC 61966-2-1
+    light[..., 3] = c[..., 3]
+    assert np.abs(found["rgba8"] - c).max() < 1e-7
+    # Half a step of 8 bits: the software driver decodes with a polynomial that is 1.2e-3 off.
+    assert np.abs(found["rgba8_srgb"] - light).max() < 0.5 / 255
+    assert np.abs(found["rgba8_srgb"] - c)[..., :3].max() > 0.2
+
+
+TEXEL = """
+layout(BIND(0, 0, 0)) uniform sampler2D image;
+layout(location = 0) out vec4 out_color;
+void main() { out_color = texelFetch(image, ivec2(gl_FragCoord.xy), 0); }
+"""
+
+
+# --- samplers ---------------------------------------------------------------------------------------------------------
+
+SIZE = (7, 5)
+LEVELS = 3
+
+SAMPLE = """
+layout(BIND(0, 0, 0)) uniform sampler2D image;
+layout(location = 0) out vec4 out_color;
+void main() {
+    vec2 uv = (gl_FragCoord.xy - vec2(32.1, 16.3)) / vec2(19.37, 11.71);
+    out_color = textureLod(image, uv, LOD);
+}
+"""
+
+
+@pytest.fixture(scope="module")
+def noise(vulkan_device):
+    """Random texels, (5, 7, 4) float32, and their levels as numpy: those of the GPU, read by nearest fetches."""
+    image = create_image(vulkan_device, "rgba32f", SIZE, SAMPLED, "noise", levels=LEVELS)
+    texels = np.random.default_rng(2).random((SIZE[1], SIZE[0], 4), np.float32)
+    with Uploader(vulkan_device) as uploader:
+        uploader.image(image, texels)
+    plain = create_sampler(vulkan_device, Sampler("nearest", "nearest", "nearest"), 1.0, "fetch")
+    levels = []
+    for level in range(LEVELS):
+        size = (max(1, SIZE[0] >> level), max(1, SIZE[1] >> level))
+        text = TEXEL.replace(", 0);", f", {level});")
+        levels.append(draw(vulkan_device, text, size, textures={0: (image, plain)}).astype(np.float64))
+    assert np.array_equal(levels[0], texels)
+    yield image, levels
+    vulkan_device.destroy("VkSampler", plain)
+    destroy_image(vulkan_device, image)
+
+
+def wrapped(index, count, wrap):
+    """Return the texel that an index outside 0..count-1 means (Vulkan specification, "Wrapping Operation")."""
+    if wrap == "repeat":
+        return index % count
+    if wrap == "clamp":
+        return np.clip(index, 0, count - 1)
+    folded = index % (2 * count)
+    return np.where(folded < count, folded, 2 * count - 1 - folded)
+
+
+def sampled(texels, uv, filter, wraps):
+    """Return (H, W, 4) float64: `texels` at `uv` (H, W, 2), by the formulas of the specification."""
+    size = np.array(texels.shape[1::-1])
+    place = uv * size
+    if filter == "nearest":
+        i, j = (wrapped(np.floor(place[..., k]).astype(int), size[k], wraps[k]) for k in (0, 1))
+        return texels[j, i]
+    base = np.floor(place - 0.5).astype(int)
+    part = place - 0.5 - base
+    total = 0.0
+    for dx, dy in itertools.product((0, 1), (0, 1)):
+        i, j = (wrapped(base[..., k] + (dx, dy)[k], size[k], wraps[k]) for k in (0, 1))
+        weight = (part[..., 0] if dx else 1 - part[..., 0]) * (part[..., 1] if dy else 1 - part[..., 1])
+        total = total + weight[..., None] * texels[j, i]
+    return total
+
+
+def expected(levels, uv, lod, sampler):
+    filter = sampler.mag if lod <= 0 else sampler.min
+    lod = min(max(lod, 0.0), LEVELS - 1.0)
+    wraps = (sampler.wrap_u, sampler.wrap_v)
+    if sampler.mipmap is None:
+        return sampled(levels[0], uv, filter, wraps)
+    if sampler.mipmap == "nearest":
+        return sampled(levels[int(np.floor(lod + 0.5))], uv, filter, wraps)
+    low = min(int(lod), LEVELS - 2)
+    return sum(
+        weight * sampled(levels[level], uv, filter, wraps)
+        for level, weight in ((low, 1 - (lod - low)), (low + 1, lod - low))
+    )
+
+
+FILTERS = {
+    # glTF's number of a minification filter: (filter, mipmap); 9728 and 9729 are magnification filters too
+    9728: ("nearest", None),
+    9729: ("linear", None),
+    9984: ("nearest", "nearest"),
+    9985: ("linear", "nearest"),
+    9986: ("nearest", "linear"),
+    9987: ("linear", "linear"),
+}
+
+
+@pytest.mark.feature("device/samplers")
+@pytest.mark.parametrize("number", FILTERS)
+@pytest.mark.parametrize("mag", ["nearest", "linear"])
+def test_filters_and_wraps_are_those_of_the_specification(vulkan_device, noise, number, mag):
+    image, levels = noise
+    minify, mipmap = FILTERS[number]
+    y, x = np.mgrid[0:33, 0:64] + 0.5
+    uv = np.stack([(x - 32.1) / 19.37, (y - 16.3) / 11.71], axis=-1)
+    for wraps in (("repeat", "mirror"), ("clamp", "repeat"), ("mirror", "clamp")):
+        sampler = Sampler(mag, minify, mipmap, *wraps)
+        handle = create_sampler(vulkan_device, sampler, 1.0, str(number))
+        for lod in (-1.0, 0.3, 0.75, 1.6, 5.0):
+            text = SAMPLE.replace("LOD", str(lod))
+            found = draw(vulkan_device, text, (64, 33), textures={0: (image, handle)})
+            truth = expected(levels, uv, lod, sampler)
+            # Weights have at least 8 bits, and no place lies on the border of two texels.
+            assert np.abs(found - truth).max() <= 2 / 256, (wraps, lod)
+        vulkan_device.destroy("VkSampler", handle)
