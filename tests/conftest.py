@@ -16,6 +16,7 @@ from backends.vulkan.device import Device
 from backends.vulkan.instance import VALIDATION_LAYER, Instance
 from common.errors import UnsupportedError
 from common.paths import asset_dir
+from tests.support import goldens
 from tests.support.gl_functions import assert_silent
 from tests.support.report import Report
 
@@ -28,11 +29,13 @@ VARIANTS = {"vulkan": frozenset[str](), "without-all": frozenset({"all"})}
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add what `strata test` passes on."""
     parser.addoption("--long", action="store_true", help="also run what takes minutes")
+    goldens.add_options(parser)
 
 
 def pytest_configure(config: pytest.Config) -> None:
     """Let the report watch the run."""
     config.pluginmanager.register(Report(config), "strata-report")
+    config.pluginmanager.register(goldens, "strata-goldens")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
