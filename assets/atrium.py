@@ -28,7 +28,7 @@ from assets.atrium_building import (
 from assets.atrium_materials import add_materials
 from assets.atrium_shell import add_building
 from assets.gltf_writer import GltfBuilder, axis_angle, look_at
-from assets.shapes import Mesh, quad, tube
+from assets.shapes import Mesh, box, join, quad, sphere, surface, tube
 
 SUN_LUX, SUN_DIRECTION, SUN_COLOR = 3000.0, (0.42, -0.84, 0.34), (1.0, 0.85, 0.64)
 AMBIENT_NITS = 180.0
@@ -95,7 +95,7 @@ def _fountain(scene: GltfBuilder, material: dict[str, int], detail: Detail) -> l
 
     ornament = scene.add_node("ornament", root, translation=(0, 1.62, 0))
     globe = scene.add_mesh(
-        "globe", (props.sphere(0.075, detail.round_segments, detail.round_segments // 2), material["gold"])
+        "globe", (sphere(0.075, detail.round_segments, detail.round_segments // 2), material["gold"])
     )
     scene.add_node("globe", ornament, mesh=globe)
     hoop = scene.add_mesh("hoop", (props.hoop(0.25, 0.011, detail).with_uv(2.5), material["gold"]))
@@ -132,7 +132,7 @@ def _lanterns(scene: GltfBuilder, material: dict[str, int], detail: Detail, node
     """Hang the lanterns into the arches, each with its light; return the channels of those that swing."""
     chains = {
         length: scene.add_mesh("chain", (props.chain(length, detail), material["bronze"]))
-        for length in sorted({l[3] for l in LANTERNS})
+        for length in sorted({lantern[3] for lantern in LANTERNS})
     }
     body = scene.add_mesh(
         "lantern", (props.lantern_body(detail), material["bronze"]), (props.flame(detail), material["flame"])
@@ -172,7 +172,7 @@ def _banners(scene: GltfBuilder, material: dict[str, int], detail: Detail, nodes
     half = props.BANNER[0] / 2 + 0.08
     rod = tube(np.array([[-half, 0, 0], [half, 0, 0]]), 0.016, max(5, detail.round_segments // 3))
     brackets = [tube(np.array([[x, 0, 0], [x, 0, -0.5]]), 0.011, 4) for x in (-half + 0.04, half - 0.04)]
-    holder = scene.add_mesh("banner_rod", (props.join(rod, *brackets).with_uv(2.5), material["bronze"]))
+    holder = scene.add_mesh("banner_rod", (join(rod, *brackets).with_uv(2.5), material["bronze"]))
     for side, column, dye in BANNERS:
         x = (column - SIDES[side][2] / 2) * BAY
         at = scene.add_node(
@@ -249,7 +249,7 @@ def _glass_and_garden(scene: GltfBuilder, material: dict[str, int], nodes: dict[
     beam = scene.add_mesh(
         "transom",
         (
-            props.box((-1.0, -0.05, -0.05), (1.0, 0.05, 0.05), "yYzZ").with_turned_uv().with_uv(1.25),
+            box((-1.0, -0.05, -0.05), (1.0, 0.05, 0.05), "yYzZ").with_turned_uv().with_uv(1.25),
             material["wood"],
         ),
     )
@@ -270,7 +270,10 @@ def _lunette() -> Mesh:
     rim = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], -1)
     rim[[0, -1], 1] = 0.0
     points = np.stack([rim, rim * [1.0, 0.0, 0.0]])
-    return props.surface(points, points[..., :2] * [0.5, -1.0] + [0.5, 0.0]).without_tangents()
+    uv = points[..., :2] * [0.5, -1.0] + [0.5, 0.0]
+    # The grid shrinks to a point at both ends, where it has no slope to take a normal from.
+    normals = np.broadcast_to([0.0, 0.0, 1.0], points.shape)
+    return surface(points, uv, normals).without_tangents()
 
 
 def _lights_and_cameras(scene: GltfBuilder) -> None:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from assets.noise import Bytes, Float64, bytes_of
-from assets.shapes import Mesh, arc, box, extrude, join, lathe, quad, rotation_y, surface
+from assets.shapes import Mesh, arc, box, join, lathe, quad, rotation_y, surface
 
 BAY = 2.4
 GALLERY = 2.4  # from the column axis to the back wall

@@ -57,7 +57,7 @@ _ALL = (
     SceneInfo(
         "atrium",
         "assets.atrium",
-        {"medium": 34800, "small": 5000, "large": 250000},
+        {"medium": 34584, "small": 11872, "large": 244340},
         "Everything a frame can hold: all texture maps, alpha mask and blend, instances, cloth, animation, many lights.",
     ),
     SceneInfo(

@@ -41,6 +41,7 @@ class Mesh:
         assert (
             np.isfinite(self.positions).all() and self.triangles.min() >= 0 and self.triangles.max() < count
         )
+        assert np.allclose(np.linalg.norm(self.normals, axis=1), 1.0), "a normal has no direction"
 
     def moved(self, offset: Sequence[float]) -> Mesh:
         """Return the mesh shifted by `offset` metres."""

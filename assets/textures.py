@@ -9,10 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-
 from assets.noise import (
     Bytes,
-    Float64,
     bytes_of,
     fbm,
     mix,
