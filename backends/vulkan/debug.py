@@ -10,6 +10,7 @@ import sys
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 from types import FrameType
 from typing import Any, Literal
@@ -83,8 +84,8 @@ class ValidationSink:
         kind: Severity = (
             "error" if severity >= vk.VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT else "warning"
         )
-        labels = [vk.text(data.pQueueLabels[i].pLabelName) for i in range(data.queueLabelCount)]
-        labels += [vk.text(data.pCmdBufLabels[i].pLabelName) for i in range(data.cmdBufLabelCount)]
+        labels = _label_names(data.pQueueLabels, data.queueLabelCount)
+        labels += _label_names(data.pCmdBufLabels, data.cmdBufLabelCount)
         message = Message(
             kind,
             vk.text(data.pMessageIdName),
@@ -112,6 +113,15 @@ class ValidationSink:
             f"{message}" + (f" ({count} times)" if count > 1 else "")
             for message, count in self.messages.items()
         ]
+
+
+def _label_names(labels: Any, count: int) -> list[str]:
+    """Return the names of open labels, outermost first.
+
+    The layers list them from the inside out, and layer 1.3.239 lists each twice.
+    """
+    names = [vk.text(labels[index].pLabelName) for index in reversed(range(count))]
+    return [name for name, _ in groupby(names)]
 
 
 def _object_name(described: Any) -> str:
