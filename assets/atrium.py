@@ -27,8 +27,8 @@ from assets.atrium_building import (
 )
 from assets.atrium_materials import add_materials
 from assets.atrium_shell import add_building
-from assets.gltf_writer import GltfBuilder, axis_angle, look_at
-from assets.shapes import Mesh, box, join, quad, sphere, surface, tube
+from assets.gltf_writer import Channel, GltfBuilder, axis_angle, look_at
+from assets.shapes import Float64, Mesh, box, join, quad, sphere, surface, tube
 
 SUN_LUX, SUN_DIRECTION, SUN_COLOR = 3000.0, (0.42, -0.84, 0.34), (1.0, 0.85, 0.64)
 AMBIENT_NITS = 180.0
@@ -73,7 +73,7 @@ def build(size: str = "medium") -> GltfBuilder:
     return scene
 
 
-def _fountain(scene: GltfBuilder, material: dict[str, int], detail: Detail) -> list:
+def _fountain(scene: GltfBuilder, material: dict[str, int], detail: Detail) -> list[Channel]:
     """Add the fountain with its turning ornament and a boat; return their animation channels."""
     root = scene.add_node("fountain")
     stone, mosaic = props.basin()
@@ -113,7 +113,10 @@ def _fountain(scene: GltfBuilder, material: dict[str, int], detail: Detail) -> l
     )
 
     times = np.linspace(0, LOOP_S, 9)
-    turns = lambda axis, count: np.array([axis_angle(axis, 360 * count * t / LOOP_S) for t in times])  # noqa: E731
+
+    def turns(axis: tuple[float, float, float], count: int) -> Float64:
+        return np.array([axis_angle(axis, 360 * count * t / LOOP_S) for t in times])
+
     circle = np.linspace(0, 2 * np.pi, 9) + 2.4  # at first the boat lies in front for most cameras
     at = np.stack([0.78 * np.cos(circle), 0.425 + 0.006 * np.sin(3 * circle), 0.78 * np.sin(circle)], -1)
     speed = np.stack([-0.78 * np.sin(circle), 0.018 * np.cos(3 * circle), 0.78 * np.cos(circle)], -1) * (
@@ -128,7 +131,9 @@ def _fountain(scene: GltfBuilder, material: dict[str, int], detail: Detail) -> l
     ]
 
 
-def _lanterns(scene: GltfBuilder, material: dict[str, int], detail: Detail, nodes: dict[str, int]) -> list:
+def _lanterns(
+    scene: GltfBuilder, material: dict[str, int], detail: Detail, nodes: dict[str, int]
+) -> list[Channel]:
     """Hang the lanterns into the arches, each with its light; return the channels of those that swing."""
     chains = {
         length: scene.add_mesh("chain", (props.chain(length, detail), material["bronze"]))
@@ -215,12 +220,12 @@ def _plants(scene: GltfBuilder, material: dict[str, int], detail: Detail, nodes:
         scene.add_mesh(f"potted_plant_{k}", *parts, (props.bush(detail, 411 + k), material["leaves"]))
         for k in range(2)
     ]
-    for k, at in enumerate(POTS):
+    for k, place in enumerate(POTS):
         size = 1.0 + 0.08 * ((k * 5) % 4)
         scene.add_node(
             f"pot_{k}",
             garden,
-            translation=at,
+            translation=place,
             rotation=axis_angle((0, 1, 0), 49 * k),
             scale=(size, size, size),
             mesh=bushes[k % 2],
@@ -233,14 +238,14 @@ def _plants(scene: GltfBuilder, material: dict[str, int], detail: Detail, nodes:
     rng = np.random.default_rng(431)
     count = round(16 * detail.plenty) * len(TREES)
     bed_of = np.array(TREES)[np.arange(count) % len(TREES)]
-    place = rng.uniform(-0.46, 0.46, (count, 2)) + bed_of
+    spot = rng.uniform(-0.46, 0.46, (count, 2)) + bed_of
     size = rng.uniform(0.035, 0.075, (count, 1)) * np.array([1.25, 0.6, 1.0])
     turn = np.array([axis_angle((0, 1, 0), degrees) for degrees in rng.uniform(0, 360, count)])
     stones = scene.add_node(
         "pebbles", garden, mesh=scene.add_mesh("pebble", (props.pebble(), material["pebbles"]))
     )
     height = np.full(count, 0.095)
-    scene.instance_on_gpu(stones, np.stack([place[:, 0], height, place[:, 1]], -1), turn, size)
+    scene.instance_on_gpu(stones, np.stack([spot[:, 0], height, spot[:, 1]], -1), turn, size)
 
 
 def _glass_and_garden(scene: GltfBuilder, material: dict[str, int], nodes: dict[str, int]) -> None:

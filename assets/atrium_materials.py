@@ -17,9 +17,10 @@ BANNER_DYES = {"crimson": (0.52, 0.035, 0.045), "saffron": (0.80, 0.38, 0.05), "
 
 
 def add_materials(scene: GltfBuilder, px: int, occlusion: Bytes) -> dict[str, int]:
-    """Add all materials with textures of `px` pixels (a power of two, 512 or less for the finest); return their indices.
+    """Add all materials with textures of `px` pixels (a power of two, 512 or less for the finest).
 
-    `occlusion` (H, W) is the occlusion of floors, walls and ceilings over the building's plan, for the second uv set.
+    Returns their indices by name. `occlusion` (H, W) is the occlusion of floors, walls and ceilings over the building's
+    plan, for the second uv set.
     """
     fine, coarse = px, px // 2
     sets: dict[str, tuple[Callable[..., textures.Maps], int]] = {
@@ -43,10 +44,10 @@ def add_materials(scene: GltfBuilder, px: int, occlusion: Bytes) -> dict[str, in
         made_sets = {name: pool.submit(make, size) for name, (make, size) in sets.items()}
         made_single = {name: pool.submit(make, *sizes) for name, (make, sizes) in single.items()}
     image: dict[str, int] = {}
-    for name, maps in made_sets.items():
-        image[f"{name}_base"] = scene.add_image(f"{name}_base", maps.result().base)
-        image[f"{name}_normal"] = scene.add_image(f"{name}_normal", maps.result().normal)
-        image[f"{name}_surface"] = scene.add_image(f"{name}_surface", maps.result().surface)
+    for name, made in made_sets.items():
+        image[f"{name}_base"] = scene.add_image(f"{name}_base", made.result().base)
+        image[f"{name}_normal"] = scene.add_image(f"{name}_normal", made.result().normal)
+        image[f"{name}_surface"] = scene.add_image(f"{name}_surface", made.result().surface)
     for name, picture in made_single.items():
         image[name] = scene.add_image(name, picture.result())
     image["plan_occlusion"] = scene.add_image("plan_occlusion", occlusion)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -53,10 +54,9 @@ def bowls(detail: Detail) -> Mesh:
 def disc(radius: float, segments: int) -> Mesh:
     """Return a flat disc facing up; uv in metres."""
     mesh = lathe([[(0.0, 0.0), (radius, 0.0)]], segments)
-    flat = replace(
+    return replace(
         mesh, uv0=mesh.positions[:, [0, 2]], tangents=np.tile([1.0, 0, 0, 1.0], (len(mesh.positions), 1))
     )
-    return flat
 
 
 def hoop(radius: float, thickness: float, detail: Detail) -> Mesh:
@@ -146,7 +146,7 @@ def chain(length: float, detail: Detail) -> Mesh:
 # -- cloth -------------------------------------------------------------------------------------------------------
 
 
-def banner(detail: Detail) -> tuple[Mesh, dict]:
+def banner(detail: Detail) -> tuple[Mesh, dict[str, Any]]:
     """Return a hanging cloth and what a simulation must know of it.
 
     Vertices form rows from the pinned top edge down, each from left to right, without seams, so that a vertex is a

@@ -19,7 +19,7 @@ import pygltflib as gl
 from numpy.typing import NDArray
 from PIL import Image
 
-from assets.shapes import Mesh
+from assets.shapes import Float64, Mesh, Vector
 from common.paths import write_whole
 
 GRID = 2.0**-12
@@ -32,6 +32,9 @@ _COMPONENT = {
     np.dtype(np.uint32): gl.UNSIGNED_INT,
     np.dtype(np.float32): gl.FLOAT,
 }
+Channel = tuple[int, str, Float64, Float64, str]
+"""What moves: node, path, times (K,), values (K, C) or for CUBICSPLINE (3K, C), interpolation."""
+
 _TYPE = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
 
 
@@ -40,7 +43,7 @@ def on_grid(values: Any) -> NDArray[np.float64]:
     return np.round(np.asarray(values, np.float64) / GRID) * GRID + 0.0
 
 
-def numbers(values: Sequence[float] | NDArray[np.float64]) -> list[float]:
+def numbers(values: Vector) -> list[float]:
     """Return `values` on the grid as a list for JSON, whole numbers as int."""
     return [int(v) if v == int(v) else float(v) for v in on_grid(values)]
 
@@ -50,14 +53,14 @@ def number(value: float) -> float:
     return numbers([value])[0]
 
 
-def axis_angle(axis: Sequence[float], degrees: float) -> tuple[float, float, float, float]:
+def axis_angle(axis: Vector, degrees: float) -> tuple[float, float, float, float]:
     """Return the quaternion xyzw that turns by `degrees` about the unit vector `axis`."""
     half = math.radians(degrees) / 2
     s = math.sin(half)
     return (axis[0] * s, axis[1] * s, axis[2] * s, math.cos(half))
 
 
-def look_at(eye: Sequence[float], target: Sequence[float]) -> tuple[float, float, float, float]:
+def look_at(eye: Vector, target: Vector) -> tuple[float, float, float, float]:
     """Return the rotation xyzw of a camera or light at `eye` whose -z axis points at `target`, without roll.
 
     The two points must not lie straight above each other.
@@ -189,9 +192,10 @@ class GltfBuilder:
         double_sided: bool = False,
         unlit: bool = False,
     ) -> int:
-        """Add a material: linear `color` (3 or 4), textures by role (`surface` is metallic-roughness), emission in nits.
+        """Add a material: linear `color` (3 or 4), textures by role (`surface` is metallic-roughness).
 
-        glTF's emissive factor ends at 1; what is above goes to KHR_materials_emissive_strength.
+
+        Emission is in nits. glTF's emissive factor ends at 1; what is above goes to KHR_materials_emissive_strength.
         """
         pbr = gl.PbrMetallicRoughness(
             baseColorFactor=numbers([*color, 1.0][:4]),
@@ -251,9 +255,9 @@ class GltfBuilder:
         self,
         name: str,
         parent: int | None = None,
-        translation: Sequence[float] | None = None,
-        rotation: Sequence[float] | None = None,
-        scale: Sequence[float] | None = None,
+        translation: Vector | None = None,
+        rotation: Vector | None = None,
+        scale: Vector | None = None,
         matrix: NDArray[np.float64] | None = None,
         mesh: int | None = None,
         extras: dict[str, Any] | None = None,
@@ -270,7 +274,7 @@ class GltfBuilder:
         siblings.append(index)
         return index
 
-    def instance_on_gpu(self, node: int, translation: NDArray, rotation: NDArray, scale: NDArray) -> None:
+    def instance_on_gpu(self, node: int, translation: Float64, rotation: Float64, scale: Float64) -> None:
         """Draw the node's mesh once per row of (N, 3), (N, 4), (N, 3) by EXT_mesh_gpu_instancing."""
         self.use_extension("EXT_mesh_gpu_instancing")
         values = {"TRANSLATION": translation, "ROTATION": rotation, "SCALE": scale}
@@ -280,8 +284,8 @@ class GltfBuilder:
     def add_camera(
         self,
         name: str,
-        eye: Sequence[float],
-        target: Sequence[float],
+        eye: Vector,
+        target: Vector,
         yfov_degrees: float,
         ev100: float,
         parent: int | None = None,
@@ -301,8 +305,8 @@ class GltfBuilder:
         color: Sequence[float],
         intensity: float,
         parent: int | None = None,
-        translation: Sequence[float] | None = None,
-        rotation: Sequence[float] | None = None,
+        translation: Vector | None = None,
+        rotation: Vector | None = None,
         reach: float | None = None,
         cone_degrees: tuple[float, float] | None = None,
     ) -> int:
@@ -325,8 +329,8 @@ class GltfBuilder:
         self.gltf.nodes[node].extensions["KHR_lights_punctual"] = {"light": len(lights) - 1}
         return node
 
-    def add_animation(self, name: str, channels: Sequence[tuple[int, str, NDArray, NDArray, str]]) -> None:
-        """Add a clip of (node, path, times (K,), values (K, C) or for CUBICSPLINE (3K, C), interpolation)."""
+    def add_animation(self, name: str, channels: Sequence[Channel]) -> None:
+        """Add a clip of channels."""
         clip = gl.Animation(name=name)
         for node, path, times, values, interpolation in channels:
             reader = self.add_accessor(times, bounds=True)

@@ -6,6 +6,8 @@ Pictures are (H, W) or (H, W, C) float64 with row 0 on top; x runs with u to the
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,9 +29,9 @@ def smoothstep(low: float, high: float, x: Float64) -> Float64:
     return t * t * (3.0 - 2.0 * t)
 
 
-def mix(a: Float64 | float, b: Float64 | float, t: Float64 | float) -> Float64:
+def mix(a: NDArray[Any] | float, b: NDArray[Any] | float, t: NDArray[Any] | float) -> Float64:
     """Return the straight line from `a` at t = 0 to `b` at t = 1."""
-    return a + (b - a) * t
+    return np.asarray(a + (b - a) * t, np.float64)
 
 
 def tint(color: tuple[float, float, float], amount: Float64) -> Float64:

@@ -31,7 +31,7 @@ def leaves(px: int) -> Bytes:
     across, up = x - 0.5, 1 - y
     stem = 0.03 * np.sin(up * 5.0)
     alpha = np.where(np.abs(across - stem) < mix(0.014, 0.004, up), 1.0, 0.0) * (up < 0.86)
-    color = np.zeros((px, px, 3)) + (0.25, 0.36, 0.13)
+    color = np.broadcast_to([0.25, 0.36, 0.13], (px, px, 3))
     rng = np.random.default_rng(241)
     pairs = [(0.05 + 0.105 * k, (-1) ** k * (56 - 3.5 * k), 0.46 - 0.022 * k) for k in range(8)]
     leaf_list = [*pairs, (0.74, 4.0, 0.25)]

@@ -58,7 +58,7 @@ _ALL = (
         "atrium",
         "assets.atrium",
         {"medium": 34584, "small": 11872, "large": 244340},
-        "Everything a frame can hold: all texture maps, alpha mask and blend, instances, cloth, animation, many lights.",
+        "Everything a frame can hold: all texture maps, alpha mask and blend, instances, cloth, animation, lights.",
     ),
     SceneInfo(
         "cornell",
@@ -108,7 +108,7 @@ def locate(name: str) -> Path:
         if path.is_file():
             return path
         try:
-            # One file, renamed into place: whoever starts at the same time sees all of it or nothing, and makes the same.
+            # One file, renamed into place: who starts at the same time sees all of it or nothing, and makes the same.
             return write(info.name, path.parent, size, binary=True)
         except OSError:
             pass  # the disk is full: go on without a cache

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]
+Vector = Sequence[float] | NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,7 @@ class Mesh:
         )
         assert np.allclose(np.linalg.norm(self.normals, axis=1), 1.0), "a normal has no direction"
 
-    def moved(self, offset: Sequence[float]) -> Mesh:
+    def moved(self, offset: Vector) -> Mesh:
         """Return the mesh shifted by `offset` metres."""
         return replace(self, positions=self.positions + np.asarray(offset, np.float64))
 
@@ -60,7 +61,7 @@ class Mesh:
         """Return the mesh without tangents, for a loader to make them."""
         return replace(self, tangents=None)
 
-    def painted(self, color: Sequence[float]) -> Mesh:
+    def painted(self, color: Vector) -> Mesh:
         """Return the mesh with one vertex colour, linear rgb."""
         return replace(self, colors=np.tile(np.array([*color, 1.0][:4]), (len(self.positions), 1)))
 
@@ -150,7 +151,7 @@ def surface(points: Float64, uv: Float64, normals: Float64 | None = None) -> Mes
     return Mesh(flat, normals.reshape(-1, 3), triangles, uv.reshape(-1, 2), tangents)
 
 
-def quad(corner: Sequence[float], right: Sequence[float], down: Sequence[float], cells: int = 1) -> Mesh:
+def quad(corner: Vector, right: Vector, down: Vector, cells: int = 1) -> Mesh:
     """Return a flat rectangle seen from the side where `right` points right and `down` down; uv in metres."""
     corner_, right_, down_ = (np.asarray(x, np.float64) for x in (corner, right, down))
     t = np.linspace(0.0, 1.0, cells + 1)
@@ -160,7 +161,7 @@ def quad(corner: Sequence[float], right: Sequence[float], down: Sequence[float],
     return surface(points, uv)
 
 
-def box(low: Sequence[float], high: Sequence[float], faces: str = "xXyYzZ") -> Mesh:
+def box(low: Vector, high: Vector, faces: str = "xXyYzZ") -> Mesh:
     """Return the box between two corners; `faces` names those wanted (capitals: the positive side). uv in metres."""
     (x0, y0, z0), (x1, y1, z1) = low, high
     dx, dy, dz = x1 - x0, y1 - y0, z1 - z0
@@ -221,7 +222,10 @@ def arc(
 
 
 def extrude(profile: Sequence[Sequence[tuple[float, float]]], length: float) -> Mesh:
-    """Draw `profile` along x, centred: runs of (z, y) from top to bottom seen from +z, creased between; uv in metres."""
+    """Draw `profile` along x, centred: runs of (z, y) from top to bottom seen from +z, with creases between them.
+
+    uv in metres.
+    """
     parts, covered = [], 0.0
     x = np.array([-length / 2, length / 2])
     for run in profile:

@@ -154,7 +154,7 @@ def zellige(px: int) -> Maps:
 
 def wood(px: int) -> Maps:
     """Return four dark planks side by side with the grain along v, 1 repeat = 0.8 m."""
-    x, y = pixel_grid(px)
+    x, _ = pixel_grid(px)
     plank = np.floor(x * 4).astype(np.int64)
     to_gap = np.minimum(x * 4 % 1.0, 1 - x * 4 % 1.0)
     gap = smoothstep(0.012, 0.05, to_gap)
