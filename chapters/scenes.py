@@ -1,4 +1,4 @@
-"""From what a user types after --scene to a scene: a name of our own, or the path of a glTF file."""
+"""From what a user types after --scene to a scene: a name of our own, or the path of a glTF or Wavefront file."""
 
 from __future__ import annotations
 
@@ -9,16 +9,17 @@ import assets
 from common.errors import SceneError, UserError
 from common.gltf import load_scene
 from common.gltf.load import Progress
+from common.obj import load_obj
 from common.scene import Scene
 
 DEFAULT = "atrium"
-SUFFIXES = (".gltf", ".glb")
+SUFFIXES = (".gltf", ".glb", ".obj")
 
 
 def find(text: str) -> Path:
     """Return the file meant by `text`: a path if it looks like one, else a scene of our own by name.
 
-    Raises UserError or SceneError: there is no such scene or file, it is a folder, or no glTF.
+    Raises UserError or SceneError: there is no such scene or file, it is a folder, or of another kind.
     """
     path = Path(text).expanduser()
     if not _is_path(text, path):
@@ -28,7 +29,7 @@ def find(text: str) -> Path:
         hint = (
             f"name a file in it, such as {Path(text) / inside[0]}"
             if inside
-            else "it holds no .gltf or .glb file"
+            else "it holds no .gltf, .glb or .obj file"
         )
         raise SceneError(f"{text} is a folder: {hint}.")
     if not path.exists():
@@ -36,7 +37,7 @@ def find(text: str) -> Path:
         hint = f"; {path.parent} has {', '.join(p.name for p in near[:5])}" if near else ""
         raise SceneError(f"There is no file {text}{hint}.")
     if path.suffix.lower() not in SUFFIXES:
-        raise SceneError(f"{text} is no glTF scene: its name must end in .gltf or .glb.")
+        raise SceneError(f"{text} is no scene: its name must end in {', '.join(SUFFIXES)}.")
     return path
 
 
@@ -59,4 +60,5 @@ def load(text: str, progress: Progress | None = None) -> Scene:
     """Load the scene meant by `text`; raises UserError with one sentence where that fails."""
     if not text.strip():
         raise UserError("--scene needs a name or a path: ./strata list --scenes shows the names.")
-    return load_scene(find(text), progress)
+    path = find(text)
+    return load_obj(path) if path.suffix.lower() == ".obj" else load_scene(path, progress)

@@ -83,6 +83,12 @@ def test_without_a_name_the_picture_goes_to_out_in_the_current_folder(strata, tm
     assert (tmp_path / "out" / "ch01-scene.png").is_file()
 
 
+def test_a_wavefront_file_is_a_scene_too(strata, tmp_path):
+    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    assert strata("run", "1", "--scene", "a.obj", "--size", "32x32", "--out", "a.png")[0] == 0
+    assert len(np.unique(read_image(tmp_path / "a.png"))) > 1
+
+
 def test_without_all_draws_and_verbose_says_the_plan(strata, box):
     code, out, _ = strata("run", "1", "--scene", box, "--size", "16x16", "--without", "all", "-v")
     assert code == 0
