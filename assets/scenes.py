@@ -14,7 +14,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from common.errors import UserError
-from common.paths import ROOT, cache_dir
+from common.paths import ROOT, cache_dir, user_cache
 
 if TYPE_CHECKING:
     from assets.gltf_writer import GltfBuilder
@@ -102,14 +102,15 @@ def locate(name: str) -> Path:
     info, size = find(name)
     if size == info.default_size and info.committed().is_file():
         return info.committed()
+    kept = f"{info.name}-{size}-{generator_version()}"
+    path = user_cache() / "scenes" / kept / f"{info.name}.glb"
+    if path.is_file():  # also where nothing can be written
+        return path
     folder = cache_dir("scenes")
     if folder is not None:
-        path = folder / f"{info.name}-{size}-{generator_version()}" / f"{info.name}.glb"
-        if path.is_file():
-            return path
         try:
             # One file, renamed into place: who starts at the same time sees all of it or nothing, and makes the same.
-            return write(info.name, path.parent, size, binary=True)
+            return write(info.name, folder / kept, size, binary=True)
         except OSError:
             pass  # the disk is full: go on without a cache
     return _temporary(info.name, size)
