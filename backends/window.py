@@ -132,7 +132,6 @@ class Window:
             (glfw.set_mouse_button_callback, self._on_button),
             (glfw.set_cursor_pos_callback, self._on_cursor),
             (glfw.set_scroll_callback, self._on_scroll),
-            (glfw.set_window_focus_callback, self._on_focus),
             (glfw.set_window_iconify_callback, self._on_iconify),
             (glfw.set_framebuffer_size_callback, self._on_resize),
             (glfw.set_window_refresh_callback, self._on_refresh),
@@ -143,7 +142,7 @@ class Window:
     def _on_key(self, window: Any, key: int, scancode: int, action: int, mods: int) -> None:
         glfw, name = _glfw(), _KEY_NAMES.get(key)
         if name is None or action == glfw.REPEAT:
-            return
+            return  # releases come for every key that went down, also when the window loses the focus
         pressed = action == glfw.PRESS
         if pressed:
             self._keys.append(name)
@@ -152,8 +151,6 @@ class Window:
     def _on_button(self, window: Any, button: int, action: int, mods: int) -> None:
         glfw = _glfw()
         if button == glfw.MOUSE_BUTTON_LEFT:
-            # The place of the press, in case that the pointer was not seen moving there.
-            self._on_cursor(window, *glfw.get_cursor_pos(window))
             self.inputs.dragging = action == glfw.PRESS
 
     def _on_cursor(self, window: Any, x: float, y: float) -> None:
@@ -162,10 +159,6 @@ class Window:
 
     def _on_scroll(self, window: Any, x: float, y: float) -> None:
         self.inputs.scroll += y
-
-    def _on_focus(self, window: Any, focused: int) -> None:
-        if not focused:
-            self.inputs.release_all()
 
     def _on_iconify(self, window: Any, iconified: int) -> None:
         self._iconified = bool(iconified)

@@ -33,8 +33,10 @@ class FakeWindow:
         self.damaged, self.minimised, self.closing = True, False, False
         self.size, self.script, self.polls = (64, 32), script or {}, 0
         self.keys, self.waits, self.titles = [], [], []
+        self.now_ns = 0
 
     def poll(self):
+        self.now_ns += STEP_NS
         for act in self.script.get(self.polls, ()):
             act(self)
         self.polls += 1
@@ -43,6 +45,7 @@ class FakeWindow:
 
     def wait(self, timeout):
         self.waits.append(timeout)
+        self.now_ns += int(timeout * 1e9)
 
     def take_keys(self):
         keys, self.keys = self.keys, []
@@ -104,11 +107,10 @@ def close(window):
 
 
 def play(script=None, moves=False, frames=None, screen=None):
-    """Run the loop on a script with frames 10 ms apart; return window, renderer, screen and loop after its end."""
+    """Run the loop on a script, 10 ms from look to look; return window, renderer, screen and loop after its end."""
     window, renderer, screen = FakeWindow(script), FakeRenderer(moves), screen or FakeScreen()
-    ticks = iter(range(0, 10**12, STEP_NS))
     camera = Camera(FirstPerson.at(np.eye(4)), Perspective())
-    loop = Loop(window, screen, renderer, camera, "Strata", timer_ns=lambda: next(ticks))
+    loop = Loop(window, screen, renderer, camera, "Strata", timer_ns=lambda: window.now_ns)
     loop.run(frames)
     return window, renderer, screen, loop
 

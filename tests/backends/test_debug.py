@@ -147,6 +147,15 @@ def test_objects_without_a_name_are_shown_by_their_type(device, buffers):
     assert f"object {vk.VK_OBJECT_TYPE_BUFFER} 0x{int(vk.ffi.cast('uintptr_t', nameless.handle)):x}" in shown
 
 
+@pytest.mark.feature("device/validation-log")
+def test_the_line_is_that_of_the_caller_not_of_the_device_layer(device):
+    line = inspect.currentframe().f_lineno + 1
+    wrong = create_buffer(device, 64, 0, "device", "of no use")
+    destroy_buffer(device, wrong)
+    said = [message for message in device.sink.messages if "VkBufferCreateInfo" in message.id]
+    assert [message.line for message in said] == [f"{HERE}:{line}"]
+
+
 def test_only_what_an_old_layer_cannot_know_is_let_through():
     sink = ValidationSink()
     for identifier, text, counted in (

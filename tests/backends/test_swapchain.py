@@ -172,6 +172,39 @@ def test_a_picture_that_nobody_reads_back_is_shown_too(display, screen):
             assert shows(display, headless.render(facing()).image("color"))
 
 
+def test_copy_and_next_frame_wait_for_each_other(screen):
+    """What the layers of 1.3.239 do not see, since it is in two submissions: each barrier waits for the right stage."""
+    transfer = vk.VK_PIPELINE_STAGE_2_ALL_TRANSFER_BIT
+    with open_renderer(screen, outputs=()) as renderer:
+        log = []
+        screen.device.fn.trace(log)
+        for _ in range(2):
+            renderer.render(facing())
+            assert screen.show(renderer)
+        screen.device.fn.trace(None)
+        picture = renderer.present_source.handle
+        recorded = [arguments[1] for name, arguments in log if name == "vkCmdPipelineBarrier2"]
+        images = [
+            made.pImageMemoryBarriers[i] for made in recorded for i in range(made.imageMemoryBarrierCount)
+        ]
+        drawn = [
+            one for one in images if one.image == picture and one.oldLayout == vk.VK_IMAGE_LAYOUT_UNDEFINED
+        ]
+        handed_on = [one for one in images if one.image == picture and one not in drawn]
+        assert [one.srcStageMask for one in drawn] == [transfer] * 2
+        assert [one.dstStageMask for one in handed_on] == [transfer] * 2
+        submits = [arguments[2] for name, arguments in log if name == "vkQueueSubmit2"]
+        waited = [one.pWaitSemaphoreInfos[0].stageMask for one in submits if one.waitSemaphoreInfoCount]
+        shown = {int(vk.ffi.cast("uintptr_t", target.handle)) for target in screen.swapchain.targets}
+        filled = [
+            one
+            for one in images
+            if int(vk.ffi.cast("uintptr_t", one.image)) in shown
+            and one.newLayout == vk.VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL
+        ]
+        assert waited == [one.srcStageMask for one in filled] == [transfer] * 2
+
+
 def test_a_renderer_without_a_picture_says_how_to_get_one(screen):
     with (
         Renderer(scene(), SIZE, outputs={"depth"}, device=screen.device) as renderer,
@@ -207,15 +240,18 @@ def test_every_new_size_shows_its_own_picture(display, window, screen):
 def test_a_picture_of_the_old_size_fills_the_new_window(display, window, screen):
     with open_renderer(screen, size=(80, 50)) as renderer:
         frame = renderer.render(facing(ymag=0.5))
-        assert screen.show(renderer)
         small = frame.image("color").astype(float)
+        for times in (2, 3):
+            resized(window, (80 * times, 50 * times))
+            assert screen.show(renderer)
 
-        def doubled(pixels):
-            # With linear weights 1/4 and 3/4, so the mean of 2x2 pixels is near the texel and its smooth surroundings.
-            means = pixels.astype(float).reshape(50, 2, 80, 2, 3).mean(axis=(1, 3))
-            return np.abs(means - small).max() <= 4.0
+            def stretched(pixels, times=times):
+                # Linear weights: the mean over a texel is near the texel, and neighbours within it are not all equal.
+                blocks = pixels.astype(float).reshape(50, times, 80, times, 3)
+                smooth = (blocks[:, 0] != blocks[:, 1]).mean() > 0.2
+                return smooth and np.abs(blocks.mean(axis=(1, 3)) - small).max() <= 4.0
 
-        assert seen(display, SIZE, doubled)
+            assert seen(display, window.size, stretched)
 
 
 @pytest.mark.feature("device/lifetime-and-leaks")
@@ -287,6 +323,23 @@ def test_what_presenting_answers_decides_the_next_frame(screen, code, shown):
         fn.__dict__["vkQueuePresentKHR"] = real
         assert screen.show(renderer)
         assert screen.swapchain.made == 2
+
+
+def test_a_suboptimal_image_is_shown_and_then_replaced(screen):
+    fn = screen.device.fn
+    real = fn.vkAcquireNextImageKHR
+
+    def acquire(*arguments):
+        assert real(*arguments) == vk.VK_SUCCESS
+        return vk.VK_SUBOPTIMAL_KHR
+
+    with open_renderer(screen) as renderer:
+        renderer.render(facing())
+        fn.__dict__["vkAcquireNextImageKHR"] = acquire
+        assert screen.show(renderer)
+        fn.__dict__["vkAcquireNextImageKHR"] = real
+        assert screen.show(renderer)
+        assert (screen.swapchain.shown, screen.swapchain.made) == (2, 2)
 
 
 def test_an_error_of_the_display_is_raised_with_its_name(screen):

@@ -87,13 +87,14 @@ def test_keys_become_actions_and_commands(window, user):
     assert window.take_keys() == []
 
 
-def test_a_held_key_counts_once(window):
+def test_a_held_key_counts_once_and_stays_held(window):
     import glfw
 
     for action in (glfw.PRESS, glfw.REPEAT, glfw.REPEAT):
-        window._on_key(window.handle, glfw.KEY_C, 0, action, 0)
+        window._on_key(window.handle, glfw.KEY_W, 0, action, 0)
     window._on_key(window.handle, glfw.KEY_UNKNOWN, 0, glfw.PRESS, 0)
-    assert window.take_keys() == ["C"]
+    assert window.take_keys() == ["W"]
+    assert window.inputs.actions == Action.FORWARD
 
 
 def test_the_mouse_is_in_fractions_of_the_window(window, user):
