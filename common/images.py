@@ -20,7 +20,7 @@ from PIL import Image as PillowImage
 from common.errors import UserError
 from common.paths import write_whole
 from common.png16 import decode_png16, encode_png16, is_deep_color
-from common.radiance import decode_radiance, encode_radiance
+from common.radiance import decode_radiance, encode_radiance, radiance_size
 
 Array = NDArray[Any]
 
@@ -94,16 +94,47 @@ def read_image(path: str | Path) -> Array:
         raise UserError(f"{path} cannot be read: {reason}") from None
 
 
-def read_layers(path: str | Path) -> dict[str, Array]:
-    """Return all layers (H, W, C) of an EXR by name, "" for the channels without one. Raises UserError."""
+def image_size(path: str | Path) -> tuple[int, int]:
+    """Return (width, height) of a picture from its header, before memory for it is asked for. Raises UserError."""
     path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix not in READABLE:
+        raise UserError(f"{path} is not of a kind that can be read: {', '.join(READABLE)}")
+    if suffix == ".exr":
+        return _exr_size(path)
+    data = _read(path, -1 if suffix != ".hdr" else 1 << 16)
+    try:
+        if suffix == ".hdr":
+            return radiance_size(data)
+        with PillowImage.open(io.BytesIO(data), formats=("PNG", "JPEG")) as picture:
+            return picture.size
+    except ValueError as error:
+        raise UserError(f"{path} cannot be read: {error}") from None
+    except (OSError, SyntaxError, PillowImage.DecompressionBombError):
+        raise UserError(
+            f"{path} cannot be read: it is broken or of another kind than its suffix says"
+        ) from None
+
+
+def _exr_size(path: Path) -> tuple[int, int]:
     openexr = _openexr()
     _read(path, 4)  # for its errors
     try:
         window = openexr.File(str(path), header_only=True).header()["dataWindow"]
         width, height = (window[1].astype(np.int64) - window[0] + 1).tolist()
-        if width * height > MAX_PIXELS:
-            raise UserError(f"{path} cannot be read: it claims {width} x {height} pixels")
+    except (RuntimeError, ValueError, KeyError):
+        raise UserError(f"{path} cannot be read: it is broken or no EXR") from None
+    return width, height
+
+
+def read_layers(path: str | Path) -> dict[str, Array]:
+    """Return all layers (H, W, C) of an EXR by name, "" for the channels without one. Raises UserError."""
+    path = Path(path)
+    openexr = _openexr()
+    width, height = _exr_size(path)
+    if width * height > MAX_PIXELS:
+        raise UserError(f"{path} cannot be read: it claims {width} x {height} pixels")
+    try:
         channels = {
             name: c.pixels for name, c in openexr.File(str(path), separate_channels=True).channels().items()
         }

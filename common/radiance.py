@@ -50,6 +50,12 @@ def decode_radiance(data: bytes) -> Float32:
     return np.ascontiguousarray(image[vertical, horizontal])
 
 
+def radiance_size(data: bytes) -> tuple[int, int]:
+    """Return (width, height) from the beginning of a file. Raises ValueError saying what is wrong with its header."""
+    _, ((_, first_axis, lines), (_, _, within)), _ = _header(data)
+    return (within, lines) if first_axis == b"Y" else (lines, within)
+
+
 def _header(data: bytes) -> tuple[float, list[tuple[bytes, bytes, int]], int]:
     """Return the product of exposures, (sign, axis, count) of lines and within one, and the start of data."""
     if not data.startswith((b"#?RADIANCE", b"#?RGBE")):

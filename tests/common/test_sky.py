@@ -1,0 +1,103 @@
+"""The analytic sky against what was measured of real ones, and against itself."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from common import sky
+from common.color import LUMINANCE
+from common.directions import panorama_directions, panorama_solid_angles
+
+ALTITUDES = np.radians([5, 20, 45, 70])
+
+
+@pytest.mark.parametrize("altitude", ALTITUDES)
+def test_the_zenith_is_the_zenith_formula(altitude):
+    sun = sky.sun_direction(altitude, 1.0)
+    got = sky.sky_yxy([0.0, 1.0, 0.0], sun, 3.0)
+    assert np.allclose(got, sky.zenith(3.0, math.pi / 2 - altitude), rtol=1e-12)
+
+
+def test_zenith_luminance_written_out():
+    # T = 3, sun at 45 degrees: chi = (4/9 - 1/40) pi/2, Y = 7.1649 tan chi + 1.7727 kcd/m2.
+    chi = (4 / 9 - 3 / 120) * math.pi / 2
+    assert np.isclose(sky.zenith(3.0, math.pi / 4)[0], 1000 * (7.1649 * math.tan(chi) + 1.7727), rtol=1e-12)
+
+
+def test_both_sides_of_the_sun_are_equal_and_its_side_is_brighter():
+    sun = sky.sun_direction(0.6, 0.8)
+    rng = np.random.default_rng(0)
+    d = rng.normal(size=(500, 3))
+    d[:, 1] = np.abs(d[:, 1])
+    d /= np.linalg.norm(d, axis=1, keepdims=True)
+    side = np.cross(sun, [0.0, 1.0, 0.0])
+    side /= np.linalg.norm(side)
+    mirrored = d - 2 * (d @ side)[:, None] * side
+    assert np.allclose(sky.sky_yxy(d, sun, 4.0), sky.sky_yxy(mirrored, sun, 4.0), rtol=1e-12)
+    there, away = sun * [1, 1, 1], sun * [-1, 1, -1]
+    assert sky.sky_yxy(there, sun, 4.0)[0] > 2 * sky.sky_yxy(away, sun, 4.0)[0]
+
+
+def test_colour_keeps_luminance_and_white():
+    white = sky.rgb_from_yxy([2.0, 0.312727, 0.329023])  # D65 is the white of sRGB
+    assert np.allclose(white, 2.0, atol=2e-3)
+    yxy = sky.sky_yxy(panorama_directions(32)[:16], sky.sun_direction(0.8, 0.0), 3.0)
+    rgb = sky.rgb_from_yxy(yxy)
+    assert rgb.min() > 0  # nothing of a clear day lies outside the gamut
+    assert np.allclose(rgb @ LUMINANCE, yxy[..., 0], rtol=2e-3)
+    away = sky.rgb_from_yxy(sky.sky_yxy([0.0, 1.0, 0.0], sky.sun_direction(0.8, 0.0), 3.0))
+    assert away[2] > away[1] > away[0]  # blue
+
+
+@pytest.mark.parametrize("altitude", ALTITUDES)
+@pytest.mark.parametrize("height", [16, 256])
+def test_the_suns_illuminance_is_exact_at_every_size(altitude, height):
+    day = sky.sky(float(altitude), 0.9, 3.0, height=height)
+    above = panorama_directions(height)[..., 1] > 0
+    without = np.where(
+        above[..., None],
+        sky.rgb_from_yxy(sky.sky_yxy(panorama_directions(height), sky.sun_direction(altitude, 0.9), 3.0)),
+        0,
+    )
+    areas = panorama_solid_angles(height)[..., None]
+    sun = ((day.radiance.astype(np.float64) - without) * areas * above[..., None]).sum(axis=(0, 1))
+    assert np.allclose(sun, sky.sun_illuminance(altitude, 3.0), rtol=1e-4)
+    # Its middle is where the sun was asked for.
+    bright = np.unravel_index(day.radiance[..., 1].argmax(), above.shape)
+    apart = panorama_directions(height)[bright] @ sky.sun_direction(altitude, 0.9)
+    assert apart > math.cos(math.pi / height)
+
+
+def test_daylight_is_as_bright_as_daylight():
+    """Sun at 45 degrees: 80 to 100 klx facing it, and 10 to 20 from the sky, of which Preetham makes too much."""
+    direct = sky.sun_illuminance(math.radians(45), 3.0) @ LUMINANCE
+    assert 80_000 < direct < 100_000
+    d, areas = panorama_directions(128)[:64], panorama_solid_angles(128)[:64]
+    clear, usual = (
+        (
+            sky.sky_yxy(d, sky.sun_direction(math.radians(45), 0.0), turbidity)[..., 0] * d[..., 1] * areas
+        ).sum()
+        for turbidity in (2.0, 3.0)
+    )
+    assert 20_000 < clear < usual < 30_000
+    day = sky.sky(math.radians(45), 0.0, 3.0, ground=0.3)
+    ground = day.radiance[-1, 0] @ LUMINANCE
+    assert np.isclose(ground * math.pi / 0.3, direct * math.sin(math.radians(45)) + usual, rtol=0.01)
+
+
+def test_a_low_sun_is_weaker_and_redder():
+    high, low = sky.sun_illuminance(1.2, 3.0), sky.sun_illuminance(0.1, 3.0)
+    assert low.sum() < 0.4 * high.sum()
+    assert low[0] / low[2] > 2 * high[0] / high[2]
+    assert sky.sun_illuminance(-0.1, 3.0).tolist() == [0, 0, 0]
+    assert np.isclose(sky.air_mass(math.pi / 2), 1.0, atol=1e-3)
+    assert np.isclose(sky.air_mass(0.0), 37.9, atol=0.3)  # Kasten and Young's table at the horizon
+
+
+@pytest.mark.parametrize("arguments", [{"altitude": -0.1}, {"turbidity": 1.0}, {"turbidity": 40.0}])
+def test_days_that_the_model_does_not_know(arguments):
+    with pytest.raises(ValueError):
+        sky.sky(**arguments)
