@@ -101,7 +101,7 @@ class Loop:
         self.window, self.screen, self.renderer, self.camera = window, screen, renderer, camera
         self.time, self.paused = time, False
         self.figures = Figures()
-        self._title, self._on_frame = title, on_frame
+        self._title, self._told, self._on_frame = title, "", on_frame
         self._clock = FrameClock(timer_ns)
         self._since, self._frames_since = 0.0, 0
 
@@ -182,7 +182,11 @@ class Loop:
     def _tell(self, state: str) -> None:
         width, height = self.renderer.size
         parts = [self._title, f"{width}x{height}", state, "time stands still" if self.paused else ""]
-        self.window.set_title(" | ".join(part for part in parts if part))
+        told = " | ".join(part for part in parts if part)
+        if told != self._told:
+            # Not every time: a new title is an event, and events end the sleep of a window in which nothing moves.
+            self.window.set_title(told)
+            self._told = told
 
 
 def run_window(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from functools import partial
 from types import SimpleNamespace
 
@@ -122,6 +123,9 @@ def test_a_picture_that_would_be_the_same_is_not_drawn():
     assert window.waits == [IDLE_WAIT_S] * 18
     assert screen.shown == 2
     assert "nothing moves" in window.titles[-1]
+    assert len(window.titles) == len(set(window.titles)), (
+        "a title is an event, which would end the next sleep"
+    )
 
 
 def test_a_damaged_window_is_shown_the_same_picture_again():
@@ -331,6 +335,25 @@ def moving(open_renderer):
         return renderer
 
     return opened
+
+
+def test_an_idle_window_sleeps(display, monkeypatch):
+    """With a real window: whatever the loop does between two sleeps is no event that would end the next one."""
+    windows, waits = catch_windows(monkeypatch), []
+    real = Loop._sleep
+
+    def sleep(loop, seconds):
+        began = time.monotonic()
+        real(loop, seconds)
+        waits.append(time.monotonic() - began)
+        if len(waits) == 5:
+            windows[0].request_close()
+
+    monkeypatch.setattr(Loop, "_sleep", sleep)
+    figures = run_window(opener(), **SHOWN)
+    assert (figures.drawn, figures.shown >= 2) == (2, True)
+    assert max(waits) >= 0.9 * IDLE_WAIT_S
+    assert sum(waits) >= 2 * IDLE_WAIT_S
 
 
 def test_escape_and_c_reach_the_loop(display, monkeypatch):
