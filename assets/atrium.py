@@ -21,14 +21,14 @@ from assets.atrium_building import (
     SPRING,
     STEP,
     UPPER_FLOOR,
-    WALL,
     Detail,
     plan_occlusion,
 )
 from assets.atrium_materials import add_materials
+from assets.atrium_outside import add_outside
 from assets.atrium_shell import add_building
 from assets.gltf_writer import Channel, GltfBuilder, axis_angle, look_at
-from assets.shapes import Float64, Mesh, box, join, quad, sphere, surface, tube
+from assets.shapes import Float64, Mesh, box, join, sphere, surface, tube
 
 SUN_LUX, SUN_DIRECTION, SUN_COLOR = 3000.0, (0.42, -0.84, 0.34), (1.0, 0.85, 0.64)
 AMBIENT_NITS = 180.0
@@ -66,7 +66,8 @@ def build(size: str = "medium") -> GltfBuilder:
     moving = [*_fountain(scene, material, detail), *_lanterns(scene, material, detail, nodes)]
     _banners(scene, material, detail, nodes)
     _plants(scene, material, detail, nodes)
-    _glass_and_garden(scene, material, nodes)
+    _glass(scene, material, nodes)
+    add_outside(scene, material)
     _lights_and_cameras(scene)
     scene.add_animation("evening_breeze", moving)
     scene.gltf.scenes[0].extras = {"strata": {"ambient": AMBIENT_NITS}}
@@ -248,8 +249,8 @@ def _plants(scene: GltfBuilder, material: dict[str, int], detail: Detail, nodes:
     scene.instance_on_gpu(stones, np.stack([spot[:, 0], height, spot[:, 1]], -1), turn, size)
 
 
-def _glass_and_garden(scene: GltfBuilder, material: dict[str, int], nodes: dict[str, int]) -> None:
-    """Add coloured glass in two arches of the east side, and the garden that the portal opens to."""
+def _glass(scene: GltfBuilder, material: dict[str, int], nodes: dict[str, int]) -> None:
+    """Add coloured glass in two arches of the east side."""
     lunette = scene.add_mesh("lunette", (_lunette(), material["stained_glass"]))
     beam = scene.add_mesh(
         "transom",
@@ -262,11 +263,6 @@ def _glass_and_garden(scene: GltfBuilder, material: dict[str, int], nodes: dict[
         at = scene.add_node(f"window_{k}", nodes["east_ground"], translation=((k - 1) * BAY, SPRING, 0))
         scene.add_node(f"window_{k}_transom", at, mesh=beam)
         scene.add_node(f"window_{k}_glass", at, mesh=lunette)
-    away = HALF_X + GALLERY + WALL
-    backdrop = quad((away + 4.0, 4.6, -3.6), (0, 0, 7.2), (0, -4.6, 0)).with_uv((1 / 7.2, 1 / 4.6))
-    scene.add_node("garden", mesh=scene.add_mesh("garden", (backdrop, material["garden_backdrop"])))
-    path = quad((away + 0.3, 0.0, -3.6), (3.7, 0, 0), (0, 0, 7.2))
-    scene.add_node("garden_ground", mesh=scene.add_mesh("garden_ground", (path, material["soil"])))
 
 
 def _lunette() -> Mesh:

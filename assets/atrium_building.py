@@ -58,7 +58,7 @@ class Detail:
 
 DETAILS = {
     "small": Detail(256, 5, 0, 5, 1, (4, 6), 0.25, 6, False),
-    "medium": Detail(512, 12, 2, 13, 1, (12, 20), 1.0, 14, False),
+    "medium": Detail(512, 12, 2, 13, 1, (12, 20), 1.0, 12, False),
     "large": Detail(512, 40, 7, 17, 4, (48, 72), 5.0, 44, True),
 }
 

@@ -39,6 +39,8 @@ def add_materials(scene: GltfBuilder, px: int, occlusion: Bytes) -> dict[str, in
         "stained_glass": (pictures.stained_glass, (coarse,)),
         "filigree": (pictures.filigree, (px // 4,)),
         "garden": (pictures.garden, (px, px * 5 // 8)),
+        "sky": (pictures.sky, (px, coarse)),
+        "meadow": (pictures.meadow, (coarse,)),
     }
     with ThreadPoolExecutor() as pool:  # numpy works outside the interpreter's lock
         made_sets = {name: pool.submit(make, size) for name, (make, size) in sets.items()}
@@ -112,4 +114,7 @@ def add_materials(scene: GltfBuilder, px: int, occlusion: Bytes) -> dict[str, in
     add("orange_peel", color=(0.85, 0.29, 0.02), roughness=0.45)
     add("paper", color=(0.90, 0.86, 0.76), roughness=0.9, double_sided=True)
     add("garden_backdrop", base=Texture(image["garden"]), unlit=True)
+    add("sky_backdrop", base=Texture(image["sky"]), unlit=True)
+    add("meadow", base=Texture(image["meadow"]), roughness=1.0)
+    add("gravel", color=(0.56, 0.44, 0.29), roughness=1.0)
     return material

@@ -69,10 +69,9 @@ def per_cell(index: NDArray[np.int64], seed: int) -> Float64:
     return np.random.default_rng(seed).random(int(index.max()) + 1)[index]
 
 
-def bytes_of(values: Float64, step: int = 2) -> NDArray[np.uint8]:
-    """Return 0..1 as bytes in multiples of `step` (and 255): fewer different values make smaller files."""
-    quantised = np.round(np.clip(values, 0.0, 1.0) * (255.0 / step)) * step
-    return np.minimum(quantised, 255).astype(np.uint8)
+def bytes_of(values: Float64) -> NDArray[np.uint8]:
+    """Return 0..1 as bytes. Another processor's last bit moves a byte by one at most."""
+    return np.round(np.clip(values, 0.0, 1.0) * 255.0).astype(np.uint8)
 
 
 def normal_map(height: Float64, strength: float) -> NDArray[np.uint8]:
@@ -91,4 +90,4 @@ def normal_map(height: Float64, strength: float) -> NDArray[np.uint8]:
 def surface_map(occlusion: Float64, roughness: Float64, metallic: Float64 | float) -> NDArray[np.uint8]:
     """Return occlusion, roughness and metalness in red, green and blue, as glTF packs them."""
     channels = np.broadcast_arrays(occlusion, roughness, np.asarray(metallic, np.float64))
-    return bytes_of(np.stack(channels, -1), 4)
+    return bytes_of(np.stack(channels, -1))

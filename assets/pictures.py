@@ -133,6 +133,42 @@ def filigree(px: int) -> Bytes:
     return bytes_of(tint((1.0, 0.74, 0.40), glow))
 
 
+def sky(width: int, height: int) -> Bytes:
+    """Return half the round of an evening sky, zenith in the top row and horizon in the bottom one; it repeats in u."""
+    _, y = pixel_grid(width, height)
+    low = smoothstep(0.45, 1.0, y)[..., None]
+    color = mix(
+        np.array([0.34, 0.53, 0.77]), np.array([0.66, 0.78, 0.87]), smoothstep(0.0, 0.8, y)[..., None]
+    )
+    color = mix(color, np.array([0.98, 0.86, 0.68]), low)
+    # Clouds lie on a plane: seen from below, what is one row of their noise there gets thinner towards the horizon.
+    distance = 1.0 / np.tan(np.radians(90.0 * np.clip(1.0 - y[:, 0], 0.02, 0.98)))
+    row = np.clip((np.log(distance) + 3.0) / 6.5, 0.0, 1.0) * (width - 1)
+    noise = fbm(width, (7, 9), 6, 331, 0.55)[row.astype(np.int64)]
+    cover = smoothstep(0.52, 0.72, noise) * smoothstep(0.06, 0.30, y) * smoothstep(1.0, 0.86, y)
+    light = mix(
+        np.array([0.86, 0.80, 0.80]), np.array([1.0, 0.95, 0.86]), smoothstep(0.74, 0.56, noise)[..., None]
+    )
+    color = mix(color, light, 0.85 * cover[..., None])
+    for layer, (top, amount, paint) in enumerate(
+        (
+            (0.958, 0.030, (0.70, 0.70, 0.72)),
+            (0.975, 0.022, (0.56, 0.59, 0.52)),
+            (0.990, 0.014, (0.45, 0.50, 0.33)),
+        )
+    ):
+        ridge = top - amount * (value_noise((width, 1), (5 + 3 * layer, 1), 341 + layer)[0] - 0.5) * 2
+        color = mix(color, np.array(paint), smoothstep(-0.002, 0.002, y - ridge)[..., None])
+    return bytes_of(color)
+
+
+def meadow(px: int) -> Bytes:
+    """Return dry grass and bare earth seen from above, 1 repeat = 8 m."""
+    tufts, bare = fbm(px, 32, 4, 351, 0.6), smoothstep(0.52, 0.72, fbm(px, 3, 5, 361, 0.6))
+    color = mix(np.array([0.36, 0.42, 0.19]), np.array([0.52, 0.47, 0.30]), bare[..., None])
+    return bytes_of(color * (0.72 + 0.56 * tufts[..., None]))
+
+
 def garden(width: int, height: int) -> Bytes:
     """Return a view of hills, cypresses and a path in evening light: a picture that is already lit."""
     x, y = pixel_grid(width, height)

@@ -57,7 +57,7 @@ _ALL = (
     SceneInfo(
         "atrium",
         "assets.atrium",
-        {"medium": 34584, "small": 11872, "large": 244340},
+        {"medium": 34032, "small": 12232, "large": 244700},
         "Everything a frame can hold: all texture maps, alpha mask and blend, instances, cloth, animation, lights.",
     ),
     SceneInfo(
