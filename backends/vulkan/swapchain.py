@@ -312,7 +312,7 @@ class Swapchain:
 
     def close(self) -> None:
         """Free everything but the surface, after the queue has left it."""
-        self._device.wait_idle()
+        self._fn.vkDeviceWaitIdle(self._device.handle)  # after a lost device there is nothing to wait for
         self._destroy_targets()
         for slot in self._slots:
             slot.close(self._device)

@@ -368,6 +368,19 @@ def test_a_surface_without_area_shows_nothing(screen):
         assert screen.show(renderer)
 
 
+@pytest.mark.feature("device/lifetime-and-leaks")
+def test_a_lost_device_is_closed_all_the_same(window):
+    screen = Screen(window)
+    device = screen.device
+    with open_renderer(screen) as renderer:
+        renderer.render(facing())
+        assert screen.show(renderer)
+    device.wait_idle()
+    device.fn.__dict__["vkDeviceWaitIdle"] = lambda *_: vk.VK_ERROR_DEVICE_LOST
+    screen.close()
+    assert device.alive == {}
+
+
 def test_without_a_device_for_the_display_everything_is_closed_again(window, monkeypatch):
     monkeypatch.setattr(Screen, "_presents", lambda screen, physical: False)
     with pytest.raises(UnsupportedError, match="cannot show pictures on this display"):
