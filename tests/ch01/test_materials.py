@@ -113,6 +113,21 @@ def test_a_mask_keeps_what_reaches_the_cutoff(vulkan_device, cutoff):
     assert ((ids > 0)[8, 2::4] == (alpha[0, :, 3] >= cutoff)).all()
 
 
+def test_a_mask_is_cut_alike_in_colour_and_ids_by_all_that_alpha_is_made_of(vulkan_device):
+    """Factor times texture times vertex alpha, falling from left to right, against a cutoff between: one edge."""
+    images = (Image("most", np.full((2, 2, 4), (255, 255, 255, 204), np.uint8)),)
+    colors = np.ones((4, 4), np.float32)
+    colors[1:3, 3] = 0.0
+    material = replace(
+        UNLIT, base_color=(1, 1, 1, 0.9), alpha_mode="mask", alpha_cutoff=0.4, base_color_texture=texture()
+    )
+    scene = quad_scene(material, images=images, colors=colors)
+    ids, picture = (draw(vulkan_device, scene, output=output) for output in ("instance_id", "color_linear"))
+    alpha = 0.9 * 0.8 * (1 - (np.arange(16) + 0.5) / 16)
+    assert np.array_equal(ids > 0, np.broadcast_to(alpha >= 0.4, (16, 16)))
+    assert np.array_equal(ids > 0, picture[..., 0] > 0)
+
+
 # --- normals ---
 
 

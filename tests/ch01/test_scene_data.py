@@ -16,8 +16,9 @@ from chapters.ch01.logic.packing import material_variant
 from chapters.ch01.renderer import Renderer
 from chapters.ch01.settings import Settings
 from common import layouts
+from common.camera import UNIT_EV100
 from common.color import decode_srgb
-from common.scene import Deformation, Image, Light, Material
+from common.scene import Deformation, Image, Light, Material, Sampler
 from tests.support.scenes import facing, nodes_at, quad_scene, texture, translated
 
 SIZE = (16, 16)
@@ -127,6 +128,37 @@ def test_an_image_is_uploaded_once_however_many_materials_share_it(vulkan_device
     assert work["descriptor_sets"] == 2 + 3 + 1, "slots, materials, tone curve"
 
 
+@pytest.mark.parametrize(
+    ("role", "decoded"), [("base_color", True), ("emissive", True), ("occlusion", False)]
+)
+def test_colours_are_decoded_and_data_are_not(vulkan_device, role, decoded):
+    """The code 188 is a light of 0.503 as colour and of 188/255 as data."""
+    material = {
+        "base_color": Material(unlit=True, base_color_texture=texture()),
+        "emissive": Material(
+            base_color=(0, 0, 0, 1), metallic=1.0, emissive=(1, 1, 1), emissive_texture=texture()
+        ),
+        "occlusion": Material(metallic=1.0, occlusion_texture=texture()),
+    }[role]
+    images = (Image("code", np.full((2, 2, 4), (188, 188, 188, 255), np.uint8)),)
+    settings = replace(EXACT, ambient=1.0 if role == "occlusion" else 0.0)
+    picture = fresh(vulkan_device, quad_scene(material, images=images), facing(ev100=UNIT_EV100), settings)
+    code = 188 / 255
+    assert np.allclose(picture, decode_srgb(np.array(code)) if decoded else code, rtol=2e-3)
+
+
+def test_mip_levels_are_made_where_they_are_read(vulkan_device):
+    noise = Image("noise", np.random.default_rng(2).integers(0, 256, (64, 64, 4), dtype=np.uint8))
+    mipmapped, plain = texture(0, Sampler()), texture(0, Sampler(mipmap=None))
+    spread = {}
+    for reference, levels in ((mipmapped, 7), (plain, 1)):
+        scene = quad_scene(Material(unlit=True, base_color_texture=reference), images=(noise,))
+        with Renderer(scene, (4, 4), EXACT, outputs={"color_linear"}, device=vulkan_device) as made:
+            assert made._data._textures.get("base_color", reference).levels == levels
+            spread[levels] = made.render(facing()).image("color_linear").std()
+    assert spread[7] < 0.25 * spread[1], "16 texels a pixel are averaged, or one of them is taken"
+
+
 def test_sixteen_bits_become_half_precision_light():
     codes = np.array([[[0, 32768, 65535, 65535]]], np.uint16)
     assert np.array_equal(half_texels(codes, False), (codes / 65535.0).astype(np.float16))
@@ -155,13 +187,15 @@ def test_a_moved_camera_writes_one_record(vulkan_device):
     ("edit", "size"),
     [
         (lambda e: e.set_transform(0, matrix=translated(-0.5, 0.5)), 2 * INSTANCE),
+        # A mirrored object winds the other way round: another front face, from the next frame on.
+        (lambda e: e.set_transform(0, matrix=translated(-1.0) @ np.diag((-0.5, 1, 1, 1))), 2 * INSTANCE),
         # The node of a light: nothing that is drawn hangs there, but places of objects are one array.
         (lambda e: e.set_transform(2, matrix=translated(z=1.0)), 2 * INSTANCE + LIGHTS),
         (lambda e: e.set_material(0, replace(MATTE, base_color=(0, 1, 0, 1))), 2 * packing.MATERIAL.itemsize),
         (lambda e: e.set_light(0, replace(SUN, color=(1.0, 0.5, 0.0))), LIGHTS),
         (lambda e: e.set_visible(1, False), 0),
     ],
-    ids=["object", "lamp", "materials", "lights", "visibility"],
+    ids=["object", "mirror", "lamp", "materials", "lights", "visibility"],
 )
 def test_an_edit_writes_what_it_touched_and_shows_at_once(vulkan_device, edit, size):
     """In both slots: the two frames after the edit equal that of a renderer which never knew the scene before."""
@@ -210,6 +244,17 @@ def test_an_object_that_stops_is_written_one_frame_longer(vulkan_device):
         assert all((r["world_from_object"] == r["previous_world_from_object"]).all() for r in slots)
 
 
+def test_lights_follow_the_exposure(vulkan_device):
+    """They are stored pre-exposed: as often as the exposure changes, in whichever slot."""
+    scene = lit_scene()
+    expected = {ev: fresh(vulkan_device, scene, facing(ev100=ev)) for ev in (0.0, 4.0, -3.0)}
+    with Renderer(scene, SIZE, EXACT, outputs={"color_linear"}, device=vulkan_device) as made:
+        for ev in (0.0, 4.0, 4.0, -3.0, 0.0, 0.0, 4.0):
+            picture = made.render(facing(ev100=ev)).image("color_linear")
+            assert np.array_equal(picture, expected[ev])
+    assert expected[0.0].max() > 0.1
+
+
 def test_after_a_reset_nothing_has_moved(vulkan_device):
     scene = lit_scene()
     with Renderer(scene, SIZE, EXACT, device=vulkan_device) as made:
@@ -217,8 +262,12 @@ def test_after_a_reset_nothing_has_moved(vulkan_device):
         with scene.edit() as change:
             change.set_transform(0, matrix=translated(0.5))
         made.reset_history("test")
+        assert not made.idle(facing()), "the next frame is a first one"
         made.render(facing())
         assert not (made._data.instances["flags"] & layouts.INSTANCE_MOVED).any()
+        assert made.idle(facing())
+        made.reset_history("test")
+        assert not made.idle(facing())
 
 
 # --- edits that change what a material needs ---
@@ -258,6 +307,35 @@ def test_a_material_may_become_another_kind(vulkan_device, name):
     for picture in pictures:
         assert np.array_equal(picture, fresh(vulkan_device, scene, view))
     assert np.array_equal(ids, fresh(vulkan_device, scene, view, output="instance_id"))
+
+
+def test_a_skin_keeps_its_pose_when_its_material_reads_more(vulkan_device):
+    """New streams are a new buffer, at rest: the posed vertices must be copied into it, in both slots."""
+    scene = skinned_scene()
+    scene.images.append(GREY)
+    with Renderer(scene, SIZE, EXACT, outputs={"instance_id"}, device=vulkan_device) as made:
+        before = settled(made, facing()).image("instance_id")
+        with scene.edit() as change:
+            change.set_material(0, Material(unlit=True, base_color_texture=texture()))
+        for _ in range(2):
+            assert np.array_equal(made.render(facing()).image("instance_id"), before)
+    assert before.sum() == 8 * 8
+
+
+def test_other_textures_leave_the_geometry_where_it_is(vulkan_device):
+    images = (GREY, replace(GREY, name="other"))
+    scene = quad_scene(Material(unlit=True, base_color_texture=texture(0)), images=images)
+    with Renderer(scene, SIZE, EXACT, device=vulkan_device) as made:
+        settled(made, facing())
+        before = list(made._data._geometry)
+        with scene.edit() as change:
+            change.set_material(0, Material(unlit=True, base_color_texture=texture(1)))
+        settled(made, facing())
+        assert made._data._geometry == before
+        with scene.edit() as change:
+            change.set_material(0, Material(unlit=True))
+        settled(made, facing())
+        assert made._data._geometry != before, "without textures there are no uv coordinates either"
 
 
 def test_other_factors_build_nothing(vulkan_device):
@@ -322,6 +400,14 @@ def test_a_joint_that_is_edited_moves_its_skin(vulkan_device):
             ids = made.render(facing()).image("instance_id")
             assert (ids[6:10] == 1).all()
             assert ids.sum() == 16 * 4
+
+
+def test_deforming_vertices_exist_once_per_slot_and_others_once(vulkan_device):
+    """One frame's vertices are written while the GPU may still read the other's."""
+    for scene, copies in ((skinned_scene(), 2), (quad_scene(), 1)):
+        with Renderer(scene, SIZE, EXACT, device=vulkan_device) as made:
+            assert len({slot.geometry for slot in made._data.slots}) == copies
+            assert len(made._data._geometry) == copies
 
 
 def test_a_skin_that_stands_still_is_not_copied_again(vulkan_device):
