@@ -1,0 +1,73 @@
+"""Makes docs/pictures anew: `python docs/pictures.py [NAME...]` draws the project's own scenes with chapter 1.
+
+Every picture is drawn twice as wide and high and averaged down in linear light, four samples to a pixel, so that edges
+are smooth without any method of a later chapter.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))  # so that it runs from any folder, installed or not
+
+import chapters  # noqa: E402
+from assets import SCENES, locate  # noqa: E402
+from common.color import decode_srgb, encode_srgb, quantize  # noqa: E402
+from common.errors import StrataError  # noqa: E402
+from common.gltf import load_scene  # noqa: E402
+from common.images import write_image  # noqa: E402
+from common.settings import preset  # noqa: E402
+
+SIZE = (640, 360)
+FOLDER = ROOT / "docs" / "pictures"
+CHAPTER = 1
+
+
+def halved(codes: NDArray[np.uint8]) -> NDArray[Any]:
+    """Return (H/2, W/2, 3) sRGB codes: each the mean of the light of four of `codes` (H, W, 3 or 4)."""
+    light = decode_srgb(codes[..., :3] / 255.0)
+    height, width = light.shape[:2]
+    mean = light.reshape(height // 2, 2, width // 2, 2, 3).mean(axis=(1, 3))
+    return quantize(encode_srgb(mean))
+
+
+def draw(name: str, camera: str | None = None, size: tuple[int, int] = SIZE) -> NDArray[Any]:
+    """Return the picture (H, W, 3) of a scene as its first camera sees it, or the one named."""
+    settings: Any = preset(chapters.settings_class(CHAPTER), "high")
+    twice = (2 * size[0], 2 * size[1])
+    scene = load_scene(locate(name))
+    with chapters.open(
+        CHAPTER, "auto", scene=scene, size=twice, settings=settings, outputs={"color"}
+    ) as renderer:
+        return halved(renderer.render(chapters.view_of(renderer, camera, 0.0)).image("color"))
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Draw the scenes named, or all, and say how large each file is; return the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("names", metavar="NAME", nargs="*", help=f"one of {', '.join(SCENES)}; default all")
+    parser.add_argument("--out", type=Path, default=FOLDER, help="folder to write to (default docs/pictures)")
+    chosen = parser.parse_args(arguments)
+    try:
+        pictures = {name.replace(":", "-"): draw(name) for name in chosen.names or SCENES}
+        chosen.out.mkdir(parents=True, exist_ok=True)
+        for name, picture in pictures.items():
+            path = chosen.out / f"{name}.png"
+            write_image(path, picture)
+            print(f"{path}  {path.stat().st_size / 1e3:.0f} kB")
+    except StrataError as error:
+        print(error, file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
