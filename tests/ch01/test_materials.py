@@ -114,18 +114,27 @@ def test_a_mask_keeps_what_reaches_the_cutoff(vulkan_device, cutoff):
 
 
 def test_a_mask_is_cut_alike_in_colour_and_ids_by_all_that_alpha_is_made_of(vulkan_device):
-    """Factor times texture times vertex alpha, falling from left to right, against a cutoff between: one edge."""
+    """Factor times texture times vertex alpha, falling from left to right, against a cutoff between: one edge.
+
+    On a wall at the very same depth, so that depth alone cannot tell what was cut away.
+    """
     images = (Image("most", np.full((2, 2, 4), (255, 255, 255, 204), np.uint8)),)
     colors = np.ones((4, 4), np.float32)
     colors[1:3, 3] = 0.0
     material = replace(
         UNLIT, base_color=(1, 1, 1, 0.9), alpha_mode="mask", alpha_cutoff=0.4, base_color_texture=texture()
     )
-    scene = quad_scene(material, images=images, colors=colors)
+    scene = quad_scene(
+        materials=(replace(UNLIT, base_color=(0, 0, 1, 1)), material),
+        matrices=(np.eye(4), np.eye(4)),
+        instance_materials=(0, 1),
+        images=images,
+        colors=colors,
+    )
     ids, picture = (draw(vulkan_device, scene, output=output) for output in ("instance_id", "color_linear"))
     alpha = 0.9 * 0.8 * (1 - (np.arange(16) + 0.5) / 16)
-    assert np.array_equal(ids > 0, np.broadcast_to(alpha >= 0.4, (16, 16)))
-    assert np.array_equal(ids > 0, picture[..., 0] > 0)
+    assert np.array_equal(ids, np.broadcast_to(np.where(alpha >= 0.4, 2, 1), (16, 16)))
+    assert np.array_equal(ids == 2, picture[..., 0] > 0)
 
 
 # --- normals ---
