@@ -257,17 +257,22 @@ class Renderer:
             for made in (self._forward, self._instance_id):
                 if made in self.passes:
                     made.create()
+        # After a cut the frame before says nothing: neither where the camera was nor where objects were.
+        cut = self._previous_view is None or view.cut or time < self._previous_time
+        if cut:
+            self._previous_view, self._previous_time = view, time
+            self._data.forget_pose()
         pose = self._light.pose(evaluate_pose(scene, time), view)
         constants = np.zeros((), layouts.dtype("FrameConstants"))
         layouts.fill_frame_constants(
             constants,
             view,
-            self._previous_view or view,
+            self._previous_view,
             self.size,
             origin=scene.origin,
             length_scale=scene.length_scale,
             time=time,
-            previous_time=self._previous_time if self._previous_view else time,
+            previous_time=self._previous_time,
             frame_index=self._index,
             instance_count=len(scene.instances),
             light_count=len(scene.lights),
@@ -364,7 +369,6 @@ class Renderer:
     def reset_history(self, reason: str) -> None:
         """Start again at frame 0. This chapter keeps nothing from frame to frame but the previous view and pose."""
         self._index = 0
-        self._data.forget_pose()
         self._previous_view = None
         self._last = None
 

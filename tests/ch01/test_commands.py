@@ -95,7 +95,9 @@ def test_nothing_is_bound_twice_in_a_row(vulkan_device):
     assert all(a != b for a, b in itertools.pairwise(states))
     sets: dict = {}
     for name, arguments in log:
-        if name == "vkCmdBindPipeline" or name == "vkCmdBeginRendering":
+        if name == "vkCmdBeginRendering":
+            sets.clear()
+        elif name == "vkCmdBindPipeline":
             sets.pop(0, None)
         elif name == "vkCmdBindDescriptorSets":
             number, handle = arguments[3], arguments[5][0]

@@ -192,6 +192,41 @@ def test_numbers_make_no_variants(vulkan_device):
     assert work["pipelines"] == 3 + 2, "the forward pass's, and the ids of what is not transparent"
 
 
+def test_ids_need_shapes_alone(vulkan_device):
+    """Six opaque materials of six kinds share the pipeline of the ids, which binds no texture and no normal."""
+    images = (Image("white", np.full((1, 1, 4), 255, np.uint8)),)
+    kinds = [{}, {"unlit": True}, {"double_sided": True}] + [
+        {f"{role}_texture": texture()} for role in ("base_color", "normal", "emissive")
+    ]
+    materials = (
+        *(Material(**kind) for kind in kinds),
+        Material(alpha_mode="mask", base_color_texture=texture()),
+    )
+    count = len(materials)
+    scene = quad_scene(
+        materials=materials,
+        images=images,
+        matrices=tuple(translated(z=-0.1 * i) for i in range(count)),
+        instance_materials=tuple(range(count)),
+        lights=(SUN,),
+    )
+    log: list = []
+    outputs = {"instance_id"}
+    with Renderer(scene, (8, 8), Settings(), outputs=outputs, device=vulkan_device) as made:
+        made.render(facing())
+        vulkan_device.fn.trace(log)
+        frame = made.render(facing())
+        vulkan_device.fn.trace(None)
+        assert (frame.image("instance_id") == 1).all()
+        assert frame.work["pipelines"] == count + 2
+    begins = [i for i, (name, _) in enumerate(log) if name == "vkCmdBeginRendering"]
+    ids = [name for name, _ in log[begins[1] :]]
+    assert ids.count("vkCmdBindPipeline") == 4, (
+        "opaque in the forward pass's order, amid it what is double-sided; masked"
+    )
+    assert ids.count("vkCmdBindDescriptorSets") == 2 + 1, "the frame's for either, and the mask's texture"
+
+
 def test_materials_that_nothing_has_build_no_pipeline_in_any_pass(vulkan_device):
     scene = quad_scene(
         materials=(Material(), Material(alpha_mode="mask"), Material(double_sided=True)), lights=(SUN,)

@@ -244,6 +244,26 @@ def test_an_object_that_stops_is_written_one_frame_longer(vulkan_device):
         assert all((r["world_from_object"] == r["previous_world_from_object"]).all() for r in slots)
 
 
+@pytest.mark.parametrize(
+    ("cut", "time"), [(True, 2.0), (False, 0.5), (False, 2.0)], ids=["cut", "backwards", "onwards"]
+)
+def test_a_cut_forgets_the_frame_before(vulkan_device, cut, time):
+    """A view that says so, and time that runs backwards: camera, time and objects are now where they were before."""
+    scene = lit_scene()
+    with Renderer(scene, SIZE, EXACT, device=vulkan_device) as made:
+        made.render(facing(), 1.0)
+        with scene.edit() as change:
+            change.set_transform(0, matrix=translated(0.5))
+        made.render(replace(facing(distance=3.0), cut=cut), time)
+        constants = made._data.slots[1].frame.view(layouts.dtype("FrameConstants"))[0]
+        moved = bool(made._data.instances["flags"][0] & layouts.INSTANCE_MOVED)
+    fresh_start = cut or time < 1.0
+    assert (constants["previous_view_from_world"] == constants["view_from_world"]).all() == fresh_start
+    assert constants["delta_time"] == (0.0 if fresh_start else 1.0)
+    assert moved == (not fresh_start)
+    assert constants["frame_index"] == 1, "it is no reset"
+
+
 def test_lights_follow_the_exposure(vulkan_device):
     """They are stored pre-exposed: as often as the exposure changes, in whichever slot."""
     scene = lit_scene()

@@ -3,17 +3,32 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 from backends.contract import Access
 from common.scene import Scene
 
-from ..graphics.commands import Commands
-from ..graphics.pipelines import GraphicsPipeline, Pipelines
+from ..graphics.commands import Commands, DrawGroup
+from ..graphics.pipelines import Built, GraphicsPipeline, Pipelines
 from ..graphics.scene_data import SceneData
 from ..logic.packing import Variant
 from ..settings import Settings
 from .forward import ForwardPass
+
+_OF_THE_SHAPE = ("ALPHA_MASK", "BASE_COLOR_MAP", "TEXTURED", "UV1", "VERTEX_COLOR")
+"""What decides where a masked surface is; where an opaque one is, its positions say alone."""
+
+
+def shape_alone(variant: Variant) -> Variant:
+    """Return the variant that draws the same pixels without colour: nothing is shaded here."""
+    if variant.alpha_mode != "mask":
+        return replace(variant, defines=(), roles=())
+    textured = variant.has("BASE_COLOR_MAP")
+    needed = [
+        (name, value)
+        for name, value in variant.defines
+        if name in _OF_THE_SHAPE and (textured or name not in ("TEXTURED", "UV1"))
+    ]
+    return replace(variant, defines=tuple(needed), roles=("base_color",) if textured else ())
 
 
 class InstanceIdPass:
@@ -28,7 +43,9 @@ class InstanceIdPass:
 
     def __init__(self, forward: ForwardPass, data: SceneData, pipelines: Pipelines) -> None:
         self._forward, self._data, self._pipelines = forward, data, pipelines
-        self._made: dict[int, Any] = {}
+        self._made: dict[int, Built] = {}
+        self._solid: list[DrawGroup] = []
+        self._groups: list[DrawGroup] = []
 
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:
@@ -36,25 +53,34 @@ class InstanceIdPass:
         return len(scene.instances) > 0
 
     def _describe(self, variant: Variant) -> GraphicsPipeline:
+        needed = shape_alone(variant)
         return GraphicsPipeline(
             shaders=("forward.vert", "instance_id.frag"),
-            set_layouts=self._data.set_layouts(variant),
-            defines=variant.defines,
-            streams=self._data.vertex_streams(variant),
+            # The set of a material is bound as the forward pass made it, with roles that nobody reads here.
+            set_layouts=self._data.set_layouts(variant if needed.roles else needed),
+            defines=needed.defines,
+            streams=self._data.vertex_streams(needed),
             color="r32ui",
             depth="equal",
             name="instance id",
         )
 
     def create(self) -> None:
-        """Build one pipeline per variant of a solid material that is drawn."""
-        for material in self._forward.used:
-            variant = self._data.variants[material]
-            if variant.alpha_mode != "blend":
-                self._made[material] = self._pipelines.get([self._describe(variant)])[0]
+        """Build the pipelines of solid materials that are drawn: one for all that are opaque."""
+        variants = self._data.variants
+        solid = [material for material in self._forward.used if variants[material].alpha_mode != "blend"]
+        made = self._pipelines.get([self._describe(variants[material]) for material in solid])
+        self._made = dict(zip(solid, made, strict=True))
+        self._solid = self._groups = []
+
+    def _group(self, group: DrawGroup) -> DrawGroup:
+        textures = group.material_set if shape_alone(self._data.variants[group.material]).roles else None
+        return replace(group, pipeline=self._made[group.material], material_set=textures)
 
     def record(self, commands: Commands) -> None:
         """Record the forward pass's solid draws with the id's pipelines."""
-        groups = [replace(group, pipeline=self._made[group.material]) for group in self._forward.lists.solid]
+        if self._solid is not self._forward.lists.solid:
+            self._solid = self._forward.lists.solid
+            self._groups = [self._group(group) for group in self._solid]
         commands.bind_geometry(*self._forward.geometry)
-        commands.draw_groups(groups, self._forward.frame_set)
+        commands.draw_groups(self._groups, self._forward.frame_set)
