@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -191,21 +192,24 @@ def pot(detail: Detail) -> tuple[Mesh, Mesh]:
     return lathe(profile, detail.round_segments), disc(0.21, detail.round_segments).moved((0, 0.46, 0))
 
 
-def twig(foot: Float64, direction: Float64, length: float, droop: float, bends: int = 2) -> Mesh:
-    """Return one card with a twig from `foot` along `direction`, bending down by `droop` of its length at the tip."""
+Twig = tuple[Float64, Float64, float, float]
+"""Foot, direction, length, and by how much of its length the tip bends down."""
+
+
+def twigs(wanted: Sequence[Twig], bends: int = 1) -> Mesh:
+    """Return one card with a picture of a twig for each of `wanted`, each of `bends` + 1 rows of vertices."""
+    foot, direction = (np.array([twig[k] for twig in wanted])[:, None, None] for k in (0, 1))
+    length, droop = (np.array([twig[k] for twig in wanted])[:, None, None, None] for k in (2, 3))
     forward = normalized(direction)
     side = np.cross(forward, [0.0, 1.0, 0.0])
-    side = normalized(side) if np.linalg.norm(side) > 1e-3 else np.array([1.0, 0.0, 0.0])
+    upright = np.linalg.norm(side, axis=-1, keepdims=True) <= 1e-3
+    side = np.where(upright, [1.0, 0.0, 0.0], normalized(side))
     t = np.linspace(1.0, 0.0, bends + 1)[:, None, None]  # the picture's top is the tip
     u = np.array([-0.5, 0.5])[None, :, None]
-    points = (
-        foot
-        + forward * (t * length)
-        - np.array([0.0, droop * length, 0.0]) * t**2
-        + side * (u * length * 0.9)
-    )
+    down = np.array([0.0, 1.0, 0.0]) * (droop * length)
+    points = foot + forward * (t * length) - down * t**2 + side * (u * length * 0.9)
     uv = np.stack(np.broadcast_arrays(u[..., 0] + 0.5, 1 - t[..., 0]), -1)
-    return surface(points, uv).without_tangents()
+    return surface(points, np.broadcast_to(uv, (*points.shape[:-1], 2))).without_tangents()
 
 
 def bush(detail: Detail, seed: int) -> Mesh:
@@ -218,8 +222,8 @@ def bush(detail: Detail, seed: int) -> Mesh:
             [math.cos(around) * math.cos(rise), math.sin(rise), math.sin(around) * math.cos(rise)]
         )
         foot = np.array([0.0, 0.45, 0.0]) + 0.07 * direction
-        parts.append(twig(foot, direction, rng.uniform(0.42, 0.68), rng.uniform(0.15, 0.45)))
-    return join(*parts)
+        parts.append((foot, direction, rng.uniform(0.42, 0.68), rng.uniform(0.15, 0.45)))
+    return twigs(parts, bends=2)
 
 
 def tree(detail: Detail) -> tuple[Mesh, Mesh, Mesh]:
@@ -252,7 +256,7 @@ def tree(detail: Detail) -> tuple[Mesh, Mesh, Mesh]:
         )
         foot = center + out * np.array([0.52, 0.46, 0.52]) * rng.uniform(0.25, 0.85)
         lean = normalized(out + rng.normal(0.0, 0.35, 3) + [0.0, 0.25, 0.0])
-        leaves.append(twig(foot, lean, rng.uniform(0.30, 0.46), 0.25, bends=1))
+        leaves.append((foot, lean, rng.uniform(0.30, 0.46), 0.25))
     ball = sphere(0.042, max(5, detail.round_segments // 2), max(3, detail.round_segments // 4))
     for k in range(min(11, round(11 * detail.plenty))):
         around, height = 2.399963 * k, rng.uniform(-0.75, 0.45)
@@ -263,7 +267,7 @@ def tree(detail: Detail) -> tuple[Mesh, Mesh, Mesh]:
                 + np.array([math.cos(around) * ring * 0.66, height * 0.58, math.sin(around) * ring * 0.66])
             )
         )
-    return join(*wood), join(*leaves), join(*fruit)
+    return join(*wood), twigs(leaves), join(*fruit)
 
 
 def ivy(detail: Detail, seed: int) -> Mesh:
@@ -275,8 +279,8 @@ def ivy(detail: Detail, seed: int) -> Mesh:
         reach = 1.35 * math.exp(-((x / 0.45) ** 2)) * rng.uniform(0.2, 1.0)
         foot = np.array([x, -reach + 0.1, rng.uniform(0.03, 0.10)])
         direction = np.array([rng.uniform(-0.8, 0.8), rng.uniform(-1.0, 0.15), rng.uniform(0.15, 0.7)])
-        parts.append(twig(foot, direction, rng.uniform(0.26, 0.40), 0.25, bends=1))
-    return join(*parts)
+        parts.append((foot, direction, rng.uniform(0.26, 0.40), 0.25))
+    return twigs(parts)
 
 
 def pebble() -> Mesh:

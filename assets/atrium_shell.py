@@ -272,25 +272,20 @@ def _roof_barrels(half: float) -> Mesh:
     along, across = normalized(foot - head), np.array([1.0, 0.0, 0.0])
     above = np.cross(across, -along)
     length, spacing, course, radius = float(np.linalg.norm(foot - head)), 0.26, 0.34, 0.10
-    angle = np.linspace(np.pi, 0.0, 6)[None, :, None]
-    rows = []
+    tiles = []  # x, start and end of each, along the slope
     for x in np.arange(-half + back, half - back, spacing) + spacing / 2:
         reach = length * min(1.0, (half - back - abs(x)) / (out - back))
         for k in range(int(reach / course) + 1):
             start, end = k * course, min((k + 1) * course + 0.04, reach)
-            if end - start < 0.08:
-                continue
-            t = np.array([start, end])[:, None, None]
-            lift = np.array([0.0, 0.025])[:, None, None]
-            width = np.array([radius * 0.9, radius])[:, None, None]
-            rim = across * np.cos(angle) * width + above * (np.sin(angle) * width + lift)
-            rows.append(
-                surface(
-                    head + across * x + along * t + rim,
-                    np.stack(np.broadcast_arrays(1 - angle[..., 0] / np.pi, t[..., 0]), -1),
-                )
-            )
-    return join(*rows).with_uv(TILES)
+            if end - start >= 0.08:
+                tiles.append((x, start, end))
+    table = np.array(tiles)
+    x, t = table[:, 0][:, None, None, None], table[:, 1:][:, :, None, None]
+    angle = np.linspace(np.pi, 0.0, 6)[None, :, None]
+    lift, width = (np.array(ends)[:, None, None] for ends in ((0.0, 0.025), (radius * 0.9, radius)))
+    rim = across * np.cos(angle) * width + above * (np.sin(angle) * width + lift)
+    uv = np.stack(np.broadcast_arrays(1 - angle[..., 0] / np.pi, t[..., 0]), -1)
+    return surface(head + across * x + along * t + rim, uv).with_uv(TILES)
 
 
 def _dentils(half: float) -> Mesh:

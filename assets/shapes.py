@@ -119,16 +119,16 @@ def _slopes(points: Float64, axis: int) -> Float64:
 
 
 def surface(points: Float64, uv: Float64, normals: Float64 | None = None) -> Mesh:
-    """Return the grid `points` (R, C, 3) as a mesh with `uv` (R, C, 2).
+    """Return the grid `points` (..., R, C, 3) as a mesh with `uv` (..., R, C, 2); leading axes hold several grids.
 
-    Normals (R, C, 3), if not given, follow the grid's own slope. Triangles with two equal corners are left out, so
-    that a row may shrink to a point.
+    Normals (..., R, C, 3), if not given, follow each grid's own slope. Triangles with two equal corners are left out,
+    so that a row may shrink to a point.
     """
-    along_u, along_v = _slopes(points, 1), _slopes(points, 0)
+    along_u, along_v = _slopes(points, -2), _slopes(points, -3)
     if normals is None:
         normals = np.cross(along_v, along_u)
     normals = normalized(normals)
-    uv_u, uv_v = _slopes(uv, 1), _slopes(uv, 0)
+    uv_u, uv_v = _slopes(uv, -2), _slopes(uv, -3)
     # dP/du and dP/dv of the texture from the grid's slopes; the common factor's sign tells a mirrored chart.
     area = uv_u[..., 0] * uv_v[..., 1] - uv_u[..., 1] * uv_v[..., 0]
     sign = np.where(area < 0, -1.0, 1.0)
@@ -137,9 +137,9 @@ def surface(points: Float64, uv: Float64, normals: Float64 | None = None) -> Mes
     missing = (np.abs(tangent).sum(-1) == 0)[..., None]
     fallback = np.cross(normals, np.where(np.abs(normals[..., 1:2]) < 0.9, [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]))
     tangent = np.where(missing, normalized(fallback), tangent)
-    rows, columns = points.shape[:2]
-    index = np.arange(rows * columns).reshape(rows, columns)
-    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]
+    index = np.arange(points.size // 3).reshape(points.shape[:-1])
+    a, b = index[..., :-1, :-1], index[..., :-1, 1:]
+    c, d = index[..., 1:, :-1], index[..., 1:, 1:]
     triangles = np.concatenate(
         [np.stack([a, c, d], -1).reshape(-1, 3), np.stack([a, d, b], -1).reshape(-1, 3)], axis=1
     ).reshape(-1, 3)
