@@ -11,6 +11,7 @@ programs      programs from the same GLSL text as Vulkan's
 upload        mip chains, made by the same kernel as Vulkan's
 readback      images back to the CPU
 queries       timestamps and counts of the GPU's work
+draw_lists    user interfaces, over a finished picture
 present       the picture in a window
 
 moderngl makes the context and links programs; everything else is a raw call on names ("direct state access"), so what
