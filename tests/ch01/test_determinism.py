@@ -170,6 +170,22 @@ def test_the_order_of_objects_in_the_file_is_no_matter_where_depth_decides(vulka
     assert len(np.unique(pictures[0][2])) == 5
 
 
+def test_what_stands_at_one_depth_is_drawn_in_the_scene_s_order(vulkan_device):
+    """Two squares that overlap in one plane, seen at a slant first: the next frame does not remember how they stood."""
+    scene = quad_scene(Material(unlit=True), matrices=(translated(-0.5), translated(0.5)))
+    straight = facing(ymag=2.0)
+    slants = [replace(straight, world_from_view=pose_looking_at((x, 0, 2.0), (0, 0, 0))) for x in (-2.0, 2.0)]
+    with Renderer(scene, SIZE, outputs={"instance_id"}, device=vulkan_device) as made:
+        pictures = []
+        for slant in slants:
+            made.render(slant)
+            pictures.append(made.render(straight).image("instance_id"))
+    with Renderer(scene, SIZE, outputs={"instance_id"}, device=vulkan_device) as made:
+        expected = made.render(straight).image("instance_id")
+    assert np.array_equal(pictures[0], expected)
+    assert np.array_equal(pictures[1], expected)
+
+
 def test_a_scene_with_everything_is_the_same_twice(vulkan_device):
     """The atrium at two times, forwards and backwards: 200 objects, textures, masks, glass, a moving node."""
     scene = load_scene(locate("atrium"))

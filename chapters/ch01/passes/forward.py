@@ -35,7 +35,7 @@ class ForwardPass:
         )
         self._builder = DrawListBuilder(scene, data)
         self._key: Any = None
-        self.lists = DrawLists([], [], [], np.zeros(0, np.int64))
+        self.lists = self._unsorted = DrawLists([], [], [], np.zeros(0, np.int64))
         self.frame_set: Any = None
         self.geometry: Any = None
         self.used: list[int] = []
@@ -71,11 +71,12 @@ class ForwardPass:
         mirrored = (instances["flags"] & layouts.INSTANCE_MIRRORED) != 0
         key = (visibility, mirrored.tobytes())
         if key != self._key:
-            self.lists = self._builder.build(mirrored, self._pipeline)
+            self._unsorted = self._builder.build(mirrored, self._pipeline)
             self._key = key
         self.frame_set = self._data.frame_sets[slot]
         self.geometry = self._data.geometry(slot)
-        self.lists = self.lists.nearest_first(
+        # Sorted from the scene's order every time: what stands at one depth must not depend on the frame before.
+        self.lists = self._unsorted.nearest_first(
             packing.view_depth(instances["bounds_centre"][:, :3], view_from_world)
         )
         some = self.lists.transparent_instances

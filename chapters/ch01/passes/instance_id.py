@@ -44,8 +44,6 @@ class InstanceIdPass:
     def __init__(self, forward: ForwardPass, data: SceneData, pipelines: Pipelines) -> None:
         self._forward, self._data, self._pipelines = forward, data, pipelines
         self._made: dict[int, Built] = {}
-        self._solid: list[DrawGroup] = []
-        self._groups: list[DrawGroup] = []
 
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:
@@ -71,7 +69,6 @@ class InstanceIdPass:
         solid = [material for material in self._forward.used if variants[material].alpha_mode != "blend"]
         made = self._pipelines.get([self._describe(variants[material]) for material in solid])
         self._made = dict(zip(solid, made, strict=True))
-        self._solid = self._groups = []
 
     def _group(self, group: DrawGroup) -> DrawGroup:
         textures = group.material_set if shape_alone(self._data.variants[group.material]).roles else None
@@ -79,8 +76,6 @@ class InstanceIdPass:
 
     def record(self, commands: Commands) -> None:
         """Record the forward pass's solid draws with the id's pipelines."""
-        if self._solid is not self._forward.lists.solid:
-            self._solid = self._forward.lists.solid
-            self._groups = [self._group(group) for group in self._solid]
         commands.bind_geometry(*self._forward.geometry)
-        commands.draw_groups(self._groups, self._forward.frame_set)
+        groups = [self._group(group) for group in self._forward.lists.solid]
+        commands.draw_groups(groups, self._forward.frame_set)
