@@ -5,18 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from assets import SCENES, write
+from assets import SCENES, locate
 from common.gltf import load_scene
 
-NAMES = [*SCENES, "atrium:small"]
+NAMES = [f"{info.name}:{size}" for info in SCENES.values() for size in info.sizes]
 
 
 @pytest.fixture(scope="module", params=NAMES)
-def scene(request, tmp_path_factory):
-    if ":" not in request.param:
-        return load_scene(SCENES[request.param].committed())
-    name, size = request.param.split(":")
-    return load_scene(write(name, tmp_path_factory.mktemp("small"), size, binary=True))
+def scene(request, kept):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("STRATA_CACHE", str(kept))
+        return load_scene(locate(request.param))
 
 
 def test_normals_and_tangents_are_frames(scene):

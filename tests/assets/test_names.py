@@ -23,12 +23,6 @@ NEAR = {"large": 250_000, "medium": 30_000}
 """About how many triangles the sizes of the atrium are meant to have."""
 
 
-@pytest.fixture(scope="module")
-def kept(tmp_path_factory):
-    """A cache for the tests that only read it."""
-    return tmp_path_factory.mktemp("cache")
-
-
 @pytest.fixture
 def cache(tmp_path, monkeypatch):
     """A cache of one test's own, and a note of every scene that is made; a few boxes stand in for all of them."""
