@@ -152,6 +152,37 @@ def test_a_closed_renderer_renders_no_more(vulkan_device):
         made.render(facing())
 
 
+@pytest.mark.parametrize("failing", ["forward", "tonemap"])
+def test_a_frame_that_fails_leaves_the_next_one_whole(vulkan_device, monkeypatch, failing):
+    """An exception amid recording, as Ctrl-C would be: its commands are thrown away, other frames are untouched."""
+    with Renderer(lit_quad(), SIZE, device=vulkan_device) as made:
+        expected = made.render(facing()).image("color")
+        kept = made.render(facing())
+
+        def interrupted(commands):
+            raise KeyboardInterrupt
+
+        with monkeypatch.context() as patch:
+            (one,) = (found for found in made.passes if found.name == failing)
+            patch.setattr(one, "record", interrupted)
+            with pytest.raises(KeyboardInterrupt):
+                made.render(facing(distance=1.0))
+        assert np.array_equal(kept.image("color"), expected)
+        for _ in range(3):
+            frame = made.render(facing())
+            assert np.array_equal(frame.image("color"), expected)
+            assert list(frame.timings) == ["forward", "tonemap"]
+
+
+def test_a_renderer_that_nobody_reads_draws_all_the_same(vulkan_device):
+    with Renderer(lit_quad(), SIZE, outputs=(), device=vulkan_device) as made:
+        frames = [made.render(facing()) for _ in range(3)]
+        assert list(frames[-1].timings) == ["forward"]
+        assert frames[-1].work["draws"] == 1
+        with pytest.raises(StaleFrameError, match="not among this renderer's outputs"):
+            frames[-1].image("color")
+
+
 @pytest.mark.feature("device/viewport-resize")
 @pytest.mark.parametrize("sizes", [[(1, 1)], [(13, 7)], [(257, 3), (3, 257)], [(300, 200), (1, 1), (64, 48)]])
 def test_every_size_gives_the_picture_of_a_new_renderer(vulkan_device, sizes):

@@ -16,9 +16,9 @@ from chapters.ch01.logic.packing import material_variant
 from chapters.ch01.renderer import Renderer
 from chapters.ch01.settings import Settings
 from common import layouts
-from common.camera import UNIT_EV100
+from common.camera import UNIT_EV100, exposure
 from common.color import decode_srgb
-from common.scene import Deformation, Image, Light, Material, Sampler
+from common.scene import Deformation, Image, Instances, Light, Material, Sampler
 from tests.support.scenes import facing, nodes_at, quad_scene, texture, translated
 
 SIZE = (16, 16)
@@ -167,6 +167,37 @@ def test_sixteen_bits_become_half_precision_light():
     assert light[..., 3] == 1.0
     wild = np.array([[[np.nan, np.inf, -np.inf, 1e30]]], np.float32)
     assert np.array_equal(half_texels(wild, False)[0, 0], np.float16([0, 65504, -65504, 65504]))
+
+
+def without(*what):
+    """Return `lit_scene` with empty arrays."""
+    scene = lit_scene()
+    if "instances" in what:
+        scene = replace(scene, instances=Instances(np.zeros(0, np.int32), np.zeros(0, np.int32)))
+    if "meshes" in what:
+        nothing = {
+            name: getattr(scene, name)[:0] for name in ("positions", "normals", "tangents", "uv0", "indices")
+        }
+        scene = replace(scene, meshes=scene.meshes[:0], mesh_names=[], materials=[], **nothing)
+    if "lights" in what:
+        scene = replace(scene, lights=[])
+    return scene
+
+
+@pytest.mark.parametrize(
+    "what", [("instances",), ("instances", "meshes"), ("instances", "meshes", "lights")], ids=str
+)
+def test_a_scene_of_nothing_is_its_background(vulkan_device, what):
+    outputs = {"color", "color_linear", "depth", "instance_id"}
+    settings = Settings(background=0.25)
+    with Renderer(without(*what), SIZE, settings, outputs=outputs, device=vulkan_device) as made:
+        for _ in range(3):
+            frame = made.render(facing())
+        assert len(np.unique(frame.image("color"))) == 1
+        assert np.allclose(frame.image("color_linear") * exposure(facing().ev100), 0.25)
+        assert not frame.image("depth").any()
+        assert not frame.image("instance_id").any()
+        assert frame.work["draws"] == 1
 
 
 # --- what a frame writes ---
