@@ -138,6 +138,7 @@ def test_it_moves_and_comes_back(scene):
     (clip,) = scene.animations
     assert {channel.path for channel in clip.channels} == {"translation", "rotation"}
     assert {channel.interpolation for channel in clip.channels} == {"linear", "cubic"}
+    assert all(abs(channel.times[-1] - clip.duration) < 1e-3 for channel in clip.channels), "all end together"
     start, middle, end = (evaluate_pose(scene, t).world_from_object for t in (0.0, 1.1, clip.duration))
     moved = np.abs(middle - start).max(axis=(1, 2)) > 1e-3
     assert 8 <= moved.sum() <= 40, "some things move, the building stands"
