@@ -22,8 +22,10 @@ from tests.support.report import Report
 
 HERE = Path(__file__).parent
 NO_DEVICE = "no device was opened"
-VARIANTS = {"vulkan": frozenset[str](), "without-all": frozenset({"all"})}
-"""Names of the variants, and what the device of each does without."""
+VARIANTS = {"vulkan": frozenset[str](), "without-all": frozenset({"all"}), "gl": frozenset[str]()}
+"""Names of the variants, and what the devices of each do without; "gl" is for what draws with OpenGL."""
+
+USUAL = ("vulkan", "without-all")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -49,10 +51,17 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Run the tests of chapters that draw once per variant."""
+    """Run the tests of chapters that draw once per variant; the mark `variants` names others than the usual."""
     area = metafunc.definition.path.relative_to(HERE).parts[0]
-    if "vulkan_device" in metafunc.fixturenames and (area.startswith("ch") or area == "stability"):
-        metafunc.parametrize("vulkan_device", list(VARIANTS), indirect=True, scope="module")
+    if not (area.startswith("ch") or area == "stability"):
+        return
+    used = {"vulkan_device", "gl_context"} & set(metafunc.fixturenames)
+    if used:
+        # One of the two carries the variant; the other follows it.
+        mark = metafunc.definition.get_closest_marker("variants")
+        names = list(mark.args) if mark else ["gl"] if used == {"gl_context"} else list(USUAL)
+        fixture = "vulkan_device" if "vulkan_device" in used else "gl_context"
+        metafunc.parametrize(fixture, names, indirect=True, scope="module")
 
 
 @pytest.fixture(scope="session")
@@ -84,7 +93,9 @@ def vulkan_device(request: pytest.FixtureRequest, vulkan_instance: Instance) -> 
 @pytest.fixture(scope="module")
 def gl_context(request: pytest.FixtureRequest) -> Iterator[Context]:
     """An OpenGL context whose calls are checked, for the tests of one module; what outlives them fails the last one."""
-    without = VARIANTS[getattr(request, "param", "vulkan")]
+    parameters = getattr(request.node, "callspec", None)
+    name = getattr(request, "param", None) or (parameters.params.get("vulkan_device") if parameters else None)
+    without = VARIANTS[name or "gl"]
     try:
         context = Context(validate=True, without=without)
     except UnsupportedError as error:

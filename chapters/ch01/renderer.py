@@ -25,7 +25,6 @@ from backends.vulkan.device import Device
 from backends.vulkan.instance import Instance
 from backends.vulkan.readback import TO_HOST, Readback
 from backends.vulkan.resources import Image
-from common import layouts
 from common.camera import View, exposure
 from common.errors import StaleFrameError, UserError
 from common.pose import evaluate_pose
@@ -40,17 +39,13 @@ from .graphics.pipelines import Pipelines
 from .graphics.profiler import Profiler
 from .graphics.resources import Resources
 from .graphics.scene_data import SceneData
+from .logic.constants import frame_constants
 from .logic.default_light import DefaultLight
-from .logic.frame import SLOTS, Frame, check_outputs
+from .logic.frame import OUTPUTS, SLOTS, SOURCES, Frame, check_outputs, output_of
 from .passes.forward import ForwardPass
 from .passes.instance_id import InstanceIdPass
 from .passes.tonemap import BINDINGS, TonemapPass
 from .settings import Settings
-
-OUTPUTS = ("color", "color_linear", "depth", "instance_id")
-"""What a frame can be asked for."""
-
-_SOURCES = {"color": "color", "color_linear": "color_hdr", "depth": "depth", "instance_id": "instance_id"}
 
 
 class Renderer:
@@ -75,7 +70,7 @@ class Renderer:
         self.scene = self._light.scene
         self.outputs = tuple(name for name in OUTPUTS if name in outputs)
         # Targets that somebody copies from after the passes: the CPU, or a window.
-        self._handed_on = {*(_SOURCES[name] for name in self.outputs), *(["color"] if presents else [])}
+        self._handed_on = {*(SOURCES[name] for name in self.outputs), *(["color"] if presents else [])}
         self._owned: list[Any] = []
         self._closed = False
         if device is None:
@@ -123,8 +118,7 @@ class Renderer:
         for made in self.passes:
             made.create()
         self._index = 0
-        self._previous_view: View | None = None
-        self._previous_time = 0.0
+        self._previous: tuple[View, float] | None = None
         self._last: Any = None
         self._create_targets()
 
@@ -184,8 +178,8 @@ class Renderer:
 
     def _create_readbacks(self) -> None:
         target = self._targets
-        available = [name for name in self.outputs if _SOURCES[name] in target]
-        copied = [target[_SOURCES[name]] for name in available]
+        available = [name for name in self.outputs if SOURCES[name] in target]
+        copied = [target[SOURCES[name]] for name in available]
         handed_on = [image for name, image in target.items() if name in self._handed_on]
         self._to_copy = barriers(
             *(image_barrier(i.handle, i.aspect, self._used_last(i.name), "copy_source") for i in handed_on)
@@ -246,7 +240,7 @@ class Renderer:
         self._frames.submit(slot)
         frame.work = self._count(commands.work, written)
         self._index += 1
-        self._previous_view, self._previous_time = view, time
+        self._previous = view, time
         frame.cpu_ms = (clock.perf_counter() - started) * 1e3
         return frame
 
@@ -257,33 +251,29 @@ class Renderer:
             for made in (self._forward, self._instance_id):
                 if made in self.passes:
                     made.create()
+        previous = self._previous
         # After a cut the frame before says nothing: neither where the camera was nor where objects were.
-        cut = self._previous_view is None or view.cut or time < self._previous_time
-        if cut:
-            self._previous_view, self._previous_time = view, time
-            self._data.forget_pose()
+        if previous is None or view.cut or time < previous[1]:
+            previous = None
+            self._data.records.forget_pose()
         pose = self._light.pose(evaluate_pose(scene, time), view)
-        constants = np.zeros((), layouts.dtype("FrameConstants"))
-        layouts.fill_frame_constants(
-            constants,
-            view,
-            self._previous_view,
+        constants = frame_constants(
+            scene,
             self.size,
-            origin=scene.origin,
-            length_scale=scene.length_scale,
-            time=time,
-            previous_time=self._previous_time,
-            frame_index=self._index,
-            instance_count=len(scene.instances),
-            light_count=len(scene.lights),
+            view,
+            time,
+            previous=previous,
+            index=self._index,
             ambient=self._light.ambient(),
         )
         self._data.write_frame(slot.index, constants)
-        written = constants.nbytes + self._data.write_scene(slot.index, pose, exposure(view.ev100))
+        written = constants.nbytes + self._data.records.write(
+            self._data.slots[slot.index], pose, exposure(view.ev100)
+        )
         written += self._data.record_deformation(slot.commands, slot.index, pose)
         view_from_origin = view.view_from_world() @ translation(scene.origin)
         visibility = scene.revision[Change.VISIBILITY]
-        self._forward.prepare(slot.index, view_from_origin, self._data.instances, visibility)
+        self._forward.prepare(slot.index, view_from_origin, self._data.records.instances, visibility)
         self._last = self._state(view, time)
         return written
 
@@ -337,10 +327,7 @@ class Renderer:
         readback = self._readbacks[slot.index].get(name)
         if readback is None:  # an empty scene has no instances, and so no pass that would draw their ids
             return np.zeros(self.size[::-1], np.uint32)
-        pixels = readback.read()
-        if name == "color_linear":
-            return pixels[..., :3].astype(np.float32) / np.float32(exposed)
-        return pixels[..., :3] if name == "color" else pixels
+        return output_of(name, readback.read(), exposed)
 
     def read_timings(self, slot: FrameSlot) -> dict[str, float]:
         """Return GPU milliseconds by pass of the slot's frame."""
@@ -369,7 +356,7 @@ class Renderer:
     def reset_history(self, reason: str) -> None:
         """Start again at frame 0. This chapter keeps nothing from frame to frame but the previous view and pose."""
         self._index = 0
-        self._previous_view = None
+        self._previous = None
         self._last = None
 
     def _let_go(self, why: str) -> None:

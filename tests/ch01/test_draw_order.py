@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from backends.vulkan import api as vk
-from chapters.ch01.passes.scene_draws import DrawLists
+from chapters.ch01.logic.draw_lists import DrawLists
 from chapters.ch01.renderer import Renderer
 from chapters.ch01.settings import Settings
 from common.camera import Orthographic, View

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from backends.vulkan import api as vk
-from chapters.ch01.graphics.pipelines import PUSH_SIZE, GraphicsPipeline, Pipelines
+from chapters.ch01.graphics.pipelines import GraphicsPipeline, Pipelines
 from chapters.ch01.logic.packing import ROLES, material_variant
+from chapters.ch01.logic.snippets import PUSH_SIZE
 from chapters.ch01.renderer import Renderer
 from chapters.ch01.settings import Settings
 from common.scene import Image, Light, Material

@@ -9,10 +9,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from chapters.ch01.graphics.scene_data import STREAMS, stream_offsets, used_streams
-from chapters.ch01.graphics.textures import half_texels
 from chapters.ch01.logic import packing
+from chapters.ch01.logic.geometry import STREAMS, stream_offsets, used_streams
 from chapters.ch01.logic.packing import material_variant
+from chapters.ch01.logic.texels import half_texels
 from chapters.ch01.renderer import Renderer
 from chapters.ch01.settings import Settings
 from common import layouts
@@ -269,7 +269,7 @@ def test_an_object_that_stops_is_written_one_frame_longer(vulkan_device):
         flags = []
         for _ in range(4):
             made.render(facing())
-            flags.append(bool(made._data.instances["flags"][0] & layouts.INSTANCE_MOVED))
+            flags.append(bool(made._data.records.instances["flags"][0] & layouts.INSTANCE_MOVED))
             slots = [slot.instances.view(layouts.dtype("Instance"))[0] for slot in made._data.slots]
         assert flags == [True, False, False, False]
         assert all((r["world_from_object"] == r["previous_world_from_object"]).all() for r in slots)
@@ -287,7 +287,7 @@ def test_a_cut_forgets_the_frame_before(vulkan_device, cut, time):
             change.set_transform(0, matrix=translated(0.5))
         made.render(replace(facing(distance=3.0), cut=cut), time)
         constants = made._data.slots[1].frame.view(layouts.dtype("FrameConstants"))[0]
-        moved = bool(made._data.instances["flags"][0] & layouts.INSTANCE_MOVED)
+        moved = bool(made._data.records.instances["flags"][0] & layouts.INSTANCE_MOVED)
     fresh_start = cut or time < 1.0
     assert (constants["previous_view_from_world"] == constants["view_from_world"]).all() == fresh_start
     assert constants["delta_time"] == (0.0 if fresh_start else 1.0)
@@ -315,7 +315,7 @@ def test_after_a_reset_nothing_has_moved(vulkan_device):
         made.reset_history("test")
         assert not made.idle(facing()), "the next frame is a first one"
         made.render(facing())
-        assert not (made._data.instances["flags"] & layouts.INSTANCE_MOVED).any()
+        assert not (made._data.records.instances["flags"] & layouts.INSTANCE_MOVED).any()
         assert made.idle(facing())
         made.reset_history("test")
         assert not made.idle(facing())

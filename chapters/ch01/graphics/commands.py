@@ -14,8 +14,9 @@ from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 from backends.vulkan.resources import Image
 
+from ..logic.snippets import PUSH_SIZE
 from .frames import FrameSlot
-from .pipelines import PUSH_SIZE, Built
+from .pipelines import Built
 
 _GRAPHICS = vk.VK_PIPELINE_BIND_POINT_GRAPHICS
 _STAGES = vk.VK_SHADER_STAGE_VERTEX_BIT | vk.VK_SHADER_STAGE_FRAGMENT_BIT

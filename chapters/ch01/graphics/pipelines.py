@@ -16,19 +16,10 @@ from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 from backends.vulkan.resources import FORMATS
 from backends.vulkan.shaders import compile_all
-from common import layouts
+
+from ..logic.snippets import PUSH_SIZE, SNIPPETS
 
 SHADERS = Path(__file__).resolve().parents[1] / "shaders"
-
-SNIPPETS = {
-    "frame_constants.glsl": layouts.glsl("FrameConstants"),
-    "instance.glsl": layouts.glsl("Instance"),
-    "masks.glsl": layouts.glsl_constants(),
-}
-"""Includes whose text is made in Python, so that a record is laid out in one place only."""
-
-PUSH_SIZE = 16
-"""Bytes of push constants: one uvec4, the number of the instance in x."""
 
 _STAGES = {
     ".vert": vk.VK_SHADER_STAGE_VERTEX_BIT,

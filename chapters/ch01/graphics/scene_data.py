@@ -16,72 +16,25 @@ from backends.vulkan.barriers import barriers
 from backends.vulkan.device import Device
 from backends.vulkan.resources import Buffer
 from backends.vulkan.upload import Uploader
-from common import layouts
 from common.pools import Handle
 from common.scene import Change, Pose, Sampler, Scene, TextureRef
 
-from ..logic import packing
+from ..logic import geometry, packing, records, texels
 from ..logic.packing import ROLES, Variant
+from ..logic.records import Records
 from ..settings import Settings
 from .descriptors import Binding, Descriptors, Texture
 from .frames import SLOTS
 from .resources import Resources
 from .textures import Textures
 
-STREAMS: dict[str, tuple[int, int]] = {
-    # name: (shader location, floats per vertex)
-    "positions": (0, 3),
-    "normals": (1, 3),
-    "tangents": (2, 4),
-    "uv0": (3, 2),
-    "uv1": (4, 2),
-    "colors": (5, 4),
-}
 
-DEFORMED = ("positions", "normals", "tangents")
-"""Streams that a skin or morph targets change."""
+@dataclass(kw_only=True)
+class _Slot(records.Slot):
+    """The buffers of one frame in flight."""
 
-ALIGNMENT = 256
-"""Offset of every stream: a multiple of what any device asks of any use of a buffer."""
-
-
-@dataclass
-class _Slot:
-    """The buffers of one frame in flight, and what was written to them last."""
-
-    frame: Buffer
-    instances: Buffer
-    materials: Buffer
-    lights: Buffer | None
     staging: Buffer | None
     geometry: Handle
-    written: dict[str, Any]
-
-
-def used_streams(variants: list[Variant]) -> list[str]:
-    """Return the vertex streams that some variant reads, in the order of their locations."""
-    needed = {"positions"}
-    for variant in variants:
-        for define, stream in (
-            ("SHADED", "normals"),
-            ("NORMAL_MAP", "tangents"),
-            ("TEXTURED", "uv0"),
-            ("UV1", "uv1"),
-            ("VERTEX_COLOR", "colors"),
-        ):
-            if variant.has(define):
-                needed.add(stream)
-    return [name for name in STREAMS if name in needed]
-
-
-def stream_offsets(sizes: dict[str, int], alignment: int = ALIGNMENT) -> tuple[dict[str, int], int]:
-    """Return the aligned byte offset of each stream in a shared buffer, and the buffer's size."""
-    offsets: dict[str, int] = {}
-    end = 0
-    for name, size in sizes.items():
-        offsets[name] = (end + alignment - 1) // alignment * alignment
-        end = offsets[name] + size
-    return offsets, end
 
 
 class SceneData:
@@ -108,10 +61,7 @@ class SceneData:
         self._make_sets()
         self._kinds = self._material_kinds()
         self._materials_seen = scene.revision[Change.MATERIALS]
-        self._light_nodes: tuple[int, Any] = (-1, None)
-        self._previous_pose: Pose | None = None
-        self.instances = np.zeros(0, layouts.dtype("Instance"))
-        """The records that were written last."""
+        self.records = Records(scene, settings.light_cutoff)
 
     # --- made once ---
 
@@ -124,10 +74,9 @@ class SceneData:
 
     def _upload_geometry(self, uploader: Uploader) -> None:
         scene = self._scene
-        self.streams = used_streams(self.variants)
-        arrays = {name: getattr(scene, name) for name in self.streams}
-        arrays["indices"] = scene.indices
-        self._offsets, size = stream_offsets({name: array.nbytes for name, array in arrays.items()})
+        self.streams = geometry.used_streams(self.variants)
+        arrays = geometry.arrays(scene, self.streams)
+        self._offsets, size = geometry.stream_offsets({name: array.nbytes for name, array in arrays.items()})
         usage = (
             vk.VK_BUFFER_USAGE_VERTEX_BUFFER_BIT
             | vk.VK_BUFFER_USAGE_INDEX_BUFFER_BIT
@@ -155,32 +104,26 @@ class SceneData:
         def make(size: int, usage: int, name: str) -> Buffer:
             return self._make_upload(size, usage, f"{name}, slot {index}")
 
+        sizes = records.buffer_sizes(scene)
         storage = vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT
         staging = None
         if scene.deformations:
-            vertices = sum(int(scene.meshes["vertex_count"][d.mesh]) for d in scene.deformations)
-            staging = make(
-                vertices * 4 * (3 + 3 + 4), vk.VK_BUFFER_USAGE_TRANSFER_SRC_BIT, "deformed vertices"
-            )
+            size = geometry.deformed_bytes(scene)
+            staging = make(size, vk.VK_BUFFER_USAGE_TRANSFER_SRC_BIT, "deformed vertices")
         return _Slot(
-            frame=make(
-                layouts.dtype("FrameConstants").itemsize, vk.VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT, "frame"
-            ),
-            instances=make(
-                max(1, len(scene.instances)) * layouts.dtype("Instance").itemsize, storage, "instances"
-            ),
-            materials=make(max(1, len(scene.materials)) * packing.MATERIAL.itemsize, storage, "materials"),
+            frame=make(sizes["frame"], vk.VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT, "frame"),
+            instances=make(sizes["instances"], storage, "instances"),
+            materials=make(sizes["materials"], storage, "materials"),
             lights=self._make_lights(index) if self.lit else None,
             staging=staging,
             geometry=self._geometry[index % len(self._geometry)],
-            written={},
         )
 
     def _make_upload(self, size: int, usage: int, name: str) -> Buffer:
         return self._resources.buffers.get(self._resources.buffer(size, usage, "upload", name))
 
     def _make_lights(self, slot: int) -> Buffer:
-        size = 16 + max(1, len(self._scene.lights)) * packing.LIGHT.itemsize
+        size = records.buffer_sizes(self._scene)["lights"]
         return self._make_upload(size, vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT, f"lights, slot {slot}")
 
     def _make_sets(self) -> None:
@@ -228,7 +171,7 @@ class SceneData:
         for material, variant in zip(self._scene.materials, self.variants, strict=True):
             textures = material.textures()
             used = [(role, textures[role]) for role in variant.roles if role in textures]
-            kinds.append((variant, [(Textures.key(role, one), one.sampler) for role, one in used]))
+            kinds.append((variant, [(texels.key_of(role, one), one.sampler) for role, one in used]))
         return kinds
 
     def follow_materials(self) -> bool:
@@ -247,7 +190,7 @@ class SceneData:
         self._kinds = kinds
         resources, sets = self._resources, self._sets
         with Uploader(self._device) as uploader:
-            if used_streams(self.variants) != self.streams:
+            if geometry.used_streams(self.variants) != self.streams:
                 for handle in self._geometry:
                     resources.destroy_buffer(handle)
                 self._upload_geometry(uploader)
@@ -277,14 +220,14 @@ class SceneData:
 
     def vertex_streams(self, variant: Variant) -> tuple[tuple[int, int], ...]:
         """Return (location, floats) of the streams that `variant` reads."""
-        return tuple(STREAMS[name] for name in used_streams([variant]))
+        return tuple(geometry.STREAMS[name] for name in geometry.used_streams([variant]))
 
-    def geometry(self, slot: int) -> tuple[list[tuple[int, Any, Any]], Any, int]:
+    def bound_geometry(self, slot: int) -> tuple[list[tuple[int, Any, Any]], Any, int]:
         """Return ([(first binding, buffers, offsets)], index buffer, its offset) to bind for slot number `slot`."""
         buffer = self._resources.buffers.get(self.slots[slot].geometry)
         runs = [
             (
-                STREAMS[name][0],
+                geometry.STREAMS[name][0],
                 vk.array("VkBuffer", [buffer.handle]),
                 vk.ffi.new("VkDeviceSize[]", [self._offsets[name]]),
             )
@@ -303,67 +246,19 @@ class SceneData:
         """Write the frame's constants."""
         self.slots[slot].frame.view(constants.dtype)[0] = constants
 
-    def _moving_key(self, pose: Pose) -> tuple[int, float | None]:
-        """Return what the places of nodes and vertices follow from."""
-        return self._scene.revision[Change.TRANSFORMS], pose.time if self._scene.animations else None
-
-    def forget_pose(self) -> None:
-        """Let the next frame be the first: nothing has a previous transform."""
-        self._previous_pose = None
-
-    def write_scene(self, slot: int, pose: Pose, exposure: float) -> int:
-        """Write what changed since this slot was used last; return the bytes written."""
-        held, scene = self.slots[slot], self._scene
-        written = 0
-        revisions = scene.revision
-        key = self._moving_key(pose)
-        if held.written.get("instances") != (key, "settled"):
-            records = packing.pack_instances(scene, pose, self._previous_pose)
-            held.instances.view(records.dtype)[: len(records)] = records
-            written += records.nbytes
-            # An object that stops is written once more, so that its previous transform is its present one.
-            moved = bool((records["flags"] & layouts.INSTANCE_MOVED).any())
-            held.written["instances"] = (key, "moving" if moved else "settled")
-            self.instances = records
-        self._previous_pose = pose
-        if held.written.get("materials") != revisions[Change.MATERIALS]:
-            records = packing.pack_materials(scene.materials)
-            held.materials.view(records.dtype)[: len(records)] = records
-            written += records.nbytes
-            held.written["materials"] = revisions[Change.MATERIALS]
-        if self._light_nodes[0] != revisions[Change.LIGHTS]:
-            numbers = np.array([light.node for light in scene.lights], np.intp)
-            self._light_nodes = revisions[Change.LIGHTS], numbers
-        # The default light moves with the camera, so its place says more than the revision of transforms.
-        places = pose.world_from_node[self._light_nodes[1]].tobytes()
-        light_key = (places, revisions[Change.LIGHTS], exposure)
-        if held.lights is not None and held.written.get("lights") != light_key:
-            records = packing.pack_lights(scene, pose, exposure, self._settings.light_cutoff)
-            held.lights.view(np.uint32)[:4] = (len(records), 0, 0, 0)
-            held.lights.mapped[16:].view(packing.LIGHT)[: len(records)] = records
-            written += records.nbytes + 16
-            held.written["lights"] = light_key
-        return written
-
     def record_deformation(self, commands: Any, slot: int, pose: Pose) -> int:
         """Record the copies of deformed vertices into the slot's geometry; return the bytes copied."""
         held, scene = self.slots[slot], self._scene
-        key = self._moving_key(pose)
+        key = self.records.moving_key(pose)
         if held.staging is None or held.written.get("deformed") == key:
             return 0
         target = self._resources.buffers.get(held.geometry)
         regions = []
         end = 0
-        for mesh, arrays in pose.vertices.items():
-            first = int(scene.meshes["first_vertex"][mesh])
-            for name, array in zip(DEFORMED, arrays, strict=True):
-                if name not in self.streams:
-                    continue
-                raw = np.ascontiguousarray(array, np.float32).view(np.uint8).reshape(-1)
-                held.staging.mapped[end : end + raw.size] = raw
-                offset = self._offsets[name] + first * 4 * STREAMS[name][1]
-                regions.append({"srcOffset": end, "dstOffset": offset, "size": raw.size})
-                end += raw.size
+        for offset, raw in geometry.deformed(scene, pose, self.streams, self._offsets):
+            held.staging.mapped[end : end + raw.size] = raw
+            regions.append({"srcOffset": end, "dstOffset": offset, "size": raw.size})
+            end += raw.size
         if not regions:
             return 0
         fn = self._device.fn

@@ -12,6 +12,13 @@ SLOTS = 2
 """Frames in flight. With one slot, CPU and GPU would take turns; a third adds a frame of latency and no speed."""
 
 
+OUTPUTS = ("color", "color_linear", "depth", "instance_id")
+"""What a frame can be asked for."""
+
+SOURCES = {"color": "color", "color_linear": "color_hdr", "depth": "depth", "instance_id": "instance_id"}
+"""The target that each output is read from."""
+
+
 class Reads(Protocol):
     """What a frame asks of the renderer that made it."""
 
@@ -61,3 +68,10 @@ def check_outputs(outputs: Any, known: tuple[str, ...], name: str) -> None:
         wanted = ", ".join(repr(output) for output in (*outputs, name))
         hint = f"open it with outputs={{{wanted}}}." if name in known else f"there are {', '.join(known)}."
         raise StaleFrameError(f"'{name}' is not among this renderer's outputs: {hint}")
+
+
+def output_of(name: str, pixels: np.ndarray, exposed: float) -> np.ndarray:
+    """Return a target's pixels as the output `name`: without alpha, and light without the exposure."""
+    if name == "color_linear":
+        return pixels[..., :3].astype(np.float32) / np.float32(exposed)
+    return pixels[..., :3] if name == "color" else pixels

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -79,6 +79,23 @@ def material_variant(material: Material, scene: Scene, everything: bool = False)
     flags |= {f"{role.upper()}_MAP": True for role in roles}
     defines = tuple(sorted((name, 1) for name, on in flags.items() if on))
     return Variant(defines, material.alpha_mode, material.double_sided, roles)
+
+
+_OF_THE_SHAPE = ("ALPHA_MASK", "BASE_COLOR_MAP", "TEXTURED", "UV1", "VERTEX_COLOR")
+"""What decides where a masked surface is; where an opaque one is, its positions say alone."""
+
+
+def shape_alone(variant: Variant) -> Variant:
+    """Return the variant that draws the same pixels without colour: nothing is shaded here."""
+    if variant.alpha_mode != "mask":
+        return replace(variant, defines=(), roles=())
+    textured = variant.has("BASE_COLOR_MAP")
+    needed = [
+        (name, value)
+        for name, value in variant.defines
+        if name in _OF_THE_SHAPE and (textured or name not in ("TEXTURED", "UV1"))
+    ]
+    return replace(variant, defines=tuple(needed), roles=("base_color",) if textured else ())
 
 
 def pack_materials(materials: list[Material]) -> np.ndarray:

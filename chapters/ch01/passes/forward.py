@@ -14,9 +14,10 @@ from ..graphics.commands import Commands
 from ..graphics.pipelines import Built, GraphicsPipeline, Pipelines
 from ..graphics.scene_data import SceneData
 from ..logic import packing
+from ..logic.draw_lists import NOTHING
 from ..logic.packing import Variant
 from ..settings import Settings
-from .scene_draws import DrawListBuilder, DrawLists
+from .scene_draws import DrawListBuilder
 
 
 class ForwardPass:
@@ -35,7 +36,7 @@ class ForwardPass:
         )
         self._builder = DrawListBuilder(scene, data)
         self._key: Any = None
-        self.lists = self._unsorted = DrawLists([], [], [], np.zeros(0, np.int64))
+        self.lists = self._unsorted = NOTHING
         self.frame_set: Any = None
         self.geometry: Any = None
         self.used: list[int] = []
@@ -74,7 +75,7 @@ class ForwardPass:
             self._unsorted = self._builder.build(mirrored, self._pipeline)
             self._key = key
         self.frame_set = self._data.frame_sets[slot]
-        self.geometry = self._data.geometry(slot)
+        self.geometry = self._data.bound_geometry(slot)
         # Sorted from the scene's order every time: what stands at one depth must not depend on the frame before.
         self.lists = self._unsorted.nearest_first(
             packing.view_depth(instances["bounds_centre"][:, :3], view_from_world)

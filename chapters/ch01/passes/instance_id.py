@@ -10,25 +10,9 @@ from common.scene import Scene
 from ..graphics.commands import Commands, DrawGroup
 from ..graphics.pipelines import Built, GraphicsPipeline, Pipelines
 from ..graphics.scene_data import SceneData
-from ..logic.packing import Variant
+from ..logic.packing import Variant, shape_alone
 from ..settings import Settings
 from .forward import ForwardPass
-
-_OF_THE_SHAPE = ("ALPHA_MASK", "BASE_COLOR_MAP", "TEXTURED", "UV1", "VERTEX_COLOR")
-"""What decides where a masked surface is; where an opaque one is, its positions say alone."""
-
-
-def shape_alone(variant: Variant) -> Variant:
-    """Return the variant that draws the same pixels without colour: nothing is shaded here."""
-    if variant.alpha_mode != "mask":
-        return replace(variant, defines=(), roles=())
-    textured = variant.has("BASE_COLOR_MAP")
-    needed = [
-        (name, value)
-        for name, value in variant.defines
-        if name in _OF_THE_SHAPE and (textured or name not in ("TEXTURED", "UV1"))
-    ]
-    return replace(variant, defines=tuple(needed), roles=("base_color",) if textured else ())
 
 
 class InstanceIdPass:

@@ -91,9 +91,9 @@ void main() {
     float metallic = material.factors.x;
     float roughness = material.factors.y;
 #ifdef METALLIC_ROUGHNESS_MAP
-    vec4 packed = texture(metallic_roughness_map, image_uv(material, 1, in_uv0, in_uv1));
-    roughness *= packed.g;
-    metallic *= packed.b;
+    vec4 factors = texture(metallic_roughness_map, image_uv(material, 1, in_uv0, in_uv1));
+    roughness *= factors.g;
+    metallic *= factors.b;
 #endif
     roughness = clamp(roughness, 0.0, 1.0);
     metallic = clamp(metallic, 0.0, 1.0);

@@ -1,0 +1,187 @@
+"""Vulkan and OpenGL draw the same picture: depth to the bit, light to a few units in the last place of a float.
+
+On software drivers both compile the same GLSL to the same machine; on others the bounds of the chapter's README hold.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import chapters
+from chapters import scenes
+from chapters.ch01.gl import forward, instance_id, tonemap
+from chapters.ch01.gl.renderer import Renderer as OpenGL
+from chapters.ch01.logic.frame import OUTPUTS
+from chapters.ch01.passes.forward import ForwardPass
+from chapters.ch01.passes.instance_id import InstanceIdPass
+from chapters.ch01.passes.tonemap import TonemapPass
+from chapters.ch01.renderer import Renderer as Vulkan
+from chapters.ch01.settings import Settings
+from common.metrics import flip_mean
+from common.paths import asset_dir
+from common.scene import Light, Material
+from tests.support.scenes import facing, quad_scene, translated
+
+pytestmark = pytest.mark.variants("gl")
+
+SIZE = (64, 48)
+EXACT = Settings(color_format="rgba32f")
+COMPARED = ("draws", "triangles", "lights", "passes", "passes_skipped", "instances", "textures", "samplers")
+
+_folder = asset_dir()
+MODELS = sorted(p.name for p in (_folder / "models").iterdir()) if _folder else []
+OWN = ("atrium", "cornell", "spheres")
+SAMPLE = ("Box", "LightsPunctualLamp", "SimpleSkin", "TextureTransformTest", "UnlitTest")
+"""Models of the quick run; all of them are compared in the long one."""
+
+CASES = [
+    *OWN,
+    *(name if name in SAMPLE else pytest.param(name, marks=pytest.mark.long) for name in MODELS),
+]
+
+
+def file_of(name: str) -> str:
+    if name in OWN:
+        return name
+    assert _folder is not None
+    found = sorted(p for p in (_folder / "models" / name).rglob("*") if p.suffix in (".gltf", ".glb"))
+    if not found:
+        pytest.skip(f"{name} holds no glTF file")
+    return str(found[0])
+
+
+@pytest.mark.feature("pbr/cross-backend-demo")
+@pytest.mark.parametrize("name", CASES)
+def test_the_same_scene_gives_the_same_picture(name, vulkan_device, gl_context):
+    scene = scenes.load(file_of(name))
+    with (
+        Vulkan(scene, SIZE, EXACT, outputs=OUTPUTS, device=vulkan_device) as vulkan,
+        OpenGL(scene, SIZE, EXACT, outputs=OUTPUTS, device=gl_context) as opengl,
+    ):
+        view = chapters.view_of(vulkan)
+        a, b = vulkan.render(view, 0.3), opengl.render(view, 0.3)
+        same(a, b, vulkan_device.capabilities.is_software and gl_context.capabilities.is_software)
+        assert {key: a.work[key] for key in COMPARED} == {key: b.work[key] for key in COMPARED}
+        assert list(a.timings) == list(b.timings)
+
+
+def same(a, b, exact: bool) -> None:
+    """Compare two frames with RGBA32F targets; `exact` where both are software drivers of one make."""
+    depth = a.image("depth"), b.image("depth")
+    color = a.image("color_linear").astype(np.float64), b.image("color_linear").astype(np.float64)
+    ids = a.image("instance_id"), b.image("instance_id")
+    if exact:
+        assert np.array_equal(*depth)
+        assert np.array_equal(*ids)
+        assert (np.abs(color[0] - color[1]) <= 1e-5 * np.maximum(1.0, np.abs(color[0]))).all()
+    else:  # edges may fall on either side of a pixel's centre
+        assert (ids[0] != ids[1]).mean() < 0.01
+        inside = ids[0] == ids[1]
+        assert np.allclose(depth[0][inside], depth[1][inside], rtol=1e-4)
+    pictures = [frame.image("color").astype(np.float32) / 255.0 for frame in (a, b)]
+    assert flip_mean(*pictures) < 1e-3
+
+
+@pytest.mark.parametrize("name", ["cornell", "spheres"])
+def test_half_floats_differ_by_one_step_at_most(name, vulkan_device, gl_context):
+    """RGBA16F has steps of 2^-11 to 2^-10 of a value; a blend or a sum on the border of two rounds to either."""
+    if not (vulkan_device.capabilities.is_software and gl_context.capabilities.is_software):
+        pytest.skip("the bound is that of the software drivers")
+    scene = scenes.load(name)
+    with (
+        Vulkan(scene, SIZE, outputs={"color_linear"}, device=vulkan_device) as vulkan,
+        OpenGL(scene, SIZE, outputs={"color_linear"}, device=gl_context) as opengl,
+    ):
+        view = chapters.view_of(vulkan)
+        a, b = (made.render(view).image("color_linear").astype(np.float64) for made in (vulkan, opengl))
+    assert (np.abs(a - b) <= 2.0**-10 * np.abs(a) + 2.0**-24).all()
+
+
+def test_edits_resizes_and_resets_keep_both_together(vulkan_device, gl_context):
+    """The same calls on both: a moved object, a hidden one, another material kind, another light, another size."""
+    lamp = Light("point", node=0, intensity=30.0)
+    scene = quad_scene(
+        materials=(Material(metallic=0.0), Material(base_color=(1, 0.2, 0.1, 0.5), alpha_mode="blend")),
+        matrices=(translated(-0.5), translated(0.5, 0.1, 0.2), translated(0.1, 0.5, 0.4)),
+        instance_materials=(0, 1, 1),
+        lights=(lamp,),
+    )
+    exact = vulkan_device.capabilities.is_software and gl_context.capabilities.is_software
+    with (
+        Vulkan(scene, SIZE, EXACT, outputs=OUTPUTS, device=vulkan_device) as vulkan,
+        OpenGL(scene, SIZE, EXACT, outputs=OUTPUTS, device=gl_context) as opengl,
+    ):
+
+        def both(view=facing(3.0, 2.0)) -> None:  # noqa: B008
+            same(vulkan.render(view), opengl.render(view), exact)
+
+        both()
+        with scene.edit() as edit:
+            edit.set_transform(1, matrix=translated(0.3, -0.4, 0.6))
+        both()
+        with scene.edit() as edit:
+            edit.set_visible(0, False)
+        both()
+        with scene.edit() as edit:
+            edit.set_material(
+                1, Material(base_color=(0.2, 1, 0.1, 1), alpha_mode="opaque", double_sided=True)
+            )
+        both()
+        for renderer in (vulkan, opengl):
+            renderer.resize((33, 17))
+        both()
+        for renderer in (vulkan, opengl):
+            renderer.reset_history("test")
+        both()
+
+
+def test_a_closed_or_stale_frame_says_so_on_opengl(gl_context):
+    from common.errors import StaleFrameError
+
+    scene = quad_scene(Material(), lights=(Light("directional", node=0, intensity=3.0),))
+    with OpenGL(scene, (16, 16), outputs={"color"}, device=gl_context) as made:
+        first = made.render(facing())
+        picture = first.image("color")
+        assert picture.shape == (16, 16, 3) and picture.std() >= 0
+        for _ in range(2):
+            made.render(facing())
+        with pytest.raises(StaleFrameError, match="Frame 0 is gone"):
+            first.image("color")
+        assert set(first.timings) == {"forward", "tonemap"}
+        with pytest.raises(StaleFrameError, match="open it with outputs"):
+            made.render(facing()).image("depth")
+    with pytest.raises(StaleFrameError, match="was closed"):
+        made.render(facing())
+
+
+def test_passes_declare_the_same_on_both_backends():
+    """What a pass reads and writes is what chapter 4 derives barriers from: its twin must not say anything else."""
+    scene, settings = quad_scene(), Settings()
+    pairs = [
+        (ForwardPass, forward.ForwardPass),
+        (InstanceIdPass, instance_id.InstanceIdPass),
+        (TonemapPass, tonemap.TonemapPass),
+    ]
+    for vulkan, opengl in pairs:
+        assert vulkan.name == opengl.name
+        assert vulkan.needed(scene, settings) == opengl.needed(scene, settings)
+    for vulkan, opengl in pairs[1:]:
+        assert (vulkan.reads, vulkan.writes) == (opengl.reads, opengl.writes)
+    for settings in (Settings(), Settings(color_format="rgba32f", background=0.5)):
+        made = [kind.__new__(kind) for kind in pairs[0]]
+        for one, kind in zip(made, pairs[0], strict=True):
+            # Only what is declared: no device, no data.
+            declared = _declared(kind, scene, settings)
+            one.reads, one.writes = declared.reads, declared.writes
+        assert (made[0].reads, made[0].writes) == (made[1].reads, made[1].writes)
+
+
+def _declared(kind, scene, settings):
+    class Nothing:
+        variants: tuple = ()
+
+    try:
+        return kind(scene, settings, Nothing(), Nothing())
+    except AttributeError as error:  # a pass that asks for more than it declares would need a device here
+        raise AssertionError(f"{kind.__name__} needs data to be declared: {error}") from None
