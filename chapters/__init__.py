@@ -13,6 +13,7 @@ from collections.abc import Collection, Iterable
 from functools import cache
 from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from common.errors import UnsupportedError, UserError
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
 
 FOLDER = Path(__file__).parent
 COUNT = 15
-BACKENDS = ("auto", "vulkan", "gl")
 
 
 @cache
@@ -67,14 +67,20 @@ def settings_class(number: int) -> type:
 
 
 def choose_backend(wanted: str = "auto") -> str:
-    """Return the backend to use; raise UserError for an unknown one, UnsupportedError for one that is not built."""
-    if wanted not in BACKENDS:
-        raise UserError(f"There is no backend {wanted!r}{suggest(wanted, BACKENDS)}.")
-    if wanted == "gl":
-        raise UnsupportedError(
-            "The OpenGL backend is not part of this version: use --backend vulkan, or auto."
-        )
-    return "vulkan"
+    """Return the backend to use, "vulkan" or "gl"; see `backends.choice.decide` for its errors."""
+    from backends.choice import choose
+
+    return choose(wanted)
+
+
+def renderer_module(number: int, backend: str) -> ModuleType:
+    """Return the module with a chapter's renderer on "vulkan" or "gl"; raise UnsupportedError if there is none."""
+    folder = folder_name(number)
+    if backend == "gl" and not (FOLDER / folder / "gl" / "renderer.py").is_file():
+        raise UnsupportedError(f"Chapter {number} has no OpenGL version: use --backend vulkan.")
+    return import_module(
+        f"chapters.{folder}.gl.renderer" if backend == "gl" else f"chapters.{folder}.renderer"
+    )
 
 
 def open(  # the name of the contract: chapters.open(6, ...)
@@ -97,8 +103,7 @@ def open(  # the name of the contract: chapters.open(6, ...)
     """
     if number not in available():
         parse(str(number))
-    choose_backend(backend)
-    module = import_module(f"chapters.{folder_name(number)}.renderer")
+    module = renderer_module(number, choose_backend(backend))
     opened: Renderer = module.Renderer(
         scene, size, settings=settings, without=without, outputs=outputs, validate=validate, **more
     )

@@ -10,6 +10,7 @@ import re
 import statistics
 import time as clock
 import tomllib
+from contextlib import ExitStack
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
@@ -18,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import chapters
+from backends.choice import decide
 from chapters import quality, scenes
 from chapters.console import Steps, out, say
 from common import images
@@ -74,7 +76,8 @@ def check(request: Request) -> None:
     """Raise UserError for what is wrong with a request before anything is opened."""
     from backends.contract import check_without
 
-    chapters.choose_backend(request.backend)
+    backend = chapters.choose_backend(request.backend)
+    chapters.renderer_module(request.chapter, backend)
     check_without(request.without)
     if request.quality not in QUALITIES:
         from common.names import suggest
@@ -106,6 +109,9 @@ def run(request: Request) -> int:
     """Do what was asked; return the exit code. Raises StrataError."""
     began = clock.perf_counter()
     check(request)
+    choice = decide(request.backend)
+    if request.backend == "auto" and choice.backend == "gl":
+        say(f"strata: drawing with {choice.reason}.")
     return show(request) if wants_window(request) else draw(request, began)
 
 
@@ -163,10 +169,8 @@ def chosen_quality(request: Request, scene: Scene) -> tuple[str, str]:
     """Return the preset for a window, and what to say about it: `auto` takes the best that is fast enough here."""
     if request.quality != "auto":
         return request.quality, ""
-    from backends.vulkan.device import Device
-    from backends.vulkan.instance import Instance
-
-    with Instance() as instance, Device(instance, without=request.without) as device:
+    with ExitStack() as stack:
+        device = open_device(stack, request)
         key = quality.key_of(
             request.chapter,
             device.capabilities,
@@ -251,6 +255,19 @@ def write_picture(path: Path, frame: Frame) -> None:
         images.write_layers(path, {layer: frame.image(name) for name, layer in EXR_OUTPUTS.items()})
     else:
         images.write_image(path, frame.image("color"))
+
+
+def open_device(stack: ExitStack, request: Request) -> Any:
+    """Return a device of the request's backend, closed by `stack`, that several renderers can share."""
+    if chapters.choose_backend(request.backend) == "gl":
+        from backends.gl.context import Context
+
+        return stack.enter_context(Context(request.validate, request.without))
+    from backends.vulkan.device import Device
+    from backends.vulkan.instance import Instance
+
+    instance = stack.enter_context(Instance(request.validate))
+    return stack.enter_context(Device(instance, without=request.without))
 
 
 def tell_warnings(scene: Scene, verbose: bool) -> None:

@@ -89,6 +89,17 @@ def test_a_wavefront_file_is_a_scene_too(strata, tmp_path):
     assert len(np.unique(read_image(tmp_path / "a.png"))) > 1
 
 
+def test_opengl_draws_the_same_picture(strata, tmp_path, gl_context):
+    for backend in ("vulkan", "gl"):
+        words = ("--backend", backend, "--out", f"{backend}.png", "--json", f"{backend}.json", "--validate")
+        assert strata("run", "1", "--scene", "cornell", "--size", "64x64", *words)[0] == 0
+    pictures = [read_image(tmp_path / f"{backend}.png").astype(int) for backend in ("vulkan", "gl")]
+    assert np.abs(pictures[0] - pictures[1]).max() <= 1
+    records = [json.loads((tmp_path / f"{backend}.json").read_text()) for backend in ("vulkan", "gl")]
+    assert [record["backend"] for record in records] == ["vulkan", "gl"]
+    assert records[0]["frames"][0]["work"]["draws"] == records[1]["frames"][0]["work"]["draws"]
+
+
 def test_without_all_draws_and_verbose_says_the_plan(strata, box):
     code, out, _ = strata("run", "1", "--scene", box, "--size", "16x16", "--without", "all", "-v")
     assert code == 0
@@ -130,7 +141,6 @@ WRONG_WORDS = {
     "no such feature": (("run", "1", "--without", "mesh-shaders"), "did you mean 'mesh-shader'?"),
     "no such quality": (("run", "1", "--quality", "hihg"), "did you mean 'high'?"),
     "no such backend": (("run", "1", "--backend", "metal"), "no backend 'metal'"),
-    "OpenGL": (("run", "1", "--backend", "gl"), "OpenGL"),
     "no frames": (("run", "1", "--frames", "0"), "--frames 0"),
     "a time that is none": (("run", "1", "--time", "nan"), "--time"),
     "no such scene": (("run", "1", "--scene", "atrum"), "atrium"),
@@ -301,11 +311,30 @@ def start(*words: str, cwd: Path, **variables: str) -> subprocess.CompletedProce
     )
 
 
-def test_without_a_driver_it_says_what_to_install(tmp_path):
-    done = start("run", "1", "--size", "16x16", cwd=tmp_path, VK_DRIVER_FILES="/nowhere.json")
+NO_VULKAN = {"VK_DRIVER_FILES": "/nowhere.json"}
+NO_OPENGL = {"__EGL_VENDOR_LIBRARY_FILENAMES": "/nowhere.json"}
+
+
+def test_without_any_driver_it_says_what_to_install(tmp_path):
+    done = start("run", "1", "--size", "16x16", cwd=tmp_path, **NO_VULKAN, **NO_OPENGL)
     assert done.returncode == 2
     one_sentence(done.stderr)
-    assert "./strata doctor" in done.stderr
+    assert "install" in done.stderr and "./strata doctor" in done.stderr
+    for backend, hidden in (("vulkan", NO_VULKAN), ("gl", NO_OPENGL)):
+        done = start("run", "1", "--backend", backend, "--size", "16x16", cwd=tmp_path, **hidden)
+        assert done.returncode == 2
+        one_sentence(done.stderr)
+        assert "./strata doctor" in done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_without_vulkan_opengl_draws_and_it_is_said(tmp_path, gl_context):
+    done = start(
+        "run", "1", "--scene", "cornell", "--size", "16x16", "--out", "a.png", cwd=tmp_path, **NO_VULKAN
+    )
+    assert done.returncode == 0, done.stderr
+    assert "drawing with OpenGL" in done.stderr
+    assert (tmp_path / "a.png").is_file()
 
 
 def test_a_cache_that_cannot_be_written_costs_time_only(tmp_path, vulkan_instance):

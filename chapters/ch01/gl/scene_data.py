@@ -68,6 +68,9 @@ class SceneData:
     # --- made once ---
 
     def _choose_variants(self) -> None:
+        texels.check_images(
+            self._scene
+        )  # first: an edit that cannot be followed says so until another one mends it
         everything = not self._settings.skip_unused
         self.variants = [
             packing.material_variant(material, self._scene, everything) for material in self._scene.materials
@@ -114,7 +117,8 @@ class SceneData:
 
     def _keep_textures(self) -> None:
         """Upload what is missing, give up what no material reads any more, and note what each material binds."""
-        context, wanted = self._context, {}
+        context = self._context
+        wanted: dict[texels.Key, str] = {}
         for material, variant in zip(self._scene.materials, self.variants, strict=True):
             for role in variant.roles:
                 wanted.setdefault(texels.key_of(role, material.textures().get(role)), role)
@@ -174,8 +178,8 @@ class SceneData:
         revision = self._scene.revision[Change.MATERIALS]
         if revision == self._materials_seen:
             return False
-        self._materials_seen = revision
         self._choose_variants()
+        self._materials_seen = revision
         kinds = self._material_kinds()
         if kinds == self._kinds:
             return False

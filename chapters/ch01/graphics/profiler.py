@@ -12,7 +12,8 @@ import numpy as np
 from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 
-from .frames import SLOTS, FrameSlot
+from ..logic.frame import SLOTS
+from .frames import FrameSlot
 
 CAPACITY = 64
 """Passes that a frame may have."""

@@ -24,7 +24,7 @@ from backends.vulkan.resources import (
 from common.pools import Handle, Pool
 from common.scene import Sampler
 
-from .frames import SLOTS
+from ..logic.frame import SLOTS
 
 CAPACITY = 1 << 16
 """Buffers and images that may live at once; more than any scene of this chapter has."""

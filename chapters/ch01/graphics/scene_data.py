@@ -20,11 +20,11 @@ from common.pools import Handle
 from common.scene import Change, Pose, Sampler, Scene, TextureRef
 
 from ..logic import geometry, packing, records, texels
+from ..logic.frame import SLOTS
 from ..logic.packing import ROLES, Variant
 from ..logic.records import Records
 from ..settings import Settings
 from .descriptors import Binding, Descriptors, Texture
-from .frames import SLOTS
 from .resources import Resources
 from .textures import Textures
 
@@ -66,6 +66,9 @@ class SceneData:
     # --- made once ---
 
     def _choose_variants(self) -> None:
+        texels.check_images(
+            self._scene
+        )  # first: an edit that cannot be followed says so until another one mends it
         everything = not self._settings.skip_unused
         self.variants = [
             packing.material_variant(material, self._scene, everything) for material in self._scene.materials
@@ -182,8 +185,8 @@ class SceneData:
         revision = self._scene.revision[Change.MATERIALS]
         if revision == self._materials_seen:
             return False
-        self._materials_seen = revision
         self._choose_variants()
+        self._materials_seen = revision
         kinds = self._material_kinds()
         if kinds == self._kinds:
             return False
