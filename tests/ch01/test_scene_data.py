@@ -18,6 +18,7 @@ from chapters.ch01.settings import Settings
 from common import layouts
 from common.camera import UNIT_EV100, exposure
 from common.color import decode_srgb
+from common.errors import SceneError
 from common.scene import Deformation, Image, Instances, Light, Material, Sampler
 from tests.support.scenes import facing, nodes_at, quad_scene, texture, translated
 
@@ -358,6 +359,22 @@ def test_a_material_may_become_another_kind(vulkan_device, name):
     for picture in pictures:
         assert np.array_equal(picture, fresh(vulkan_device, scene, view))
     assert np.array_equal(ids, fresh(vulkan_device, scene, view, output="instance_id"))
+
+
+def test_an_edit_that_cannot_be_followed_says_so_until_it_is_mended(vulkan_device):
+    scene, view = lit_scene(images=(GREY,)), facing(ymag=2.0)
+    with Renderer(scene, SIZE, EXACT, outputs={"color_linear"}, device=vulkan_device) as made:
+        expected = settled(made, view).image("color_linear")
+        with scene.edit() as change:
+            change.set_material(0, replace(MATTE, base_color_texture=texture(7)))
+        for _ in range(2):
+            with pytest.raises(
+                SceneError, match="Material 0 reads image 7 as its base_color, but there are 1 images"
+            ):
+                made.render(view)
+        with scene.edit() as change:
+            change.set_material(0, MATTE)
+        assert np.array_equal(made.render(view).image("color_linear"), expected)
 
 
 def test_a_skin_keeps_its_pose_when_its_material_reads_more(vulkan_device):

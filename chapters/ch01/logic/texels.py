@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from common.color import decode_srgb
+from common.errors import SceneError
 from common.scene import Scene, TextureRef
 
 NEUTRAL = {
@@ -40,6 +41,18 @@ def key_of(role: str, texture: TextureRef | None) -> Key:
     if texture is None:
         return ("neutral", NEUTRAL[role])
     return ("image", texture.image, role in ("base_color", "emissive"), texture.sampler.mipmap is not None)
+
+
+def check_images(scene: Scene) -> None:
+    """Raise SceneError if a material reads an image that is not there."""
+    count = len(scene.images)
+    for number, material in enumerate(scene.materials):
+        for role, texture in material.textures().items():
+            if not 0 <= texture.image < count:
+                raise SceneError(
+                    f"Material {number} reads image {texture.image} as its {role}, but there are {count} images, "
+                    "counted from 0: name one of them in the edit."
+                )
 
 
 def texels_of(scene: Scene, role: str, key: Key) -> Texels:
