@@ -40,6 +40,23 @@ _current: Context | None = None
 """The context that this process made current last."""
 
 
+def let_go() -> None:
+    """Leave this thread without a context, for a window that is about to make one.
+
+    Where EGL still holds the thread, GLX ends the whole process ("BadAccess"). `make_current` takes a context up again.
+    """
+    global _current
+    if _current is None:
+        return
+    loader, _current = _current._loader, None
+    if isinstance(loader, _WindowLoader):
+        loader.let_go()
+        return
+    address = loader.load_opengl_function("eglReleaseThread")
+    if address:
+        gl.ffi.cast("unsigned int (*)(void)", address)()
+
+
 class _WindowLoader:
     """What moderngl needs of a context that GLFW made; its methods have the names that moderngl asks for."""
 
@@ -59,6 +76,13 @@ class _WindowLoader:
 
         glfw.make_context_current(self._window)
         return self
+
+    def let_go(self) -> None:
+        """Leave the thread without this context."""
+        import glfw
+
+        nothing: Any = None
+        glfw.make_context_current(nothing)
 
     def __exit__(self, *_: object) -> None:
         """It stays current."""
@@ -85,7 +109,7 @@ def _headless_loader() -> Any:
 class Context:
     """An OpenGL 4.5 core context with Vulkan's conventions, current from its creation on.
 
-    `window` is a GLFW window made with a core profile (see `present.HINTS`); None makes a context of its own without a
+    `window` is a GLFW window made by `present.open_window`; None makes a context of its own without a
     window, on EGL's first device or the one that GLCONTEXT_DEVICE_INDEX numbers. With `validate` every raw call is
     checked and raises DeviceError. `without` names features to do without. Raises UnsupportedError with one sentence.
 
@@ -103,6 +127,7 @@ class Context:
         self.without = check_without(without)
         self.validates = validate
         self._closed = True
+        let_go()
         self._loader = loader or (_headless_loader() if window is None else _WindowLoader(window))
         self.make_current()
         resolve: Callable[[str], int] = self._loader.load_opengl_function
@@ -118,6 +143,7 @@ class Context:
                 raise UnsupportedError(NO_CONTEXT.format(f"{self.capabilities.device}: {reason}"))
             self.mgl = _moderngl(self._loader)
         except BaseException:
+            let_go()
             self._loader.release()
             raise
         self.limits = self.capabilities.limits
@@ -154,6 +180,7 @@ class Context:
         """Let this thread's calls reach this context: after another one was current."""
         global _current
         if _current is not self:
+            let_go()
             self._loader.__enter__()
             _current = self
 
@@ -246,7 +273,6 @@ class Context:
 
     def close(self) -> None:
         """Free the context; raise DeviceError naming whatever is still alive in it."""
-        global _current
         if self._closed:
             return
         self.make_current()
@@ -256,8 +282,8 @@ class Context:
         self._closed = True
         left = [f"{kind} '{name}'" if name else kind for (kind, _), name in self.alive.items()]
         self.fn.glDebugMessageCallback(gl.NULL, gl.NULL)  # the sink may be gone before the driver is
+        let_go()
         self.mgl.release()
-        _current = None
         if left:
             shown = ", ".join(left[:8]) + (", ..." if len(left) > 8 else "")
             raise DeviceError(f"{len(left)} objects outlived their context: {shown}.")

@@ -9,12 +9,22 @@ from typing import Any
 
 from backends.gl import api as gl
 from backends.gl import targets
-from backends.gl.context import Context
+from backends.gl.context import Context, let_go
 from backends.gl.targets import Framebuffer
+from backends.window import Window
+
+
+def open_window(size: tuple[int, int], title: str, **more: Any) -> Window:
+    """Open a window for `Context(window=window.handle)`; `more` goes to `Window`. No context is current afterwards.
+
+    Raises UnsupportedError where there is no display.
+    """
+    let_go()  # GLFW makes the window's context current for a moment, while nobody else may hold the thread
+    return Window(size, title, "gl", hints=hints(), **more)
 
 
 def hints() -> dict[int, int]:
-    """Return GLFW's window hints for a context that Strata can use: `Window(size, title, "gl", hints=hints())`."""
+    """Return GLFW's window hints for a context that Strata can use."""
     import glfw
 
     return {

@@ -160,7 +160,7 @@ def test_an_old_context_of_a_window_is_refused_before_it_is_used(gl_context):
 
     with pytest.raises(UnsupportedError, match=r"it offers OpenGL 3\.3\.0"):
         Context(loader=Old())
-    assert called == ["glGetString", "released"]
+    assert called == ["glGetString", "eglReleaseThread", "released"]
 
 
 # --- checked calls and messages ---------------------------------------------------------------------------------------
