@@ -8,7 +8,8 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable
-from typing import Any, Literal
+from dataclasses import dataclass
+from typing import Any, Literal, Protocol
 
 from common.errors import UnsupportedError
 from common.inputs import Inputs
@@ -88,12 +89,49 @@ def display_available() -> bool:
     return True
 
 
+@dataclass(frozen=True)
+class Event:
+    """Something the user did, for a user interface in the window.
+
+    "move" to the pixel (x, y); "button" 0 left, 1 right, 2 middle; "scroll" by (x, y) steps; "key" with its `name`;
+    "text" that was typed, in `name`; "focus" gained or lost. `down` says which of the two.
+    """
+
+    kind: Literal["move", "button", "scroll", "key", "text", "focus"]
+    x: float = 0.0
+    y: float = 0.0
+    name: str = ""
+    button: int = 0
+    down: bool = False
+
+
+class Listener(Protocol):
+    """A user interface in a window: it hears of everything, and what it takes does not reach `inputs` or `take_keys`.
+
+    What is let go (a key, a button) always reaches both.
+    """
+
+    def event(self, event: Event) -> None:
+        """Note what the user did."""
+
+    def takes_mouse(self, x: float, y: float) -> bool:
+        """Whether a button or a step of the wheel at the pixel (x, y) is meant for the interface."""
+
+    def takes_keys(self) -> bool:
+        """Whether keys are meant for the interface, as while something is typed there."""
+
+
+ALWAYS_COMMANDS = ("F1",)
+"""Keys that are commands even while an interface takes the others: for what opens and closes it."""
+
+
 class Window:
     """A window of (width, height) pixels, with what the user did to it since it was last asked.
 
-    `inputs` is the state of keyboard and mouse for cameras; `take_keys` gives the keys pressed, for commands. `damaged`
-    is set when the desktop wants the content again, and stays set until whoever draws clears it. For "vulkan", `loader`
-    is the address of vkGetInstanceProcAddr. Raises UnsupportedError where there is no display. A context manager.
+    `inputs` is the state of keyboard and mouse for cameras; `take_keys` gives the keys pressed, for commands;
+    `listener` is a user interface in the window, if there is one. `damaged` is set when the desktop wants the content
+    again, and stays set until whoever draws clears it. For "vulkan", `loader` is the address of vkGetInstanceProcAddr.
+    Raises UnsupportedError where there is no display. A context manager.
     """
 
     def __init__(
@@ -107,6 +145,7 @@ class Window:
         hints: dict[int, int] | None = None,
     ) -> None:
         self.inputs = inputs if inputs is not None else Inputs()
+        self.listener: Listener | None = None
         self.damaged = True
         self._iconified = False
         self._keys: list[str] = []
@@ -132,6 +171,8 @@ class Window:
             (glfw.set_mouse_button_callback, self._on_button),
             (glfw.set_cursor_pos_callback, self._on_cursor),
             (glfw.set_scroll_callback, self._on_scroll),
+            (glfw.set_char_callback, self._on_text),
+            (glfw.set_window_focus_callback, self._on_focus),
             (glfw.set_window_iconify_callback, self._on_iconify),
             (glfw.set_framebuffer_size_callback, self._on_resize),
             (glfw.set_window_refresh_callback, self._on_refresh),
@@ -144,21 +185,53 @@ class Window:
         if name is None or action == glfw.REPEAT:
             return  # releases come for every key that went down, also when the window loses the focus
         pressed = action == glfw.PRESS
-        if pressed:
+        self._tell(Event("key", name=name, down=pressed))
+        taken = self.listener is not None and self.listener.takes_keys()
+        if pressed and (not taken or name in ALWAYS_COMMANDS):
             self._keys.append(name)
-        self.inputs.key(name, pressed)
+        self.inputs.key(name, pressed and not taken)
+
+    def _on_text(self, window: Any, codepoint: int) -> None:
+        self._tell(Event("text", name=chr(codepoint)))
 
     def _on_button(self, window: Any, button: int, action: int, mods: int) -> None:
         glfw = _glfw()
+        pressed = action == glfw.PRESS
+        place = self._pointer()
+        self._tell(Event("move", *place))  # the button may come before the way to it
+        self._tell(Event("button", button=button, down=pressed))
         if button == glfw.MOUSE_BUTTON_LEFT:
-            self.inputs.dragging = action == glfw.PRESS
+            self.inputs.dragging = pressed and not self._taken(place)
 
     def _on_cursor(self, window: Any, x: float, y: float) -> None:
         width, height = _glfw().get_window_size(window)  # in the desktop's units, as x and y are
         self.inputs.mouse = (x / max(width, 1), y / max(height, 1))
+        self._tell(Event("move", *self._pixel(x, y)))
 
     def _on_scroll(self, window: Any, x: float, y: float) -> None:
-        self.inputs.scroll += y
+        self._tell(Event("scroll", x, y))
+        if not self._taken(self._pointer()):
+            self.inputs.scroll += y
+
+    def _on_focus(self, window: Any, focused: int) -> None:
+        self._tell(Event("focus", down=bool(focused)))
+
+    def _tell(self, event: Event) -> None:
+        if self.listener is not None:
+            self.listener.event(event)
+
+    def _taken(self, place: tuple[float, float]) -> bool:
+        return self.listener is not None and self.listener.takes_mouse(*place)
+
+    def _pixel(self, x: float, y: float) -> tuple[float, float]:
+        """Return a place in the desktop's units in pixels of the content."""
+        glfw = _glfw()
+        units, pixels = glfw.get_window_size(self.handle), glfw.get_framebuffer_size(self.handle)
+        return x * pixels[0] / max(units[0], 1), y * pixels[1] / max(units[1], 1)
+
+    def _pointer(self) -> tuple[float, float]:
+        """Return where the pointer is now, in pixels."""
+        return self._pixel(*_glfw().get_cursor_pos(self.handle))
 
     def _on_iconify(self, window: Any, iconified: int) -> None:
         self._iconified = bool(iconified)
@@ -192,6 +265,11 @@ class Window:
         return int(width), int(height)
 
     @property
+    def scale(self) -> float:
+        """How many times larger than usual the desktop wants text, in pixels."""
+        return float(_glfw().get_window_content_scale(self.handle)[0])
+
+    @property
     def minimised(self) -> bool:
         """Whether there is nothing to draw to."""
         return self._iconified or 0 in self.size
@@ -212,6 +290,10 @@ class Window:
     def set_title(self, title: str) -> None:
         """Write `title` into the window's frame."""
         _glfw().set_window_title(self.handle, title)
+
+    def copy_text(self, text: str) -> None:
+        """Put text where other programs can paste it from."""
+        _glfw().set_clipboard_string(self.handle, text)
 
     # --- Vulkan ---
 

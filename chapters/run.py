@@ -126,7 +126,8 @@ def wants_window(request: Request) -> bool:
 
 def show(request: Request) -> int:
     """Draw in a window until it is closed, and write the record if one was asked for."""
-    from chapters.window import HELP, run_window
+    from chapters.panel import preset_of
+    from chapters.window import HELP, panel_help, run_window
 
     with Steps() as steps:
         scene = scenes.load(request.scene, steps.of("load", 0.05, 0.6))  # type: ignore[arg-type]
@@ -138,11 +139,14 @@ def show(request: Request) -> int:
     logs: list[Log] = []
 
     def opened(**options: Any) -> Renderer:
-        renderer = chapters.open(request.chapter, request.backend, scene=scene, settings=settings, **options)
-        logs.append(Log(request, renderer, preset_name))
+        # The panel asks for other settings; then a record holds what came since.
+        wanted = {"settings": settings, **options}
+        renderer = chapters.open(request.chapter, request.backend, scene=scene, **wanted)
+        quality = preset_name if wanted["settings"] == settings else preset_of(wanted["settings"]) or "own"
+        logs.append(Log(request, renderer, quality))
         return renderer
 
-    say(f"Chapter {request.chapter}, {scene.name}{note}. {HELP}")
+    say(f"Chapter {request.chapter}, {scene.name}{note}. {HELP} {panel_help()}")
     figures = run_window(
         partial(opened, without=request.without, validate=request.validate),
         size=request.size,
@@ -153,15 +157,18 @@ def show(request: Request) -> int:
         time=request.time,
         frames=request.frames,
         # Reading a frame's figures waits for it: only who asked for them pays that.
-        on_frame=(lambda _, frame: logs[0].add(frame)) if request.json or request.verbose else None,
+        on_frame=(lambda _, frame: logs[-1].add(frame)) if request.json or request.verbose else None,
+        panel=True,
+        name=chapters.folder_name(request.chapter),
+        quality=f"{request.quality}{note}" if note else "",
     )
     for text in figures.messages:
         say(f"strata: {text}")
-    if logs and logs[0].frames:
+    if logs and logs[-1].frames:
         if request.json is not None:
-            logs[0].write(request.json)
+            logs[-1].write(request.json)
         if request.verbose:
-            logs[0].show()
+            logs[-1].show()
     return 1 if figures.messages else 0
 
 

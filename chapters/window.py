@@ -1,30 +1,49 @@
-"""The window of `strata run N`: a loop that moves the camera, draws when something changed, and shows the picture."""
+"""The window of `strata run N`: a loop that moves the camera, draws when something changed, and shows the picture.
+
+Over it lies the panel (`chapters.panel`), where imgui-bundle is installed. It is drawn again when the user does
+something, without a new frame of the scene.
+"""
 
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Collection
+from collections import deque
+from collections.abc import Callable, Collection, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass, field
+from importlib.util import find_spec
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-import chapters
 from backends.window import Window
-from common.camera import Camera, Positioner
+from chapters.panel import Panel, PanelActions, PanelState, open_panel
+from chapters.window_camera import camera_text, first_person, open_camera, orbit
+from common import images
+from common.camera import Camera
 from common.clock import FrameClock
+from common.errors import StrataError
 from common.inputs import KEYS, Action, Inputs
-from common.positioners import FirstPerson, Orbit
+from common.positioners import Orbit
 
 if TYPE_CHECKING:
     from backends.contract import Frame, Renderer
-    from common.scene import Scene
+    from common.draw_lists import DrawList
 
 HELP = (
     "Drag to look, W A S D 1 2 to move, shift to be faster, U to level, wheel to come nearer, "
     "C to change between flying and orbiting, space to stop and go on with time, Esc to close."
 )
 """The keys and what they do."""
+
+
+def panel_help() -> str:
+    """Return what to say about the panel: its keys, or how to get it."""
+    if find_spec("imgui_bundle") is None:
+        return "For a panel with every setting: ./strata --extras (the package imgui-bundle)."
+    return "F1 or Tab shows and hides the panel."
+
 
 BINDINGS = {**{key: action for key, action in KEYS.items() if key != "SPACE"}, "U": Action.RESET_UP}
 """The camera's keys. Space, which levels the camera elsewhere, is what stops time in every player."""
@@ -39,12 +58,24 @@ MINIMISED_WAIT_S = 0.5
 
 TITLE_EVERY_S = 0.5
 
+STEP_S = 1 / 60
+"""How far the panel's step lets time go."""
+
+LATENCY = 2
+"""Frames after which figures of the GPU are read: by then the renderer itself has waited for them."""
+
 
 class Shows(Protocol):
     """What brings a renderer's picture into the window, on either backend."""
 
     def show(self, renderer: Renderer) -> bool:
         """Show the last picture; return whether that happened."""
+
+    def lay(self, drawn: DrawList | None) -> None:
+        """Draw a user interface over whatever is shown from now on; None takes it away."""
+
+    def picture(self, renderer: Renderer) -> np.ndarray:
+        """Return the last picture alone, (H, W, 4) uint8."""
 
 
 @dataclass
@@ -57,30 +88,37 @@ class Figures:
     messages: list[str] = field(default_factory=list)  # of the validation layers, each distinct one once
 
 
-def first_person(world_from_view: np.ndarray, scene: Scene) -> FirstPerson:
-    """Return free flight from a pose (4, 4); at full speed the scene's radius takes one second."""
-    flight = FirstPerson.at(world_from_view)
-    flight.unit = scene.length_scale / flight.max_speed
-    return flight
+class Refused(Exception):
+    """A renderer could not be opened with other settings; `renderer` is one with the old ones."""
+
+    def __init__(self, reason: str, renderer: Renderer) -> None:
+        super().__init__(reason)
+        self.renderer = renderer
 
 
-def orbit(world_from_view: np.ndarray, scene: Scene) -> Orbit:
-    """Return an orbit from a pose (4, 4), around the point straight ahead that is as far away as the scene's centre."""
-    to_centre = scene.bounds.mean(axis=0) - world_from_view[:3, 3]
-    ahead = float(-world_from_view[:3, 2] @ to_centre)
-    return Orbit.at(world_from_view, max(ahead, 0.1 * scene.length_scale))
+class Opened:
+    """The renderer of a window, opened anew for other settings. The device stays, and so do the shaders in memory."""
 
+    def __init__(
+        self, open_renderer: Callable[..., Renderer], size: tuple[int, int], options: Mapping[str, Any]
+    ) -> None:
+        self._open, self._options = open_renderer, dict(options)
+        self.renderer = open_renderer(size=size, **self._options)
 
-def open_camera(renderer: Renderer, spec: str | None, time: float) -> Camera:
-    """Return the camera to begin with, from the view that `spec` names (see `common.camera.view_of_scene`).
+    def reopen(self, settings: Any) -> Renderer:
+        """Return a renderer with other settings, of the same size; raise Refused where there can be none."""
+        size, before = self.renderer.size, self.renderer.settings
+        self.renderer.close()  # first: two of them may not fit into memory
+        try:
+            self.renderer = self._open(size=size, **self._options, settings=settings)
+        except StrataError as error:
+            self.renderer = self._open(size=size, **self._options, settings=before)
+            raise Refused(str(error), self.renderer) from None
+        return self.renderer
 
-    A scene that brings a camera is a place to fly through; one without is a thing to turn in the hand.
-    """
-    view = chapters.view_of(renderer, spec, time)
-    scene = renderer.scene
-    flies = bool(scene.cameras) or spec is not None
-    positioner: Positioner = (first_person if flies else orbit)(view.world_from_view, scene)
-    return Camera(positioner, view.projection, view.ev100)
+    def close(self) -> None:
+        """Close the renderer."""
+        self.renderer.close()
 
 
 class Loop:
@@ -97,13 +135,25 @@ class Loop:
         time: float = 0.0,
         on_frame: Callable[[Renderer, Frame], None] | None = None,
         timer_ns: Callable[[], int] = clock.perf_counter_ns,
+        panel: Panel | None = None,
+        reopen: Callable[[Any], Renderer] | None = None,
+        name: str = "strata",
+        quality: str = "",
     ) -> None:
         self.window, self.screen, self.renderer, self.camera = window, screen, renderer, camera
-        self.time, self.paused = time, False
+        self.time, self.paused, self.speed = time, False, 1.0
         self.figures = Figures()
-        self._title, self._told, self._on_frame = title, "", on_frame
+        self.panel, self.message = panel, ""
+        self._title, self._told, self._on_frame, self._reopen = title, "", on_frame, reopen
+        self._name, self._quality = name, quality
         self._clock = FrameClock(timer_ns)
-        self._since, self._frames_since = 0.0, 0
+        self._since, self._frames_since, self._rate = 0.0, 0, 0.0
+        self._ev100 = camera.ev100
+        self._unread: deque[Frame] = deque()  # frames whose figures the GPU may still be writing
+        self._work: Mapping[str, int] = {}
+        self._panel_due = True  # the panel does not yet show what happened last
+        if panel is not None:
+            window.listener = panel
 
     def run(self, frames: int | None = None) -> Figures:
         """Draw until the window is closed, or `frames` frames are drawn: then every step draws one."""
@@ -129,6 +179,11 @@ class Loop:
             self.camera.positioner = (first_person if isinstance(now, Orbit) else orbit)(
                 now.world_from_view, scene
             )
+        elif key in ("F1", "TAB") and self.panel is not None:
+            self.panel.visible = not self.panel.visible
+            self._panel_due = self.window.damaged = True
+            if not self.panel.visible:
+                self.screen.lay(None)
 
     def step(self, always: bool = False) -> None:
         """Draw and show one frame, or sleep where it would show nothing new; `always` draws it in any case."""
@@ -140,22 +195,109 @@ class Loop:
         if window.size != renderer.size:
             renderer.resize(window.size)
         if not self.paused:
-            self.time += passed
+            self.time += passed * self.speed
         view = self.camera.advance(min(passed, LONGEST_STEP_S), window.inputs)
-        if not always and renderer.idle(view, self.time):
+        panel = self.panel if self.panel is not None and self.panel.visible else None
+        frame = renderer.render(view, self.time) if always or not renderer.idle(view, self.time) else None
+        if frame is None:
             self.figures.idle += 1
-            if window.damaged:
-                self._show()
-            else:
+            touched = panel is not None and (panel.restless or self._panel_due)
+            if not window.damaged and not touched:
                 self._tell("nothing moves")
                 self._sleep(IDLE_WAIT_S)
-            return
-        frame = renderer.render(view, self.time)
+                return
+        self._read_figures(frame)
+        actions = self._draw_panel(panel, passed, frame is not None) if panel is not None else None
         self._show()
-        self.figures.drawn += 1
-        self._measure(frame, passed)
-        if self._on_frame is not None:
-            self._on_frame(renderer, frame)
+        if frame is not None:
+            self.figures.drawn += 1
+            self._measure(frame, passed)
+            if self._on_frame is not None:
+                self._on_frame(renderer, frame)
+        if actions:
+            self._apply(actions)
+
+    # --- the panel ---
+
+    def _read_figures(self, frame: Frame | None) -> None:
+        """Hand the panel what the GPU did some frames ago, or all of it where no frame follows."""
+        if self.panel is None:
+            return
+        if frame is not None:
+            self._unread.append(frame)
+        while len(self._unread) > (LATENCY if frame is not None else 0):
+            done = self._unread.popleft()
+            self.panel.history.add(done.timings)
+            self._work = done.work
+
+    def _draw_panel(self, panel: Panel, passed: float, moving: bool) -> PanelActions:
+        """Draw the panel for the next picture shown; return what the user wants, to be done after that."""
+        renderer, positioner = self.renderer, self.camera.positioner
+        state = PanelState(
+            settings=renderer.settings,
+            plan=renderer.plan,
+            device=f"{renderer.capabilities.device}, {renderer.capabilities.backend}",
+            quality=self._quality,
+            frame_rate=self._rate if moving else 0.0,
+            work=self._work,
+            mode="orbit" if isinstance(positioner, Orbit) else "first person",
+            camera=camera_text(self.camera, renderer.scene),
+            ev_offset=self.camera.ev100 - self._ev100,
+            time=self.time,
+            paused=self.paused,
+            speed=self.speed,
+            message=self.message,
+        )
+        actions = panel.frame(state, self.window.size, passed)
+        self.screen.lay(panel.drawn)
+        # A drawn frame makes new figures; when nothing moves any more, they are to be shown once.
+        self._panel_due = moving or bool(actions)
+        return actions
+
+    def _apply(self, actions: PanelActions) -> None:
+        """Do what the user asked the panel for."""
+        if actions.mode is not None and (actions.mode == "orbit") != isinstance(
+            self.camera.positioner, Orbit
+        ):
+            self.press("C")
+        if actions.ev_offset is not None:
+            self.camera.ev100 = self._ev100 + actions.ev_offset
+        if actions.paused is not None:
+            self.paused = actions.paused
+        if actions.speed is not None:
+            self.speed = actions.speed
+        if actions.step:
+            self.paused, self.time = True, self.time + STEP_S
+        if actions.copy:
+            self.window.copy_text(actions.copy)
+        if actions.screenshot:
+            self.message = self._screenshot()
+        if actions.settings is not None:
+            self._change_settings(actions.settings)
+
+    def _change_settings(self, settings: Any) -> None:
+        """Go on with a renderer that has other settings; camera and time stay."""
+        if self._reopen is None:
+            return
+        self._unread.clear()
+        self.message = ""
+        try:
+            self.renderer = self._reopen(settings)
+        except Refused as error:
+            self.renderer, self.message = error.renderer, str(error)
+        self._clock.tick()  # the time that this took is none of the scene's
+
+    def _screenshot(self) -> str:
+        """Write the picture without the panel; return what to say about it."""
+        path = Path("out") / f"{self._name}-{clock.strftime('%Y%m%d-%H%M%S')}.png"
+        try:
+            path.parent.mkdir(exist_ok=True)
+            images.write_image(path, self.screen.picture(self.renderer)[..., :3])
+        except (OSError, StrataError) as error:
+            return str(error)
+        return f"wrote {path}"
+
+    # --- the picture ---
 
     def _show(self) -> None:
         # Cleared before, so that an event that comes meanwhile is not lost.
@@ -175,8 +317,8 @@ class Loop:
         self._frames_since += 1
         if self._since >= TITLE_EVERY_S:
             gpu_ms = sum(frame.timings.values())  # waits for the frame, but not for every one
-            rate = self._frames_since / self._since
-            self._tell(f"{rate:.0f} frames/s, GPU {gpu_ms:.1f} ms, CPU {frame.cpu_ms:.1f} ms")
+            self._rate = self._frames_since / self._since
+            self._tell(f"{self._rate:.0f} frames/s, GPU {gpu_ms:.1f} ms, CPU {frame.cpu_ms:.1f} ms")
             self._since, self._frames_since = 0.0, 0
 
     def _tell(self, state: str) -> None:
@@ -201,14 +343,19 @@ def run_window(
     time: float = 0.0,
     frames: int | None = None,
     on_frame: Callable[[Renderer, Frame], None] | None = None,
+    panel: bool = False,
+    name: str = "strata",
+    quality: str = "",
     **options: Any,
 ) -> Figures:
     """Open a window of (width, height) pixels, show what a renderer draws in it, and return when it is closed.
 
     `open_renderer(size=, device=, presents=True, **options)` opens the renderer on the window's device: for example
-    `partial(chapters.open, 1, scene=scene)`. `camera` names the view to begin with, `time` the seconds; `frames` ends
-    the run by itself; `on_frame(renderer, frame)` is called after each frame. Raises UnsupportedError where there is no
-    display, or none that Vulkan can draw to. Everything is closed in any case.
+    `partial(chapters.open, 1, scene=scene)`; for other settings it is called again, with `settings=`. `camera` names
+    the view to begin with, `time` the seconds; `frames` ends the run by itself; `on_frame(renderer, frame)` is called
+    after each frame. With `panel` the panel is shown where it can be; `name` begins the names of screenshots, `quality`
+    says how the preset was chosen. Raises UnsupportedError where there is no display, or none that Vulkan can draw to.
+    Everything is closed in any case.
     """
     from backends.vulkan.screen import Screen, loader_address
 
@@ -219,15 +366,24 @@ def run_window(
         sink = screen.device.sink
         # The desktop may have given another size than was asked for; a window opened minimised has none yet.
         given = size if window.minimised else window.size
-        with screen, open_renderer(size=given, device=screen.device, presents=True, **options) as renderer:
+        with screen, ExitStack() as stack:
+            opened = Opened(open_renderer, given, {"device": screen.device, "presents": True, **options})
+            stack.callback(opened.close)
+            drawn_panel = open_panel(window.scale) if panel else None
+            if drawn_panel is not None:
+                stack.callback(drawn_panel.close)
             loop = Loop(
                 window,
                 screen,
-                renderer,
-                open_camera(renderer, camera, time),
+                opened.renderer,
+                open_camera(opened.renderer, camera, time),
                 title,
                 time=time,
                 on_frame=on_frame,
+                panel=drawn_panel,
+                reopen=opened.reopen,
+                name=name,
+                quality=quality,
             )
             figures = loop.run(frames)
     figures.messages = sink.report()

@@ -11,7 +11,8 @@ import pytest
 
 import chapters
 from backends.vulkan.instance import VALIDATION_LAYER, Instance
-from chapters.window import BINDINGS, HELP, IDLE_WAIT_S, MINIMISED_WAIT_S, Loop, open_camera, run_window
+from chapters.window import BINDINGS, HELP, IDLE_WAIT_S, MINIMISED_WAIT_S, Loop, run_window
+from chapters.window_camera import open_camera
 from common.camera import Camera, Perspective
 from common.errors import UnsupportedError
 from common.inputs import Inputs

@@ -12,12 +12,16 @@ import os
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+import numpy as np
+
 from backends.contract import Renderer
 from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 from backends.vulkan.instance import Instance, PhysicalDevice, choose
+from backends.vulkan.readback import read_image
 from backends.vulkan.swapchain import Swapchain
 from backends.window import Window
+from common.draw_lists import DrawList
 from common.errors import UnsupportedError
 
 
@@ -100,6 +104,14 @@ class Screen:
     def show(self, renderer: Renderer) -> bool:
         """Show the renderer's last picture in the window, again if need be; return whether that happened."""
         return self.swapchain.show(renderer.present_source, self._window.size)
+
+    def lay(self, drawn: DrawList | None) -> None:
+        """Draw a user interface over whatever is shown from now on; None takes it away. Each list is given once."""
+        self.swapchain.lay(drawn)
+
+    def picture(self, renderer: Renderer) -> np.ndarray:
+        """Return the renderer's last picture, without what lies over it: (H, W, 4) uint8. Waits for it."""
+        return read_image(self.device, renderer.present_source, "copy_source")
 
     def close(self) -> None:
         """Free everything, last made first; a second time does nothing."""

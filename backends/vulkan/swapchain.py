@@ -1,7 +1,7 @@
 """The swapchain: the images that a surface shows in turn, and the copy of a finished picture into the next of them.
 
 The renderer draws into its own image and knows nothing of windows; the copy is a small command buffer of its own that
-follows the frame's on the same queue.
+follows the frame's on the same queue. A user interface is drawn over the copy in the same command buffer.
 """
 
 from __future__ import annotations
@@ -12,7 +12,9 @@ from typing import Any
 from backends.vulkan import api as vk
 from backends.vulkan.barriers import barriers, image_barrier
 from backends.vulkan.device import Device
+from backends.vulkan.draw_lists import DrawLists
 from backends.vulkan.resources import Image
+from common.draw_lists import DrawList
 from common.errors import UnsupportedError
 
 SLOTS = 2
@@ -104,6 +106,9 @@ class _Target:
         # The acquired semaphore is waited for by the transfer stage, and this barrier continues from there.
         self.to_copy = barriers(image_barrier(handle, color, "copy_target", "copy_target", discard=True))
         self.to_present = barriers(image_barrier(handle, color, "copy_target", "present"))
+        self.to_draw = barriers(image_barrier(handle, color, "copy_target", "color"))
+        self.drawn_to_present = barriers(image_barrier(handle, color, "color", "present"))
+        self.view: Any = None  # made for the first user interface
         self.submits = [
             vk.new(
                 "VkSubmitInfo2",
@@ -162,6 +167,8 @@ class Swapchain:
         self.targets: list[_Target] = []
         self.stale = True
         self.made = self.shown = 0
+        self._draws: DrawLists | None = None
+        self._list: DrawList | None = None
 
     def _capabilities(self) -> Any:
         found = vk.new("VkSurfaceCapabilitiesKHR")
@@ -195,7 +202,8 @@ class Swapchain:
             imageColorSpace=self._space,
             imageExtent={"width": extent[0], "height": extent[1]},
             imageArrayLayers=1,
-            imageUsage=vk.VK_IMAGE_USAGE_TRANSFER_DST_BIT,
+            # A surface's images can always be drawn to (specification of VkSurfaceCapabilitiesKHR).
+            imageUsage=vk.VK_IMAGE_USAGE_TRANSFER_DST_BIT | vk.VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT,
             imageSharingMode=vk.VK_SHARING_MODE_EXCLUSIVE,
             preTransform=found.currentTransform,
             compositeAlpha=opaque if alphas & opaque else alphas & -alphas,
@@ -224,6 +232,15 @@ class Swapchain:
         self.stale = False
         self.made += 1
         return True
+
+    def lay(self, drawn: DrawList | None) -> None:
+        """Draw a user interface over whatever is shown from now on; None takes it away. Each list is given once."""
+        self._list = drawn
+        if drawn is None:
+            return
+        if self._draws is None:
+            self._draws = DrawLists(self._device, self.format, SLOTS)
+        self._draws.update(drawn)
 
     def show(self, source: Image, wanted: tuple[int, int]) -> bool:
         """Show `source`, which is in state 'copy_source' and stays in it; return whether that happened.
@@ -256,7 +273,7 @@ class Swapchain:
             self._region(source.width, source.height),
             vk.VK_FILTER_NEAREST if (source.width, source.height) == self.extent else vk.VK_FILTER_LINEAR,
         )
-        fn.vkCmdPipelineBarrier2(commands, target.to_present)
+        self._finish_target(commands, slot_index, target)
         if device.instance.has_debug_utils:
             fn.vkCmdEndDebugUtilsLabelEXT(commands)
         vk.check(fn.vkEndCommandBuffer(commands), "vkEndCommandBuffer")
@@ -272,6 +289,29 @@ class Swapchain:
         vk.check(code, "vkQueuePresentKHR")
         self.shown += 1
         return True
+
+    def _finish_target(self, commands: Any, slot: int, target: _Target) -> None:
+        """Record what follows the copy: the user interface, if there is one, and the way to the display."""
+        fn = self._device.fn
+        if self._draws is None or self._list is None:
+            fn.vkCmdPipelineBarrier2(commands, target.to_present)
+            return
+        if target.view is None:
+            info = vk.new(
+                "VkImageViewCreateInfo",
+                image=target.handle,
+                viewType=vk.VK_IMAGE_VIEW_TYPE_2D,
+                format=self.format,
+                subresourceRange={
+                    "aspectMask": vk.VK_IMAGE_ASPECT_COLOR_BIT,
+                    "levelCount": 1,
+                    "layerCount": 1,
+                },
+            )
+            target.view = self._device.create("vkCreateImageView", info, "swapchain image view")
+        fn.vkCmdPipelineBarrier2(commands, target.to_draw)
+        self._draws.record(commands, slot, self._list, target.view, self.extent)
+        fn.vkCmdPipelineBarrier2(commands, target.drawn_to_present)
 
     def _acquire(self, slot: _Slot, wanted: tuple[int, int]) -> int | None:
         """Return the index of the image to be shown next, or None if there is none for now."""
@@ -308,11 +348,16 @@ class Swapchain:
     def _destroy_targets(self) -> None:
         for target in self.targets:
             self._device.destroy("VkSemaphore", target.finished)
+            if target.view is not None:
+                self._device.destroy("VkImageView", target.view)
         self.targets = []
 
     def close(self) -> None:
         """Free everything but the surface, after the queue has left it."""
         self._fn.vkDeviceWaitIdle(self._device.handle)  # after a lost device there is nothing to wait for
+        if self._draws is not None:
+            self._draws.close()
+            self._draws = None
         self._destroy_targets()
         for slot in self._slots:
             slot.close(self._device)

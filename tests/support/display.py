@@ -60,7 +60,7 @@ def screenshot(display: str, size: tuple[int, int]) -> np.ndarray:
 
 KEY_PRESS, KEY_RELEASE, BUTTON_PRESS, BUTTON_RELEASE = range(2, 6)
 FOCUS_IN, FOCUS_OUT, CLIENT = 9, 10, 33
-KEYCODES = {"W": 25, "C": 54, "SPACE": 65, "ESCAPE": 9, "LEFT_SHIFT": 50}
+KEYCODES = {"F1": 67, "TAB": 23, "W": 25, "C": 54, "SPACE": 65, "ESCAPE": 9, "LEFT_SHIFT": 50}
 """Of the evdev keyboard that Xvfb has."""
 
 _Long, _Int = ctypes.c_ulong, ctypes.c_int
