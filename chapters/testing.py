@@ -20,6 +20,13 @@ CHECKS = {
 """Module of each tool -> Python's arguments for each of its runs."""
 
 
+WITH_VALUE = {
+    *("-k", "-m", "-n", "-o", "-p", "-r", "-c", "-W"),
+    *("--tb", "--maxfail", "--durations", "--deselect", "--ignore", "--basetemp", "--junitxml", "--color"),
+}
+"""Options of pytest whose next word is their value, when it is not written behind "="."""
+
+
 def run(words: list[str], *, long: bool, bless: bool, static: bool) -> int:
     """Run what was asked for; return 0 when all passed, 1 when something failed, 2 for a wrong request.
 
@@ -52,7 +59,7 @@ def pytest_arguments(words: list[str]) -> list[str]:
     """
     known, arguments = areas(), []
     for index, word in enumerate(words):
-        after_option = index > 0 and words[index - 1].startswith("-")
+        after_option = index > 0 and words[index - 1] in WITH_VALUE
         if word.startswith("-") or after_option or "/" in word or "::" in word or word.endswith(".py"):
             arguments.append(word)
             continue

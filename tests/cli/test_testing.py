@@ -1,0 +1,157 @@
+"""`strata test`: what its words become for pytest, and what a run reports, allows and bounds."""
+
+from __future__ import annotations
+
+import pytest
+
+from chapters.testing import areas, pytest_arguments
+from common.errors import UserError
+from common.paths import ROOT
+from tests.support import report
+from tests.support.report import (
+    ALLOWED_SKIPS,
+    Outcome,
+    allowed_skips,
+    feature_counts,
+    is_allowed,
+    over_budget,
+    summary,
+)
+
+CHAPTER = ["tests/ch01", "tests/stability/test_ch01.py"]
+
+
+@pytest.mark.parametrize(
+    ("words", "arguments"),
+    [
+        ([], []),
+        (["ch01"], CHAPTER),
+        (["1"], CHAPTER),
+        (["common", "-x"], ["tests/common", "-x"]),
+        (["ch01", "-k", "alpha"], [*CHAPTER, "-k", "alpha"]),
+        (["-k", "common", "ch01"], ["-k", "common", *CHAPTER]),
+        (["--bless", "--yes", "ch01"], ["--bless", "--yes", *CHAPTER]),
+        (["-x", "ch01"], ["-x", *CHAPTER]),
+        (["tests/ch01/test_contract.py::test_x"], ["tests/ch01/test_contract.py::test_x"]),
+        (["--durations=5", "shaders"], ["--durations=5", "tests/shaders"]),
+    ],
+)
+def test_words_become_arguments(words, arguments):
+    assert pytest_arguments(words) == arguments
+
+
+def test_every_area_is_a_folder_of_tests():
+    assert {"ch01", "common", "backends", "cli", "launcher", "shaders", "stability"} <= set(areas())
+
+
+@pytest.mark.parametrize("word", ["ch1", "chapter", "2", "sahders"])
+def test_an_unknown_area_suggests_the_near_one(word):
+    with pytest.raises(UserError, match="There are no tests called"):
+        pytest_arguments([word])
+
+
+def outcome(nodeid="tests/ch01/test_a.py::test_b[vulkan]", **more):
+    made = Outcome(nodeid, more.pop("features", ()), more.pop("long", False))
+    for name, value in more.items():
+        setattr(made, name, value)
+    return made
+
+
+def test_outcomes_know_their_area_and_variant():
+    assert (outcome().area, outcome().variant) == ("ch01", "vulkan")
+    stability = outcome("tests/stability/test_ch01.py::test_c[without-all-x]")
+    assert (stability.area, stability.variant) == ("ch01", "without-all")
+    alone = outcome("tests/test_architecture.py::test_d")
+    assert (alone.area, alone.variant) == ("architecture", "-")
+
+
+def test_budgets_are_for_single_tests_and_for_areas_by_variant():
+    quick = [outcome(seconds=4.0) for _ in range(6)]
+    assert over_budget(quick) == []
+    (text,) = over_budget([*quick, outcome(seconds=4.0)])
+    assert "ch01 (vulkan) took 28.0 s" in text
+    (text,) = over_budget([outcome(seconds=5.5)])
+    assert "test_b[vulkan] took 5.5 s" in text
+    assert over_budget([outcome(seconds=500.0, long=True)]) == []
+    other = [outcome("tests/ch01/test_a.py::test_b[gl]", seconds=4.0) for _ in range(6)]
+    assert over_budget([*quick, *other]) == []
+
+
+def test_only_written_skips_are_allowed():
+    allowed = allowed_skips("# why\n\ntests/ch01/*::test_b* | no Vulkan\n tests/x.py::* |\n")
+    assert allowed == [("tests/ch01/*::test_b*", "no Vulkan"), ("tests/x.py::*", "")]
+    assert is_allowed(outcome(reason="Skipped: no Vulkan here"), allowed)
+    assert not is_allowed(outcome(reason="Skipped: no time"), allowed)
+    assert not is_allowed(outcome("tests/ch01/test_a.py::test_c", reason="no Vulkan"), allowed)
+    assert not is_allowed(outcome("tests/x.py::test_y", reason="anything"), allowed), (
+        "a reason must be written"
+    )
+    assert all(reason for _, reason in allowed_skips(ALLOWED_SKIPS.read_text("utf-8")))
+
+
+def test_counts_by_feature_and_by_area():
+    outcomes = [
+        outcome(features=("a/b",)),
+        outcome(features=("a/b", "c/d"), result="failed"),
+        outcome("tests/common/test_x.py::test_y", features=("e/f",), result="skipped"),
+    ]
+    assert feature_counts(outcomes) == {
+        "a/b": {"passed": 1, "failed": 1},
+        "c/d": {"failed": 1},
+        "e/f": {"skipped": 1},
+    }
+    lines = summary(outcomes)
+    assert any(line.split()[:5] == ["ch01", "vulkan", "1", "1", "0"] for line in lines)
+    assert "3 features of the ledger have tests here, 0 of them pass." in lines[-1]
+
+
+pytest_plugins = ["pytester"]
+
+
+def run_inner(pytester, text: str, **environment: str):
+    """Run a small suite of its own under the report."""
+    (pytester.path / "tests").mkdir()
+    pytester.makeconftest(
+        f"import sys; sys.path.insert(0, {str(ROOT)!r})\n"
+        "from tests.support.report import Report\n"
+        "def pytest_addoption(parser): parser.addoption('--long', action='store_true')\n"
+        "def pytest_configure(config):\n"
+        "    config.addinivalue_line('markers', 'feature(slug)'); config.addinivalue_line('markers', 'long')\n"
+        "    config.pluginmanager.register(Report(config), 'strata-report')\n"
+    )
+    folder = pytester.path / "tests" / "area"
+    folder.mkdir(parents=True)
+    (folder / "test_inner.py").write_text(text)
+    for name, value in environment.items():
+        pytester._monkeypatch.setenv(name, value)
+    return pytester.runpytest_subprocess("tests", "-p", "no:cacheprovider")
+
+
+SKIPPING = "import pytest\ndef test_a(): pass\ndef test_b(): pytest.skip('no such thing here')\n"
+
+
+def test_a_skip_that_is_not_written_down_fails_in_ci_alone(pytester, tmp_path):
+    done = run_inner(pytester, SKIPPING, CI="true", STRATA_CACHE=str(tmp_path))
+    assert done.ret == 1
+    done.stdout.fnmatch_lines(
+        ["*test_b was skipped*which allowed_skips.txt does not allow*", "*1 passed, 1 skipped*"]
+    )
+
+
+def test_a_skip_is_no_failure_on_a_laptop(pytester, tmp_path):
+    done = run_inner(pytester, SKIPPING, CI="", STRATA_CACHE=str(tmp_path))
+    assert done.ret == 0
+    done.stdout.fnmatch_lines(["area*passed*skipped*", "area*1*0*1*"])
+
+
+def test_results_are_kept_for_list_features(pytester, tmp_path, monkeypatch):
+    text = "import pytest\n@pytest.mark.feature('a/b')\ndef test_a(): pass\n"
+    assert run_inner(pytester, text, CI="", STRATA_CACHE=str(tmp_path)).ret == 0
+    monkeypatch.setenv("STRATA_CACHE", str(tmp_path))
+    from chapters.listing import last_results, verdict
+
+    results = last_results()
+    assert results["features"] == {"a/b": {"passed": 1}}
+    assert results["commit"] == report.commit()
+    assert verdict(results["features"]["a/b"]) == "1 passed"
+    assert verdict(None) == "not run"
