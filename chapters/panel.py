@@ -16,9 +16,9 @@ import numpy as np
 
 from backends.window import Event
 from chapters import panel_imgui
-from chapters.panel_knobs import Knobs, widgets
+from chapters.panel_knobs import Knobs, Widget, widgets
 from common.draw_lists import DrawList
-from common.settings import knobs, preset
+from common.settings import preset
 
 if TYPE_CHECKING:
     from backends.contract import Plan
@@ -139,6 +139,7 @@ class Panel:
         self.drawn: DrawList | None = None
         self.places: dict[str, tuple[float, float, float, float]] = {}
         self._knobs = Knobs(imgui, self._placed)
+        self._widgets: dict[type, list[Widget]] = {}  # of each class of settings
         self._ev: float | None = None  # while its slider moves
         self._speed: float | None = None
 
@@ -220,16 +221,18 @@ class Panel:
         presets = list(getattr(kind, "PRESETS", {}))
         now = preset_of(state.settings)
         if presets:
-            shown = presets if now else [*presets, "(own)"]
-            changed, index = imgui.combo("preset", presets.index(now) if now else len(presets), shown)
+            listed = presets if now else [*presets, "(own)"]
+            changed, index = imgui.combo("preset", presets.index(now) if now else len(presets), listed)
             self._placed("preset")
             imgui.set_item_tooltip("Points on the chapter's measured curve of time against error.")
             if changed and index < len(presets) and presets[index] != now:
                 actions["settings"] = preset(kind, presets[index])
         if state.quality:
             imgui.text_wrapped(f"quality: {state.quality}")
-        values = {name: getattr(state.settings, name) for name in knobs(kind)}
-        changes = self._knobs.build(widgets(kind), values)
+        if kind not in self._widgets:
+            self._widgets[kind] = widgets(kind)
+        shown = self._widgets[kind]
+        changes = self._knobs.build(shown, {one.name: getattr(state.settings, one.name) for one in shown})
         if changes:
             actions["settings"] = dataclasses.replace(state.settings, **changes)
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cache
 from typing import Any, Literal
 
 from common.errors import SettingError
@@ -38,7 +37,6 @@ class Widget:
     logarithmic: bool = False
 
 
-@cache
 def widgets(settings: type) -> list[Widget]:
     """Return the widgets of a settings class, in its order."""
     return [widget_of(name, record) for name, record in knobs(settings).items()]

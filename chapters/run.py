@@ -158,6 +158,7 @@ def show(request: Request) -> int:
         frames=request.frames,
         # Reading a frame's figures waits for it: only who asked for them pays that.
         on_frame=(lambda _, frame: logs[-1].add(frame)) if request.json or request.verbose else None,
+        backend=chapters.choose_backend(request.backend),
         panel=True,
         name=chapters.folder_name(request.chapter),
         quality=f"{request.quality}{note}" if note else "",

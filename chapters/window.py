@@ -20,6 +20,7 @@ import numpy as np
 from backends.window import Window
 from chapters.panel import Panel, PanelActions, PanelState, open_panel
 from chapters.window_camera import camera_text, first_person, open_camera, orbit
+from chapters.window_open import Opened, Refused, open_screen
 from common import images
 from common.camera import Camera
 from common.clock import FrameClock
@@ -86,39 +87,6 @@ class Figures:
     shown: int = 0
     idle: int = 0
     messages: list[str] = field(default_factory=list)  # of the validation layers, each distinct one once
-
-
-class Refused(Exception):
-    """A renderer could not be opened with other settings; `renderer` is one with the old ones."""
-
-    def __init__(self, reason: str, renderer: Renderer) -> None:
-        super().__init__(reason)
-        self.renderer = renderer
-
-
-class Opened:
-    """The renderer of a window, opened anew for other settings. The device stays, and so do the shaders in memory."""
-
-    def __init__(
-        self, open_renderer: Callable[..., Renderer], size: tuple[int, int], options: Mapping[str, Any]
-    ) -> None:
-        self._open, self._options = open_renderer, dict(options)
-        self.renderer = open_renderer(size=size, **self._options)
-
-    def reopen(self, settings: Any) -> Renderer:
-        """Return a renderer with other settings, of the same size; raise Refused where there can be none."""
-        size, before = self.renderer.size, self.renderer.settings
-        self.renderer.close()  # first: two of them may not fit into memory
-        try:
-            self.renderer = self._open(size=size, **self._options, settings=settings)
-        except StrataError as error:
-            self.renderer = self._open(size=size, **self._options, settings=before)
-            raise Refused(str(error), self.renderer) from None
-        return self.renderer
-
-    def close(self) -> None:
-        """Close the renderer."""
-        self.renderer.close()
 
 
 class Loop:
@@ -331,6 +299,18 @@ class Loop:
             self._told = told
 
 
+def open_window(backend: str, size: tuple[int, int], title: str) -> Window:
+    """Open a window for a renderer on "vulkan" or "gl"."""
+    inputs = Inputs(bindings=BINDINGS)
+    if backend == "gl":
+        from backends.gl import present
+
+        return present.open_window(size, title, inputs=inputs)
+    from backends.vulkan.screen import loader_address
+
+    return Window(size, title, "vulkan", inputs=inputs, loader=loader_address())
+
+
 def run_window(
     open_renderer: Callable[..., Renderer],
     *,
@@ -343,6 +323,7 @@ def run_window(
     time: float = 0.0,
     frames: int | None = None,
     on_frame: Callable[[Renderer, Frame], None] | None = None,
+    backend: str = "vulkan",
     panel: bool = False,
     name: str = "strata",
     quality: str = "",
@@ -353,16 +334,13 @@ def run_window(
     `open_renderer(size=, device=, presents=True, **options)` opens the renderer on the window's device: for example
     `partial(chapters.open, 1, scene=scene)`; for other settings it is called again, with `settings=`. `camera` names
     the view to begin with, `time` the seconds; `frames` ends the run by itself; `on_frame(renderer, frame)` is called
-    after each frame. With `panel` the panel is shown where it can be; `name` begins the names of screenshots, `quality`
-    says how the preset was chosen. Raises UnsupportedError where there is no display, or none that Vulkan can draw to.
-    Everything is closed in any case.
+    after each frame. `backend` is the renderer's, "vulkan" or "gl". With `panel` the panel is shown where it can be;
+    `name` begins the names of screenshots, `quality` says how the preset was chosen. Raises UnsupportedError where
+    there is no display, or none that the backend can draw to. Everything is closed in any case.
     """
-    from backends.vulkan.screen import Screen, loader_address
-
     options.setdefault("outputs", ())
-    inputs = Inputs(bindings=BINDINGS)
-    with Window(size, title, "vulkan", inputs=inputs, loader=loader_address()) as window:
-        screen = Screen(window, validate=validate, without=without, vsync=vsync)
+    with open_window(backend, size, title) as window:
+        screen = open_screen(backend, window, validate=validate, without=without, vsync=vsync)
         sink = screen.device.sink
         # The desktop may have given another size than was asked for; a window opened minimised has none yet.
         given = size if window.minimised else window.size

@@ -13,6 +13,7 @@ readback      images back to the CPU
 queries       timestamps and counts of the GPU's work
 draw_lists    user interfaces, over a finished picture
 present       the picture in a window
+screen        a window's context, with the picture and the user interface in it
 
 moderngl makes the context and links programs; everything else is a raw call on names ("direct state access"), so what
 is bound is known here and never has to be guessed. Clip space is Vulkan's: y = -1 is row 0 in memory, depth runs from

@@ -1,0 +1,56 @@
+"""What a window opens: the screen of a backend, and a renderer, anew for every change of settings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from backends.window import Window
+from common.errors import StrataError
+
+if TYPE_CHECKING:
+    from backends.contract import Renderer
+
+
+def open_screen(backend: str, window: Window, **options: Any) -> Any:
+    """Return the backend's `Screen`: a device for renderers, and what brings their pictures into the window."""
+    if backend == "gl":
+        from backends.gl.screen import Screen as OnGl
+
+        return OnGl(window, **options)
+    from backends.vulkan.screen import Screen as OnVulkan
+
+    return OnVulkan(window, **options)
+
+
+class Refused(Exception):
+    """A renderer could not be opened with other settings; `renderer` is one with the old ones."""
+
+    def __init__(self, reason: str, renderer: Renderer) -> None:
+        super().__init__(reason)
+        self.renderer = renderer
+
+
+class Opened:
+    """The renderer of a window, opened anew for other settings. The device stays, and so do the shaders in memory."""
+
+    def __init__(
+        self, open_renderer: Callable[..., Renderer], size: tuple[int, int], options: Mapping[str, Any]
+    ) -> None:
+        self._open, self._options = open_renderer, dict(options)
+        self.renderer = open_renderer(size=size, **self._options)
+
+    def reopen(self, settings: Any) -> Renderer:
+        """Return a renderer with other settings, of the same size; raise Refused where there can be none."""
+        size, before = self.renderer.size, self.renderer.settings
+        self.renderer.close()  # first: two of them may not fit into memory
+        try:
+            self.renderer = self._open(size=size, **self._options, settings=settings)
+        except StrataError as error:
+            self.renderer = self._open(size=size, **self._options, settings=before)
+            raise Refused(str(error), self.renderer) from None
+        return self.renderer
+
+    def close(self) -> None:
+        """Close the renderer."""
+        self.renderer.close()
