@@ -13,9 +13,9 @@ from backends.vulkan.barriers import barriers
 from backends.vulkan.compute import Kernel, Sampled
 from backends.vulkan.once import submit_once
 from backends.vulkan.resources import create_buffer, create_sampler, destroy_buffer
-from chapters.ch01.graphics.environment import SMOOTH, create_environment, read_levels
+from chapters.ch01.graphics.environment import create_environment, read_levels
 from chapters.ch01.logic import environment as logic
-from chapters.ch01.logic.environment import Sizes
+from chapters.ch01.logic.environment import SMOOTH, Sizes
 from common import shading_environment as ibl
 from common.directions import cube_directions, cube_solid_angles, panorama_directions, panorama_solid_angles
 from common.environment import Environment, constant, read_environment
@@ -54,6 +54,7 @@ def of(function, height=64):
     return Environment("made up", function(panorama_directions(height)).astype(np.float32))
 
 
+@cache
 def garden(height):
     """Return the real environment, averaged down to `height` rows."""
     if asset_dir() is None:
@@ -117,7 +118,7 @@ def test_blurred_linear_light_keeps_the_lobes_share(vulkan_device):
 
 @cache
 def blurred(content_height, edge, alpha):
-    """Return the garden's mean radiance (6, edge, edge, 3) under the lobe, or the cosine alone, by a sum over pixels."""
+    """Return the garden's mean radiance (6, edge, edge, 3) under the lobe, or the cosine alone, over all pixels."""
     light, areas = garden(content_height).radiance.astype(np.float64), panorama_solid_angles(content_height)
     d = panorama_directions(content_height).reshape(-1, 3)
     cosine = cube_directions(edge).reshape(-1, 3) @ d.T

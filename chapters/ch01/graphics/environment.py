@@ -39,7 +39,7 @@ from common.errors import UserError
 from common.scene import Sampler
 
 from ..logic import environment as logic
-from ..logic.environment import Maps, Sizes
+from ..logic.environment import PANORAMA, SMOOTH, Maps, Sizes
 
 _USAGE = (
     vk.VK_IMAGE_USAGE_SAMPLED_BIT
@@ -47,10 +47,6 @@ _USAGE = (
     | vk.VK_IMAGE_USAGE_TRANSFER_SRC_BIT
     | vk.VK_IMAGE_USAGE_TRANSFER_DST_BIT
 )
-
-SMOOTH = Sampler("linear", "linear", "linear", "clamp", "clamp")
-PANORAMA = Sampler("linear", "linear", None, "repeat", "clamp")
-"""A panorama goes on at its sides, and ends at its poles."""
 
 
 @dataclass(eq=False)

@@ -20,6 +20,7 @@ import numpy as np
 from common.blobs import BlobError, read_blob, write_blob
 from common.environment import Environment
 from common.paths import ROOT, cache_dir, write_whole
+from common.scene import Sampler
 
 SHADERS = Path(__file__).resolve().parents[1] / "shaders"
 KERNELS = ("environment_cube", "environment_mips", "environment_irradiance", "environment_prefilter")
@@ -30,6 +31,10 @@ INCLUDES = ("environment", "finite", "sampling", "ggx_sampling", "brdf", "ibl", 
 FORMAT = "rgba16f"
 GROUP = 8
 """Texels along an edge of a work group."""
+
+SMOOTH = Sampler("linear", "linear", "linear", "clamp", "clamp")
+PANORAMA = Sampler("linear", "linear", None, "repeat", "clamp")
+"""A panorama goes on at its sides, and ends at its poles."""
 
 VERSION = 1
 LARGEST = 60_000.0
