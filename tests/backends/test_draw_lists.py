@@ -9,6 +9,7 @@ import pytest
 
 from common.draw_lists import FONT, GREY, VERTEX, Command, DrawList, TextureUpdate, load, save
 from tests.support.draw_lists import QUAD, blended, on_gl, on_vulkan, quad
+from tests.support.panel import RECORDED
 
 SIZE = (64, 48)
 EVERYTHING = (0.0, 0.0, 64.0, 48.0)
@@ -103,7 +104,9 @@ def test_codes_are_blended_as_the_list_says(paint):
     for box, color in zip(boxes, colors, strict=True):
         blended(expected, box, color)
     (found,) = paint(drawn)
-    assert np.abs(found - expected).max() < 3, "at most a step for each of three layers: drivers blend in 8 bits"
+    assert np.abs(found - expected).max() < 3, (
+        "at most a step for each of three layers: drivers blend in 8 bits"
+    )
 
 
 @pytest.mark.feature("ui/texture-windows")
@@ -195,6 +198,20 @@ def test_both_backends_draw_the_same_pixels(gl_context, vulkan_device, size):
     vulkan, opengl = on_vulkan(vulkan_device, [wild()], below)[0], on_gl(gl_context, [wild()], below)[0]
     assert np.array_equal(vulkan, opengl)
     assert (vulkan != below).any(-1).mean() > 0.5
+
+
+@pytest.mark.feature("ui/imgui-renderer")
+def test_a_recorded_panel_is_the_same_on_both_backends(gl_context, vulkan_device):
+    """The list that the panel's own package made, with its glyphs; the package itself is not needed."""
+    if not all(found.capabilities.is_software for found in (gl_context, vulkan_device)):
+        pytest.skip("bits agree on the software drivers alone")
+    recorded = load(RECORDED)
+    below = np.full((720, 640, 4), (90, 110, 130, 255), np.uint8)
+    vulkan, opengl = on_vulkan(vulkan_device, [recorded], below)[0], on_gl(gl_context, [recorded], below)[0]
+    assert np.array_equal(vulkan, opengl)
+    assert len(np.unique(vulkan.reshape(-1, 4), axis=0)) > 100
+    title = vulkan[11:28, 20:400, :3].astype(int)
+    assert title.max() == 255 and (vulkan[400:, 500:] == below[0, 0]).all()
 
 
 # --- the record -------------------------------------------------------------------------------------------------------
