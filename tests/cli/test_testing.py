@@ -75,6 +75,11 @@ def test_budgets_are_for_single_tests_and_for_areas_by_variant():
     assert over_budget([outcome(seconds=500.0, long=True)]) == []
     other = [outcome("tests/ch01/test_a.py::test_b[gl]", seconds=4.0) for _ in range(6)]
     assert over_budget([*quick, *other]) == []
+    common = [outcome("tests/common/test_a.py::test_b", seconds=4.0) for _ in range(20)]
+    assert over_budget(common) == [], "what is no chapter has no budget but that of each test"
+    assert over_budget([*quick, *quick], cold=True) == []
+    assert len(over_budget([*quick, *quick, *quick], cold=True)) == 1
+    assert len(over_budget([outcome(seconds=10.5)], cold=True)) == 1
 
 
 def test_only_written_skips_are_allowed():
