@@ -1,0 +1,472 @@
+"""The panel in a window: what is on the screen, what a user there changes, and what the loop does for it."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+import time
+from functools import partial
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import chapters
+from backends.gl import present
+from backends.vulkan.instance import VALIDATION_LAYER, Instance
+from chapters import panel_imgui
+from chapters import window as module
+from chapters.ch01.settings import Settings
+from chapters.panel import PanelActions
+from chapters.window import Loop, panel_help, run_window
+from chapters.window_camera import camera_text
+from chapters.window_open import Opened, Refused
+from common.camera import Camera, Orthographic, Perspective, view_of_scene
+from common.draw_lists import DrawList
+from common.errors import UserError
+from common.images import read_image
+from common.inputs import Inputs
+from common.pose import evaluate_pose
+from common.positioners import FirstPerson, Orbit
+from common.scene import Light, Material
+from common.transforms import pose_looking_at
+from tests.support.display import User, screenshot, virtual_display
+from tests.support.scenes import quad_scene
+
+# --- the loop alone, with a panel that asks for what a script says ----------------------------------------------------
+
+
+class FakePanel:
+    """A panel that notes what it is shown."""
+
+    def __init__(self, script=()):
+        self.visible, self.restless = True, False
+        self.script, self.states, self.times = list(script), [], []
+        self.drawn = DrawList((1.0, 1.0))
+        self.history = SimpleNamespace(add=self.times.append)
+
+    def frame(self, state, size, dt):
+        self.states.append(state)
+        return self.script.pop(0) if self.script else PanelActions()
+
+
+class FakeRenderer:
+    def __init__(self, settings=None):
+        self.scene, self.size, self.settings = quad_scene(), (64, 32), settings or Settings()
+        self.plan, self.capabilities = None, SimpleNamespace(device="a device", backend="none")
+        self.views, self.drawn_at, self.reads, self.last, self.closed = [], [], [], None, False
+
+    def render(self, view, time):
+        self.views.append(view)
+        self.drawn_at.append(time)
+        self.last = (view, time)
+        number = len(self.views)
+
+        class Frame(SimpleNamespace):
+            @property
+            def timings(frame):
+                self.reads.append((number, len(self.views)))
+                return {"forward": float(number)}
+
+        return Frame(work={"draws": number}, cpu_ms=0.5)
+
+    def idle(self, view, time):
+        return self.last is not None and self.last[0] == view
+
+    def close(self):
+        self.closed = True
+
+
+class FakeScreen:
+    def __init__(self):
+        self.laid, self.shown = [], 0
+
+    def show(self, renderer):
+        self.shown += 1
+        return True
+
+    def lay(self, drawn):
+        self.laid.append(drawn)
+
+    def picture(self, renderer):
+        return np.full((4, 6, 4), 77, np.uint8)
+
+
+def looped(*script, reopen=None, **more):
+    """Return a loop with a fake of everything, whose panel asks for the actions of `script` frame by frame."""
+    now = iter(range(0, 10**12, 10_000_000))
+    window = SimpleNamespace(
+        inputs=Inputs(), size=(64, 32), minimised=False, damaged=False, closing=False, waits=[], copied=[]
+    )
+    window.wait, window.copy_text, window.set_title = (
+        window.waits.append,
+        window.copied.append,
+        lambda title: None,
+    )
+    camera = Camera(FirstPerson.at(np.eye(4)), Perspective(), 3.0)
+    return Loop(
+        window,
+        FakeScreen(),
+        FakeRenderer(),
+        camera,
+        "Strata",
+        timer_ns=lambda: next(now),
+        panel=FakePanel(script),
+        reopen=reopen,
+        **more,
+    )
+
+
+def steps(loop, count):
+    for _ in range(count):
+        loop.step()
+
+
+def test_the_panel_is_drawn_with_every_frame_and_once_more_when_nothing_moves():
+    loop = looped()
+    steps(loop, 8)
+    assert (loop.figures.drawn, len(loop.panel.states), loop.screen.shown) == (2, 3, 3)
+    assert len(loop.window.waits) == 5
+    loop.panel.restless = True
+    steps(loop, 4)
+    assert (loop.figures.drawn, len(loop.panel.states), loop.screen.shown) == (2, 7, 7)
+    assert loop.screen.laid == [loop.panel.drawn] * 7
+
+
+def test_times_are_read_when_nobody_waits_for_them():
+    loop = looped()
+    loop.renderer.idle = lambda view, time: False
+    steps(loop, 6)
+    assert loop.panel.times == [{"forward": 1.0}, {"forward": 2.0}, {"forward": 3.0}, {"forward": 4.0}]
+    assert loop.renderer.reads == [(number, number + 2) for number in range(1, 5)]
+    assert loop.panel.states[-1].work == {"draws": 4}
+    loop.renderer.idle = lambda view, time: True
+    steps(loop, 1)
+    assert loop.panel.times[-1] == {"forward": 6.0}, "nothing follows, so the last ones can be waited for"
+
+
+def test_time_stands_still_steps_and_runs_at_another_speed():
+    loop = looped(PanelActions(paused=True), PanelActions(step=True), PanelActions(paused=False, speed=10.0))
+    loop.renderer.idle = lambda view, time: False
+    steps(loop, 6)
+    expected = [0.01, 0.01, 0.01 + 1 / 60, 0.11 + 1 / 60, 0.21 + 1 / 60, 0.31 + 1 / 60]
+    assert np.allclose(loop.renderer.drawn_at, expected, rtol=0, atol=1e-12)
+    assert [state.paused for state in loop.panel.states] == [False, True, True, False, False, False]
+    assert loop.panel.states[-1].speed == 10.0
+
+
+def test_exposure_and_camera_change_without_another_renderer():
+    loop = looped(PanelActions(ev_offset=2.0), PanelActions(mode="orbit"), PanelActions(mode="orbit"))
+    steps(loop, 6)
+    assert [view.ev100 for view in loop.renderer.views[:2]] == [3.0, 5.0]
+    assert isinstance(loop.camera.positioner, Orbit)
+    assert [state.mode for state in loop.panel.states][:3] == ["first person", "first person", "orbit"]
+    assert loop.panel.states[-1].ev_offset == 2.0
+
+
+def test_other_settings_open_another_renderer_and_camera_and_time_stay():
+    made = []
+
+    def reopen(settings):
+        made.append(FakeRenderer(settings))
+        return made[-1]
+
+    wanted = Settings(background=1.0)
+    loop = looped(PanelActions(), PanelActions(settings=wanted), reopen=reopen)
+    first = loop.renderer
+    steps(loop, 4)
+    assert (len(first.views), len(made), made[0].settings) == (2, 1, wanted)
+    assert loop.renderer is made[0]
+    assert np.array_equal(made[0].views[0].world_from_view, first.views[-1].world_from_view)
+    assert made[0].drawn_at[0] == pytest.approx(first.drawn_at[-1] + 0.01)
+    assert loop.panel.states[-1].settings == wanted
+
+
+def test_settings_that_cannot_be_are_refused_with_the_reason():
+    opened = []
+
+    def opener(size, settings=None):
+        if settings is not None and settings.background == 1.0:
+            raise UserError("not with such a background")
+        opened.append(FakeRenderer(settings))
+        return opened[-1]
+
+    holder = Opened(opener, (64, 32), {})
+    loop = looped(PanelActions(settings=Settings(background=1.0)), reopen=holder.reopen)
+    steps(loop, 3)
+    assert loop.panel.states[-1].message == "not with such a background"
+    assert loop.renderer is holder.renderer is opened[-1] and not opened[-1].closed
+    assert opened[0].closed and opened[-1].settings == Settings()
+    with pytest.raises(Refused):
+        holder.reopen(Settings(background=1.0))
+
+
+def test_a_screenshot_is_written_and_its_place_is_said(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    loop = looped(PanelActions(screenshot=True, copy="1,2,3:4,5,6:50"), name="ch01")
+    steps(loop, 3)
+    (path,) = (tmp_path / "out").iterdir()
+    assert path.name.startswith("ch01-") and np.array_equal(read_image(path), np.full((4, 6, 3), 77))
+    assert loop.panel.states[-1].message == f"wrote out/{path.name}"
+    assert loop.window.copied == ["1,2,3:4,5,6:50"]
+
+
+def test_a_screenshot_that_cannot_be_written_is_said_too(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "out").write_text("a file")
+    loop = looped(PanelActions(screenshot=True))
+    steps(loop, 3)
+    assert "out" in loop.panel.states[-1].message
+
+
+@pytest.mark.parametrize("key", ["F1", "TAB"])
+def test_a_key_hides_the_panel_and_brings_it_back(key):
+    loop = looped()
+    steps(loop, 4)
+    loop.press(key)
+    shown = len(loop.panel.states)
+    steps(loop, 3)
+    assert not loop.panel.visible and len(loop.panel.states) == shown
+    assert loop.screen.laid[-1] is None and not loop.window.damaged
+    loop.press(key)
+    steps(loop, 1)
+    assert len(loop.panel.states) == shown + 1 and loop.screen.laid[-1] is loop.panel.drawn
+
+
+@pytest.mark.parametrize("positioner", [FirstPerson.at, lambda pose: Orbit.at(pose, 3.0)])
+def test_the_text_of_a_view_gives_it_back(positioner):
+    scene = quad_scene()
+    pose = pose_looking_at(np.array([3.0, 2.0, 5.0]), np.array([0.25, 1.0, -0.5]))
+    camera = Camera(positioner(pose), Perspective(0.7))
+    found = view_of_scene(scene, evaluate_pose(scene, 0.0), camera_text(camera, scene), 1.5)
+    assert np.allclose(found.world_from_view, pose, atol=2e-5)
+    assert found.projection.yfov == pytest.approx(0.7, rel=1e-4)
+    camera.projection = Orthographic(1.0, 0.1, 10.0)
+    assert camera_text(camera, scene) == ""
+
+
+def test_the_help_names_the_keys_of_the_panel_or_how_to_get_one(monkeypatch):
+    monkeypatch.setattr(module, "find_spec", lambda name: None)
+    assert "--extras" in panel_help()
+    monkeypatch.setattr(module, "find_spec", lambda name: name)
+    assert "F1 or Tab" in panel_help()
+
+
+# --- a real window ----------------------------------------------------------------------------------------------------
+
+SIZE = (640, 600)
+BESIDE = (slice(60, None), slice(430, None))
+"""Rows and columns that no part of the panel covers."""
+
+
+@pytest.fixture(scope="module")
+def display():
+    if panel_imgui.load() is None:
+        pytest.skip("the extra ui is not installed")
+    with virtual_display() as name:
+        yield name
+
+
+class Session:
+    """One run in a window, in which a script (a generator) acts as the user: it goes on after each look for events."""
+
+    def __init__(self, display, backend, script, monkeypatch, panel=True, settings=None):
+        self.display, self.windows, self.loops, self.user = display, [], [], None
+        for place in (module, present):
+            monkeypatch.setattr(place, "Window", self._window(place.Window))
+        monkeypatch.setattr(module, "Loop", self._loop)
+        monkeypatch.setattr(module, "IDLE_WAIT_S", 0.02)
+        sun = Light("directional", node=0, intensity=np.pi)
+        scene = quad_scene(Material(metallic=0.0, roughness=1.0), lights=(sun,))
+        opener = partial(
+            chapters.open, 1, backend, scene=scene, **({"settings": settings} if settings else {})
+        )
+        self._script = script(self)
+        try:
+            with Instance() as plain:
+                validate = VALIDATION_LAYER in plain.layers
+        except UserError:
+            validate = False
+        self.figures = run_window(
+            opener,
+            size=SIZE,
+            title="a test",
+            backend=backend,
+            panel=panel,
+            name="ch01",
+            validate=validate and backend == "vulkan",
+        )
+
+    def _window(self, real):
+        def opened(*arguments, **options):
+            window = real(*arguments, **options)
+            self.windows.append(window)
+            return window
+
+        return opened
+
+    def _loop(self, *arguments, **options):
+        loop = Loop(*arguments, **options)
+        self.loops.append(loop)
+        step = loop.step
+        self.deadline = time.monotonic() + 20
+
+        def acted(always=False):
+            step(always)
+            if self.user is None:
+                self.user = User(self.windows[0])
+            if time.monotonic() > self.deadline:
+                pytest.fail("the script does not end")
+            if next(self._script, None) == "end":
+                self.windows[0].request_close()
+
+        loop.step = acted
+        return loop
+
+    @property
+    def loop(self):
+        return self.loops[0]
+
+    def rest(self):
+        """Let the loop run until it has shown everything and sleeps; take a picture of the screen."""
+        idle = 0
+        while idle < 3:
+            before = (self.loop.figures.drawn, self.loop.figures.shown)
+            yield
+            same = before == (self.loop.figures.drawn, self.loop.figures.shown)
+            idle = idle + 1 if same else 0
+        self.seen = screenshot(self.display, SIZE)
+        for _ in range(50):  # the display takes its time
+            time.sleep(0.01)
+            again = screenshot(self.display, SIZE)
+            if np.array_equal(again, self.seen):
+                break
+            self.seen = again
+
+    def picture(self):
+        """Return what the renderer drew, without the panel."""
+        return self.loop.screen.picture(self.loop.renderer)[..., :3]
+
+    def at(self, name, x=0.5):
+        left, top, right, bottom = self.loop.panel.places[name]
+        return round(left + x * (right - left)), round((top + bottom) / 2)
+
+    def click(self, x, y):
+        self.user.move(x, y)
+        yield
+        self.user.button(1, True, x, y)
+        yield
+        self.user.button(1, False, x, y)
+        yield
+
+
+@pytest.fixture(params=["vulkan", "gl"])
+def session(request, display, monkeypatch):
+    def run(script, **more):
+        found = Session(display, request.param, script, monkeypatch, **more)
+        assert found.figures.messages == []
+        return found
+
+    return run
+
+
+@pytest.mark.feature("ui/imgui-renderer")
+def test_the_panel_lies_over_the_picture_and_goes_when_asked(session):
+    def script(run):
+        yield from run.rest()
+        picture = run.picture()
+        assert np.array_equal(run.seen[BESIDE], picture[BESIDE])
+        assert (run.seen[10:590, 10:410] != picture[10:590, 10:410]).any(-1).mean() > 0.9
+        assert np.array_equal(run.seen[:9], picture[:9])
+        run.user.key("F1", True)
+        run.user.key("F1", False)
+        yield from run.rest()
+        assert np.array_equal(run.seen, picture)
+        run.user.key("TAB", True)
+        yield from run.rest()
+        assert not np.array_equal(run.seen, picture)
+        yield "end"
+
+    assert session(script).figures.drawn == 2, "the panel needs no frame of the scene"
+
+
+def test_a_user_changes_a_knob_and_the_picture_changes(session):
+    def script(run):
+        yield from run.rest()
+        loop, before, picture = run.loop, run.loop.renderer, run.picture()
+        pose, at = loop.camera.positioner.world_from_view, loop.time
+        x, y = run.at("set background", 0.25)
+        run.user.move(x, y)
+        yield
+        run.user.button(1, True, x, y)
+        for step in range(1, 6):
+            run.user.move(x + 8 * step, y)
+            yield
+        assert loop.renderer is before, "only when the slider is let go"
+        run.user.button(1, False, x + 40, y)
+        while loop.renderer is before:
+            yield
+        run.user.move(600, 580)  # the tooltip goes
+        yield from run.rest()
+        assert loop.renderer.settings.background > before.settings.background
+        others = dataclasses.replace(loop.renderer.settings, background=before.settings.background)
+        assert others == before.settings
+        assert np.array_equal(loop.camera.positioner.world_from_view, pose) and loop.time >= at
+        changed = (run.seen[BESIDE] != picture[BESIDE]).any(-1)
+        assert 0.2 < changed.mean() < 1.0, "the background, and nothing else"
+        assert np.array_equal(run.seen[BESIDE], run.picture()[BESIDE])
+        yield "end"
+
+    session(script)
+
+
+@pytest.mark.feature("ui/input-routing")
+def test_the_mouse_in_the_panel_moves_no_camera(session):
+    def script(run):
+        yield from run.rest()
+        positioner = run.loop.camera.positioner
+        pose = positioner.world_from_view
+        for start, moves in (((200, 560), False), ((500, 300), True)):
+            run.user.move(*start)
+            yield
+            run.user.button(1, True, *start)
+            yield
+            run.user.move(start[0] + 90, start[1] + 10)
+            yield
+            run.user.button(4, True)
+            yield
+            run.user.button(1, False, start[0] + 90, start[1] + 10)
+            yield from run.rest()
+            assert np.array_equal(positioner.world_from_view, pose) != moves
+        yield "end"
+
+    session(script)
+
+
+def test_a_screenshot_has_the_picture_and_not_the_panel(session, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+    def script(run):
+        yield from run.rest()
+        yield from run.click(*run.at("screenshot"))
+        yield from run.rest()
+        (path,) = (tmp_path / "out").iterdir()
+        assert np.array_equal(read_image(path), run.picture())
+        assert path.name in run.loop.message
+        yield "end"
+
+    session(script)
+
+
+def test_without_the_package_the_window_opens_all_the_same(session, monkeypatch):
+    monkeypatch.setitem(sys.modules, "imgui_bundle", None)
+    assert "--extras" in panel_help()
+
+    def script(run):
+        run.user.key("F1", True)
+        yield from run.rest()
+        assert run.loop.panel is None
+        assert np.array_equal(run.seen, run.picture())
+        yield "end"
+
+    session(script)
