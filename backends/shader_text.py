@@ -372,7 +372,7 @@ def _located(files: Sequence[SourceFile], index: int, line: int, column: int | N
 
 
 def _quoted_offset(code: str, message: str) -> int:
-    for word in re.findall(r"'([^']+)'", message):
+    for word in re.findall(r"['\"]([^'\"]+)['\"]", message):
         found = re.search(rf"(?<!\w){re.escape(word)}(?!\w)", code) or re.search(re.escape(word), code)
         if found:
             return found.start()

@@ -46,7 +46,10 @@ vec3 metallic_roughness(vec3 n, vec3 l, vec3 v, vec3 base_color, float metallic,
     float weight = schlick_weight(dot(h, v));
     float specular = visibility_ggx(n_dot_l, n_dot_v, alpha) * distribution_ggx(n, h, alpha);
     vec3 diffuse = base_color * (1.0 / PI);
-    vec3 dielectric = mix(diffuse, vec3(specular), 0.04 + 0.96 * weight);
+    // Not `mix`: drivers may make a + t (b - a) of it, which at t = 1 leaves the rounding of a. Off its peak a smooth metal
+    // reflects a millionth of what the other side holds, and would keep two digits.
+    float fresnel = 0.04 + 0.96 * weight;
+    vec3 dielectric = diffuse * (1.0 - fresnel) + specular * fresnel;
     vec3 metal = specular * (base_color + (1.0 - base_color) * weight);
-    return mix(dielectric, metal, metallic) * n_dot_l;
+    return (dielectric * (1.0 - metallic) + metal * metallic) * n_dot_l;
 }

@@ -8,7 +8,7 @@ layout(local_size_x = 8, local_size_y = 8) in;
 
 struct Push {
     uvec4 size;   // target width and height, source width and height
-    uvec4 flags;  // x: 1 if colour is sRGB-coded
+    uvec4 flags;  // x: 1 if colour is sRGB-coded; y: the highest code of the target, 0 if it holds floats
 };
 PUSH(Push, push)
 
@@ -48,5 +48,10 @@ void main() {
         }
     }
     sum.rgb = push.flags.x != 0u ? srgb_from_linear(sum.rgb) : sum.rgb;
+    if (push.flags.y != 0u) {
+        // A store may take either of the two codes around a value; at a code there is nothing left to choose.
+        float highest = float(push.flags.y);
+        sum = roundEven(sum * highest) / highest;
+    }
     imageStore(target, ivec2(id), sum);
 }

@@ -51,6 +51,10 @@ def create_framebuffer(
     sizes = {level_size(one.image, one.level) for one in everything}
     if len(sizes) > 1:
         raise ValueError(f"'{name}' has attachments of different sizes: {sorted(sizes)}.")
+    samples = {one.image.samples for one in everything}
+    if len(samples) > 1:
+        # Some drivers take them (NV_framebuffer_mixed_samples), most do not.
+        raise ValueError(f"'{name}' has attachments of different numbers of samples: {sorted(samples)}.")
     handle, fn = context.create("framebuffer", name), context.fn
     for number, one in enumerate(held):
         _attach(context, handle, gl.GL_COLOR_ATTACHMENT0 + number, one)

@@ -12,6 +12,7 @@ from backends.gl import api as gl
 from backends.gl.context import Context
 from backends.gl.programs import Program, Programs
 from backends.gl.resources import (
+    FORMATS,
     Image,
     bind_storage_image,
     bind_texture,
@@ -56,7 +57,8 @@ class Uploader:
             source = create_view(context, image, image.storage_format, level=level - 1, levels=1)
             bind_texture(context, 0, source, 0)
             bind_storage_image(context, 0, image, level=level)
-            context.push(np.array([*size, *above, int(srgb), 0, 0, 0], np.uint32))
+            highest = 255 if FORMATS[image.storage_format].dtype is np.uint8 else 0
+            context.push(np.array([*size, *above, int(srgb), highest, 0, 0], np.uint32))
             fn.glDispatchCompute((size[0] + 7) // 8, (size[1] + 7) // 8, 1)
             # The next level fetches what this one stored.
             fn.glMemoryBarrier(gl.GL_TEXTURE_FETCH_BARRIER_BIT)

@@ -321,7 +321,8 @@ class _MipPipeline:
             fn.vkCmdBindDescriptorSets(commands, point, self._layout, 0, 1, bound, 0, vk.NULL)
             above = [max(1, image.width >> level - 1), max(1, image.height >> level - 1)]
             size = [max(1, image.width >> level), max(1, image.height >> level)]
-            push = vk.ffi.from_buffer(np.array([*size, *above, int(srgb), 0, 0, 0], np.uint32))
+            highest = 255 if FORMATS[format][2] is np.uint8 else 0
+            push = vk.ffi.from_buffer(np.array([*size, *above, int(srgb), highest, 0, 0], np.uint32))
             fn.vkCmdPushConstants(commands, self._layout, vk.VK_SHADER_STAGE_COMPUTE_BIT, 0, 32, push)
             fn.vkCmdDispatch(commands, (size[0] + 7) // 8, (size[1] + 7) // 8, 1)
             barrier(commands, image, "storage", "sampled", level, 1)

@@ -437,7 +437,7 @@ LOGS = {
     "glslang warning": ("WARNING: 2:4: 'foo' : odd", "warning: 'foo' : odd", 11),
     "mesa": ("2:4(12): error: `foo' undeclared", "error: `foo' undeclared", 11),
     "mesa far column": ("2:4(99): error: late", "error: late", 15),
-    "nvidia": ('2(4) : error C1008: undefined variable "foo"', 'error C1008: undefined variable "foo"', 1),
+    "nvidia": ('2(4) : error C1008: undefined variable "foo"', 'error C1008: undefined variable "foo"', 11),
 }
 
 

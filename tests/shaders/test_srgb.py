@@ -41,6 +41,16 @@ def allowed(device):
     return 16 if device.capabilities.is_software else 64
 
 
+def off(device, got, truth):
+    """Return ulps between `got` and `truth`; hardware may put 0 in place of a denormal.
+
+    A shader that does not ask for denormals (`shaderDenormPreserveFloat32`) leaves them to the device. NVIDIA's flushes
+    them, the software driver keeps them.
+    """
+    flushed = (got == 0) & (truth < np.finfo(np.float32).tiny) & (not device.capabilities.is_software)
+    return np.where(flushed, 0.0, ulps(got, truth))
+
+
 def spread():
     """Return float32 values of 0..1: evenly, by powers of two down to denormals, and both sides of both knees."""
     knees = [np.nextafter(knee, np.float32(side)) for knee in (KNEE_CODED, KNEE_LIGHT) for side in (0, 1)]
@@ -65,7 +75,7 @@ def test_every_byte_survives_decoding_and_encoding(vulkan_device):
 def test_the_curve_is_exact_to_a_few_units_in_the_last_place(vulkan_device, function, truth):
     values = spread()
     got = function(vulkan_device, values)
-    assert ulps(got, truth(values)).max() <= allowed(vulkan_device)
+    assert off(vulkan_device, got, truth(values)).max() <= allowed(vulkan_device)
     assert got[values == 0].tolist() == [0.0]
 
 
