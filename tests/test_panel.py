@@ -275,6 +275,18 @@ def test_every_texture_that_is_drawn_with_has_been_given(user):
         assert {command.texture for command in user.panel.drawn.commands} <= given - dropped
 
 
+def test_every_command_draws_within_its_clip_what_its_window_made(user):
+    """The rate's window follows the panel's in the list: its indices count from its own vertices."""
+    user.state = example(Settings(), frame_rate=60.0)
+    user.wait()
+    drawn = user.panel.drawn
+    corner = [command for command in drawn.commands if command.clip[0] > 450]
+    assert corner
+    for command in corner:
+        used = drawn.indices[command.first : command.first + command.count] + command.base
+        assert (drawn.vertices["position"][used, 0] > 450).all()
+
+
 def test_the_panel_leaves_no_file_and_no_setting_of_the_process(panel, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     PanelUser(panel, example(Settings()))

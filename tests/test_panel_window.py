@@ -94,10 +94,10 @@ class FakeScreen:
 
 def looped(*script, reopen=None, **more):
     """Return a loop with a fake of everything, whose panel asks for the actions of `script` frame by frame."""
-    now = iter(range(0, 10**12, 10_000_000))
     window = SimpleNamespace(
         inputs=Inputs(), size=(64, 32), minimised=False, damaged=False, closing=False, waits=[], copied=[]
     )
+    window.now = iter(range(0, 10**12, 10_000_000))
     window.wait, window.copy_text, window.set_title = (
         window.waits.append,
         window.copied.append,
@@ -110,7 +110,7 @@ def looped(*script, reopen=None, **more):
         FakeRenderer(),
         camera,
         "Strata",
-        timer_ns=lambda: next(now),
+        timer_ns=lambda: next(window.now),
         panel=FakePanel(script),
         reopen=reopen,
         **more,
@@ -168,6 +168,8 @@ def test_other_settings_open_another_renderer_and_camera_and_time_stay():
     made = []
 
     def reopen(settings):
+        for _ in range(50):  # it takes half a second
+            next(loop.window.now)
         made.append(FakeRenderer(settings))
         return made[-1]
 
@@ -180,6 +182,7 @@ def test_other_settings_open_another_renderer_and_camera_and_time_stay():
     assert np.array_equal(made[0].views[0].world_from_view, first.views[-1].world_from_view)
     assert made[0].drawn_at[0] == pytest.approx(first.drawn_at[-1] + 0.01)
     assert loop.panel.states[-1].settings == wanted
+    assert first.reads == [], "nobody asks a closed renderer"
 
 
 def test_settings_that_cannot_be_are_refused_with_the_reason():
@@ -209,6 +212,18 @@ def test_a_screenshot_is_written_and_its_place_is_said(tmp_path, monkeypatch):
     assert path.name.startswith("ch01-") and np.array_equal(read_image(path), np.full((4, 6, 3), 77))
     assert loop.panel.states[-1].message == f"wrote out/{path.name}"
     assert loop.window.copied == ["1,2,3:4,5,6:50"]
+
+
+def test_what_came_of_an_action_is_shown_though_nothing_moves(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    loop = looped(*[PanelActions()] * 3, PanelActions(screenshot=True))
+    steps(loop, 6)
+    assert len(loop.panel.states) == 3
+    loop.panel.restless = True
+    steps(loop, 1)
+    loop.panel.restless = False
+    steps(loop, 3)
+    assert [bool(state.message) for state in loop.panel.states] == [False] * 4 + [True]
 
 
 def test_a_screenshot_that_cannot_be_written_is_said_too(tmp_path, monkeypatch):

@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from backends.gl import api as gl
 from common.draw_lists import FONT, GREY, VERTEX, Command, DrawList, TextureUpdate, load, save
 from tests.support.draw_lists import QUAD, blended, on_gl, on_vulkan, quad
 from tests.support.panel import RECORDED
@@ -258,6 +259,21 @@ def test_pixels_outside_their_texture_are_refused():
     for pixels, x, y in ((glyphs(), 1, 0), (glyphs(), 0, -1), (glyphs()[..., :3], 0, 0)):
         with pytest.raises(ValueError, match="no part of a texture"):
             TextureUpdate(0, (16, 8), pixels, x, y)
+
+
+def test_clips_go_to_the_nearest_pixel():
+    drawn = DrawList((64.0, 48.0), origin=(1.0, 0.0))
+    assert drawn.scissor(Command((4.6, 2.4, 8.4, 9.6), FONT, 0, 0), (64, 48)) == (4, 2, 3, 8)
+    assert drawn.scissor(Command((4.6, 2.4, 8.4, 9.6), FONT, 0, 0), (128, 96)) == (7, 5, 8, 14)
+    assert drawn.scissor(Command((-9.0, -9.0, 999.0, 999.0), FONT, 0, 0), (64, 48)) == (0, 0, 64, 48)
+
+
+def test_nothing_stays_switched_on_for_the_next_pass(gl_context):
+    on_gl(gl_context, [wild()], background())
+    fn = gl_context.fn
+    assert not any(
+        fn.glIsEnabled(one) for one in (gl.GL_BLEND, gl.GL_SCISSOR_TEST, gl.GL_DEPTH_TEST, gl.GL_CULL_FACE)
+    )
 
 
 def test_neighbouring_clips_share_their_edge_at_any_scale():

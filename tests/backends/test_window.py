@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from backends import window as module
-from backends.window import Window, display_available
+from backends.window import Event, Window, display_available
 from common.camera import Camera, Perspective
 from common.errors import UnsupportedError
 from common.inputs import Action, Inputs
@@ -119,6 +119,65 @@ def test_losing_the_focus_lets_go_of_everything(window, user):
     user.focus(False)
     assert not window.inputs.actions
     assert not window.inputs.dragging
+
+
+class Listening:
+    """A user interface on the left half of the window, in which something may be typed."""
+
+    def __init__(self):
+        self.events, self.typing = [], False
+
+    def event(self, event):
+        self.events.append(event)
+
+    def takes_mouse(self, x, y):
+        return x < 100
+
+    def takes_keys(self):
+        return self.typing
+
+
+@pytest.mark.feature("ui/input-routing")
+def test_what_an_interface_takes_reaches_no_camera(window, user):
+    listener = window.listener = Listening()
+    user.move(50, 25)
+    user.button(1, True, 50, 25)
+    assert not window.inputs.dragging
+    user.button(1, False, 50, 25)
+    user.button(4, True)
+    assert window.inputs.take_scroll() == 0.0
+    user.move(150, 25)
+    user.button(1, True, 150, 25)
+    user.button(4, True)
+    assert window.inputs.dragging and window.inputs.take_scroll() == 1.0
+    user.move(50, 25)
+    user.button(1, False, 50, 25)
+    assert not window.inputs.dragging, "what is let go is let go everywhere"
+    for number, button in ((1, 0), (3, 1), (2, 2)):  # X11 counts left, middle, right
+        user.button(number, True)
+        assert listener.events[-1] == Event("button", button=button, down=True)
+    assert Event("move", 150.0, 25.0) in listener.events
+
+
+@pytest.mark.feature("ui/input-routing")
+def test_keys_that_are_typed_somewhere_are_no_commands(window, user):
+    listener = window.listener = Listening()
+    user.key("W", True)
+    listener.typing = True
+    for name in ("C", "ESCAPE", "F1", "LEFT_SHIFT"):
+        user.key(name, True)
+        user.key(name, False)
+    assert window.take_keys() == ["W", "F1"]
+    assert window.inputs.actions == Action.FORWARD
+    user.key("W", False)
+    assert not window.inputs.actions
+    listener.typing = False
+    user.key("C", True)
+    user.key("LEFT_SHIFT", True)
+    assert window.inputs.actions == Action.FAST
+    assert window.take_keys() == ["C", "LEFT_SHIFT"]
+    assert Event("key", name="ESCAPE", down=True) in listener.events
+    assert Event("text", name="c") in listener.events
 
 
 @pytest.mark.feature("camera/input-bindings")
