@@ -1,11 +1,12 @@
 """A clear sky with its sun as an environment in nits: no file is needed to see a scene in daylight.
 
 The sky is that of Preetham, Shirley and Smits 1999 ("A Practical Analytic Model for Daylight"), fitted by them to a
-simulation of the atmosphere: luminance and chromaticity are each Perez's five-parameter formula. It is up to
-twice as bright as what is measured (Zotti, Wilkie and Purgathofer 2007, "A Critical Review of the Preetham Skylight
-Model"). The direct light of the sun
-is that of Darula and Kittler 2002 ("CIE General Sky Standard Defining Luminance Distributions"), its colour by the
-transmittances of Preetham's appendix. Below the horizon lies grey ground. Everything is float64.
+simulation of the atmosphere: luminance and chromaticity are each Perez's five-parameter formula. It is up to twice as
+bright as what is measured (Zotti, Wilkie and Purgathofer 2007, "A Critical Review of the Preetham Skylight Model").
+
+The direct light of the sun is that of Darula and Kittler 2002 ("CIE General Sky Standard Defining Luminance
+Distributions"), its colour by the transmittances of Preetham's appendix. Below the horizon lies grey ground. Everything
+is float64.
 """
 
 from __future__ import annotations

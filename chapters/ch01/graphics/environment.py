@@ -97,15 +97,15 @@ def create_environment(device: Device, environment: Environment, sizes: Sizes) -
             logic.write_maps(key, maps)
             made += 1
         else:
-            _fill(device, radiance, maps.radiance)
-            _fill(device, irradiance, [maps.irradiance])
+            fill(device, radiance, maps.radiance)
+            fill(device, irradiance, [maps.irradiance])
         key = logic.table_key(sizes)
         texels = logic.read_table(key, sizes)
         if texels is None:
             logic.write_table(key, _make_table(device, sizes, table))
             made += 1
         else:
-            _fill(device, table, [texels[None]])
+            fill(device, table, [texels[None]])
         views = [cube_view(device, cube) for cube in (radiance, irradiance)]
         failed.pop_all()
         return EnvironmentMaps(radiance, irradiance, table, *views, maps.scale, made)
@@ -262,7 +262,7 @@ def _regions(image: Image) -> tuple[list[Any], list[tuple[int, ...]], int]:
     return regions, shapes, offset
 
 
-def _fill(device: Device, image: Image, levels: Sequence[np.ndarray]) -> None:
+def fill(device: Device, image: Image, levels: Sequence[np.ndarray]) -> None:
     """Copy arrays (layers, H, W, C), one per level, into an image, which ends in the state 'sampled'."""
     regions, _, size = _regions(image)
     buffer = create_buffer(device, size, vk.VK_BUFFER_USAGE_TRANSFER_SRC_BIT, "upload", f"for {image.name}")
