@@ -17,7 +17,13 @@ from chapters.ch01.graphics.environment import create_environment, read_levels
 from chapters.ch01.logic import environment as logic
 from chapters.ch01.logic.environment import SMOOTH, Sizes
 from common import shading_environment as ibl
-from common.directions import cube_directions, cube_solid_angles, panorama_directions, panorama_solid_angles
+from common.directions import (
+    cube_directions,
+    cube_solid_angles,
+    panorama_directions,
+    panorama_solid_angles,
+    turn_back,
+)
 from common.environment import Environment, constant, read_environment
 from common.paths import asset_dir
 from common.shading import distribution_ggx
@@ -101,15 +107,19 @@ def test_the_mirrors_level_is_the_environment(vulkan_device):
     )  # a texel is a mean, half precision is 1e-3 at 2
 
 
+def lobe_share(alpha):
+    """Return the mean cosine from the mirrored direction under D (n.l)."""
+    c = np.linspace(0, 1, 200_001)
+    weight = distribution_ggx(np.sqrt((1 + c) / 2), alpha) * c
+    return (weight * c).sum() / weight.sum()
+
+
 def test_blurred_linear_light_keeps_the_lobes_share(vulkan_device):
     """Of light b.d a lobe leaves b.n times the mean cosine under D (n.l): an integral over one angle."""
     levels, _, _ = made(vulkan_device, of(lambda d: 1 + 0.9 * d, 128))
     for level, texels in enumerate(levels[1:], start=1):
         alpha = logic.level_roughness(level, len(levels)) ** 2
-        c = np.linspace(0, 1, 200_001)
-        weight = distribution_ggx(np.sqrt((1 + c) / 2), alpha) * c
-        share = (weight * c).sum() / weight.sum()
-        truth = 1 + 0.9 * share * cube_directions(texels.shape[1])
+        truth = 1 + 0.9 * lobe_share(alpha) * cube_directions(texels.shape[1])
         assert np.abs(texels - truth).max() < 5e-3, f"level {level}"  # the mean is 1
 
 
@@ -160,6 +170,18 @@ def test_a_sun_beyond_half_precision_keeps_its_light(vulkan_device):
     assert np.abs(mean / environment.mean - 1).max() < 0.02
     assert 2.0 ** np.log2(logic.storage_scale(environment)) == logic.storage_scale(environment)
     assert 1.6e9 / logic.storage_scale(environment) <= logic.LARGEST
+
+
+def test_coarse_levels_weigh_texels_by_solid_angle(vulkan_device):
+    """A sun beside a corner of the cube, where texels are a fifth as large as in the middle of a face."""
+    pixels = np.full((64, 128, 3), 1e-3, np.float32)
+    pixels[20, 80:82] = 1e3  # some 10 degrees from a corner
+    environment = Environment("corner", pixels)
+    sizes = Sizes(face=64, irradiance_face=8, irradiance_source=4, table=16, table_samples=16)
+    _, irradiance, _ = made(vulkan_device, environment, sizes)
+    # The mean of irradiance / pi over all normals is that of the radiance, wherever in a texel the sun is.
+    mean = np.einsum("fijc,ij->c", irradiance, cube_solid_angles(8)) / (4 * np.pi)
+    assert np.abs(mean / environment.mean - 1).max() < 0.03
 
 
 def test_no_light_at_all(vulkan_device):
@@ -275,6 +297,29 @@ def test_furnace(vulkan_device, energy):
         assert np.abs(metal - 1).max() < 5e-3
     if energy == "conserving":
         assert max(light.max() for light in figures.values()) <= 1 + 1e-3
+
+
+def test_each_part_reads_its_map(vulkan_device):
+    """In linear light: the level of the roughness along the mirrored direction, irradiance along the normal, turned."""
+    environment = of(lambda d: 1 + 0.9 * d, 128)
+    sizes = Sizes(
+        face=32, irradiance_face=8, irradiance_source=32, table=64, table_samples=1024, lobe_part=0.2
+    )
+    cosine, roughness = (x.ravel() for x in np.meshgrid((0.2, 0.6, 1.0), (0.5, 1.0)))
+    points = np.stack([cosine, roughness, np.full(6, 0.8), np.full(6, 0.5)], axis=1)
+    maps = create_environment(vulkan_device, environment, sizes)
+    try:
+        got = reflected(vulkan_device, maps, points, "compensated") * maps.scale
+    finally:
+        maps.close(vulkan_device)
+    table = ibl.albedo_table(cosine, roughness)
+    mirrored, spread = ibl.weights(np.full((6, 3), 0.8), np.full(6, 0.5), table, "compensated")
+    mirror = np.stack([-np.sqrt(1 - cosine**2), np.zeros(6), cosine], axis=1)
+    turn = np.arctan2(0.8, 0.6)  # as in FURNACE
+    share = np.array([lobe_share(r * r) for r in roughness])[:, None]
+    truth = mirrored * (1 + 0.9 * share * turn_back(mirror, turn))
+    truth += spread * (1 + 0.6 * turn_back([0.0, 0.0, 1.0], turn))
+    assert np.abs(got / truth - 1).max() < 0.01
 
 
 def test_grazing_and_smooth_surfaces_stay_finite(vulkan_device):
