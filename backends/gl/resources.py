@@ -115,8 +115,13 @@ def read_buffer(context: Context, buffer: Buffer, dtype: Any = np.uint8) -> np.n
 
     What shaders wrote needs the barrier GL_BUFFER_UPDATE_BARRIER_BIT before.
     """
+    # Of a copy: NVIDIA's driver (580.159) loses what a dispatch writes to a buffer that was read directly, until the
+    # buffer or the program is bound anew.
+    copied = create_buffer(context, buffer.size, "device", f"copy of {buffer.name}")
     values = np.empty(buffer.size, np.uint8)
-    context.fn.glGetNamedBufferSubData(buffer.handle, 0, buffer.size, gl.pointer(values))
+    context.fn.glCopyNamedBufferSubData(buffer.handle, copied.handle, 0, 0, buffer.size)
+    context.fn.glGetNamedBufferSubData(copied.handle, 0, buffer.size, gl.pointer(values))
+    destroy_buffer(context, copied)
     itemsize = np.dtype(dtype).itemsize
     return values[: buffer.size // itemsize * itemsize].view(dtype)
 
