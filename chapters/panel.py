@@ -228,7 +228,7 @@ class Panel:
             if changed and index < len(presets) and presets[index] != now:
                 actions["settings"] = preset(kind, presets[index])
         if state.quality:
-            imgui.text_wrapped(f"quality: {state.quality}")
+            imgui.text_wrapped(state.quality)
         if kind not in self._widgets:
             self._widgets[kind] = widgets(kind)
         shown = self._widgets[kind]
@@ -306,7 +306,7 @@ class Panel:
             places = [(corner.x + x * width, corner.y + (1.0 - y) * height) for x, y in points.tolist()]
             if len(places) > 1:
                 lines.add_polyline([imgui.ImVec2(*place) for place in places], color, 1.5 * self._scale, 0)
-        lines.add_text((corner.x + 4.0, corner.y + 2.0), 0xA0FFFFFF, f"{high:.3g} ms")
+        lines.add_text((corner.x + 4.0, corner.y + 2.0), 0xA0FFFFFF, f"{high:.2f} ms")
 
     def _table(self, name: str, rows: Sequence[tuple[str, str]], colored: bool = False) -> None:
         imgui = self._imgui
@@ -335,7 +335,7 @@ class Panel:
             imgui.text(choice.feature)
             imgui.table_next_column()
             imgui.text_wrapped(choice.path)
-            imgui.set_item_tooltip(choice.reason.replace("%", "%%"))
+            imgui.set_item_tooltip(choice.reason)
         imgui.end_table()
 
     def _overlay(self, state: PanelState, size: tuple[int, int]) -> None:

@@ -98,7 +98,7 @@ class Knobs:
             value = self._pending.get(widget.name, values[widget.name])
             changed, value = self._draw(widget, value)
             self._placed(f"set {widget.name}")
-            self._imgui.set_item_tooltip(widget.tooltip.replace("%", "%%"))
+            self._imgui.set_item_tooltip(widget.tooltip)
             at_once = widget.kind in ("checkbox", "combo")
             if changed and not at_once:
                 self._pending[widget.name] = value

@@ -161,7 +161,7 @@ def show(request: Request) -> int:
         backend=chapters.choose_backend(request.backend),
         panel=True,
         name=chapters.folder_name(request.chapter),
-        quality=f"{request.quality}{note}" if note else "",
+        quality=note.removeprefix(", "),
     )
     for text in figures.messages:
         say(f"strata: {text}")

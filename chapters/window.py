@@ -119,6 +119,7 @@ class Loop:
         self._ev100 = camera.ev100
         self._unread: deque[Frame] = deque()  # frames whose figures the GPU may still be writing
         self._work: Mapping[str, int] = {}
+        self._warm = False  # in a renderer's first frame drivers compile: its times would dwarf all others
         self._panel_due = True  # the panel does not yet show what happened last
         if panel is not None:
             window.listener = panel
@@ -195,8 +196,10 @@ class Loop:
             self._unread.append(frame)
         while len(self._unread) > (LATENCY if frame is not None else 0):
             done = self._unread.popleft()
-            self.panel.history.add(done.timings)
             self._work = done.work
+            if self._warm:
+                self.panel.history.add(done.timings)
+            self._warm = True
 
     def _draw_panel(self, panel: Panel, passed: float, moving: bool) -> PanelActions:
         """Draw the panel for the next picture shown; return what the user wants, to be done after that."""
@@ -248,6 +251,7 @@ class Loop:
         if self._reopen is None:
             return
         self._unread.clear()
+        self._warm = False
         self.message = ""
         try:
             self.renderer = self._reopen(settings)
