@@ -27,8 +27,8 @@ from common.draw_lists import DrawList
 from common.errors import UserError
 from common.images import read_image
 from common.inputs import Inputs
-from common.pose import evaluate_pose
 from common.paths import ROOT
+from common.pose import evaluate_pose
 from common.positioners import FirstPerson, Orbit
 from common.scene import Light, Material
 from common.transforms import pose_looking_at
