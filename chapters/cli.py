@@ -61,6 +61,9 @@ def run(
         str,
         typer.Option(metavar="NAME|PATH", help="A scene of `strata list --scenes`, or a .gltf or .glb file."),
     ] = "atrium",
+    environment: Annotated[
+        str, typer.Option(metavar="FILE|sky|none", help="Light from far away: a panorama, .hdr or .exr.")
+    ] = "none",
     size: Annotated[str, typer.Option(metavar="WxH", help="Size of the picture in pixels.")] = "1280x720",
     frames: Annotated[
         int | None,
@@ -125,6 +128,7 @@ def run(
         chapter=chapters.parse(chapter),
         backend=backend,
         scene=scene,
+        environment=environment,
         size=running.parse_size(size),
         frames=frames,
         out=out,

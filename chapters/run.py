@@ -47,6 +47,7 @@ class Request:
     chapter: int
     backend: str = "auto"
     scene: str = scenes.DEFAULT
+    environment: str = "none"
     size: tuple[int, int] = DEFAULT_SIZE
     frames: int | None = None
     out: Path | None = None
@@ -130,7 +131,7 @@ def show(request: Request) -> int:
     from chapters.window import HELP, panel_help, run_window
 
     with Steps() as steps:
-        scene = scenes.load(request.scene, steps.of("load", 0.05, 0.6))  # type: ignore[arg-type]
+        scene = scenes.load(request.scene, steps.of("load", 0.05, 0.6), request.environment)  # type: ignore[arg-type]
         tell_warnings(scene, request.verbose)
         steps("measure the presets" if request.quality == "auto" else "open", 0.6)
         preset_name, note = chosen_quality(request, scene)
@@ -211,7 +212,7 @@ def draw(request: Request, began: float) -> int:
     preset_name = "medium" if request.quality == "auto" else request.quality
     settings = settings_of(request, preset_name)
     with Steps() as steps:
-        scene = scenes.load(request.scene, steps.of("load", 0.05, 0.5))  # type: ignore[arg-type]
+        scene = scenes.load(request.scene, steps.of("load", 0.05, 0.5), request.environment)  # type: ignore[arg-type]
         tell_warnings(scene, request.verbose)
         steps("create", 0.5)
         with chapters.open(
@@ -366,6 +367,7 @@ class Log:
                 "materials": len(scene.materials),
                 "images": len(scene.images),
                 "lights": len(scene.lights),
+                "environment": scene.environment.name if scene.environment else None,
                 "warnings": list(scene.warnings),
             },
             "size": list(renderer.size),

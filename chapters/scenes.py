@@ -6,11 +6,13 @@ import os
 from pathlib import Path
 
 import assets
+from common.environment import Environment, read_environment
 from common.errors import SceneError, UserError
 from common.gltf import load_scene
 from common.gltf.load import Progress
 from common.obj import load_obj
 from common.scene import Scene
+from common.sky import sky
 
 DEFAULT = "atrium"
 SUFFIXES = (".gltf", ".glb", ".obj")
@@ -56,9 +58,20 @@ def _siblings(path: Path) -> list[Path]:
         return []
 
 
-def load(text: str, progress: Progress | None = None) -> Scene:
-    """Load the scene meant by `text`; raises UserError with one sentence where that fails."""
+def environment(text: str) -> Environment | None:
+    """Return the environment meant by `text`: "none", "sky" or a file. Raises UserError."""
+    if text in ("", "none"):
+        return None
+    return sky() if text == "sky" else read_environment(Path(text).expanduser())
+
+
+def load(text: str, progress: Progress | None = None, around: str = "none") -> Scene:
+    """Load the scene meant by `text` in the environment meant by `around`; raises UserError where that fails."""
     if not text.strip():
         raise UserError("--scene needs a name or a path: ./strata list --scenes shows the names.")
-    path = find(text)
-    return load_obj(path) if path.suffix.lower() == ".obj" else load_scene(path, progress)
+    path, far = find(text), environment(around)
+    scene = load_obj(path) if path.suffix.lower() == ".obj" else load_scene(path, progress)
+    scene.environment = far
+    if far is not None:
+        scene.warnings.extend(far.warnings)
+    return scene

@@ -67,6 +67,11 @@ RECORDS: dict[str, tuple[Member, ...]] = {
         Member("vec4", "origin", "xyz: what was subtracted from every position, metres (for display)"),
         Member("vec4", "size", "width and height in pixels, then their inverses"),
         Member("vec4", "ambient", "rgb: luminance that arrives from every direction alike, times exposure"),
+        Member(
+            "vec4",
+            "environment",
+            "x: picture value of a stored 1; y, z: cosine and sine of its turn about +y; w: the roughest level",
+        ),
         Member("vec2", "jitter", "shift of this frame's picture in ndc units, y down"),
         Member("vec2", "previous_jitter", "of the frame before"),
         Member("float", "exposure", "factor from nits to picture values"),
@@ -174,11 +179,13 @@ def fill_frame_constants(
     instance_count: int = 0,
     light_count: int = 0,
     ambient: float = 0.0,
+    environment: tuple[float, float, float, float] = (0.0, 1.0, 0.0, 0.0),
 ) -> None:
     """Fill one `FrameConstants` record in place: a zero-dimensional array, or one element of an array.
 
     `size` is (width, height) in pixels; jitter is in pixels, right and down. Exposures are those of the views
-    unless given (adaptation finds its own). The origin is subtracted from the poses in float64, and every
+    unless given (adaptation finds its own). `environment` is (nits of a stored 1, cosine and sine of the turn, last
+    level). The origin is subtracted from the poses in float64, and every
     product and inverse is made there, so that only finished matrices are rounded to float32.
     """
     origin = np.asarray(origin, np.float64)
@@ -199,6 +206,7 @@ def fill_frame_constants(
         exposure(previous_view.ev100) if exposure_before is None else exposure_before
     )
     record["ambient"][:3] = ambient * record["exposure"]
+    record["environment"] = (environment[0] * record["exposure"], *environment[1:])
     record["time"], record["previous_time"] = time, previous_time
     record["delta_time"] = time - previous_time
     record["near"] = view.projection.near

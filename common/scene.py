@@ -14,10 +14,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from enum import Flag, auto
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from common.environment import Environment
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
@@ -295,6 +298,7 @@ class Scene:
     animations: list[Animation]
     deformations: list[Deformation]
     ambient: float | None = None  # nits; the author's stand-in for indirect light (`extras.strata.ambient`)
+    environment: Environment | None = None  # light from far away; fixed when a renderer opens the scene
     warnings: list[str] = field(default_factory=list)
     revision: dict[Change, int] = field(default_factory=lambda: dict.fromkeys(Change, 0))
 

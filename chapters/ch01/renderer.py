@@ -265,6 +265,7 @@ class Renderer:
             previous=previous,
             index=self._index,
             ambient=self._light.ambient(),
+            environment=self._data.environment,
         )
         self._data.write_frame(slot.index, constants)
         written = constants.nbytes + self._data.records.write(

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from common.settings import knob
+from common.shading_environment import ENERGIES
 
 
 @dataclass
@@ -13,10 +14,28 @@ class Settings:
     """What can be turned without touching the code: `strata run 1 --set anisotropy=1`."""
 
     PRESETS: ClassVar[dict[str, dict[str, Any]]] = {
-        "low": {"anisotropy": 1.0, "color_format": "rgba16f"},
+        "low": {
+            "anisotropy": 1.0,
+            "color_format": "rgba16f",
+            "environment_size": 128,
+            "environment_detail": 0.5,
+            "table_size": 32,
+        },
         "medium": {"anisotropy": 4.0, "color_format": "rgba16f"},
-        "high": {"anisotropy": 16.0, "color_format": "rgba16f"},
-        "reference": {"anisotropy": 16.0, "color_format": "rgba32f"},
+        "high": {
+            "anisotropy": 16.0,
+            "color_format": "rgba16f",
+            "environment_detail": 0.25,
+            "irradiance_source": 64,
+        },
+        "reference": {
+            "anisotropy": 16.0,
+            "color_format": "rgba32f",
+            "environment_detail": 0.15,
+            "irradiance_source": 128,
+            "table_size": 128,
+            "table_samples": 4096,
+        },
     }
 
     anisotropy: float = knob(
@@ -45,5 +64,42 @@ class Settings:
     )
     background: float = knob(
         0.02, "linear grey where nothing was drawn, after exposure", minimum=0, maximum=1000
+    )
+    sky: bool = knob(True, "whether the environment is seen where nothing was drawn")
+    energy: str = knob(
+        "gltf",
+        "how reflection shares the environment's light: as glTF prints it; with what bounces between facets; "
+        "and with no more spread than mirroring leaves",
+        choices=ENERGIES,
+    )
+    environment_intensity: float = knob(
+        1.0, "factor on the environment's light; 0: there is none", minimum=0, maximum=1e9
+    )
+    environment_turn: float = knob(
+        0.0, "turn of the environment about the vertical", unit="degrees", minimum=-360, maximum=360
+    )
+    environment_size: int = knob(
+        256,
+        "texels along an edge of the environment's cube, a power of two",
+        minimum=16,
+        maximum=2048,
+    )
+    environment_detail: float = knob(
+        0.35,
+        "texels summed as a whole for blurred levels, as a part of the lobe's width",
+        minimum=0.05,
+        maximum=2,
+        reference=0.15,
+    )
+    irradiance_source: int = knob(
+        32,
+        "texels along an edge of the level that irradiance is summed over, a power of two",
+        minimum=4,
+        maximum=256,
+        reference=128,
+    )
+    table_size: int = knob(64, "cosines and roughnesses in the BRDF's table", minimum=8, maximum=512)
+    table_samples: int = knob(
+        1024, "samples of each number in the BRDF's table", minimum=16, maximum=65536, reference=4096
     )
     skip_unused: bool = knob(True, "whether what the scene does not need is left out of pipelines and sets")

@@ -18,6 +18,7 @@ from ..settings import Settings
 from .commands import Commands, DrawGroup
 from .pipelines import GraphicsPipeline, Pipelines
 from .scene_data import SceneData
+from .sky import Sky
 
 
 class ForwardPass:
@@ -34,6 +35,7 @@ class ForwardPass:
             Access("color_hdr", "color", format=settings.color_format, clear=(grey, grey, grey, 1.0)),
             Access("depth", "depth", format="d32f", clear=(0.0,)),
         )
+        self._sky = Sky(settings, data, pipelines) if Sky.needed(scene, settings) else None
         self._key: Any = None
         self.lists = self._unsorted = NOTHING
         self.slot = 0
@@ -60,6 +62,8 @@ class ForwardPass:
         """Build the pipelines of all materials that are drawn, and no other; again when one became another kind."""
         self.used = np.unique(self._scene.meshes["material"][self._scene.instances.mesh]).tolist()
         self._pipelines.get([self.describe(self._data.variants[material]) for material in self.used])
+        if self._sky is not None:
+            self._sky.create()
         self._key = None
 
     def prepare(self, slot: int, view_from_world: np.ndarray, instances: np.ndarray, visibility: int) -> None:
@@ -94,5 +98,7 @@ class ForwardPass:
         """Make the draws of this frame."""
         vertices = self._data.slots[self.slot].vertex_array
         commands.draw_groups(self.lists.solid, vertices)
+        if self._sky is not None:
+            self._sky.record(commands)
         if self.lists.transparent:
             commands.draw_groups([self.lists.transparent[index] for index in self.order], vertices)

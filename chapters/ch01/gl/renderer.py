@@ -209,6 +209,7 @@ class Renderer:
             previous=previous,
             index=self._index,
             ambient=self._light.ambient(),
+            environment=self._data.environment,
         )
         data.write_frame(slot.index, constants)
         written = constants.nbytes + data.records.write(data.slots[slot.index], pose, exposure(view.ev100))

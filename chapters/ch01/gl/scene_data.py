@@ -18,6 +18,7 @@ from backends.gl.resources import (
     Buffer,
     Image,
     bind_buffer,
+    bind_texture,
     create_buffer,
     create_image,
     create_sampler,
@@ -28,14 +29,19 @@ from backends.gl.resources import (
 from backends.gl.upload import Uploader
 from common.scene import Change, Pose, Sampler, Scene
 
-from ..logic import geometry, packing, records, texels
+from ..logic import environment, geometry, packing, records, texels
 from ..logic.draw_lists import Range
+from ..logic.environment import Sizes
 from ..logic.frame import SLOTS
 from ..logic.packing import ROLES
 from ..logic.records import Records
 from ..logic.snippets import PUSH_SIZE
 from ..settings import Settings
 from .commands import Draw, Textures
+from .environment import EnvironmentMaps, create_environment
+
+ENVIRONMENT_UNIT = 5
+"""The first of the three texture units of the environment, after those of materials (forward.frag)."""
 
 
 @dataclass(kw_only=True)
@@ -58,8 +64,10 @@ class SceneData:
         rows[:, 0] = np.arange(len(rows))
         self.push = PushTable(context, rows, "push constants")
         self.empty_vertex_array = create_vertex_array(context, [], None, None, "no vertices")
+        self._energy = settings.energy if environment.needed(scene, settings) else None
         self._choose_variants()
         self._upload_geometry()
+        self._make_environment()
         self.slots = [self._make_slot(index) for index in range(SLOTS)]
         self._keep_textures()
         self._kinds = self._material_kinds()
@@ -73,7 +81,8 @@ class SceneData:
         )  # first: an edit that cannot be followed says so until another one mends it
         everything = not self._settings.skip_unused
         self.variants = [
-            packing.material_variant(material, self._scene, everything) for material in self._scene.materials
+            packing.material_variant(material, self._scene, everything, self._energy)
+            for material in self._scene.materials
         ]
         self.lit = any(variant.has("LIT") for variant in self.variants)
 
@@ -91,6 +100,16 @@ class SceneData:
             for name, array in arrays.items():
                 write_buffer(context, buffer, array, self._offsets[name])
             self._vertex_arrays.append(create_vertex_array(context, streams, buffer, buffer, "geometry"))
+
+    def _make_environment(self) -> None:
+        self.environment = environment.NO_ENVIRONMENT
+        """What every frame's constants hold of the environment."""
+        self._environment: EnvironmentMaps | None = None
+        if self._energy is None or self._scene.environment is None:
+            return
+        maps = create_environment(self._context, self._scene.environment, Sizes.of(self._settings))
+        self._environment = maps
+        self.environment = environment.frame_values(self._settings, maps.scale, maps.last_level)
 
     def _free_geometry(self) -> None:
         for vertex_array in self._vertex_arrays:
@@ -238,6 +257,13 @@ class SceneData:
         bind_buffer(context, "storage", 1, held.materials)  # type: ignore[arg-type]
         if held.lights is not None:
             bind_buffer(context, "storage", 2, held.lights)  # type: ignore[arg-type]
+        if self._environment is not None:
+            sampler = self.sampler(environment.SMOOTH, 1.0)
+            maps = self._environment
+            for unit, image in enumerate(
+                (maps.radiance, maps.irradiance, maps.table), start=ENVIRONMENT_UNIT
+            ):
+                bind_texture(context, unit, image.view, sampler)
 
     def write_deformation(self, slot: int, pose: Pose) -> int:
         """Write deformed vertices into the slot's geometry; return the bytes written."""
@@ -264,5 +290,7 @@ class SceneData:
             destroy_image(context, image)
         for sampler in self._samplers.values():
             context.destroy("sampler", sampler)
+        if self._environment is not None:
+            self._environment.close(context)
         self.push.close()
         context.destroy("vertex array", self.empty_vertex_array)

@@ -19,14 +19,19 @@ from backends.vulkan.upload import Uploader
 from common.pools import Handle
 from common.scene import Change, Pose, Sampler, Scene, TextureRef
 
-from ..logic import geometry, packing, records, texels
+from ..logic import environment, geometry, packing, records, texels
+from ..logic.environment import Sizes
 from ..logic.frame import SLOTS
 from ..logic.packing import ROLES, Variant
 from ..logic.records import Records
 from ..settings import Settings
 from .descriptors import Binding, Descriptors, Texture
+from .environment import create_environment
 from .resources import Resources
 from .textures import Textures
+
+ENVIRONMENT_BINDING = 4
+"""The first of the three bindings of the environment in the frame's set (forward.frag)."""
 
 
 @dataclass(kw_only=True)
@@ -51,12 +56,14 @@ class SceneData:
     ) -> None:
         self._device, self._scene, self._settings, self._anisotropy = device, scene, settings, anisotropy
         self._resources, self._descriptors = resources, descriptors
+        self._energy = settings.energy if environment.needed(scene, settings) else None
         self._choose_variants()
         self._textures = Textures(scene, resources)
         with Uploader(device) as uploader:
             self._upload_geometry(uploader)
             self._textures.keep(uploader, self._used_textures())
         self.bytes_uploaded = uploader.bytes
+        self._make_environment()
         self.slots = [self._make_slot(index) for index in range(SLOTS)]
         self._make_sets()
         self._kinds = self._material_kinds()
@@ -71,7 +78,8 @@ class SceneData:
         )  # first: an edit that cannot be followed says so until another one mends it
         everything = not self._settings.skip_unused
         self.variants = [
-            packing.material_variant(material, self._scene, everything) for material in self._scene.materials
+            packing.material_variant(material, self._scene, everything, self._energy)
+            for material in self._scene.materials
         ]
         self.lit = any(variant.has("LIT") for variant in self.variants)
 
@@ -92,6 +100,21 @@ class SceneData:
             buffer = self._resources.buffers.get(handle)
             for name, array in arrays.items():
                 uploader.buffer(buffer, array, self._offsets[name])
+
+    def _make_environment(self) -> None:
+        self.environment = environment.NO_ENVIRONMENT
+        """What every frame's constants hold of the environment."""
+        self._environment: list[Texture] = []
+        if self._energy is None or self._scene.environment is None:
+            return
+        sizes = Sizes.of(self._settings)
+        maps = create_environment(self._device, self._scene.environment, sizes)
+        for image in (maps.radiance, maps.irradiance, maps.table):
+            self._resources.images.create(image)
+        sampler = self._resources.sampler(environment.SMOOTH, 1.0)
+        views = (maps.radiance_view, maps.irradiance_view, maps.table.view)
+        self._environment = [Texture(view, sampler) for view in views]
+        self.environment = environment.frame_values(self._settings, maps.scale, maps.last_level)
 
     def _used_textures(self) -> list[tuple[str, TextureRef | None]]:
         """Return (role, texture) of everything that some variant samples."""
@@ -134,10 +157,12 @@ class SceneData:
         bindings = [Binding(0, "uniform"), Binding(1, "storage"), Binding(2, "storage")]
         if self.lit:
             bindings.append(Binding(3, "storage", vk.VK_SHADER_STAGE_FRAGMENT_BIT))
+        far = dict(enumerate(self._environment, start=ENVIRONMENT_BINDING))
+        bindings += [Binding(number, "texture", vk.VK_SHADER_STAGE_FRAGMENT_BIT) for number in far]
         self.frame_layout = self._descriptors.layout(bindings)
         wanted: list[Any] = []
         for index, slot in enumerate(self.slots):
-            held: dict[int, Any] = {0: slot.frame, 1: slot.instances, 2: slot.materials}
+            held: dict[int, Any] = {0: slot.frame, 1: slot.instances, 2: slot.materials, **far}
             if self.lit:
                 held[3] = slot.lights
             wanted.append((bindings, held, f"frame, slot {index}"))

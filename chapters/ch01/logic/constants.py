@@ -18,6 +18,7 @@ def frame_constants(
     previous: tuple[View, float] | None,
     index: int,
     ambient: float,
+    environment: tuple[float, float, float, float],
 ) -> np.ndarray:
     """Return the FrameConstants record; `previous` is the (view, time) that was rendered before, if any was."""
     before, then = previous or (view, time)
@@ -35,5 +36,6 @@ def frame_constants(
         instance_count=len(scene.instances),
         light_count=len(scene.lights),
         ambient=ambient,
+        environment=environment,
     )
     return constants

@@ -10,6 +10,7 @@ from common.camera import View
 from common.scene import Light, Pose, Scene
 
 from ..settings import Settings
+from .environment import needed
 
 
 class DefaultLight:
@@ -17,7 +18,8 @@ class DefaultLight:
 
     def __init__(self, scene: Scene, settings: Settings) -> None:
         self._settings = settings
-        self.on = not scene.lights and settings.default_light
+        self._lit_from_afar = needed(scene, settings)
+        self.on = not scene.lights and settings.default_light and not self._lit_from_afar
         self.scene = scene
         if self.on:
             # Pi lux on a white diffuse surface that faces the light gives a luminance of 1.
@@ -40,6 +42,8 @@ class DefaultLight:
         """Return the luminance that arrives from everywhere, in nits."""
         if self._settings.ambient >= 0.0:
             return self._settings.ambient
+        if self._lit_from_afar:
+            return 0.0  # what stood in for light from everywhere is there now
         if self.scene.ambient is not None:
             return self.scene.ambient
         return 0.25 if self.on else 0.0

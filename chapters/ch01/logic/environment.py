@@ -20,7 +20,9 @@ import numpy as np
 from common.blobs import BlobError, read_blob, write_blob
 from common.environment import Environment
 from common.paths import ROOT, cache_dir, write_whole
-from common.scene import Sampler
+from common.scene import Sampler, Scene
+
+from ..settings import Settings
 
 SHADERS = Path(__file__).resolve().parents[1] / "shaders"
 KERNELS = ("environment_cube", "environment_mips", "environment_irradiance", "environment_prefilter")
@@ -66,6 +68,19 @@ class Sizes:
                 f"irradiance is summed over at most {self.face} texels along an edge, as the cube has"
             )
 
+    @classmethod
+    def of(cls, settings: Settings) -> Sizes:
+        """Return the sizes that settings ask for, edges rounded down to powers of two."""
+        face = 1 << (settings.environment_size.bit_length() - 1)
+        source = 1 << (settings.irradiance_source.bit_length() - 1)
+        return cls(
+            face=face,
+            irradiance_source=min(source, face),
+            table=settings.table_size,
+            lobe_part=settings.environment_detail,
+            table_samples=settings.table_samples,
+        )
+
     @property
     def levels(self) -> int:
         """Levels of the radiance cube, down to `LAST_FACE` texels along an edge; at least two."""
@@ -92,6 +107,21 @@ class Maps:
     radiance: list[np.ndarray]
     irradiance: np.ndarray
     scale: float
+
+
+def needed(scene: Scene, settings: Settings) -> bool:
+    """Whether the scene has an environment that sends out light."""
+    return scene.environment is not None and settings.environment_intensity > 0
+
+
+def frame_values(settings: Settings, scale: float, last_level: int) -> tuple[float, float, float, float]:
+    """Return what every frame's constants hold of an environment whose stored 1 stands for `scale` nits."""
+    turn = math.radians(settings.environment_turn)
+    return scale * settings.environment_intensity, math.cos(turn), math.sin(turn), float(last_level)
+
+
+NO_ENVIRONMENT = (0.0, 1.0, 0.0, 0.0)
+"""What a frame's constants hold without one."""
 
 
 def level_roughness(level: int, levels: int) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 
 from common import layouts
 from common.scene import Light, Material, Pose, Scene
+from common.shading_environment import ENERGIES
 
 MATERIAL = np.dtype(
     [
@@ -53,11 +54,13 @@ class Variant:
         return any(name == define for name, _ in self.defines)
 
 
-def material_variant(material: Material, scene: Scene, everything: bool = False) -> Variant:
+def material_variant(
+    material: Material, scene: Scene, everything: bool = False, energy: str | None = None
+) -> Variant:
     """Return the variant for `material` in `scene`; with `everything`, one that has all that any scene may need.
 
     A role without a texture has no descriptor and no fetch. `everything` is the same picture by more work: tests hold
-    the two against each other.
+    the two against each other. `energy` is how an environment's light is shared out, None without an environment.
     """
     shaded = everything or not material.unlit
     roles = tuple(role for role in ROLES if role in material.textures() or everything)
@@ -77,7 +80,10 @@ def material_variant(material: Material, scene: Scene, everything: bool = False)
         "DOUBLE_SIDED": material.double_sided,
     }
     flags |= {f"{role.upper()}_MAP": True for role in roles}
-    defines = tuple(sorted((name, 1) for name, on in flags.items() if on))
+    values = {name: 1 for name, on in flags.items() if on}
+    if shaded and energy is not None:
+        values |= {"ENVIRONMENT": 1, "ENERGY": ENERGIES.index(energy)}  # type: ignore[arg-type]
+    defines = tuple(sorted(values.items()))
     return Variant(defines, material.alpha_mode, material.double_sided, roles)
 
 

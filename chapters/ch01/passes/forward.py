@@ -18,6 +18,7 @@ from ..logic.draw_lists import NOTHING
 from ..logic.packing import Variant
 from ..settings import Settings
 from .scene_draws import DrawListBuilder
+from .sky import Sky
 
 
 class ForwardPass:
@@ -35,6 +36,7 @@ class ForwardPass:
             Access("depth", "depth", format="d32f", clear=(0.0,)),
         )
         self._builder = DrawListBuilder(scene, data)
+        self._sky = Sky(settings, data, pipelines) if Sky.needed(scene, settings) else None
         self._key: Any = None
         self.lists = self._unsorted = NOTHING
         self.frame_set: Any = None
@@ -65,6 +67,8 @@ class ForwardPass:
         """Build the pipelines of all materials that are drawn, and no other; again when one became another kind."""
         self.used = np.unique(self._scene.meshes["material"][self._scene.instances.mesh]).tolist()
         self._pipelines.get([self.describe(self._data.variants[material]) for material in self.used])
+        if self._sky is not None:
+            self._sky.create()
         self._key = None
 
     def prepare(self, slot: int, view_from_world: np.ndarray, instances: np.ndarray, visibility: int) -> None:
@@ -92,5 +96,7 @@ class ForwardPass:
         """Record the draws of this frame."""
         commands.bind_geometry(*self.geometry)
         commands.draw_groups(self.lists.solid, self.frame_set)
+        if self._sky is not None:
+            self._sky.record(commands, self.frame_set)
         if self.lists.transparent:
             commands.draw_groups([self.lists.transparent[index] for index in self.order], self.frame_set)

@@ -7,6 +7,12 @@
 #include "brdf.glsl"
 #include "lights.glsl"
 #endif
+#ifdef ENVIRONMENT
+#include "ibl.glsl"
+layout(BIND(0, 4, 5)) uniform samplerCube environment_radiance;
+layout(BIND(0, 5, 6)) uniform samplerCube environment_irradiance;
+layout(BIND(0, 6, 7)) uniform sampler2D environment_table;
+#endif
 
 #ifdef LIT
 layout(BIND(0, 3, 2), std430) readonly buffer Lights_ {
@@ -126,6 +132,12 @@ void main() {
 #endif
     vec3 albedo = mix(0.96 * base.rgb + 0.04, base.rgb, metallic);
     color += frame.ambient.rgb * occlusion * albedo;
+#ifdef ENVIRONMENT
+    color += frame.environment.x * occlusion * environment_light(
+        environment_radiance, environment_irradiance, environment_table, n, view, base.rgb, metallic, roughness, ENERGY,
+        frame.environment.w, frame.environment.yz
+    );
+#endif
 
     vec3 emissive = material.emissive.rgb;
 #ifdef EMISSIVE_MAP
