@@ -85,6 +85,14 @@ def run(
             show_default=False,
         ),
     ] = None,
+    ev: Annotated[
+        float | None,
+        typer.Option(
+            metavar="EV100",
+            help="Exposure: 15 for daylight, 7 for a room. Without it: that of the scene.",
+            show_default=False,
+        ),
+    ] = None,
     quality: Annotated[
         str,
         typer.Option(
@@ -129,6 +137,7 @@ def run(
         backend=backend,
         scene=scene,
         environment=environment,
+        ev100=ev,
         size=running.parse_size(size),
         frames=frames,
         out=out,

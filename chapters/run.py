@@ -48,6 +48,7 @@ class Request:
     backend: str = "auto"
     scene: str = scenes.DEFAULT
     environment: str = "none"
+    ev100: float | None = None
     size: tuple[int, int] = DEFAULT_SIZE
     frames: int | None = None
     out: Path | None = None
@@ -88,6 +89,10 @@ def check(request: Request) -> None:
         raise UserError(f"--frames {request.frames} draws nothing: it must be at least 1.")
     if not math.isfinite(request.time):
         raise UserError(f"--time {request.time} is no time: give seconds.")
+    if request.ev100 is not None and not -60.0 <= request.ev100 <= 60.0:
+        raise UserError(
+            f"--ev {request.ev100} is no exposure: give EV100 between -60 and 60; daylight is about 15."
+        )
     if not (math.isfinite(request.fps) and request.fps > 0):
         raise UserError(f"--fps {request.fps} is no rate: give frames per second above 0.")
     if request.out is not None:
@@ -132,6 +137,7 @@ def show(request: Request) -> int:
 
     with Steps() as steps:
         scene = scenes.load(request.scene, steps.of("load", 0.05, 0.6), request.environment)  # type: ignore[arg-type]
+        expose(scene, request)
         tell_warnings(scene, request.verbose)
         steps("measure the presets" if request.quality == "auto" else "open", 0.6)
         preset_name, note = chosen_quality(request, scene)
@@ -213,6 +219,7 @@ def draw(request: Request, began: float) -> int:
     settings = settings_of(request, preset_name)
     with Steps() as steps:
         scene = scenes.load(request.scene, steps.of("load", 0.05, 0.5), request.environment)  # type: ignore[arg-type]
+        expose(scene, request)
         tell_warnings(scene, request.verbose)
         steps("create", 0.5)
         with chapters.open(
@@ -264,6 +271,22 @@ def write_picture(path: Path, frame: Frame) -> None:
         images.write_layers(path, {layer: frame.image(name) for name, layer in EXR_OUTPUTS.items()})
     else:
         images.write_image(path, frame.image("color"))
+
+
+def expose(scene: Scene, request: Request) -> None:
+    """Give the scene the exposure of --ev; say so where an environment does not fit the one that the scene has."""
+    scene.ev100 = request.ev100
+    if scene.environment is None or request.ev100 is not None:
+        return
+    from common.camera import exposure, fitting_ev100, framed_view
+
+    fits = fitting_ev100(scene.environment.mean_luminance)
+    chosen = framed_view(scene, 1.0).ev100
+    if abs(chosen - fits) > 3.0:
+        seen = exposure(chosen) * scene.environment.mean_luminance
+        say(
+            f"strata: at this exposure the environment has a brightness of {seen:.2g} on average: --ev {fits:.1f} fits."
+        )
 
 
 def open_device(stack: ExitStack, request: Request) -> Any:

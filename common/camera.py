@@ -20,6 +20,8 @@ Float64 = NDArray[np.float64]
 UNIT_EV100 = -math.log2(1.2)
 """The exposure value at which 1 nit becomes 1.0: what a scene gets whose author named no exposure."""
 
+LIGHT_GREY = 0.4
+
 FRAMED_YFOV = math.radians(50.0)
 FRAMED_DIRECTION = (
     0.5,
@@ -184,8 +186,22 @@ def framed_view(scene: Scene, aspect: float) -> View:
 
 
 def _scene_ev100(scene: Scene) -> float:
-    """The first exposure that the author chose: it fits the scene's lights from any place."""
-    return next((camera.ev100 for camera in scene.cameras if camera.ev100 is not None), UNIT_EV100)
+    """The exposure of the scene: the user's, else the first that the author chose, which fits the lights anywhere.
+
+    A scene without either in an environment gets the exposure at which a white wall, lit by it from all sides, is a
+    light grey; most of a day's light is in the small sun, so that the sky itself is darker than the wall.
+    """
+    if scene.ev100 is not None:
+        return scene.ev100
+    chosen = next((camera.ev100 for camera in scene.cameras if camera.ev100 is not None), None)
+    if chosen is None and scene.environment is not None:
+        return fitting_ev100(scene.environment.mean_luminance)
+    return UNIT_EV100 if chosen is None else chosen
+
+
+def fitting_ev100(luminance: float) -> float:
+    """Return the exposure value at which `luminance`, in nits, becomes a light grey."""
+    return math.log2(max(luminance, 1e-6) / (1.2 * LIGHT_GREY))
 
 
 def _view_of_camera(scene: Scene, pose: Pose, index: int) -> View:
@@ -199,7 +215,7 @@ def _view_of_camera(scene: Scene, pose: Pose, index: int) -> View:
         raise SceneError(
             f"camera {label!r} of scene {scene.name!r} has no direction: its node is scaled to 0"
         )
-    ev100 = camera.ev100 if camera.ev100 is not None else _scene_ev100(scene)
+    ev100 = camera.ev100 if camera.ev100 is not None and scene.ev100 is None else _scene_ev100(scene)
     world_from_view = pose_looking_at(np.zeros(3), forward, up)
     world_from_view[:3, 3] = eye
     return View(world_from_view, _projection_of(camera), ev100)

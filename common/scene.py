@@ -299,6 +299,7 @@ class Scene:
     deformations: list[Deformation]
     ambient: float | None = None  # nits; the author's stand-in for indirect light (`extras.strata.ambient`)
     environment: Environment | None = None  # light from far away; fixed when a renderer opens the scene
+    ev100: float | None = None  # an exposure that decides over those of the cameras
     warnings: list[str] = field(default_factory=list)
     revision: dict[Change, int] = field(default_factory=lambda: dict.fromkeys(Change, 0))
 

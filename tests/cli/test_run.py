@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import struct
 import subprocess
 import sys
@@ -100,6 +101,17 @@ def test_opengl_draws_the_same_picture(strata, tmp_path, gl_context):
     assert records[0]["frames"][0]["work"]["draws"] == records[1]["frames"][0]["work"]["draws"]
 
 
+def test_an_exposure_darkens_the_picture_and_a_sky_that_does_not_fit_is_said(strata, tmp_path, box):
+    common = ("run", "1", "--scene", box, "--size", "32x32")
+    assert strata(*common, "--out", "a.png")[0] == 0
+    assert strata(*common, "--ev", "3", "--out", "b.png")[0] == 0
+    assert read_image(tmp_path / "b.png").mean() < read_image(tmp_path / "a.png").mean()
+    words = ("--environment", "sky", "--quality", "low", "--size", "32x32")
+    code, _, err = strata("run", "1", "--scene", "cornell", *words, "--out", "c.png")
+    assert code == 0
+    assert re.search(r"--ev [\d.]+ fits", err)
+
+
 def test_without_all_draws_and_verbose_says_the_plan(strata, box):
     code, out, _ = strata("run", "1", "--scene", box, "--size", "16x16", "--without", "all", "-v")
     assert code == 0
@@ -142,6 +154,11 @@ WRONG_WORDS = {
     "no such quality": (("run", "1", "--quality", "hihg"), "did you mean 'high'?"),
     "no such backend": (("run", "1", "--backend", "metal"), "no backend 'metal'"),
     "no frames": (("run", "1", "--frames", "0"), "--frames 0"),
+    "an exposure that is none": (("run", "1", "--ev", "nan"), "--ev"),
+    "no such environment": (
+        ("run", "1", "--scene", "cornell", "--environment", "nowhere.hdr"),
+        "nowhere.hdr",
+    ),
     "a time that is none": (("run", "1", "--time", "nan"), "--time"),
     "no such scene": (("run", "1", "--scene", "atrum"), "atrium"),
     "no such size of a scene": (("run", "1", "--scene", "atrium:huge"), "atrium:large"),

@@ -28,7 +28,8 @@ from common.transforms import compose, pose_looking_at, rotation, transform_poin
 def a_scene(*cameras, low=(-1, -2, -3), high=(3, 2, 1), name="test"):
     bounds = np.array([low, high], float)
     scale = float(np.linalg.norm(bounds[1] - bounds[0]) / 2)
-    return SimpleNamespace(name=name, cameras=list(cameras), bounds=bounds, length_scale=scale)
+    place = {"bounds": bounds, "length_scale": scale, "ev100": None, "environment": None}
+    return SimpleNamespace(name=name, cameras=list(cameras), **place)
 
 
 def a_pose(*matrices):
@@ -188,3 +189,17 @@ def test_a_scene_without_cameras_says_what_to_write():
     for spec in ("hall", "0"):
         with pytest.raises(UserError, match=r"ex,ey,ez:tx,ty,tz|has no cameras"):
             view_of_scene(a_scene(), a_pose(), spec, 1.0)
+
+
+def test_the_exposure_is_the_user_s_then_the_author_s_then_that_of_the_environment():
+    from common.camera import LIGHT_GREY, UNIT_EV100, exposure, framed_view
+    from common.environment import constant
+    from tests.support.scenes import quad_scene
+
+    scene = quad_scene()
+    assert framed_view(scene, 1.0).ev100 == UNIT_EV100
+    scene.environment = constant((5000.0, 5000.0, 5000.0))
+    ev100 = framed_view(scene, 1.0).ev100
+    assert exposure(ev100) * 5000.0 == pytest.approx(LIGHT_GREY)
+    scene.ev100 = 3.0
+    assert framed_view(scene, 1.0).ev100 == 3.0
