@@ -13,6 +13,8 @@ LESSON = Lesson(
         "GPU timestamps",
         "metallic-roughness shading",
         "punctual lights",
+        "environment lighting",
+        "the same picture on OpenGL",
     ),
     needs=Needs(required=frozenset(), optional=frozenset({"anisotropy"})),
     reading=(
@@ -27,5 +29,12 @@ LESSON = Lesson(
         "graphics/profiler.py",
         "passes/tonemap.py",
         "logic/packing.py",
+        "logic/draw_lists.py",
+        "passes/sky.py",
+        "logic/environment.py",
+        "graphics/environment.py",
+        "shaders/environment_prefilter.comp",
+        "gl/renderer.py",
+        "gl/forward.py",
     ),
 )
