@@ -133,7 +133,7 @@ class Subject:
         size = size or self.size
         with chapters.open(
             self.chapter, self.backend, scene=self.scene, size=size, settings=settings, outputs=outputs
-        ) as renderer:  # type: ignore[attr-defined]
+        ) as renderer:
             yield renderer
 
     def measure(self, settings: Any, effort: Effort) -> tuple[list[dict[str, float]], dict[str, int]]:
@@ -217,7 +217,7 @@ def sweep(subject: Subject, effort: Effort, step: Callable[[str, float], None]) 
 
 def stability_cases(subject: Subject, effort: Effort) -> list[dict[str, Any]]:
     """Return for each case of `common.stability` the fraction of pixels that change by more than 1/255."""
-    settings = preset(chapters.settings_class(subject.chapter), "medium")
+    settings: Any = preset(chapters.settings_class(subject.chapter), "medium")
     with subject.open(settings, {"color"}) as renderer:
         view = chapters.view_of(renderer)
         still = settled(renderer, view).image("color")

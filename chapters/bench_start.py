@@ -14,6 +14,7 @@ import tempfile
 import time
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import chapters
 from common.errors import DeviceError
@@ -38,11 +39,11 @@ def steps(chapter: int, backend: str, scene: str, size: tuple[int, int], began: 
         times[name], last = now - last, now
 
     import_module(f"chapters.{chapters.folder_name(chapter)}.renderer")
-    settings = preset(chapters.settings_class(chapter), "medium")
+    settings: Any = preset(chapters.settings_class(chapter), "medium")
     step("import")
     loaded = scenes.load(scene)
     step("load")
-    with chapters.open(chapter, backend, scene=loaded, size=size, settings=settings) as renderer:  # type: ignore[attr-defined]
+    with chapters.open(chapter, backend, scene=loaded, size=size, settings=settings) as renderer:
         step("create")
         renderer.render(chapters.view_of(renderer)).image("color")
         step("first frame")

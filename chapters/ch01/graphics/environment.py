@@ -106,9 +106,9 @@ def create_environment(device: Device, environment: Environment, sizes: Sizes) -
             made += 1
         else:
             fill(device, table, [texels[None]])
-        views = [cube_view(device, cube) for cube in (radiance, irradiance)]
+        seen, lit = cube_view(device, radiance), cube_view(device, irradiance)
         failed.pop_all()
-        return EnvironmentMaps(radiance, irradiance, table, *views, maps.scale, made)
+        return EnvironmentMaps(radiance, irradiance, table, seen, lit, maps.scale, made)
 
 
 def cube_view(device: Device, image: Image, level: int = 0, levels: int | None = None) -> Any:
@@ -243,7 +243,9 @@ def _finish_level(device: Device, commands: Any, image: Image, level: int) -> No
 def _regions(image: Image) -> tuple[list[Any], list[tuple[int, ...]], int]:
     """Return the copies of all levels between an image and a buffer, the levels' shapes, and the buffer's bytes."""
     _, texel, _, channels = FORMATS[image.format]
-    regions, shapes, offset = [], [], 0
+    regions: list[Any] = []
+    shapes: list[tuple[int, ...]] = []
+    offset = 0
     for level in range(image.levels):
         width, height = max(1, image.width >> level), max(1, image.height >> level)
         regions.append(

@@ -235,8 +235,9 @@ def read_table(key: str, sizes: Sizes) -> np.ndarray | None:
     """Return the table (n, n, 4) float16 kept under `key`, or None."""
     found = _read(key)
     table = found.get("table") if isinstance(found, dict) else None
-    good = isinstance(table, np.ndarray) and table.shape == (sizes.table, sizes.table, 4)
-    return table if good and table.dtype == np.float16 else None
+    if not isinstance(table, np.ndarray) or table.shape != (sizes.table, sizes.table, 4):
+        return None
+    return table if table.dtype == np.float16 else None
 
 
 def write_table(key: str, table: np.ndarray) -> None:

@@ -82,7 +82,7 @@ def material_variant(
     flags |= {f"{role.upper()}_MAP": True for role in roles}
     values = {name: 1 for name, on in flags.items() if on}
     if shaded and energy is not None:
-        values |= {"ENVIRONMENT": 1, "ENERGY": ENERGIES.index(energy)}  # type: ignore[arg-type]
+        values |= {"ENVIRONMENT": 1, "ENERGY": ENERGIES.index(energy)}
     defines = tuple(sorted(values.items()))
     return Variant(defines, material.alpha_mode, material.double_sided, roles)
 
