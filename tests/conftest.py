@@ -6,6 +6,7 @@ The tests of chapters run once per variant: on the device as it is, and with eve
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from backends.vulkan.instance import VALIDATION_LAYER, Instance
 from common.errors import UnsupportedError
 from common.paths import asset_dir
 from tests.support import goldens
+from tests.support.chapter import Chapter, chapter_number
 from tests.support.gl_functions import assert_silent
 from tests.support.report import Report
 
@@ -25,7 +27,8 @@ NO_DEVICE = "no device was opened"
 VARIANTS = {"vulkan": frozenset[str](), "without-all": frozenset({"all"}), "gl": frozenset[str]()}
 """Names of the variants, and what the devices of each do without; "gl" is for what draws with OpenGL."""
 
-USUAL = ("vulkan", "without-all")
+USUAL = {"chapter": tuple(VARIANTS), "vulkan_device": ("vulkan", "without-all"), "gl_context": ("gl",)}
+"""The variants of a test that uses this fixture, the first of these that it uses; the mark `variants` names others."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -55,13 +58,17 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     area = metafunc.definition.path.relative_to(HERE).parts[0]
     if not (area.startswith("ch") or area == "stability"):
         return
-    used = {"vulkan_device", "gl_context"} & set(metafunc.fixturenames)
+    used = [names for fixture, names in USUAL.items() if fixture in metafunc.fixturenames]
     if used:
-        # One of the two carries the variant; the other follows it.
         mark = metafunc.definition.get_closest_marker("variants")
-        names = list(mark.args) if mark else ["gl"] if used == {"gl_context"} else list(USUAL)
-        fixture = "vulkan_device" if "vulkan_device" in used else "gl_context"
-        metafunc.parametrize(fixture, names, indirect=True, scope="module")
+        metafunc.parametrize("variant", mark.args if mark else used[0], indirect=True, scope="module")
+
+
+@pytest.fixture(scope="module")
+def variant(request: pytest.FixtureRequest) -> str | None:
+    """Which of the variants is tested; None where there is only one."""
+    name: str | None = getattr(request, "param", None)
+    return name
 
 
 @pytest.fixture(scope="session")
@@ -79,25 +86,20 @@ def vulkan_instance() -> Iterator[Instance]:
         yield instance
 
 
-@pytest.fixture(scope="module")
-def vulkan_device(request: pytest.FixtureRequest, vulkan_instance: Instance) -> Iterator[Device]:
-    """A device for the tests of one module; an object that outlives them fails the last one."""
-    without = VARIANTS[getattr(request, "param", "vulkan")]
-    with Device(vulkan_instance, without=without) as device:
-        layers = "validated" if vulkan_instance.validates else "without validation layers"
+@contextmanager
+def _vulkan(request: pytest.FixtureRequest, variant: str | None) -> Iterator[Device]:
+    instance: Instance = request.getfixturevalue("vulkan_instance")
+    with Device(instance, without=VARIANTS[variant or "vulkan"]) as device:
+        layers = "validated" if instance.validates else "without validation layers"
         report: Any = request.config.pluginmanager.getplugin("strata-report")
         report.device = f"{device.capabilities.device}, {device.capabilities.driver}, {layers}"
         yield device
 
 
-@pytest.fixture(scope="module")
-def gl_context(request: pytest.FixtureRequest) -> Iterator[Context]:
-    """An OpenGL context whose calls are checked, for the tests of one module; what outlives them fails the last one."""
-    parameters = getattr(request.node, "callspec", None)
-    name = getattr(request, "param", None) or (parameters.params.get("vulkan_device") if parameters else None)
-    without = VARIANTS[name or "gl"]
+@contextmanager
+def _opengl(request: pytest.FixtureRequest, variant: str | None) -> Iterator[Context]:
     try:
-        context = Context(validate=True, without=without)
+        context = Context(validate=True, without=VARIANTS[variant or "gl"])
     except UnsupportedError as error:
         pytest.skip(f"no OpenGL: {error}")
     with context:
@@ -107,23 +109,50 @@ def gl_context(request: pytest.FixtureRequest) -> Iterator[Context]:
         yield context
 
 
+@pytest.fixture(scope="module")
+def vulkan_device(
+    request: pytest.FixtureRequest, variant: str | None, vulkan_instance: Instance
+) -> Iterator[Device]:
+    """A device for the tests of one module; an object that outlives them fails the last one."""
+    with _vulkan(request, variant) as device:
+        yield device
+
+
+@pytest.fixture(scope="module")
+def gl_context(request: pytest.FixtureRequest, variant: str | None) -> Iterator[Context]:
+    """An OpenGL context whose calls are checked, for the tests of one module; what outlives them fails the last one."""
+    with _opengl(request, variant) as context:
+        yield context
+
+
+@pytest.fixture(scope="module")
+def chapter(request: pytest.FixtureRequest, variant: str | None) -> Iterator[Chapter]:
+    """The chapter that the test's folder or file names, on a device of the variant: `chapter.open(scene, size)`."""
+    number = chapter_number(request.path)
+    with (_opengl if variant == "gl" else _vulkan)(request, variant) as device:
+        yield Chapter(number, "gl" if variant == "gl" else "vulkan", device)
+
+
 @pytest.fixture(autouse=True)
-def _no_gl_message(request: pytest.FixtureRequest) -> Iterator[None]:
+def _no_gl_message(request: pytest.FixtureRequest, variant: str | None) -> Iterator[None]:
     """Fail a test on any message of the OpenGL driver, and on an error that nobody asked for."""
-    if "gl_context" not in request.fixturenames:
-        yield
-        return
-    context: Context = request.getfixturevalue("gl_context")
-    context.make_current()  # the test before may have had a context of its own
-    context.sink.messages.clear()
+    used = request.fixturenames
+    contexts: list[Context] = [request.getfixturevalue("gl_context")] if "gl_context" in used else []
+    if "chapter" in used and variant == "gl":
+        contexts.append(request.getfixturevalue("chapter").device)
+    for context in contexts:
+        context.make_current()  # the test before may have had a context of its own
+        context.sink.messages.clear()
     yield
-    assert_silent(context)
+    for context in contexts:
+        assert_silent(context)
 
 
 @pytest.fixture(autouse=True)
-def _no_validation_message(request: pytest.FixtureRequest) -> Iterator[None]:
+def _no_validation_message(request: pytest.FixtureRequest, variant: str | None) -> Iterator[None]:
     """Fail a test on any message of the layers or the driver."""
-    if not {"vulkan_instance", "vulkan_device"} & set(request.fixturenames):
+    used = {*request.fixturenames}
+    if not {"vulkan_instance", "vulkan_device"} & used and not ("chapter" in used and variant != "gl"):
         yield
         return
     sink: Any = request.getfixturevalue("vulkan_instance").sink

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from chapters.ch01.renderer import OUTPUTS, Renderer
+from chapters.ch01.logic.frame import OUTPUTS
 from chapters.ch01.settings import Settings
 from common.camera import View, exposure
 from common.errors import StaleFrameError, UnsupportedError, UserError
@@ -21,8 +21,8 @@ def lit_quad(**more):
 
 
 @pytest.fixture(scope="module")
-def renderer(vulkan_device):
-    with Renderer(lit_quad(), SIZE, outputs=OUTPUTS, device=vulkan_device) as made:
+def renderer(chapter):
+    with chapter.open(lit_quad(), SIZE, outputs=OUTPUTS) as made:
         yield made
 
 
@@ -43,10 +43,10 @@ def test_depth_is_that_of_the_projection(renderer):
     assert np.allclose(depth, (4.0 - 2.0) / (4.0 - 0.1), atol=1e-6)
 
 
-def test_instance_ids_are_places_in_the_scene_plus_one(vulkan_device):
+def test_instance_ids_are_places_in_the_scene_plus_one(chapter):
     scene = quad_scene(matrices=(translated(-1.0), translated(1.0)))
     scene.instances.visible[0] = True
-    with Renderer(scene, SIZE, outputs={"instance_id"}, device=vulkan_device) as made:
+    with chapter.open(scene, SIZE, outputs={"instance_id"}) as made:
         ids = made.render(facing(ymag=2.0)).image("instance_id")
     assert set(np.unique(ids)) == {0, 1, 2}
     assert (ids[8:24, :16] == 1).all()
@@ -63,13 +63,13 @@ def test_an_image_is_readable_for_two_frames_and_then_refused(renderer):
         first.image("color")
 
 
-def test_an_output_that_was_not_asked_for_is_refused_by_name(vulkan_device):
-    with Renderer(lit_quad(), SIZE, device=vulkan_device) as made:
+def test_an_output_that_was_not_asked_for_is_refused_by_name(chapter):
+    with chapter.open(lit_quad(), SIZE) as made:
         frame = made.render(facing())
         with pytest.raises(StaleFrameError, match=r"outputs=\{'color', 'depth'\}"):
             frame.image("depth")
     with pytest.raises(UserError, match="no output 'colour'"):
-        Renderer(lit_quad(), SIZE, outputs={"colour"}, device=vulkan_device)
+        chapter.open(lit_quad(), SIZE, outputs={"colour"})
 
 
 def test_timings_name_the_passes_in_order(renderer):
@@ -89,28 +89,28 @@ def test_the_same_calls_after_a_reset_give_the_same_pixels(renderer):
 
 
 @pytest.mark.feature("device/viewport-resize")
-def test_resize_gives_the_picture_that_a_new_renderer_gives(vulkan_device):
-    with Renderer(lit_quad(), SIZE, outputs={"color", "depth"}, device=vulkan_device) as made:
+def test_resize_gives_the_picture_that_a_new_renderer_gives(chapter):
+    with chapter.open(lit_quad(), SIZE, outputs={"color", "depth"}) as made:
         made.render(facing())
         made.resize((48, 20))
         resized = made.render(facing())
         assert resized.index == 0
         picture, depth = resized.image("color"), resized.image("depth")
-    with Renderer(lit_quad(), (48, 20), outputs={"color", "depth"}, device=vulkan_device) as made:
+    with chapter.open(lit_quad(), (48, 20), outputs={"color", "depth"}) as made:
         frame = made.render(facing())
         assert np.array_equal(frame.image("color"), picture)
         assert np.array_equal(frame.image("depth"), depth)
 
 
-def test_impossible_sizes_are_refused(vulkan_device):
+def test_impossible_sizes_are_refused(chapter):
     for size in ((0, 5), (5, 0), (-1, 5), (100_000, 5)):
         with pytest.raises(UserError, match="cannot be made"):
-            Renderer(lit_quad(), size, device=vulkan_device)
+            chapter.open(lit_quad(), size)
 
 
-def test_idle_means_that_nothing_would_change(vulkan_device):
+def test_idle_means_that_nothing_would_change(chapter):
     scene = lit_quad()
-    with Renderer(scene, SIZE, device=vulkan_device) as made:
+    with chapter.open(scene, SIZE) as made:
         assert not made.idle(facing())
         made.render(facing())
         assert made.idle(facing())
@@ -121,9 +121,9 @@ def test_idle_means_that_nothing_would_change(vulkan_device):
         assert not made.idle(facing())
 
 
-def test_an_edit_is_seen_in_the_next_frame_and_costs_what_it_touched(vulkan_device):
+def test_an_edit_is_seen_in_the_next_frame_and_costs_what_it_touched(chapter):
     scene = quad_scene(Material(unlit=True), matrices=(np.eye(4), translated(10.0)))
-    with Renderer(scene, SIZE, device=vulkan_device) as made:
+    with chapter.open(scene, SIZE) as made:
         made.render(facing())
         quiet = made.render(facing())
         quiet = made.render(facing())
@@ -142,20 +142,18 @@ def test_an_edit_is_seen_in_the_next_frame_and_costs_what_it_touched(vulkan_devi
         assert len(np.unique(hidden.image("color"))) == 1
 
 
-def test_two_renderers_share_a_scene(vulkan_device):
+def test_two_renderers_share_a_scene(chapter):
     scene = lit_quad()
-    with Renderer(scene, SIZE, device=vulkan_device) as a, Renderer(scene, SIZE, device=vulkan_device) as b:
+    with chapter.open(scene, SIZE) as a, chapter.open(scene, SIZE) as b:
         with scene.edit() as edit:
             edit.set_transform(0, matrix=translated(0.5))
         assert np.array_equal(a.render(facing()).image("color"), b.render(facing()).image("color"))
 
 
-def test_exposure_scales_the_picture_and_not_the_light(vulkan_device):
+def test_exposure_scales_the_picture_and_not_the_light(chapter):
     """`color_linear` is luminance: one stop of exposure changes `color_hdr` by two, and what is read not at all."""
     settings = Settings(color_format="rgba32f", background=0.0)
-    with Renderer(
-        lit_quad(), SIZE, settings, outputs={"color_linear", "color"}, device=vulkan_device
-    ) as made:
+    with chapter.open(lit_quad(), SIZE, settings, outputs={"color_linear", "color"}) as made:
         bright = made.render(facing(ev100=0.0))
         dark = made.render(facing(ev100=3.0))
         assert np.allclose(bright.image("color_linear"), dark.image("color_linear"), rtol=1e-6)
@@ -163,34 +161,34 @@ def test_exposure_scales_the_picture_and_not_the_light(vulkan_device):
     assert exposure(3.0) == exposure(0.0) / 8.0
 
 
-def test_without_a_feature_the_plan_says_so(vulkan_device):
-    with Renderer(lit_quad(), SIZE, without={"anisotropy"}, device=vulkan_device) as made:
+def test_without_a_feature_the_plan_says_so(chapter):
+    with chapter.open(lit_quad(), SIZE, without={"anisotropy"}) as made:
         (choice,) = made.plan.choices
         assert (choice.feature, choice.native, choice.path) == ("anisotropy", False, "trilinear filtering")
     with pytest.raises(UserError, match=r"no feature 'anisotropi'.*did you mean 'anisotropy'"):
-        Renderer(lit_quad(), SIZE, without={"anisotropi"}, device=vulkan_device)
+        chapter.open(lit_quad(), SIZE, without={"anisotropi"})
 
 
-def test_a_required_feature_that_is_missing_is_named(vulkan_device):
+def test_a_required_feature_that_is_missing_is_named(chapter):
     from backends.contract import resolve
 
     with pytest.raises(UnsupportedError, match="mesh-shader"):
-        resolve({"mesh-shader"}, set(), vulkan_device.capabilities, {"mesh-shader"})
+        resolve({"mesh-shader"}, set(), chapter.device.capabilities, {"mesh-shader"})
 
 
-def test_an_empty_scene_is_its_background(vulkan_device):
+def test_an_empty_scene_is_its_background(chapter):
     scene = quad_scene()
     scene.instances.visible[:] = False
-    with Renderer(scene, SIZE, outputs={"color_linear", "instance_id"}, device=vulkan_device) as made:
+    with chapter.open(scene, SIZE, outputs={"color_linear", "instance_id"}) as made:
         frame = made.render(View(facing().world_from_view))
         expected = Settings().background / exposure(View(facing().world_from_view).ev100)
         assert np.allclose(frame.image("color_linear"), expected, rtol=1e-3)
         assert (frame.image("instance_id") == 0).all()
 
 
-def test_closing_twice_is_closing_once(vulkan_device):
-    made = Renderer(lit_quad(), SIZE, device=vulkan_device)
-    alive = len(vulkan_device.alive)
+def test_closing_twice_is_closing_once(chapter):
+    made = chapter.open(lit_quad(), SIZE)
+    alive = len(chapter.device.alive)
     made.close()
     made.close()
-    assert len(vulkan_device.alive) < alive
+    assert len(chapter.device.alive) < alive

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from assets import locate
-from chapters.ch01.renderer import Renderer
 from chapters.ch01.settings import Settings
 from common.camera import view_of_scene
 from common.gltf import load_scene
@@ -75,18 +74,18 @@ def scene():
 
 
 @pytest.fixture(scope="module")
-def reference(vulkan_device, scene):
+def reference(chapter, scene):
     """The film of `CALLS`, by a renderer that has no past."""
-    with Renderer(scene, SIZE, outputs=WANTED, device=vulkan_device) as made:
+    with chapter.open(scene, SIZE, outputs=WANTED) as made:
         pictures = film(made, CALLS)
     assert len({one["color_linear"].tobytes() for one in pictures}) == len(CALLS)
     return pictures
 
 
 @pytest.mark.parametrize("before", [1, 2, 5], ids="{} frames before".format)
-def test_a_reset_makes_a_renderer_new(vulkan_device, scene, reference, before):
+def test_a_reset_makes_a_renderer_new(chapter, scene, reference, before):
     """Whichever slot the film begins in, and whatever was drawn before it."""
-    with Renderer(scene, SIZE, outputs=WANTED, device=vulkan_device) as made:
+    with chapter.open(scene, SIZE, outputs=WANTED) as made:
         for number in range(before):
             made.render(facing(distance=2.0 + number), 0.1 * number)
         made.reset_history("test")
@@ -94,9 +93,9 @@ def test_a_reset_makes_a_renderer_new(vulkan_device, scene, reference, before):
         assert made.render(*CALLS[0]).index == len(CALLS)
 
 
-def test_frames_that_nobody_waits_for_are_the_same_frames(vulkan_device, scene, reference):
+def test_frames_that_nobody_waits_for_are_the_same_frames(chapter, scene, reference):
     """Queued two deep, each read as late as it can be."""
-    with Renderer(scene, SIZE, outputs=WANTED, device=vulkan_device) as made:
+    with chapter.open(scene, SIZE, outputs=WANTED) as made:
         frames, pictures = [], []
         for call in CALLS:
             frames.append(made.render(*call))
@@ -107,10 +106,10 @@ def test_frames_that_nobody_waits_for_are_the_same_frames(vulkan_device, scene, 
 
 
 @pytest.mark.parametrize("order", ["in turns", "one after the other", "the other way round"])
-def test_two_renderers_of_one_scene_do_not_disturb_each_other(vulkan_device, scene, reference, order):
+def test_two_renderers_of_one_scene_do_not_disturb_each_other(chapter, scene, reference, order):
     with (
-        Renderer(scene, SIZE, outputs=WANTED, device=vulkan_device) as a,
-        Renderer(scene, SIZE, outputs=WANTED, device=vulkan_device) as b,
+        chapter.open(scene, SIZE, outputs=WANTED) as a,
+        chapter.open(scene, SIZE, outputs=WANTED) as b,
     ):
         if order == "in turns":
             pairs = [(film(a, [call])[0], film(b, [call])[0]) for call in CALLS]
@@ -123,12 +122,12 @@ def test_two_renderers_of_one_scene_do_not_disturb_each_other(vulkan_device, sce
     assert all(equal(one, reference) for one in films)
 
 
-def test_two_renderers_see_an_edit_each_when_it_draws(vulkan_device):
+def test_two_renderers_see_an_edit_each_when_it_draws(chapter):
     """One draws between two edits, the other only after both: in the end they agree."""
     scene = moving_scene()
     with (
-        Renderer(scene, SIZE, outputs=WANTED, device=vulkan_device) as a,
-        Renderer(scene, SIZE, outputs=WANTED, device=vulkan_device) as b,
+        chapter.open(scene, SIZE, outputs=WANTED) as a,
+        chapter.open(scene, SIZE, outputs=WANTED) as b,
     ):
         first = film(a, CALLS[:1]) + film(b, CALLS[:1])
         with scene.edit() as edit:
@@ -142,17 +141,17 @@ def test_two_renderers_see_an_edit_each_when_it_draws(vulkan_device):
     assert equal(first[:1], first[1:])
     assert equal(late[:1], late[1:])
     assert not equal(first[:1], late[:1])
-    with Renderer(scene, SIZE, outputs=WANTED, device=vulkan_device) as made:
+    with chapter.open(scene, SIZE, outputs=WANTED) as made:
         assert equal(film(made, CALLS[:1]), late[:1])
 
 
-def test_what_is_asked_for_does_not_change_what_is_seen(vulkan_device, scene, reference):
+def test_what_is_asked_for_does_not_change_what_is_seen(chapter, scene, reference):
     for name in OUTPUTS:
-        with Renderer(scene, SIZE, outputs={name}, device=vulkan_device) as made:
+        with chapter.open(scene, SIZE, outputs={name}) as made:
             assert np.array_equal(made.render(*CALLS[0]).image(name), reference[0][name]), name
 
 
-def test_the_order_of_objects_in_the_file_is_no_matter_where_depth_decides(vulkan_device):
+def test_the_order_of_objects_in_the_file_is_no_matter_where_depth_decides(chapter):
     """Opaque squares at different depths, listed in any order: the same picture, and ids that follow their objects."""
     materials = tuple(Material(unlit=True, base_color=(i / 4, 1 - i / 4, 0.5, 1)) for i in range(4))
     places = [translated(0.3 * i - 0.4, 0.2 * i - 0.3, 0.1 * i) for i in range(4)]
@@ -161,7 +160,7 @@ def test_the_order_of_objects_in_the_file_is_no_matter_where_depth_decides(vulka
         scene = quad_scene(
             materials=materials, matrices=tuple(places[i] for i in order), instance_materials=order
         )
-        with Renderer(scene, SIZE, outputs=WANTED, device=vulkan_device) as made:
+        with chapter.open(scene, SIZE, outputs=WANTED) as made:
             (one,) = film(made, CALLS[:1])
         names = np.array([-1, *order])
         pictures.append((one["color_linear"], one["depth"], names[one["instance_id"]]))
@@ -170,27 +169,27 @@ def test_the_order_of_objects_in_the_file_is_no_matter_where_depth_decides(vulka
     assert len(np.unique(pictures[0][2])) == 5
 
 
-def test_what_stands_at_one_depth_is_drawn_in_the_scene_s_order(vulkan_device):
+def test_what_stands_at_one_depth_is_drawn_in_the_scene_s_order(chapter):
     """Two squares that overlap in one plane, seen at a slant first: the next frame does not remember how they stood."""
     scene = quad_scene(Material(unlit=True), matrices=(translated(-0.5), translated(0.5)))
     straight = facing(ymag=2.0)
     slants = [replace(straight, world_from_view=pose_looking_at((x, 0, 2.0), (0, 0, 0))) for x in (-2.0, 2.0)]
-    with Renderer(scene, SIZE, outputs={"instance_id"}, device=vulkan_device) as made:
+    with chapter.open(scene, SIZE, outputs={"instance_id"}) as made:
         pictures = []
         for slant in slants:
             made.render(slant)
             pictures.append(made.render(straight).image("instance_id"))
-    with Renderer(scene, SIZE, outputs={"instance_id"}, device=vulkan_device) as made:
+    with chapter.open(scene, SIZE, outputs={"instance_id"}) as made:
         expected = made.render(straight).image("instance_id")
     assert np.array_equal(pictures[0], expected)
     assert np.array_equal(pictures[1], expected)
 
 
-def test_a_scene_with_everything_is_the_same_twice(vulkan_device):
+def test_a_scene_with_everything_is_the_same_twice(chapter):
     """The atrium at two times, forwards and backwards: 200 objects, textures, masks, glass, a moving node."""
     scene = load_scene(locate("atrium"))
     view = view_of_scene(scene, evaluate_pose(scene, 0.0), None, SIZE[0] / SIZE[1])
-    with Renderer(scene, SIZE, Settings(), outputs=WANTED, device=vulkan_device) as made:
+    with chapter.open(scene, SIZE, Settings(), outputs=WANTED) as made:
         pictures = film(made, [(view, 0.0), (view, 1.3), (view, 1.3), (view, 0.0)])
         made.reset_history("test")
         again = film(made, [(view, 1.3), (view, 0.0)])
@@ -198,10 +197,10 @@ def test_a_scene_with_everything_is_the_same_twice(vulkan_device):
     assert equal(again, [pictures[1], pictures[0]])
 
 
-def test_the_previous_frame_leaves_no_trace(vulkan_device, scene, reference):
+def test_the_previous_frame_leaves_no_trace(chapter, scene, reference):
     """A frame of garbage in between, overexposed by 20 stops and of the background alone: the next one is as always."""
     away = replace(facing(), world_from_view=pose_looking_at((0, 0, 2), (0, 0, 4)), ev100=-20.0)
-    with Renderer(scene, SIZE, outputs=WANTED, device=vulkan_device) as made:
+    with chapter.open(scene, SIZE, outputs=WANTED) as made:
         for index in (0, 2, 1):
             made.render(away, math.pi)
             assert equal(film(made, CALLS[index : index + 1]), reference[index : index + 1])

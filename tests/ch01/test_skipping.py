@@ -11,7 +11,9 @@ import pytest
 from chapters.ch01.logic.packing import material_variant
 from chapters.ch01.renderer import Renderer
 from chapters.ch01.settings import Settings
+from common import layouts
 from common.scene import Image, Light, Material
+from tests.support.chapter import building
 from tests.support.scenes import facing, quad_scene, texture, translated
 
 SIZE = (32, 32)
@@ -36,14 +38,14 @@ SCENES = {
 
 
 @pytest.fixture(scope="module")
-def frames(vulkan_device):
+def frames(chapter):
     """Return, by scene, the picture and the work with skipping, and both without."""
     made = {}
     for name, scene in SCENES.items():
         pair = []
         for skip in (True, False):
             settings = replace(SETTINGS, skip_unused=skip)
-            with Renderer(scene, SIZE, settings, outputs={"color_linear"}, device=vulkan_device) as renderer:
+            with chapter.open(scene, SIZE, settings, outputs={"color_linear"}) as renderer:
                 frame = renderer.render(facing())
                 pair.append((frame.image("color_linear"), frame.work))
         made[name] = pair
@@ -56,23 +58,25 @@ def test_the_picture_is_the_same_with_skipping_turned_off(frames, name):
     assert np.allclose(skipped, whole, rtol=2e-3, atol=1e-6)  # one step of half precision in the target
 
 
-def test_a_scene_without_textures_has_no_texture_sampler_or_material_set(frames):
+def test_a_scene_without_textures_has_no_texture_sampler_or_material_set(chapter, frames):
     (_, skipped), (_, whole) = frames["lights"]
     assert skipped["textures"] == 0
     assert skipped["samplers"] == 0
-    assert skipped["descriptor_sets"] == 2, "one for each frame in flight"
     assert whole["textures"] > 0
     assert whole["samplers"] > 0
-    assert whole["descriptor_sets"] == 3
+    sets = {"vulkan": [2, 3], "gl": [0, 0]}[
+        chapter.backend
+    ]  # one for each frame in flight, and the material's
+    assert [skipped["descriptor_sets"], whole["descriptor_sets"]] == sets
 
 
-def test_a_scene_without_lights_has_no_light_buffer_and_no_light_loop(vulkan_device, frames):
+def test_a_scene_without_lights_has_no_light_buffer_and_no_light_loop(chapter, frames):
     (_, skipped), (_, whole) = frames["nothing"]
     assert skipped["lights"] == 0
     made = []
     for settings in (SETTINGS, replace(SETTINGS, skip_unused=False)):
-        with Renderer(SCENES["nothing"], SIZE, settings, outputs={"color"}, device=vulkan_device):
-            made.append(sum(name.startswith("lights") for name in vulkan_device.alive.values()))
+        with chapter.open(SCENES["nothing"], SIZE, settings, outputs={"color"}):
+            made.append(sum(name.startswith("lights") for name in chapter.device.alive.values()))
     assert made == [0, 2]
     assert whole["bytes_written"] > skipped["bytes_written"]
 
@@ -83,24 +87,24 @@ def test_a_scene_without_masks_builds_no_pipeline_with_an_alpha_test():
     assert material_variant(SCENES["mask"].materials[0], SCENES["mask"]).has("ALPHA_MASK")
 
 
-def test_pipelines_are_those_of_materials_that_are_drawn(vulkan_device):
+def test_pipelines_are_those_of_materials_that_are_drawn(chapter):
     """Three materials, of which one is drawn twice, one once and one never: two forward pipelines, one tone curve."""
     materials = (PLAIN, replace(PLAIN, unlit=True), replace(PLAIN, alpha_mode="mask"))
     matrices = (translated(-1.0), translated(1.0), translated(2.0))
     scene = quad_scene(materials=materials, matrices=matrices, instance_materials=(0, 1, 0))
-    with Renderer(scene, SIZE, SETTINGS, device=vulkan_device) as made:
+    with chapter.open(scene, SIZE, SETTINGS) as made:
         work = made.render(facing(ymag=3.0)).work
     assert work["pipelines"] == 3
     assert work["draws"] == 4
 
 
-def test_passes_whose_output_nobody_reads_do_not_run(vulkan_device):
+def test_passes_whose_output_nobody_reads_do_not_run(chapter):
     for outputs, names in (
         ({"color"}, ["forward", "tonemap"]),
         ({"color_linear"}, ["forward"]),
         ({"depth", "instance_id"}, ["forward", "instance_id"]),
     ):
-        with Renderer(SCENES["lights"], SIZE, SETTINGS, outputs=outputs, device=vulkan_device) as made:
+        with chapter.open(SCENES["lights"], SIZE, SETTINGS, outputs=outputs) as made:
             frame = made.render(facing())
             assert [one.name for one in made.passes] == names
             assert frame.work["passes"] == len(names)
@@ -109,35 +113,28 @@ def test_passes_whose_output_nobody_reads_do_not_run(vulkan_device):
 
 
 @pytest.mark.feature("gltf/prebuilt-descriptor-sets")
-def test_a_still_frame_builds_nothing_and_writes_one_record(vulkan_device):
-    log: list = []
-    with Renderer(SCENES["texture"], SIZE, SETTINGS, device=vulkan_device) as made:
+def test_a_still_frame_builds_nothing_and_writes_one_record(chapter):
+    with chapter.open(SCENES["texture"], SIZE, SETTINGS) as made:
         for _ in range(3):
             made.render(facing())
-        vulkan_device.fn.trace(log)
-        frame = made.render(facing(distance=1.7))
-        vulkan_device.fn.trace(None)
-    calls = [name for name, _ in log]
-    built = ("vkCreate", "vkAllocate", "vkUpdateDescriptorSets", "vkDestroy", "vkFree", "vkMap")
-    assert not [name for name in calls if name.startswith(built)]
-    assert calls.count("vkQueueSubmit2") == 1
-    from common import layouts
-
+        with chapter.calls() as calls:
+            frame = made.render(facing(distance=1.7))
+    assert not building(calls)
+    assert calls.count("glFlush" if chapter.backend == "gl" else "vkQueueSubmit2") == 1
     assert frame.work["bytes_written"] == layouts.dtype("FrameConstants").itemsize
 
 
+@pytest.mark.variants("vulkan", "without-all")
 @pytest.mark.feature("device/command-buffers")
 @pytest.mark.feature("device/api-trace")
-def test_a_frame_is_the_golden_list_of_calls(vulkan_device):
+def test_a_frame_is_the_golden_list_of_calls(chapter):
     """Every pass between its label, stamps and attachments; every draw after its pipeline, sets and constants."""
-    log: list = []
-    with Renderer(SCENES["texture"], SIZE, SETTINGS, device=vulkan_device) as made:
+    with chapter.open(SCENES["texture"], SIZE, SETTINGS) as made:
         made.render(facing())
         made.render(facing())
-        vulkan_device.fn.trace(log)
-        made.render(facing())
-        vulkan_device.fn.trace(None)
-    calls = [name.removeprefix("vk").removeprefix("Cmd") for name, _ in log]
+        with chapter.calls() as log:
+            made.render(facing())
+    calls = [name.removeprefix("vk").removeprefix("Cmd") for name in log]
     begin = ["BeginDebugUtilsLabelEXT", "WriteTimestamp2", "BeginRendering", "SetViewport", "SetScissor"]
     end = ["EndRendering", "WriteTimestamp2", "EndDebugUtilsLabelEXT"]
     state = ["BindPipeline", "SetCullMode", "SetFrontFace"]
@@ -152,3 +149,69 @@ def test_a_frame_is_the_golden_list_of_calls(vulkan_device):
         *(*copy, "EndDebugUtilsLabelEXT"),
         *("EndCommandBuffer", "ResetFences", "QueueSubmit2"),
     ]
+
+
+@pytest.mark.variants("gl")
+def test_a_frame_on_opengl_is_the_golden_list_of_calls(chapter):
+    """Every pass between its label, stamps and framebuffer; every draw after its program, textures and constants."""
+    with chapter.open(SCENES["texture"], SIZE, SETTINGS) as made:
+        made.render(facing())
+        made.render(facing())
+        with chapter.calls() as calls:
+            made.render(facing())
+    begin = [
+        "PushDebugGroup",
+        "QueryCounter",
+        "BindFramebuffer",
+        "Viewport",
+        "Disable",
+        "ColorMask",
+        "DepthMask",
+    ]
+    end = ["QueryCounter", "PopDebugGroup"]
+    # Program, culling, front face, depth test, its comparison and mask, blending: all of it, each time it changes.
+    forward = ["UseProgram", "Enable", "FrontFace", "Enable", "DepthFunc", "DepthMask", "Disable"]
+    tonemap = ["UseProgram", "Disable", "FrontFace", "Disable", "DepthFunc", "DepthMask", "Disable"]
+    texture_of_material = ["BindTextureUnit", "BindSampler"]
+    copy = ["MemoryBarrier", "BindBuffer", "GetTextureSubImage", "BindBuffer", "MemoryBarrier"]
+    assert [name.removeprefix("gl") for name in calls] == [
+        *("ClientWaitSync", "DeleteSync"),
+        *["BindBufferRange"] * 3,  # constants, instances, materials
+        *(*begin, "ClearNamedFramebufferfv", "ClearNamedFramebufferfv"),
+        *(
+            "BindVertexArray",
+            *forward,
+            *texture_of_material,
+            "BindBufferRange",
+            "DrawElementsBaseVertex",
+            *end,
+        ),
+        *(*begin, *tonemap, *texture_of_material, "BindVertexArray", "DrawArrays", *end),
+        *("PushDebugGroup", *copy, "PopDebugGroup"),
+        *("FenceSync", "Flush"),
+    ]
+
+
+@pytest.mark.variants("gl")
+@pytest.mark.parametrize("name", SCENES)
+def test_both_backends_count_the_same_work(vulkan_device, frames, name):
+    """What is drawn, and what is left out, does not depend on the API: with skipping, and without."""
+    counted = (
+        "draws",
+        "triangles",
+        "lights",
+        "passes",
+        "passes_skipped",
+        "instances",
+        "pipelines",
+        "textures",
+    )
+    counted += ("samplers", "bytes_written")
+    for skip, (picture, work) in zip((True, False), frames[name], strict=True):
+        settings = replace(SETTINGS, skip_unused=skip)
+        with Renderer(
+            SCENES[name], SIZE, settings, outputs={"color_linear"}, device=vulkan_device
+        ) as renderer:
+            frame = renderer.render(facing())
+            assert {key: work[key] for key in counted} == {key: frame.work[key] for key in counted}
+            assert np.allclose(picture, frame.image("color_linear"), rtol=2e-3, atol=1e-6)

@@ -5,7 +5,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 
@@ -54,6 +56,29 @@ def evaluate(
         for buffer in buffers:
             destroy_buffer(context, buffer)
         programs.close()
+
+
+@contextmanager
+def traced(context: Context) -> Iterator[list[str]]:
+    """Yield a list that gets the name of every raw call made within; moderngl's own are not among them."""
+    fn, names = context.fn, []
+    before = dict(vars(fn))
+
+    def logged(name: str, function: Callable[..., Any]) -> Callable[..., Any]:
+        def call(*arguments: Any) -> Any:
+            names.append(name)
+            return function(*arguments)
+
+        return call
+
+    for name in gl._POINTERS:
+        if name != "glGetError" and fn.has(name):
+            setattr(fn, name, logged(name, getattr(fn, name)))
+    try:
+        yield names
+    finally:
+        vars(fn).clear()
+        vars(fn).update(before)
 
 
 def assert_silent(context: Context) -> None:

@@ -1,0 +1,66 @@
+"""One chapter as its tests see it: renderers on the device of a variant, whichever the backend."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import chapters
+from backends.contract import Renderer
+from common.scene import Scene
+from tests.support import gl_functions
+
+
+@dataclass(frozen=True)
+class Chapter:
+    """Opens a chapter's renderers on one device, which the tests of a module share."""
+
+    number: int
+    backend: str
+    device: Any
+
+    def open(self, scene: Scene, size: tuple[int, int], settings: Any = None, **more: Any) -> Renderer:
+        """Return a renderer, as `chapters.open` does; `outputs` are ("color",) unless they are given."""
+        module = chapters.renderer_module(self.number, self.backend)
+        opened: Renderer = module.Renderer(scene, size, settings, device=self.device, **more)
+        return opened
+
+    @contextmanager
+    def calls(self) -> Iterator[list[str]]:
+        """Yield a list that gets the name of every call which is made to the graphics API within."""
+        if self.backend == "gl":
+            with gl_functions.traced(self.device) as names:
+                yield names
+            return
+        log: list[Any] = []
+        made: list[str] = []
+        self.device.fn.trace(log)
+        try:
+            yield made
+        finally:
+            self.device.fn.trace(None)
+            made += [name for name, _ in log]
+
+
+BUILDING = (
+    *("vkCreate", "vkAllocate", "vkUpdateDescriptorSets", "vkDestroy", "vkFree", "vkMap"),
+    *("glCreate", "glGen", "glDelete", "glNamedBufferStorage", "glTextureStorage", "glLinkProgram", "glMap"),
+)
+"""How calls begin that make or free an object. OpenGL's fences (glFenceSync) are none: there is one per frame."""
+
+
+def building(calls: list[str]) -> list[str]:
+    """Return the calls that make or free something."""
+    return [name for name in calls if name.startswith(BUILDING) and name != "glDeleteSync"]
+
+
+def chapter_number(path: Path) -> int:
+    """Return the number of the chapter that a file tests: 1 for tests/ch01/test_x.py and stability/test_ch01.py."""
+    found = re.fullmatch(r"(?:test_)?ch(\d\d)", path.stem) or re.fullmatch(r"ch(\d\d)", path.parent.name)
+    if found is None:
+        raise ValueError(f"{path} names no chapter")
+    return int(found[1])
