@@ -19,7 +19,7 @@ from tests.support.scenes import facing, quad_scene, texture, translated
 SIZE = (32, 32)
 SUN = Light("directional", node=0, intensity=math.pi)
 PLAIN = Material(base_color=(0.7, 0.5, 0.3, 1.0), metallic=0.2, roughness=0.4, emissive=(0.1, 0.2, 0.3))
-SETTINGS = Settings(default_light=False, ambient=0.2)
+SETTINGS = Settings(default_light=False, ambient=0.2, anisotropy=1.0)
 
 
 def texels(seed):
