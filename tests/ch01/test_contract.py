@@ -7,10 +7,11 @@ import pytest
 
 from chapters.ch01.logic.frame import OUTPUTS
 from chapters.ch01.settings import Settings
-from common.camera import View, exposure
+from common.camera import UNIT_EV100, Orthographic, View, exposure
 from common.errors import StaleFrameError, UnsupportedError, UserError
-from common.scene import Light, Material
-from tests.support.scenes import facing, quad_scene, translated
+from common.scene import Image, Light, Material, Sampler
+from common.transforms import pose_looking_at
+from tests.support.scenes import facing, quad_scene, texture, translated
 
 SIZE = (32, 32)
 SUN = Light("directional", node=0, intensity=np.pi)
@@ -184,6 +185,75 @@ def test_an_empty_scene_is_its_background(chapter):
         expected = Settings().background / exposure(View(facing().world_from_view).ev100)
         assert np.allclose(frame.image("color_linear"), expected, rtol=1e-3)
         assert (frame.image("instance_id") == 0).all()
+
+
+def test_a_frame_that_fails_says_why_and_leaves_the_renderer_whole(chapter, monkeypatch):
+    """In its first pass or its last, with nobody left to read it: the next frames are as if it had never begun."""
+
+    def broken(commands):
+        raise ValueError("a slip of the pen")
+
+    with chapter.open(lit_quad(), SIZE) as made:
+        expected = made.render(facing()).image("color")
+        for failing in (made.passes[0], made.passes[-1]):
+            with monkeypatch.context() as patch:
+                patch.setattr(failing, "record", broken)
+                with pytest.raises(ValueError, match="a slip of the pen"):
+                    made.render(facing(distance=1.0))
+            for _ in range(3):
+                frame = made.render(facing())
+                assert np.array_equal(frame.image("color"), expected)
+                assert list(frame.timings) == ["forward", "tonemap"]
+
+    def closed_by_the_failure():
+        with chapter.open(lit_quad(), SIZE) as made:
+            made.passes[-1].record = broken
+            made.render(facing())
+
+    with pytest.raises(ValueError, match="a slip of the pen") as caught:
+        closed_by_the_failure()
+    assert caught.value.__context__ is None, "closing must not hide why"
+
+
+@pytest.mark.parametrize("color_format", ["rgba16f", "rgba32f"])
+def test_the_colour_target_has_the_format_of_the_setting(chapter, color_format):
+    """An unlit 1/3 is kept to the last place of the format, and no further."""
+    scene = quad_scene(Material(unlit=True, base_color=(1 / 3, 1e-3, 0.7, 1.0)))
+    settings = Settings(color_format=color_format)
+    view = View(facing().world_from_view, facing().projection, ev100=UNIT_EV100)
+    with chapter.open(scene, (4, 4), settings, outputs={"color_linear"}) as made:
+        picture = made.render(view).image("color_linear")
+    exact = np.array((1 / 3, 1e-3, 0.7))
+    step = {"rgba16f": 2.0**-10, "rgba32f": 2.0**-23}[color_format]  # a driver may cut off what does not fit
+    error = np.abs(picture / exact - 1).max()
+    assert error <= 1.01 * step
+    assert error > 2.0**-13 or color_format == "rgba32f", "half precision is half precision"
+
+
+def test_anisotropy_keeps_what_lies_along_the_view_apart(chapter):
+    """Stripes that run away from the eye on a plane seen at a slant: grey, unless they are filtered along.
+
+    A pixel covers half a texel across them and five along them: the third level, or the first, ten times.
+    """
+    texels = np.zeros((64, 64, 4), np.uint8)
+    texels[:, ::2] = 255
+    texels[..., 3] = 255
+    material = Material(unlit=True, double_sided=True, base_color_texture=texture(0, Sampler()))
+    scene = quad_scene(material, images=(Image("stripes", texels),))
+    slant = View(pose_looking_at((0.0, -1.0, 0.1), (0, 0, 0)), Orthographic(0.5, 0.01, 4.0))
+    contrast = {}
+    for anisotropy, without in ((1.0, ()), (16.0, ()), (16.0, ("anisotropy",))):
+        settings = Settings(anisotropy=anisotropy)
+        with chapter.open(scene, (64, 64), settings, outputs={"color_linear"}, without=without) as made:
+            contrast[anisotropy, without] = made.render(slant).image("color_linear")[30:34].std()
+            native = made.plan.native("anisotropy")
+            assert native == (chapter.device.has("anisotropy") and not without)
+    plain, filtered, refused = contrast.values()
+    assert refused == plain, "without the feature, a sampler is that of a device which lacks it"
+    if chapter.device.has("anisotropy"):
+        assert filtered > 3 * plain
+    else:
+        assert filtered == plain
 
 
 def test_closing_twice_is_closing_once(chapter):

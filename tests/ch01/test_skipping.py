@@ -193,6 +193,22 @@ def test_a_frame_on_opengl_is_the_golden_list_of_calls(chapter):
 
 
 @pytest.mark.variants("gl")
+def test_another_object_is_two_calls_more_on_opengl(chapter):
+    """Its constants and its draw: what Python does per object and frame is these two."""
+    counts = []
+    for objects in (2, 12):
+        matrices = tuple(translated(0.1 * place) for place in range(objects))
+        scene = quad_scene(PLAIN, matrices=matrices, instance_materials=(0,) * objects)
+        with chapter.open(scene, SIZE, SETTINGS) as made:
+            for _ in range(3):
+                made.render(facing())
+            with chapter.calls() as calls:
+                made.render(facing())
+        counts.append(len(calls))
+    assert counts[1] - counts[0] == 2 * 10
+
+
+@pytest.mark.variants("gl")
 @pytest.mark.parametrize("name", SCENES)
 def test_both_backends_count_the_same_work(vulkan_device, frames, name):
     """What is drawn, and what is left out, does not depend on the API: with skipping, and without."""

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from backends.gl import api as gl
 from chapters.__main__ import run
 from common.images import read_image, read_layers
 from common.paths import ROOT
@@ -110,6 +111,50 @@ def test_an_exposure_darkens_the_picture_and_a_sky_that_does_not_fit_is_said(str
     code, _, err = strata("run", "1", "--scene", "cornell", *words, "--out", "c.png")
     assert code == 0
     assert re.search(r"--ev [\d.]+ fits", err)
+
+
+def test_opengl_writes_the_same_light_depth_and_ids(strata, tmp_path, gl_context):
+    words = ("run", "1", "--scene", "cornell", "--size", "32x32", "--set", "color_format=rgba32f")
+    for backend in ("vulkan", "gl"):
+        assert strata(*words, "--backend", backend, "--out", f"{backend}.exr", "--validate")[0] == 0
+    vulkan, opengl = (read_layers(tmp_path / f"{backend}.exr") for backend in ("vulkan", "gl"))
+    assert list(vulkan) == list(opengl) == ["", "depth", "instance_id"]
+    assert all(vulkan[layer].dtype == opengl[layer].dtype for layer in vulkan)
+    seen = vulkan["instance_id"]
+    assert len(np.unique(seen)) > 3 and (seen == opengl["instance_id"]).mean() > 0.99
+    both = (seen == opengl["instance_id"])[..., 0]
+    for layer in ("", "depth"):
+        assert np.allclose(vulkan[layer][both], opengl[layer][both], rtol=1e-3)
+
+
+def test_validation_on_opengl_names_the_pass_and_the_line(strata, box, gl_context, monkeypatch):
+    """A wrong call by moderngl is heard from the driver, and the picture is drawn; a wrong raw call ends the run."""
+    from chapters.ch01.gl.tonemap import TonemapPass
+
+    whole = TonemapPass.record
+
+    def by_moderngl(self, commands):
+        commands._context.mgl.enable_direct(0x1234)
+        whole(self, commands)
+
+    words = ("run", "1", "--backend", "gl", "--scene", box, "--size", "16x16")
+    words += ("--out", "a.png", "--frames", "3")
+    place = by_moderngl.__code__.co_firstlineno + 1
+    monkeypatch.setattr(TonemapPass, "record", by_moderngl)
+    for validate in ((), ("--validate",)):
+        code, _, err = strata(*words, *validate)
+        assert code == 1
+        assert f"in pass tonemap, called from tests/cli/test_run.py:{place} (3 times)" in err
+        assert "GL_INVALID_ENUM" in err and err.count("\n") == 2
+    monkeypatch.setattr(TonemapPass, "record", whole)
+    monkeypatch.setattr(gl, "GL_TRIANGLES", 0x1234)
+    code, _, err = strata(*words, "--validate")
+    assert code == 1
+    assert err.startswith("strata: glDrawElementsBaseVertex(0x1234, 3, ")
+    assert "failed with GL_INVALID_ENUM: a constant is not allowed there." in err
+    trace = [line.split(", ") for line in err.splitlines() if line.startswith("  File")]
+    assert trace[-2][0].endswith('forward.py"') and trace[-2][2] == "in record"
+    assert trace[-1][0].endswith('commands.py"') and trace[-1][2] == "in draw_groups"
 
 
 def test_without_all_draws_and_verbose_says_the_plan(strata, box):
@@ -343,6 +388,45 @@ def test_without_any_driver_it_says_what_to_install(tmp_path):
         one_sentence(done.stderr)
         assert "./strata doctor" in done.stderr
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("taken", "said"),
+    [
+        ({"GLCONTEXT_LINUX_LIBEGL": "libno-such-egl.so"}, "libno-such-egl.so"),
+        ({"MESA_GL_VERSION_OVERRIDE": "4.4"}, "No OpenGL 4.5 was found ("),
+    ],
+    ids=["no EGL", "OpenGL 4.4"],
+)
+def test_opengl_that_cannot_be_used_is_one_sentence_and_auto_goes_on(
+    tmp_path, vulkan_instance, gl_context, taken, said
+):
+    if not gl_context.capabilities.is_software:
+        pytest.skip("these ways to take OpenGL away are those of Mesa")
+    words = ("run", "1", "--scene", "cornell", "--size", "16x16", "--out", "a.png")
+    done = start(*words, "--backend", "gl", cwd=tmp_path, **taken)
+    assert done.returncode == 2
+    one_sentence(done.stderr)
+    assert said in done.stderr and "./strata doctor" in done.stderr
+    done = start(*words, cwd=tmp_path, **taken, **NO_VULKAN)
+    assert done.returncode == 2
+    one_sentence(done.stderr)
+    assert "neither Vulkan 1.3 nor OpenGL 4.5" in done.stderr and "install" in done.stderr
+    assert not list(tmp_path.iterdir())
+    done = start(*words, cwd=tmp_path, **taken)
+    assert done.returncode == 0, done.stderr
+
+
+def test_opengl_without_an_extension_takes_the_other_path_and_says_why(tmp_path, gl_context):
+    if not gl_context.capabilities.is_software:
+        pytest.skip("extensions are taken away as Mesa does it")
+    names = "-GL_ARB_texture_filter_anisotropic -GL_EXT_texture_filter_anisotropic"
+    words = ("run", "1", "--backend", "gl", "--scene", "cornell", "--size", "16x16", "--out", "a.png")
+    done = start(*words, "--json", "a.json", cwd=tmp_path, MESA_EXTENSION_OVERRIDE=names)
+    assert done.returncode == 0, done.stderr
+    (choice,) = json.loads((tmp_path / "a.json").read_text())["plan"]
+    assert not choice["native"] and choice["path"] == "trilinear filtering"
+    assert "the driver lacks GL_ARB_texture_filter_anisotropic" in choice["reason"]
 
 
 def test_without_vulkan_opengl_draws_and_it_is_said(tmp_path, gl_context):

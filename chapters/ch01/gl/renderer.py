@@ -168,7 +168,6 @@ class Renderer:
             last.let_go(f"its slot was used again by frame {slot.number}")
         slot.timestamps.begin_frame()
         frame = Frame(self, slot, self._index, exposure(view.ev100))
-        self._in_slot[slot.index] = weakref.ref(frame)
         commands = self._commands
         commands.begin(slot)
 
@@ -182,6 +181,7 @@ class Renderer:
         self._copy_outputs(slot)
 
         self._frames.submit(slot)
+        self._in_slot[slot.index] = weakref.ref(frame)  # not before: a frame that failed has no times to keep
         frame.work = self._count(commands.work, written)
         self._index += 1
         self._previous = view, time
