@@ -247,6 +247,7 @@ class Access:
 
     `format` is a short name such as 'rgba16f'; None leaves it to the renderer. `scale` is relative to the output.
     `clear` is the value an attachment starts from; None keeps what an earlier pass of the frame wrote.
+    `samples` are those of each pixel of an attachment.
     """
 
     resource: str
@@ -254,6 +255,7 @@ class Access:
     format: str | None = None
     scale: float = 1.0
     clear: tuple[float, ...] | None = None
+    samples: int = 1
 
 
 class Pass(Protocol):

@@ -117,7 +117,7 @@ class Knobs:
             return imgui.checkbox(widget.label, value)
         if widget.kind == "combo":
             choices = widget.knob.choices or ()
-            changed, index = imgui.combo(widget.label, choices.index(value), list(choices))
+            changed, index = imgui.combo(widget.label, choices.index(value), [str(one) for one in choices])
             return changed, choices[index]
         if widget.kind == "text":
             return imgui.input_text(widget.label, str(value))

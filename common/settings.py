@@ -21,6 +21,11 @@ from common.names import suggest
 S = TypeVar("S")
 Value = bool | int | float | str
 
+
+class AtMost(int):
+    """A number that a preset wishes for: the device gives as much of it as it can. A plain int is meant exactly."""
+
+
 _BOOLS = {
     "true": True,
     "on": True,
@@ -42,13 +47,13 @@ class Knob:
     unit: str = ""
     minimum: float | None = None
     maximum: float | None = None
-    choices: tuple[str, ...] | None = None
+    choices: tuple[Value, ...] | None = None
     reference: Value | None = None
 
     def range_text(self) -> str:
         """Return the values allowed, for a table and for messages."""
         if self.choices:
-            return " | ".join(self.choices)
+            return " | ".join(map(str, self.choices))
         if isinstance(self.default, bool):
             return "on | off"
         if isinstance(self.default, str):
@@ -78,7 +83,7 @@ def knob(
     unit: str = "",
     minimum: float | None = None,
     maximum: float | None = None,
-    choices: Sequence[str] | None = None,
+    choices: Sequence[Value] | None = None,
     reference: Any = None,
 ) -> Any:
     """Return a dataclass field with a documented value; raises ValueError if its own default is out of range.
@@ -146,7 +151,7 @@ def _convert(record: Knob, text: str) -> Value:
 def _problem(record: Knob, value: Value) -> str | None:
     """Return what is wrong with a value of the right type, as the middle of a sentence, or None."""
     if record.choices and value not in record.choices:
-        return f"must be one of {', '.join(record.choices)}"
+        return f"must be one of {', '.join(map(str, record.choices))}"
     if isinstance(value, str | bool):
         return None
     low = -math.inf if record.minimum is None else record.minimum

@@ -78,6 +78,7 @@ void glTextureStorage3D(GLuint texture, GLsizei levels, GLenum internalformat, G
     height, GLsizei depth);
 void glTextureStorage2DMultisample(GLuint texture, GLsizei samples, GLenum internalformat, GLsizei width,
     GLsizei height, GLboolean fixedsamplelocations);
+void glGetInternalformativ(GLenum target, GLenum internalformat, GLenum pname, GLsizei count, GLint *params);
 void glTextureView(GLuint texture, GLenum target, GLuint origtexture, GLenum internalformat, GLuint
     minlevel, GLuint numlevels, GLuint minlayer, GLuint numlayers);
 void glTextureParameteri(GLuint texture, GLenum pname, GLint param);

@@ -232,6 +232,19 @@ def create_image(
     return image
 
 
+def sample_counts(context: Context, format: str) -> tuple[int, ...]:
+    """Return how many samples a pixel of an image of `format` can have, in ascending order.
+
+    `create_image` takes other numbers too, and OpenGL then gives the next larger one without a word.
+    """
+    internal, query = FORMATS[format].internal, context.fn.glGetInternalformativ
+    count = gl.ffi.new("GLint[1]")
+    query(gl.GL_TEXTURE_2D_MULTISAMPLE, internal, gl.GL_NUM_SAMPLE_COUNTS, 1, count)
+    found = gl.ffi.new("GLint[]", max(1, count[0]))
+    query(gl.GL_TEXTURE_2D_MULTISAMPLE, internal, gl.GL_SAMPLES, count[0], found)
+    return tuple(sorted({1, *(int(one) for one in found[0 : count[0]])}))
+
+
 def create_view(
     context: Context,
     image: Image,

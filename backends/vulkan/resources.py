@@ -62,6 +62,7 @@ class Image:
     aspect: int
     allocation: Allocation
     name: str
+    samples: int = 1
     views: list[Any] = field(default_factory=list)
 
 
@@ -108,6 +109,7 @@ def create_image(
     levels: int = 1,
     layers: int = 1,
     flags: int = 0,
+    samples: int = 1,
     view_format: str | None = None,
 ) -> Image:
     """Return a 2D image of (width, height) and a view of all its levels; `view_format` is the view's, if another.
@@ -127,7 +129,7 @@ def create_image(
         extent={"width": width, "height": height, "depth": 1},
         mipLevels=levels,
         arrayLayers=layers,
-        samples=vk.VK_SAMPLE_COUNT_1_BIT,
+        samples=samples,  # the bit of a count is the count itself
         tiling=vk.VK_IMAGE_TILING_OPTIMAL,
         usage=usage,
         sharingMode=vk.VK_SHARING_MODE_EXCLUSIVE,
@@ -147,7 +149,7 @@ def create_image(
     code = device.fn.vkBindImageMemory(device.handle, handle, allocation.memory, allocation.offset)
     vk.check(code, "vkBindImageMemory", handle)
     image = Image(
-        handle, None, view_format or format, width, height, levels, layers, aspect, allocation, name
+        handle, None, view_format or format, width, height, levels, layers, aspect, allocation, name, samples
     )
     sampled_only = view_format is not None and view_format != format
     image.view = create_view(
@@ -183,6 +185,24 @@ def create_view(
     view = device.create("vkCreateImageView", info, f"{image.name} view")
     image.views.append(view)
     return view
+
+
+def sample_counts(device: Device, format: str, usage: int) -> tuple[int, ...]:
+    """Return how many samples a pixel of an image for `usage` can have, in ascending order; () where it can be none."""
+    out = vk.new("VkImageFormatProperties")
+    code = device.instance.fn.vkGetPhysicalDeviceImageFormatProperties(
+        device.physical.handle,
+        FORMATS[format][0],
+        vk.VK_IMAGE_TYPE_2D,
+        vk.VK_IMAGE_TILING_OPTIMAL,
+        usage,
+        0,
+        out,
+    )
+    if code == vk.VK_ERROR_FORMAT_NOT_SUPPORTED:
+        return ()
+    vk.check(code, "vkGetPhysicalDeviceImageFormatProperties", device.physical.handle)
+    return tuple(count for count in (1, 2, 4, 8, 16, 32, 64) if out.sampleCounts & count)
 
 
 def destroy_image(device: Device, image: Image) -> None:

@@ -3,6 +3,7 @@
     update     constants, instances and lights of this frame are written into its slot
     forward    every object is drawn once and lit while it is drawn     -> color_hdr, depth
     instance   which object is where, if somebody asks                  -> instance_id
+    resolve    with several samples a pixel: one colour from theirs     -> color_hdr
     tonemap    light becomes a picture                                  -> color
     copy       the outputs that were asked for go to the CPU
 
@@ -14,6 +15,7 @@ from __future__ import annotations
 import time as clock
 import weakref
 from collections.abc import Callable, Collection, Iterable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -24,7 +26,7 @@ from backends.vulkan.barriers import barriers, image_barrier
 from backends.vulkan.device import Device
 from backends.vulkan.instance import Instance
 from backends.vulkan.readback import TO_HOST, Readback
-from backends.vulkan.resources import Image
+from backends.vulkan.resources import Image, sample_counts
 from common.camera import View, exposure
 from common.errors import StaleFrameError, UserError
 from common.pose import evaluate_pose
@@ -33,7 +35,7 @@ from common.transforms import translation
 
 from . import LESSON
 from .graphics.commands import Commands, Rendering
-from .graphics.descriptors import Descriptors, Texture
+from .graphics.descriptors import Descriptors, Sets, Texture
 from .graphics.frames import Frames, FrameSlot
 from .graphics.pipelines import Pipelines
 from .graphics.profiler import Profiler
@@ -42,10 +44,18 @@ from .graphics.scene_data import SceneData
 from .logic.constants import frame_constants
 from .logic.default_light import DefaultLight
 from .logic.frame import OUTPUTS, SLOTS, SOURCES, Frame, check_outputs, output_of
+from .logic.samples import choose_samples
 from .passes.forward import ForwardPass
 from .passes.instance_id import InstanceIdPass
+from .passes.resolve import ResolvePass
 from .passes.tonemap import BINDINGS, TonemapPass
 from .settings import Settings
+
+USAGES = {
+    "color": vk.VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT,
+    "depth": vk.VK_IMAGE_USAGE_DEPTH_STENCIL_ATTACHMENT_BIT,
+}
+"""What the image behind each kind of written target is used for."""
 
 
 class Renderer:
@@ -88,6 +98,7 @@ class Renderer:
         self.plan = resolve(LESSON.needs.required, LESSON.needs.optional, self.capabilities, off)
         self.size = check_size(size, self.capabilities.limits["maxImageDimension2D"])
         try:
+            self.samples, self.plan = choose_samples(self.settings, self._offered(), self.capabilities, self.plan)
             self._create()
         except BaseException:
             self.close()
@@ -95,8 +106,15 @@ class Renderer:
 
     # --- made once ---
 
+    def _offered(self) -> set[int]:
+        """Return how many samples a pixel of both targets of the forward pass can have."""
+        color, depth = USAGES["color"] | vk.VK_IMAGE_USAGE_SAMPLED_BIT, USAGES["depth"]
+        of_color = sample_counts(self.device, self.settings.color_format, color)
+        return {1, *of_color} & {1, *sample_counts(self.device, "d32f", depth)}
+
     def _create(self) -> None:
-        device, scene, settings = self.device, self.scene, self.settings
+        device, scene = self.device, self.scene
+        settings = replace(self.settings, msaa=self.samples)
         self._frames = Frames(device)
         self._resources = Resources(device)
         self._descriptors = Descriptors(device)
@@ -109,10 +127,14 @@ class Renderer:
         self._data = SceneData(device, scene, settings, anisotropy, self._resources, self._descriptors)
         self._forward = ForwardPass(scene, settings, self._data, self._pipelines)
         self._instance_id = InstanceIdPass(self._forward, self._data, self._pipelines)
+        self._resolve = ResolvePass(settings, self._descriptors, self._pipelines)
         self._tonemap = TonemapPass(settings, self._descriptors, self._pipelines)
         self.passes: list[Any] = [self._forward]
-        if "instance_id" in self.outputs and InstanceIdPass.needed(scene, settings):
+        asked = {access.resource for access in self._instance_id.writes} & set(self.outputs)
+        if asked and InstanceIdPass.needed(scene, settings):
             self.passes.append(self._instance_id)
+        if {"color", "color_hdr"} & self._handed_on and ResolvePass.needed(scene, settings):
+            self.passes.append(self._resolve)
         if "color" in self._handed_on:
             self.passes.append(self._tonemap)
         for made in self.passes:
@@ -126,31 +148,46 @@ class Renderer:
         """Make everything whose size is the picture's: targets, attachments, barriers, readback."""
         self._targets: dict[str, Image] = {}
         self._target_handles = []
-        usages = {
-            "color": vk.VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT,
-            "depth": vk.VK_IMAGE_USAGE_DEPTH_STENCIL_ATTACHMENT_BIT,
-        }
+        self._source_sets: list[Sets] = []
         for made in self.passes:
             for access in made.writes:
-                usage = (
-                    usages[access.use] | vk.VK_IMAGE_USAGE_TRANSFER_SRC_BIT | vk.VK_IMAGE_USAGE_SAMPLED_BIT
+                usage = USAGES[access.use]
+                if access.samples == 1:
+                    usage |= vk.VK_IMAGE_USAGE_TRANSFER_SRC_BIT | vk.VK_IMAGE_USAGE_SAMPLED_BIT
+                elif access.use == "color":
+                    usage |= vk.VK_IMAGE_USAGE_SAMPLED_BIT
+                handle = self._resources.image(
+                    access.format, self.size, usage, access.resource, samples=access.samples
                 )
-                handle = self._resources.image(access.format, self.size, usage, access.resource)
                 self._target_handles.append(handle)
                 self._targets[access.resource] = self._resources.images.get(handle)
         target = self._targets
+        color, depth = (access.resource for access in self._forward.writes)
         grey = self._forward.writes[0].clear
-        self._forward_rendering = Rendering(self.size, target["color_hdr"], target["depth"], grey, 0.0)
+        self._forward_rendering = Rendering(self.size, target[color], target[depth], grey, 0.0)
         self._to_forward = barriers(
-            self._start("color_hdr", "color"),
-            self._start("depth", "depth"),
+            self._start(color, "color"),
+            self._start(depth, "depth"),
         )
         if self._instance_id in self.passes:
-            self._id_rendering = Rendering(self.size, target["instance_id"], target["depth"], (0, 0, 0, 0))
+            own_depth = depth != "depth"
+            self._id_rendering = Rendering(
+                self.size, target["instance_id"], target["depth"], (0, 0, 0, 0), 0.0 if own_depth else None
+            )
             self._to_id = barriers(
                 self._start("instance_id", "color"),
-                image_barrier(target["depth"].handle, target["depth"].aspect, "depth", "depth"),
+                self._start("depth", "depth")
+                if own_depth
+                else image_barrier(target["depth"].handle, target["depth"].aspect, "depth", "depth"),
             )
+        if self._resolve in self.passes:
+            self._resolve_rendering = Rendering(self.size, target["color_hdr"], None)
+            many = target[color]
+            self._to_resolve = barriers(
+                image_barrier(many.handle, many.aspect, "color", "sampled"),
+                self._start("color_hdr", "color"),
+            )
+            self._resolve.source_set = self._source(many, "resolve source")
         if self._tonemap in self.passes:
             self._tonemap_rendering = Rendering(self.size, target["color"], None)
             hdr = target["color_hdr"]
@@ -158,17 +195,22 @@ class Renderer:
                 image_barrier(hdr.handle, hdr.aspect, "color", "sampled"),
                 self._start("color", "color"),
             )
-            nearest = Sampler("nearest", "nearest", None, "clamp", "clamp")
-            texture = Texture(hdr.view, self._resources.sampler(nearest, 1.0))
-            self._source_sets = self._descriptors.create([(BINDINGS, {0: texture}, "tonemap source")])
-            self._tonemap.source_set = vk.array("VkDescriptorSet", self._source_sets.handles)
+            self._tonemap.source_set = self._source(hdr, "tonemap source")
         self._create_readbacks()
+
+    def _source(self, image: Image, name: str) -> Any:
+        """Return an array of one set, through which a full-screen pass reads a target texel by texel."""
+        nearest = Sampler("nearest", "nearest", None, "clamp", "clamp")
+        texture = Texture(image.view, self._resources.sampler(nearest, 1.0))
+        self._source_sets.append(self._descriptors.create([(BINDINGS, {0: texture}, name)]))
+        return vk.array("VkDescriptorSet", self._source_sets[-1].handles)
 
     def _used_last(self, name: str) -> str:
         """Return the state in which the passes leave target `name`."""
-        if name == "color_hdr" and self._tonemap in self.passes:
+        readers = {"color_hdr": self._tonemap, "color_msaa": self._resolve}
+        if readers.get(name) in self.passes:
             return "sampled"
-        return "depth" if name == "depth" else "color"
+        return "depth" if name in ("depth", "depth_msaa") else "color"
 
     def _start(self, name: str, state: str) -> Any:
         """Return the barrier that begins a target's frame: its content is given up, its last user waited for."""
@@ -204,8 +246,8 @@ class Renderer:
             self._resources.destroy_image(handle)
         self._target_handles = []
         self._resources.flush()  # however often the size changes before the next frame, there is one set of targets
-        if self._tonemap in self.passes:
-            self._descriptors.destroy(self._source_sets)
+        for sets in self._source_sets:
+            self._descriptors.destroy(sets)
 
     # --- every frame ---
 
@@ -232,6 +274,9 @@ class Renderer:
         if self._instance_id in self.passes:
             commands.barrier(self._to_id)
             self._run(self._instance_id, self._id_rendering)
+        if self._resolve in self.passes:
+            commands.barrier(self._to_resolve)
+            self._run(self._resolve, self._resolve_rendering)
         if self._tonemap in self.passes:
             commands.barrier(self._to_tonemap)
             self._run(self._tonemap, self._tonemap_rendering)
@@ -302,7 +347,8 @@ class Renderer:
         return {
             **work,
             "passes": len(self.passes),
-            "passes_skipped": 3 - len(self.passes),
+            "passes_skipped": 4 - len(self.passes),
+            "samples": self.samples,
             "instances": int(self.scene.instances.visible.sum()),
             "lights": len(self.scene.lights) if self._data.lit else 0,
             "bytes_written": written,
@@ -326,8 +372,8 @@ class Renderer:
         check_outputs(self.outputs, OUTPUTS, name)
         self._frames.wait(slot)
         readback = self._readbacks[slot.index].get(name)
-        if readback is None:  # an empty scene has no instances, and so no pass that would draw their ids
-            return np.zeros(self.size[::-1], np.uint32)
+        if readback is None:  # an empty scene has no instances, and so no pass that would draw them
+            return np.zeros(self.size[::-1], np.uint32 if name == "instance_id" else np.float32)
         return output_of(name, readback.read(), exposed)
 
     def read_timings(self, slot: FrameSlot) -> dict[str, float]:

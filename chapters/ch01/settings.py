@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from common.settings import knob
+from common.settings import AtMost, knob
 from common.shading_environment import ENERGIES
 
 
@@ -20,13 +20,15 @@ class Settings:
             "environment_size": 128,
             "environment_detail": 0.5,
             "table_size": 32,
+            "msaa": 1,
         },
-        "medium": {"anisotropy": 4.0, "color_format": "rgba16f"},
+        "medium": {"anisotropy": 4.0, "color_format": "rgba16f", "msaa": 1},
         "high": {
             "anisotropy": 16.0,
             "color_format": "rgba16f",
             "environment_detail": 0.25,
             "irradiance_source": 64,
+            "msaa": AtMost(4),
         },
         "reference": {
             "anisotropy": 16.0,
@@ -35,13 +37,26 @@ class Settings:
             "irradiance_source": 128,
             "table_size": 128,
             "table_samples": 4096,
+            "msaa": AtMost(8),
         },
     }
+    SWEEP: ClassVar[dict[str, tuple[Any, ...]]] = {"msaa": (1, 4)}  # the numbers that every device has
 
     anisotropy: float = knob(
         4.0, "texels averaged along the longer axis of a pixel's footprint", minimum=1, maximum=16
     )
     color_format: str = knob("rgba16f", "format of the linear colour target", choices=("rgba16f", "rgba32f"))
+    msaa: int = knob(
+        1, "places in a pixel at which triangles cover it or not; not every device has each", choices=(1, 2, 4, 8)
+    )
+    resolve: str = knob(
+        "tone-weighted",
+        "how the samples of a pixel become one colour: as they will be shown, or as light, where bright edges stay jagged",
+        choices=("tone-weighted", "linear"),
+    )
+    mask_coverage: bool = knob(
+        True, "whether alpha masks end within a pixel, in steps of its samples; only with several of them"
+    )
     tone_curve: str = knob(
         "neutral", "how bright colours are rolled off to white", choices=("neutral", "none")
     )

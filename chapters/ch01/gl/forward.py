@@ -14,6 +14,7 @@ from common.scene import Scene
 from ..logic import packing
 from ..logic.draw_lists import NOTHING, Range, build_draw_lists
 from ..logic.packing import Variant
+from ..logic.samples import coverage_defines
 from ..settings import Settings
 from .commands import Commands, DrawGroup
 from .pipelines import GraphicsPipeline, Pipelines
@@ -31,9 +32,12 @@ class ForwardPass:
         self._data, self._pipelines = data, pipelines
         grey = settings.background
         self.reads: tuple[Access, ...] = ()
+        samples = settings.msaa
+        color, depth = ("color_hdr", "depth") if samples == 1 else ("color_msaa", "depth_msaa")
+        clear = (grey, grey, grey, 1.0)
         self.writes = (
-            Access("color_hdr", "color", format=settings.color_format, clear=(grey, grey, grey, 1.0)),
-            Access("depth", "depth", format="d32f", clear=(0.0,)),
+            Access(color, "color", format=settings.color_format, clear=clear, samples=samples),
+            Access(depth, "depth", format="d32f", clear=(0.0,), samples=samples),
         )
         self._sky = Sky(settings, data, pipelines) if Sky.needed(scene, settings) else None
         self._key: Any = None
@@ -52,7 +56,7 @@ class ForwardPass:
         blend = variant.alpha_mode == "blend"
         return GraphicsPipeline(
             shaders=("forward.vert", "forward.frag"),
-            defines=variant.defines,
+            defines=variant.defines + coverage_defines(variant, self._settings),
             depth="test" if blend else "write",
             blend=blend,
             name=f"forward {' '.join(name.lower() for name, _ in variant.defines)}",

@@ -3,6 +3,7 @@
     update     constants, instances and lights of this frame are written into its slot
     forward    every object is drawn once and lit while it is drawn     -> color_hdr, depth
     instance   which object is where, if somebody asks                  -> instance_id
+    resolve    with several samples a pixel: one colour from theirs     -> color_hdr
     tonemap    light becomes a picture                                  -> color
     copy       the outputs that were asked for go to the CPU
 
@@ -15,6 +16,7 @@ from __future__ import annotations
 import time as clock
 import weakref
 from collections.abc import Callable, Collection, Iterable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,7 +24,7 @@ import numpy as np
 from backends.contract import check_size, resolve
 from backends.gl.context import Context
 from backends.gl.readback import Readback
-from backends.gl.resources import Image, create_image, destroy_image
+from backends.gl.resources import Image, create_image, destroy_image, sample_counts
 from backends.gl.targets import Framebuffer, create_framebuffer, destroy_framebuffer
 from common.camera import View, exposure
 from common.errors import StaleFrameError, UserError
@@ -34,12 +36,14 @@ from .. import LESSON
 from ..logic.constants import frame_constants
 from ..logic.default_light import DefaultLight
 from ..logic.frame import OUTPUTS, SLOTS, SOURCES, Frame, check_outputs, output_of
+from ..logic.samples import choose_samples
 from ..settings import Settings
-from .commands import Commands, Rendering
+from .commands import Commands, Rendering, Textures
 from .forward import ForwardPass
 from .frames import Frames, FrameSlot
 from .instance_id import InstanceIdPass
 from .pipelines import Pipelines
+from .resolve import ResolvePass
 from .scene_data import SceneData
 from .tonemap import TonemapPass
 
@@ -79,6 +83,7 @@ class Renderer:
         self.plan = resolve(LESSON.needs.required, LESSON.needs.optional, self.capabilities, off)
         self.size = check_size(size, self.capabilities.limits["maxImageDimension2D"])
         try:
+            self.samples, self.plan = choose_samples(self.settings, self._offered(), self.capabilities, self.plan)
             self._create()
         except BaseException:
             self.close()
@@ -86,8 +91,14 @@ class Renderer:
 
     # --- made once ---
 
+    def _offered(self) -> set[int]:
+        """Return how many samples a pixel of both targets of the forward pass can have."""
+        of_color = sample_counts(self.device, self.settings.color_format)
+        return {*of_color} & {*sample_counts(self.device, "d32f")}
+
     def _create(self) -> None:
-        context, scene, settings = self.device, self.scene, self.settings
+        context, scene = self.device, self.scene
+        settings = replace(self.settings, msaa=self.samples)
         self._frames = Frames(context)
         self._pipelines = Pipelines(context)
         # Only to tell them when their slot is used again: a frame that nobody else holds goes.
@@ -98,10 +109,14 @@ class Renderer:
         self._commands = Commands(context, self._pipelines, push.buffer.handle, push.size)
         self._forward = ForwardPass(scene, settings, self._data, self._pipelines)
         self._instance_id = InstanceIdPass(self._forward, self._data, self._pipelines)
+        self._resolve = ResolvePass(settings, self._data, self._pipelines)
         self._tonemap = TonemapPass(settings, self._data, self._pipelines)
         self.passes: list[Any] = [self._forward]
-        if "instance_id" in self.outputs and InstanceIdPass.needed(scene, settings):
+        asked = {access.resource for access in self._instance_id.writes} & set(self.outputs)
+        if asked and InstanceIdPass.needed(scene, settings):
             self.passes.append(self._instance_id)
+        if {"color", "color_hdr"} & self._handed_on and ResolvePass.needed(scene, settings):
+            self.passes.append(self._resolve)
         if "color" in self._handed_on:
             self.passes.append(self._tonemap)
         for made in self.passes:
@@ -117,26 +132,36 @@ class Renderer:
         self._targets: dict[str, Image] = {}
         for made in self.passes:
             for access in made.writes:
-                image = create_image(context, access.format, self.size, access.resource)
+                image = create_image(
+                    context, access.format, self.size, access.resource, samples=access.samples
+                )
                 self._targets[access.resource] = image
         target = self._targets
         self._framebuffers: list[Framebuffer] = []
+        color, depth = (access.resource for access in self._forward.writes)
         grey = self._forward.writes[0].clear
-        forward = self._framebuffer([target["color_hdr"]], target["depth"], "forward")
+        forward = self._framebuffer([target[color]], target[depth], "forward")
         self._forward_rendering = Rendering(forward, grey, 0.0)
         if self._instance_id in self.passes:
             framebuffer = self._framebuffer([target["instance_id"]], target["depth"], "instance_id")
-            self._id_rendering = Rendering(framebuffer, (0, 0, 0, 0))
+            self._id_rendering = Rendering(framebuffer, (0, 0, 0, 0), None if depth == "depth" else 0.0)
+        if self._resolve in self.passes:
+            self._resolve_rendering = Rendering(self._framebuffer([target["color_hdr"]], None, "resolve"))
+            self._resolve.source = self._source(target[color])
         if self._tonemap in self.passes:
             self._picture = self._framebuffer([target["color"]], None, "tonemap")
             self._tonemap_rendering = Rendering(self._picture)
-            nearest = self._data.sampler(Sampler("nearest", "nearest", None, "clamp", "clamp"), 1.0)
-            self._tonemap.source = ((0, target["color_hdr"].view, nearest),)
+            self._tonemap.source = self._source(target["color_hdr"])
         available = [name for name in self.outputs if SOURCES[name] in target]
         self._readbacks = [
             {name: Readback(context, target[SOURCES[name]], f"{name}, slot {slot}") for name in available}
             for slot in range(SLOTS)
         ]
+
+    def _source(self, image: Image) -> Textures:
+        """Return what a full-screen pass binds to read a target texel by texel."""
+        nearest = self._data.sampler(Sampler("nearest", "nearest", None, "clamp", "clamp"), 1.0)
+        return ((0, image.view, nearest),)
 
     def _framebuffer(self, colors: list[Image], depth: Image | None, name: str) -> Framebuffer:
         self._framebuffers.append(create_framebuffer(self.device, colors, depth, name))
@@ -176,6 +201,8 @@ class Renderer:
         self._run(self._forward, self._forward_rendering)
         if self._instance_id in self.passes:
             self._run(self._instance_id, self._id_rendering)
+        if self._resolve in self.passes:
+            self._run(self._resolve, self._resolve_rendering)
         if self._tonemap in self.passes:
             self._run(self._tonemap, self._tonemap_rendering)
         self._copy_outputs(slot)
@@ -239,7 +266,8 @@ class Renderer:
         return {
             **work,
             "passes": len(self.passes),
-            "passes_skipped": 3 - len(self.passes),
+            "passes_skipped": 4 - len(self.passes),
+            "samples": self.samples,
             "instances": int(self.scene.instances.visible.sum()),
             "lights": len(self.scene.lights) if self._data.lit else 0,
             "bytes_written": written,
@@ -264,8 +292,8 @@ class Renderer:
         self.device.make_current()
         self._frames.wait(slot)
         readback = self._readbacks[slot.index].get(name)
-        if readback is None:  # an empty scene has no instances, and so no pass that would draw their ids
-            return np.zeros(self.size[::-1], np.uint32)
+        if readback is None:  # an empty scene has no instances, and so no pass that would draw them
+            return np.zeros(self.size[::-1], np.uint32 if name == "instance_id" else np.float32)
         return output_of(name, readback.read(), exposed)
 
     def read_timings(self, slot: FrameSlot) -> dict[str, float]:

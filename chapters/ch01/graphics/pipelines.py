@@ -51,6 +51,7 @@ class GraphicsPipeline:
     color: str | None = "rgba16f"
     depth: Literal["write", "test", "equal"] | None = "write"
     blend: bool = False
+    samples: int = 1
     name: str = ""
 
 
@@ -135,7 +136,7 @@ class Pipelines:
             pInputAssemblyState={"topology": vk.VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST},
             pViewportState={"viewportCount": 1, "scissorCount": 1},
             pRasterizationState={"polygonMode": vk.VK_POLYGON_MODE_FILL, "lineWidth": 1.0},
-            pMultisampleState={"rasterizationSamples": vk.VK_SAMPLE_COUNT_1_BIT},
+            pMultisampleState={"rasterizationSamples": described.samples},
             pDepthStencilState=self._depth(described),
             pColorBlendState=self._blend(described),
             pDynamicState={"pDynamicStates": dynamic},

@@ -16,6 +16,7 @@ from ..graphics.scene_data import SceneData
 from ..logic import packing
 from ..logic.draw_lists import NOTHING
 from ..logic.packing import Variant
+from ..logic.samples import coverage_defines
 from ..settings import Settings
 from .scene_draws import DrawListBuilder
 from .sky import Sky
@@ -31,9 +32,12 @@ class ForwardPass:
         self._data, self._pipelines = data, pipelines
         grey = settings.background
         self.reads: tuple[Access, ...] = ()
+        samples = settings.msaa
+        color, depth = ("color_hdr", "depth") if samples == 1 else ("color_msaa", "depth_msaa")
+        clear = (grey, grey, grey, 1.0)
         self.writes = (
-            Access("color_hdr", "color", format=settings.color_format, clear=(grey, grey, grey, 1.0)),
-            Access("depth", "depth", format="d32f", clear=(0.0,)),
+            Access(color, "color", format=settings.color_format, clear=clear, samples=samples),
+            Access(depth, "depth", format="d32f", clear=(0.0,), samples=samples),
         )
         self._builder = DrawListBuilder(scene, data)
         self._sky = Sky(settings, data, pipelines) if Sky.needed(scene, settings) else None
@@ -55,11 +59,12 @@ class ForwardPass:
         return GraphicsPipeline(
             shaders=("forward.vert", "forward.frag"),
             set_layouts=self._data.set_layouts(variant),
-            defines=variant.defines,
+            defines=variant.defines + coverage_defines(variant, self._settings),
             streams=self._data.vertex_streams(variant),
             color=self._settings.color_format,
             depth="test" if blend else "write",
             blend=blend,
+            samples=self._settings.msaa,
             name=f"forward {' '.join(name.lower() for name, _ in variant.defines)}",
         )
 

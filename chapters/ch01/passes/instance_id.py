@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Literal
 
 from backends.contract import Access
 from common.scene import Scene
@@ -18,16 +19,22 @@ from .forward import ForwardPass
 class InstanceIdPass:
     """Draws the solid objects again where their depth equals that of the forward pass: those are the visible ones.
 
-    Transparent objects are left out: at their pixels the id is that of what shines through.
+    Transparent objects are left out: at their pixels the id is that of what shines through. Where the forward pass has
+    several samples a pixel, none of them in its centre, this pass finds out by a depth of its own which object is the
+    nearest there. So ids and depth are the same to the bit, however many samples the picture has.
     """
 
     name = "instance_id"
-    reads = (Access("depth", "depth"),)
-    writes = (Access("instance_id", "color", format="r32ui", clear=(0, 0, 0, 0)),)
 
     def __init__(self, forward: ForwardPass, data: SceneData, pipelines: Pipelines) -> None:
         self._forward, self._data, self._pipelines = forward, data, pipelines
         self._made: dict[int, Built] = {}
+        own_depth = forward.writes[1].resource != "depth"
+        ids = Access("instance_id", "color", format="r32ui", clear=(0, 0, 0, 0))
+        depth = Access("depth", "depth", format="d32f", clear=(0.0,))
+        self.reads = () if own_depth else (Access("depth", "depth"),)
+        self.writes = (ids, depth) if own_depth else (ids,)
+        self._depth: Literal["write", "equal"] = "write" if own_depth else "equal"
 
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:
@@ -43,7 +50,7 @@ class InstanceIdPass:
             defines=needed.defines,
             streams=self._data.vertex_streams(needed),
             color="r32ui",
-            depth="equal",
+            depth=self._depth,
             name="instance id",
         )
 

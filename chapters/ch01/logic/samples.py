@@ -1,0 +1,50 @@
+"""How many samples a pixel has: what the settings ask for, what the device offers, and what becomes of the two."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from backends.contract import Capabilities, Choice, Plan
+from common.errors import UserError
+from common.settings import AtMost
+
+from ..settings import Settings
+from .packing import Variant
+
+
+def choose_samples(
+    settings: Settings, offered: Collection[int], capabilities: Capabilities, plan: Plan
+) -> tuple[int, Plan]:
+    """Return the samples of each pixel, and the plan, which says so where they are fewer than a preset's wish.
+
+    `offered` are the numbers that the device has for the formats in use. Raises UserError for another number, unless it
+    is `AtMost`: then the largest that is offered, and no larger than the wish, counts.
+    """
+    wished = settings.msaa
+    numbers = sorted(offered)
+    shown = " or ".join(filter(None, (", ".join(map(str, numbers[:-1])), str(numbers[-1]))))
+    if wished in numbers:
+        return int(wished), plan
+    if not isinstance(wished, AtMost):
+        raise UserError(
+            f"{capabilities.device} draws {settings.color_format} pictures with {shown} samples a pixel, "
+            f"not with {wished}: set msaa to one of those."
+        )
+    most = max(number for number in numbers if number <= wished)
+    reason = f"the preset wishes for {wished:d}, the device has {shown}"
+    return most, Plan((*plan.choices, Choice("msaa", False, f"{most} samples a pixel", reason)))
+
+
+def coverage_defines(variant: Variant, settings: Settings) -> tuple[tuple[str, int | float | str], ...]:
+    """Return what makes a material's alpha mask end within pixels, where they have samples to end between."""
+    if settings.msaa > 1 and settings.mask_coverage and variant.alpha_mode == "mask":
+        return (("COVERAGE_SAMPLES", settings.msaa),)
+    return ()
+
+
+def resolve_defines(settings: Settings) -> tuple[tuple[str, int | float | str], ...]:
+    """Return what resolve.frag is built with."""
+    weighted: tuple[tuple[str, int | float | str], ...] = (
+        (("TONE_WEIGHTED", 1),) if settings.resolve == "tone-weighted" else ()
+    )
+    return (("SAMPLES", settings.msaa), *weighted)
