@@ -130,6 +130,10 @@ class Plan:
         """Whether `feature` takes its native path; a feature that the chapter did not ask for does not."""
         return any(choice.feature == feature and choice.native for choice in self.choices)
 
+    def falling_short(self, setting: str, path: str, reason: str) -> Plan:
+        """Return the plan with one more line: what becomes of a preset's wish that the device cannot meet."""
+        return Plan((*self.choices, Choice(setting, False, path, reason)))
+
 
 def check_without(without: Iterable[str]) -> frozenset[str]:
     """Return the features to be switched off, with 'all' expanded; raise UserError for an unknown name."""

@@ -15,6 +15,7 @@ LESSON = Lesson(
         "punctual lights",
         "environment lighting",
         "the same picture on OpenGL",
+        "multisampling with a resolve for what is shown",
     ),
     needs=Needs(required=frozenset(), optional=frozenset({"anisotropy"})),
     reading=(
@@ -28,6 +29,8 @@ LESSON = Lesson(
         "graphics/commands.py",
         "graphics/profiler.py",
         "passes/tonemap.py",
+        "passes/resolve.py",
+        "shaders/resolve.frag",
         "logic/packing.py",
         "logic/draw_lists.py",
         "passes/sky.py",

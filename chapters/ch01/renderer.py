@@ -26,7 +26,7 @@ from backends.vulkan.barriers import barriers, image_barrier
 from backends.vulkan.device import Device
 from backends.vulkan.instance import Instance
 from backends.vulkan.readback import TO_HOST, Readback
-from backends.vulkan.resources import Image, sample_counts
+from backends.vulkan.resources import Image
 from common.camera import View, exposure
 from common.errors import StaleFrameError, UserError
 from common.pose import evaluate_pose
@@ -39,7 +39,7 @@ from .graphics.descriptors import Descriptors, Sets, Texture
 from .graphics.frames import Frames, FrameSlot
 from .graphics.pipelines import Pipelines
 from .graphics.profiler import Profiler
-from .graphics.resources import Resources
+from .graphics.resources import Resources, offered_samples
 from .graphics.scene_data import SceneData
 from .logic.constants import frame_constants
 from .logic.default_light import DefaultLight
@@ -50,12 +50,6 @@ from .passes.instance_id import InstanceIdPass
 from .passes.resolve import ResolvePass
 from .passes.tonemap import BINDINGS, TonemapPass
 from .settings import Settings
-
-USAGES = {
-    "color": vk.VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT,
-    "depth": vk.VK_IMAGE_USAGE_DEPTH_STENCIL_ATTACHMENT_BIT,
-}
-"""What the image behind each kind of written target is used for."""
 
 
 class Renderer:
@@ -98,7 +92,7 @@ class Renderer:
         self.plan = resolve(LESSON.needs.required, LESSON.needs.optional, self.capabilities, off)
         self.size = check_size(size, self.capabilities.limits["maxImageDimension2D"])
         try:
-            self.samples, self.plan = choose_samples(self.settings, self._offered(), self.capabilities, self.plan)
+            self._choose_samples()
             self._create()
         except BaseException:
             self.close()
@@ -106,11 +100,14 @@ class Renderer:
 
     # --- made once ---
 
+    def _choose_samples(self) -> None:
+        self.samples, short = choose_samples(self.settings, self._offered(), self.capabilities.device)
+        if short:
+            self.plan = self.plan.falling_short("msaa", f"{self.samples} samples a pixel", short)
+
     def _offered(self) -> set[int]:
         """Return how many samples a pixel of both targets of the forward pass can have."""
-        color, depth = USAGES["color"] | vk.VK_IMAGE_USAGE_SAMPLED_BIT, USAGES["depth"]
-        of_color = sample_counts(self.device, self.settings.color_format, color)
-        return {1, *of_color} & {1, *sample_counts(self.device, "d32f", depth)}
+        return offered_samples(self.device, self.settings.color_format, "d32f")
 
     def _create(self) -> None:
         device, scene = self.device, self.scene
@@ -151,14 +148,7 @@ class Renderer:
         self._source_sets: list[Sets] = []
         for made in self.passes:
             for access in made.writes:
-                usage = USAGES[access.use]
-                if access.samples == 1:
-                    usage |= vk.VK_IMAGE_USAGE_TRANSFER_SRC_BIT | vk.VK_IMAGE_USAGE_SAMPLED_BIT
-                elif access.use == "color":
-                    usage |= vk.VK_IMAGE_USAGE_SAMPLED_BIT
-                handle = self._resources.image(
-                    access.format, self.size, usage, access.resource, samples=access.samples
-                )
+                handle = self._resources.target(access, self.size)
                 self._target_handles.append(handle)
                 self._targets[access.resource] = self._resources.images.get(handle)
         target = self._targets

@@ -47,11 +47,13 @@ class Settings:
     )
     color_format: str = knob("rgba16f", "format of the linear colour target", choices=("rgba16f", "rgba32f"))
     msaa: int = knob(
-        1, "places in a pixel at which triangles cover it or not; not every device has each", choices=(1, 2, 4, 8)
+        1,
+        "places in a pixel at which triangles cover it or not; not every device has each",
+        choices=(1, 2, 4, 8),
     )
     resolve: str = knob(
         "tone-weighted",
-        "how the samples of a pixel become one colour: as they will be shown, or as light, where bright edges stay jagged",
+        "how a pixel's samples become one colour: averaged as they will be shown, or as light",
         choices=("tone-weighted", "linear"),
     )
     mask_coverage: bool = knob(

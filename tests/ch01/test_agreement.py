@@ -10,11 +10,12 @@ import pytest
 
 import chapters
 from chapters import scenes
-from chapters.ch01.gl import forward, instance_id, tonemap
+from chapters.ch01.gl import forward, instance_id, resolve, tonemap
 from chapters.ch01.gl.renderer import Renderer as OpenGL
 from chapters.ch01.logic.frame import OUTPUTS
 from chapters.ch01.passes.forward import ForwardPass
 from chapters.ch01.passes.instance_id import InstanceIdPass
+from chapters.ch01.passes.resolve import ResolvePass
 from chapters.ch01.passes.tonemap import TonemapPass
 from chapters.ch01.renderer import Renderer as Vulkan
 from chapters.ch01.settings import Settings
@@ -27,7 +28,17 @@ pytestmark = pytest.mark.variants("gl")
 
 SIZE = (64, 48)
 EXACT = Settings(color_format="rgba32f")
-COMPARED = ("draws", "triangles", "lights", "passes", "passes_skipped", "instances", "textures", "samplers")
+COMPARED = (
+    "draws",
+    "triangles",
+    "lights",
+    "passes",
+    "passes_skipped",
+    "instances",
+    "textures",
+    "samplers",
+    "samples",
+)
 
 _folder = asset_dir()
 MODELS = sorted(p.name for p in (_folder / "models").iterdir()) if _folder else []
@@ -68,6 +79,20 @@ def test_the_same_scene_gives_the_same_picture(name, vulkan_device, gl_context):
         opengl.render(view, 1.3)
         again = opengl.render(view, 0.3)
         assert all(np.array_equal(again.image(output), first[output]) for output in OUTPUTS)
+
+
+@pytest.mark.parametrize("name", ["atrium", "cornell"])
+def test_several_samples_a_pixel_lie_at_the_same_places(name, vulkan_device, gl_context):
+    scene, settings = scenes.load(name), Settings(color_format="rgba32f", msaa=4)
+    with (
+        Vulkan(scene, SIZE, settings, outputs=OUTPUTS, device=vulkan_device) as vulkan,
+        OpenGL(scene, SIZE, settings, outputs=OUTPUTS, device=gl_context) as opengl,
+    ):
+        view = chapters.view_of(vulkan)
+        a, b = vulkan.render(view, 0.3), opengl.render(view, 0.3)
+        same(a, b, vulkan_device.capabilities.is_software and gl_context.capabilities.is_software)
+        assert {key: a.work[key] for key in COMPARED} == {key: b.work[key] for key in COMPARED}
+        assert list(a.timings) == list(b.timings) == ["forward", "instance_id", "resolve", "tonemap"]
 
 
 def same(a, b, exact: bool) -> None:
@@ -161,31 +186,40 @@ def test_a_closed_or_stale_frame_says_so_on_opengl(gl_context):
 
 def test_passes_declare_the_same_on_both_backends():
     """What a pass reads and writes is what chapter 4 derives barriers from: its twin must not say anything else."""
-    scene, settings = quad_scene(), Settings()
+    scene = quad_scene()
     pairs = [
         (ForwardPass, forward.ForwardPass),
         (InstanceIdPass, instance_id.InstanceIdPass),
+        (ResolvePass, resolve.ResolvePass),
         (TonemapPass, tonemap.TonemapPass),
     ]
-    for vulkan, opengl in pairs:
-        assert vulkan.name == opengl.name
-        assert vulkan.needed(scene, settings) == opengl.needed(scene, settings)
-    for vulkan, opengl in pairs[1:]:
-        assert (vulkan.reads, vulkan.writes) == (opengl.reads, opengl.writes)
-    for settings in (Settings(), Settings(color_format="rgba32f", background=0.5)):
-        made = [kind.__new__(kind) for kind in pairs[0]]
-        for one, kind in zip(made, pairs[0], strict=True):
-            # Only what is declared: no device, no data.
-            declared = _declared(kind, scene, settings)
-            one.reads, one.writes = declared.reads, declared.writes
-        assert (made[0].reads, made[0].writes) == (made[1].reads, made[1].writes)
+    for settings in (Settings(), Settings(color_format="rgba32f", background=0.5), Settings(msaa=4)):
+        written: dict[str, object] = {}
+        for kinds in pairs:
+            vulkan, opengl = (
+                _declared(kind, kinds_of, scene, settings)
+                for kind, kinds_of in zip(kinds, zip(*pairs, strict=True), strict=True)
+            )
+            assert vulkan.name == opengl.name
+            assert vulkan.needed(scene, settings) == opengl.needed(scene, settings)
+            assert (vulkan.reads, vulkan.writes) == (opengl.reads, opengl.writes)
+            if vulkan.needed(scene, settings):
+                # What is read was written before, with as many samples.
+                assert all(written[one.resource] == one.samples for one in vulkan.reads)
+                written |= {one.resource: one.samples for one in vulkan.writes}
+        assert written.keys() >= {"color", "color_hdr", "depth", "instance_id"}
 
 
-def _declared(kind, scene, settings):
+def _declared(kind, kinds, scene, settings):
+    """Return a pass that can only be asked what it declares: it has no device and no data."""
+
     class Nothing:
         variants: tuple = ()
 
     try:
-        return kind(scene, settings, Nothing(), Nothing())
+        first = kinds[0](scene, settings, Nothing(), Nothing())
+        if kind is kinds[0]:
+            return first
+        return kind(first if kind.name == "instance_id" else settings, Nothing(), Nothing())
     except AttributeError as error:  # a pass that asks for more than it declares would need a device here
         raise AssertionError(f"{kind.__name__} needs data to be declared: {error}") from None

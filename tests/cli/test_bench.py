@@ -53,14 +53,15 @@ def test_every_setting_has_time_error_and_work(record):
     for point in record["points"]:
         times = [point[name] for name in ("gpu_ms", "wall_ms", "cpu_ms")]
         assert all(math.isfinite(time) and time > 0 for time in times)
-        assert set(point["passes_ms"]) == {"forward", "tonemap"}
+        resolved = {"resolve"} if point["work"]["samples"] > 1 else set()
+        assert set(point["passes_ms"]) == {"forward", "tonemap"} | resolved
         assert point["gpu_ms"] <= point["wall_ms"]
         assert point["noise_ms"] >= 0
         assert point["error"].keys() == {"relative_mse", "max_abs", "flip"}
         # One sample a pixel is never the average of many: an error of 0 would mean that nothing was compared.
         assert all(value is None or 0 < value < 1 for value in point["error"].values())
         assert point["work"]["draws"] > 0
-        assert point["work"]["passes"] == 2
+        assert point["work"]["passes"] == 2 + len(resolved)
 
 
 @pytest.mark.feature("tools/bench")
@@ -82,6 +83,8 @@ def test_settings_are_the_presets_and_each_of_their_knobs_turned_alone():
     assert found["anisotropy=8"].settings == Settings(anisotropy=8.0)
     assert found["color_format=rgba32f"].settings == Settings(color_format="rgba32f")
     assert "anisotropy=4" not in found  # it is the preset medium
+    assert found["msaa=4"].settings == Settings(msaa=4)
+    assert "msaa=8" not in found  # not every device has it
     assert all(
         point.kind == ("preset" if name in Settings.PRESETS else "knob") for name, point in found.items()
     )

@@ -83,13 +83,18 @@ class Renderer:
         self.plan = resolve(LESSON.needs.required, LESSON.needs.optional, self.capabilities, off)
         self.size = check_size(size, self.capabilities.limits["maxImageDimension2D"])
         try:
-            self.samples, self.plan = choose_samples(self.settings, self._offered(), self.capabilities, self.plan)
+            self._choose_samples()
             self._create()
         except BaseException:
             self.close()
             raise
 
     # --- made once ---
+
+    def _choose_samples(self) -> None:
+        self.samples, short = choose_samples(self.settings, self._offered(), self.capabilities.device)
+        if short:
+            self.plan = self.plan.falling_short("msaa", f"{self.samples} samples a pixel", short)
 
     def _offered(self) -> set[int]:
         """Return how many samples a pixel of both targets of the forward pass can have."""

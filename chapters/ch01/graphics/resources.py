@@ -10,6 +10,8 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
+from backends.contract import Access
+from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 from backends.vulkan.memory import MemoryUse
 from backends.vulkan.resources import (
@@ -20,6 +22,7 @@ from backends.vulkan.resources import (
     create_sampler,
     destroy_buffer,
     destroy_image,
+    sample_counts,
 )
 from common.pools import Handle, Pool
 from common.scene import Sampler
@@ -28,6 +31,26 @@ from ..logic.frame import SLOTS
 
 CAPACITY = 1 << 16
 """Buffers and images that may live at once; more than any scene of this chapter has."""
+
+
+_ATTACHMENTS = {
+    "color": vk.VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT,
+    "depth": vk.VK_IMAGE_USAGE_DEPTH_STENCIL_ATTACHMENT_BIT,
+}
+
+
+def target_usage(use: str, samples: int) -> int:
+    """Return the usage of an image that passes write as `use`, and then read or copy; of many samples, only colour."""
+    usage: int = _ATTACHMENTS[use]
+    if samples == 1:
+        return usage | vk.VK_IMAGE_USAGE_TRANSFER_SRC_BIT | vk.VK_IMAGE_USAGE_SAMPLED_BIT
+    return usage | vk.VK_IMAGE_USAGE_SAMPLED_BIT if use == "color" else usage
+
+
+def offered_samples(device: Device, color_format: str, depth_format: str) -> set[int]:
+    """Return how many samples a pixel of two targets that are drawn to together can have."""
+    color = sample_counts(device, color_format, target_usage("color", 2))
+    return {1} | set(color) & set(sample_counts(device, depth_format, target_usage("depth", 2)))
 
 
 class DeferredDeletion:
@@ -81,6 +104,12 @@ class Resources:
     def image(self, format: str, size: tuple[int, int], usage: int, name: str, **more: Any) -> Handle:
         """Make an image; see `backends.vulkan.resources.create_image`."""
         return self.images.create(create_image(self._device, format, size, usage, name, **more))
+
+    def target(self, access: Access, size: tuple[int, int]) -> Handle:
+        """Make the image that a pass says it writes; with several samples, nothing can copy it."""
+        assert access.format is not None, access
+        usage = target_usage(access.use, access.samples)
+        return self.image(access.format, size, usage, access.resource, samples=access.samples)
 
     def sampler(self, sampler: Sampler, anisotropy: float) -> Any:
         """Return the sampler for this description, made at its first use."""

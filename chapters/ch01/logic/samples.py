@@ -1,10 +1,9 @@
-"""How many samples a pixel has: what the settings ask for, what the device offers, and what becomes of the two."""
+"""How many samples a pixel has: what the settings ask for, what the device offers, and what shaders are told of it."""
 
 from __future__ import annotations
 
 from collections.abc import Collection
 
-from backends.contract import Capabilities, Choice, Plan
 from common.errors import UserError
 from common.settings import AtMost
 
@@ -12,10 +11,8 @@ from ..settings import Settings
 from .packing import Variant
 
 
-def choose_samples(
-    settings: Settings, offered: Collection[int], capabilities: Capabilities, plan: Plan
-) -> tuple[int, Plan]:
-    """Return the samples of each pixel, and the plan, which says so where they are fewer than a preset's wish.
+def choose_samples(settings: Settings, offered: Collection[int], device: str) -> tuple[int, str]:
+    """Return the samples of each pixel, and why they are fewer than a preset's wish, "" where they are not.
 
     `offered` are the numbers that the device has for the formats in use. Raises UserError for another number, unless it
     is `AtMost`: then the largest that is offered, and no larger than the wish, counts.
@@ -24,15 +21,14 @@ def choose_samples(
     numbers = sorted(offered)
     shown = " or ".join(filter(None, (", ".join(map(str, numbers[:-1])), str(numbers[-1]))))
     if wished in numbers:
-        return int(wished), plan
+        return int(wished), ""
     if not isinstance(wished, AtMost):
         raise UserError(
-            f"{capabilities.device} draws {settings.color_format} pictures with {shown} samples a pixel, "
+            f"{device} draws {settings.color_format} pictures with {shown} samples a pixel, "
             f"not with {wished}: set msaa to one of those."
         )
     most = max(number for number in numbers if number <= wished)
-    reason = f"the preset wishes for {wished:d}, the device has {shown}"
-    return most, Plan((*plan.choices, Choice("msaa", False, f"{most} samples a pixel", reason)))
+    return most, f"the preset wishes for {wished:d}, the device has {shown}"
 
 
 def coverage_defines(variant: Variant, settings: Settings) -> tuple[tuple[str, int | float | str], ...]:

@@ -30,6 +30,7 @@ class Sky:
             set_layouts=(self._data.frame_layout,),
             color=self._settings.color_format,
             depth="test",
+            samples=self._settings.msaa,
             name="sky",
         )
         self._pipeline = self._pipelines.get([described])[0]
