@@ -18,6 +18,7 @@ from chapters.ch01.renderer import Renderer as Vulkan
 from chapters.ch01.settings import Settings
 from common.camera import Perspective, View
 from common.color import decode_srgb
+from common.environment import constant
 from common.errors import UserError
 from common.scene import Image, Material, Sampler, Scene
 from common.settings import preset
@@ -178,17 +179,22 @@ def test_the_edge_of_a_bright_lamp_is_shown_in_levels(opened):
 
 
 def crossing() -> Scene:
-    """Return squares that cross each other, one with an alpha mask, and a transparent one in front."""
+    """Return squares that cross each other, one with an alpha mask, a transparent one in front, and a sky."""
     tilted = np.eye(4)
     tilted[:3, :3] = matrix_from_quaternion((0.25, 0.3, 0.1, 0.9))[:3, :3]
     colors = np.ones((4, 4), np.float32)
     colors[:, 3] = 0, 1, 1, 0
-    return quad_scene(
+    scene = quad_scene(
         materials=(WHITE, Material(unlit=True, alpha_mode="mask"), Material(unlit=True, alpha_mode="blend")),
         matrices=(turned(10.0), tilted, tilted.T, translated(0.3, 0.2, 1.0)),
         instance_materials=(0, 0, 1, 2),
         colors=colors,
     )
+    scene.environment = constant((0.1, 0.2, 0.4))
+    return scene
+
+
+SMALL = {"environment_size": 16, "irradiance_source": 16, "table_size": 16, "table_samples": 16}
 
 
 @pytest.mark.parametrize("name", ["crossing", "cornell"])
@@ -197,13 +203,15 @@ def test_depth_and_ids_are_those_of_the_centre_however_many_samples(opened, name
     view = facing() if name == "crossing" else None
     found = []
     for msaa in (1, 4):
-        with opened(scene, Settings(msaa=msaa), (64, 48), outputs=OUTPUTS) as made:
+        with opened(scene, Settings(msaa=msaa, **SMALL), (64, 48), outputs=OUTPUTS) as made:
             view = view or chapters.view_of(made)
             frame = made.render(view)
-            found.append((frame.image("depth"), frame.image("instance_id")))
+            found.append((frame.image("depth"), frame.image("instance_id"), frame.image("color_linear")))
     assert np.array_equal(found[0][0], found[1][0]) and np.array_equal(found[0][1], found[1][1])
     assert len(np.unique(found[0][1])) > 3
-    with opened(scene, Settings(msaa=4), (64, 48), outputs={"depth"}) as made:
+    corner = found[1][2][-1, 0]  # of the sky, where there is one
+    assert np.array_equal(corner, found[0][2][-1, 0]) and (name == "cornell" or corner[2] > 2 * corner[0] > 0)
+    with opened(scene, Settings(msaa=4, **SMALL), (64, 48), outputs={"depth"}) as made:
         assert np.array_equal(made.render(view).image("depth"), found[0][0])
 
 
