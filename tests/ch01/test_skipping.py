@@ -12,6 +12,7 @@ from chapters.ch01.logic.packing import material_variant
 from chapters.ch01.renderer import Renderer
 from chapters.ch01.settings import Settings
 from common import layouts
+from common.environment import constant
 from common.scene import Image, Light, Material
 from tests.support.chapter import building
 from tests.support.scenes import facing, quad_scene, texture, translated
@@ -19,7 +20,14 @@ from tests.support.scenes import facing, quad_scene, texture, translated
 SIZE = (32, 32)
 SUN = Light("directional", node=0, intensity=math.pi)
 PLAIN = Material(base_color=(0.7, 0.5, 0.3, 1.0), metallic=0.2, roughness=0.4, emissive=(0.1, 0.2, 0.3))
-SETTINGS = Settings(default_light=False, ambient=0.2, anisotropy=1.0)
+SETTINGS = Settings(
+    default_light=False,
+    ambient=0.2,
+    anisotropy=1.0,
+    environment_size=32,
+    irradiance_source=16,
+    table_samples=64,
+)
 
 
 def texels(seed):
@@ -34,6 +42,7 @@ SCENES = {
     "mask": quad_scene(replace(PLAIN, alpha_mode="mask", base_color_texture=texture()), images=(texels(2),)),
     "blend": quad_scene(replace(PLAIN, base_color=(1, 1, 1, 0.5), alpha_mode="blend"), lights=(SUN,)),
     "unlit": quad_scene(replace(PLAIN, unlit=True)),
+    "environment": replace(quad_scene(PLAIN), environment=constant(1.0)),
 }
 
 

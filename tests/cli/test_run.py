@@ -398,9 +398,7 @@ def test_without_any_driver_it_says_what_to_install(tmp_path):
     ],
     ids=["no EGL", "OpenGL 4.4"],
 )
-def test_opengl_that_cannot_be_used_is_one_sentence_and_auto_goes_on(
-    tmp_path, vulkan_instance, gl_context, taken, said
-):
+def test_opengl_that_cannot_be_used_is_one_sentence(tmp_path, gl_context, taken, said):
     if not gl_context.capabilities.is_software:
         pytest.skip("these ways to take OpenGL away are those of Mesa")
     words = ("run", "1", "--scene", "cornell", "--size", "16x16", "--out", "a.png")
@@ -413,8 +411,13 @@ def test_opengl_that_cannot_be_used_is_one_sentence_and_auto_goes_on(
     one_sentence(done.stderr)
     assert "neither Vulkan 1.3 nor OpenGL 4.5" in done.stderr and "install" in done.stderr
     assert not list(tmp_path.iterdir())
-    done = start(*words, cwd=tmp_path, **taken)
+
+
+def test_without_opengl_vulkan_draws(tmp_path, vulkan_instance):
+    words = ("run", "1", "--scene", "cornell", "--size", "16x16", "--out", "a.png", "--json", "a.json")
+    done = start(*words, cwd=tmp_path, **NO_OPENGL)
     assert done.returncode == 0, done.stderr
+    assert json.loads((tmp_path / "a.json").read_text())["backend"] == "vulkan"
 
 
 def test_opengl_without_an_extension_takes_the_other_path_and_says_why(tmp_path, gl_context):
