@@ -328,6 +328,15 @@ def test_what_moves_is_written_and_what_stands_is_not(chapter):
         assert not made.idle(facing(), 0.7)
 
 
+def test_poses_in_turns_do_not_overwrite_each_other(chapter):
+    """Each slot keeps its own vertices: what one frame wrote is still there when the same time comes again."""
+    scene, view = bending_square(), facing(distance=3.0, ymag=1.3)
+    with chapter.open(scene, SIZE, EXACT, outputs={"depth"}) as made:
+        for time in (0.2, 0.8, 0.2, 0.8, 0.2, 0.2, 0.8):
+            picture = made.render(view, time).image("depth")
+            assert_depth(picture, clip_of(view, bending_square_at(time)), scene.indices, culled=False)
+
+
 def test_renderers_at_different_times_share_a_scene(chapter):
     """Animation is evaluated by each renderer and changes nothing in the scene."""
     scene, view = bending_square(), facing(distance=3.0, ymag=1.3)

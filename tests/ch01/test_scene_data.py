@@ -478,7 +478,6 @@ def test_a_joint_that_is_edited_moves_its_skin(chapter):
             assert ids.sum() == 16 * 4
 
 
-@on_vulkan
 def test_deforming_vertices_exist_once_per_slot_and_others_once(chapter):
     """One frame's vertices are written while the GPU may still read the other's."""
     for scene, copies in ((skinned_scene(), 2), (quad_scene(), 1)):
