@@ -187,34 +187,6 @@ def test_an_empty_scene_is_its_background(chapter):
         assert (frame.image("instance_id") == 0).all()
 
 
-def test_a_frame_that_fails_says_why_and_leaves_the_renderer_whole(chapter, monkeypatch):
-    """In its first pass or its last, with nobody left to read it: the next frames are as if it had never begun."""
-
-    def broken(commands):
-        raise ValueError("a slip of the pen")
-
-    with chapter.open(lit_quad(), SIZE) as made:
-        expected = made.render(facing()).image("color")
-        for failing in (made.passes[0], made.passes[-1]):
-            with monkeypatch.context() as patch:
-                patch.setattr(failing, "record", broken)
-                with pytest.raises(ValueError, match="a slip of the pen"):
-                    made.render(facing(distance=1.0))
-            for _ in range(3):
-                frame = made.render(facing())
-                assert np.array_equal(frame.image("color"), expected)
-                assert list(frame.timings) == ["forward", "tonemap"]
-
-    def closed_by_the_failure():
-        with chapter.open(lit_quad(), SIZE) as made:
-            made.passes[-1].record = broken
-            made.render(facing())
-
-    with pytest.raises(ValueError, match="a slip of the pen") as caught:
-        closed_by_the_failure()
-    assert caught.value.__context__ is None, "closing must not hide why"
-
-
 @pytest.mark.parametrize("color_format", ["rgba16f", "rgba32f"])
 def test_the_colour_target_has_the_format_of_the_setting(chapter, color_format):
     """An unlit 1/3 is kept to the last place of the format, and no further."""

@@ -12,10 +12,12 @@ import pytest
 
 from backends.vulkan import api as vk
 from chapters.ch01.graphics.frames import SLOTS, Frames
-from chapters.ch01.renderer import Renderer
 from common.errors import StaleFrameError
 from common.scene import Light, Material
 from tests.support.scenes import facing, quad_scene, translated
+
+on_vulkan = pytest.mark.variants("vulkan", "without-all")
+"""For tests that look at the objects behind the contract."""
 
 SIZE = (24, 16)
 SUN = Light("directional", node=0, intensity=math.pi)
@@ -26,22 +28,23 @@ def lit_quad(**more):
 
 
 @pytest.fixture
-def frames(vulkan_device):
-    made = Frames(vulkan_device)
+def frames(chapter):
+    made = Frames(chapter.device)
     yield made
     made.close()
 
 
+@on_vulkan
 @pytest.mark.feature("device/frames-in-flight")
-def test_a_slot_is_waited_for_before_its_commands_are_thrown_away(vulkan_device, frames):
+def test_a_slot_is_waited_for_before_its_commands_are_thrown_away(chapter, frames):
     """The order of calls over five frames: slots in turns, of each the fence, then the pool, then the submission."""
     pools = {int(vk.ffi.cast("uintptr_t", slot.pool)): slot.index for slot in frames.slots}
     fences = {int(vk.ffi.cast("uintptr_t", slot.fence)): slot.index for slot in frames.slots}
     log: list = []
-    vulkan_device.fn.trace(log)
+    chapter.device.fn.trace(log)
     for _ in range(5):
         frames.submit(frames.begin())
-    vulkan_device.fn.trace(None)
+    chapter.device.fn.trace(None)
 
     def number(handle, known):
         return known[int(vk.ffi.cast("uintptr_t", handle))]
@@ -59,29 +62,30 @@ def test_a_slot_is_waited_for_before_its_commands_are_thrown_away(vulkan_device,
     assert frames.number == 5
 
 
-def test_nothing_but_the_slot_that_is_needed_is_waited_for(vulkan_device):
+@on_vulkan
+def test_nothing_but_the_slot_that_is_needed_is_waited_for(chapter):
     """A frame waits once, for the fence of the frame two before; the newest one goes on beside it."""
-    with Renderer(lit_quad(), SIZE, device=vulkan_device) as made:
+    with chapter.open(lit_quad(), SIZE) as made:
         for _ in range(2):
             made.render(facing())
         log: list = []
-        vulkan_device.fn.trace(log)
+        chapter.device.fn.trace(log)
         made.render(facing())
-        vulkan_device.fn.trace(None)
+        chapter.device.fn.trace(None)
         waits = [arguments for name, arguments in log if name.startswith("vkWait")]
         assert len(waits) == 1
         assert waits[0][2][0] == made._frames.slots[0].fence
         assert not [name for name, _ in log if name in ("vkDeviceWaitIdle", "vkQueueWaitIdle")]
 
 
-def test_both_slots_show_what_was_asked_of_them(vulkan_device):
+def test_both_slots_show_what_was_asked_of_them(chapter):
     """Four views in a row, each read two frames late: nobody sees the other slot's constants."""
     places = [-0.5, 0.0, 0.5, 1.0]
 
     def view(x):
         return replace(facing(ymag=2.0), world_from_view=translated(x, z=2.0))
 
-    with Renderer(lit_quad(), SIZE, outputs={"depth"}, device=vulkan_device) as made:
+    with chapter.open(lit_quad(), SIZE, outputs={"depth"}) as made:
         alone = []
         for x in places:
             alone.append(made.render(view(x)).image("depth"))
@@ -95,8 +99,8 @@ def test_both_slots_show_what_was_asked_of_them(vulkan_device):
     assert not np.array_equal(alone[0], alone[1])
 
 
-def test_a_frame_that_is_gone_says_which_one_took_its_place(vulkan_device):
-    with Renderer(lit_quad(), SIZE, device=vulkan_device) as made:
+def test_a_frame_that_is_gone_says_which_one_took_its_place(chapter):
+    with chapter.open(lit_quad(), SIZE) as made:
         frames = [made.render(facing()) for _ in range(SLOTS + 1)]
         with pytest.raises(
             StaleFrameError, match=r"^Frame 0 is gone: its slot was used again by frame 2\. Read "
@@ -105,9 +109,9 @@ def test_a_frame_that_is_gone_says_which_one_took_its_place(vulkan_device):
         assert frames[1].image("color").shape == (16, 24, 3)
 
 
-def test_work_and_timings_stay_when_the_picture_is_gone(vulkan_device):
+def test_work_and_timings_stay_when_the_picture_is_gone(chapter):
     """The contract: an image until its slot is used again, timings and work for good, read before or not."""
-    with Renderer(lit_quad(), SIZE, device=vulkan_device) as made:
+    with chapter.open(lit_quad(), SIZE) as made:
         frames = [made.render(facing()) for _ in range(5)]
         assert [list(frame.timings) for frame in frames] == [["forward", "tonemap"]] * 5
         assert frames[0].work["draws"] == 2
@@ -119,43 +123,46 @@ def test_work_and_timings_stay_when_the_picture_is_gone(vulkan_device):
     assert frames[0].timings == frames[0].timings
 
 
-def test_frames_that_nobody_keeps_are_not_kept(vulkan_device):
-    with Renderer(lit_quad(), SIZE, device=vulkan_device) as made:
+def test_frames_that_nobody_keeps_are_not_kept(chapter):
+    with chapter.open(lit_quad(), SIZE) as made:
         frame = weakref.ref(made.render(facing()))
         gc.collect()
         assert frame() is None
 
 
-def test_a_frame_from_before_a_resize_is_gone(vulkan_device):
+def test_a_frame_from_before_a_resize_is_gone(chapter):
     """Its copy in the CPU's memory went with the old size; reading would show memory that nobody wrote."""
-    with Renderer(lit_quad(), SIZE, device=vulkan_device) as made:
+    with chapter.open(lit_quad(), SIZE) as made:
         frame = made.render(facing())
         made.resize((30, 10))
         with pytest.raises(
             StaleFrameError, match="Frame 0 is gone: the size of the picture has changed since"
         ):
             frame.image("color")
-        assert made.render(facing()).image("color").shape == (10, 30, 3)
+        frame = made.render(facing())
+        made.resize((30, 10))
+        assert frame.image("color").shape == (10, 30, 3), "the size that it has is no other"
+        assert made.render(facing()).index == 1
 
 
-def test_a_frame_of_a_closed_renderer_is_gone(vulkan_device):
-    with Renderer(lit_quad(), SIZE, device=vulkan_device) as made:
+def test_a_frame_of_a_closed_renderer_is_gone(chapter):
+    with chapter.open(lit_quad(), SIZE) as made:
         frame = made.render(facing())
     with pytest.raises(StaleFrameError, match="Frame 0 is gone: its renderer was closed"):
         frame.image("color")
 
 
-def test_a_closed_renderer_renders_no_more(vulkan_device):
-    with Renderer(lit_quad(), SIZE, device=vulkan_device) as made:
+def test_a_closed_renderer_renders_no_more(chapter):
+    with chapter.open(lit_quad(), SIZE) as made:
         pass
     with pytest.raises(StaleFrameError, match="renderer was closed"):
         made.render(facing())
 
 
 @pytest.mark.parametrize("failing", ["forward", "tonemap"])
-def test_a_frame_that_fails_leaves_the_next_one_whole(vulkan_device, monkeypatch, failing):
+def test_a_frame_that_fails_leaves_the_next_one_whole(chapter, monkeypatch, failing):
     """An exception amid recording, as Ctrl-C would be: its commands are thrown away, other frames are untouched."""
-    with Renderer(lit_quad(), SIZE, device=vulkan_device) as made:
+    with chapter.open(lit_quad(), SIZE) as made:
         expected = made.render(facing()).image("color")
         kept = made.render(facing())
 
@@ -174,8 +181,22 @@ def test_a_frame_that_fails_leaves_the_next_one_whole(vulkan_device, monkeypatch
             assert list(frame.timings) == ["forward", "tonemap"]
 
 
-def test_a_renderer_that_nobody_reads_draws_all_the_same(vulkan_device):
-    with Renderer(lit_quad(), SIZE, outputs=(), device=vulkan_device) as made:
+def test_a_renderer_that_closes_because_a_frame_failed_hides_no_reason(chapter):
+    def broken(commands):
+        raise ValueError("a slip of the pen")
+
+    def run():
+        with chapter.open(lit_quad(), SIZE) as made:
+            made.passes[-1].record = broken
+            made.render(facing())
+
+    with pytest.raises(ValueError, match="a slip of the pen") as caught:
+        run()
+    assert caught.value.__context__ is None
+
+
+def test_a_renderer_that_nobody_reads_draws_all_the_same(chapter):
+    with chapter.open(lit_quad(), SIZE, outputs=()) as made:
         frames = [made.render(facing()) for _ in range(3)]
         assert list(frames[-1].timings) == ["forward"]
         assert frames[-1].work["draws"] == 1
@@ -185,40 +206,40 @@ def test_a_renderer_that_nobody_reads_draws_all_the_same(vulkan_device):
 
 @pytest.mark.feature("device/viewport-resize")
 @pytest.mark.parametrize("sizes", [[(1, 1)], [(13, 7)], [(257, 3), (3, 257)], [(300, 200), (1, 1), (64, 48)]])
-def test_every_size_gives_the_picture_of_a_new_renderer(vulkan_device, sizes):
+def test_every_size_gives_the_picture_of_a_new_renderer(chapter, sizes):
     outputs = {"color", "depth", "instance_id"}
-    with Renderer(lit_quad(), SIZE, outputs=outputs, device=vulkan_device) as made:
+    with chapter.open(lit_quad(), SIZE, outputs=outputs) as made:
         for size in sizes:
             made.resize(size)
             frame = made.render(facing(ymag=1.5))
             resized = {name: frame.image(name) for name in outputs}
-    with Renderer(lit_quad(), sizes[-1], outputs=outputs, device=vulkan_device) as made:
+    with chapter.open(lit_quad(), sizes[-1], outputs=outputs) as made:
         frame = made.render(facing(ymag=1.5))
         for name in outputs:
             assert np.array_equal(frame.image(name), resized[name]), name
 
 
-def test_resizing_leaves_nothing_behind(vulkan_device):
-    with Renderer(lit_quad(), SIZE, device=vulkan_device) as made:
+def test_resizing_leaves_nothing_behind(chapter):
+    with chapter.open(lit_quad(), SIZE) as made:
         for _ in range(3):
             first = made.render(facing())
-        alive, sets = len(vulkan_device.alive), first.work["descriptor_sets"]
+        alive, sets = len(chapter.device.alive), first.work["descriptor_sets"]
         for size in [(40, 30), (7, 5), (100, 1), SIZE]:
             made.resize(size)
             for _ in range(SLOTS + 1):
                 frame = made.render(facing())
-        assert len(vulkan_device.alive) == alive
+        assert len(chapter.device.alive) == alive
         assert frame.work["descriptor_sets"] == sets
         # Even a window that is dragged for long without a frame keeps one set of targets.
         for width in range(20, 40):
             made.resize((width, 20))
         made.render(facing())
-        assert len(vulkan_device.alive) <= alive + 2 * len(made._targets)
+        assert len(chapter.device.alive) <= alive + 2 * len(made._targets)
 
 
 @pytest.mark.feature("device/viewport-resize")
-def test_a_square_stays_square_when_the_window_does_not(vulkan_device):
-    with Renderer(lit_quad(), (64, 64), outputs={"instance_id"}, device=vulkan_device) as made:
+def test_a_square_stays_square_when_the_window_does_not(chapter):
+    with chapter.open(lit_quad(), (64, 64), outputs={"instance_id"}) as made:
         for size in [(64, 64), (96, 48), (48, 96)]:
             made.resize(size)
             ids = made.render(facing(ymag=2.0)).image("instance_id")

@@ -139,6 +139,22 @@ def test_a_mask_is_cut_alike_in_colour_and_ids_by_all_that_alpha_is_made_of(chap
     assert np.array_equal(ids == 2, picture[..., 0] > 0)
 
 
+@everywhere
+def test_each_mask_is_cut_by_its_own_texture_in_the_ids_too(chapter):
+    """Two squares side by side: one keeps its right half, the other its left, whichever was bound last."""
+    left, right = np.ones((1, 2, 4), np.float32), np.ones((1, 2, 4), np.float32)
+    left[0, 1, 3] = right[0, 0, 3] = 0.0
+    mask = replace(UNLIT, alpha_mode="mask")
+    scene = quad_scene(
+        materials=tuple(replace(mask, base_color_texture=texture(image)) for image in (0, 1)),
+        matrices=(translated(-1.0), translated(1.0)),
+        instance_materials=(1, 0),
+        images=(Image("left", left), Image("right", right)),
+    )
+    ids = draw(chapter, scene, facing(ymag=2.0), output="instance_id")
+    assert (ids[8] == np.repeat((0, 1, 2, 0), 4)).all()
+
+
 # --- normals ---
 
 
