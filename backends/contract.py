@@ -6,6 +6,7 @@ chapter's `passes/` and `gl/`; `Capabilities` says what a device can do, `resolv
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, Protocol
@@ -232,7 +233,12 @@ class Renderer(Protocol):
 
 def check_size(size: tuple[int, int], largest: int = 16384) -> tuple[int, int]:
     """Return (width, height); raise UserError unless both are between 1 and `largest` pixels."""
-    width, height = size
+    try:
+        width, height = (operator.index(side) for side in size)
+    except (TypeError, ValueError):
+        raise UserError(
+            f"{size!r} is no size of a picture: give two whole numbers, (width, height)."
+        ) from None
     if not (1 <= width <= largest and 1 <= height <= largest):
         raise UserError(
             f"A picture of {width}x{height} pixels cannot be made: each side must be 1 to {largest}."

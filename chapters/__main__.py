@@ -24,9 +24,10 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
 def run(words: list[str]) -> int:
     """Run one command and return its exit code; nothing is raised."""
     from chapters import console
-    from chapters.cli import invoke
 
     try:
+        from chapters.cli import invoke
+
         return invoke(words)
     except StrataError as error:
         console.say(f"strata: {error}")

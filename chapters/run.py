@@ -103,6 +103,14 @@ def check(request: Request) -> None:
             )
     if request.json is not None and (request.json.is_dir() or not request.json.absolute().parent.is_dir()):
         raise UserError(f"--json {request.json} cannot be written: name a file in a folder that exists.")
+    if (
+        request.json is not None
+        and request.out is not None
+        and request.json.absolute() == request.out.absolute()
+    ):
+        raise UserError(
+            f"--out and --json both name {request.out}: the picture and the record are two files."
+        )
     settings_of(request, "medium")
 
 

@@ -6,6 +6,7 @@ that moment still shows the line of the caller, and no bookkeeping is needed to 
 
 from __future__ import annotations
 
+import re
 import sys
 import traceback
 from collections.abc import Callable
@@ -51,6 +52,10 @@ ALLOWED: tuple[tuple[str, str], ...] = (
 """(id prefix, part of the text) of messages that are not counted, with the reason beside each."""
 
 
+_COUNTERS = re.compile(r"\b(seq_no|reset_no):? \d+")
+"""Numbers of submissions in a text, which would make the same message another one in every frame."""
+
+
 class ValidationSink:
     """Receives every message once, keeps each distinct one with its count, and hands it to the callbacks.
 
@@ -89,7 +94,7 @@ class ValidationSink:
         message = Message(
             kind,
             vk.text(data.pMessageIdName),
-            vk.text(data.pMessage),
+            _COUNTERS.sub(r"\1 n", vk.text(data.pMessage)),
             tuple(_object_name(data.pObjects[i]) for i in range(data.objectCount)),
             tuple(labels),
             _calling_line(sys._getframe(1)),

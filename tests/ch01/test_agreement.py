@@ -5,6 +5,8 @@ On software drivers both compile the same GLSL to the same machine; on others th
 
 from __future__ import annotations
 
+from importlib.util import find_spec
+
 import numpy as np
 import pytest
 
@@ -109,7 +111,9 @@ def same(a, b, exact: bool) -> None:
         inside = ids[0] == ids[1]
         assert np.allclose(depth[0][inside], depth[1][inside], rtol=1e-4)
     pictures = [frame.image("color").astype(np.float32) / 255.0 for frame in (a, b)]
-    assert flip_mean(*pictures) < 1e-3
+    if find_spec("flip_evaluator"):  # of the extra reference; without it the bounds above are what is held
+        assert flip_mean(*pictures) < 1e-3
+    assert np.abs(pictures[0] - pictures[1]).mean() < 1e-3
 
 
 @pytest.mark.parametrize("name", ["cornell", "spheres"])

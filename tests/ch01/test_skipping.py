@@ -13,7 +13,7 @@ from chapters.ch01.renderer import Renderer
 from chapters.ch01.settings import Settings
 from common import layouts
 from common.environment import constant
-from common.scene import Image, Light, Material
+from common.scene import Image, Light, Material, Sampler, TextureRef
 from tests.support.chapter import building
 from tests.support.scenes import facing, quad_scene, texture, translated
 
@@ -240,3 +240,35 @@ def test_both_backends_count_the_same_work(vulkan_device, frames, name):
             frame = renderer.render(facing())
             assert {key: work[key] for key in counted} == {key: frame.work[key] for key in counted}
             assert np.allclose(picture, frame.image("color_linear"), rtol=2e-3, atol=1e-6)
+
+
+@pytest.mark.parametrize("anisotropy", [1.0, 4.0, 16.0])
+def test_a_map_at_one_point_is_its_texel_there(chapter, anisotropy):
+    """Constant coordinates have no footprint: an anisotropic filter divides zero by zero there."""
+    pixels = np.zeros((8, 8, 4), np.uint8)
+    pixels[...] = (40, 90, 160, 255)
+    pixels[6:, :] = 255
+    scene = quad_scene(
+        Material(unlit=True, base_color_texture=TextureRef(0, Sampler())),
+        images=(Image("palette", pixels),),
+    )
+    scene.uv0[:] = 0.3
+    settings = Settings(anisotropy=anisotropy, tone_curve="none")
+    with chapter.open(scene, SIZE, settings=settings, outputs={"color"}) as made:
+        middle = made.render(facing(), 0.0).image("color")[8:-8, 8:-8]
+    assert (np.abs(middle.astype(int) - (40, 90, 160)) <= 1).all()
+
+
+@pytest.mark.parametrize("anisotropy", [1.0, 4.0])
+def test_real_scenes_look_the_same_with_skipping_turned_off(chapter, anisotropy):
+    """Neutral maps on surfaces without coordinates of their own, under the filter that is the default."""
+    import chapters
+    from chapters import scenes
+
+    scene = scenes.load("cornell")
+    pictures = []
+    for skip in (True, False):
+        settings = replace(SETTINGS, skip_unused=skip, anisotropy=anisotropy)
+        with chapter.open(scene, SIZE, settings, outputs={"color_linear"}) as made:
+            pictures.append(made.render(chapters.view_of(made), 0.0).image("color_linear"))
+    assert np.allclose(*pictures, rtol=2.0**-9, atol=2.0**-12)

@@ -51,7 +51,7 @@ def test_an_unknown_area_suggests_the_near_one(word):
 
 
 def outcome(nodeid="tests/ch01/test_a.py::test_b[vulkan]", **more):
-    made = Outcome(nodeid, more.pop("features", ()), more.pop("long", False))
+    made = Outcome(nodeid, more.pop("features", ()), more.pop("long", False), result="passed")
     for name, value in more.items():
         setattr(made, name, value)
     return made
@@ -111,6 +111,14 @@ def test_counts_by_feature_and_by_area():
 
 
 pytest_plugins = ["pytester"]
+
+
+def test_what_was_not_run_has_not_passed():
+    never = Outcome("tests/ch01/test_a.py::test_b[vulkan]", ("a/b",), False)
+    assert feature_counts([never]) == {}
+    lines = summary([never, outcome()])
+    assert any(line.split()[:5] == ["ch01", "vulkan", "1", "0", "0"] for line in lines)
+    assert "1 tests were not run" in lines[-2]
 
 
 def run_inner(pytester, text: str, **environment: str):

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy import integrate, stats
 
 from common import ggx_sampling
 from common.shading import distribution_ggx
 from tests.support.gpu_functions import evaluate
+
+integrate = pytest.importorskip("scipy.integrate", reason="scipy is in the extra reference")
+stats = pytest.importorskip("scipy.stats", reason="scipy is in the extra reference")
 
 COUNT = 200_000
 VIEWS = (1.0, 0.6, 0.05)

@@ -6,11 +6,12 @@ from functools import cache
 
 import numpy as np
 import pytest
-from scipy import integrate
 
 from common import shading_environment as ibl
 from common.shading import metallic_roughness
 from tests.support.gpu_functions import evaluate
+
+integrate = pytest.importorskip("scipy.integrate", reason="scipy is in the extra reference")
 
 NODES = np.polynomial.legendre.leggauss(200)
 COOKBOOK = np.array(

@@ -39,7 +39,7 @@ class Outcome:
     nodeid: str
     features: tuple[str, ...]
     long: bool
-    result: str = "passed"
+    result: str = "not run"  # until it was: a run may be stopped before
     reason: str = ""
     seconds: float = 0.0
     area: str = field(init=False)
@@ -100,6 +100,9 @@ def summary(outcomes: list[Outcome]) -> list[str]:
         lines.append(
             f"{key[0]:<14}{key[1]:<14}{c['passed']:>8}{c['failed']:>8}{c['skipped']:>9}{seconds[key]:>9.1f}"
         )
+    left = sum(outcome.result == "not run" for outcome in outcomes)
+    if left:
+        lines.append(f"{left} tests were not run: the run ended before them.")
     by_feature = feature_counts(outcomes)
     held = sum(1 for c in by_feature.values() if c.get("passed") and not c.get("failed"))
     lines.append(f"{len(by_feature)} features of the ledger have tests here, {held} of them pass.")
@@ -110,6 +113,8 @@ def feature_counts(outcomes: list[Outcome]) -> dict[str, dict[str, int]]:
     """Return, for each feature that a test names, how many of its tests had which result."""
     found: dict[str, Counter[str]] = defaultdict(Counter)
     for outcome in outcomes:
+        if outcome.result == "not run":
+            continue
         for slug in outcome.features:
             found[slug][outcome.result] += 1
     return {slug: dict(counts) for slug, counts in found.items()}
@@ -142,6 +147,8 @@ class Report:
         outcome.seconds += report.duration
         if report.failed:
             outcome.result = "failed"
+        elif report.when == "call" and report.passed:
+            outcome.result = "passed"
         elif report.skipped and outcome.result != "failed":
             outcome.result = "skipped"
             outcome.reason = (

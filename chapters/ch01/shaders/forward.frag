@@ -51,7 +51,7 @@ vec3 shading_normal(Material material, vec3 view) {
     float length2 = dot(in_normal, in_normal);
     vec3 n = length2 > 0.0 ? in_normal * inversesqrt(length2) : view;
 #ifdef NORMAL_MAP
-    vec3 sampled = texture(normal_map, image_uv(material, 2, in_uv0, in_uv1)).xyz * 2.0 - 1.0;
+    vec3 sampled = sample_map(normal_map, image_uv(material, 2, in_uv0, in_uv1)).xyz * 2.0 - 1.0;
     sampled.xy *= material.factors.z;
     vec3 t = in_tangent.xyz - n * dot(n, in_tangent.xyz);
     float t2 = dot(t, t);
@@ -79,7 +79,7 @@ void main() {
     base *= in_color;
 #endif
 #ifdef BASE_COLOR_MAP
-    base *= texture(base_color_map, image_uv(material, 0, in_uv0, in_uv1));
+    base *= sample_map(base_color_map, image_uv(material, 0, in_uv0, in_uv1));
 #endif
 #if defined(ALPHA_MASK) && defined(COVERAGE_SAMPLES)
     // The cutoff is crossed about (alpha - cutoff) / |gradient| pixels from here: that much more or less than half of
@@ -106,7 +106,7 @@ void main() {
     float metallic = material.factors.x;
     float roughness = material.factors.y;
 #ifdef METALLIC_ROUGHNESS_MAP
-    vec4 factors = texture(metallic_roughness_map, image_uv(material, 1, in_uv0, in_uv1));
+    vec4 factors = sample_map(metallic_roughness_map, image_uv(material, 1, in_uv0, in_uv1));
     roughness *= factors.g;
     metallic *= factors.b;
 #endif
@@ -136,7 +136,7 @@ void main() {
     // and it alone is dimmed by occlusion, which says nothing about lights whose direction is known.
     float occlusion = 1.0;
 #ifdef OCCLUSION_MAP
-    float sampled = texture(occlusion_map, image_uv(material, 3, in_uv0, in_uv1)).r;
+    float sampled = sample_map(occlusion_map, image_uv(material, 3, in_uv0, in_uv1)).r;
     occlusion += material.factors.w * (sampled - 1.0);
 #endif
     vec3 albedo = mix(0.96 * base.rgb + 0.04, base.rgb, metallic);
@@ -150,7 +150,7 @@ void main() {
 
     vec3 emissive = material.emissive.rgb;
 #ifdef EMISSIVE_MAP
-    emissive *= texture(emissive_map, image_uv(material, 4, in_uv0, in_uv1)).rgb;
+    emissive *= sample_map(emissive_map, image_uv(material, 4, in_uv0, in_uv1)).rgb;
 #endif
     color += emissive * frame.exposure;
     out_color = vec4(finite_color(color), base.a);

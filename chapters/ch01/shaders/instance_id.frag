@@ -27,7 +27,7 @@ void main() {
     alpha *= in_color.a;
 #endif
 #ifdef BASE_COLOR_MAP
-    alpha *= texture(base_color_map, image_uv(material, 0, in_uv0, in_uv1)).a;
+    alpha *= sample_map(base_color_map, image_uv(material, 0, in_uv0, in_uv1)).a;
 #endif
     if (alpha < material.emissive.a) {
         discard;

@@ -25,6 +25,13 @@ layout(BIND(1, 3, 3)) uniform sampler2D occlusion_map;
 layout(BIND(1, 4, 4)) uniform sampler2D emissive_map;
 #endif
 
+// A map at `uv`. Where uv does not change over the picture (a palette, a collapsed patch) there is no footprint to filter,
+// and an anisotropic filter divides zero by zero: some drivers then return NaN.
+vec4 sample_map(sampler2D map, vec2 uv) {
+    vec4 filtered = texture(map, uv);
+    return fwidth(uv) == vec2(0.0) ? textureLod(map, uv, 0.0) : filtered;
+}
+
 // Where role number `role` samples its image: the uv set it names, through KHR_texture_transform.
 vec2 image_uv(Material material, int role, vec2 uv0, vec2 uv1) {
     vec4 row0 = material.uv_rows[2 * role];
