@@ -86,8 +86,12 @@ class Plan:
 
 def decide(machine: Machine, *, yes: bool = False, install: bool = True) -> Plan:
     """Return the plan for a machine; `yes` agrees in advance, `install=False` leaves the system alone."""
-    draws = machine.vulkan is not None and machine.vulkan >= NEEDED_VULKAN
+    by_vulkan = machine.vulkan is not None and machine.vulkan >= NEEDED_VULKAN
+    # In CI the tests ask for Vulkan; elsewhere OpenGL draws the same pictures, and nothing need be changed for more.
+    draws = by_vulkan or (_has_gl(machine) and not machine.ci)
     wants = set() if draws else {"vulkan", "layers"}
+    if machine.system == "win32" and (by_vulkan or not draws) and not machine.glslang:
+        wants.add("compiler")  # of shaders for Vulkan: OpenGL's drivers have their own
     if machine.ci:
         wants |= ({"layers"} if VALIDATION_LAYER not in machine.layers else set()) | {"window"}
     missing = _what_is_missing(machine, draws)
@@ -96,9 +100,13 @@ def decide(machine: Machine, *, yes: bool = False, install: bool = True) -> Plan
         blocks = "everything"
     steps = _steps(machine, wants)
     if not steps:
-        return Plan("nothing", missing=missing, notes=_notes(machine, draws), blocks=blocks)
+        return Plan("nothing", missing=missing, notes=_notes(machine, by_vulkan, draws), blocks=blocks)
     mode, prefix = _mode(machine, yes, install)
-    return Plan(mode, steps, prefix, missing, _notes(machine, draws), blocks)
+    return Plan(mode, steps, prefix, missing, _notes(machine, by_vulkan, draws), blocks)
+
+
+def _has_gl(machine: Machine) -> bool:
+    return machine.gl is not None and machine.gl >= NEEDED_GL
 
 
 def _mode(machine: Machine, yes: bool, install: bool) -> tuple[Mode, tuple[str, ...]]:
@@ -120,29 +128,33 @@ def _what_is_missing(machine: Machine, draws: bool) -> tuple[str, ...]:
     missing = []
     if not machine.can_make_venv:
         missing.append("This Python cannot make virtual environments: it has no module venv or ensurepip.")
+    needs = "Strata needs Vulkan 1.3 or OpenGL 4.5"
+    if machine.ci:
+        needs = "in CI Strata needs Vulkan 1.3"
     if not draws and machine.vulkan is not None:
         version = _dotted(machine.vulkan)
-        missing.append(f"{machine.vulkan_device} offers Vulkan {version}, and Strata needs 1.3.")
+        missing.append(f"{machine.vulkan_device} offers Vulkan {version}, and {needs}.")
     elif not draws:
-        missing.append(
-            "No Vulkan device was found, and Strata needs Vulkan 1.3 (a driver in software will do)."
-        )
+        missing.append(f"No Vulkan device was found, and {needs} (a driver in software will do).")
     if machine.ci and VALIDATION_LAYER not in machine.layers:
         missing.append("The Vulkan validation layers are missing, and in CI every test runs under them.")
     return tuple(missing)
 
 
-def _notes(machine: Machine, draws: bool) -> tuple[str, ...]:
+def _notes(machine: Machine, by_vulkan: bool, draws: bool) -> tuple[str, ...]:
     by_glslang = ("The GLSL compiler, glslangValidator, comes with the Vulkan SDK.",)
-    if draws:
+    if by_vulkan:
         return by_glslang if machine.system == "win32" and not machine.glslang else ()
     notes = []
-    if machine.gl is not None and machine.gl >= NEEDED_GL:
+    if machine.gl is not None and _has_gl(machine):
         version = _dotted(machine.gl)
-        notes.append(f"OpenGL {version} works ({machine.gl_device}), but Strata does not draw with it yet.")
+        notes.append(
+            f"Strata draws with OpenGL {version} here ({machine.gl_device}); Vulkan 1.3 would add the paths that "
+            "OpenGL lacks, such as mesh shaders, ray queries and bindless textures, where the driver has them."
+        )
     if machine.system == "win32":
         notes.append("Vulkan comes with the driver of the graphics card: get the newest from its maker.")
-        notes += by_glslang if not machine.glslang else ()
+        notes += by_glslang if not draws and not machine.glslang else ()
     elif machine.system == "darwin":
         if "brew" not in machine.managers:
             notes.append("The command needs Homebrew; the Vulkan SDK for macOS brings the same libraries.")
@@ -154,7 +166,8 @@ def _notes(machine: Machine, draws: bool) -> tuple[str, ...]:
         notes.append(
             "Mesa is for AMD, Intel and the processor; for NVIDIA's cards install NVIDIA's own driver."
         )
-    if machine.system == "linux" and not {"apt-get", "dnf", "pacman"} & set(machine.managers):
+    known = {"apt-get", "dnf", "pacman"} & set(machine.managers)
+    if machine.system == "linux" and not draws and not known:
         notes.append("Install the Vulkan loader, Mesa's Vulkan drivers and the validation layers.")
     return tuple(notes)
 
@@ -165,7 +178,7 @@ def _dotted(version: Version) -> str:
 
 def _steps(machine: Machine, wants: set[str]) -> tuple[Step, ...]:
     if machine.system == "win32":
-        if machine.glslang and "layers" not in wants:
+        if not wants & {"compiler", "layers"}:
             return ()
         sdk = ("winget", "install", "--id", "KhronosGroup.VulkanSDK")
         return (Step("The GLSL compiler and the validation layers.", sdk),)

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import chapters
+from backends import choice
 from backends.contract import FEATURES, Capabilities, resolve
 from backends.verdicts import Identity
 from backends.vulkan import selftest as trials
@@ -58,7 +59,7 @@ OWN_PACKAGES = ("common", "backends", "chapters", "assets", "bootstrap", "vulkan
 
 
 def run(json: bool = False, selftest: bool = False) -> int:
-    """Examine this machine and print what was found; return 0 if a device works, else 2."""
+    """Examine this machine and print what was found; return 0 if Vulkan or OpenGL works, else 2."""
     from chapters.console import Steps, out
     from chapters.doctor_tables import show
 
@@ -83,11 +84,17 @@ def report(selftest: bool = False, progress: Progress = lambda what, part: None)
         vulkan = ask("vulkan")
         chosen = _chosen(vulkan)
     progress("looking at chapters and packages", 0.95)
-    works = chosen is not None
+    # The question about OpenGL has one device, in a list like those of Vulkan.
+    by_gl = None if gl.get("problem") else next(iter(gl.get("devices", [])), None)
+    auto = automatic(vulkan, chosen, gl, by_gl)
+    used = None
+    if auto is not None:
+        used = capabilities_of(*((by_gl, "gl") if auto.backend == "gl" else (chosen, "vulkan")))
     found: Report = {
-        "works": works,
-        "problem": None if works else _problem(vulkan),
-        "install": None if works else _safely(_what_to_install, ""),
+        "works": auto is not None,
+        "problem": None if auto else _problem(vulkan, gl),
+        "auto": {"backend": auto.backend, "reason": auto.reason} if auto else None,
+        "install": None if chosen else _safely(_what_to_install, ""),
         "strata": _safely(_strata, {}),
         "packages": {name: _version(name) for name in PACKAGES},
         "vulkan": {
@@ -98,11 +105,14 @@ def report(selftest: bool = False, progress: Progress = lambda what, part: None)
             "chosen": chosen["number"] if chosen else None,
             "problem": vulkan.get("problem"),
         },
-        "opengl": {key: gl.get(key) for key in ("version", "renderer", "vendor", "problem")},
+        "opengl": {
+            **{key: gl.get(key) for key in ("version", "renderer", "vendor", "problem")},
+            "device": by_gl,
+        },
         "display": {"kind": "headless", "detail": display.get("problem", ""), **display},
         "compilers": compilers.get("compilers", []),
         "environment": {name: value for name, value in sorted(os.environ.items()) if VARIABLES.match(name)},
-        "plan": _safely(lambda: plans(chosen), {}),
+        "plan": _safely(lambda: plans(used), {}),
     }
     found["shadowed"] = _safely(lambda: shadowed(found), [])
     found["advice"] = _safely(lambda: advice(found), [])
@@ -154,11 +164,40 @@ def _chosen(vulkan: Report) -> Report | None:
     return next((d for d in vulkan.get("devices", []) if d["number"] == number), None)
 
 
-def _problem(vulkan: Report) -> str:
+def automatic(
+    vulkan: Report, device: Report | None, gl: Report, by_gl: Report | None
+) -> choice.Choice | None:
+    """Return what `--backend auto` takes, by the rules of `backends.choice` and the answers already there.
+
+    `device` and `by_gl` are the devices of Vulkan and of OpenGL, or None. None: nothing works, or the Vulkan device
+    that STRATA_DEVICE names is not there, which is an error and no reason to take another.
+    """
+    if vulkan.get("refused"):
+        return None
+
+    def answered(backend: str) -> tuple[str, str]:
+        found, answers = (by_gl, gl) if backend == "gl" else (device, vulkan)
+        if found is None:
+            raise UnsupportedError(_why_not(answers, "none was found"))
+        return found["kind"], found["name"]
+
+    try:
+        return choice.decide("auto", answered)
+    except UnsupportedError:
+        return None
+
+
+def _why_not(answers: Report, otherwise: str) -> str:
+    """Return why an API has no device, to stand within a sentence."""
+    reason: str = answers.get("problem") or otherwise
+    return reason[0].lower() + reason[1:] if reason.startswith(("No ", "The ")) else reason
+
+
+def _problem(vulkan: Report, gl: Report) -> str:
     """Return one sentence on why nothing can be drawn."""
-    reason = vulkan.get("problem") or "no Vulkan 1.3 device was found"
-    if reason.startswith(("No ", "The ")):
-        reason = reason[0].lower() + reason[1:]
+    reason = _why_not(vulkan, "no Vulkan 1.3 device was found")
+    if not vulkan.get("refused"):
+        reason += f"; {_why_not(gl, 'no OpenGL 4.5 was found')}"
     return f"Strata cannot draw here: {reason}."
 
 
@@ -308,11 +347,11 @@ def hidden_package(name: str, path: list[str] | None = None) -> list[str]:
 # --- plans and advice ---------------------------------------------------------------------------------------
 
 
-def capabilities_of(device: Report) -> Capabilities:
+def capabilities_of(device: Report, backend: str = "vulkan") -> Capabilities:
     """Return what `doctor_probe` said of a device as the record that plans are made from."""
     major, minor, patch = map(int, device["api"].split("."))
     return Capabilities(
-        backend="vulkan",
+        backend=backend,
         device=device["name"],
         driver=device["driver"],
         api_version=(major, minor, patch),
@@ -324,8 +363,8 @@ def capabilities_of(device: Report) -> Capabilities:
     )
 
 
-def plans(device: Report | None) -> Report:
-    """Return by chapter ("ch01") which path each feature takes and why, or why the chapter cannot run."""
+def plans(device: Capabilities | None) -> Report:
+    """Return by chapter ("ch01") which path each feature takes on `device` and why, or why it cannot run."""
     made: Report = {}
     for number in chapters.available():
         name = chapters.folder_name(number)
@@ -336,7 +375,10 @@ def plans(device: Report | None) -> Report:
             if device is None:
                 entry["problem"] = "no device works"
                 continue
-            plan = resolve(lesson.needs.required, lesson.needs.optional, capabilities_of(device))
+            if device.backend == "gl" and not (chapters.FOLDER / name / "gl" / "renderer.py").is_file():
+                entry["problem"] = "it has no OpenGL version"
+                continue
+            plan = resolve(lesson.needs.required, lesson.needs.optional, device)
             entry["runs"] = True
             entry["choices"] = [
                 {"feature": c.feature, "native": c.native, "path": c.path, "reason": c.reason}
@@ -359,7 +401,8 @@ def advice(found: Report) -> list[str]:
             sentences.append(
                 f"Mesa 25.0's software driver also has: {', '.join(newer)} (Debian 12 has it in its backports)."
             )
-    if found["works"] and "VK_LAYER_KHRONOS_validation" not in found["vulkan"]["layers"]:
+    on_vulkan = found["vulkan"]["chosen"] is not None
+    if on_vulkan and "VK_LAYER_KHRONOS_validation" not in found["vulkan"]["layers"]:
         from bootstrap.plan import APT_LAYERS
 
         package = " ".join(APT_LAYERS)

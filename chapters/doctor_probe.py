@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from common.errors import StrataError
+from common.errors import StrataError, UnsupportedError, UserError
 
 
 def vulkan() -> Iterator[dict[str, Any]]:
@@ -98,17 +98,26 @@ def _mapped(name: str) -> str | None:
 
 
 def gl() -> Iterator[dict[str, Any]]:
-    """Yield what an OpenGL 4.5 core context without a window says of itself."""
-    import moderngl
+    """Yield what Strata's OpenGL context without a window says of itself, and what it can do."""
+    from backends.gl import api
+    from backends.gl.context import Context
 
-    options: dict[str, Any] = {"backend": "egl"} if sys.platform == "linux" else {}
-    try:
-        context = moderngl.create_context(standalone=True, require=450, **options)
-    except Exception as error:  # moderngl raises plain Exceptions with the reason
-        yield {"problem": f"no OpenGL 4.5 context without a window: {str(error).rstrip('.')}"}
-        return
-    info = context.info
-    yield {"version": info["GL_VERSION"], "renderer": info["GL_RENDERER"], "vendor": info["GL_VENDOR"]}
+    with Context() as context:  # where there is none, or none fits, `main` answers with the error's words
+        names = {"version": api.GL_VERSION, "renderer": api.GL_RENDERER, "vendor": api.GL_VENDOR}
+        yield {key: api.text(context.fn.glGetString(name)) for key, name in names.items()}
+        found = context.capabilities
+        yield {
+            "device": {
+                "name": found.device,
+                "driver": found.driver,
+                "kind": found.kind,
+                "api": _dotted(found.api_version),
+                "features": sorted(found.features),
+                "why_not": dict(found.why_not),
+                "broken": dict(found.broken),
+                "limits": dict(found.limits),
+            }
+        }
 
 
 def display() -> Iterator[dict[str, Any]]:
@@ -169,7 +178,10 @@ def main(what: str) -> None:
             print(json.dumps(answer), flush=True)
     except Exception as error:  # whatever it is: the parent reports it, and goes on
         text = re.sub(r"\s+", " ", str(error)).partition(": ./strata doctor")[0].rstrip(".")
-        print(json.dumps({"problem": text or type(error).__name__}), flush=True)
+        # What a user asked for is not replaced by something else: `refused` ends the choice of a backend.
+        by_user = isinstance(error, UserError) and not isinstance(error, UnsupportedError)
+        refused = {"refused": True} if by_user else {}
+        print(json.dumps({"problem": text or type(error).__name__, **refused}), flush=True)
 
 
 if __name__ == "__main__":

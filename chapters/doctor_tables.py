@@ -12,6 +12,8 @@ from chapters.tables import table
 
 Report = dict[str, Any]
 
+NAMES = {"vulkan": "Vulkan", "gl": "OpenGL"}
+
 
 def show(report: Report, console: Console) -> None:
     """Print a report of `chapters.doctor.report`."""
@@ -20,8 +22,9 @@ def show(report: Report, console: Console) -> None:
         console.print(text, markup=False, soft_wrap=True)
 
     if report["works"]:
-        device = _chosen(report)
+        device = _used(report)
         say(f"Strata draws on {device['name']} ({device['driver']}).")
+        say(f"--backend auto takes {NAMES[report['auto']['backend']]}: {report['auto']['reason']}.")
     else:
         say(report["problem"])
     for sentence in report["shadowed"]:
@@ -38,7 +41,11 @@ def show(report: Report, console: Console) -> None:
     _show_plans(report, console)
 
 
-def _chosen(report: Report) -> Report:
+def _used(report: Report) -> Report:
+    """Return the device of the backend that is taken."""
+    if report["auto"]["backend"] == "gl":
+        by_gl: Report = report["opengl"]["device"]
+        return by_gl
     number = report["vulkan"]["chosen"]
     found: Report = next(d for d in report["vulkan"]["devices"] if d["number"] == number)
     return found
@@ -86,7 +93,9 @@ def _show_devices(report: Report, console: Console) -> None:
     made = table("Vulkan devices", ">", "name", "driver", "kind", "Vulkan", "queues", "fit")
     for device in devices:
         queues = "\n".join(f"{q['queues']}x {' '.join(q['kinds'])}" for q in device["queues"])
-        fit = device["unfit"] or ("yes, taken" if device["number"] == report["vulkan"]["chosen"] else "yes")
+        taken = report["auto"] is not None and report["auto"]["backend"] == "vulkan"
+        taken = taken and device["number"] == report["vulkan"]["chosen"]
+        fit = device["unfit"] or ("yes, taken" if taken else "yes")
         made.add_row(
             str(device["number"]),
             device["name"],
@@ -128,7 +137,8 @@ def _show_verdicts(device: Report, console: Console) -> None:
 
 
 def _show_plans(report: Report, console: Console) -> None:
-    made = table("How the chapters run here", "chapter", "feature", "path", "why")
+    by = f", by {NAMES[report['auto']['backend']]}" if report["auto"] else ""
+    made = table(f"How the chapters run here{by}", "chapter", "feature", "path", "why")
     for name, plan in report["plan"].items():
         if plan["problem"]:
             made.add_row(name, "", "does not run", escape(plan["problem"]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import io
 import json
 import os
@@ -25,6 +26,7 @@ from common.paths import ROOT
 KEYS = {
     "works",
     "problem",
+    "auto",
     "install",
     "strata",
     "packages",
@@ -111,7 +113,12 @@ def test_every_chapter_has_a_plan(healthy) -> None:
 def test_the_tables_show_what_the_report_says(healthy) -> None:
     text = shown(healthy)
     chosen = healthy["vulkan"]["devices"][healthy["vulkan"]["chosen"]]
-    assert text.startswith(f"Strata draws on {chosen['name']}")
+    by_gl = healthy["auto"]["backend"] == "gl"
+    used = healthy["opengl"]["device"] if by_gl else chosen
+    assert text.startswith(f"Strata draws on {used['name']}")
+    taken = "OpenGL" if by_gl else "Vulkan"
+    assert text.splitlines()[1] == f"--backend auto takes {taken}: {healthy['auto']['reason']}."
+    assert f"How the chapters run here, by {taken}" in text
     for part in (chosen["driver"], healthy["vulkan"]["loader"]["version"], "ch01", "anisotropy", "numpy"):
         assert part in text
     for feature, reason in chosen["why_not"].items():
@@ -119,24 +126,88 @@ def test_the_tables_show_what_the_report_says(healthy) -> None:
         assert reason.split(":")[0] in text
 
 
+# --- a machine with OpenGL alone ----------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="drivers are found in other ways there")
+def test_opengl_alone_is_enough(monkeypatch: pytest.MonkeyPatch) -> None:
+    if "problem" in doctor.ask("gl"):
+        pytest.skip("no OpenGL 4.5")
+    monkeypatch.delenv("STRATA_DEVICE", raising=False)
+    monkeypatch.delenv("CI", raising=False)
+    monkeypatch.setenv("VK_DRIVER_FILES", "/nonexistent")
+    code, report = examined()
+    assert code == 0
+    assert report["works"] is True
+    assert report["problem"] is None
+    assert report["auto"]["backend"] == "gl"
+    assert "no Vulkan 1.3 device was found" in report["auto"]["reason"]
+    assert report["vulkan"]["chosen"] is None
+    device = report["opengl"]["device"]
+    assert set(device["features"]) | device["why_not"].keys() == FEATURES.keys()
+    for number in chapters.available():
+        entry = report["plan"][chapters.folder_name(number)]
+        needs = chapters.lesson(number).needs
+        assert entry["runs"]
+        assert {choice["feature"] for choice in entry["choices"]} == needs.required | needs.optional
+        for choice in entry["choices"]:
+            assert choice["native"] == (choice["feature"] in device["features"])
+    text = shown(report)
+    assert text.startswith(f"Strata draws on {device['name']}")
+    assert text.splitlines()[1].startswith("--backend auto takes OpenGL: ")
+    assert "Vulkan 1.3 would add" in text
+    assert "cannot draw" not in text
+    assert "does not run" not in text
+
+
+GPU = {"name": "A card", "kind": "discrete"}
+SOFTWARE = {"name": "llvmpipe", "kind": "software"}
+
+
+@pytest.mark.parametrize(
+    ("vulkan", "gl", "gpu", "backend"),
+    [
+        (GPU, GPU, True, "vulkan"),
+        (SOFTWARE, GPU, True, "gl"),  # an old card: hardware before software
+        (SOFTWARE, SOFTWARE, True, "vulkan"),
+        (SOFTWARE, GPU, False, "vulkan"),
+        (None, SOFTWARE, False, "gl"),
+        (None, None, True, None),
+    ],
+)
+def test_the_backend_is_the_one_that_auto_takes(
+    monkeypatch: pytest.MonkeyPatch, vulkan: Any, gl: Any, gpu: bool, backend: str | None
+) -> None:
+    monkeypatch.setattr(doctor.choice, "decide", functools.partial(doctor.choice.decide, gpu=lambda: gpu))
+    found = doctor.automatic({}, vulkan, {}, gl)
+    assert (found and found.backend) == backend
+    assert doctor.automatic({"refused": True}, None, {}, gl) is None  # STRATA_DEVICE names no device here
+
+
 # --- machines that do not -----------------------------------------------------------------------------------
+
+NOTHING = {"VK_DRIVER_FILES": "/nonexistent", "__EGL_VENDOR_LIBRARY_FILENAMES": "/nonexistent"}
 
 
 @pytest.mark.feature("cli/doctor")
-@pytest.mark.skipif(sys.platform == "win32", reason="drivers are found in the registry there")
+@pytest.mark.skipif(sys.platform != "linux", reason="drivers are found in other ways there")
 def test_without_a_driver_it_says_so_and_what_to_install() -> None:
-    done = strata("doctor", VK_DRIVER_FILES="/nonexistent")
+    done = strata("doctor", **NOTHING)
     assert done.returncode == 2
     lines = done.stdout.splitlines()
-    assert lines[0] == "Strata cannot draw here: no Vulkan 1.3 device was found (the loader found no driver)."
+    said = (
+        "Strata cannot draw here: no Vulkan 1.3 device was found (the loader found no driver); no OpenGL 4.5"
+    )
+    assert lines[0].startswith(said)
     assert "VK_DRIVER_FILES is set, and what it names does not exist (/nonexistent): unset it." in lines[1]
-    assert "Strata needs Vulkan 1.3" in lines[2]
+    assert any("Strata needs Vulkan 1.3" in line for line in lines[2:])
     assert "Traceback" not in done.stdout + done.stderr
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="drivers are found in the registry there")
+@pytest.mark.skipif(sys.platform != "linux", reason="drivers are found in other ways there")
 def test_without_a_driver_the_report_is_whole(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("VK_DRIVER_FILES", "/nonexistent")
+    for name, value in NOTHING.items():
+        monkeypatch.setenv(name, value)
     code, report = examined(selftest=True)
     assert code == 2
     assert report.keys() == KEYS
@@ -197,7 +268,7 @@ def test_nothing_at_all_answers(monkeypatch: pytest.MonkeyPatch) -> None:
     report = doctor.report()
     assert report.keys() == KEYS
     assert json.loads(json.dumps(report)) == report
-    assert shown(report).startswith("Strata cannot draw here: vulkan crashed.\n")
+    assert shown(report).startswith("Strata cannot draw here: vulkan crashed; gl crashed.\n")
 
 
 # --- plans, self-tests, advice ------------------------------------------------------------------------------
@@ -235,7 +306,7 @@ def test_a_plan_takes_the_fallback_of_what_failed(monkeypatch: pytest.MonkeyPatc
 
     monkeypatch.setattr(chapters, "available", lambda: (1, 2, 3))
     monkeypatch.setattr(chapters, "lesson", lesson)
-    plan = doctor.plans(DEVICE)
+    plan = doctor.plans(doctor.capabilities_of(DEVICE))
     by_feature = {choice["feature"]: choice for choice in plan["ch01"]["choices"]}
     assert by_feature["sparse"]["native"]
     assert by_feature["fp64"]["path"] == "32-bit floats"

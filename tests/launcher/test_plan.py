@@ -155,11 +155,60 @@ def test_the_reason_is_given(machine: Machine, sentence: str) -> None:
     assert any(sentence in text for text in plan.missing)
 
 
-@pytest.mark.parametrize(("version", "told"), [((4, 6), True), ((4, 1), False), (None, False)])
-def test_opengl_is_no_device_yet_and_the_user_hears_why(version: tuple[int, int] | None, told: bool) -> None:
-    plan = decide(replace(NOBLE, gl=version, gl_device="llvmpipe"))
+# --- OpenGL alone ---
+
+
+def with_gl(machine: Machine, version: tuple[int, int] = (4, 6), **more: object) -> Machine:
+    return replace(machine, gl=version, gl_device="a card", **more)
+
+
+@pytest.mark.parametrize(
+    "machine",
+    [
+        with_gl(NOBLE, terminal=True),
+        with_gl(BOOKWORM, root=True),  # without a terminal: a container, where a step would be done unasked
+        with_gl(WINDOWS),
+        with_gl(NOBLE, (4, 5)),
+        with_gl(NOBLE, vulkan=(1, 2), vulkan_device="an old card"),
+        with_gl(GENTOO, root=True),
+        with_gl(FEDORA, terminal=True),
+        with_gl(WSL),
+    ],
+    ids=name,
+)
+@pytest.mark.parametrize("yes", [False, True])
+def test_where_opengl_works_nothing_is_changed_and_the_user_hears_what_vulkan_adds(
+    machine: Machine, yes: bool
+) -> None:
+    plan = decide(machine, yes=yes)
+    assert replace(plan, notes=()) == Plan("nothing")
+    version = ".".join(map(str, machine.gl or ()))
+    assert plan.notes[0].startswith(f"Strata draws with OpenGL {version} here (a card); Vulkan 1.3 would add")
+    assert not any("glslangValidator" in note or "Install the Vulkan" in note for note in plan.notes)
+
+
+@pytest.mark.parametrize(
+    "machine", [with_gl(NOBLE, (4, 4)), with_gl(MACOS, (4, 1)), with_gl(WINDOWS, (3, 3)), NOBLE], ids=name
+)
+def test_an_old_opengl_is_no_device(machine: Machine) -> None:
+    plan = decide(machine)
     assert plan.blocks == "graphics"
-    assert any("OpenGL" in note for note in plan.notes) == told
+    assert plan.steps
+    assert "Strata needs Vulkan 1.3 or OpenGL 4.5" in plan.missing[0]
+    assert not any("draws with OpenGL" in note for note in plan.notes)
+
+
+def test_in_ci_vulkan_and_its_layers_are_wanted_though_opengl_works() -> None:
+    plan = decide(with_gl(NOBLE, ci=True, root=True))
+    assert (plan.mode, plan.blocks) == ("run", "graphics")
+    assert installed(plan) == (*APT_VULKAN, *APT_GL, *APT_LAYERS, *APT_WINDOW)
+    assert "in CI Strata needs Vulkan 1.3" in plan.missing[0]
+
+
+def test_a_python_without_venv_is_helped_where_opengl_works_and_with_nothing_more() -> None:
+    plan = decide(with_gl(NOBLE, can_make_venv=False))
+    assert plan.blocks == "everything"
+    assert installed(plan) == ("python3.12-venv",)
 
 
 # --- Debian 12 and its backports ---
