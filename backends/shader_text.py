@@ -11,6 +11,7 @@ into files, source lines and the chain of includes.
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import math
 import numbers
@@ -111,7 +112,7 @@ def build(
     place of the include that is missing, part of a cycle, or malformed.
     """
     builder = _Builder(backend, stage or stage_of(path), roots, snippets or {})
-    return builder.build(_File(_shown(path), _read(path), path.parent), defines or {}, extensions)
+    return builder.build(_load(path), defines or {}, extensions)
 
 
 def build_text(
@@ -129,7 +130,7 @@ def build_text(
     if stage not in STAGES:
         raise ShaderError(f"{name}: there is no shader stage '{stage}', only {', '.join(STAGES)}.")
     builder = _Builder(backend, stage, roots, snippets or {})
-    return builder.build(_File(name, text, None), defines or {}, extensions)
+    return builder.build(_in_memory(name, text), defines or {}, extensions)
 
 
 def literal(value: Any) -> str:
@@ -163,16 +164,17 @@ _COMMENT = re.compile(r"//.*|/\*.*?(?:\*/|$)")
 
 @dataclass(frozen=True)
 class _File:
-    """A file before expansion; `folder` is None for text that lies nowhere on disk."""
+    """A file before expansion; `folder` is None for text that lies nowhere on disk.
+
+    `identity` tells files apart, however a path leads to them; `directives` has, for each line, the match of
+    a directive outside comments, or None.
+    """
 
     name: str
-    text: str
     folder: Path | None
-
-    @property
-    def identity(self) -> tuple[str, str]:
-        folder = "" if self.folder is None else str(self.folder.resolve())
-        return folder, self.name
+    identity: str
+    lines: tuple[str, ...] = field(repr=False)
+    directives: tuple[re.Match[str] | None, ...] = field(repr=False)
 
 
 class _Builder:
@@ -185,10 +187,8 @@ class _Builder:
         self.roots = [*roots, SHADERS]
         self.files: list[SourceFile] = []
         self.output: list[str] = []
-        self.done: set[tuple[str, str]] = set()  # included where no condition can leave them out
-        self.guards: dict[
-            tuple[str, str], str
-        ] = {}  # included under a condition: the macro that says whether
+        self.done: set[str] = set()  # included where no condition can leave them out
+        self.guards: dict[str, str] = {}  # included under a condition: the macro that says whether
 
     def build(self, main: _File, defines: Mapping[str, Constant], extensions: Sequence[str]) -> ShaderSource:
         prelude = self._prelude(defines, extensions)
@@ -218,13 +218,14 @@ class _Builder:
     ) -> None:
         """Append the lines of `file`. `depth` counts the `#if`s around it, `above` are its includers."""
         index = len(self.files)
-        lines = _lines(file.text)
-        self.files.append(SourceFile(file.name, lines, origin))
+        self.files.append(SourceFile(file.name, file.lines, origin))
         self.output.append(f"#line 1 {index}")
         conditions = 0
-        for number, (line, code) in enumerate(zip(lines, _without_comments(lines), strict=True), start=1):
-            directive = _DIRECTIVE.match(code)
-            kind, rest = directive.groups() if directive else (None, "")
+        for number, (line, directive) in enumerate(zip(file.lines, file.directives, strict=True), start=1):
+            if directive is None:
+                self.output.append(line)
+                continue
+            kind, rest = directive.groups()
             if kind == "include":
                 self._include(rest, (index, number), (*above, file), depth + conditions)
                 self.output.append(f"#line {number + 1} {index}")
@@ -233,10 +234,10 @@ class _Builder:
                 raise self._error(
                     (index, number), "the prelude of the backend sets the version; leave this line out"
                 )
-            conditions += {"if": 1, "ifdef": 1, "ifndef": 1, "endif": -1}.get(kind or "", 0)
+            conditions += -1 if kind == "endif" else 1
             self.output.append(line)
         if conditions:
-            raise self._error((index, len(lines)), "an #if and its #endif must be in the same file")
+            raise self._error((index, len(file.lines)), "an #if and its #endif must be in the same file")
 
     def _include(self, rest: str, place: tuple[int, int], above: tuple[_File, ...], depth: int) -> None:
         quoted = _QUOTED.match(rest.rstrip())
@@ -264,12 +265,12 @@ class _Builder:
 
     def _find(self, name: str, includer: _File, place: tuple[int, int]) -> _File:
         if name in self.snippets:
-            return _File(f"<{name}>", self.snippets[name], None)
+            return _in_memory(f"<{name}>", self.snippets[name])
         folders = ([includer.folder] if includer.folder else []) + self.roots
         for folder in folders:
             path = folder / name
             if path.is_file():
-                return _File(_shown(path), _read(path), path.parent)
+                return _load(path)
         looked = ", ".join(dict.fromkeys(_shown(folder) for folder in folders))
         raise self._error(place, f"there is no file '{name}' in {looked}")
 
@@ -290,6 +291,30 @@ def _without_comments(lines: Sequence[str]) -> list[str]:
             inside = True
         result.append(_COMMENT.sub(" ", line))
     return result
+
+
+def _load(path: Path) -> _File:
+    """Return a file, analysed anew only where it changed since it was last asked for."""
+    try:
+        state = path.stat()
+    except OSError as error:
+        raise ShaderError(f"The shader {_shown(path)} cannot be read: {error.strerror or error}.") from None
+    return _analysed(path, state.st_mtime_ns, state.st_size, state.st_ino)
+
+
+@functools.lru_cache(maxsize=1024)
+def _analysed(path: Path, mtime_ns: int, size: int, inode: int) -> _File:
+    """Return the file as it was at that time. A chapter's shaders include the same few files over and over."""
+    return _split(_shown(path), _read(path), path.parent, str(path.resolve()))
+
+
+def _in_memory(name: str, text: str) -> _File:
+    return _split(name, text, None, name)
+
+
+def _split(name: str, text: str, folder: Path | None, identity: str) -> _File:
+    lines = _lines(text)
+    return _File(name, folder, identity, lines, tuple(map(_DIRECTIVE.match, _without_comments(lines))))
 
 
 def _lines(text: str) -> tuple[str, ...]:
