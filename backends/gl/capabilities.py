@@ -145,7 +145,7 @@ def probe(fn: gl.Functions) -> Capabilities:
     return Capabilities(
         backend="gl",
         device=renderer,
-        driver=f"{vendor} {version}",
+        driver=version if vendor.partition(" ")[0].lower() in version.lower() else f"{vendor} {version}",
         api_version=(integer(fn, gl.GL_MAJOR_VERSION), integer(fn, gl.GL_MINOR_VERSION), 0),
         kind=kind_of(vendor, renderer),
         features=frozenset(FEATURES.keys() - why_not.keys()),
