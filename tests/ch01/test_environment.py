@@ -28,6 +28,8 @@ from common.environment import Environment, constant, read_environment
 from common.paths import asset_dir
 from common.shading import distribution_ggx
 
+pytestmark = pytest.mark.variants("vulkan")  # the kernels need nothing that a device may lack
+
 SMALL = Sizes(face=32, irradiance_face=4, irradiance_source=32, table=16, table_samples=64, lobe_part=0.3)
 HALF = 2.0**-11
 """The relative error of rounding to half precision."""
@@ -35,8 +37,10 @@ HALF = 2.0**-11
 
 @pytest.fixture(autouse=True)
 def own_cache(tmp_path, monkeypatch):
-    """Let no test find what another one, or the user, has kept."""
-    monkeypatch.setenv("STRATA_CACHE", str(tmp_path / "cache"))
+    """Let no test find maps that another one, or the user, has kept."""
+    folder = tmp_path / "environment"
+    folder.mkdir()
+    monkeypatch.setattr(logic, "cache_dir", lambda name: folder)
 
 
 def doubles(device, image):
@@ -127,16 +131,16 @@ def test_blurred_linear_light_keeps_the_lobes_share(vulkan_device):
 
 
 @cache
-def blurred(content_height, edge, alpha):
-    """Return the garden's mean radiance (6, edge, edge, 3) under the lobe, or the cosine alone, over all pixels."""
+def blurred(content_height, edge, alpha, faces=6):
+    """Return the garden's mean radiance (faces, edge, edge, 3) under the lobe, or the cosine alone, over all pixels."""
     light, areas = garden(content_height).radiance.astype(np.float64), panorama_solid_angles(content_height)
     d = panorama_directions(content_height).reshape(-1, 3)
-    cosine = cube_directions(edge).reshape(-1, 3) @ d.T
+    cosine = cube_directions(edge)[:faces].reshape(-1, 3) @ d.T
     weight = np.maximum(cosine, 0) * np.broadcast_to(areas, light.shape[:2]).ravel()
     if alpha is not None:
         weight *= distribution_ggx(np.sqrt(np.maximum(1 + cosine, 0) / 2), alpha)
     total = weight @ light.reshape(-1, 3) / weight.sum(axis=1, keepdims=True)
-    return total.reshape(6, edge, edge, 3)
+    return total.reshape(faces, edge, edge, 3)
 
 
 def test_a_sunny_garden_against_sums_over_all_its_pixels(vulkan_device):
@@ -151,8 +155,9 @@ def test_a_sunny_garden_against_sums_over_all_its_pixels(vulkan_device):
     assert np.abs(irradiance / truth - 1).max() < 0.03
     for level in (2, 3):
         edge = 64 >> level
-        truth = blurred(64, edge, logic.level_roughness(level, 4) ** 2)
-        rms = np.sqrt(((levels[level] - truth) ** 2).mean() / (truth**2).mean())
+        faces = {2: 2, 3: 6}[level]  # all of them take long at the finer level
+        truth = blurred(64, edge, logic.level_roughness(level, 4) ** 2, faces)
+        rms = np.sqrt(((levels[level][:faces] - truth) ** 2).mean() / (truth**2).mean())
         assert rms < 0.03, f"level {level}: {rms}"
     for level, texels in enumerate(levels):
         mean = np.einsum("fijc,ij->c", texels, cube_solid_angles(texels.shape[1])) / (4 * np.pi)
@@ -396,7 +401,7 @@ def test_the_second_start_reads_what_the_first_made(vulkan_device, tmp_path):
     for before, after in zip(first[2], second[2], strict=True):
         for one, other in zip(before, after, strict=True):
             assert np.array_equal(one, other)
-    files = sorted((tmp_path / "cache" / "environment").iterdir())
+    files = sorted((tmp_path / "environment").iterdir())
     assert len(files) == 2
     for file in files:  # damaged, cut short, of another shape: made again
         file.write_bytes(file.read_bytes()[:-100])

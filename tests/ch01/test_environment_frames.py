@@ -31,8 +31,10 @@ EXACT = Settings(
 
 @pytest.fixture(autouse=True)
 def own_cache(tmp_path, monkeypatch):
-    """Let no test find what another one, or the user, has kept."""
-    monkeypatch.setenv("STRATA_CACHE", str(tmp_path / "cache"))
+    """Let no test find maps that another one, or the user, has kept."""
+    folder = tmp_path / "environment"
+    folder.mkdir()
+    monkeypatch.setattr(logic, "cache_dir", lambda name: folder)
 
 
 def smooth():

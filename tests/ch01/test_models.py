@@ -26,6 +26,20 @@ def model_files():
 
 
 FILES = {file.stem: file for file in model_files()}
+SAMPLE = (
+    "BoxVertexColors",
+    "Cameras",
+    "FlightHelmet",
+    "LightsPunctualLamp",
+    "MultiUVTest",
+    "SimpleInstancing",
+    "SimpleMorph",
+    "SimpleSkin",
+    "SimpleSparseAccessor",
+    "TwoSidedPlane",
+)
+"""Models of the quick run, each with something of its own; all of them are drawn in the long one."""
+CASES = [name if name in SAMPLE else pytest.param(name, marks=pytest.mark.long) for name in FILES]
 
 
 @pytest.fixture(scope="session")
@@ -60,7 +74,7 @@ def projected(scene, pose, view):
 
 
 @pytest.mark.feature("gltf/gpu-upload")
-@pytest.mark.parametrize("name", FILES or ["none"])
+@pytest.mark.parametrize("name", CASES or ["none"])
 def test_a_model_is_drawn_where_it_stands_and_twice_the_same(vulkan_device, models, opened, name):
     """Finite, seen, equal bits in both slots; and no pixel or depth lies outside what its vertices project to."""
     scene = opened(FILES[name])
