@@ -202,6 +202,10 @@ class Renderer(Protocol):
     size: tuple[int, int]
 
     @property
+    def prepared_ms(self) -> dict[str, float]:
+        """Milliseconds of GPU work before the first frame, by what was made; what came from a cache is left out."""
+
+    @property
     def present_source(self) -> Any:
         """The image that holds the last frame's picture, for a window: 8-bit sRGB codes, row 0 on top.
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import chapters
-from chapters import bench_points, bench_start, scenes
+from chapters import bench_points, bench_prepared, bench_start, scenes
 from chapters.bench_points import Effort, Subject
 from chapters.console import Steps, out, say
 from chapters.tables import table
@@ -19,7 +19,7 @@ from common import stability
 from common.errors import UserError
 from common.paths import ROOT, write_whole
 
-FORMAT = 1
+FORMAT = 2
 """Of the record; readers refuse another."""
 
 FOLDER = ROOT / "docs" / "benchmarks"
@@ -105,8 +105,14 @@ def measure(
         capabilities = renderer.capabilities
     steps("start, cold and warm", 0.05)
     starts = bench_start.cold_and_warm(number, backend, scene, size, effort.starts)
-    found = bench_points.sweep(subject, effort, lambda what, part: steps(what, 0.2 + 0.6 * part))
-    steps("stability", 0.8)
+    found = bench_points.sweep(subject, effort, lambda what, part: steps(what, 0.15 + 0.5 * part))
+    points = [point.record(defaults) for point in found]
+    for point in points:
+        point["front"] = bench_points.on_front(point, points)
+    prepared = bench_prepared.sweeps(
+        number, backend, size, effort, lambda what, part: steps(f"prepare {what}", 0.65 + 0.25 * part)
+    )
+    steps("stability", 0.9)
     cases = bench_points.stability_cases(subject, effort)
     return {
         "format": FORMAT,
@@ -134,7 +140,8 @@ def measure(
         "frames": effort.frames,
         "rounds": effort.rounds,
         "reference": {"preset": "reference", "samples_per_pixel": effort.samples**2},
-        "points": [point.record(defaults) for point in found],
+        "points": points,
+        "prepared": prepared,
         "start_s": starts,
         "stability": {
             "bound": stability.BOUND,
@@ -162,29 +169,10 @@ def show(made: dict[str, Any]) -> None:
     """Print a record as tables."""
     width, height = made["size"]
     where = f"{made['scene']['name']}, {width}x{height}, {made['device']['name']}"
-    shown = table(
-        f"Chapter {made['chapter']}: {where}",
-        "setting",
-        ">GPU ms",
-        ">±",
-        ">wall ms",
-        ">rel. MSE",
-        ">max",
-        ">FLIP",
-    )
-    for point in made["points"]:
-        error = point["error"]
-        flip = "-" if error["flip"] is None else f"{error['flip']:.4f}"
-        shown.add_row(
-            point["name"],
-            f"{point['gpu_ms']:.2f}",
-            f"{point['noise_ms']:.2f}",
-            f"{point['wall_ms']:.2f}",
-            f"{error['relative_mse']:.5f}",
-            f"{error['max_abs']:.3f}",
-            flip,
-        )
-    out.print(shown)
+    _show_points(f"Chapter {made['chapter']}: {where}", made["points"])
+    for one in made["prepared"]:
+        title = f"Before the first frame: {one['name']}, {one['scene']} in {one['environment']}"
+        _show_points(title, one["points"])
     for state, times in made["start_s"].items():
         parts = ", ".join(
             f"{name} {value:.2f} s"
@@ -202,8 +190,29 @@ def show(made: dict[str, Any]) -> None:
         f"(at most {made['stability']['bound']:.1%} may).",
         soft_wrap=True,
     )
-    for name, better in bench_points.dominated(made["points"]):
-        out.print(f"The preset {name} is slower and less true than {better}.")
+    for points in (made["points"], *(one["points"] for one in made["prepared"])):
+        for name, better in bench_points.dominated(points):
+            out.print(f"The preset {name} is slower and less true than {better}.")
+
+
+def _show_points(title: str, points: list[dict[str, Any]]) -> None:
+    """Print a table of points; a star marks those of the Pareto front, which no other beats in time and error."""
+    walls = "wall_ms" in points[0]
+    columns = ("setting", "", ">GPU ms", ">±", *([">wall ms"] if walls else []), ">rel. MSE", ">max", ">FLIP")
+    shown = table(title, *columns)
+    for point in points:
+        error = point["error"]
+        shown.add_row(
+            point["name"],
+            "*" if point["front"] else "",
+            f"{point['gpu_ms']:.2f}",
+            f"{point['noise_ms']:.2f}",
+            *([f"{point['wall_ms']:.2f}"] if walls else []),
+            f"{error['relative_mse']:.2g}",
+            f"{error['max_abs']:.3f}",
+            "-" if error["flip"] is None else f"{error['flip']:.4f}",
+        )
+    out.print(shown)
 
 
 def can_plot() -> bool:
@@ -214,34 +223,43 @@ def can_plot() -> bool:
 
 
 def plot(path: Path, made: dict[str, Any]) -> None:
-    """Draw time against error: presets joined by a line, knobs turned alone as small marks."""
+    """Draw time against error, with the Pareto front: of frames, and beside it of what is made before the first."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(7, 4.5), layout="constrained")
-    axes = figure.add_subplot()
-    flip = all(point["error"]["flip"] is not None for point in made["points"])
-    measure_name = "flip" if flip else "relative_mse"
-    for kind, mark in (("knob", "x"), ("preset", "o-")):
-        chosen = sorted((p for p in made["points"] if p["kind"] == kind), key=lambda p: p["gpu_ms"])
-        times = [p["gpu_ms"] for p in chosen]
-        values = [p["error"][measure_name] for p in chosen]
-        noise = [p["noise_ms"] for p in chosen]
-        axes.errorbar(
-            times, values, xerr=noise, fmt=mark if kind == "preset" else "x", label=f"{kind}s", capsize=2
-        )
-        for point, x, y in zip(chosen, times, values, strict=True):
-            axes.annotate(point["name"], (x, y), textcoords="offset points", xytext=(5, 5), fontsize=8)
+    count = 1 + len(made["prepared"])
+    figure = Figure(figsize=(1 + 6 * count, 4.8), layout="constrained")
+    panels = figure.subplots(1, count, squeeze=False)[0]
     width, height = made["size"]
-    axes.set_xlabel(f"GPU time, ms a frame at {width}x{height}")
     spp = made["reference"]["samples_per_pixel"]
-    axes.set_ylabel(
-        f"{'mean FLIP' if flip else 'relative MSE'} against the reference at {spp} samples a pixel"
-    )
-    axes.set_title(
-        f"Chapter {made['chapter']}, {made['scene']['name']}, {made['device']['name']}", fontsize=10
-    )
-    axes.legend()
+    _plot_points(panels[0], made["points"])
+    panels[0].set_xlabel(f"GPU time, ms a frame at {width}x{height}")
+    panels[0].set_ylabel(f"{panels[0].get_ylabel()} against the reference at {spp} samples a pixel")
+    panels[0].set_title(f"{made['scene']['name']}, {made['device']['name']}", fontsize=10)
+    for axes, one in zip(panels[1:], made["prepared"], strict=True):
+        _plot_points(axes, one["points"])
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        axes.set_xlabel(f"GPU time, ms once before the first frame ({one['name']})")
+        axes.set_title(f"{one['scene']} in {one['environment']}", fontsize=10)
     try:
         figure.savefig(path)
     except (OSError, ValueError) as error:
         raise UserError(f"--plot {path} cannot be written: {error}.") from None
+
+
+def _plot_points(axes: Any, points: list[dict[str, Any]]) -> None:
+    """Draw presets as dots, knobs turned alone as crosses, and the front that no setting lies below."""
+    measure_name = bench_points.measure_of(points)
+    front = sorted((p["gpu_ms"], p["error"][measure_name]) for p in points if p["front"])
+    axes.plot(*zip(*front, strict=True), "-", color="0.7", label="Pareto front", zorder=0)
+    for kind, mark in (("knob", "x"), ("preset", "o")):
+        chosen = [p for p in points if p["kind"] == kind]
+        times = [p["gpu_ms"] for p in chosen]
+        values = [p["error"][measure_name] for p in chosen]
+        noise = [p["noise_ms"] for p in chosen]
+        axes.errorbar(times, values, xerr=noise, fmt=mark, label=f"{kind}s", capsize=2)
+        for point, x, y in zip(chosen, times, values, strict=True):
+            size = 9 if kind == "preset" else 6
+            axes.annotate(point["name"], (x, y), textcoords="offset points", xytext=(5, 4), fontsize=size)
+    axes.set_ylabel("mean FLIP" if measure_name == "flip" else "relative MSE")
+    axes.legend()

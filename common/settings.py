@@ -67,6 +67,17 @@ class Knob:
         return "any number"
 
 
+@dataclasses.dataclass(frozen=True)
+class Sweep:
+    """Knobs of what is made once, before the first frame: which to turn, on what, and what the result is held to."""
+
+    name: str
+    scene: str
+    environment: str
+    knobs: dict[str, tuple[Value, ...]]
+    truth: dict[str, Value]  # values of the same knobs beyond those of any preset
+
+
 class Row(NamedTuple):
     """One setting as a line of a table: all of it text."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from common.settings import AtMost, knob
+from common.settings import AtMost, Sweep, knob
 from common.shading_environment import ENERGIES
 
 
@@ -41,6 +41,27 @@ class Settings:
         },
     }
     SWEEP: ClassVar[dict[str, tuple[Any, ...]]] = {"msaa": (1, 4)}  # the numbers that every device has
+    PREPARED: ClassVar[tuple[Sweep, ...]] = (
+        Sweep(
+            "environment",
+            scene="spheres",
+            environment="sky",
+            knobs={
+                "environment_size": (64, 128, 256, 512),
+                "environment_detail": (1.0, 0.7, 0.5, 0.35, 0.25),
+                "irradiance_source": (8, 16, 32, 64, 128),
+                "table_size": (16, 32, 64, 128),
+                "table_samples": (64, 256, 1024, 4096),
+            },
+            truth={
+                "environment_size": 512,
+                "environment_detail": 0.1,
+                "irradiance_source": 256,
+                "table_size": 256,
+                "table_samples": 8192,
+            },
+        ),
+    )
 
     anisotropy: float = knob(
         4.0, "texels averaged along the longer axis of a pixel's footprint", minimum=1, maximum=16

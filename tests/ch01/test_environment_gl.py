@@ -28,7 +28,7 @@ def on_opengl(context, environment):
     try:
         levels = [on_gl.read_cube(context, maps.radiance, level) for level in range(SMALL.levels)]
         levels.append(on_gl.read_cube(context, maps.irradiance, 0))
-        return maps.made, [*levels, on_gl.read_image(context, maps.table)]
+        return len(maps.made_ms), [*levels, on_gl.read_image(context, maps.table)]
     finally:
         maps.close(context)
 

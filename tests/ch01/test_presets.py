@@ -22,3 +22,5 @@ def test_no_preset_is_slower_and_less_true_than_another_in_the_newest_record():
     record = bench.read_record(path)
     assert {point["name"] for point in record["points"]} >= {"low", "medium", "high", "reference"}
     assert bench_points.dominated(record["points"]) == []
+    for swept in record["prepared"]:
+        assert bench_points.dominated(swept["points"]) == [], swept["name"]

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import chapters
-from chapters import bench, bench_points, scenes
+from chapters import bench, bench_points, bench_prepared, scenes
+from chapters.bench_prepared import prepared_points
 from chapters.ch01.settings import Settings
 from chapters.cli import invoke
 from common import stability
 from common.errors import UnsupportedError, UserError
+from common.settings import preset
 
 QUICK = ["bench", "1", "--quick", "--scene", "cornell", "--size", "64x36"]
 
@@ -23,11 +26,19 @@ QUICK = ["bench", "1", "--quick", "--scene", "cornell", "--size", "64x36"]
 def record(tmp_path_factory):
     """The record of one quick bench, made through the command line."""
     path = tmp_path_factory.mktemp("bench") / "record.json"
+
+    def small(settings_class, name):
+        """Return a preset with a small environment: what is measured costs less, how it is measured is the same."""
+        detail = {"low": 1.0, "medium": 0.7, "high": 0.5, "reference": 0.35}[name]
+        return replace(preset(settings_class, name), environment_size=32, environment_detail=detail)
+
     try:
         chapters.open(1, scene=scenes.load("cornell"), size=(4, 4)).close()
     except UnsupportedError as error:
         pytest.skip(f"no Vulkan: {error}")
-    assert invoke([*QUICK, "--json", str(path)]) == 0
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(bench_prepared, "preset", small)
+        assert invoke([*QUICK, "--json", str(path)]) == 0
     return bench.read_record(path)
 
 
@@ -62,6 +73,41 @@ def test_every_setting_has_time_error_and_work(record):
         assert all(value is None or 0 < value < 1 for value in point["error"].values())
         assert point["work"]["draws"] > 0
         assert point["work"]["passes"] == 2 + len(resolved)
+
+
+@pytest.mark.feature("tools/bench")
+def test_what_is_made_before_the_first_frame_has_time_and_error(record):
+    (swept,) = record["prepared"]
+    assert [point["name"] for point in swept["points"]] == ["low", "medium", "high"]
+    assert swept["truth"]["table_samples"] == 4096  # the preset reference
+    for point in swept["points"]:
+        assert point["parts_ms"].keys() == {
+            "environment maps",
+            "environment table",
+        }  # nothing came from a disk
+        assert point["gpu_ms"] == pytest.approx(sum(point["parts_ms"].values()))
+        assert 0 < point["error"]["relative_mse"] < 1
+    low, _, high = swept["points"]
+    assert low["gpu_ms"] < high["gpu_ms"]
+    assert low["error"]["relative_mse"] > high["error"]["relative_mse"]
+
+
+def test_a_sweep_turns_each_knob_alone_and_holds_it_to_more_than_any_preset():
+    (swept,) = Settings.PREPARED
+    found = {name: settings for name, _, settings in prepared_points(Settings, swept)}
+    assert list(found)[:4] == ["low", "medium", "high", "reference"]
+    assert found["table_size=16"] == Settings(table_size=16)
+    assert "table_size=64" not in found  # it is the preset medium
+    assert found["low"].anisotropy == Settings().anisotropy  # of the presets, only the knobs that are swept
+    for name, values in swept.knobs.items():
+        better = min if name == "environment_detail" else max
+        used = [getattr(settings, name) for settings in found.values()]
+        assert better(swept.truth[name], *used, *values) == swept.truth[name]
+
+
+def test_the_front_is_what_nothing_beats():
+    points = [point("a", 1.0, 0.5), point("b", 2.0, 0.2), point("c", 3.0, 0.3), point("d", 2.0, 0.2)]
+    assert [bench_points.on_front(one, points) for one in points] == [True, True, False, True]
 
 
 @pytest.mark.feature("tools/bench")
@@ -108,7 +154,7 @@ def point(name, gpu_ms, error, noise_ms=0.1):
     [
         ([point("b", 5.0, 0.1)], [("a", "b")]),  # faster and truer
         ([point("b", 9.9, 0.1)], []),  # faster by less than both noises
-        ([point("b", 5.0, 0.19999)], []),  # truer by less than the noise of a filter's last bit
+        ([point("b", 5.0, 0.199)], []),  # truer by less than what a format's last bit does
         ([point("b", 5.0, 0.3)], []),  # faster, less true
         ([point("b", 20.0, 0.1)], []),  # truer, slower
         ([point("b", 5.0, 0.1, noise_ms=6.0)], []),  # too noisy to say

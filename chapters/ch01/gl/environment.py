@@ -6,6 +6,7 @@ other one reads.
 
 from __future__ import annotations
 
+import time as clock
 from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any
@@ -43,8 +44,8 @@ class EnvironmentMaps:
     table: Image
     scale: float
     """What a stored 1 stands for, in nits."""
-    made: int
-    """How many of the two (maps, table) were made; the others came from the disk."""
+    made_ms: dict[str, float]
+    """Milliseconds that the GPU took for what was made ("maps", "table"); what came from the disk is left out."""
 
     @property
     def last_level(self) -> int:
@@ -69,13 +70,12 @@ def create_environment(context: Context, environment: Environment, sizes: Sizes)
         radiance = image(sizes.face, "environment radiance", sizes.levels)
         irradiance = image(sizes.irradiance_face, "environment irradiance")
         table = image(sizes.table, "environment table", shape="2d")
-        made = 0
+        made_ms = {}
         key = logic.maps_key(environment, sizes)
         maps = logic.read_maps(key, sizes)
         if maps is None:
-            maps = _make_maps(context, environment, sizes, radiance, irradiance)
+            maps, made_ms["maps"] = _make_maps(context, environment, sizes, radiance, irradiance)
             logic.write_maps(key, maps)
-            made += 1
         else:
             for level, texels in enumerate(maps.radiance):
                 write_image(context, radiance, texels, level=level)
@@ -83,12 +83,12 @@ def create_environment(context: Context, environment: Environment, sizes: Sizes)
         key = logic.table_key(sizes)
         texels_of_table = logic.read_table(key, sizes)
         if texels_of_table is None:
-            logic.write_table(key, _make_table(context, sizes, table))
-            made += 1
+            made, made_ms["table"] = _make_table(context, sizes, table)
+            logic.write_table(key, made)
         else:
             write_image(context, table, texels_of_table)
         failed.pop_all()
-        return EnvironmentMaps(radiance, irradiance, table, maps.scale, made)
+        return EnvironmentMaps(radiance, irradiance, table, maps.scale, made_ms)
 
 
 def _program(programs: Programs, name: str) -> Program:
@@ -98,8 +98,8 @@ def _program(programs: Programs, name: str) -> Program:
 
 def _make_maps(
     context: Context, environment: Environment, sizes: Sizes, radiance: Image, irradiance: Image
-) -> Maps:
-    """Run the kernels, and return what they wrote."""
+) -> tuple[Maps, float]:
+    """Run the kernels; return what they wrote and their milliseconds."""
     height, width = environment.radiance.shape[:2]
     largest = context.capabilities.limits["maxImageDimension2D"]
     if width > largest:
@@ -136,6 +136,10 @@ def _make_maps(
             fn.glDispatchCompute(*logic.groups(target.width >> level))
             fn.glMemoryBarrier(gl.GL_TEXTURE_FETCH_BARRIER_BIT)  # the next kernel reads what this one stored
 
+        for name in logic.KERNELS:  # compiled before the clock runs
+            _program(programs, name)
+        fn.glFinish()
+        began = clock.perf_counter()
         first = logic.push((sizes.face, logic.points_per_edge(environment, sizes)))
         for made in (source, radiance):  # the mirror's level is the environment itself
             run("environment_cube", panorama.view, samplers[0], made, 0, first)
@@ -150,8 +154,10 @@ def _make_maps(
             lobe = logic.push((sizes.face >> level, sizes.source_levels - 1), alpha, part)
             run("environment_prefilter", source.view, samplers[1], radiance, level, lobe)
         fn.glMemoryBarrier(gl.GL_TEXTURE_UPDATE_BARRIER_BIT)
+        fn.glFinish()
+        made_ms = (clock.perf_counter() - began) * 1e3
         levels = [read_cube(context, radiance, level) for level in range(sizes.levels)]
-        return Maps(levels, read_cube(context, irradiance, 0), scale)
+        return Maps(levels, read_cube(context, irradiance, 0), scale), made_ms
 
 
 def read_cube(context: Context, image: Image, level: int) -> np.ndarray:
@@ -159,15 +165,19 @@ def read_cube(context: Context, image: Image, level: int) -> np.ndarray:
     return np.stack([read_image(context, image, level=level, layer=face) for face in range(6)])
 
 
-def _make_table(context: Context, sizes: Sizes, table: Image) -> np.ndarray:
-    """Run the table's kernel, and return what it wrote."""
+def _make_table(context: Context, sizes: Sizes, table: Image) -> tuple[np.ndarray, float]:
+    """Run the table's kernel; return what it wrote and its milliseconds."""
     programs = Programs(context)
     try:
         context.fn.glUseProgram(_program(programs, logic.TABLE_KERNEL).handle)
+        context.fn.glFinish()
+        began = clock.perf_counter()
         bind_storage_image(context, 0, table)
         context.push(logic.push((sizes.table, sizes.table_samples)))
         context.fn.glDispatchCompute(*logic.groups(sizes.table, 1))
         context.fn.glMemoryBarrier(gl.GL_TEXTURE_FETCH_BARRIER_BIT | gl.GL_TEXTURE_UPDATE_BARRIER_BIT)
-        return read_image(context, table)
+        context.fn.glFinish()
+        made_ms = (clock.perf_counter() - began) * 1e3
+        return read_image(context, table), made_ms
     finally:
         programs.close()

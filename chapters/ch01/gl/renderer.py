@@ -285,6 +285,11 @@ class Renderer:
     # --- reading ---
 
     @property
+    def prepared_ms(self) -> dict[str, float]:
+        """What was made on the GPU before the first frame, and how long it took; see the contract."""
+        return self._data.prepared_ms
+
+    @property
     def present_source(self) -> Framebuffer:
         """The finished picture on the GPU, for a window to copy from; see `backends.contract.Renderer`."""
         if "color" not in self._handed_on:

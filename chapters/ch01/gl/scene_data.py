@@ -104,11 +104,13 @@ class SceneData:
     def _make_environment(self) -> None:
         self.environment = environment.NO_ENVIRONMENT
         """What every frame's constants hold of the environment."""
+        self.prepared_ms: dict[str, float] = {}
         self._environment: EnvironmentMaps | None = None
         if self._energy is None or self._scene.environment is None:
             return
         maps = create_environment(self._context, self._scene.environment, Sizes.of(self._settings))
         self._environment = maps
+        self.prepared_ms = {f"environment {name}": took for name, took in maps.made_ms.items()}
         self.environment = environment.frame_values(self._settings, maps.scale, maps.last_level)
 
     def _free_geometry(self) -> None:

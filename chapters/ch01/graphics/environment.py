@@ -9,6 +9,7 @@ The kernels are in `shaders/environment_*.comp`, what both backends know about t
 
 from __future__ import annotations
 
+import time as clock
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -60,8 +61,8 @@ class EnvironmentMaps:
     irradiance_view: Any
     scale: float
     """What a stored 1 stands for, in nits."""
-    made: int
-    """How many of the two (maps, table) were made; the others came from the disk."""
+    made_ms: dict[str, float]
+    """Milliseconds that the GPU took for what was made ("maps", "table"); what came from the disk is left out."""
 
     @property
     def last_level(self) -> int:
@@ -89,26 +90,25 @@ def create_environment(device: Device, environment: Environment, sizes: Sizes) -
         radiance = image(sizes.face, "environment radiance", sizes.levels)
         irradiance = image(sizes.irradiance_face, "environment irradiance")
         table = image(sizes.table, "environment table", layers=1)
-        made = 0
+        made_ms = {}
         key = logic.maps_key(environment, sizes)
         maps = logic.read_maps(key, sizes)
         if maps is None:
-            maps = _make_maps(device, environment, sizes, radiance, irradiance)
+            maps, made_ms["maps"] = _make_maps(device, environment, sizes, radiance, irradiance)
             logic.write_maps(key, maps)
-            made += 1
         else:
             fill(device, radiance, maps.radiance)
             fill(device, irradiance, [maps.irradiance])
         key = logic.table_key(sizes)
         texels = logic.read_table(key, sizes)
         if texels is None:
-            logic.write_table(key, _make_table(device, sizes, table))
-            made += 1
+            texels, made_ms["table"] = _make_table(device, sizes, table)
+            logic.write_table(key, texels)
         else:
             fill(device, table, [texels[None]])
         seen, lit = cube_view(device, radiance), cube_view(device, irradiance)
         failed.pop_all()
-        return EnvironmentMaps(radiance, irradiance, table, seen, lit, maps.scale, made)
+        return EnvironmentMaps(radiance, irradiance, table, seen, lit, maps.scale, made_ms)
 
 
 def cube_view(device: Device, image: Image, level: int = 0, levels: int | None = None) -> Any:
@@ -141,8 +141,8 @@ def _kernel(device: Device, name: str, kinds: Sequence[Any], push_size: int, dis
 
 def _make_maps(
     device: Device, environment: Environment, sizes: Sizes, radiance: Image, irradiance: Image
-) -> Maps:
-    """Run the kernels, and return what they wrote; the images end in the state 'sampled'."""
+) -> tuple[Maps, float]:
+    """Run the kernels; return what they wrote and their milliseconds. The images end in the state 'sampled'."""
     height, width = environment.radiance.shape[:2]
     largest = int(device.limits.maxImageDimension2D)
     if width > largest:
@@ -188,6 +188,7 @@ def _make_maps(
         def level_of(cube: Image, level: int) -> Sampled:
             return Sampled(cube_view(device, cube, level, 1))
 
+        began = clock.perf_counter()  # all of it is one submission that is waited for
         with submit_once(device) as commands:
             for made in (source, radiance, irradiance):
                 transition(device, commands, made, "undefined", "storage")
@@ -215,21 +216,24 @@ def _make_maps(
                 to_radiance.record(commands, (whole, level_of(radiance, level)), logic.groups(edge), lobe)
             for made in (radiance, irradiance):
                 transition(device, commands, made, "storage", "sampled")
-        return Maps(read_levels(device, radiance), read_levels(device, irradiance)[0], scale)
+        made_ms = (clock.perf_counter() - began) * 1e3
+        return Maps(read_levels(device, radiance), read_levels(device, irradiance)[0], scale), made_ms
 
 
-def _make_table(device: Device, sizes: Sizes, table: Image) -> np.ndarray:
-    """Run the table's kernel, and return what it wrote; the image ends in the state 'sampled'."""
+def _make_table(device: Device, sizes: Sizes, table: Image) -> tuple[np.ndarray, float]:
+    """Run the table's kernel; return what it wrote and its milliseconds. The image ends in the state 'sampled'."""
     kernel = _kernel(device, logic.TABLE_KERNEL, ("image",), 16)
     try:
+        began = clock.perf_counter()
         with submit_once(device) as commands:
             transition(device, commands, table, "undefined", "storage")
             counts = logic.push((sizes.table, sizes.table_samples))
             kernel.record(commands, (Sampled(table.view),), logic.groups(sizes.table, 1), counts)
             transition(device, commands, table, "storage", "sampled")
+        made_ms = (clock.perf_counter() - began) * 1e3
     finally:
         kernel.close()
-    return read_levels(device, table)[0][0]
+    return read_levels(device, table)[0][0], made_ms
 
 
 def _finish_level(device: Device, commands: Any, image: Image, level: int) -> None:

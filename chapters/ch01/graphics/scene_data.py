@@ -104,11 +104,13 @@ class SceneData:
     def _make_environment(self) -> None:
         self.environment = environment.NO_ENVIRONMENT
         """What every frame's constants hold of the environment."""
+        self.prepared_ms: dict[str, float] = {}
         self._environment: list[Texture] = []
         if self._energy is None or self._scene.environment is None:
             return
         sizes = Sizes.of(self._settings)
         maps = create_environment(self._device, self._scene.environment, sizes)
+        self.prepared_ms = {f"environment {name}": took for name, took in maps.made_ms.items()}
         for image in (maps.radiance, maps.irradiance, maps.table):
             self._resources.images.create(image)
         sampler = self._resources.sampler(environment.SMOOTH, 1.0)
