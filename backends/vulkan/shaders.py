@@ -20,11 +20,14 @@ from pathlib import Path
 
 from backends.shader_text import ShaderSource, describe_errors
 from backends.vulkan import glslang
+from common.disk_cache import mark_read, prune
 from common.errors import ShaderError
 from common.paths import cache_dir, write_whole
 
 MAGIC = 0x07230203  # first word of every SPIR-V module (SPIR-V specification, 2.3)
 _HEADER_WORDS = 5
+MOST_BYTES = 64 << 20
+"""What the cache may take on disk: a chapter's shaders take less than 1 MiB, every edit of one adds some."""
 
 
 @dataclass
@@ -62,11 +65,15 @@ class Compiler:
         code = _read_entry(path) if path else None
         if code is not None:
             self._count("cached")
+            assert path is not None  # it was read
+            mark_read(path)
         else:
             code = _compile(source)
             self._count("compiled")
             path = self._path(source)  # anew: it names the compiler, which may turn out not to load
             if path:
+                if self.counters.compiled == 1:  # once per process is enough
+                    prune(path.parent, MOST_BYTES)
                 _write_entry(path, code)
         return self._memory.setdefault(source.key, code)
 

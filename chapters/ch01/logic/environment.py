@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from common.blobs import BlobError, read_blob, write_blob
+from common.disk_cache import mark_read, prune
 from common.environment import Environment
 from common.paths import ROOT, cache_dir, write_whole
 from common.scene import Sampler, Scene
@@ -41,6 +42,8 @@ PANORAMA = Sampler("linear", "linear", None, "repeat", "clamp")
 VERSION = 1
 LARGEST = 60_000.0
 """What no stored number exceeds, with some room below the largest of half precision."""
+MOST_BYTES = 512 << 20
+"""What is kept on disk of environments: one with a cube of 256 texels along an edge takes 4 MiB."""
 SMALLEST_FACE = 16
 LAST_FACE = 8
 """Texels along an edge of the roughest level: a lobe a hemisphere wide needs no more; with less, seams would show."""
@@ -250,7 +253,9 @@ def _read(key: str) -> Any:
     if folder is None:
         return None
     try:
-        data = (folder / f"{key}.blob").read_bytes()
+        path = folder / f"{key}.blob"
+        data = path.read_bytes()
+        mark_read(path)
         checked, checksum = data[:-32], data[-32:]
         return read_blob(checked, VERSION) if hashlib.sha256(checked).digest() == checksum else None
     except (OSError, BlobError):
@@ -261,6 +266,7 @@ def _write(key: str, value: Any) -> None:
     folder = cache_dir("environment")
     if folder is None:
         return
+    prune(folder, MOST_BYTES)
     data = write_blob(value, VERSION)
     with contextlib.suppress(OSError):
         write_whole(folder / f"{key}.blob", data + hashlib.sha256(data).digest())
