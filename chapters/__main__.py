@@ -17,8 +17,12 @@ LIBRARY = ("common", "backends", "chapters", "assets")
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run one command and exit: 0, 1 for a fault of ours, 2 for one of the user's, 130 after Ctrl-C."""
-    words = list(sys.argv[1:] if arguments is None else arguments)
-    sys.exit(run(words))
+    try:
+        words = list(sys.argv[1:] if arguments is None else arguments)
+        sys.exit(run(words))
+    except KeyboardInterrupt:  # while the modules below were imported, or after all was done
+        print("strata: stopped.", file=sys.stderr)
+        sys.exit(130)
 
 
 def run(words: list[str]) -> int:

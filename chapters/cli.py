@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from chapters.console import say
+from chapters.stopping import STOPPED
 
 app = typer.Typer(
     name="strata",
@@ -41,8 +42,11 @@ def invoke(words: list[str]) -> int:
         return ended.exit_code
     except typer.Abort:
         say("strata: stopped.")
-        return 130
-    return result if isinstance(result, int) else 0
+        return STOPPED
+    code = result if isinstance(result, int) else 0
+    if code == STOPPED:  # typer makes this of Ctrl-C, and says nothing
+        say("strata: stopped.")
+    return code
 
 
 def sentence(error: Any) -> str:

@@ -22,6 +22,7 @@ import chapters
 from backends.choice import decide
 from chapters import quality, scenes
 from chapters.console import Steps, out, say
+from chapters.stopping import prompt_stop
 from common import images
 from common.errors import UserError
 from common.paths import ROOT, write_whole
@@ -126,7 +127,8 @@ def run(request: Request) -> int:
     choice = decide(request.backend)
     if request.backend == "auto" and choice.backend == "gl":
         say(f"strata: drawing with {choice.reason}.")
-    return show(request) if wants_window(request) else draw(request, began)
+    with prompt_stop():
+        return show(request) if wants_window(request) else draw(request, began)
 
 
 def wants_window(request: Request) -> bool:

@@ -7,7 +7,6 @@ written whole or not at all, and what is wrong with a path or a file is a UserEr
 from __future__ import annotations
 
 import io
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from types import ModuleType
@@ -18,7 +17,7 @@ from numpy.typing import NDArray
 from PIL import Image as PillowImage
 
 from common.errors import UserError
-from common.paths import write_whole
+from common.paths import temporary_folder, write_whole
 from common.png16 import decode_png16, encode_png16, is_deep_color
 from common.radiance import decode_radiance, encode_radiance, radiance_size
 
@@ -208,8 +207,8 @@ def _encode_exr(layers: Mapping[str, Array]) -> bytes:
     if len({pixels.shape for pixels in channels.values()}) != 1:
         raise ValueError("the layers of an EXR must have one size")
     header = {"compression": openexr.ZIP_COMPRESSION, "type": openexr.scanlineimage}
-    with tempfile.TemporaryDirectory() as folder:  # older versions of the package cannot write to memory
-        path = Path(folder) / "image.exr"
+    with temporary_folder() as folder:  # older versions of the package cannot write to memory
+        path = folder / "image.exr"
         openexr.File(header, channels).write(str(path))
         return path.read_bytes()
 

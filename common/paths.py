@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -37,9 +40,14 @@ def cache_dir(name: str) -> Path | None:
         return None
 
 
+_unfinished: set[str] = set()
+"""Temporary files and folders that are there now."""
+
+
 def write_whole(path: Path, data: bytes) -> None:
     """Write `data` so that a reader of `path` sees the old file or the new one, never a part (write, then rename)."""
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    _unfinished.add(temporary)
     try:
         with os.fdopen(handle, "wb") as stream:
             stream.write(data)
@@ -48,6 +56,28 @@ def write_whole(path: Path, data: bytes) -> None:
     except BaseException:
         Path(temporary).unlink(missing_ok=True)
         raise
+    finally:
+        _unfinished.discard(temporary)
+
+
+@contextmanager
+def temporary_folder() -> Iterator[Path]:
+    """Give a folder that is gone with all it holds on leaving."""
+    with tempfile.TemporaryDirectory(prefix="strata-") as folder:
+        _unfinished.add(folder)
+        try:
+            yield Path(folder)
+        finally:
+            _unfinished.discard(folder)
+
+
+def remove_unfinished() -> None:
+    """Remove what `write_whole` has begun, and temporary folders: for a process that ends without unwinding."""
+    for left in list(_unfinished):
+        if os.path.isdir(left):
+            shutil.rmtree(left, ignore_errors=True)
+        else:
+            Path(left).unlink(missing_ok=True)
 
 
 def _umask() -> int:

@@ -1,0 +1,67 @@
+"""Ctrl-C: one line, exit code 130, soon, and no half-written file, whatever the program is doing."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from chapters import run as running
+from chapters.__main__ import run
+from common.paths import ROOT
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals are sent as on POSIX")
+
+BUSY = """
+import hashlib, os
+from pathlib import Path
+from chapters.stopping import prompt_stop
+from common.paths import temporary_folder, write_whole
+
+with prompt_stop(), temporary_folder() as folder:
+    (folder / "part").write_bytes(b"half")
+    print(folder, flush=True)
+    real = os.replace
+    def slow(*paths):
+        print("ready", flush=True)
+        hashlib.pbkdf2_hmac("sha256", b"a", b"b", 40_000_000)  # one call of C, which takes 10 s
+        real(*paths)
+    os.replace = slow
+    write_whole(Path("a.png"), b"whole")
+"""
+
+
+def test_a_long_call_of_c_is_not_waited_for_and_no_half_written_file_is_left(tmp_path):
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    process = subprocess.Popen(
+        [sys.executable, "-P", "-c", BUSY],
+        cwd=tmp_path,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    folder = process.stdout.readline().strip()
+    assert process.stdout.readline() == "ready\n"
+    time.sleep(0.05)  # until the call has begun
+    began = time.perf_counter()
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=30)
+    assert time.perf_counter() - began < 2.5
+    assert process.returncode == 130
+    assert err == "strata: stopped.\n"
+    assert not list(tmp_path.iterdir()) and not os.path.exists(folder)
+
+
+def test_ctrl_c_is_one_line(monkeypatch, capsys, tmp_path):
+    def stopped(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(running, "draw", stopped)
+    assert run(["run", "1", "--headless", "--out", str(tmp_path / "a.png")]) == 130
+    assert capsys.readouterr().err == "strata: stopped.\n"
