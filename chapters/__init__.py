@@ -46,7 +46,8 @@ def parse(text: str) -> int:
     digits = text.lower().removeprefix("ch")
     known = [str(number) for number in available()]
     if not (digits.isascii() and digits.isdigit()):
-        raise UserError(f"There is no chapter {text!r}{suggest(text, known)}.")
+        near = suggest(text, known)
+        raise UserError(f"There is no chapter {text!r}{near}" + ("" if near.endswith("?") else "."))
     number = int(digits)
     if number not in available():
         here = f"chapters {known[0]} to {known[-1]} are" if len(known) > 1 else f"chapter {known[0]} is"

@@ -16,7 +16,10 @@ LIBRARY = ("common", "backends", "chapters", "assets")
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
-    """Run one command and exit: 0, 1 for a fault of ours, 2 for one of the user's, 130 after Ctrl-C."""
+    """Run one command and exit.
+
+    With 0, 1 for a fault of ours, 2 for one of the user's, 130 after Ctrl-C, 141 if nobody reads what is printed.
+    """
     try:
         words = list(sys.argv[1:] if arguments is None else arguments)
         sys.exit(run(words))
@@ -29,10 +32,17 @@ def run(words: list[str]) -> int:
     """Run one command and return its exit code; nothing is raised."""
     from chapters import console
 
+    console.prepare()
     try:
         from chapters.cli import invoke
 
-        return invoke(words)
+        code = invoke(words)
+        sys.stdout.flush()  # here, where a full disk is a sentence
+        return code
+    except SystemExit as ended:
+        if console.reader_is_gone(ended.__context__):  # rich and typer make this of it
+            return console.READER_GONE
+        raise
     except StrataError as error:
         console.say(f"strata: {error}")
         # A wrong input is no one's code. A fault of a chapter or a shader is code that the reader may be writing.
@@ -46,8 +56,8 @@ def run(words: list[str]) -> int:
         console.say("strata: this does not fit into memory; a smaller --size or scene may.")
         return 2
     except OSError as error:
-        if console.stdout_is_closed(error):
-            return 0
+        if console.reader_is_gone(error):
+            return console.READER_GONE
         if error.filename is None and error.errno is None:
             raise
         where = f"{error.filename}: " if error.filename else ""

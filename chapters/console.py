@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import os
 import sys
 import threading
 import time
@@ -10,8 +12,16 @@ from types import TracebackType
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+from common.errors import UserError
+
 PATIENCE_S = 0.8
 """A bar appears when something has taken this long."""
+
+WIDTHS = (60, 400)
+"""The least and the most columns that tables and help are laid out for, whatever the terminal or COLUMNS says."""
+
+READER_GONE = 141
+"""The exit code where nobody reads on, as in `strata list | head -1`: 128 and the number of SIGPIPE."""
 
 out = Console(highlight=False)
 err = Console(stderr=True, highlight=False)
@@ -19,7 +29,37 @@ err = Console(stderr=True, highlight=False)
 
 def say(text: str) -> None:
     """Tell the user something beside the result; the text is taken as it is."""
-    err.print(text, markup=False, soft_wrap=True)
+    err.print(shown(text), markup=False, soft_wrap=True)
+
+
+def shown(text: str) -> str:
+    """Return `text` with the bytes of file names that are no UTF-8 as \\xff: what can be printed anywhere."""
+    return text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+
+
+class _ClosedStdout(io.TextIOBase):
+    """Takes the place of a stdout that the caller closed, as by `>&-`: who prints to it is told."""
+
+    def write(self, text: str) -> int:
+        raise UserError("The result cannot be printed: stdout is closed.")
+
+
+def prepare() -> None:
+    """Make the streams and the width of the terminal usable, whatever state the caller left them in."""
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:  # else the next file that any library opens would get all that is printed
+            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)
+    if sys.stdout is None:
+        sys.stdout = _ClosedStdout()
+    elif isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == "strict":
+        sys.stdout.reconfigure(errors="backslashreplace")
+    found = Console().width
+    bounded = min(max(found, WIDTHS[0]), WIDTHS[1])
+    if bounded != found:
+        os.environ["COLUMNS"] = str(bounded)  # for the help, which has a console of its own
+        out.width = err.width = bounded
 
 
 class Steps:
@@ -106,12 +146,12 @@ class Steps:
             self._progress.update(self._progress.task_ids[0], description=description, completed=self._part)
 
 
-def stdout_is_closed(error: BaseException) -> bool:
-    """Whether the reader of our output went away, as in `strata list | head -1`: no fault of anybody's."""
+def reader_is_gone(error: BaseException | None) -> bool:
+    """Whether `error` says that the reader of our output went away: no fault of anybody's.
+
+    Then stdout leads nowhere from now on: Python would fail once more when it flushes at exit.
+    """
     if not isinstance(error, BrokenPipeError):
         return False
-    # Python would fail once more when it flushes at exit.
-    import os
-
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.__stdout__.fileno() if sys.__stdout__ else 1)
     return True

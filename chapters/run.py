@@ -85,7 +85,10 @@ def check(request: Request) -> None:
     if request.quality not in QUALITIES:
         from common.names import suggest
 
-        raise UserError(f"There is no quality {request.quality!r}{suggest(request.quality, QUALITIES)}.")
+        near = suggest(request.quality, QUALITIES)
+        raise UserError(
+            f"There is no quality {request.quality!r}{near}" + ("" if near.endswith("?") else ".")
+        )
     if request.frames is not None and request.frames < 1:
         raise UserError(f"--frames {request.frames} draws nothing: it must be at least 1.")
     if not math.isfinite(request.time):
