@@ -25,7 +25,7 @@ from backends.contract import FEATURES, Capabilities, resolve
 from backends.verdicts import Identity
 from backends.vulkan import selftest as trials
 from common.errors import UnsupportedError
-from common.paths import ROOT, asset_dir, user_cache
+from common.paths import ROOT, asset_dir, cache_problem, user_cache
 
 Report = dict[str, Any]
 Progress = Callable[[str, float], None]
@@ -247,6 +247,7 @@ def _strata() -> Report:
         "system": platform.platform(),
         "processors": os.cpu_count(),
         "cache": str(user_cache()),
+        "cache_problem": cache_problem() or None,
         "models": str(folder) if folder else None,
     }
 

@@ -58,7 +58,7 @@ def _show_versions(report: Report, console: Console) -> None:
         ("Strata", f"{strata.get('version')} in {strata.get('root')}"),
         ("Python", f"{strata.get('python')}, {strata.get('executable')}"),
         ("system", f"{strata.get('system')}, {strata.get('processors')} processors"),
-        ("cache", strata.get("cache")),
+        ("cache", strata.get("cache_problem") or strata.get("cache")),
         ("real models", strata.get("models") or "none (STRATA_ASSETS names their folder)"),
         ("packages", ", ".join(f"{name} {v or 'missing'}" for name, v in report["packages"].items())),
         (

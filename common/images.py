@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from PIL import Image as PillowImage
 
 from common.errors import UserError
-from common.paths import temporary_folder, write_whole
+from common.paths import temporary_folder, write_whole, written_file
 from common.png16 import decode_png16, encode_png16, is_deep_color
 from common.radiance import decode_radiance, encode_radiance, radiance_size
 
@@ -37,8 +37,9 @@ def check_writable(path: Path) -> None:
         )
     if path.is_dir():
         raise UserError(f"{path} is a folder: name a file in it")
-    if not path.parent.is_dir():
-        raise UserError(f"there is no folder {path.parent} for {path.name}: create it first")
+    target = written_file(path)
+    if not target.parent.is_dir():
+        raise UserError(f"there is no folder {target.parent} for {target.name}: create it first")
     if path.suffix.lower() == ".exr":
         _openexr()
 

@@ -14,11 +14,22 @@ ROOT = Path(__file__).resolve().parents[1]
 """The clone: `chapters/`, `shaders/`, `assets/` are beside each other here."""
 
 
+def _current() -> str:
+    try:
+        return os.getcwd()
+    except OSError:  # somebody removed it
+        return str(ROOT)
+
+
+START = _current()
+"""The folder that was the current one at the start: relative paths in the environment count from it."""
+
+
 def user_cache() -> Path:
     """Return the folder for everything that can be made again (not created); `STRATA_CACHE` overrides it."""
     chosen = os.environ.get("STRATA_CACHE")
     if chosen:
-        return Path(chosen)
+        return Path(os.path.abspath(os.path.join(START, os.path.expanduser(chosen))))
     if sys.platform == "win32":
         return Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local")) / "strata"
     if sys.platform == "darwin":
@@ -32,12 +43,29 @@ def cache_dir(name: str) -> Path | None:
     A read-only or full disk must cost speed, never the picture: callers work without a cache when this is None.
     """
     folder = user_cache() / name
+    return None if _refusal(folder) else folder
+
+
+def cache_problem() -> str:
+    """Return why nothing can be kept in the cache, as the end of a sentence, or ""."""
+    folder = user_cache()
+    refusal = _refusal(folder)
+    return f"{folder} cannot be written ({refusal}), so nothing is kept from run to run" if refusal else ""
+
+
+def _refusal(folder: Path) -> str:
+    """Create `folder` and try to write to it; return what the system says to that, or ""."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
-            return folder
-    except OSError:
-        return None
+            return ""
+    except OSError as error:
+        return error.strerror or str(error)
+
+
+def written_file(path: Path) -> Path:
+    """Return the file that `write_whole` creates or replaces for `path`: where its symbolic links lead."""
+    return Path(os.path.realpath(path)) if path.is_symlink() else path
 
 
 _unfinished: set[str] = set()
@@ -45,7 +73,15 @@ _unfinished: set[str] = set()
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """Write `data` so that a reader of `path` sees the old file or the new one, never a part (write, then rename)."""
+    """Write `data` so that a reader of `path` sees the old file or the new one, never a part (write, then rename).
+
+    A symbolic link stays one, and the file that it names is written. What is neither file nor folder, as a pipe or
+    /dev/null, is written to in place.
+    """
+    if path.exists() and not path.is_file() and not path.is_dir():
+        path.write_bytes(data)
+        return
+    path = written_file(path)
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     _unfinished.add(temporary)
     try:

@@ -1,0 +1,78 @@
+"""Files are written whole, to where their links lead; the cache is where the user said."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+import pytest
+
+from common import images, paths
+from common.errors import UserError
+from common.paths import START, cache_dir, cache_problem, user_cache, write_whole
+
+posix = pytest.mark.skipif(sys.platform == "win32", reason="links and pipes are those of POSIX")
+
+
+@posix
+def test_a_link_stays_a_link_and_its_target_is_written(tmp_path):
+    (tmp_path / "below").mkdir()
+    target, link, second = tmp_path / "below" / "real.png", tmp_path / "a.png", tmp_path / "b.png"
+    link.symlink_to("below/real.png")
+    second.symlink_to(link)
+    for data, path in ((b"first", link), (b"second", second)):  # the target is not there, and then it is
+        write_whole(path, data)
+        assert link.is_symlink() and second.is_symlink()
+        assert target.read_bytes() == data and not target.is_symlink()
+    assert [path.name for path in (tmp_path / "below").iterdir()] == ["real.png"]
+
+
+@posix
+def test_a_failed_write_through_a_link_leaves_the_old_file(tmp_path, monkeypatch):
+    (tmp_path / "real").write_bytes(b"old")
+    (tmp_path / "link").symlink_to("real")
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(paths.os, "replace", full)
+    with pytest.raises(OSError):
+        write_whole(tmp_path / "link", b"new")
+    assert (tmp_path / "real").read_bytes() == b"old"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["link", "real"]
+
+
+@posix
+def test_a_link_into_a_missing_folder_is_refused_before_the_work(tmp_path):
+    (tmp_path / "a.png").symlink_to("nowhere/real.png")
+    with pytest.raises(UserError, match=r"no folder .*nowhere"):
+        images.check_writable(tmp_path / "a.png")
+
+
+@posix
+def test_a_pipe_is_written_to_in_place(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    reader = os.open(tmp_path / "pipe", os.O_RDONLY | os.O_NONBLOCK)
+    write_whole(tmp_path / "pipe", b"whole")
+    assert os.read(reader, 100) == b"whole"
+    os.close(reader)
+    assert (tmp_path / "pipe").is_fifo()
+
+
+def test_the_cache_is_in_the_home_or_counts_from_the_folder_of_the_start(monkeypatch, tmp_path):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("USERPROFILE", str(tmp_path))
+    monkeypatch.setenv("STRATA_CACHE", "~/x")
+    assert user_cache() == tmp_path / "x"
+    assert cache_dir("made") == tmp_path / "x" / "made" and cache_problem() == ""
+    monkeypatch.setenv("STRATA_CACHE", "relative/y")
+    monkeypatch.chdir(tmp_path)
+    assert user_cache() == Path(START) / "relative" / "y"
+
+
+def test_a_cache_that_is_none_is_explained(monkeypatch, tmp_path):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("STRATA_CACHE", str(tmp_path / "file"))
+    assert cache_dir("any") is None
+    assert cache_problem().startswith(f"{tmp_path / 'file'} cannot be written (")
