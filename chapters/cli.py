@@ -6,12 +6,39 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand, TyperGroup
 
 from chapters.console import say
 from chapters.stopping import STOPPED
 
+
+def _without_metavar(parameters: list[Any]) -> list[Any]:
+    """Return a command's parameters; a flag takes no value, and so its help shows none, as typer's own would."""
+    for parameter in parameters:
+        if getattr(parameter, "is_flag", False):
+            parameter.metavar = ""
+    return parameters
+
+
+class Command(TyperCommand):
+    """A command of typer's, whose flags have no metavar; `--help`, which typer adds, is one of them."""
+
+    def get_params(self, context: Any) -> list[Any]:
+        """Return options and arguments."""
+        return _without_metavar(super().get_params(context))
+
+
+class Group(TyperGroup):
+    """The same for the program itself."""
+
+    def get_params(self, context: Any) -> list[Any]:
+        """Return options and arguments."""
+        return _without_metavar(super().get_params(context))
+
+
 app = typer.Typer(
     name="strata",
+    cls=Group,
     help="Real-time rendering in fifteen chapters: run one, look at its code, change it, measure it.",
     epilog="Start with: ./strata run 1",
     add_completion=False,
@@ -57,13 +84,15 @@ def sentence(error: Any) -> str:
     return f"{text}{'' if text.endswith(('.', '?')) else '.'} `{command} --help` shows what there is."
 
 
-@app.command()
+@app.command(cls=Command)
 def run(
     chapter: Chapter,
     backend: Annotated[str, typer.Option(metavar="auto|vulkan|gl", help="Graphics API.")] = "auto",
     scene: Annotated[
         str,
-        typer.Option(metavar="NAME|PATH", help="A scene of `strata list --scenes`, or a .gltf or .glb file."),
+        typer.Option(
+            metavar="NAME|PATH", help="A scene of `strata list --scenes`, or a .gltf, .glb or .obj file."
+        ),
     ] = "atrium",
     environment: Annotated[
         str, typer.Option(metavar="FILE|sky|none", help="Light from far away: a panorama, .hdr or .exr.")
@@ -120,7 +149,9 @@ def run(
     json: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", help="Write timings, work, device, plan and settings.", show_default=False
+            metavar="FILE|-",
+            help="Write timings, work, device, plan and settings; - prints them.",
+            show_default=False,
         ),
     ] = None,
     time: Annotated[float, typer.Option(metavar="SECONDS", help="Time of the first frame.")] = 0.0,
@@ -159,7 +190,7 @@ def run(
     return running.run(request)
 
 
-@app.command(name="list")
+@app.command(name="list", cls=Command)
 def list_(
     chapter: Annotated[
         str | None, typer.Argument(metavar="[N]", help="A chapter, to see its lesson.", show_default=False)
@@ -176,7 +207,7 @@ def list_(
     return listing.run(chapter, settings=settings, scenes=scenes, features=features)
 
 
-@app.command()
+@app.command(cls=Command)
 def doctor(
     json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
     selftest: Annotated[
@@ -194,6 +225,7 @@ def doctor(
 
 @app.command(
     name="test",
+    cls=Command,
     context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
     epilog="Whatever is not listed here goes to pytest: ./strata test ch01 -k alpha -x",
 )
@@ -213,7 +245,7 @@ def run_tests(
     return testing.run([*context.args], long=long, bless=bless, static=static)
 
 
-@app.command()
+@app.command(cls=Command)
 def bench(
     chapter: Chapter,
     backend: Annotated[str, typer.Option(metavar="auto|vulkan|gl", help="Graphics API.")] = "auto",
@@ -242,7 +274,7 @@ def bench(
 
 def _version(wanted: bool) -> None:
     if wanted:
-        from chapters.run import strata_version
+        from chapters.record import strata_version
 
         typer.echo(f"strata {strata_version()}")
         raise typer.Exit

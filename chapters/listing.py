@@ -106,7 +106,10 @@ def show_scenes() -> None:
     import assets
 
     made = table(
-        "Scenes: --scene name, or the path of a .gltf or .glb file", "name", ">triangles", "what it exercises"
+        "Scenes: --scene name, or the path of a .gltf, .glb or .obj file",
+        "name",
+        ">triangles",
+        "what it exercises",
     )
     for info in assets.SCENES.values():
         for size, triangles in info.sizes.items():

@@ -2,30 +2,25 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
-import platform
 import re
-import statistics
 import time as clock
-import tomllib
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 import chapters
 from backends.choice import decide
 from chapters import quality, scenes
-from chapters.console import Steps, out, say
+from chapters.console import Steps, say
+from chapters.record import STDOUT, Log, triangles
 from chapters.stopping import prompt_stop
 from common import images
 from common.errors import UserError
-from common.paths import ROOT, write_whole
+from common.paths import cache_problem, written_file
 from common.settings import apply_overrides, preset
 
 if TYPE_CHECKING:
@@ -34,9 +29,6 @@ if TYPE_CHECKING:
 
 QUALITIES = ("auto", "low", "medium", "high", "reference")
 DEFAULT_SIZE = (1280, 720)
-FRAMES_KEPT = 1000
-"""A record holds the figures of at most so many frames, the last ones."""
-
 EXR_OUTPUTS = {"color_linear": "", "depth": "depth", "instance_id": "instance_id"}
 """What goes into an EXR, and the name of its layer."""
 
@@ -105,13 +97,10 @@ def check(request: Request) -> None:
             raise UserError(
                 f"--out {request.out}: write .png for the picture as shown, .exr for linear light."
             )
-    if request.json is not None and (request.json.is_dir() or not request.json.absolute().parent.is_dir()):
+    record = written_file(request.json.absolute()) if request.json not in (None, STDOUT) else None
+    if record is not None and (record.is_dir() or not record.parent.is_dir()):
         raise UserError(f"--json {request.json} cannot be written: name a file in a folder that exists.")
-    if (
-        request.json is not None
-        and request.out is not None
-        and request.json.absolute() == request.out.absolute()
-    ):
+    if record is not None and request.out is not None and record == written_file(request.out.absolute()):
         raise UserError(
             f"--out and --json both name {request.out}: the picture and the record are two files."
         )
@@ -130,6 +119,9 @@ def run(request: Request) -> int:
     choice = decide(request.backend)
     if request.backend == "auto" and choice.backend == "gl":
         say(f"strata: drawing with {choice.reason}.")
+    problem = cache_problem() if request.verbose else ""
+    if problem:
+        say(f"strata: the cache {problem}: STRATA_CACHE can name another folder.")
     with prompt_stop():
         return show(request) if wants_window(request) else draw(request, began)
 
@@ -331,121 +323,3 @@ def report_messages(renderer: Renderer) -> int:
     for text in texts:
         say(f"strata: {text}")
     return len(texts)
-
-
-@dataclass
-class Log:
-    """What a run leaves for `--json` and `-v`: device, plan, settings, start-up times, and each frame's figures."""
-
-    request: Request
-    renderer: Renderer
-    quality: str
-    frames: list[dict[str, Any]] = field(default_factory=list)
-    start: dict[str, float] = field(default_factory=dict)
-    pictures: list[str] = field(default_factory=list)
-
-    @property
-    def device(self) -> str:
-        """The device's name and driver."""
-        capabilities = self.renderer.capabilities
-        return f"{capabilities.device} ({capabilities.driver})"
-
-    def add(self, frame: Frame) -> None:
-        """Keep one frame's figures; reading them waits, so no frame's time holds a part of the next one's."""
-        self.frames.append(
-            {
-                "index": frame.index,
-                "cpu_ms": frame.cpu_ms,
-                "timings_ms": dict(frame.timings),
-                "work": dict(frame.work),
-            }
-        )
-        del self.frames[:-FRAMES_KEPT]
-
-    def medians(self) -> dict[str, float]:
-        """Return the median of each pass's GPU milliseconds, and of the CPU's.
-
-        The first frame, in which drivers compile, counts only if it is the only one.
-        """
-        counted = self.frames[1:] or self.frames
-        names = list(dict.fromkeys(name for frame in counted for name in frame["timings_ms"]))
-        result = {
-            name: statistics.median(f["timings_ms"][name] for f in counted if name in f["timings_ms"])
-            for name in names
-        }
-        return {**result, "cpu": statistics.median(f["cpu_ms"] for f in counted)}
-
-    def record(self) -> dict[str, Any]:
-        """Return everything as JSON has it."""
-        from backends.vulkan.shaders import shared
-
-        scene, capabilities, renderer = self.renderer.scene, self.renderer.capabilities, self.renderer
-        return {
-            "strata": strata_version(),
-            "chapter": self.request.chapter,
-            "title": chapters.lesson(self.request.chapter).title,
-            "backend": capabilities.backend,
-            "device": {
-                "name": capabilities.device,
-                "driver": capabilities.driver,
-                "api_version": ".".join(map(str, capabilities.api_version)),
-                "kind": capabilities.kind,
-            },
-            "system": f"{platform.system()} {platform.machine()}, Python {platform.python_version()}",
-            "plan": [asdict(choice) for choice in renderer.plan.choices],
-            "scene": {
-                "name": scene.name,
-                "path": str(scene.path) if scene.path else None,
-                "meshes": len(scene.meshes),
-                "instances": len(scene.instances),
-                "triangles": triangles(scene),
-                "indices": int(scene.meshes["index_count"][scene.instances.mesh].sum()),
-                "materials": len(scene.materials),
-                "images": len(scene.images),
-                "lights": len(scene.lights),
-                "environment": scene.environment.name if scene.environment else None,
-                "warnings": list(scene.warnings),
-            },
-            "size": list(renderer.size),
-            "quality": self.quality,
-            "settings": asdict(renderer.settings),
-            "start_s": self.start,
-            "shaders": asdict(shared().counters),
-            "median_ms": self.medians(),
-            "frames": self.frames,
-            "pictures": self.pictures,
-        }
-
-    def write(self, path: Path) -> None:
-        """Write the record, whole or not at all."""
-        try:
-            write_whole(path.absolute(), (json.dumps(self.record(), indent=1) + "\n").encode())
-        except OSError as error:
-            raise UserError(f"--json {path} cannot be written: {error.strerror or error}.") from None
-
-    def show(self) -> None:
-        """Print plan and figures as tables."""
-        from chapters.tables import plan_table, table
-
-        out.print(plan_table(self.renderer.plan, self.device))
-        figures = table("Milliseconds", "part", ">median")
-        for name, value in self.medians().items():
-            figures.add_row("recording (CPU)" if name == "cpu" else name, f"{value:.2f}")
-        out.print(figures)
-        if self.start:
-            seconds = ", ".join(f"{name} {value:.2f}" for name, value in self.start.items())
-            out.print(f"Start in seconds: {seconds}", soft_wrap=True)
-        work = ", ".join(f"{name} {count}" for name, count in self.frames[-1]["work"].items())
-        out.print(f"Work: {work}", soft_wrap=True)
-
-
-def triangles(scene: Scene) -> int:
-    """Return the triangles that a frame of the whole scene draws."""
-    return int(np.sum(scene.meshes["index_count"][scene.instances.mesh], dtype=np.int64)) // 3
-
-
-def strata_version() -> str:
-    """Return the version of this clone."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
-    found: str = project["version"]
-    return found

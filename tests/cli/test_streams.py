@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -78,3 +79,35 @@ def test_a_folder_that_is_no_utf8_is_printed_to_a_strict_stdout(tmp_path):
     done = shell("strata doctor", tmp_path, **variables, PYTHONIOENCODING="utf-8:strict", COLUMNS="300")
     assert b"Traceback" not in done.stderr and b"Error" not in done.stderr
     assert b"c\\udcff" in done.stdout or b"c\\xff" in done.stdout
+
+
+def test_help_shows_no_value_for_a_flag_and_every_kind_of_scene(tmp_path):
+    for words in ("--help", "run --help"):
+        text = shell(f"strata {words}", tmp_path, COLUMNS="120").stdout.decode()
+        assert "--help" in text and "bool" not in text.lower()
+        if words == "run --help":
+            assert ".obj" in text
+    assert ".obj" in shell("strata list --scenes", tmp_path, COLUMNS="120").stdout.decode()
+
+
+def test_a_record_can_be_printed_and_all_else_goes_to_stderr(tmp_path, vulkan_instance):
+    words = "run 1 --scene cornell --size 16x16 --headless --out a.png -v"
+    done = shell(f"strata {words} --json -", tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["size"] == [16, 16]
+    assert b"Milliseconds" in done.stderr and b"a.png" in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["a.png"]
+    done = shell(f"strata {words} --json /dev/null", tmp_path)
+    assert done.returncode == 0 and b"Milliseconds" in done.stdout
+
+
+def test_a_cache_that_cannot_be_written_is_said(tmp_path, vulkan_instance):
+    (tmp_path / "file").write_text("a file where the folder should be")
+    words = "run 1 --scene cornell --size 16x16 --headless --out a.png"
+    for verbose, said in (("", 0), ("-v", 1)):
+        done = shell(f"strata {words} {verbose}", tmp_path, STRATA_CACHE="file")
+        assert done.returncode == 0
+        assert done.stderr.count(b"file cannot be written (File exists)") == said
+    found = json.loads(shell("strata doctor --json", tmp_path, STRATA_CACHE="file/x").stdout)["strata"]
+    assert found["cache"] == str(tmp_path / "file" / "x")
+    assert "cannot be written (Not a directory)" in found["cache_problem"]
