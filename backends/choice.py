@@ -60,7 +60,7 @@ def decide(wanted: str = "auto", ask: Probe = probe, gpu: Callable[[], bool] = g
     Raises UserError for an unknown name, UnsupportedError with one sentence for a backend that is not there.
     """
     if wanted not in ("auto", *BACKENDS):
-        near = suggest(wanted, ["auto", *BACKENDS])
+        near = suggest(str(wanted), ["auto", *BACKENDS])
         raise UserError(f"There is no backend {wanted!r}{near}" + ("" if near.endswith("?") else "."))
     if wanted == "vulkan":
         return Choice("vulkan", "asked for")  # opening it says what is missing; its loader does not crash

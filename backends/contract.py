@@ -6,6 +6,7 @@ chapter's `passes/` and `gl/`; `Capabilities` says what a device can do, `resolv
 
 from __future__ import annotations
 
+import numbers
 import operator
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -138,7 +139,7 @@ class Plan:
 
 def check_without(without: Iterable[str]) -> frozenset[str]:
     """Return the features to be switched off, with 'all' expanded; raise UserError for an unknown name."""
-    wanted = set(without)
+    wanted = set(check_names(without, "without"))
     for name in sorted(wanted - {"all"} - FEATURES.keys()):
         near = suggest(name, ["all", *FEATURES])
         raise UserError(
@@ -174,8 +175,11 @@ def resolve(
 class Frame(Protocol):
     """One rendered frame. Images can be read until the frame's slot is used again, two frames later."""
 
-    index: int  # frames since the last reset
+    index: int  # frames since `reset_history` or `resize`, else since the renderer was opened
     cpu_ms: float  # time that `render` took on the CPU
+    reset: str
+    """Why nothing of the frames before was used: "first frame", "resize", "camera cut", "time ran backwards" or what
+    `reset_history` was given; "" where nothing was reset. `work` counts it as "history_resets"."""
 
     def image(self, name: str) -> np.ndarray:
         """Wait for the frame and return an output as (H, W) or (H, W, C), row 0 on top.
@@ -189,7 +193,7 @@ class Frame(Protocol):
 
     @property
     def work(self) -> dict[str, int]:
-        """Counters of what was done and of what was skipped."""
+        """Counters of what was done and of what was skipped; "history_resets" is 1 where `reset` is not ""."""
 
 
 class Renderer(Protocol):
@@ -216,7 +220,10 @@ class Renderer(Protocol):
         """
 
     def render(self, view: View, time: float = 0.0) -> Frame:
-        """Enqueue one frame of `view` at `time` seconds; nothing is waited for."""
+        """Enqueue one frame of `view` at `time` seconds; nothing is waited for.
+
+        UserError for what is no view, and for a time that is not finite or beyond `MAX_TIME_S`.
+        """
 
     def idle(self, view: View, time: float = 0.0) -> bool:
         """Whether a frame now would equal the last one, with every temporal pass done."""
@@ -225,7 +232,10 @@ class Renderer(Protocol):
         """Change the picture to (width, height) pixels; histories are reset."""
 
     def reset_history(self, reason: str) -> None:
-        """Start again at frame 0: the same calls afterwards give the same pixels."""
+        """Start again at frame 0: the same calls afterwards give the same pixels. The next frame's `reset` is `reason`.
+
+        Resizing, a view with `cut` and a time before the last one reset by themselves what depends on earlier frames.
+        """
 
     def close(self) -> None:
         """Release every object on the GPU."""
@@ -233,6 +243,79 @@ class Renderer(Protocol):
     def __enter__(self) -> Renderer: ...
 
     def __exit__(self, *_: object) -> None: ...
+
+
+MAX_TIME_S = 1e9
+"""The furthest time from 0 in either direction, about 30 years: shaders hold it in 32 bits."""
+
+
+def check_names(names: Any, what: str) -> tuple[str, ...]:
+    """Return the names in `names`, where one alone needs no list; raise UserError for what holds none.
+
+    `what` is the argument's name, for the text.
+    """
+    if isinstance(names, str):
+        return (names,)
+    try:
+        found = tuple(names)
+    except TypeError:
+        found = (None,)
+    for name in found:
+        if not isinstance(name, str):
+            raise UserError(f'{what}={_brief(names)} holds no names: write {what}={{"name", ...}}.')
+    return found
+
+
+def check_arguments(
+    scene: Any, settings: Any, kind: type, outputs: Any, known: Iterable[str]
+) -> tuple[Any, tuple[str, ...]]:
+    """Check what a renderer of any chapter is opened with; return its settings and outputs.
+
+    `kind` is the chapter's class of settings, whose defaults None stands for; `known` are its outputs. Raises
+    UserError with one sentence for an argument of another kind.
+    """
+    from common.scene import Scene
+
+    if not isinstance(scene, Scene):
+        raise UserError(
+            f"scene={_brief(scene)} is no scene: chapters.scenes.load(name or path) and "
+            f"common.gltf.load_scene(path) load one."
+        )
+    if settings is not None and not isinstance(settings, kind):
+        raise UserError(
+            f"settings={_brief(settings)} are not this chapter's: give {kind.__module__}.{kind.__name__}(name=value)."
+        )
+    known, wanted = tuple(known), check_names(outputs, "outputs")
+    for name in sorted(set(wanted) - set(known)):
+        near = suggest(name, known)
+        raise UserError(f"There is no output '{name}'{near}" + ("" if near.endswith("?") else "."))
+    return kind() if settings is None else settings, wanted
+
+
+def check_moment(view: Any, time: Any) -> None:
+    """Raise UserError unless `view` is a View and `time` a number of seconds that a frame can show."""
+    from common.camera import View
+
+    if not isinstance(view, View):
+        raise UserError(
+            f"{_brief(view)} is no view: common.camera.View is one, and chapters.view_of gives one."
+        )
+    check_time(time)
+
+
+def check_time(time: Any, name: str = "time") -> None:
+    """Raise UserError, which begins with `name`, unless `time` is a number between -MAX_TIME_S and MAX_TIME_S."""
+    real = isinstance(time, numbers.Real)
+    if not (real and -MAX_TIME_S <= time <= MAX_TIME_S):  # NaN is in no range
+        raise UserError(
+            f"{name} {_brief(time)} is no time: give seconds between -{MAX_TIME_S:g} and {MAX_TIME_S:g}."
+        )
+
+
+def _brief(value: Any) -> str:
+    """Return how an argument looks, on one line of bounded length."""
+    text = " ".join(repr(value).split())
+    return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 def check_size(size: tuple[int, int], largest: int = 16384) -> tuple[int, int]:

@@ -85,25 +85,24 @@ def renderer_module(number: int, backend: str) -> ModuleType:
 
 
 def open(  # the name of the contract: chapters.open(6, ...)
-    number: int,
+    number: int | str,
     backend: str = "auto",
     *,
     scene: Scene,
     size: tuple[int, int] = (640, 360),
     settings: Any = None,
-    without: Iterable[str] = (),
-    outputs: Collection[str] = ("color",),
+    without: Iterable[str] | str = (),
+    outputs: Collection[str] | str = ("color",),
     validate: bool = False,
     **more: Any,
 ) -> Renderer:
-    """Open chapter `number` on `scene` and return its renderer, a context manager.
+    """Open chapter `number` (1, "1" or "ch01") on `scene` and return its renderer, a context manager.
 
     `settings` is the chapter's `Settings` (None: its defaults), `without` names features to do without, `outputs` are
     the images that can be read. Further arguments go to the backend's renderer (`device=` shares a device).
     Raises UserError for a wrong argument, UnsupportedError where this machine cannot do it.
     """
-    if number not in available():
-        parse(str(number))
+    number = parse(str(number))
     module = renderer_module(number, choose_backend(backend))
     opened: Renderer = module.Renderer(
         scene, size, settings=settings, without=without, outputs=outputs, validate=validate, **more

@@ -55,6 +55,7 @@ class Log:
                 "cpu_ms": frame.cpu_ms,
                 "timings_ms": dict(frame.timings),
                 "work": dict(frame.work),
+                "reset": frame.reset,
             }
         )
         del self.frames[:-FRAMES_KEPT]
@@ -139,6 +140,10 @@ class Log:
             to.print(f"Start in seconds: {seconds}", soft_wrap=True)
         work = ", ".join(f"{name} {count}" for name, count in self.frames[-1]["work"].items())
         to.print(f"Work: {work}", soft_wrap=True)
+        resets = ", ".join(
+            f"{frame['reset']} (frame {frame['index']})" for frame in self.frames if frame["reset"]
+        )
+        to.print(f"Started without history: {resets or 'none of these frames'}", markup=False, soft_wrap=True)
 
 
 def triangles(scene: Scene) -> int:

@@ -69,7 +69,7 @@ def parse_size(text: str) -> tuple[int, int]:
 
 def check(request: Request) -> None:
     """Raise UserError for what is wrong with a request before anything is opened."""
-    from backends.contract import check_without
+    from backends.contract import check_time, check_without
 
     backend = chapters.choose_backend(request.backend)
     chapters.renderer_module(request.chapter, backend)
@@ -83,14 +83,16 @@ def check(request: Request) -> None:
         )
     if request.frames is not None and request.frames < 1:
         raise UserError(f"--frames {request.frames} draws nothing: it must be at least 1.")
-    if not math.isfinite(request.time):
-        raise UserError(f"--time {request.time} is no time: give seconds.")
+    check_time(request.time, "--time")
     if request.ev100 is not None and not -60.0 <= request.ev100 <= 60.0:
         raise UserError(
             f"--ev {request.ev100} is no exposure: give EV100 between -60 and 60; daylight is about 15."
         )
     if not (math.isfinite(request.fps) and request.fps > 0):
         raise UserError(f"--fps {request.fps} is no rate: give frames per second above 0.")
+    if request.frames is not None:
+        count = min(request.frames, 10**18)  # a float holds that; nobody waits for so many
+        check_time(request.time + (count - 1) / request.fps, "With --frames and --fps the last --time")
     if request.out is not None:
         images.check_writable(request.out)
         if request.out.suffix.lower() not in (".png", ".exr"):

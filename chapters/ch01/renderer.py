@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from backends.contract import check_size, resolve
+from backends.contract import check_arguments, check_moment, check_names, check_size, resolve
 from backends.vulkan import api as vk
 from backends.vulkan.barriers import barriers, image_barrier
 from backends.vulkan.device import Device
@@ -28,7 +28,7 @@ from backends.vulkan.instance import Instance
 from backends.vulkan.readback import TO_HOST, Readback
 from backends.vulkan.resources import Image
 from common.camera import View, exposure
-from common.errors import StaleFrameError, UserError
+from common.errors import StaleFrameError
 from common.pose import evaluate_pose
 from common.scene import Change, Sampler, Scene
 from common.transforms import translation
@@ -43,7 +43,7 @@ from .graphics.resources import Resources, offered_samples
 from .graphics.scene_data import SceneData
 from .logic.constants import frame_constants
 from .logic.default_light import DefaultLight
-from .logic.frame import OUTPUTS, SLOTS, SOURCES, Frame, check_outputs, output_of
+from .logic.frame import OUTPUTS, SLOTS, SOURCES, Frame, check_outputs, output_of, reset_by
 from .logic.samples import choose_samples
 from .passes.forward import ForwardPass
 from .passes.instance_id import InstanceIdPass
@@ -66,10 +66,8 @@ class Renderer:
         device: Device | None = None,
         presents: bool = False,
     ) -> None:
-        unknown = sorted(set(outputs) - set(OUTPUTS))
-        if unknown:
-            raise UserError(f"There is no output '{unknown[0]}'; chapter 1 has {', '.join(OUTPUTS)}.")
-        self.settings = settings or Settings()
+        self.settings, outputs = check_arguments(scene, settings, Settings, outputs, OUTPUTS)
+        without = check_names(without, "without")
         self._light = DefaultLight(scene, self.settings)
         self.scene = self._light.scene
         self.outputs = tuple(name for name in OUTPUTS if name in outputs)
@@ -137,6 +135,7 @@ class Renderer:
         for made in self.passes:
             made.create()
         self._index = 0
+        self._reset = "first frame"
         self._previous: tuple[View, float] | None = None
         self._last: Any = None
         self._create_targets()
@@ -245,6 +244,7 @@ class Renderer:
         """Enqueue one frame of `view` at `time` seconds; nothing is waited for but the slot's last frame."""
         if self._closed:
             raise StaleFrameError("This renderer was closed and renders no more: open another one.")
+        check_moment(view, time)
         started = clock.perf_counter()
         slot = self._frames.begin()
         last = self._in_slot[slot.index]()
@@ -257,7 +257,8 @@ class Renderer:
         commands.begin(slot)
         self._profiler.begin_frame(slot)
 
-        written = self._update(slot, view, time)
+        frame.reset = self._reset or reset_by(view, time, self._previous)
+        written = self._update(slot, view, time, frame.reset)
 
         commands.barrier(self._to_forward)
         self._run(self._forward, self._forward_rendering)
@@ -273,13 +274,14 @@ class Renderer:
         self._copy_outputs(slot)
 
         self._frames.submit(slot)
-        frame.work = self._count(commands.work, written)
+        frame.work = self._count(commands.work, written) | {"history_resets": int(frame.reset != "")}
         self._index += 1
+        self._reset = ""
         self._previous = view, time
         frame.cpu_ms = (clock.perf_counter() - started) * 1e3
         return frame
 
-    def _update(self, slot: FrameSlot, view: View, time: float) -> int:
+    def _update(self, slot: FrameSlot, view: View, time: float, reset: str) -> int:
         """Write what this frame's shaders read; return the bytes written."""
         scene = self.scene
         if self._data.follow_materials():
@@ -287,8 +289,7 @@ class Renderer:
                 if made in self.passes:
                     made.create()
         previous = self._previous
-        # After a cut the frame before says nothing: neither where the camera was nor where objects were.
-        if previous is None or view.cut or time < previous[1]:
+        if reset:  # then the frame before says nothing: neither where the camera was nor where objects were
             previous = None
             self._data.records.forget_pose()
         pose = self._light.pose(evaluate_pose(scene, time), view)
@@ -398,6 +399,7 @@ class Renderer:
     def reset_history(self, reason: str) -> None:
         """Start again at frame 0. This chapter keeps nothing from frame to frame but the previous view and pose."""
         self._index = 0
+        self._reset = reason or "asked for"
         self._previous = None
         self._last = None
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -71,6 +74,56 @@ def test_an_output_that_was_not_asked_for_is_refused_by_name(chapter):
             frame.image("depth")
     with pytest.raises(UserError, match="no output 'colour'"):
         chapter.open(lit_quad(), SIZE, outputs={"colour"})
+
+
+WRONG = {
+    "scene": ({"scene": None}, "scene=None is no scene: chapters.scenes.load"),
+    "scene's name": ({"scene": "atrium"}, "scene='atrium' is no scene"),
+    "settings": ({"settings": {}}, "settings={} are not this chapter's"),
+    "output": ({"outputs": "colour"}, "no output 'colour'; did you mean 'color'"),
+    "outputs": ({"outputs": 5}, "outputs=5 holds no names"),
+    "feature": ({"without": "anisotrophy"}, "did you mean 'anisotropy'"),
+    "features": ({"without": [1]}, "without=[1] holds no names"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_wrong_argument_is_one_sentence(chapter, name):
+    arguments, said = WRONG[name]
+    with pytest.raises(UserError) as error:
+        chapter.open(**{"scene": lit_quad(), "size": SIZE, **arguments})
+    assert said in str(error.value) and "\n" not in str(error.value)
+
+
+def test_one_name_needs_no_set(chapter):
+    with chapter.open(lit_quad(), SIZE, outputs="depth", without="anisotropy") as made:
+        assert made.outputs == ("depth",)
+        assert not made.plan.native("anisotropy")
+
+
+@pytest.mark.parametrize("time", [math.nan, math.inf, -1e308, 2e9, "1", None])
+def test_a_time_that_is_none_is_refused_and_the_next_frame_is_drawn(renderer, time):
+    with pytest.raises(UserError, match="is no time: give seconds between"):
+        renderer.render(facing(), time)
+    assert renderer.render(facing(), 1e9).image("color").any()
+
+
+def test_a_view_that_is_none_is_refused(renderer):
+    with pytest.raises(UserError, match="None is no view"):
+        renderer.render(None)
+
+
+def test_a_frame_says_why_it_starts_without_history(chapter):
+    with chapter.open(lit_quad(), SIZE, outputs=()) as made:
+        frames = [made.render(facing(), 1.0), made.render(facing(), 2.0)]
+        frames += [made.render(replace(facing(), cut=True), 3.0), made.render(facing(), 2.5)]
+        made.resize((20, 20))
+        frames += [made.render(facing(), 2.5), made.render(facing(), 2.5)]
+        made.reset_history("another lesson")
+        frames += [made.render(facing(), 0.0), made.render(facing(), 0.0)]
+    reasons = ["first frame", "", "camera cut", "time ran backwards", "resize", "", "another lesson", ""]
+    assert [frame.reset for frame in frames] == reasons
+    assert [frame.work["history_resets"] for frame in frames] == [int(reason != "") for reason in reasons]
 
 
 def test_timings_name_the_passes_in_order(renderer):

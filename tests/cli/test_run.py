@@ -59,6 +59,7 @@ def test_a_picture_and_a_record_are_written_where_they_were_asked_for(strata, tm
     assert [frame["index"] for frame in record["frames"]] == [0, 1, 2]
     assert set(record["frames"][0]["timings_ms"]) == {"forward", "tonemap"}
     assert record["frames"][0]["work"]["draws"] == 2  # the triangle, and the tone mapping's own
+    assert [frame["reset"] for frame in record["frames"]] == ["first frame", "", ""]
     assert record["plan"][0]["feature"] == "anisotropy"
     assert record["device"]["name"] and record["device"]["driver"]
     assert record["settings"]["anisotropy"] == 4.0  # medium
@@ -162,6 +163,7 @@ def test_without_all_draws_and_verbose_says_the_plan(strata, box):
     assert code == 0
     assert "trilinear filtering" in out and "switched off by --without" in " ".join(out.split())
     assert "recording (CPU)" in out
+    assert "history_resets 1" in out and "Started without history: first frame (frame 0)" in out
 
 
 def test_a_camera_and_a_time_change_the_picture(strata, tmp_path):
@@ -205,6 +207,9 @@ WRONG_WORDS = {
         "nowhere.hdr",
     ),
     "a time that is none": (("run", "1", "--time", "nan"), "--time"),
+    "a time too far": (("run", "1", "--time", "1e308"), "between -1e+09 and 1e+09"),
+    "a rate that is next to none": (("run", "1", "--fps", "1e-300", "--frames", "3"), "last --time 2e+300"),
+    "frames without end": (("run", "1", "--frames", "9" * 400), "With --frames and --fps"),
     "no such scene": (("run", "1", "--scene", "atrum"), "atrium"),
     "no such size of a scene": (("run", "1", "--scene", "atrium:huge"), "atrium:large"),
     "no such file": (("run", "1", "--scene", "nowhere/box.gltf"), "nowhere/box.gltf"),

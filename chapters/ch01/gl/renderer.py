@@ -21,13 +21,13 @@ from typing import Any
 
 import numpy as np
 
-from backends.contract import check_size, resolve
+from backends.contract import check_arguments, check_moment, check_names, check_size, resolve
 from backends.gl.context import Context
 from backends.gl.readback import Readback
 from backends.gl.resources import Image, create_image, destroy_image, sample_counts
 from backends.gl.targets import Framebuffer, create_framebuffer, destroy_framebuffer
 from common.camera import View, exposure
-from common.errors import StaleFrameError, UserError
+from common.errors import StaleFrameError
 from common.pose import evaluate_pose
 from common.scene import Change, Sampler, Scene
 from common.transforms import translation
@@ -35,7 +35,7 @@ from common.transforms import translation
 from .. import LESSON
 from ..logic.constants import frame_constants
 from ..logic.default_light import DefaultLight
-from ..logic.frame import OUTPUTS, SLOTS, SOURCES, Frame, check_outputs, output_of
+from ..logic.frame import OUTPUTS, SLOTS, SOURCES, Frame, check_outputs, output_of, reset_by
 from ..logic.samples import choose_samples
 from ..settings import Settings
 from .commands import Commands, Rendering, Textures
@@ -62,10 +62,8 @@ class Renderer:
         device: Context | None = None,
         presents: bool = False,
     ) -> None:
-        unknown = sorted(set(outputs) - set(OUTPUTS))
-        if unknown:
-            raise UserError(f"There is no output '{unknown[0]}'; chapter 1 has {', '.join(OUTPUTS)}.")
-        self.settings = settings or Settings()
+        self.settings, outputs = check_arguments(scene, settings, Settings, outputs, OUTPUTS)
+        without = check_names(without, "without")
         self._light = DefaultLight(scene, self.settings)
         self.scene = self._light.scene
         self.outputs = tuple(name for name in OUTPUTS if name in outputs)
@@ -127,6 +125,7 @@ class Renderer:
         for made in self.passes:
             made.create()
         self._index = 0
+        self._reset = "first frame"
         self._previous: tuple[View, float] | None = None
         self._last: Any = None
         self._create_targets()
@@ -190,6 +189,7 @@ class Renderer:
         """Enqueue one frame of `view` at `time` seconds; nothing is waited for but the slot's last frame."""
         if self._closed:
             raise StaleFrameError("This renderer was closed and renders no more: open another one.")
+        check_moment(view, time)
         started = clock.perf_counter()
         self.device.make_current()
         slot = self._frames.begin()
@@ -201,7 +201,8 @@ class Renderer:
         commands = self._commands
         commands.begin(slot)
 
-        written = self._update(slot, view, time)
+        frame.reset = self._reset or reset_by(view, time, self._previous)
+        written = self._update(slot, view, time, frame.reset)
 
         self._run(self._forward, self._forward_rendering)
         if self._instance_id in self.passes:
@@ -214,13 +215,14 @@ class Renderer:
 
         self._frames.submit(slot)
         self._in_slot[slot.index] = weakref.ref(frame)  # not before: a frame that failed has no times to keep
-        frame.work = self._count(commands.work, written)
+        frame.work = self._count(commands.work, written) | {"history_resets": int(frame.reset != "")}
         self._index += 1
+        self._reset = ""
         self._previous = view, time
         frame.cpu_ms = (clock.perf_counter() - started) * 1e3
         return frame
 
-    def _update(self, slot: FrameSlot, view: View, time: float) -> int:
+    def _update(self, slot: FrameSlot, view: View, time: float, reset: str) -> int:
         """Write what this frame's shaders read; return the bytes written."""
         scene, data = self.scene, self._data
         if data.follow_materials():
@@ -228,8 +230,7 @@ class Renderer:
                 if made in self.passes:
                     made.create()
         previous = self._previous
-        # After a cut the frame before says nothing: neither where the camera was nor where objects were.
-        if previous is None or view.cut or time < previous[1]:
+        if reset:  # then the frame before says nothing: neither where the camera was nor where objects were
             previous = None
             data.records.forget_pose()
         pose = self._light.pose(evaluate_pose(scene, time), view)
@@ -336,6 +337,7 @@ class Renderer:
     def reset_history(self, reason: str) -> None:
         """Start again at frame 0. This chapter keeps nothing from frame to frame but the previous view and pose."""
         self._index = 0
+        self._reset = reason or "asked for"
         self._previous = None
         self._last = None
 

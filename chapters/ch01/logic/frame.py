@@ -6,6 +6,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from common.camera import View
 from common.errors import StaleFrameError
 
 SLOTS = 2
@@ -36,6 +37,7 @@ class Frame:
         self._renderer, self._slot, self._number = renderer, slot, slot.number
         self.index, self._exposure = index, exposure
         self.cpu_ms = 0.0
+        self.reset = ""
         self.work: dict[str, int] = {}
         self._timings: dict[str, float] | None = None
         self._gone = ""
@@ -60,6 +62,13 @@ class Frame:
         if not self._gone:
             _ = self.timings
             self._gone = why
+
+
+def reset_by(view: View, time: float, previous: tuple[View, float] | None) -> str:
+    """Return why a frame after that of `previous` starts without history, or ""."""
+    if view.cut:
+        return "camera cut"
+    return "time ran backwards" if previous is not None and time < previous[1] else ""
 
 
 def check_outputs(outputs: Any, known: tuple[str, ...], name: str) -> None:
