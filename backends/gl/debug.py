@@ -10,12 +10,10 @@ import sys
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
-from types import FrameType
 from typing import Any, Literal
 
+from backends.callers import calling_line
 from backends.gl import api as gl
-from common.paths import ROOT
 
 Severity = Literal["info", "warning", "error"]
 
@@ -29,7 +27,7 @@ class Message:
     text: str
     objects: tuple[str, ...]  # always empty: OpenGL names objects in the text, if at all
     labels: tuple[str, ...]  # labels that were open: the pass
-    line: str  # "file:line" of the nearest caller outside backends/gl and moderngl
+    line: str  # "file:line" of the caller; see `calling_line`
 
     def __str__(self) -> str:
         where = f" in pass {' > '.join(self.labels)}" if self.labels else ""
@@ -100,7 +98,7 @@ class DebugSink:
             gl.ffi.buffer(text, length)[:].decode("utf-8", "replace").strip(),
             (),
             tuple(self.labels),
-            _calling_line(sys._getframe(1)),
+            calling_line(sys._getframe(1)),
         )
         if any(message.id.startswith(prefix) and part in message.text for prefix, part in ALLOWED):
             return
@@ -119,19 +117,3 @@ class DebugSink:
             f"{message}" + (f" ({count} times)" if count > 1 else "")
             for message, count in self.messages.items()
         ]
-
-
-_HERE = str(Path(__file__).resolve().parent)
-
-
-def _calling_line(frame: FrameType | None) -> str:
-    """Return "file:line" of the nearest frame outside this folder and moderngl."""
-    while frame is not None and (
-        frame.f_code.co_filename.startswith((_HERE, "<")) or frame.f_globals.get("__name__") == "moderngl"
-    ):
-        frame = frame.f_back
-    if frame is None:
-        return "an unknown line"
-    path = Path(frame.f_code.co_filename)
-    shown = path.relative_to(ROOT) if path.is_relative_to(ROOT) else path
-    return f"{shown}:{frame.f_lineno}"

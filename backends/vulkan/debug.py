@@ -12,12 +12,10 @@ import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import groupby
-from pathlib import Path
-from types import FrameType
 from typing import Any, Literal
 
+from backends.callers import calling_line
 from backends.vulkan import api as vk
-from common.paths import ROOT
 
 Severity = Literal["info", "warning", "error"]
 
@@ -31,7 +29,7 @@ class Message:
     text: str
     objects: tuple[str, ...]  # names given with `Device.name`, else type and handle
     labels: tuple[str, ...]  # command-buffer and queue labels that were open: the pass
-    line: str  # "file:line" of the nearest caller outside backends/vulkan
+    line: str  # "file:line" of the caller; see `calling_line`
 
     def __str__(self) -> str:
         where = f" in pass {' > '.join(self.labels)}" if self.labels else ""
@@ -97,7 +95,7 @@ class ValidationSink:
             _COUNTERS.sub(r"\1 n", vk.text(data.pMessage)),
             tuple(_object_name(data.pObjects[i]) for i in range(data.objectCount)),
             tuple(labels),
-            _calling_line(sys._getframe(1)),
+            calling_line(sys._getframe(1)),
         )
         if any(message.id.startswith(prefix) and part in message.text for prefix, part in ALLOWED):
             return 0
@@ -132,17 +130,3 @@ def _label_names(labels: Any, count: int) -> list[str]:
 def _object_name(described: Any) -> str:
     name = vk.text(described.pObjectName)
     return name or f"object {described.objectType} 0x{described.objectHandle:x}"
-
-
-_HERE = str(Path(__file__).resolve().parent)
-
-
-def _calling_line(frame: FrameType | None) -> str:
-    """Return "file:line" of the nearest frame outside this folder."""
-    while frame is not None and frame.f_code.co_filename.startswith((_HERE, "<")):
-        frame = frame.f_back
-    if frame is None:
-        return "an unknown line"
-    path = Path(frame.f_code.co_filename)
-    shown = path.relative_to(ROOT) if path.is_relative_to(ROOT) else path
-    return f"{shown}:{frame.f_lineno}"
