@@ -71,13 +71,14 @@ def decide(wanted: str = "auto", ask: Probe = probe, gpu: Callable[[], bool] = g
         return Choice("vulkan", f"Vulkan on {vulkan[1]}")
     if vulkan and not gpu():
         return Choice("vulkan", f"Vulkan's software driver, since there is no GPU ({vulkan[1]})")
-    gl, _ = _asked(ask, "gl")
+    gl, why_no_gl = _asked(ask, "gl")
     if gl and gl[0] != "software":
         return Choice(
             "gl", f"OpenGL on {gl[1]}, since " + (why_no_vulkan or "Vulkan has a software driver only")
         )
     if vulkan:
-        return Choice("vulkan", f"Vulkan's software driver, since no GPU was found ({vulkan[1]})")
+        reason = f"Vulkan's software driver, since no GPU was found ({vulkan[1]})"
+        return Choice("vulkan", f"{reason}, and {why_no_gl}" if why_no_gl else reason)
     if gl:
         return Choice("gl", f"OpenGL's software driver ({gl[1]}), since {why_no_vulkan}")
     raise UnsupportedError(NOTHING)

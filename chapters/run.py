@@ -119,7 +119,7 @@ def run(request: Request) -> int:
     began = clock.perf_counter()
     check(request)
     choice = decide(request.backend)
-    if request.backend == "auto" and choice.backend == "gl":
+    if request.backend == "auto" and (request.verbose or choice.backend == "gl"):
         say(f"strata: drawing with {choice.reason}.")
     problem = cache_problem() if request.verbose else ""
     if problem:

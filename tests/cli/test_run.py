@@ -159,8 +159,9 @@ def test_validation_on_opengl_names_the_pass_and_the_line(strata, box, gl_contex
 
 
 def test_without_all_draws_and_verbose_says_the_plan(strata, box):
-    code, out, _ = strata("run", "1", "--scene", box, "--size", "16x16", "--without", "all", "-v")
+    code, out, err = strata("run", "1", "--scene", box, "--size", "16x16", "--without", "all", "-v")
     assert code == 0
+    assert "strata: drawing with " in err
     assert "trilinear filtering" in out and "switched off by --without" in " ".join(out.split())
     assert "recording (CPU)" in out
     assert "history_resets 1" in out and "Started without history: first frame (frame 0)" in out
@@ -208,7 +209,10 @@ WRONG_WORDS = {
     ),
     "a time that is none": (("run", "1", "--time", "nan"), "--time"),
     "a time too far": (("run", "1", "--time", "1e308"), "between -1e+09 and 1e+09"),
-    "a rate that is next to none": (("run", "1", "--fps", "1e-300", "--frames", "3"), "last --time 2e+300"),
+    "a rate that is next to none": (
+        ("run", "1", "--fps", "1e-300", "--frames", "3"),
+        "With --frames and --fps the last --time",
+    ),
     "frames without end": (("run", "1", "--frames", "9" * 400), "With --frames and --fps"),
     "no such scene": (("run", "1", "--scene", "atrum"), "atrium"),
     "no such size of a scene": (("run", "1", "--scene", "atrium:huge"), "atrium:large"),

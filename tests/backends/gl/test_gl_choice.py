@@ -53,6 +53,8 @@ def test_hardware_comes_before_software_and_vulkan_before_opengl(vulkan, gl, gpu
     assert found.reason and not found.reason.endswith(".")
     if vulkan is None:
         assert "no vulkan was found (why)" in found.reason  # it says so when it moves on
+    if gl is None and "gl" in questions:
+        assert "no gl was found (why)" in found.reason
 
 
 def test_a_machine_with_neither_says_what_to_install():
