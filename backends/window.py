@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol
 
+from backends import x11
 from common.errors import UnsupportedError
 from common.inputs import Inputs
 
@@ -164,6 +165,8 @@ class Window:
             raise UnsupportedError(NO_WINDOW.format(_said("GLFW gives no reason")))
         for listen, callback in self._callbacks(glfw):
             listen(self.handle, callback)
+        self._x11 = x11.window_id(glfw, self.handle)
+        x11.gone.discard(self._x11)  # servers use numbers again
 
     def _callbacks(self, glfw: Any) -> list[tuple[Any, Callable[..., None]]]:
         return [
@@ -244,12 +247,24 @@ class Window:
         self.damaged = True
 
     def poll(self) -> None:
-        """Collect what happened since the last call."""
+        """Collect what happened since the last call.
+
+        Raises UnsupportedError once another program has destroyed the window.
+        """
+        if self._x11:
+            x11.listen()
         _glfw().poll_events()
+        self.check()
 
     def wait(self, timeout: float) -> None:
-        """Sleep until something happens, but at most `timeout` seconds, and collect it."""
+        """Sleep until something happens, but at most `timeout` seconds, and collect it; raises as `poll` does."""
         _glfw().wait_events_timeout(timeout)
+        self.check()
+
+    def check(self) -> None:
+        """Raise UnsupportedError if another program destroyed the window."""
+        if self._x11 in x11.gone:
+            raise UnsupportedError(x11.WINDOW_GONE)
 
     def take_keys(self) -> list[str]:
         """Return the names of the keys that went down since the last call, in order."""

@@ -367,6 +367,10 @@ def run_window(
                 name=name,
                 quality=quality,
             )
-            figures = loop.run(frames)
+            try:
+                figures = loop.run(frames)
+            except StrataError:
+                window.check()  # a lost surface is what follows from a lost window
+                raise
     figures.messages = sink.report()
     return figures

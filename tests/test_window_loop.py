@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import time
 from functools import partial
 from types import SimpleNamespace
@@ -16,6 +18,7 @@ from chapters.window_camera import open_camera
 from common.camera import Camera, Perspective
 from common.errors import UnsupportedError
 from common.inputs import Inputs
+from common.paths import ROOT
 from common.positioners import FirstPerson, Orbit
 from common.scene import Light, Material
 from tests.support.display import User, screenshot, virtual_display
@@ -316,13 +319,7 @@ def catch_windows(monkeypatch):
     from chapters import window as module
 
     made = []
-
-    def opened(*arguments, **options):
-        made.append(real(*arguments, **options))
-        return made[-1]
-
-    real = module.Window
-    monkeypatch.setattr(module, "Window", opened)
+    monkeypatch.setattr(module, "Window", windows_of(module.Window, made))
     return made
 
 
@@ -393,3 +390,61 @@ def test_a_chapter_that_does_not_open_leaves_no_window(display):
     with pytest.raises(UnsupportedError, match="not here"):
         run_window(refuse, **SHOWN)
     assert module._open == 0
+
+
+@pytest.mark.parametrize("backend", ["vulkan", "gl"])
+def test_a_window_that_another_program_destroys_ends_the_loop_with_a_sentence(display, monkeypatch, backend):
+    windows, kept = catch_windows(monkeypatch), []
+    if backend == "gl":
+        from backends.gl import present
+
+        monkeypatch.setattr(present, "Window", windows_of(present.Window, windows))
+
+    def act(renderer, frame):
+        kept.append(renderer.device)
+        User(windows[0]).destroy()
+
+    open_renderer = partial(moving(opener()), backend=backend)
+    with pytest.raises(UnsupportedError, match="another program destroyed it"):
+        run_window(open_renderer, **SHOWN, on_frame=act, backend=backend)
+    assert kept[0].alive == {}
+
+
+def windows_of(real, made):
+    """Return what opens a window as `real` does, and adds it to `made`."""
+
+    def opened(*arguments, **options):
+        made.append(real(*arguments, **options))
+        return made[-1]
+
+    return opened
+
+
+DIES = """
+from functools import partial
+import chapters
+from chapters.window import run_window
+from tests.support.scenes import quad_scene
+
+def say(renderer, frame):
+    print("drawn", flush=True)
+
+open_renderer = partial(chapters.open, 1, {backend!r}, scene=quad_scene())
+run_window(open_renderer, size=(32, 32), title="a", on_frame=say, backend={backend!r})
+"""
+
+
+@pytest.mark.parametrize("backend", ["vulkan", "gl"])
+def test_a_display_that_dies_is_one_sentence(display, backend):
+    with virtual_display():
+        process = subprocess.Popen(
+            [sys.executable, "-c", DIES.format(backend=backend)],
+            cwd=ROOT,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        assert process.stdout is not None and process.stdout.readline() == "drawn\n"
+    _, err = process.communicate(timeout=20)
+    assert process.returncode == 2
+    assert err == "strata: The display closed the connection, and the window with it.\n"

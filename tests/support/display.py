@@ -153,3 +153,8 @@ class User:
         )
         event.client.data[0] = atom(self._display, b"WM_DELETE_WINDOW", 0)
         self._send(event)
+
+    def destroy(self) -> None:
+        """Destroy the window, as another program may."""
+        self._x.XDestroyWindow(self._display, _Long(self._id))
+        self._x.XSync(self._display, 0)
