@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
+import math
 import statistics
 import time as clock
 from collections.abc import Callable, Sequence
@@ -18,6 +19,12 @@ CANDIDATES = ("high", "medium", "low")
 """From the best on; `reference` is for measuring, not for looking."""
 
 WARM_UP, MEASURED = 2, 5
+
+LIMIT_S = 2.0
+"""After so many seconds a preset is measured well enough."""
+
+MOST_PIXELS = 1280 * 720
+"""Larger windows are judged by a smaller picture: on a software driver, one frame of 8192x8192 takes half a minute."""
 
 Measure = Callable[[str], float]
 """Milliseconds that a frame takes with the preset of this name."""
@@ -64,13 +71,33 @@ def key_of(chapter: int, capabilities: Capabilities, scene: str, size: tuple[int
     return json.dumps(parts)
 
 
-def frame_ms(draw: Callable[[], object]) -> float:
-    """Return the median time of one call of `draw`, which draws a frame and waits for it, after a warm-up."""
-    for _ in range(WARM_UP):
+def measured_size(size: tuple[int, int]) -> tuple[int, int]:
+    """Return the size to measure at for a window of `size`: as it is, or of `MOST_PIXELS` in the same proportions."""
+    width, height = size
+    scale = math.sqrt(MOST_PIXELS / (width * height))
+    return size if scale >= 1.0 else (max(1, round(width * scale)), max(1, round(height * scale)))
+
+
+def estimated_ms(taken: float, measured: tuple[int, int], size: tuple[int, int]) -> float:
+    """Return what a frame of `size` takes, when one of the size `measured` takes `taken` milliseconds.
+
+    It is in proportion to the pixels, which says too much rather than too little: part of a frame is not theirs.
+    """
+    return taken * (size[0] * size[1]) / (measured[0] * measured[1])
+
+
+def frame_ms(draw: Callable[[], object], limit_s: float = LIMIT_S) -> float:
+    """Return the median time of one call of `draw`, which draws a frame and waits for it, after a warm-up.
+
+    After `limit_s` no more frames are drawn than the two without which there is no time: in the first, drivers compile.
+    """
+    began = before = clock.perf_counter()
+    times: list[float] = []
+    for _ in range(WARM_UP + MEASURED):
         draw()
-    times = []
-    for _ in range(MEASURED):
-        began = clock.perf_counter()
-        draw()
-        times.append((clock.perf_counter() - began) * 1e3)
-    return statistics.median(times)
+        now = clock.perf_counter()
+        times.append((now - before) * 1e3)
+        before = now
+        if len(times) > 1 and now - began > limit_s:
+            break
+    return statistics.median(times[min(WARM_UP, len(times) - 1) :])

@@ -191,6 +191,7 @@ def chosen_quality(request: Request, scene: Scene) -> tuple[str, str]:
     """Return the preset for a window, and what to say about it: `auto` takes the best that is fast enough here."""
     if request.quality != "auto":
         return request.quality, ""
+    size = quality.measured_size(request.size)
     with ExitStack() as stack:
         device = open_device(stack, request)
         key = quality.key_of(
@@ -207,15 +208,17 @@ def chosen_quality(request: Request, scene: Scene) -> tuple[str, str]:
                 request.chapter,
                 request.backend,
                 scene=scene,
-                size=request.size,
+                size=size,
                 settings=settings,
                 device=device,
             ) as renderer:
                 view = chapters.view_of(renderer, request.camera, request.time)
-                return quality.frame_ms(lambda: renderer.render(view, request.time).timings)
+                taken = quality.frame_ms(lambda: renderer.render(view, request.time).timings)
+                return quality.estimated_ms(taken, size, request.size)
 
         name, taken = quality.choose(measure, key)
-    return name, f", quality {name} ({taken:.0f} ms a frame here; --quality sets another)"
+    judged = "" if size == request.size else f", judged by {size[0]}x{size[1]}"
+    return name, f", quality {name} ({taken:.0f} ms a frame here{judged}; --quality sets another)"
 
 
 def draw(request: Request, began: float) -> int:

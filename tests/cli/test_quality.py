@@ -7,7 +7,18 @@ import time
 import pytest
 
 from backends.contract import Capabilities
-from chapters.quality import CANDIDATES, GOAL_MS, choose, frame_ms, key_of
+from chapters import quality
+from chapters import run as running
+from chapters.quality import (
+    CANDIDATES,
+    GOAL_MS,
+    MOST_PIXELS,
+    choose,
+    estimated_ms,
+    frame_ms,
+    key_of,
+    measured_size,
+)
 
 
 @pytest.mark.parametrize(
@@ -69,3 +80,50 @@ def test_the_median_ignores_one_slow_frame():
 
     assert 2.0 <= frame_ms(draw) < 30.0
     assert tuple(CANDIDATES) == ("high", "medium", "low")
+
+
+@pytest.mark.parametrize("size", [(8192, 8192), (16384, 128), (16384, 16384), (1281, 720)])
+def test_a_huge_window_is_judged_by_a_picture_of_bounded_size(size):
+    width, height = measured_size(size)
+    assert width * height <= 1.01 * MOST_PIXELS
+    assert width / height == pytest.approx(size[0] / size[1], rel=0.05)
+    assert estimated_ms(10.0, (width, height), size) == pytest.approx(
+        10.0 * size[0] * size[1] / MOST_PIXELS, rel=0.02
+    )
+
+
+def test_a_usual_window_is_measured_as_it_is():
+    for size in ((1, 1), (640, 360), (1280, 720)):
+        assert measured_size(size) == size and estimated_ms(7.0, size, size) == 7.0
+
+
+def test_slow_frames_are_few(monkeypatch):
+    """Frames of 1.5 s, the first, in which drivers compile, of 4 s: two are drawn, and the second counts."""
+    now, drawn = [0.0], []
+    monkeypatch.setattr(quality.clock, "perf_counter", lambda: now[0])
+
+    def draw():
+        now[0] += 1.5 if drawn else 4.0
+        drawn.append(now[0])
+
+    assert frame_ms(draw) == pytest.approx(1500.0)
+    assert len(drawn) == 2
+
+
+def test_a_window_of_8192_pixels_is_chosen_for_soon_and_it_is_said(vulkan_instance, monkeypatch):
+    from tests.support.scenes import quad_scene
+
+    measured = []
+    real = running.chapters.open
+
+    def opened(*arguments, **options):
+        measured.append(options["size"])
+        return real(*arguments, **options | {"size": (8, 8)})
+
+    monkeypatch.setattr(running.chapters, "open", opened)
+    monkeypatch.setattr(quality, "frame_ms", lambda draw: 1.0)
+    monkeypatch.setattr(quality, "cache_dir", lambda name: None)
+    name, note = running.chosen_quality(running.Request(1, backend="vulkan", size=(8192, 8192)), quad_scene())
+    assert name == "low"  # 1 ms for 960x960 is 73 ms for 8192x8192
+    assert "judged by 960x960" in note
+    assert measured == [(960, 960)] * 3
