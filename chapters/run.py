@@ -271,7 +271,9 @@ def default_picture(request: Request) -> Path:
     """Return where a picture goes for which no place was named: in `out/` of the current folder, made at the end."""
     if not os.access(Path.cwd(), os.W_OK):
         raise UserError(f"Nothing can be written to {Path.cwd()}: say --out FILE.png.")
-    name = re.sub(r"[^\w.-]+", "-", Path(request.scene).stem if "/" in request.scene else request.scene)
+    scene = Path(request.scene)
+    named = scene.stem if scene.suffix.lower() in scenes.SUFFIXES else request.scene
+    name = re.sub(r"[^\w.-]+", "-", named)
     return Path("out") / f"{chapters.folder_name(request.chapter)}-{name.strip('-') or 'scene'}.png"
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from chapters.__main__ import run
 from chapters.console import shown
 from common.paths import ROOT
 
@@ -101,13 +102,13 @@ def test_a_record_can_be_printed_and_all_else_goes_to_stderr(tmp_path, vulkan_in
     assert done.returncode == 0 and b"Milliseconds" in done.stdout
 
 
-def test_a_cache_that_cannot_be_written_is_said(tmp_path, vulkan_instance):
+def test_a_cache_that_cannot_be_written_is_said(tmp_path, vulkan_instance, monkeypatch, capsys):
     (tmp_path / "file").write_text("a file where the folder should be")
-    words = "run 1 --scene cornell --size 16x16 --headless --out a.png"
-    for verbose, said in (("", 0), ("-v", 1)):
-        done = shell(f"strata {words} {verbose}", tmp_path, STRATA_CACHE="file")
-        assert done.returncode == 0
-        assert done.stderr.count(b"file cannot be written (File exists)") == said
+    monkeypatch.setenv("STRATA_CACHE", str(tmp_path / "file"))
+    words = ["run", "1", "--scene", "cornell", "--size", "16x16", "--out", str(tmp_path / "a.png")]
+    for verbose, said in (([], 0), (["-v"], 1)):
+        assert run([*words, "--headless", *verbose]) == 0
+        assert capsys.readouterr().err.count("file cannot be written (File exists)") == said
     found = json.loads(shell("strata doctor --json", tmp_path, STRATA_CACHE="file/x").stdout)["strata"]
     assert found["cache"] == str(tmp_path / "file" / "x")
     assert "cannot be written (Not a directory)" in found["cache_problem"]
