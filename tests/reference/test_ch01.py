@@ -264,28 +264,29 @@ def test_a_mirror_in_an_environment(chapter):
     assert (np.abs(ours - other) <= 6e-3 * other).all()
 
 
-SPLIT_SUM = {0.2: 0.194, 0.5: 0.242, 1.0: 0.632}
-"""What the split sum costs in the bright environment by roughness, as the chapter's text says: rms over the mean."""
+@pytest.mark.parametrize(
+    ("roughness", "samples", "stated"),
+    [pytest.param(0.25, 100, 0.048, marks=pytest.mark.long), (0.5, 12, 0.245), (1.0, 12, 0.632)],
+)
+def test_the_error_of_the_split_sum(chapter, roughness, samples, stated):
+    """Measured as the chapter's text states it, rms over the mean, and to become neither larger nor smaller unseen.
 
-
-@pytest.mark.parametrize("roughness", SPLIT_SUM)
-def test_the_error_of_the_split_sum(chapter, roughness):
-    """No bound follows from the formula: the figure is measured, and may become neither larger nor smaller unseen.
-
-    The noise of Mitsuba's picture is taken out of it; a tenth is room for what that leaves.
+    Nothing bounds it but its own formula: evaluated in float64 for these pixels it is off by 0.25 and 0.63 at the
+    roughnesses 0.5 and 1. All three are levels of the blurred cube, so that no mixture of two lobes adds to it. The
+    noise of Mitsuba's picture is taken out; a tenth is room for what that leaves.
     """
-    ours, other = draw(chapter, "bright", roughness), measured(roughness**2, "bright", 8)
+    ours, other = draw(chapter, "bright", roughness), measured(roughness**2, "bright", samples)
     mean = other.mean.mean()
     rms = np.sqrt(((ours - other.mean) ** 2 - other.error**2).mean()) / mean
     print(f"rms {rms:.3f} of the mean, which is off by {ours.mean() / mean - 1:+.1%}")
-    assert abs(rms / SPLIT_SUM[roughness] - 1) < 0.1
+    assert abs(rms / stated - 1) < 0.1
 
 
 def test_the_comparisons_can_fail(chapter):
     """What is wrong by little is found: alpha that was not squared, one part in a hundred too little light."""
     ours = draw(chapter, "uniform", 0.5)
     assert agrees(ours, measured(0.25, "uniform"), 1e-3)
-    assert disagreement(ours, measured(0.5, "uniform", 2), 1e-3)[0] > 0.5
+    assert min(disagreement(ours, measured(0.5, "uniform", 8), 1e-3)) > 0.5
     assert disagreement(0.99 * ours, measured(0.25, "uniform"), 1e-3)[1] > 2
     lit = draw(chapter, "sun", 0.5)
     assert same_but_for_rounding(lit, measured(0.25, "sun", 1, 1).mean)
