@@ -123,6 +123,8 @@ def measured(alpha, light, samples=16, batches=32):
 def draw(chapter, light, roughness, metallic=1.0, base=1.0, settings=EXACT):
     """Return what the chapter sees (pixels, 3) of a grey sphere under a light by name, in nits."""
     material = Material(base_color=(base, base, base, 1.0), metallic=metallic, roughness=roughness)
+    if light == "uniform":
+        settings = replace(settings, environment_size=32)  # the same everywhere: nothing to resolve
     if light == "sun":
         scene = sphere(material, (Light("directional", node=1, color=TINT),), (TRAVELS,))
     else:
