@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 
 from chapters.testing import areas, pytest_arguments
@@ -80,6 +82,23 @@ def test_budgets_are_for_single_tests_and_for_areas_by_variant():
     assert over_budget([*quick, *quick], cold=True) == []
     assert len(over_budget([*quick, *quick, *quick], cold=True)) == 1
     assert len(over_budget([outcome(seconds=20.5)], cold=True)) == 1
+
+
+def test_the_record_keeps_the_last_result_of_every_long_test(tmp_path, monkeypatch):
+    monkeypatch.setattr(report, "LONG_RECORD", tmp_path / "long.json")
+    name = "tests/cli/test_testing.py::test_{}"
+    head = {"commit": "old"}
+    before = [outcome(name.format(x), long=True, result="passed") for x in "ab"]
+    gone = outcome("tests/no/such/test_file.py::test_c", long=True, result="passed")
+    report.LONG_RECORD.write_text(json.dumps(report.long_record([*before, gone], head)))
+    again = outcome(name.format("b"), long=True, result="failed")
+    idle = [
+        outcome(name.format("a"), long=True, result="not run"),
+        outcome(name.format("d"), result="passed"),
+    ]  # not run; not long
+    tests = report.long_record([again, *idle], {"commit": "new"})["tests"]
+    found = {key: (one["result"], one["commit"]) for key, one in tests.items()}
+    assert found == {name.format("a"): ("passed", "old"), name.format("b"): ("failed", "new")}
 
 
 def test_only_written_skips_are_allowed():

@@ -1,7 +1,7 @@
 """What a test run leaves and says: counts per area, variant and feature; skips that CI does not allow; time budgets.
 
 tests/allowed_skips.txt   "test id pattern | part of the reason": what may be skipped in CI (`CI=true`)
-docs/records/long.json    the last run with --long: result, commit, time
+docs/records/long.json    of every long test the last result, with commit, device and time
 """
 
 from __future__ import annotations
@@ -175,10 +175,10 @@ class Report:
             ]
             if self.complaints and session.exitstatus == pytest.ExitCode.OK:
                 session.exitstatus = pytest.ExitCode.TESTS_FAILED
-        self._keep(outcomes, exitstatus)
+        self._keep(outcomes)
 
-    def _keep(self, outcomes: list[Outcome], exitstatus: int) -> None:
-        """Write the results of features for `strata list --features`, merged into those of other runs."""
+    def _keep(self, outcomes: list[Outcome]) -> None:
+        """Write the results of features for `strata list --features`, and of long tests, merged into those of other runs."""
         head = {
             "when": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
             "commit": commit(),
@@ -195,13 +195,7 @@ class Report:
             write_whole(path, json.dumps({**head, "features": merged}, indent=1).encode())
         if self.config.getoption("--long") and any(o.long for o in outcomes):
             LONG_RECORD.parent.mkdir(parents=True, exist_ok=True)
-            longest = [o for o in outcomes if o.long]
-            record = {
-                **head,
-                "exit_status": int(exitstatus),
-                "tests": {o.nodeid: {"result": o.result, "seconds": round(o.seconds, 1)} for o in longest},
-            }
-            write_whole(LONG_RECORD, (json.dumps(record, indent=1) + "\n").encode())
+            write_whole(LONG_RECORD, (json.dumps(long_record(outcomes, head), indent=1) + "\n").encode())
 
     def pytest_terminal_summary(self, terminalreporter: Any) -> None:
         if self.config.option.collectonly or not self.outcomes:
@@ -213,6 +207,21 @@ class Report:
             terminalreporter.line(line)
         for text in self.complaints:
             terminalreporter.line(("FAILED " if self.in_ci else "note: ") + text, red=self.in_ci)
+
+
+def long_record(outcomes: list[Outcome], head: dict[str, Any]) -> dict[str, Any]:
+    """Return the record of the long tests: of each the last result, with when and where that was."""
+    try:
+        kept: dict[str, Any] = json.loads(LONG_RECORD.read_text("utf-8"))["tests"]
+    except (OSError, ValueError, KeyError):
+        kept = {}
+    fresh = {
+        o.nodeid: {"result": o.result, "seconds": round(o.seconds, 1), **head}
+        for o in outcomes
+        if o.long and o.result != "not run"
+    }
+    there = {name: kept[name] for name in kept if (ROOT / name.partition("::")[0]).is_file()}
+    return {"tests": dict(sorted({**there, **fresh}.items()))}
 
 
 def commit() -> str:
