@@ -178,7 +178,7 @@ class Report:
         self._keep(outcomes)
 
     def _keep(self, outcomes: list[Outcome]) -> None:
-        """Write the results of features for `strata list --features`, and of long tests, merged into those of other runs."""
+        """Write the results of features for `strata list --features`, and of long tests, into those of other runs."""
         head = {
             "when": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
             "commit": commit(),
