@@ -272,6 +272,91 @@ def bench(
     )
 
 
+@app.command()
+def compare(
+    a: Annotated[
+        str,
+        typer.Argument(
+            metavar="A",
+            help="1, 1@gl, 1:msaa=4,anisotropy=1, 1:low, 1:without=anisotropy, a fork 1-name, a .png or .exr.",
+            show_default=False,
+        ),
+    ],
+    b: Annotated[
+        str, typer.Argument(metavar="B", help="The same; it is held against A.", show_default=False)
+    ],
+    scene: Annotated[str, typer.Option(metavar="NAME|PATH", help="As for `strata run`.")] = "atrium",
+    environment: Annotated[
+        str, typer.Option(metavar="FILE|sky|none", help="Light from far away: a panorama, .hdr or .exr.")
+    ] = "none",
+    camera: Annotated[
+        str | None, typer.Option(metavar="NAME|VIEW", help="As for `strata run`.", show_default=False)
+    ] = None,
+    ev: Annotated[
+        float | None,
+        typer.Option(metavar="EV100", help="Exposure; without it that of the scene.", show_default=False),
+    ] = None,
+    size: Annotated[
+        str | None,
+        typer.Option(
+            metavar="WxH", help="Size of the pictures: that of a file, else 640x360.", show_default=False
+        ),
+    ] = None,
+    time: Annotated[float, typer.Option(metavar="SECONDS", help="Time of the first frame.")] = 0.0,
+    frames: Annotated[
+        int | None,
+        typer.Option(
+            metavar="K",
+            help="Draw K frames on a running clock and compare the last; without it, one moment.",
+            show_default=False,
+        ),
+    ] = None,
+    fps: Annotated[float, typer.Option(metavar="RATE", help="Steps of the clock in a second.")] = 60.0,
+    quality: Annotated[
+        str, typer.Option(metavar="low|medium|high|reference", help="Preset of a side that names none.")
+    ] = "medium",
+    without: Annotated[
+        list[str] | None,
+        typer.Option(metavar="FEATURE|all", help="Do without it on both sides; repeatable."),
+    ] = None,
+    map_: Annotated[
+        str,
+        typer.Option(
+            "--map", metavar="auto|flip|difference", help="The error map; auto: FLIP where its package is."
+        ),
+    ] = "auto",
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Where A, B and the map go, as .png.", show_default=False),
+    ] = None,
+    json: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write the record.", show_default=False)
+    ] = None,
+) -> int:
+    """Compare two chapters, forks, backends, settings or pictures: side by side, with time, error and work."""
+    from chapters import compare as comparing
+    from chapters import run as running
+
+    request = comparing.Request(
+        a=a,
+        b=b,
+        scene=scene,
+        environment=environment,
+        camera=camera,
+        ev100=ev,
+        size=None if size is None else running.parse_size(size),
+        time=time,
+        frames=frames,
+        fps=fps,
+        quality=quality,
+        without=tuple(without or ()),
+        map=map_,
+        out=out,
+        json=json,
+    )
+    return comparing.run(request)
+
+
 def _version(wanted: bool) -> None:
     if wanted:
         from chapters.record import strata_version

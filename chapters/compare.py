@@ -1,0 +1,170 @@
+"""`strata compare A B`: two pictures of the same moment, the map of their difference, and time, error and work.
+
+B is held against A: errors are those of B, with A as the truth, and ratios are B : A.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from chapters import compare_report as report
+from chapters import run as running
+from chapters import scenes
+from chapters.compare_measure import Moment, errors, exposure_of, measure
+from chapters.compare_sheet import Panel, heat, sheet
+from chapters.compare_sides import Drawn, Picture, Side, comparable, read_side
+from chapters.console import Steps, out, say
+from common import images
+from common.color import quantize
+from common.errors import UserError
+from common.names import suggest
+from common.paths import write_whole
+
+DEFAULT_SIZE = (640, 360)
+QUALITIES = tuple(name for name in running.QUALITIES if name != "auto")
+MAPS = ("auto", "flip", "difference")
+
+
+@dataclass(frozen=True)
+class Request:
+    """What the user asked for. `size` None: that of a file among the two, else 640x360."""
+
+    a: str
+    b: str
+    scene: str = scenes.DEFAULT
+    environment: str = "none"
+    camera: str | None = None
+    ev100: float | None = None
+    size: tuple[int, int] | None = None
+    time: float = 0.0
+    frames: int | None = None
+    fps: float = 60.0
+    quality: str = "medium"
+    without: tuple[str, ...] = ()
+    map: str = "auto"
+    out: Path | None = None
+    json: Path | None = None
+
+
+def check(request: Request) -> None:
+    """Raise UserError for what is wrong with a request apart from its two sides."""
+    for what, given, known in (("quality", request.quality, QUALITIES), ("map", request.map, MAPS)):
+        if given not in known:
+            near = suggest(given, known)
+            raise UserError(f"There is no {what} {given!r}{near}{'' if near.endswith('?') else '.'}")
+    if request.frames is not None and request.frames < 1:
+        raise UserError(f"--frames {request.frames} draws nothing: it must be at least 1.")
+    if not math.isfinite(request.time):
+        raise UserError(f"--time {request.time} is no time: give seconds.")
+    if not (math.isfinite(request.fps) and request.fps > 0):
+        raise UserError(f"--fps {request.fps} is no rate: give frames per second above 0.")
+    if request.ev100 is not None and not -60.0 <= request.ev100 <= 60.0:
+        raise UserError(
+            f"--ev {request.ev100} is no exposure: give EV100 between -60 and 60; daylight is about 15."
+        )
+    target = request.out
+    if target is not None:
+        images.check_writable(target)
+        if target.suffix.lower() != ".png":
+            raise UserError(f"--out {target}: the pictures and the map go to a .png.")
+    if request.json is not None and (request.json.is_dir() or not request.json.absolute().parent.is_dir()):
+        raise UserError(f"--json {request.json} cannot be written: name a file in a folder that exists.")
+    written = [path.resolve() for path in (target, request.json) if path is not None]
+    if len(set(written)) < len(written):
+        raise UserError(f"--out and --json both name {target}: the picture and the record are two files.")
+    read = {Path(text).expanduser().resolve() for text in (request.a, request.b)}
+    if any(path in read and path.is_file() for path in written):
+        raise UserError("--out and --json must not name a picture that is compared: it would be lost.")
+
+
+def run(request: Request) -> int:
+    """Compare, write the sheet and the record, print the table; return the exit code. Raises StrataError."""
+    check(request)
+    target = request.out or default_picture(request)
+    texts = request.a, request.b
+    a, b = (read_side(text, request.quality, request.without) for text in texts)
+    comparable(a, b)
+    size = size_of(a, b, request.size)
+    moment = Moment(request.camera, request.time, request.frames, request.fps)
+    with Steps() as steps:
+        scene = None
+        if isinstance(a, Drawn) or isinstance(b, Drawn):
+            load = steps.of("load", 0.05, 0.3)
+            scene = scenes.load(request.scene, load, request.environment)  # type: ignore[arg-type]
+            running.expose(scene, running.Request(0, ev100=request.ev100))
+            running.tell_warnings(scene, verbose=False)
+        first, second = measure((a, b), scene, size, moment, steps)
+        steps("errors", 1.0)
+        exposed = exposure_of(first, second, request.ev100)
+        found, error_map, shown = errors(first, second, exposed, request.map)
+    differ = report.differences(first, second)
+    titles = [f"{name}   {side.text}" for name, side in (("A", a), ("B", b))]
+    panels = [
+        Panel(title, report.capital(report.described(side)), quantize(pixels))  # type: ignore[arg-type]
+        for title, side, pixels in zip(titles, (a, b), shown, strict=True)
+    ]
+    panels.append(
+        Panel("Error of B against A", report.map_text(error_map), heat(error_map.values, error_map.limit))
+    )
+    where = f"{request.scene}, " if scene is not None else ""
+    foot = [differ, f"{where}{size[0]}x{size[1]}. {report.verdict(found)}"]
+    picture = sheet(panels, error_map.limit, foot)
+    if request.out is None:
+        target.parent.mkdir(exist_ok=True)
+    images.write_image(target, picture)
+    if request.json is not None:
+        write_record(request, report.record(request, first, second, found, differ, size, target))
+    for side in (a, b):
+        if isinstance(side, Picture) and side.note:
+            say(f"strata: {side.note}")
+    out.print(differ, soft_wrap=True, markup=False)
+    report.show(f"{where}{size[0]}x{size[1]}", first, second, found)
+    out.print(report.verdict(found), soft_wrap=True, markup=False)
+    say(f"Wrote {target}")
+    return 0
+
+
+def default_picture(request: Request) -> Path:
+    """Return where the sheet goes for which no place was named: out/compare-A-B.png below the current folder."""
+    folder = Path("out")
+    if not os.access(folder if folder.is_dir() else Path.cwd(), os.W_OK) or (
+        folder.exists() and not folder.is_dir()
+    ):
+        raise UserError(f"Nothing can be written to {folder.absolute()}: say --out FILE.png.")
+    names = [
+        re.sub(r"[^\w.@=,+-]+", "-", Path(text).stem if Path(text).suffix in images.READABLE else text)
+        for text in (request.a, request.b)
+    ]
+    return folder / f"compare-{names[0][:80]}-{names[1][:80]}.png"
+
+
+def size_of(a: Side, b: Side, wanted: tuple[int, int] | None) -> tuple[int, int]:
+    """Return the size of both pictures; raise UserError where they cannot have the same."""
+    files = [side for side in (a, b) if isinstance(side, Picture)]
+    sizes = [side.size for side in files]
+    if len(set(sizes)) > 1:
+        (w, h), (u, v) = sizes
+        raise UserError(
+            f"{files[0].text} is {w}x{h} and {files[1].text} is {u}x{v}: pictures to compare must have one size."
+        )
+    if sizes and wanted is not None and wanted != sizes[0]:
+        raise UserError(
+            f"--size {wanted[0]}x{wanted[1]} differs from {files[0].text}, which is {sizes[0][0]}x{sizes[0][1]}: "
+            "leave --size out."
+        )
+    return sizes[0] if sizes else wanted or DEFAULT_SIZE
+
+
+def write_record(request: Request, made: dict[str, Any]) -> None:
+    """Write the record, whole or not at all."""
+    assert request.json is not None
+    try:
+        write_whole(request.json.absolute(), (json.dumps(made, indent=1) + "\n").encode())
+    except OSError as error:
+        raise UserError(f"--json {request.json} cannot be written: {error.strerror or error}.") from None
