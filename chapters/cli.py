@@ -332,6 +332,7 @@ def compare(
     json: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write the record.", show_default=False)
     ] = None,
+    verbose: Annotated[bool, typer.Option("-v", "--verbose", help="Show all notes on the scene.")] = False,
 ) -> int:
     """Compare two chapters, forks, backends, settings or pictures: side by side, with time, error and work."""
     from chapters import compare as comparing
@@ -353,6 +354,7 @@ def compare(
         map=map_,
         out=out,
         json=json,
+        verbose=verbose,
     )
     return comparing.run(request)
 

@@ -50,6 +50,7 @@ class Request:
     map: str = "auto"
     out: Path | None = None
     json: Path | None = None
+    verbose: bool = False
 
 
 def check(request: Request) -> None:
@@ -98,7 +99,7 @@ def run(request: Request) -> int:
             load = steps.of("load", 0.05, 0.3)
             scene = scenes.load(request.scene, load, request.environment)  # type: ignore[arg-type]
             running.expose(scene, running.Request(0, ev100=request.ev100))
-            running.tell_warnings(scene, verbose=False)
+            running.tell_warnings(scene, request.verbose)
         first, second = measure((a, b), scene, size, moment, steps)
         steps("errors", 1.0)
         exposed = exposure_of(first, second, request.ev100)
@@ -114,7 +115,9 @@ def run(request: Request) -> int:
     )
     where = f"{request.scene}, " if scene is not None else ""
     foot = [differ, f"{where}{size[0]}x{size[1]}. {report.verdict(found)}"]
-    picture = sheet(panels, error_map.limit, foot)
+    if found.of == "linear":
+        foot.append(f"Shown is linear light times {exposed:.4g}, without a tone curve.")
+    picture = sheet(panels, error_map.limit, error_map.more, foot)
     if request.out is None:
         target.parent.mkdir(exist_ok=True)
     images.write_image(target, picture)

@@ -192,12 +192,16 @@ class Errors:
 
 @dataclass(frozen=True, eq=False)
 class ErrorMap:
-    """One number for each pixel, (H, W) float32; NaN where a picture is not finite. Colours end at `limit`."""
+    """One number for each pixel, (H, W) float32; NaN where a picture is not finite.
+
+    Colours end at `limit`; where `more`, a few pixels lie above it.
+    """
 
     kind: Literal["flip", "difference"]
     of: Literal["shown", "linear"]
     values: Float32
     limit: float
+    more: bool
 
 
 def exposure_of(a: Measured, b: Measured, ev100: float | None) -> float:
@@ -205,7 +209,8 @@ def exposure_of(a: Measured, b: Measured, ev100: float | None) -> float:
     views = [one.view for one in (a, b) if one.view is not None]
     if ev100 is not None or views:
         return exposure(views[0].ev100 if ev100 is None else ev100)
-    assert a.linear is not None
+    if a.linear is None:
+        return 1.0
     light = a.linear.astype(np.float64) @ LUMINANCE
     bright = float(np.percentile(light[np.isfinite(light)], 99)) if np.isfinite(light).any() else 0.0
     return 1.0 / bright if bright > 0.0 else 1.0
@@ -257,7 +262,7 @@ def errors(
     )
     kind: Literal["flip", "difference"] = "difference" if flip is None or wanted == "difference" else "flip"
     values = difference.astype(np.float32) if kind == "difference" or flip is None else flip
-    return found, ErrorMap(kind, of, values, _limit(kind, values)), shown
+    return found, ErrorMap(kind, of, values, *_limit(kind, values)), shown
 
 
 def _equal(a: Any, b: Any) -> bool:
@@ -284,10 +289,15 @@ def _flip(
         return None
 
 
-def _limit(kind: str, values: Float32) -> float:
-    """Return where the scale of a map ends: its largest value, rounded up to 1, 2 or 5 times a power of ten."""
-    finite = values[np.isfinite(values)]
-    largest = max(float(finite.max(initial=0.0)), SMALLEST_LIMIT[kind])
+def _limit(kind: str, values: Float32) -> tuple[float, bool]:
+    """Return where the scale of a map ends, 1, 2 or 5 times a power of ten, and whether values lie above.
+
+    It holds all but a thousandth of the pixels that differ: one pixel must not make the map dark for the others.
+    """
+    finite = values[np.isfinite(values) & (values > 0)].astype(np.float64)
+    most = float(np.percentile(finite, 99.9, method="lower")) if finite.size else 0.0
+    largest = max(most, SMALLEST_LIMIT[kind])
     power = 10.0 ** np.floor(np.log10(largest))
-    step = next(step for step in (1.0, 2.0, 5.0, 10.0) if largest <= step * power * (1 + 1e-9))
-    return float(step * power)
+    step = next(step for step in (1.0, 2.0, 5.0, 10.0) if largest <= step * power * (1 + 1e-6))
+    limit = float(step * power)
+    return limit, bool(finite.max(initial=0.0) > limit * (1 + 1e-6))

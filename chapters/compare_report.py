@@ -93,10 +93,9 @@ def capital(text: str) -> str:
 def map_text(shown: ErrorMap) -> str:
     """Return what the colours of a map mean."""
     if shown.kind == "flip":
-        return "FLIP: what an eye sees when both are shown in turn" + (
-            ", at several exposures" if shown.of == "linear" else ""
-        )
-    unit = "of linear light" if shown.of == "linear" else "of the shown colour, 1 is white"
+        how = "at several exposures" if shown.of == "linear" else "when both are shown in turn"
+        return f"FLIP: what an eye sees, {how}"
+    unit = "linear light" if shown.of == "linear" else "1 is white"
     return f"Largest difference of a channel, {unit}"
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from bisect import bisect
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,6 +14,7 @@ from PIL import Image, ImageDraw, ImageFont
 from common import metrics
 
 Bytes = NDArray[np.uint8]
+_Font = ImageFont.FreeTypeFont | ImageFont.ImageFont
 
 MARGIN = 16
 HEADER = 58
@@ -49,8 +52,11 @@ def origin(index: int, size: tuple[int, int]) -> tuple[int, int]:
     return MARGIN + index * (_panel_width(size) + MARGIN), MARGIN + HEADER
 
 
-def sheet(panels: Sequence[Panel], limit: float, texts: Sequence[str]) -> Bytes:
-    """Return the sheet (H, W, 3): panels of one size, the scale 0 to `limit` below the last, `texts` at the foot."""
+def sheet(panels: Sequence[Panel], limit: float, more: bool, texts: Sequence[str]) -> Bytes:
+    """Return the sheet (H, W, 3): panels of one size, the last one's scale below it, and `texts` at the foot.
+
+    The scale goes from 0 to `limit`; `more` says that some pixels lie above it.
+    """
     height, width = panels[0].pixels.shape[:2]
     times, panel_width = magnification((width, height)), _panel_width((width, height))
     sheet_width = MARGIN + len(panels) * (panel_width + MARGIN)
@@ -65,24 +71,28 @@ def sheet(panels: Sequence[Panel], limit: float, texts: Sequence[str]) -> Bytes:
         pen.text((x, MARGIN + 28), _fitted(panel.note, text, panel_width), PALE, text)
         pixels = panel.pixels.repeat(times, axis=0).repeat(times, axis=1)
         page.paste(Image.fromarray(np.ascontiguousarray(pixels)), (x, y))
-    _scale(page, pen, origin(len(panels) - 1, (width, height))[0], below + 8, panel_width, limit, text)
+    _scale(page, pen, origin(len(panels) - 1, (width, height))[0], below + 8, panel_width, limit, more, text)
     for index, line in enumerate(lines):
         pen.text((MARGIN, below + FOOTER + index * LINE), line, PALE, text)
     return np.asarray(page)
 
 
 def _scale(
-    page: Image.Image, pen: ImageDraw.ImageDraw, x: int, y: int, width: int, limit: float, font: _Font
+    page: Image.Image,
+    pen: ImageDraw.ImageDraw,
+    x: int,
+    y: int,
+    width: int,
+    limit: float,
+    more: bool,
+    font: _Font,
 ) -> None:
     """Draw the colours of 0 to `limit` with three numbers below them."""
     ramp = np.broadcast_to(np.linspace(0.0, limit, width, dtype=np.float32), (10, width))
     page.paste(Image.fromarray(heat(ramp, limit)), (x, y))
     pen.rectangle((x, y, x + width - 1, y + 9), outline=PALE)
-    for part, anchor in ((0.0, "la"), (0.5, "ma"), (1.0, "ra")):
-        pen.text((x + part * (width - 1), y + 13), f"{part * limit:.3g}", PALE, font, anchor=anchor)
-
-
-_Font = ImageFont.FreeTypeFont | ImageFont.ImageFont
+    for part, anchor, end in ((0.0, "la", ""), (0.5, "ma", ""), (1.0, "ra", " and more" if more else "")):
+        pen.text((x + part * (width - 1), y + 13), f"{part * limit:.3g}{end}", PALE, font, anchor=anchor)
 
 
 def _panel_width(size: tuple[int, int]) -> int:
@@ -100,9 +110,9 @@ def _fitted(text: str, font: _Font, width: int) -> str:
     text = _plain(text)
     if font.getlength(text) <= width:
         return text
-    while text and font.getlength(text + "...") > width:
-        text = text[:-1]
-    return text + "..."
+    ends = range(len(text))
+    fits = bisect(ends, width, key=lambda end: math.ceil(font.getlength(f"{text[:end]}...")))
+    return f"{text[: max(fits - 1, 0)]}..."
 
 
 def _wrapped(text: str, font: _Font, width: int) -> list[str]:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -60,13 +61,10 @@ class Drawn:
         """The module with the renderer; raises UnsupportedError where this backend has none."""
         if not self.fork:
             return chapters.renderer_module(self.which, self.backend)  # type: ignore[arg-type,unused-ignore]
-        if self.backend == "gl" and not (chapters.FOLDER / str(self.which) / "gl" / "renderer.py").is_file():
-            raise UnsupportedError(
-                f"{self.spoken[0].upper()}{self.spoken[1:]} has no OpenGL version: compare it on Vulkan."
-            )
-        return import_module(
-            f"chapters.{self.which}." + ("gl.renderer" if self.backend == "gl" else "renderer")
-        )
+        package = f"chapters.{self.which}.gl" if self.backend == "gl" else f"chapters.{self.which}"
+        if find_spec(package) is None or find_spec(f"{package}.renderer") is None:
+            raise UnsupportedError(f"{self.text}: this fork has no OpenGL version; compare it on Vulkan.")
+        return import_module(f"{package}.renderer")
 
     @property
     def outputs(self) -> tuple[str, ...]:
@@ -127,7 +125,7 @@ def read_side(text: str, quality: str, without: tuple[str, ...] = ()) -> Side:
     Raises UserError: there is no such chapter, fork, backend, setting, preset or file, or it is no picture.
     """
     path = Path(text).expanduser()
-    if path.suffix.lower() in images.READABLE or path.is_file():
+    if path.suffix.lower() in images.READABLE or (path.suffix and path.is_file()):
         return _read_picture(text, path)
     head, colon, tail = text.partition(":")
     name, at, backend = head.partition("@")
@@ -151,8 +149,9 @@ def read_side(text: str, quality: str, without: tuple[str, ...] = ()) -> Side:
 
 def forks() -> dict[str, str]:
     """Return the folders of all forks by the name that the command line takes: {"1-bindless": "ch01_bindless"}."""
-    found = (path.parent.name for path in sorted(chapters.FOLDER.glob("ch[0-9][0-9][-_]*/renderer.py")))
-    return {_short(folder): folder for folder in found}
+    places = [Path(place) for place in chapters.__path__]
+    found = [path.parent.name for place in places for path in place.glob("ch[0-9][0-9][-_]*/renderer.py")]
+    return {_short(folder): folder for folder in sorted(found)}
 
 
 def _short(folder: str) -> str:

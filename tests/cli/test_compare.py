@@ -1,0 +1,362 @@
+"""`strata compare A B`: equal sides, each kind of difference, numpy truths of the figures, and every bad input."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import chapters
+from chapters import compare_measure, compare_sheet, scenes
+from chapters.__main__ import run
+from chapters.compare_sides import Picture, forks, read_side
+from common import metrics
+from common.errors import UserError
+from common.images import read_image, write_image
+from common.settings import preset
+
+SIZE = (48, 32)
+SMALL = ("--scene", "cornell", "--size", "48x32")
+
+pytestmark = pytest.mark.feature("tools/compare")
+
+
+@pytest.fixture
+def strata(capsys, tmp_path, monkeypatch):
+    """Run a command in an empty folder, with few frames to time; return (exit code, stdout, stderr)."""
+    monkeypatch.chdir(tmp_path)
+    for name, count in (("ROUNDS", 2), ("FRAMES", 1), ("WARM_UP", 1)):
+        monkeypatch.setattr(compare_measure, name, count)
+
+    def command(*words: str) -> tuple[int, str, str]:
+        code = run([str(word) for word in words])
+        printed = capsys.readouterr()
+        return code, printed.out, printed.err
+
+    return command
+
+
+def panel(sheet: np.ndarray, index: int, size: tuple[int, int] = SIZE) -> np.ndarray:
+    """Return picture `index` (H, W, 3) of a sheet; every pixel of it must be magnified evenly."""
+    times, (x, y) = compare_sheet.magnification(size), compare_sheet.origin(index, size)
+    width, height = size
+    area = sheet[y : y + height * times, x : x + width * times]
+    picture = area[::times, ::times]
+    assert np.array_equal(area, picture.repeat(times, axis=0).repeat(times, axis=1))
+    return picture
+
+
+@pytest.fixture
+def pair(tmp_path) -> tuple[np.ndarray, np.ndarray]:
+    """Pictures a.png and b.png of noise: one patch is 40 codes brighter in one channel, three pixels are 1 code off."""
+    a = np.random.default_rng(4).integers(20, 200, (20, 24, 3)).astype(np.uint8)
+    b = a.copy()
+    b[5:9, 10:13, 1] += 40
+    b[0, 0:3, 2] += 1
+    write_image(tmp_path / "a.png", a)
+    write_image(tmp_path / "b.png", b)
+    return a, b
+
+
+# --- what is drawn ----------------------------------------------------------------------------------------------------
+
+
+def test_equal_sides_differ_in_nothing_and_the_clock_has_60_steps_a_second(
+    strata, vulkan_instance, tmp_path, monkeypatch
+):
+    times: list[float] = []
+    view_of = chapters.view_of
+    monkeypatch.setattr(chapters, "view_of", lambda *words: times.append(words[2]) or view_of(*words))
+    code, out, err = strata("compare", "1", "1", *SMALL, "--json", "r.json", "--time", "2", "--frames", "3")
+    assert code == 0, err
+    assert times[:3] == [2.0, 2.0 + 1 / 60, 2.0 + 2 / 60]
+    assert out.startswith("Nothing differs between A and B: both are chapter 1 on Vulkan, medium.\n")
+    assert "Both pictures are the same to the bit." in out
+    assert err.strip().replace("\\", "/") == "Wrote out/compare-1-1.png"
+    record = json.loads((tmp_path / "r.json").read_text())
+    error = record["error"]
+    assert error["same"] is True
+    assert error["relative_mse"] == error["max_abs"] == error["pixels_changed"] == 0
+    assert error["flip"] in (0, None)
+    assert record["work_that_differs"] == {}
+    assert record["A"]["passes_ms"].keys() == {"forward", "tonemap"}
+    assert record["A"]["gpu_ms"] > 0 and record["B"]["cpu_ms"] > 0
+    sheet = read_image(tmp_path / "out" / "compare-1-1.png")
+    assert np.array_equal(panel(sheet, 0), panel(sheet, 1))
+    assert len(np.unique(panel(sheet, 0))) > 10
+    assert (panel(sheet, 2) == compare_sheet.heat(np.zeros((1, 1), np.float32), 1.0)).all()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["out", "r.json"]
+
+
+def test_the_backends_agree(strata, vulkan_instance, gl_context, tmp_path):
+    code, out, err = strata("compare", "1", "1@gl", *SMALL, "--json", "r.json", "--out", "s.png")
+    assert code == 0, err
+    assert out.startswith("The backend differs: Vulkan, OpenGL.\n")
+    record = json.loads((tmp_path / "r.json").read_text())
+    assert [record[side]["backend"] for side in "AB"] == ["vulkan", "gl"]
+    assert record["error"]["max_abs"] <= 1.001 / 255
+    assert record["error"]["relative_mse"] < 1e-6
+    assert record["error"]["pixels_changed"] == 0
+
+
+def test_samples_show_in_picture_error_and_work_and_files_give_the_same_figures(
+    strata, vulkan_instance, tmp_path
+):
+    for name in ("first", "second"):
+        words = ("--json", f"{name}.json", "--out", f"{name}.png", "--map", "difference")
+        code, out, err = strata("compare", "1", "1:msaa=4", *SMALL, *words)
+        assert code == 0, err
+    assert out.startswith("msaa: 1, 4.\n")
+    assert "work: samples" in out and "resolve, GPU ms" in out
+    assert (tmp_path / "first.png").read_bytes() == (tmp_path / "second.png").read_bytes()
+    records = [json.loads((tmp_path / f"{name}.json").read_text()) for name in ("first", "second")]
+    error = records[0]["error"]
+    assert error == records[1]["error"]
+    assert error["relative_mse"] > 0 and 0 < error["pixels_changed"] < 0.5 and error["same"] is False
+    assert records[0]["work_that_differs"]["samples"] == [1, 4]
+
+    # The same two pictures without the command, and as files.
+    scene, shown, light = scenes.load("cornell"), [], []
+    for name, samples in (("a", 1), ("b", 4)):
+        settings = replace(preset(chapters.settings_class(1), "medium"), msaa=samples)
+        outputs = {"color", "color_linear"}
+        with chapters.open(
+            1, "vulkan", scene=scene, size=SIZE, settings=settings, outputs=outputs
+        ) as renderer:
+            frame = renderer.render(chapters.view_of(renderer))
+            shown.append(frame.image("color"))
+            light.append(frame.image("color_linear").astype(np.float64))
+        write_image(tmp_path / f"{name}.png", shown[-1])
+        write_image(tmp_path / f"{name}.exr", light[-1].astype(np.float32))
+    sheet = read_image(tmp_path / "first.png")
+    assert all(np.array_equal(panel(sheet, index), shown[index]) for index in (0, 1))
+    difference = np.abs(shown[1].astype(int) - shown[0])
+    assert error["max_abs"] == pytest.approx(difference.max() / 255, abs=1e-6)
+    assert error["pixels_changed"] == pytest.approx((difference > 1).any(axis=-1).mean(), abs=1e-12)
+    floor = 0.01 * np.abs(light[0]).mean() ** 2
+    truth = ((light[1] - light[0]) ** 2 / (light[0] ** 2 + floor)).mean()
+    assert error["relative_mse"] == pytest.approx(truth, rel=1e-9)
+    for a, b, exact in (("a.png", "1", True), ("a.exr", "1:msaa=4", False)):
+        assert strata("compare", a, b, "--scene", "cornell", "--json", "files.json")[0] == 0
+        found = json.loads((tmp_path / "files.json").read_text())
+        assert found["size"] == list(SIZE)
+        assert found["error"]["same"] is exact
+        assert exact or found["error"]["relative_mse"] == pytest.approx(truth, rel=1e-9)
+
+
+def test_a_fork_is_compared_with_its_chapter(strata, vulkan_instance, tmp_path, monkeypatch):
+    chapters.available()
+    copy = tmp_path / "chapters" / "ch01_dark_room"
+    shutil.copytree(chapters.FOLDER / "ch01", copy, ignore=shutil.ignore_patterns("__pycache__", "studies"))
+    settings = copy / "settings.py"
+    text = settings.read_text("utf-8")
+    assert '0.02, "linear grey' in text
+    settings.write_text(text.replace('0.02, "linear grey', '0.5, "linear grey'), "utf-8")
+    monkeypatch.setattr(chapters, "__path__", [*chapters.__path__, str(copy.parent)])
+    assert forks() == {"1-dark-room": "ch01_dark_room"}
+    code, out, err = strata("compare", "1", "ch01-dark-room", *SMALL, "--json", "r.json")
+    assert code == 0, err
+    assert out.startswith("The code differs: chapter 1, the fork 1-dark-room; background: 0.02, 0.5.\n")
+    record = json.loads((tmp_path / "r.json").read_text())
+    assert record["B"]["kind"] == "fork" and record["error"]["pixels_changed"] > 0.01
+    code, _, err = strata("compare", "1", "1-drk-room", *SMALL)
+    assert (code, err) == (2, "strata: There is no fork '1-drk-room'; did you mean '1-dark-room'?\n")
+    shutil.rmtree(copy / "gl")
+    assert strata("compare", "1", "1-dark-room@gl", *SMALL)[2].endswith(
+        "this fork has no OpenGL version; compare it on Vulkan.\n"
+    )
+
+
+# --- figures of files, against numpy ----------------------------------------------------------------------------------
+
+
+def test_figures_and_map_of_a_known_change(strata, tmp_path, pair):
+    a, b = pair
+    code, out, err = strata("compare", "a.png", "b.png", "--json", "r.json", "--map", "difference")
+    assert code == 0, err
+    assert out.startswith("A is the picture a.png; B is the picture b.png.\n")
+    error = json.loads((tmp_path / "r.json").read_text())["error"]
+    assert error["max_abs"] == pytest.approx(40 / 255, abs=1e-6)
+    assert error["pixels_changed"] == pytest.approx(12 / 480)  # one code is no change
+    assert error["relative_mse"] is None  # no light is known
+    sheet = read_image(tmp_path / "out" / "compare-a-b.png")
+    size = (24, 20)
+    assert np.array_equal(panel(sheet, 0, size), a) and np.array_equal(panel(sheet, 1, size), b)
+    brightness = panel(sheet, 2, size).astype(int).sum(axis=-1)
+    black = compare_sheet.heat(np.zeros((1, 1), np.float32), 1.0).astype(int).sum()
+    patch = np.zeros((20, 24), bool)
+    patch[5:9, 10:13] = True
+    touched = patch.copy()
+    touched[0, 0:3] = True
+    assert (brightness[~touched] == black).all()
+    assert (brightness[touched] > black).all()
+    assert brightness[patch].min() > 4 * brightness[touched & ~patch].max()
+
+
+def test_flip_is_that_of_its_authors_package(strata, tmp_path, pair):
+    flip = pytest.importorskip("flip_evaluator")
+    a, b = (picture.astype(np.float32) / 255 for picture in pair)
+    _, mean, _ = flip.evaluate(a, b, "LDR")
+    assert strata("compare", "a.png", "b.png", "--json", "r.json")[0] == 0
+    found = json.loads((tmp_path / "r.json").read_text())["error"]["flip"]
+    assert found == pytest.approx(mean, rel=1e-3)
+    sheet = read_image(tmp_path / "out" / "compare-a-b.png")
+    brightness = panel(sheet, 2, (24, 20)).astype(int).sum(axis=-1)
+    assert np.unravel_index(brightness.argmax(), brightness.shape)[0] in range(5, 9)
+
+
+def test_without_the_package_of_flip_the_map_shows_differences(strata, tmp_path, pair, monkeypatch):
+    def missing():
+        raise UserError("FLIP needs the package flip-evaluator.")
+
+    monkeypatch.setattr(metrics, "_flip", missing)
+    assert strata("compare", "a.png", "b.png", "--json", "r.json", "--out", "s.png")[0] == 0
+    assert json.loads((tmp_path / "r.json").read_text())["error"]["flip"] is None
+    assert strata("compare", "a.png", "b.png", "--map", "difference", "--out", "t.png")[0] == 0
+    assert (tmp_path / "s.png").read_bytes() == (tmp_path / "t.png").read_bytes()
+    code, _, err = strata("compare", "a.png", "b.png", "--map", "flip", "--out", "u.png")
+    assert (code, err) == (2, "strata: FLIP needs the package flip-evaluator.\n")
+    assert not (tmp_path / "u.png").exists()
+
+
+def test_light_is_compared_as_light_and_a_nan_is_green(strata, tmp_path):
+    a = np.random.default_rng(1).random((16, 16, 3), np.float32) * 900 + 1
+    b = a * np.float32(1.5)
+    write_image(tmp_path / "a.exr", a)
+    write_image(tmp_path / "b.exr", b)
+    assert strata("compare", "a.exr", "b.exr", "--json", "r.json")[0] == 0
+    error = json.loads((tmp_path / "r.json").read_text())["error"]
+    x, y = a.astype(np.float64), b.astype(np.float64)
+    truth = ((y - x) ** 2 / (x * x + 0.01 * x.mean() ** 2)).mean()
+    assert error["relative_mse"] == pytest.approx(truth, rel=1e-9)
+    assert error["max_abs"] == pytest.approx(np.abs(y - x).max(), rel=1e-6)
+    b[3, 4, 1] = np.nan
+    b[7, 8, 0] = np.inf
+    write_image(tmp_path / "b.exr", b)
+    code, out, _ = strata("compare", "a.exr", "b.exr", "--json", "r.json")
+    assert code == 0
+    assert "2 pixels of B are not finite" in out
+    error = json.loads((tmp_path / "r.json").read_text())["error"]
+    assert error["relative_mse"] is None and error["not_finite"] == [0, 2]
+    shown = panel(read_image(tmp_path / "out" / "compare-a-b.png"), 2, (16, 16))
+    green = (shown == (0, 255, 0)).all(axis=-1)
+    assert np.argwhere(green).tolist() == [[3, 4], [7, 8]]
+
+
+def test_pictures_of_other_kinds_are_read_as_what_they_show(tmp_path):
+    grey = np.arange(256, dtype=np.uint8).reshape(16, 16, 1)
+    write_image(tmp_path / "grey.png", grey)
+    write_image(tmp_path / "deep.png", np.repeat(grey.astype(np.uint16) * 257, 3, axis=2))
+    alpha = np.concatenate([np.repeat(grey, 3, axis=2), 255 - grey], axis=2)
+    write_image(tmp_path / "alpha.png", alpha)
+    sides = [read_side(str(tmp_path / f"{name}.png"), "medium") for name in ("grey", "deep", "alpha")]
+    for side in sides:
+        assert isinstance(side, Picture) and side.shown is not None and side.linear is None
+        assert np.abs(side.shown * 255 - grey).max() < 1e-4
+    assert sides[2].note == "The alpha of alpha.png is left out."
+
+
+# --- bad input --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("1", "9"), "There is no chapter 9: "),
+        (("1", "1-bindless"), "There is no fork '1-bindless'"),
+        (("1", "1/no-such-study"), "no-such-study"),
+        (("1", "1@vulcan"), "There is no backend 'vulcan'; did you mean 'vulkan'?"),
+        (("1", "1@"), "1@: no backend stands after the @"),
+        (("1", "1:"), "1:: a setting is missing after the colon"),
+        (("1", "1:msaa=4@gl"), "the backend stands before the settings, as in 1@gl:msaa=4."),
+        (("1", "1:mssa=4"), "1:mssa=4: there is no setting 'mssa'; did you mean 'msaa'?"),
+        (("1", "1:msaa=3"), "1:msaa=3: setting msaa must be one of 1, 2, 4, 8, not '3'"),
+        (("1", "1:msaa"), "1:msaa: setting 'msaa' has no value"),
+        (("1", "1:hihg"), "1:hihg: there is no preset or setting 'hihg'; did you mean 'high'?"),
+        (("1", "1:low,high"), "low and high are two presets"),
+        (("1", "1:without=meshshader"), "did you mean 'mesh-shader'?"),
+        (("1", "1", "--without", "meshshader"), "did you mean 'mesh-shader'?"),
+        (("1", "aa.png"), "There is no file aa.png; did you mean 'a.png'?"),
+        (("1", "nowhere/a.png"), "There is no file nowhere/a.png."),
+        (("notes.txt", "1"), "notes.txt is not of a kind that can be read: .png"),
+        (("liar.png", "1"), "liar.png cannot be read"),
+        (
+            ("a.png", "small.png"),
+            "a.png is 24x20 and small.png is 8x8: pictures to compare must have one size.",
+        ),
+        (("a.png", "1", "--size", "64x64"), "--size 64x64 differs from a.png, which is 24x20"),
+        (("a.png", "light.exr"), "light.exr is linear light and a.png is what is shown"),
+        (("a.png", "b.png", "--out", "c.jpg"), "c.jpg"),
+        (("a.png", "b.png", "--out", "c.exr"), "--out c.exr: the pictures and the map go to a .png."),
+        (("a.png", "b.png", "--out", "b.png"), "must not name a picture that is compared"),
+        (("a.png", "b.png", "--out", "x/c.png"), "there is no folder x"),
+        (("a.png", "b.png", "--out", "c.png", "--json", "c.png"), "--out and --json both name c.png"),
+        (("a.png", "b.png", "--json", "x/c.json"), "--json x/c.json cannot be written"),
+        (("a.png", "b.png", "--map", "flop"), "There is no map 'flop'; did you mean 'flip'?"),
+        (("1", "1", "--quality", "hihg"), "There is no quality 'hihg'; did you mean 'high'?"),
+        (("1", "1", "--frames", "0"), "--frames 0 draws nothing"),
+        (("1", "1", "--time", "nan"), "--time nan is no time"),
+        (("1", "1", "--fps", "0"), "--fps 0.0 is no rate"),
+        (("1", "1", "--ev", "99"), "--ev 99.0 is no exposure"),
+        (("1", "1", "--scene", "cornel"), "cornell"),
+        (("1", "1", "--size", "big"), "--size 'big' is no size"),
+        (("1",), "Missing argument 'B'"),
+    ],
+)
+def test_bad_input_is_one_sentence_and_leaves_nothing(strata, tmp_path, pair, words, says):
+    write_image(tmp_path / "small.png", np.zeros((8, 8, 3), np.uint8))
+    write_image(tmp_path / "light.exr", np.zeros((20, 24, 3), np.float32))
+    (tmp_path / "notes.txt").write_text("no picture")
+    (tmp_path / "liar.png").write_text("no picture")
+    before = {path.name: path.stat().st_mtime_ns for path in tmp_path.iterdir()}
+    code, out, err = strata("compare", *words)
+    assert code == 2
+    assert out == ""
+    assert says in err and err.startswith("strata: ") and err.count("\n") == 1
+    assert {path.name: path.stat().st_mtime_ns for path in tmp_path.iterdir()} == before
+
+
+def test_a_file_in_the_way_of_the_folder_is_said_before_the_work(strata, tmp_path, pair):
+    (tmp_path / "out").write_text("in the way")
+    code, _, err = strata("compare", "a.png", "b.png")
+    assert code == 2 and "say --out FILE.png" in err
+    assert (tmp_path / "out").read_text() == "in the way"
+
+
+def test_labels_fit_whatever_the_names_are(tmp_path):
+    pixels = np.zeros((1, 300, 3), np.uint8)
+    panels = [compare_sheet.Panel("B   " + "длинное-имя" * 30, "x" * 500, pixels)] * 3
+    made = compare_sheet.sheet(panels, 0.5, True, ["word " * 60, "y" * 900])
+    assert made.dtype == np.uint8 and made.shape[2] == 3
+    right = made[:, -compare_sheet.MARGIN :]
+    assert (right == compare_sheet.PAPER).all()  # nothing runs over the edge
+
+
+def test_one_bright_pixel_does_not_darken_the_map():
+    values = np.full((100, 100), 0.1, np.float32)
+    values[0, 0] = 0.9
+    assert compare_measure._limit("flip", values) == (0.1, True)
+    assert compare_measure._limit("flip", np.zeros((4, 4), np.float32)) == (0.01, False)
+    assert compare_measure._limit("difference", np.full((4, 4), np.nan, np.float32))[1] is False
+
+
+def test_the_bar_of_a_sheet_shows_the_colours_of_the_map():
+    panels = [compare_sheet.Panel("t", "n", np.zeros((10, 10, 3), np.uint8))] * 3
+    made = compare_sheet.sheet(panels, 0.2, False, [])
+    x, y = compare_sheet.origin(2, (10, 10))
+    row = made[
+        y + 10 * compare_sheet.magnification((10, 10)) + 8 + 5, x + 1 : x + compare_sheet.SMALLEST_PANEL - 1
+    ]
+    ends = compare_sheet.heat(np.array([[0.0, 0.2]], np.float32), 0.2)[0].astype(int)
+    assert np.abs(row[0] - ends[0]).max() <= 3 and np.abs(row[-1] - ends[1]).max() <= 3
+
+
+def test_files_are_compared_without_graphics(strata, pair, monkeypatch):
+    def none(*_):
+        raise AssertionError("a backend was asked for")
+
+    monkeypatch.setattr(chapters, "choose_backend", none)
+    assert strata("compare", "a.png", "b.png", "--out", "s.png")[0] == 0
