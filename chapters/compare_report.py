@@ -58,6 +58,10 @@ def differences(a: Measured, b: Measured) -> str:
         for feature in paths[0]
         if feature in paths[1] and paths[0][feature] != paths[1][feature]
     ]
+    for name, side, mine, others in (("A", one, paths[0], paths[1]), ("B", other, paths[1], paths[0])):
+        # What a device gives less of than the preset wishes: the setting does not say what is drawn.
+        wishes = [feature for feature in mine if feature not in others and hasattr(side.settings, feature)]
+        parts += [f"{feature} of {name} is {mine[feature]} here" for feature in wishes]
     if not parts:
         return f"Nothing differs between A and B: both are {described(one)}."
     # A name of a setting stays as it is written; a sentence begins with a capital letter.

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import json
 import shutil
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import chapters
-from chapters import compare_measure, compare_sheet, scenes
+from chapters import compare_measure, compare_report, compare_sheet, scenes
 from chapters.__main__ import run
-from chapters.compare_sides import Picture, forks, read_side
+from chapters.bench_points import Point
+from chapters.compare_measure import Measured
+from chapters.compare_sides import Drawn, Picture, forks, read_side
 from common import metrics
 from common.errors import UserError
 from common.images import read_image, write_image
@@ -168,6 +171,65 @@ def test_a_fork_is_compared_with_its_chapter(strata, vulkan_instance, tmp_path, 
     assert strata("compare", "1", "1-dark-room@gl", *SMALL)[2].endswith(
         "this fork has no OpenGL version; compare it on Vulkan.\n"
     )
+
+
+def measured(which, settings, paths, **record) -> Measured:
+    side = Drawn(f"{which}", which, False, "vulkan", settings, "medium", ())
+    choices = [SimpleNamespace(feature=feature, path=path) for feature, path in paths.items()]
+    return Measured(side, None, None, record=record, plan=SimpleNamespace(choices=choices))
+
+
+def test_chapters_plans_and_wishes_that_differ_are_said():
+    kind = chapters.settings_class(1)
+
+    @dataclass
+    class Later(kind):
+        bloom: bool = True
+
+    a = measured(1, replace(kind(), msaa=8), {"anisotropy": "x", "msaa": "4 samples a pixel"})
+    b = measured(2, Later(tone_curve="none"), {"anisotropy": "y", "bindless": "z"})
+    assert compare_report.differences(a, b) == (
+        "The chapter differs: 1, 2; msaa: 8, 1; tone_curve: neutral, none; B alone has the settings bloom; "
+        "anisotropy is x, y; msaa of A is 4 samples a pixel here."
+    )
+
+
+def test_times_stand_in_the_order_of_the_frame_and_without_timestamps_there_are_none():
+    a = measured(
+        1, None, {}, passes_ms={"f": 1.0, "t": 2.0}, gpu_ms=3.0, noise_ms=0.1, cpu_ms=4.0, wall_ms=5.0
+    )
+    b = measured(1, None, {}, passes_ms={"s": 6.0, "f": 7.0, "r": 8.0, "t": 9.0})
+    rows = compare_report.times(a, b)
+    assert [row[:3] for row in rows[:4]] == [
+        ("s, GPU ms", None, 6.0),
+        ("f, GPU ms", 1.0, 7.0),
+        ("r, GPU ms", None, 8.0),
+        ("t, GPU ms", 2.0, 9.0),
+    ]
+    assert rows[4] == ("all passes, GPU ms", 3.0, None, (0.1, None))
+    c = measured(
+        1, None, {}, passes_ms={}, gpu_ms=5.0, cpu_ms=4.0, wall_ms=5.0
+    )  # gpu_ms is the wall clock here
+    assert compare_report.times(c, c)[0] == ("all passes, GPU ms", None, None, (None, None))
+
+
+def test_times_are_taken_in_turns():
+    order = []
+
+    class Timed:
+        def __init__(self, name: str, seconds: float) -> None:
+            self.name, self.seconds = name, seconds
+            self.side = SimpleNamespace(text=name)
+            self.point = Point(name, "side", None)
+
+        def timed_frame(self) -> dict[str, float]:
+            order.append(self.name)
+            return {"wall": self.seconds * 1e3}
+
+    fast, slow = Timed("A", 0.01), Timed("B", 0.2)
+    compare_measure._time([fast, slow], lambda what, part: None)
+    assert "".join(order) == "AAABBB" + "AAAABB" * 5  # the slow one is given fewer frames in each turn
+    assert [len(one) for one in slow.point.rounds] == [2] * 5
 
 
 # --- figures of files, against numpy ----------------------------------------------------------------------------------
