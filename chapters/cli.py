@@ -272,7 +272,7 @@ def bench(
     )
 
 
-@app.command()
+@app.command(cls=Command)
 def compare(
     a: Annotated[
         str,
@@ -330,7 +330,7 @@ def compare(
         typer.Option(metavar="FILE", help="Where A, B and the map go, as .png.", show_default=False),
     ] = None,
     json: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write the record.", show_default=False)
+        Path | None, typer.Option(metavar="FILE|-", help="Write the record; - prints it.", show_default=False)
     ] = None,
     verbose: Annotated[bool, typer.Option("-v", "--verbose", help="Show all notes on the scene.")] = False,
 ) -> int:

@@ -9,17 +9,21 @@ import json
 import math
 import os
 import re
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from backends.contract import check_time
 from chapters import compare_report as report
 from chapters import run as running
 from chapters import scenes
-from chapters.compare_measure import Moment, errors, exposure_of, measure
+from chapters.compare_measure import FRAMES, ROUNDS, WARM_UP, Moment, errors, exposure_of, measure
 from chapters.compare_sheet import Panel, heat, sheet
 from chapters.compare_sides import Drawn, Picture, Side, comparable, read_side
-from chapters.console import Steps, out, say
+from chapters.console import Steps, err, out, say
+from chapters.record import STDOUT
+from chapters.stopping import prompt_stop
 from common import images
 from common.color import quantize
 from common.errors import UserError
@@ -61,10 +65,13 @@ def check(request: Request) -> None:
             raise UserError(f"There is no {what} {given!r}{near}{'' if near.endswith('?') else '.'}")
     if request.frames is not None and request.frames < 1:
         raise UserError(f"--frames {request.frames} draws nothing: it must be at least 1.")
-    if not math.isfinite(request.time):
-        raise UserError(f"--time {request.time} is no time: give seconds.")
+    check_time(request.time, "--time")
     if not (math.isfinite(request.fps) and request.fps > 0):
         raise UserError(f"--fps {request.fps} is no rate: give frames per second above 0.")
+    if request.frames is not None:
+        count = min(request.frames, 10**18)  # a float holds that; nobody waits for so many
+        timed = WARM_UP + ROUNDS * FRAMES  # the clock runs on while times are taken
+        check_time(request.time + (count + timed) / request.fps, "With --frames and --fps the last --time")
     if request.ev100 is not None and not -60.0 <= request.ev100 <= 60.0:
         raise UserError(
             f"--ev {request.ev100} is no exposure: give EV100 between -60 and 60; daylight is about 15."
@@ -74,9 +81,10 @@ def check(request: Request) -> None:
         images.check_writable(target)
         if target.suffix.lower() != ".png":
             raise UserError(f"--out {target}: the pictures and the map go to a .png.")
-    if request.json is not None and (request.json.is_dir() or not request.json.absolute().parent.is_dir()):
-        raise UserError(f"--json {request.json} cannot be written: name a file in a folder that exists.")
-    written = [path.resolve() for path in (target, request.json) if path is not None]
+    made = request.json if request.json != STDOUT else None
+    if made is not None and (made.is_dir() or not made.absolute().parent.is_dir()):
+        raise UserError(f"--json {made} cannot be written: name a file in a folder that exists.")
+    written = [path.resolve() for path in (target, made) if path is not None]
     if len(set(written)) < len(written):
         raise UserError(f"--out and --json both name {target}: the picture and the record are two files.")
     read = {Path(text).expanduser().resolve() for text in (request.a, request.b)}
@@ -86,6 +94,11 @@ def check(request: Request) -> None:
 
 def run(request: Request) -> int:
     """Compare, write the sheet and the record, print the table; return the exit code. Raises StrataError."""
+    with prompt_stop():
+        return _run(request)
+
+
+def _run(request: Request) -> int:
     check(request)
     target = request.out or default_picture(request)
     texts = request.a, request.b
@@ -126,9 +139,10 @@ def run(request: Request) -> int:
     for side in (a, b):
         if isinstance(side, Picture) and side.note:
             say(f"strata: {side.note}")
-    out.print(differ, soft_wrap=True, markup=False)
-    report.show(f"{where}{size[0]}x{size[1]}", first, second, found)
-    out.print(report.verdict(found), soft_wrap=True, markup=False)
+    to = err if request.json == STDOUT else out
+    to.print(differ, soft_wrap=True, markup=False)
+    to.print(report.figures_table(f"{where}{size[0]}x{size[1]}", first, second, found))
+    to.print(report.verdict(found), soft_wrap=True, markup=False)
     say(f"Wrote {target}")
     return 0
 
@@ -165,9 +179,13 @@ def size_of(a: Side, b: Side, wanted: tuple[int, int] | None) -> tuple[int, int]
 
 
 def write_record(request: Request, made: dict[str, Any]) -> None:
-    """Write the record, whole or not at all."""
+    """Write the record, whole or not at all; to `STDOUT`, print it."""
     assert request.json is not None
+    text = json.dumps(made, indent=1) + "\n"
+    if request.json == STDOUT:
+        sys.stdout.write(text)
+        return
     try:
-        write_whole(request.json.absolute(), (json.dumps(made, indent=1) + "\n").encode())
+        write_whole(request.json.absolute(), text.encode())
     except OSError as error:
         raise UserError(f"--json {request.json} cannot be written: {error.strerror or error}.") from None

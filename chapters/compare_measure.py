@@ -57,7 +57,6 @@ class Measured:
     record: dict[str, Any] = field(default_factory=dict)
     capabilities: Any = None
     plan: Any = None
-    messages: list[str] = field(default_factory=list)
 
 
 class Stand:
@@ -66,9 +65,8 @@ class Stand:
     def __init__(self, side: Drawn, renderer: Renderer, moment: Moment) -> None:
         self.side, self.renderer, self.moment = side, renderer, moment
         self._index = 0
-        defaults = type(renderer.settings)()
         self.point = bench_points.Point(side.text, "side", renderer.settings)
-        self._defaults = vars(defaults)
+        self._defaults = vars(type(renderer.settings)())
         self._work: dict[str, int] = {}
 
     def view(self, time: float) -> View:

@@ -7,10 +7,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from chapters import run as running
+from rich.table import Table
+
 from chapters.compare_measure import ErrorMap, Errors, Measured
 from chapters.compare_sides import BACKEND_NAMES, Drawn, Picture, Side
-from chapters.console import out
+from chapters.record import strata_version
 from chapters.tables import table
 
 if TYPE_CHECKING:
@@ -109,14 +110,16 @@ def verdict(found: Errors) -> str:
     extra = f" {capital(' and '.join(bad))} are not finite (NaN or infinity)." if bad else ""
     if found.same:
         return f"Both pictures are the same to the bit.{extra}"
-    return f"{found.pixels_changed:.2%} of the pixels changed by more than 1/255.{extra}"
+    if found.pixels_changed == 0:
+        return f"No pixel changed by more than 1/255.{extra}"
+    return f"{found.pixels_changed:.3%} of the pixels changed by more than 1/255.{extra}"
 
 
 # --- the table and the record -----------------------------------------------------------------------------------------
 
 
-def show(where: str, a: Measured, b: Measured, found: Errors) -> None:
-    """Print time, error and work as one table."""
+def figures_table(where: str, a: Measured, b: Measured, found: Errors) -> Table:
+    """Return time, error and work as one table."""
     shown = table(f"{where}: B against A", "", *_heads(a.side, b.side), ">B : A")
     for name, one, other, noise in times(a, b):
         cells = [
@@ -136,7 +139,7 @@ def show(where: str, a: Measured, b: Measured, found: Errors) -> None:
         shown.add_row("work", "the same", "the same", "")
     elif not counters:
         shown.add_row("work", "-", "-", "")
-    out.print(shown)
+    return shown
 
 
 def _heads(a: Side, b: Side) -> list[str]:
@@ -214,7 +217,7 @@ def record(
     drawn = isinstance(a.side, Drawn) or isinstance(b.side, Drawn)
     return {
         "format": FORMAT,
-        "strata": running.strata_version(),
+        "strata": strata_version(),
         "differs": differ,
         "scene": request.scene if drawn else None,
         "environment": request.environment if drawn else None,

@@ -361,6 +361,7 @@ def test_pictures_of_other_kinds_are_read_as_what_they_show(tmp_path):
         (("1", "1", "--quality", "hihg"), "There is no quality 'hihg'; did you mean 'high'?"),
         (("1", "1", "--frames", "0"), "--frames 0 draws nothing"),
         (("1", "1", "--time", "nan"), "--time nan is no time"),
+        (("1", "1", "--frames", "9", "--fps", "1e-30"), "With --frames and --fps the last --time"),
         (("1", "1", "--fps", "0"), "--fps 0.0 is no rate"),
         (("1", "1", "--ev", "99"), "--ev 99.0 is no exposure"),
         (("1", "1", "--scene", "cornel"), "cornell"),
@@ -414,6 +415,14 @@ def test_the_bar_of_a_sheet_shows_the_colours_of_the_map():
     ]
     ends = compare_sheet.heat(np.array([[0.0, 0.2]], np.float32), 0.2)[0].astype(int)
     assert np.abs(row[0] - ends[0]).max() <= 3 and np.abs(row[-1] - ends[1]).max() <= 3
+
+
+def test_the_record_alone_goes_to_stdout(strata, tmp_path, pair):
+    code, out, err = strata("compare", "a.png", "b.png", "--json", "-")
+    assert code == 0
+    assert json.loads(out)["error"]["pixels_changed"] == pytest.approx(12 / 480)
+    assert "2.500% of the pixels changed by more than 1/255." in err
+    assert not (tmp_path / "-").exists()
 
 
 def test_files_are_compared_without_graphics(strata, pair, monkeypatch):
