@@ -90,6 +90,7 @@ class _Block:
         self.size = size
         self.ranges = BlockAllocator(size)
         self.live = 0
+        self.dedicated = owner is not None
         self.bytes: np.ndarray | None = None
         if visible:
             pointer = vk.ffi.new("void **")
@@ -156,14 +157,15 @@ class MemoryAllocator:
         return Allocation(block.handle, offset, size, mapped, coherent, block)
 
     def free(self, allocation: Allocation) -> None:
-        """Give a range back; a block that is empty then goes back to the driver, save the last of its kind."""
+        """Give a range back; an empty block then goes back to the driver, save the last one that can be shared."""
         block = allocation.block
         block.ranges.free(allocation.offset)
         block.live -= 1
         if block.live:
             return
         blocks = next(blocks for blocks in self._blocks.values() if block in blocks)
-        if len(blocks) > 1 or block.size > BLOCK_SIZE:
+        # Dedicated memory belongs to one image for good: nothing else may be bound to it.
+        if len(blocks) > 1 or block.size > BLOCK_SIZE or block.dedicated:
             blocks.remove(block)
             self._release(block)
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from backends.vulkan import api as vk
+from backends.vulkan.device import Device
 from backends.vulkan.memory import BLOCK_SIZE, MemoryType, choose_memory_type
 from backends.vulkan.resources import (
     DEDICATED_SIZE,
@@ -165,6 +166,20 @@ def test_large_things_have_memory_of_their_own_and_give_it_back(vulkan_device, m
     destroy_image(vulkan_device, image)
     destroy_buffer(vulkan_device, buffer)
     assert memory.allocated == allocated
+
+
+@pytest.mark.feature("device/memory-suballocator")
+def test_memory_of_one_image_never_serves_another(vulkan_instance):
+    """Also where it is the last of its kind, which the allocator keeps (VUID-vkBindImageMemory-memory-01509)."""
+    side = int((DEDICATED_SIZE / 4) ** 0.5)
+    with Device(vulkan_instance) as device:
+        for size in (side, 16):
+            image = create_image(
+                device, "rgba8", (size, size), vk.VK_IMAGE_USAGE_SAMPLED_BIT, f"{size} texels wide"
+            )
+            destroy_image(device, image)
+            kept = [block.dedicated for blocks in device.memory._blocks.values() for block in blocks]
+            assert kept == [False] * (size == 16)
 
 
 @pytest.mark.feature("device/memory-suballocator")
