@@ -1,4 +1,4 @@
-"""What a chapter says about itself: its number and title, what it adds, what it needs of a device."""
+"""What a chapter and its studies say about themselves: title, what they add, what they need of a device."""
 
 from __future__ import annotations
 
@@ -47,3 +47,30 @@ class Lesson:
             object.__setattr__(self, name, tuple(getattr(self, name)))
         if len(set(self.adds)) != len(self.adds):
             raise ValueError(f"lesson {self.number} adds a feature twice")
+
+
+OWN = "own"
+"""The `scene` of a study whose package makes one, by `own_scene()`."""
+
+
+@dataclass(frozen=True)
+class Study:
+    """A small program beside a chapter's renderer, about one idea; `order` is its place among the chapter's studies.
+
+    `idea` is one sentence. `features` are slugs of the feature ledger that its tests meet. `outputs` are what its
+    frames can be asked for. `scene` is the name of what it draws unless told otherwise, or `OWN`; a study without one
+    takes no scene at all.
+    """
+
+    title: str
+    idea: str
+    order: int
+    features: Sequence[str] = ()
+    outputs: Sequence[str] = ("color",)
+    scene: str | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("features", "outputs"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
+        if not self.idea.endswith("."):
+            raise ValueError(f"the idea of the study {self.title!r} is no sentence")

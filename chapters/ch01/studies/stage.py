@@ -1,0 +1,213 @@
+"""What a study needs and is not about: a renderer's life, from opening to closing, whichever the backend.
+
+`stage_vulkan.py` and `stage_gl.py` add what differs between the two. A study itself writes `create` (what is made once)
+and `draw` (what happens in a frame). The chapter's own renderer shows the same without a stage.
+"""
+
+from __future__ import annotations
+
+import time as clock
+import weakref
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Collection, Iterable
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from backends.contract import check_size, resolve
+from common.camera import View, exposure
+from common.errors import StaleFrameError, UserError
+from common.lessons import Study
+from common.scene import Scene
+
+from ..logic.frame import SLOTS, Frame, check_outputs, output_of
+
+
+@dataclass(frozen=True)
+class NoSettings:
+    """The settings of a study that has none."""
+
+
+@dataclass
+class Work:
+    """What a frame did, counted by the study that did it."""
+
+    draws: int = 0
+    triangles: int = 0
+
+
+class Stage(ABC):
+    """One stream of frames of one view; see `backends.contract.Renderer` for what it promises."""
+
+    study: Study
+    has_depth = False
+    moves = True  # whether time alone changes the picture
+    settings_class: type = NoSettings
+
+    def __init__(
+        self,
+        scene: Scene,
+        size: tuple[int, int] = (640, 360),
+        settings: Any = None,
+        without: Iterable[str] = (),
+        outputs: Collection[str] = ("color",),
+        validate: bool = False,
+        device: Any = None,
+        presents: bool = False,
+    ) -> None:
+        unknown = sorted(set(outputs) - set(self.study.outputs))
+        if unknown:
+            known = ", ".join(self.study.outputs)
+            raise UserError(f"There is no output '{unknown[0]}'; the study '{self.study.title}' has {known}.")
+        self.settings = settings or self.settings_class()
+        self.scene = self.choose(scene)
+        self.outputs = tuple(name for name in self.study.outputs if name in outputs)
+        self.has_picture = presents or "color" in outputs
+        self._owned: list[Any] = []
+        self._closed = False
+        self.device = self._open(validate, without) if device is None else device
+        self.capabilities = self.device.capabilities
+        self.plan = resolve((), (), self.capabilities, {*without, *self.device.without})
+        self._index = 0
+        self._last: Any = None
+        # Only to tell them when their slot is used again: a frame that nobody else holds goes.
+        self._in_slot: list[Callable[[], Frame | None]] = [lambda: None] * SLOTS
+        try:
+            self.size = check_size(size, self.capabilities.limits["maxImageDimension2D"])
+            self._set_up()
+            self.create()
+            self._create_targets()
+        except BaseException:
+            self.close()
+            raise
+
+    # --- what a study writes ---
+
+    def choose(self, scene: Scene) -> Scene:
+        """Return what is drawn of `scene`."""
+        return scene
+
+    def create(self) -> None:  # noqa: B027  # there may be nothing to make
+        """Make what lives as long as the study: pipelines, buffers, textures."""
+
+    @abstractmethod
+    def draw(self, commands: Any, view: View, time: float) -> None:
+        """Draw one frame to the picture."""
+
+    def destroy(self) -> None:  # noqa: B027
+        """Free what `create` made and nobody else frees; it may have failed halfway."""
+
+    # --- what a backend writes ---
+
+    @abstractmethod
+    def _open(self, validate: bool, without: Iterable[str]) -> Any:
+        """Open a device of this renderer's own."""
+
+    @abstractmethod
+    def _set_up(self) -> None:
+        """Make what every study uses."""
+
+    @abstractmethod
+    def _create_targets(self) -> None:
+        """Make everything whose size is the picture's."""
+
+    @abstractmethod
+    def _destroy_targets(self) -> None:
+        """Free it; it may have been made halfway, or not at all."""
+
+    @abstractmethod
+    def _begin(self) -> Any:
+        """Return the slot of the next frame, once the GPU has left it."""
+
+    @abstractmethod
+    def _draw(self, slot: Any, view: View, time: float) -> None:
+        """Draw a frame, copy its outputs, and send it off."""
+
+    @abstractmethod
+    def _read(self, slot: Any, name: str) -> np.ndarray:
+        """Wait for the slot's frame and return the pixels of a target."""
+
+    @abstractmethod
+    def read_timings(self, slot: Any) -> dict[str, float]:
+        """Return GPU milliseconds of the slot's frame."""
+
+    @abstractmethod
+    def _wait(self) -> None:
+        """Wait for all frames."""
+
+    @abstractmethod
+    def _tear_down(self) -> None:
+        """Free what `_set_up` made."""
+
+    # --- the contract ---
+
+    def render(self, view: View, time: float = 0.0) -> Frame:
+        """Enqueue one frame of `view` at `time` seconds; nothing is waited for but the slot's last frame."""
+        if self._closed:
+            raise StaleFrameError("This renderer was closed and renders no more: open another one.")
+        started = clock.perf_counter()
+        slot = self._begin()
+        last = self._in_slot[slot.index]()
+        if last is not None:
+            last.let_go(f"its slot was used again by frame {slot.number}")
+        frame = Frame(self, slot, self._index, exposure(view.ev100))
+        self.work = Work()
+        self._draw(slot, view, time)
+        self._in_slot[slot.index] = weakref.ref(frame)  # not before: a frame that failed has no times to keep
+        frame.work = asdict(self.work)
+        self._last = self._state(view, time)
+        self._index += 1
+        frame.cpu_ms = (clock.perf_counter() - started) * 1e3
+        return frame
+
+    def read(self, slot: Any, name: str, exposed: float) -> np.ndarray:
+        """Return an output of the slot's frame; see `Frame.image`."""
+        check_outputs(self.outputs, tuple(self.study.outputs), name)
+        return output_of(name, self._read(slot, name), exposed)
+
+    def _state(self, view: View, time: float) -> tuple[View, float]:
+        return view, time if self.moves else 0.0
+
+    def idle(self, view: View, time: float = 0.0) -> bool:
+        """Whether a frame now would equal the last one: same view, and same time where that matters."""
+        return bool(self._last == self._state(view, time))
+
+    def resize(self, size: tuple[int, int]) -> None:
+        """Change the picture to (width, height) pixels."""
+        size = check_size(size, self.capabilities.limits["maxImageDimension2D"])
+        if size != self.size:
+            self._let_go("the size of the picture has changed since")
+            self._destroy_targets()
+            self.size = size
+            self._create_targets()
+            self.reset_history("resize")
+
+    def reset_history(self, reason: str) -> None:
+        """Start again at frame 0; a study keeps nothing from frame to frame."""
+        self._index, self._last = 0, None
+
+    def _let_go(self, why: str) -> None:
+        self._wait()
+        for held in self._in_slot:
+            frame = held()
+            if frame is not None:
+                frame.let_go(why)
+
+    def close(self) -> None:
+        """Free everything on the GPU; a second time does nothing."""
+        if self._closed:
+            return
+        self._let_go("its renderer was closed")
+        self._closed = True
+        self._destroy_targets()
+        self.destroy()
+        self._tear_down()
+        for owned in reversed(self._owned):
+            owned.close()
+
+    def __enter__(self) -> Any:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
