@@ -1,0 +1,9 @@
+// Study one-light: what both of its shaders read of a frame.
+
+layout(BIND(0, 0, 0), std140) uniform Frame_ {
+    mat4 view_from_object;
+    mat4 clip_from_view;
+    vec4 base_color;
+    vec4 lamp;        // its place, in the object's space
+    vec4 intensity;   // candela times exposure
+} frame;
