@@ -41,8 +41,20 @@ def folder_name(number: int) -> str:
     return f"ch{number:02d}"
 
 
-def parse(text: str) -> int:
-    """Return the chapter meant by "1", "01" or "ch01"; raise UserError if there is none."""
+def parse(text: str) -> int | str:
+    """Return the chapter meant by "1", "01" or "ch01", or the study "1/name"; raise UserError if there is none."""
+    if "/" in text:
+        return studies.parse(text)
+    return parse_chapter(text)
+
+
+def parse_chapter(text: str) -> int:
+    """Return the chapter meant by "1", "01" or "ch01"; raise UserError if there is none, and for a study."""
+    if "/" in text:
+        study = studies.parse(text)
+        raise UserError(
+            f"{study} is a study, and this is about whole chapters: write {studies.split(study)[0]}."
+        )
     digits = text.lower().removeprefix("ch")
     known = [str(number) for number in available()]
     if not (digits.isascii() and digits.isdigit()):
@@ -55,14 +67,26 @@ def parse(text: str) -> int:
     return number
 
 
+def title_of(which: int | str) -> str:
+    """Return the title of a chapter or a study."""
+    return studies.study(which).title if isinstance(which, str) else lesson(which).title
+
+
+def file_name(which: int | str) -> str:
+    """Return how the names of files about a chapter or a study begin: "ch01", "ch01-first-triangle"."""
+    return studies.file_name(which) if isinstance(which, str) else folder_name(which)
+
+
 def lesson(number: int) -> Lesson:
     """Return what chapter `number` says about itself."""
     found: Lesson = import_module(f"chapters.{folder_name(number)}").LESSON
     return found
 
 
-def settings_class(number: int) -> type:
-    """Return the class of a chapter's settings."""
+def settings_class(number: int | str) -> type:
+    """Return the class of the settings of a chapter or a study."""
+    if isinstance(number, str):
+        return studies.settings_class(number)
     found: type = import_module(f"chapters.{folder_name(number)}.settings").Settings
     return found
 
@@ -74,8 +98,13 @@ def choose_backend(wanted: str = "auto") -> str:
     return choose(wanted)
 
 
-def renderer_module(number: int, backend: str) -> ModuleType:
-    """Return the module with a chapter's renderer on "vulkan" or "gl"; raise UnsupportedError if there is none."""
+def renderer_module(number: int | str, backend: str) -> ModuleType:
+    """Return the module with the renderer of a chapter or a study on "vulkan" or "gl".
+
+    Raises UnsupportedError if there is none.
+    """
+    if isinstance(number, str):
+        return studies.renderer_module(number, backend)
     folder = folder_name(number)
     if backend == "gl" and not (FOLDER / folder / "gl" / "renderer.py").is_file():
         raise UnsupportedError(f"Chapter {number} has no OpenGL version: use --backend vulkan.")
@@ -96,7 +125,9 @@ def open(  # the name of the contract: chapters.open(6, ...)
     validate: bool = False,
     **more: Any,
 ) -> Renderer:
-    """Open chapter `number` (1, "1" or "ch01") on `scene` and return its renderer, a context manager.
+    """Open chapter `number` (1, "1" or "ch01") or a study ("1/first-triangle") on `scene` and return its renderer.
+
+    It is a context manager.
 
     `settings` is the chapter's `Settings` (None: its defaults), `without` names features to do without, `outputs` are
     the images that can be read. Further arguments go to the backend's renderer (`device=` shares a device).
@@ -110,8 +141,10 @@ def open(  # the name of the contract: chapters.open(6, ...)
     return opened
 
 
-def outputs_of(number: int) -> tuple[str, ...]:
-    """Return the images that a chapter's frames can be asked for."""
+def outputs_of(number: int | str) -> tuple[str, ...]:
+    """Return the images that the frames of a chapter or a study can be asked for."""
+    if isinstance(number, str):
+        return tuple(studies.study(number).outputs)
     found: tuple[str, ...] = import_module(f"chapters.{folder_name(number)}.renderer").OUTPUTS
     return found
 
@@ -123,3 +156,6 @@ def view_of(renderer: Renderer, camera: str | None = None, time: float = 0.0) ->
 
     scene = renderer.scene
     return view_of_scene(scene, evaluate_pose(scene, time), camera, renderer.size[0] / renderer.size[1])
+
+
+from chapters import studies  # noqa: E402  # it asks this module back

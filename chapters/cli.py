@@ -40,7 +40,7 @@ app = typer.Typer(
     name="strata",
     cls=Group,
     help="Real-time rendering in fifteen chapters: run one, look at its code, change it, measure it.",
-    epilog="Start with: ./strata run 1",
+    epilog="Start with: ./strata run 1, or ./strata run 1/first-triangle",
     add_completion=False,
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
@@ -49,6 +49,14 @@ app = typer.Typer(
 
 Chapter = Annotated[
     str, typer.Argument(metavar="N", help="Number of the chapter: 1, or ch01.", show_default=False)
+]
+Runnable = Annotated[
+    str,
+    typer.Argument(
+        metavar="N|N/STUDY",
+        help="Number of the chapter, or one of its studies: 1, 1/first-triangle.",
+        show_default=False,
+    ),
 ]
 
 
@@ -86,14 +94,16 @@ def sentence(error: Any) -> str:
 
 @app.command(cls=Command)
 def run(
-    chapter: Chapter,
+    chapter: Runnable,
     backend: Annotated[str, typer.Option(metavar="auto|vulkan|gl", help="Graphics API.")] = "auto",
     scene: Annotated[
-        str,
+        str | None,
         typer.Option(
-            metavar="NAME|PATH", help="A scene of `strata list --scenes`, or a .gltf, .glb or .obj file."
+            metavar="NAME|PATH",
+            help="A scene of `strata list --scenes`, or a .gltf, .glb or .obj file; the atrium, or a study's own.",
+            show_default=False,
         ),
-    ] = "atrium",
+    ] = None,
     environment: Annotated[
         str, typer.Option(metavar="FILE|sky|none", help="Light from far away: a panorama, .hdr or .exr.")
     ] = "none",
@@ -193,7 +203,8 @@ def run(
 @app.command(name="list", cls=Command)
 def list_(
     chapter: Annotated[
-        str | None, typer.Argument(metavar="[N]", help="A chapter, to see its lesson.", show_default=False)
+        str | None,
+        typer.Argument(metavar="[N]", help="A chapter or a study, to see its lesson.", show_default=False),
     ] = None,
     settings: Annotated[bool, typer.Option("--settings", help="Every knob of chapter N.")] = False,
     scenes: Annotated[bool, typer.Option("--scenes", help="The scenes that come with Strata.")] = False,
@@ -268,7 +279,11 @@ def bench(
 
     options: dict[str, Any] = {"quick": quick, "json_path": json, "plot_path": plot, "record": record}
     return measuring.run(
-        chapters.parse(chapter), backend=backend, scene=scene, size=running.parse_size(size), **options
+        chapters.parse_chapter(chapter),
+        backend=backend,
+        scene=scene,
+        size=running.parse_size(size),
+        **options,
     )
 
 

@@ -11,6 +11,7 @@ from typing import Any
 from rich.markup import escape
 
 import chapters
+from chapters import studies
 from chapters.console import out, say
 from chapters.tables import table
 from common.errors import UserError
@@ -32,7 +33,8 @@ def run(chapter: str | None, *, settings: bool, scenes: bool, features: bool) ->
     elif features:
         show_features()
     elif chapter is not None:
-        show_lesson(chapters.parse(chapter))
+        which = chapters.parse(chapter)
+        studies.show(which) if isinstance(which, str) else show_lesson(which)
     else:
         show_chapters()
     return 0
@@ -62,6 +64,7 @@ def show_lesson(number: int) -> None:
     ]
     out.print("Uses:  " + escape(", ".join(needs) or "nothing beyond Vulkan 1.3"), soft_wrap=True)
     out.print("Gives:  " + ", ".join(chapters.outputs_of(number)))
+    studies.show_all(number)
     made = table(f"Read chapters/{folder}/README.md first, then", "file", "what it is")
     for name in lesson.reading:
         made.add_row(name, first_sentence(ROOT / "chapters" / folder / name))
@@ -82,16 +85,23 @@ def first_sentence(path: Path) -> str:
     return re.split(r"(?<=[.])\s", body, maxsplit=1)[0]
 
 
-def show_settings(number: int) -> None:
-    """Print every knob of a chapter, with the presets' values."""
+def show_settings(number: int | str) -> None:
+    """Print every knob of a chapter or a study, with the presets' values."""
     kind: Any = chapters.settings_class(number)
-    presets = list(kind.PRESETS)
+    presets = list(getattr(kind, "PRESETS", ()))
     made = table(
-        f"Settings of chapter {number}: --set name=value", "name", "default", "range", "unit", "meaning"
+        f"Settings of {'study' if isinstance(number, str) else 'chapter'} {number}: --set name=value",
+        "name",
+        "default",
+        "range",
+        "unit",
+        "meaning",
     )
     for row in describe(kind):
         made.add_row(*(escape(text) for text in row))
     out.print(made)
+    if not presets:
+        return
     compared = table("Presets: --quality name (what differs)", "name", *presets)
     values = {name: preset(kind, name) for name in presets}
     for row in describe(kind):

@@ -81,7 +81,7 @@ class Log:
         return {
             "strata": strata_version(),
             "chapter": self.request.chapter,
-            "title": chapters.lesson(self.request.chapter).title,
+            "title": chapters.title_of(self.request.chapter),
             "backend": capabilities.backend,
             "device": {
                 "name": capabilities.device,

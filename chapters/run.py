@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING, Any
 
 import chapters
 from backends.choice import decide
-from chapters import quality, scenes
+from chapters import quality, studies
 from chapters.console import Steps, say
 from chapters.record import STDOUT, Log, triangles
 from chapters.stopping import prompt_stop
 from common import images
 from common.errors import UserError
 from common.paths import cache_problem, written_file
-from common.settings import apply_overrides, preset
+from common.settings import apply_overrides
 
 if TYPE_CHECKING:
     from backends.contract import Frame, Renderer
@@ -37,9 +37,9 @@ EXR_OUTPUTS = {"color_linear": "", "depth": "depth", "instance_id": "instance_id
 class Request:
     """What the user asked for, checked as far as that needs neither scene nor device."""
 
-    chapter: int
+    chapter: int | str  # a study is a text: "1/first-triangle"
     backend: str = "auto"
-    scene: str = scenes.DEFAULT
+    scene: str | None = None  # None: what the chapter or the study draws by itself
     environment: str = "none"
     ev100: float | None = None
     size: tuple[int, int] = DEFAULT_SIZE
@@ -106,12 +106,13 @@ def check(request: Request) -> None:
         raise UserError(
             f"--out and --json both name {request.out}: the picture and the record are two files."
         )
+    studies.check(request.chapter, request.quality, request.out)
     settings_of(request, "medium")
 
 
 def settings_of(request: Request, quality: str) -> Any:
-    """Return the chapter's settings: those of a preset, changed by --set."""
-    return apply_overrides(preset(chapters.settings_class(request.chapter), quality), request.overrides)
+    """Return the settings of a chapter's preset, or those of a study, changed by --set."""
+    return apply_overrides(studies.preset_of(request.chapter, quality), request.overrides)
 
 
 def run(request: Request) -> int:
@@ -143,13 +144,12 @@ def show(request: Request) -> int:
     from chapters.window import HELP, panel_help, run_window
 
     with Steps() as steps:
-        scene = scenes.load(request.scene, steps.of("load", 0.05, 0.6), request.environment)  # type: ignore[arg-type]
+        scene = studies.load(request.chapter, request.scene, steps.of("load", 0.05, 0.6), request.environment)  # type: ignore[arg-type]
         expose(scene, request)
         tell_warnings(scene, request.verbose)
         steps("measure the presets" if request.quality == "auto" else "open", 0.6)
         preset_name, note = chosen_quality(request, scene)
     settings = settings_of(request, preset_name)
-    lesson = chapters.lesson(request.chapter)
     logs: list[Log] = []
 
     def opened(**options: Any) -> Renderer:
@@ -160,11 +160,11 @@ def show(request: Request) -> int:
         logs.append(Log(request, renderer, quality))
         return renderer
 
-    say(f"Chapter {request.chapter}, {scene.name}{note}. {HELP} {panel_help()}")
+    say(f"{studies.spoken(request.chapter)}, {scene.name}{note}. {HELP} {panel_help()}")
     figures = run_window(
         partial(opened, without=request.without, validate=request.validate),
         size=request.size,
-        title=f"Strata {request.chapter}: {lesson.title}",
+        title=f"Strata {request.chapter}: {chapters.title_of(request.chapter)}",
         camera=request.camera,
         validate=request.validate,
         without=request.without,
@@ -174,7 +174,7 @@ def show(request: Request) -> int:
         on_frame=(lambda _, frame: logs[-1].add(frame)) if request.json or request.verbose else None,
         backend=chapters.choose_backend(request.backend),
         panel=True,
-        name=chapters.folder_name(request.chapter),
+        name=chapters.file_name(request.chapter),
         quality=note.removeprefix(", "),
     )
     for text in figures.messages:
@@ -189,7 +189,7 @@ def show(request: Request) -> int:
 
 def chosen_quality(request: Request, scene: Scene) -> tuple[str, str]:
     """Return the preset for a window, and what to say about it: `auto` takes the best that is fast enough here."""
-    if request.quality != "auto":
+    if request.quality != "auto" or isinstance(request.chapter, str):
         return request.quality, ""
     size = quality.measured_size(request.size)
     with ExitStack() as stack:
@@ -225,10 +225,12 @@ def draw(request: Request, began: float) -> int:
     """Render without a window, write the picture and the record, and say where they are."""
     target = request.out or default_picture(request)
     outputs = set(EXR_OUTPUTS) if target.suffix.lower() == ".exr" else {"color"}
-    preset_name = "medium" if request.quality == "auto" else request.quality
+    # A study has no presets, and stays with what it was asked for: "auto".
+    wants_default = request.quality == "auto" and isinstance(request.chapter, int)
+    preset_name = "medium" if wants_default else request.quality
     settings = settings_of(request, preset_name)
     with Steps() as steps:
-        scene = scenes.load(request.scene, steps.of("load", 0.05, 0.5), request.environment)  # type: ignore[arg-type]
+        scene = studies.load(request.chapter, request.scene, steps.of("load", 0.05, 0.5), request.environment)  # type: ignore[arg-type]
         expose(scene, request)
         tell_warnings(scene, request.verbose)
         steps("create", 0.5)
@@ -261,9 +263,8 @@ def draw(request: Request, began: float) -> int:
                 log.write(request.json)
             if request.verbose:
                 log.show()
-    say(
-        f"Chapter {request.chapter}, {scene.name}, {request.size[0]}x{request.size[1]}, {log.device}: wrote {target}"
-    )
+    what = f"{studies.spoken(request.chapter)}, {scene.name}"
+    say(f"{what}, {request.size[0]}x{request.size[1]}, {log.device}: wrote {target}")
     return 1 if messages else 0
 
 
@@ -271,10 +272,7 @@ def default_picture(request: Request) -> Path:
     """Return where a picture goes for which no place was named: in `out/` of the current folder, made at the end."""
     if not os.access(Path.cwd(), os.W_OK):
         raise UserError(f"Nothing can be written to {Path.cwd()}: say --out FILE.png.")
-    scene = Path(request.scene)
-    named = scene.stem if scene.suffix.lower() in scenes.SUFFIXES else request.scene
-    name = re.sub(r"[^\w.-]+", "-", named)
-    return Path("out") / f"{chapters.folder_name(request.chapter)}-{name.strip('-') or 'scene'}.png"
+    return Path("out") / f"{studies.picture_name(request.chapter, request.scene)}.png"
 
 
 def write_picture(path: Path, frame: Frame) -> None:

@@ -15,13 +15,13 @@ from typing import Any
 
 import numpy as np
 
-from backends.contract import check_size, resolve
+from backends.contract import check_arguments, check_moment, check_names, check_size, resolve
 from common.camera import View, exposure
-from common.errors import StaleFrameError, UserError
+from common.errors import StaleFrameError
 from common.lessons import Study
 from common.scene import Scene
 
-from ..logic.frame import SLOTS, Frame, check_outputs, output_of
+from ..logic.frame import SLOTS, Frame, check_outputs, output_of, reset_by
 
 
 @dataclass(frozen=True)
@@ -56,11 +56,10 @@ class Stage(ABC):
         device: Any = None,
         presents: bool = False,
     ) -> None:
-        unknown = sorted(set(outputs) - set(self.study.outputs))
-        if unknown:
-            known = ", ".join(self.study.outputs)
-            raise UserError(f"There is no output '{unknown[0]}'; the study '{self.study.title}' has {known}.")
-        self.settings = settings or self.settings_class()
+        self.settings, outputs = check_arguments(
+            scene, settings, self.settings_class, outputs, self.study.outputs
+        )
+        without = check_names(without, "without")
         self.scene = self.choose(scene)
         self.outputs = tuple(name for name in self.study.outputs if name in outputs)
         self.has_picture = presents or "color" in outputs
@@ -70,6 +69,8 @@ class Stage(ABC):
         self.capabilities = self.device.capabilities
         self.plan = resolve((), (), self.capabilities, {*without, *self.device.without})
         self._index = 0
+        self._reset = "first frame"
+        self._previous: tuple[View, float] | None = None
         self._last: Any = None
         # Only to tell them when their slot is used again: a frame that nobody else holds goes.
         self._in_slot: list[Callable[[], Frame | None]] = [lambda: None] * SLOTS
@@ -146,6 +147,7 @@ class Stage(ABC):
         """Enqueue one frame of `view` at `time` seconds; nothing is waited for but the slot's last frame."""
         if self._closed:
             raise StaleFrameError("This renderer was closed and renders no more: open another one.")
+        check_moment(view, time)
         started = clock.perf_counter()
         slot = self._begin()
         last = self._in_slot[slot.index]()
@@ -153,11 +155,14 @@ class Stage(ABC):
             last.let_go(f"its slot was used again by frame {slot.number}")
         frame = Frame(self, slot, self._index, exposure(view.ev100))
         self.work = Work()
+        frame.reset = self._reset or reset_by(view, time, self._previous)
         self._draw(slot, view, time)
         self._in_slot[slot.index] = weakref.ref(frame)  # not before: a frame that failed has no times to keep
-        frame.work = asdict(self.work)
+        frame.work = asdict(self.work) | {"history_resets": int(frame.reset != "")}
         self._last = self._state(view, time)
         self._index += 1
+        self._reset = ""
+        self._previous = view, time
         frame.cpu_ms = (clock.perf_counter() - started) * 1e3
         return frame
 
@@ -185,7 +190,8 @@ class Stage(ABC):
 
     def reset_history(self, reason: str) -> None:
         """Start again at frame 0; a study keeps nothing from frame to frame."""
-        self._index, self._last = 0, None
+        self._index, self._last, self._previous = 0, None, None
+        self._reset = reason or "asked for"
 
     def _let_go(self, why: str) -> None:
         self._wait()

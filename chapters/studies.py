@@ -1,0 +1,200 @@
+"""The studies of the chapters: finding them by name, "1/first-triangle", and what the command line asks of them."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+import chapters
+from common.errors import UnsupportedError, UserError
+from common.lessons import OWN, Study
+from common.names import suggest
+
+if TYPE_CHECKING:
+    from common.gltf.load import Progress
+    from common.scene import Scene
+
+FILES = {"vulkan": "vulkan.py", "gl": "gl.py"}
+"""The file of a study's renderer on each backend."""
+
+
+def folder(number: int) -> Path:
+    """Return the folder of a chapter's studies."""
+    return chapters.FOLDER / chapters.folder_name(number) / "studies"
+
+
+@cache
+def available(number: int) -> dict[str, Study]:
+    """Return the studies of a chapter by name, in the order in which they are meant to be read."""
+    found = {}
+    for path in sorted(folder(number).glob("*/__init__.py")):
+        if any((path.parent / file).is_file() for file in FILES.values()):
+            found[path.parent.name.replace("_", "-")] = _module(number, path.parent.name).STUDY
+    return dict(sorted(found.items(), key=lambda item: item[1].order))
+
+
+def parse(text: str) -> str:
+    """Return "1/first-triangle" for it and for "ch01/first_triangle"; raise UserError if there is no such study."""
+    chapter, _, wanted = text.partition("/")
+    number = chapters.parse_chapter(chapter)
+    known = available(number)
+    name = wanted.strip().lower().replace("_", "-").removesuffix("/")
+    if name not in known:
+        near = suggest(name, known, shown=len(known))
+        has = near or "; it has none"
+        raise UserError(f"Chapter {number} has no study {wanted!r}{has}{'' if has.endswith('?') else '.'}")
+    return f"{number}/{name}"
+
+
+def split(which: str) -> tuple[int, str]:
+    """Return the chapter's number and the study's name of a `which` that `parse` returned."""
+    chapter, _, name = which.partition("/")
+    return int(chapter), name
+
+
+def study(which: str) -> Study:
+    """Return what a study says about itself."""
+    number, name = split(which)
+    return available(number)[name]
+
+
+def file_name(which: str) -> str:
+    """Return how files about a study begin: "ch01-first-triangle"."""
+    number, name = split(which)
+    return f"{chapters.folder_name(number)}-{name}"
+
+
+def renderer_module(which: str, backend: str) -> ModuleType:
+    """Return the module with a study's renderer on "vulkan" or "gl"; raise UnsupportedError if there is none."""
+    number, name = split(which)
+    place = name.replace("-", "_")
+    if not (folder(number) / place / FILES[backend]).is_file():
+        other = "vulkan" if backend == "gl" else "gl"
+        words = {"vulkan": "Vulkan", "gl": "OpenGL"}
+        raise UnsupportedError(
+            f"The study {which} has no {words[backend]} version: use --backend {other}, or leave --backend out."
+        )
+    return _module(number, f"{place}.{backend}")
+
+
+def settings_class(which: str) -> type:
+    """Return the class of a study's settings; one without knobs where it has none."""
+    number, name = split(which)
+    found: type = _module(number, f"{name.replace('-', '_')}").__dict__.get("Settings") or _no_settings(
+        number
+    )
+    return found
+
+
+def _no_settings(number: int) -> Any:
+    return _module(number, "stage").NoSettings
+
+
+def _module(number: int, name: str) -> ModuleType:
+    return import_module(f"chapters.{chapters.folder_name(number)}.studies.{name}")
+
+
+# --- what `strata run` asks -------------------------------------------------------------------------------------------
+
+
+def load(which: int | str, text: str | None, progress: Progress | None = None, around: str = "none") -> Scene:
+    """Load what a chapter or a study draws: the scene meant by `text`, else its own, in the environment `around`.
+
+    A study that brings all it draws gets an empty scene. Raises UserError where a scene or an environment was named
+    for a study that has no use for it.
+    """
+    from chapters import scenes
+
+    if isinstance(which, int):
+        return scenes.load(scenes.DEFAULT if text is None else text, progress, around)
+    number, name = split(which)
+    about = study(which)
+    if around not in ("", "none"):
+        raise UserError(f"The study {which} has no environment: leave --environment out.")
+    if text is not None and about.scene is None:
+        raise UserError(f"The study {which} brings what it draws: leave --scene out.")
+    if text is None and about.scene is None:
+        empty: Scene = _module(number, "primitive").nothing("no scene")
+        return empty
+    if text is None and about.scene == OWN:
+        own: Scene = _module(number, name.replace("-", "_")).own_scene()
+        return own
+    return scenes.load(text if text is not None else about.scene or "", progress)
+
+
+def preset_of(which: int | str, quality: str) -> Any:
+    """Return the settings of a chapter's preset; a study has one set of them. Raises SettingError."""
+    from common.settings import preset
+
+    kind = chapters.settings_class(which)
+    return kind() if isinstance(which, str) else preset(kind, quality)
+
+
+def spoken(which: int | str) -> str:
+    """Return what runs, as a sentence begins with it: "Chapter 1", "Study 1/first-triangle"."""
+    return f"{'Study' if isinstance(which, str) else 'Chapter'} {which}"
+
+
+def picture_name(which: int | str, scene: str | None) -> str:
+    """Return how a picture is called for which nobody gave a name: after the chapter or study and the scene."""
+    from chapters import scenes
+
+    begin = chapters.file_name(which)
+    if scene is None and isinstance(which, str):
+        return begin
+    text = scenes.DEFAULT if scene is None else scene
+    path = Path(text)
+    name = re.sub(r"[^\w.-]+", "-", path.stem if path.suffix.lower() in scenes.SUFFIXES else text)
+    return f"{begin}-{name.strip('-') or 'scene'}"
+
+
+def check(which: int | str, quality: str, out: Path | None) -> None:
+    """Raise UserError for options that only whole chapters know."""
+    if not isinstance(which, str):
+        return
+    if quality != "auto":
+        raise UserError(f"The study {which} has no presets: leave --quality out.")
+    if out is not None and out.suffix.lower() == ".exr":
+        given = ", ".join(study(which).outputs)
+        raise UserError(f"--out {out}: the study {which} gives {given}, not linear light; write a .png.")
+
+
+# --- what `strata list` asks ------------------------------------------------------------------------------------------
+
+
+def show_all(number: int) -> None:
+    """Print the studies of a chapter with their ideas, in teaching order."""
+    from chapters.console import out
+    from chapters.tables import table
+
+    if available(number):
+        made = table(f"Studies, the way in: ./strata run {number}/NAME", "name", "its idea")
+        for name, about in available(number).items():
+            made.add_row(name, about.idea)
+        out.print()
+        out.print(made)
+
+
+def show(which: str) -> None:
+    """Print what a study is about, where its files are, and what it can be asked for."""
+    from rich.markup import escape
+
+    from chapters.console import out
+    from common.settings import knobs
+
+    number, name = split(which)
+    about = study(which)
+    place = folder(number) / name.replace("-", "_")
+    out.print(f"[bold]Study {which}: {escape(about.title)}[/bold]\n")
+    out.print(escape(about.idea), soft_wrap=True)
+    files = sorted(path.name for path in place.iterdir() if path.is_file())
+    out.print(
+        f"Read:  {place.relative_to(chapters.FOLDER.parent).as_posix()}: {', '.join(files)}", soft_wrap=True
+    )
+    out.print(f"Gives:  {', '.join(about.outputs)}", soft_wrap=True)
+    if knobs(settings_class(which)):
+        out.print(f"Knobs:  {', '.join(knobs(settings_class(which)))} (./strata list {which} --settings)")
