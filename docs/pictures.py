@@ -1,4 +1,4 @@
-"""Makes docs/pictures anew: `python docs/pictures.py [NAME...]` draws the project's own scenes with chapter 1.
+"""Makes docs/pictures anew: `python docs/pictures.py [NAME...]` draws the project's scenes and studies with chapter 1.
 
 Every picture is drawn twice as wide and high and averaged down in linear light, four samples to a pixel, so that edges
 are smooth without any method of a later chapter.
@@ -20,6 +20,7 @@ sys.path.insert(0, str(ROOT))  # so that it runs from any folder, installed or n
 
 import chapters  # noqa: E402
 from assets import SCENES, locate  # noqa: E402
+from chapters import studies  # noqa: E402
 from common.color import decode_srgb, encode_srgb, quantize  # noqa: E402
 from common.errors import StrataError  # noqa: E402
 from common.gltf import load_scene  # noqa: E402
@@ -29,6 +30,10 @@ from common.settings import preset  # noqa: E402
 SIZE = (640, 360)
 FOLDER = ROOT / "docs" / "pictures"
 CHAPTER = 1
+
+STUDY_SIZE = (240, 160)
+STUDY_TIMES = {"rotating-cube": 0.4, "textured-mesh": 6.0, "one-light": 0.9}
+"""Seconds at which a study shows what it is about; 1 for the others."""
 
 
 def halved(codes: NDArray[np.uint8]) -> NDArray[Any]:
@@ -50,14 +55,31 @@ def draw(name: str, camera: str | None = None, size: tuple[int, int] = SIZE) -> 
         return halved(renderer.render(chapters.view_of(renderer, camera, 0.0)).image("color"))
 
 
+def draw_study(which: str) -> NDArray[Any]:
+    """Return the picture (H, W, 3) of a study, "1/first-triangle"."""
+    twice = (2 * STUDY_SIZE[0], 2 * STUDY_SIZE[1])
+    with chapters.open(which, "auto", scene=studies.load(which, None), size=twice) as renderer:
+        time = STUDY_TIMES.get(studies.split(which)[1], 1.0)
+        return halved(renderer.render(chapters.view_of(renderer), time).image("color"))
+
+
+def file_of(name: str) -> str:
+    """Return the file's name, without suffix, for a scene or a study."""
+    return chapters.file_name(name) if "/" in name else name.replace(":", "-")
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Draw the scenes named, or all, and say how large each file is; return the exit code."""
+    """Draw the scenes and studies named, or all, and say how large each file is; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("names", metavar="NAME", nargs="*", help=f"one of {', '.join(SCENES)}; default all")
+    all_names = [*SCENES, *(f"{CHAPTER}/{name}" for name in studies.available(CHAPTER))]
+    parser.add_argument(
+        "names", metavar="NAME", nargs="*", help=f"one of {', '.join(all_names)}; default all"
+    )
     parser.add_argument("--out", type=Path, default=FOLDER, help="folder to write to (default docs/pictures)")
     chosen = parser.parse_args(arguments)
     try:
-        pictures = {name.replace(":", "-"): draw(name) for name in chosen.names or SCENES}
+        names = chosen.names or all_names
+        pictures = {file_of(name): draw_study(name) if "/" in name else draw(name) for name in names}
         chosen.out.mkdir(parents=True, exist_ok=True)
         for name, picture in pictures.items():
             path = chosen.out / f"{name}.png"
