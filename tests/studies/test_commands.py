@@ -178,7 +178,12 @@ def test_a_study_keeps_the_contract_of_a_renderer(stage, name):
         assert renderer.idle(view, 0.3) == (name == "first-triangle")
         renderer.reset_history("a test")
         again = renderer.render(view, 0.0)
-        assert again.index == 0
+        assert (again.index, again.reset, frames[0].reset, frames[1].reset) == (
+            0,
+            "a test",
+            "first frame",
+            "",
+        )
     with pytest.raises(StaleFrameError, match="closed"):
         renderer.render(view)
     with pytest.raises(StaleFrameError, match="closed"):

@@ -61,5 +61,5 @@ def test_what_a_frame_did_is_counted(stage):
         import chapters
 
         frame = renderer.render(chapters.view_of(renderer))
-        assert frame.work == {"draws": 1, "triangles": 1}
+        assert frame.work == {"draws": 1, "triangles": 1, "history_resets": 1}
         assert set(frame.timings) <= {"first triangle"}
