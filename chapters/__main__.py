@@ -62,6 +62,8 @@ def run(words: list[str]) -> int:
             raise
         where = f"{error.filename}: " if error.filename else ""
         console.say(f"strata: {where}{error.strerror or error}.")
+        if not error.filename:
+            console.drop_output()
         console.say(reader_trace(error, whole=True)) if "-v" in words else None
         return 2
     except Exception as error:

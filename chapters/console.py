@@ -149,9 +149,14 @@ class Steps:
 def reader_is_gone(error: BaseException | None) -> bool:
     """Whether `error` says that the reader of our output went away: no fault of anybody's.
 
-    Then stdout leads nowhere from now on: Python would fail once more when it flushes at exit.
+    Then what is still to be printed is dropped.
     """
     if not isinstance(error, BrokenPipeError):
         return False
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.__stdout__.fileno() if sys.__stdout__ else 1)
+    drop_output()
     return True
+
+
+def drop_output() -> None:
+    """Let stdout lead nowhere from now on: what it could not take would fail once more at exit."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.__stdout__.fileno() if sys.__stdout__ else 1)

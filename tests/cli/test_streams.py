@@ -21,6 +21,7 @@ def shell(line: str, cwd: Path, **variables: str) -> subprocess.CompletedProcess
     """Run a line of bash in which `strata` is the command line; its exit code is that of the last `strata`."""
     script = f'strata() {{ "{sys.executable}" -P -m chapters "$@"; }}; {line}; exit ${{PIPESTATUS[0]}}'
     environment = {**os.environ, "PYTHONPATH": str(ROOT), **variables}
+    environment.pop("PYTHONUNBUFFERED", None)  # where it is set, less is left to be flushed at exit
     return subprocess.run(["bash", "-c", script], cwd=cwd, env=environment, capture_output=True, check=False)
 
 
