@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numbers
 import operator
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
@@ -18,6 +18,8 @@ from common.errors import UnsupportedError, UserError
 from common.names import suggest
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from common.camera import View
     from common.scene import Scene
 
@@ -196,6 +198,19 @@ class Frame(Protocol):
         """Counters of what was done and of what was skipped; "history_resets" is 1 where `reset` is not ""."""
 
 
+@dataclass(frozen=True)
+class Reloaded:
+    """What a renderer did for files of shaders that were edited.
+
+    `pipelines` are the names of those built anew; `at_start` are files whose shaders ran when the renderer was opened
+    and run no more, so that the edit is seen when it is opened again.
+    """
+
+    pipelines: tuple[str, ...]
+    seconds: float
+    at_start: tuple[Path, ...] = ()
+
+
 class Renderer(Protocol):
     """A chapter's renderer: one stream of frames of one view of one scene. A context manager."""
 
@@ -235,6 +250,16 @@ class Renderer(Protocol):
         """Start again at frame 0: the same calls afterwards give the same pixels. The next frame's `reset` is `reason`.
 
         Resizing, a view with `cut` and a time before the last one reset by themselves what depends on earlier frames.
+        """
+
+    @property
+    def shader_files(self) -> frozenset[Path]:
+        """All on disk that decides about the texts of this renderer's shaders, files that are not there included."""
+
+    def reload_shaders(self, changed: Collection[Path]) -> Reloaded:
+        """Build anew the pipelines that use one of these files, all or none; between frames, which go on as before.
+
+        ShaderError, with nothing changed, where a shader does not compile or expects other data than the host gives.
         """
 
     def close(self) -> None:

@@ -11,7 +11,6 @@ into files, source lines and the chain of includes.
 
 from __future__ import annotations
 
-import functools
 import hashlib
 import math
 import numbers
@@ -23,6 +22,7 @@ from typing import Any, Literal
 
 from common.errors import ShaderError
 from common.paths import ROOT
+from common.shader_files import File, in_memory, is_there, lines_of, load, shown_path
 
 Backend = Literal["vulkan", "gl"]
 Constant = int | float | bool | str
@@ -73,13 +73,15 @@ class ShaderSource:
     """A shader ready for the compiler. `files[i]` is what `#line ... i` refers to; `files[0]` is the prelude.
 
     `key` is the same for the same stage and text on every machine and from every folder: chapters that carry
-    a shader on unchanged share its compiled form.
+    a shader on unchanged share its compiled form. `paths` is all on disk that decides about the text: the files that
+    were read, and the places where an include was looked for in vain.
     """
 
     stage: str
     text: str = field(repr=False)
     files: tuple[SourceFile, ...] = field(repr=False)
     key: str
+    paths: frozenset[Path] = field(default=frozenset(), repr=False)
 
     @property
     def name(self) -> str:
@@ -112,7 +114,7 @@ def build(
     place of the include that is missing, part of a cycle, or malformed.
     """
     builder = _Builder(backend, stage or stage_of(path), roots, snippets or {})
-    return builder.build(_load(path), defines or {}, extensions)
+    return builder.build_file(path, defines or {}, extensions)
 
 
 def build_text(
@@ -130,7 +132,7 @@ def build_text(
     if stage not in STAGES:
         raise ShaderError(f"{name}: there is no shader stage '{stage}', only {', '.join(STAGES)}.")
     builder = _Builder(backend, stage, roots, snippets or {})
-    return builder.build(_in_memory(name, text), defines or {}, extensions)
+    return builder.build(in_memory(name, text), defines or {}, extensions)
 
 
 def literal(value: Any) -> str:
@@ -157,24 +159,7 @@ def literal(value: Any) -> str:
 
 # --- expansion ----------------------------------------------------------------------------------------------
 
-_DIRECTIVE = re.compile(r"\s*#\s*(include|version|ifdef|ifndef|if|endif)\b\s*(.*)")
 _QUOTED = re.compile(r'"([^"]+)"\s*$')
-_COMMENT = re.compile(r"//.*|/\*.*?(?:\*/|$)")
-
-
-@dataclass(frozen=True)
-class _File:
-    """A file before expansion; `folder` is None for text that lies nowhere on disk.
-
-    `identity` tells files apart, however a path leads to them; `directives` has, for each line, the match of
-    a directive outside comments, or None.
-    """
-
-    name: str
-    folder: Path | None
-    identity: str
-    lines: tuple[str, ...] = field(repr=False)
-    directives: tuple[re.Match[str] | None, ...] = field(repr=False)
 
 
 class _Builder:
@@ -189,14 +174,26 @@ class _Builder:
         self.output: list[str] = []
         self.done: set[str] = set()  # included where no condition can leave them out
         self.guards: dict[str, str] = {}  # included under a condition: the macro that says whether
+        self.paths: set[Path] = set()
 
-    def build(self, main: _File, defines: Mapping[str, Constant], extensions: Sequence[str]) -> ShaderSource:
+    def build_file(
+        self, path: Path, defines: Mapping[str, Constant], extensions: Sequence[str]
+    ) -> ShaderSource:
+        """Return the shader in a file; an error says which files it depends upon."""
+        self.paths.add(path)
+        try:
+            return self.build(load(path), defines, extensions)
+        except ShaderError as error:
+            error.files |= self.paths
+            raise
+
+    def build(self, main: File, defines: Mapping[str, Constant], extensions: Sequence[str]) -> ShaderSource:
         prelude = self._prelude(defines, extensions)
-        self.files.append(SourceFile("<prelude>", _lines(prelude)))
+        self.files.append(SourceFile("<prelude>", lines_of(prelude)))
         self._expand(main, None, (), 0)
         text = prelude + "\n".join(self.output) + "\n"
         key = hashlib.sha256(f"{self.stage}\n{text}".encode()).hexdigest()
-        return ShaderSource(self.stage, text, tuple(self.files), key)
+        return ShaderSource(self.stage, text, tuple(self.files), key, frozenset(self.paths))
 
     def _prelude(self, defines: Mapping[str, Constant], extensions: Sequence[str]) -> str:
         wanted = list(extensions)
@@ -214,7 +211,7 @@ class _Builder:
         return _PRELUDES[self.backend].format(extensions=required) + "".join(lines)
 
     def _expand(
-        self, file: _File, origin: tuple[int, int] | None, above: tuple[_File, ...], depth: int
+        self, file: File, origin: tuple[int, int] | None, above: tuple[File, ...], depth: int
     ) -> None:
         """Append the lines of `file`. `depth` counts the `#if`s around it, `above` are its includers."""
         index = len(self.files)
@@ -239,7 +236,7 @@ class _Builder:
         if conditions:
             raise self._error((index, len(file.lines)), "an #if and its #endif must be in the same file")
 
-    def _include(self, rest: str, place: tuple[int, int], above: tuple[_File, ...], depth: int) -> None:
+    def _include(self, rest: str, place: tuple[int, int], above: tuple[File, ...], depth: int) -> None:
         quoted = _QUOTED.match(rest.rstrip())
         if not quoted:
             raise self._error(place, 'an include is written #include "name.glsl"')
@@ -263,83 +260,20 @@ class _Builder:
         if not depth:
             self.done.add(file.identity)
 
-    def _find(self, name: str, includer: _File, place: tuple[int, int]) -> _File:
+    def _find(self, name: str, includer: File, place: tuple[int, int]) -> File:
         if name in self.snippets:
-            return _in_memory(f"<{name}>", self.snippets[name])
+            return in_memory(f"<{name}>", self.snippets[name])
         folders = ([includer.folder] if includer.folder else []) + self.roots
         for folder in folders:
             path = folder / name
-            if path.is_file():
-                return _load(path)
-        looked = ", ".join(dict.fromkeys(_shown(folder) for folder in folders))
+            self.paths.add(path)
+            if is_there(path):
+                return load(path)
+        looked = ", ".join(dict.fromkeys(shown_path(folder) for folder in folders))
         raise self._error(place, f"there is no file '{name}' in {looked}")
 
     def _error(self, place: tuple[int, int], message: str) -> ShaderError:
         return ShaderError(_located(self.files, *place, None, f"error: {message}"))
-
-
-def _without_comments(lines: Sequence[str]) -> list[str]:
-    """Return the lines without their comments, so that an include in a comment is none."""
-    result = []
-    inside = False
-    for line in lines:
-        if inside:
-            _, end, line = line.partition("*/")
-            inside = not end
-        found = _COMMENT.findall(line)
-        if found and found[-1].startswith("/*") and (len(found[-1]) < 4 or not found[-1].endswith("*/")):
-            inside = True
-        result.append(_COMMENT.sub(" ", line))
-    return result
-
-
-def _load(path: Path) -> _File:
-    """Return a file, analysed anew only where it changed since it was last asked for."""
-    try:
-        state = path.stat()
-    except OSError as error:
-        raise ShaderError(f"The shader {_shown(path)} cannot be read: {error.strerror or error}.") from None
-    return _analysed(path, state.st_mtime_ns, state.st_size, state.st_ino)
-
-
-@functools.lru_cache(maxsize=1024)
-def _analysed(path: Path, mtime_ns: int, size: int, inode: int) -> _File:
-    """Return the file as it was at that time. A chapter's shaders include the same few files over and over."""
-    return _split(_shown(path), _read(path), path.parent, str(path.resolve()))
-
-
-def _in_memory(name: str, text: str) -> _File:
-    return _split(name, text, None, name)
-
-
-def _split(name: str, text: str, folder: Path | None, identity: str) -> _File:
-    lines = _lines(text)
-    return _File(name, folder, identity, lines, tuple(map(_DIRECTIVE.match, _without_comments(lines))))
-
-
-def _lines(text: str) -> tuple[str, ...]:
-    """Return the lines of `text` without its byte-order mark, as a compiler counts them (no form feeds)."""
-    text = text.removeprefix("\ufeff").replace("\r\n", "\n").removesuffix("\n")
-    return tuple(text.split("\n"))
-
-
-def _read(path: Path) -> str:
-    """Return a file's text with LF line ends."""
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise ShaderError(f"The shader {_shown(path)} cannot be read: {error.strerror or error}.") from None
-    except UnicodeDecodeError:
-        raise ShaderError(f"The shader {_shown(path)} is not UTF-8 text.") from None
-    if "\0" in text:
-        raise ShaderError(f"The shader {_shown(path)} is not text: it has a zero byte.")
-    return text
-
-
-def _shown(path: Path) -> str:
-    """Return `path` as messages show it: from the repository's root where it lies inside."""
-    path = path.resolve()
-    return path.relative_to(ROOT).as_posix() if path.is_relative_to(ROOT) else str(path)
 
 
 # --- messages -----------------------------------------------------------------------------------------------

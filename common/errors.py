@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from pathlib import Path
+
 
 class StrataError(Exception):
     """Something went wrong inside Strata; the command line exits with `exit_code`."""
@@ -28,7 +31,14 @@ class UnsupportedError(UserError):
 
 
 class ShaderError(StrataError):
-    """A shader does not compile; the text carries file, line, source line with caret and the chain of includes."""
+    """A shader does not compile; the text carries file, line, source line with caret and the chain of includes.
+
+    `files` are those on which the shader depends: a change of one of them may repair it.
+    """
+
+    def __init__(self, text: str, files: Iterable[Path] = ()) -> None:
+        super().__init__(text)
+        self.files = frozenset(files)
 
 
 class DeviceError(StrataError):

@@ -7,13 +7,16 @@ compiled programs on disk by itself.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from backends.gl import api as gl
 from backends.gl.capabilities import SAMPLERS, STORAGE_BUFFERS
 from backends.gl.context import Context
+from backends.gl.program_interface import interface_of
+from backends.shader_interface import Interface, misfit, refusal
 from backends.shader_text import ShaderSource, describe_errors
 from common.errors import ShaderError
 
@@ -26,13 +29,16 @@ _REFERENCED = {
 _HEADING = re.compile(r"^(\w+)\n=+\n", re.M)  # of moderngl's: "vertex_shader" and a line below it
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Program:
-    """A linked program: `handle` is for raw calls, `mgl` the same one for moderngl's."""
+    """A linked program: `handle` is for raw calls, `mgl` the same one for moderngl's; `files` decide about its text."""
 
     handle: int
     mgl: Any
     name: str
+    files: frozenset[Path] = field(default=frozenset(), repr=False)
+    expects: Interface | None = field(default=None, repr=False)
+    """What the host was made for, asked from the driver when a shader is edited; it stays so from edit to edit."""
 
 
 class Programs:
@@ -58,6 +64,45 @@ class Programs:
             self._made[key] = self._link(sources, name or " + ".join(source.name for source in sources))
         return self._made[key]
 
+    def exchange(
+        self, old: Sequence[Program], sources: Sequence[Sequence[ShaderSource]], changed: Collection[Path]
+    ) -> list[Program]:
+        """Return programs of edited sources in place of `old` ones, which are freed; all of them, or none.
+
+        `changed` are the edited files. Raises ShaderError as `get` does, and for what no longer fits its host.
+        """
+        before = set(self._made)
+        try:
+            new = [self.get(text, was.name) for was, text in zip(old, sources, strict=True)]
+            self._check_fit(old, new, changed)
+        except ShaderError as error:
+            error.files |= {path for text in sources for source in text for path in source.paths}
+            for key in [key for key in self._made if key not in before]:
+                self._free(self._made.pop(key))
+            raise
+        gone = {*old} - {*new}
+        for key in [key for key, program in self._made.items() if program in gone]:
+            self._free(self._made.pop(key))
+        return new
+
+    def _check_fit(self, old: Sequence[Program], new: Sequence[Program], changed: Collection[Path]) -> None:
+        """Refuse programs that expect of their host what the old ones did not, and no other one does."""
+        context = self._context
+        for program in self._made.values():
+            if program.expects is None and program not in new:
+                program.expects = interface_of(context, program.handle)
+        # OpenGL lists what a program uses. What only another one uses is bound for this one too: there are no sets.
+        elsewhere = [
+            item for program in self._made.values() if program.expects for item in program.expects.items()
+        ]
+        for was, program in zip(old, new, strict=True):
+            now = interface_of(context, program.handle)
+            known = was.expects or now
+            difference = misfit(known, now, elsewhere)
+            if difference:
+                raise refusal(difference, was.files & {*changed} or changed)
+            program.expects = {**now, **known}
+
     def _link(self, sources: Sequence[ShaderSource], name: str) -> Program:
         mgl = self._context.mgl
         try:
@@ -70,7 +115,8 @@ class Programs:
         except _refusal() as error:
             raise ShaderError(_explain(str(error), sources)) from None
         self.linked += 1
-        program = Program(int(made.glo), made, name)
+        files = frozenset[Path]().union(*(source.paths for source in sources))
+        program = Program(int(made.glo), made, name, files)
         self._context.adopt("program", program.handle, name)
         try:
             for source in sources:

@@ -16,6 +16,7 @@ import threading
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import repeat
 from pathlib import Path
 
 from backends.shader_text import ShaderSource, describe_errors
@@ -55,8 +56,11 @@ class Compiler:
         self._memory: dict[str, bytes] = {}
         self._lock = threading.Lock()
 
-    def compile(self, source: ShaderSource) -> bytes:
-        """Return the SPIR-V of `source`; raise ShaderError with file, line, caret and chain of includes."""
+    def compile(self, source: ShaderSource, keep: bool = True) -> bytes:
+        """Return the SPIR-V of `source`; raise ShaderError with file, line, caret and chain of includes.
+
+        Without `keep` no cache grows: for texts that live until the reader's next edit.
+        """
         code = self._memory.get(source.key)
         if code is not None:
             self._count("reused")
@@ -71,22 +75,22 @@ class Compiler:
             code = _compile(source)
             self._count("compiled")
             path = self._path(source)  # anew: it names the compiler, which may turn out not to load
-            if path:
+            if path and keep:
                 if self.counters.compiled == 1:  # once per process is enough
                     prune(path.parent, MOST_BYTES)
                 _write_entry(path, code)
-        return self._memory.setdefault(source.key, code)
+        return self._memory.setdefault(source.key, code) if keep else code
 
-    def compile_all(self, sources: Sequence[ShaderSource]) -> list[bytes]:
+    def compile_all(self, sources: Sequence[ShaderSource], keep: bool = True) -> list[bytes]:
         """Return the SPIR-V of each source in order, compiling different ones on several threads."""
         distinct = list({source.key: source for source in sources}.values())
         missing = [source for source in distinct if source.key not in self._memory]
         threads = min(len(missing), os.cpu_count() or 1)
         if threads > 1:
             with ThreadPoolExecutor(threads, thread_name_prefix="glsl") as pool:
-                made = list(pool.map(self.compile, missing))
+                made = list(pool.map(self.compile, missing, repeat(keep)))
         else:
-            made = [self.compile(source) for source in missing]
+            made = [self.compile(source, keep) for source in missing]
         known = dict(zip((source.key for source in missing), made, strict=True))
         return [known[source.key] if source.key in known else self.compile(source) for source in sources]
 
@@ -105,7 +109,7 @@ def _compile(source: ShaderSource) -> bytes:
     try:
         code = glslang.compile_text(source.text, source.stage)
     except glslang.CompilationFailed as error:
-        raise ShaderError(describe_errors(str(error), source)) from None
+        raise ShaderError(describe_errors(str(error), source), source.paths) from None
     return check_module(code, source.name)
 
 
@@ -144,6 +148,6 @@ def compile_shader(source: ShaderSource) -> bytes:
     return shared().compile(source)
 
 
-def compile_all(sources: Sequence[ShaderSource]) -> list[bytes]:
+def compile_all(sources: Sequence[ShaderSource], keep: bool = True) -> list[bytes]:
     """Return the SPIR-V of each source in order; the first wrong one raises ShaderError."""
-    return shared().compile_all(sources)
+    return shared().compile_all(sources, keep)

@@ -5,7 +5,7 @@ Equal descriptions share one pipeline. `bind` sets all of its state: OpenGL reme
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -14,6 +14,7 @@ from backends import shader_text
 from backends.gl import api as gl
 from backends.gl.context import FRONT_FACES, Context
 from backends.gl.programs import Program, Programs
+from backends.shader_text import ShaderSource
 
 from ..logic.snippets import SNIPPETS
 
@@ -31,9 +32,9 @@ class GraphicsPipeline:
     name: str = ""
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class Built:
-    """A pipeline that can be bound."""
+    """A pipeline that can be bound. It has another program after a shader was edited."""
 
     described: GraphicsPipeline
     program: Program
@@ -54,14 +55,33 @@ class Pipelines:
         """Return one pipeline per description."""
         for described in wanted:
             if described not in self._built:
-                sources = [
-                    shader_text.build(
-                        SHADERS / file, "gl", defines=dict(described.defines), snippets=SNIPPETS
-                    )
-                    for file in described.shaders
-                ]
-                self._built[described] = Built(described, self._programs.get(sources, described.name))
+                program = self._programs.get(self._sources(described), described.name)
+                self._built[described] = Built(described, program)
         return [self._built[described] for described in wanted]
+
+    @staticmethod
+    def _sources(described: GraphicsPipeline) -> list[ShaderSource]:
+        return [
+            shader_text.build(SHADERS / file, "gl", defines=dict(described.defines), snippets=SNIPPETS)
+            for file in described.shaders
+        ]
+
+    @property
+    def files(self) -> frozenset[Path]:
+        """All on disk that decides about the shaders of these pipelines."""
+        return frozenset().union(*(built.program.files for built in self._built.values()))
+
+    def reload(self, changed: Collection[Path]) -> tuple[str, ...]:
+        """Link the programs anew that use a file of `changed`, and return their pipelines' names; all, or none.
+
+        Raises ShaderError for a shader that does not compile, or that no longer fits what is bound to it.
+        """
+        old = [built for built in self._built.values() if built.program.files & set(changed)]
+        sources = [self._sources(built.described) for built in old]
+        new = self._programs.exchange([built.program for built in old], sources, changed)
+        for built, program in zip(old, new, strict=True):
+            built.program = program
+        return tuple(built.described.name for built in old)
 
     def bind(self, pipeline: Built, cull: bool, front: str) -> None:
         """Draw with `pipeline` from here on; `cull` leaves out back faces, `front` says how front faces wind."""

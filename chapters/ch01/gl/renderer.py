@@ -17,11 +17,12 @@ import time as clock
 import weakref
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from backends.contract import check_arguments, check_moment, check_names, check_size, resolve
+from backends.contract import Reloaded, check_arguments, check_moment, check_names, check_size, resolve
 from backends.gl.context import Context
 from backends.gl.readback import Readback
 from backends.gl.resources import Image, create_image, destroy_image, sample_counts
@@ -35,6 +36,7 @@ from common.transforms import translation
 from .. import LESSON
 from ..logic.constants import frame_constants
 from ..logic.default_light import DefaultLight
+from ..logic.environment import files_at_start
 from ..logic.frame import OUTPUTS, SLOTS, SOURCES, Frame, check_outputs, output_of, reset_by
 from ..logic.samples import choose_samples
 from ..settings import Settings
@@ -340,6 +342,21 @@ class Renderer:
         self._reset = reason or "asked for"
         self._previous = None
         self._last = None
+
+    @property
+    def shader_files(self) -> frozenset[Path]:
+        """All on disk that decides about the texts of the shaders; see `backends.contract.Renderer`."""
+        return self._pipelines.files | files_at_start(self.scene, self.settings)
+
+    def reload_shaders(self, changed: Collection[Path]) -> Reloaded:
+        """Build anew the pipelines that use one of these files; view, time and the number of the frame go on."""
+        started = clock.perf_counter()
+        self.device.make_current()
+        rebuilt = self._pipelines.reload(changed)
+        if rebuilt:
+            self._last = None  # the same view makes another picture now
+        at_start = sorted(files_at_start(self.scene, self.settings).intersection(changed))
+        return Reloaded(rebuilt, clock.perf_counter() - started, tuple(at_start))
 
     def _let_go(self, why: str) -> None:
         """Wait until no frame is in flight, and take the images of those that are still held."""

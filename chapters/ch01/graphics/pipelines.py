@@ -6,16 +6,17 @@ change with the window and with mirrored objects; everything else is fixed when 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
 from backends import shader_text
 from backends.vulkan import api as vk
 from backends.vulkan.device import Device
+from backends.vulkan.live import Stages, check_fit, compile_stages
 from backends.vulkan.resources import FORMATS
-from backends.vulkan.shaders import compile_all
 
 from ..logic.snippets import PUSH_SIZE, SNIPPETS
 
@@ -55,12 +56,16 @@ class GraphicsPipeline:
     name: str = ""
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class Built:
-    """A pipeline with the layout through which descriptors and push constants reach it."""
+    """A pipeline with the layout through which descriptors and push constants reach it.
+
+    Whoever draws with it asks for the handle each time: it is another one after a shader was edited.
+    """
 
     handle: Any
     layout: Any
+    stages: Stages
 
 
 class Pipelines:
@@ -77,15 +82,52 @@ class Pipelines:
     def get(self, wanted: Sequence[GraphicsPipeline]) -> list[Built]:
         """Return one pipeline per description; those that are new have their shaders compiled together, on threads."""
         new = [described for described in dict.fromkeys(wanted) if described not in self._built]
-        sources = [
-            shader_text.build(SHADERS / file, "vulkan", defines=dict(described.defines), snippets=SNIPPETS)
-            for described in new
-            for file in described.shaders
-        ]
-        codes = iter(compile_all(sources))
-        for described in new:
-            self._built[described] = self._build(described, [next(codes) for _ in described.shaders])
+        for described, stages in zip(new, self._compile(new), strict=True):
+            handle = self._build(described, stages.codes)
+            self._built[described] = Built(handle, self._layout(described.set_layouts), stages)
         return [self._built[described] for described in wanted]
+
+    def _compile(self, wanted: Sequence[GraphicsPipeline], keep: bool = True) -> list[Stages]:
+        sources = [
+            [
+                shader_text.build(
+                    SHADERS / file, "vulkan", defines=dict(described.defines), snippets=SNIPPETS
+                )
+                for file in described.shaders
+            ]
+            for described in wanted
+        ]
+        return compile_stages(sources, keep)
+
+    @property
+    def files(self) -> frozenset[Path]:
+        """All on disk that decides about the shaders of these pipelines."""
+        return frozenset().union(*(built.stages.files for built in self._built.values()))
+
+    def reload(
+        self, changed: Collection[Path], retire: Callable[[Callable[[], None]], None]
+    ) -> tuple[str, ...]:
+        """Build the pipelines anew that use a file of `changed`, and return their names; all of them, or none.
+
+        `retire` gets what destroys an old pipeline, to be called when no frame in flight uses it. Raises ShaderError
+        for a shader that does not compile, or that no longer fits what is bound to it.
+        """
+        old = {described: built for described, built in self._built.items() if built.stages.use(changed)}
+        new = dict(zip(old, self._compile(list(old), keep=False), strict=True))
+        for described, stages in new.items():
+            check_fit(old[described].stages, stages, changed)
+        handles: dict[GraphicsPipeline, Any] = {}
+        try:
+            for described, stages in new.items():
+                handles[described] = self._build(described, stages.codes)
+        except BaseException:
+            for handle in handles.values():
+                self._device.destroy("VkPipeline", handle)
+            raise
+        for described, built in old.items():
+            retire(partial(self._device.destroy, "VkPipeline", built.handle))
+            built.handle, built.stages = handles[described], new[described]
+        return tuple(_name(described) for described in old)
 
     def _layout(self, set_layouts: tuple[Any, ...]) -> Any:
         if set_layouts not in self._layouts:
@@ -98,7 +140,7 @@ class Pipelines:
             self._layouts[set_layouts] = self._device.create("vkCreatePipelineLayout", info, "graphics")
         return self._layouts[set_layouts]
 
-    def _build(self, described: GraphicsPipeline, codes: Sequence[bytes]) -> Built:
+    def _build(self, described: GraphicsPipeline, codes: Sequence[bytes]) -> Any:
         modules = [
             self._device.create(
                 "vkCreateShaderModule",
@@ -143,11 +185,11 @@ class Pipelines:
             layout=layout,
         )
         infos = vk.array("VkGraphicsPipelineCreateInfo", [info])
-        name = described.name or " + ".join(described.shaders)
-        handle = self._device.create_pipelines("vkCreateGraphicsPipelines", infos, [name])[0]
-        for module in modules:
-            self._device.destroy("VkShaderModule", module)
-        return Built(handle, layout)
+        try:
+            return self._device.create_pipelines("vkCreateGraphicsPipelines", infos, [_name(described)])[0]
+        finally:
+            for module in modules:
+                self._device.destroy("VkShaderModule", module)
 
     @staticmethod
     def _vertex_input(described: GraphicsPipeline) -> Any:
@@ -198,3 +240,7 @@ class Pipelines:
             self._device.destroy("VkPipeline", built.handle)
         for layout in self._layouts.values():
             self._device.destroy("VkPipelineLayout", layout)
+
+
+def _name(described: GraphicsPipeline) -> str:
+    return described.name or " + ".join(described.shaders)

@@ -22,6 +22,7 @@ from common.disk_cache import mark_read, prune
 from common.environment import Environment
 from common.paths import ROOT, cache_dir, write_whole
 from common.scene import Sampler, Scene
+from common.shader_files import load
 
 from ..settings import Settings
 
@@ -185,14 +186,24 @@ def push(size: tuple[int, ...], *floats: float) -> np.ndarray:
 # --- kept on disk ---
 
 
+def kernel_files() -> list[Path]:
+    """Return the files of all kernels and of what they include."""
+    return [
+        *(SHADERS / f"{name}.comp" for name in (*KERNELS, TABLE_KERNEL)),
+        *(ROOT / "shaders" / f"{name}.glsl" for name in INCLUDES),
+    ]
+
+
+def files_at_start(scene: Scene, settings: Settings) -> frozenset[Path]:
+    """Return the shaders that run when a scene is opened, and never after."""
+    return frozenset(kernel_files()) if needed(scene, settings) else frozenset()
+
+
 def kernel_digest() -> str:
     """Return a hash of the text of all kernels and of what they include."""
     digest = hashlib.sha256()
-    for path in [
-        *(SHADERS / f"{name}.comp" for name in (*KERNELS, TABLE_KERNEL)),
-        *(ROOT / "shaders" / f"{name}.glsl" for name in INCLUDES),
-    ]:
-        digest.update(path.read_bytes())
+    for path in kernel_files():
+        digest.update("\n".join((*load(path).lines, "")).encode())
     return digest.hexdigest()
 
 

@@ -1,0 +1,146 @@
+"""Shaders that are edited while they run: a saved file is noticed, and the pipelines that use it are built anew.
+
+    with Live() as live:
+        renderer = chapters.open(...)
+        while True:
+            if live.follow(renderer):
+                print(live.message)
+            renderer.render(view, time)
+
+A shader that is wrong changes nothing: the renderer goes on with the last good ones, and so does every pipeline and
+every renderer that is made meanwhile (`common.shader_files.pinned`).
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable, Collection
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from chapters.console import say
+from common import shader_files
+from common.errors import ShaderError, StrataError
+from common.shader_files import State, shown_path
+
+if TYPE_CHECKING:
+    from backends.contract import Reloaded, Renderer
+
+POLL_S = 0.1
+"""How often files are looked at."""
+
+SETTLED_S = 0.05
+"""A file that was not written for so long is whole: editors write in several steps."""
+
+RETURNS_S = 0.5
+"""The same for a file that is empty or gone, which between two steps of saving it often is."""
+
+
+class Watcher:
+    """Notices which of some files changed, once they have stopped changing."""
+
+    def __init__(self, timer: Callable[[], float] = clock.monotonic) -> None:
+        self._timer = timer
+        self._known: dict[Path, State | None] = {}
+        self._moving: dict[Path, tuple[State | None, float]] = {}  # since when a file is in its new state
+
+    def watch(self, files: Collection[Path]) -> None:
+        """Look at these files from here on, and at no other; also where there is none yet."""
+        for path in self._known.keys() - files:
+            del self._known[path]
+            self._moving.pop(path, None)
+        for path in files - self._known.keys():
+            # Not as it is now: it may have been saved after its text was read.
+            self._known[path] = shader_files.state_read(path) or shader_files.state_of(path)
+
+    def poll(self) -> set[Path]:
+        """Return the files that changed and are whole again, each change once."""
+        now = self._timer()
+        ready, waiting = set(), False
+        for path, known in self._known.items():
+            state = shader_files.state_of(path)
+            if state == known:
+                self._moving.pop(path, None)
+                continue
+            before, since = self._moving.get(path, (known, now))
+            if before != state:
+                self._moving[path] = state, now
+                waiting = True
+            elif now - since >= (SETTLED_S if state is not None and state.size else RETURNS_S):
+                ready.add(path)
+            else:
+                waiting = True
+        if waiting and not any(now - self._moving[path][1] >= 2 * RETURNS_S for path in ready):
+            return set()  # files that are saved together are taken together
+        for path in ready:
+            self._known[path] = self._moving.pop(path)[0]
+        return ready
+
+
+class Live:
+    """Follows the shader files of one renderer after the other. A context manager: opened before the first renderer."""
+
+    def __init__(
+        self, timer: Callable[[], float] = clock.monotonic, tell: Callable[[str], None] = say
+    ) -> None:
+        self._timer, self._tell = timer, tell
+        self._watcher = Watcher(timer)
+        self._due = -1e9
+        self._waiting: frozenset[Path] = frozenset()  # changed files that no reload has taken yet
+        self._needed: frozenset[Path] = frozenset()  # what may repair the shader that is wrong
+        self._stack = ExitStack()
+        self.error = ""
+        """What is wrong with the shaders on disk, with file, line and caret; "" where they are those that run."""
+        self.message = ""
+        """What became of the last change."""
+
+    def follow(self, renderer: Renderer) -> bool:
+        """Look at the files, if it is time to, and let the renderer have those that changed; whether any did."""
+        now = self._timer()
+        if now < self._due:
+            return False
+        self._due = now + POLL_S
+        self._watcher.watch(renderer.shader_files | self._needed | self._waiting)
+        changed = self._watcher.poll()
+        if not changed:
+            return False
+        tried = self._waiting | changed
+        try:
+            with shader_files.refreshed(tried):
+                done = renderer.reload_shaders(tried)
+        except StrataError as error:
+            self._waiting = tried
+            self._needed = error.files if isinstance(error, ShaderError) else frozenset()
+            self.error = str(error)
+            self.message = "The picture is that of the last good shaders."
+            self._tell(f"strata: {error}\nstrata: the picture stays that of the last good shaders.")
+        else:
+            self._waiting = self._needed = frozenset()
+            self.error = ""
+            self.message = _said(done, changed)
+            if self.message:
+                self._tell(f"strata: {self.message}")
+        return True
+
+    def __enter__(self) -> Live:
+        self._stack.enter_context(shader_files.pinned())
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stack.close()
+
+
+def _said(done: Reloaded, changed: Collection[Path]) -> str:
+    """Return what a reload did, in a sentence or two; "" where nothing uses the files."""
+    parts = []
+    if done.pipelines:
+        names = ", ".join(sorted({path.name for path in changed}))
+        count = len(done.pipelines)
+        built = "1 pipeline" if count == 1 else f"{count} pipelines"
+        parts.append(f"{names}: {built} built anew in {done.seconds * 1e3:.0f} ms.")
+    if done.at_start:
+        names = ", ".join(shown_path(path) for path in done.at_start)
+        verb = "runs" if len(done.at_start) == 1 else "run"
+        parts.append(f"{names} {verb} when a scene is opened: start again to see the edit there.")
+    return " ".join(parts)

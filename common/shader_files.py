@@ -1,0 +1,173 @@
+"""The files that shaders are built from: read, split into lines, and kept as they are while somebody edits them.
+
+A file is analysed again only where it changed on disk. Within `pinned` not even then: a program that runs while its
+shaders are edited goes on with the texts it began with, until `refreshed` lets new ones in.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+from common.errors import ShaderError
+from common.paths import ROOT
+
+_DIRECTIVE = re.compile(r"\s*#\s*(include|version|ifdef|ifndef|if|endif)\b\s*(.*)")
+_COMMENT = re.compile(r"//.*|/\*.*?(?:\*/|$)")
+
+
+class State(NamedTuple):
+    """What tells one version of a file from the next: editors write in place, or rename a new file over the old."""
+
+    modified_ns: int
+    changed_ns: int  # of its rights too: a file that can be read again is worth a look
+    size: int
+    inode: int
+
+
+@dataclass(frozen=True)
+class File:
+    """A file before expansion; `folder` is None for text that lies nowhere on disk.
+
+    `identity` tells files apart, however a path leads to them; `directives` has, for each line, the match of
+    a directive outside comments, or None.
+    """
+
+    name: str
+    folder: Path | None
+    identity: str
+    lines: tuple[str, ...] = field(repr=False)
+    directives: tuple[re.Match[str] | None, ...] = field(repr=False)
+
+
+_Read = tuple[State, File]
+_analysed: dict[Path, _Read] = {}
+"""Each file as it was last read: a chapter's shaders include the same ones over and over."""
+
+_pinned: dict[Path, _Read] | None = None
+"""Within `pinned`: what every shader is built from, whatever lies on disk by now."""
+
+
+@contextmanager
+def pinned() -> Iterator[None]:
+    """Within, a file keeps the text that it had when it was first read, until `refreshed` reads it again.
+
+    Then pipelines that are built late fit those that were built early, and a file that is wrong for a while, or gone,
+    stops nothing.
+    """
+    global _pinned
+    before, _pinned = _pinned, {}
+    try:
+        yield
+    finally:
+        _pinned = before
+
+
+@contextmanager
+def refreshed(paths: Collection[Path]) -> Iterator[None]:
+    """Within `pinned`, read these files again; an exception brings back the texts that they had before."""
+    global _pinned
+    before = _pinned
+    if before is not None:
+        _pinned = {path: read for path, read in before.items() if path not in paths}
+    try:
+        yield
+    except BaseException:
+        _pinned = before
+        raise
+
+
+def state_of(path: Path) -> State | None:
+    """Return the state of a file on disk; None where there is none, or none that can be looked at."""
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return State(found.st_mtime_ns, found.st_ctime_ns, found.st_size, found.st_ino)
+
+
+def state_read(path: Path) -> State | None:
+    """Return the state in which a file was when shaders took their text from it; None where none did."""
+    read = (_analysed if _pinned is None else _pinned).get(path)
+    return read[0] if read else None
+
+
+def is_there(path: Path) -> bool:
+    """Whether shaders can include a file."""
+    return (_pinned is not None and path in _pinned) or path.is_file()
+
+
+def load(path: Path) -> File:
+    """Return a file; raise ShaderError where it cannot be read or is no text."""
+    if _pinned is not None and path in _pinned:
+        return _pinned[path][1]
+    try:
+        found = path.stat()
+    except OSError as error:
+        raise ShaderError(
+            f"The shader {shown_path(path)} cannot be read: {error.strerror or error}."
+        ) from None
+    state = State(found.st_mtime_ns, found.st_ctime_ns, found.st_size, found.st_ino)
+    read = _analysed.get(path)
+    if read is None or read[0] != state:
+        read = state, _split(shown_path(path), _text(path), path.parent, str(path.resolve()))
+        _analysed[path] = read
+    if _pinned is not None:
+        _pinned[path] = read
+    return read[1]
+
+
+def in_memory(name: str, text: str) -> File:
+    """Return text that lies nowhere on disk as a file called `name`."""
+    return _split(name, text, None, name)
+
+
+def _split(name: str, text: str, folder: Path | None, identity: str) -> File:
+    lines = lines_of(text)
+    return File(name, folder, identity, lines, tuple(map(_DIRECTIVE.match, _without_comments(lines))))
+
+
+def _without_comments(lines: Sequence[str]) -> list[str]:
+    """Return the lines without their comments, so that an include in a comment is none."""
+    result = []
+    inside = False
+    for line in lines:
+        if inside:
+            _, end, line = line.partition("*/")
+            inside = not end
+        found = _COMMENT.findall(line)
+        if found and found[-1].startswith("/*") and (len(found[-1]) < 4 or not found[-1].endswith("*/")):
+            inside = True
+        result.append(_COMMENT.sub(" ", line))
+    return result
+
+
+def lines_of(text: str) -> tuple[str, ...]:
+    """Return the lines of `text` without its byte-order mark, as a compiler counts them (no form feeds)."""
+    text = text.removeprefix("\ufeff").replace("\r\n", "\n").removesuffix("\n")
+    return tuple(text.split("\n"))
+
+
+def _text(path: Path) -> str:
+    """Return a file's text with LF line ends."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise ShaderError(
+            f"The shader {shown_path(path)} cannot be read: {error.strerror or error}."
+        ) from None
+    except UnicodeDecodeError:
+        raise ShaderError(f"The shader {shown_path(path)} is not UTF-8 text.") from None
+    if "\0" in text:
+        raise ShaderError(f"The shader {shown_path(path)} is not text: it has a zero byte.")
+    return text
+
+
+def shown_path(path: Path) -> str:
+    """Return `path` as messages show it: from the repository's root where it lies inside."""
+    path = path.resolve()
+    return path.relative_to(ROOT).as_posix() if path.is_relative_to(ROOT) else str(path)
