@@ -217,22 +217,32 @@ class _Builder:
         index = len(self.files)
         self.files.append(SourceFile(file.name, file.lines, origin))
         self.output.append(f"#line 1 {index}")
-        conditions = 0
+        conditions: list[bool] = []  # the #ifs that are open, and whether something was included within
         for number, (line, directive) in enumerate(zip(file.lines, file.directives, strict=True), start=1):
             if directive is None:
                 self.output.append(line)
                 continue
             kind, rest = directive.groups()
             if kind == "include":
-                self._include(rest, (index, number), (*above, file), depth + conditions)
+                self._include(rest, (index, number), (*above, file), depth + len(conditions))
                 self.output.append(f"#line {number + 1} {index}")
+                conditions = [True] * len(conditions)
                 continue
             if kind == "version":
                 raise self._error(
                     (index, number), "the prelude of the backend sets the version; leave this line out"
                 )
-            conditions += -1 if kind == "endif" else 1
             self.output.append(line)
+            if kind.startswith("if"):
+                conditions.append(False)
+                continue
+            if not conditions:
+                raise self._error((index, number), "an #if and its #endif must be in the same file")
+            if conditions[-1]:
+                # What is left out is counted, and so are the lines that were included there, but not their #line.
+                self.output.append(f"#line {number + 1} {index}")
+            if kind == "endif":
+                conditions.pop()
         if conditions:
             raise self._error((index, len(file.lines)), "an #if and its #endif must be in the same file")
 

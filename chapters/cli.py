@@ -169,6 +169,10 @@ def run(
         float, typer.Option(metavar="RATE", help="Frames per second of animation without a window.")
     ] = 60.0,
     headless: Annotated[bool, typer.Option("--headless", help="Open no window.")] = False,
+    watch: Annotated[
+        bool,
+        typer.Option("--watch", help="Write the picture anew whenever a shader is saved; without a window."),
+    ] = False,
     verbose: Annotated[
         bool, typer.Option("-v", "--verbose", help="Show plan, timings, work and notes.")
     ] = False,
@@ -196,6 +200,7 @@ def run(
         fps=fps,
         headless=headless,
         verbose=verbose,
+        watch=watch,
     )
     return running.run(request)
 

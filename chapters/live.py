@@ -27,7 +27,7 @@ from common.shader_files import State, shown_path
 if TYPE_CHECKING:
     from backends.contract import Reloaded, Renderer
 
-POLL_S = 0.1
+POLL_S = 0.05
 """How often files are looked at."""
 
 SETTLED_S = 0.05
@@ -44,6 +44,9 @@ class Watcher:
         self._timer = timer
         self._known: dict[Path, State | None] = {}
         self._moving: dict[Path, tuple[State | None, float]] = {}  # since when a file is in its new state
+        self._first: float | None = None
+        self.noticed = 0.0
+        """When the first of the changes that `poll` returned last was seen."""
 
     def watch(self, files: Collection[Path]) -> None:
         """Look at these files from here on, and at no other; also where there is none yet."""
@@ -71,10 +74,14 @@ class Watcher:
                 ready.add(path)
             else:
                 waiting = True
+        if self._moving and self._first is None:
+            self._first = now
         if waiting and not any(now - self._moving[path][1] >= 2 * RETURNS_S for path in ready):
             return set()  # files that are saved together are taken together
         for path in ready:
             self._known[path] = self._moving.pop(path)[0]
+        if not self._moving:
+            self.noticed, self._first = now if self._first is None else self._first, None
         return ready
 
 
@@ -94,6 +101,13 @@ class Live:
         """What is wrong with the shaders on disk, with file, line and caret; "" where they are those that run."""
         self.message = ""
         """What became of the last change."""
+        self.rebuilt = 0
+        """Pipelines that were built anew for it."""
+
+    @property
+    def noticed(self) -> float:
+        """When the last change was first seen, on the timer."""
+        return self._watcher.noticed
 
     def follow(self, renderer: Renderer) -> bool:
         """Look at the files, if it is time to, and let the renderer have those that changed; whether any did."""
@@ -105,6 +119,7 @@ class Live:
         changed = self._watcher.poll()
         if not changed:
             return False
+        self.rebuilt = 0
         tried = self._waiting | changed
         try:
             with shader_files.refreshed(tried):
@@ -117,7 +132,7 @@ class Live:
             self._tell(f"strata: {error}\nstrata: the picture stays that of the last good shaders.")
         else:
             self._waiting = self._needed = frozenset()
-            self.error = ""
+            self.error, self.rebuilt = "", len(done.pipelines)
             self.message = _said(done, changed)
             if self.message:
                 self._tell(f"strata: {self.message}")

@@ -16,6 +16,7 @@ import numpy as np
 
 from backends.window import Event
 from chapters import panel_imgui
+from chapters.panel_error import show_error
 from chapters.panel_knobs import Knobs, Widget, widgets
 from common.draw_lists import DrawList
 from common.settings import preset
@@ -54,6 +55,7 @@ class PanelState:
     paused: bool = False
     speed: float = 1.0
     message: str = ""  # what came of the last action
+    error: str = ""  # what is wrong with a shader that is being edited
 
 
 @dataclass(frozen=True)
@@ -204,6 +206,8 @@ class Panel:
             self._placed("Plan")
             imgui.pop_item_width()
         imgui.end()
+        if state.error:
+            show_error(imgui, state.error, size, scale)
         self._overlay(state, size)
 
     def _head(self, state: PanelState, actions: dict[str, Any]) -> None:

@@ -16,8 +16,10 @@ import chapters
 from backends.choice import decide
 from chapters import quality, studies
 from chapters.console import Steps, say
+from chapters.live import Live
 from chapters.record import STDOUT, Log, triangles
 from chapters.stopping import prompt_stop
+from chapters.watch import watch
 from common import images
 from common.errors import UserError
 from common.paths import cache_problem, written_file
@@ -55,6 +57,7 @@ class Request:
     fps: float = 60.0
     headless: bool = False
     verbose: bool = False
+    watch: bool = False
 
 
 def parse_size(text: str) -> tuple[int, int]:
@@ -131,7 +134,7 @@ def run(request: Request) -> int:
 
 def wants_window(request: Request) -> bool:
     """Whether to open a window: there is a display, and no picture was asked for."""
-    if request.headless or request.out is not None:
+    if request.headless or request.watch or request.out is not None:
         return False
     from backends.window import display_available
 
@@ -229,7 +232,7 @@ def draw(request: Request, began: float) -> int:
     wants_default = request.quality == "auto" and isinstance(request.chapter, int)
     preset_name = "medium" if wants_default else request.quality
     settings = settings_of(request, preset_name)
-    with Steps() as steps:
+    with Steps() as steps, Live() as live:
         scene = studies.load(request.chapter, request.scene, steps.of("load", 0.05, 0.5), request.environment)  # type: ignore[arg-type]
         expose(scene, request)
         tell_warnings(scene, request.verbose)
@@ -249,7 +252,8 @@ def draw(request: Request, began: float) -> int:
             for index in range(count):
                 steps("first frame" if index == 0 else "frames", 0.7 + 0.3 * index / count)
                 time = request.time + index / request.fps
-                frame = renderer.render(chapters.view_of(renderer, request.camera, time), time)
+                view = chapters.view_of(renderer, request.camera, time)
+                frame = renderer.render(view, time)
                 log.add(frame)
             steps("write", 1.0)
             if request.out is None:
@@ -263,8 +267,10 @@ def draw(request: Request, began: float) -> int:
                 log.write(request.json)
             if request.verbose:
                 log.show()
-    what = f"{studies.spoken(request.chapter)}, {scene.name}"
-    say(f"{what}, {request.size[0]}x{request.size[1]}, {log.device}: wrote {target}")
+            what = f"{studies.spoken(request.chapter)}, {scene.name}"
+            say(f"{what}, {request.size[0]}x{request.size[1]}, {log.device}: wrote {target}")
+            if request.watch:
+                watch(live, renderer, view, time, partial(write_picture, target), target)
     return 1 if messages else 0
 
 

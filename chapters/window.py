@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from backends.window import Window
+from chapters.live import Live
 from chapters.panel import Panel, PanelActions, PanelState, open_panel
 from chapters.window_camera import camera_text, first_person, open_camera, orbit
 from chapters.window_open import Opened, Refused, open_screen
@@ -107,13 +108,14 @@ class Loop:
         reopen: Callable[[Any], Renderer] | None = None,
         name: str = "strata",
         quality: str = "",
+        live: Live | None = None,
     ) -> None:
         self.window, self.screen, self.renderer, self.camera = window, screen, renderer, camera
         self.time, self.paused, self.speed = time, False, 1.0
         self.figures = Figures()
         self.panel, self.message = panel, ""
         self._title, self._told, self._on_frame, self._reopen = title, "", on_frame, reopen
-        self._name, self._quality = name, quality
+        self._name, self._quality, self._live = name, quality, live
         self._clock = FrameClock(timer_ns)
         self._since, self._frames_since, self._rate = 0.0, 0, 0.0
         self._ev100 = camera.ev100
@@ -165,6 +167,9 @@ class Loop:
             renderer.resize(window.size)
         if not self.paused:
             self.time += passed * self.speed
+        if self._live is not None and self._live.follow(renderer):
+            self.message, self._panel_due = self._live.message, True
+            self._clock.tick()  # as little the scene's time as that of other settings
         view = self.camera.advance(min(passed, LONGEST_STEP_S), window.inputs)
         panel = self.panel if self.panel is not None and self.panel.visible else None
         frame = renderer.render(view, self.time) if always or not renderer.idle(view, self.time) else None
@@ -218,6 +223,7 @@ class Loop:
             paused=self.paused,
             speed=self.speed,
             message=self.message,
+            error=self._live.error if self._live is not None else "",
         )
         actions = panel.frame(state, self.window.size, passed)
         self.screen.lay(panel.drawn)
@@ -339,8 +345,9 @@ def run_window(
     `partial(chapters.open, 1, scene=scene)`; for other settings it is called again, with `settings=`. `camera` names
     the view to begin with, `time` the seconds; `frames` ends the run by itself; `on_frame(renderer, frame)` is called
     after each frame. `backend` is the renderer's, "vulkan" or "gl". With `panel` the panel is shown where it can be;
-    `name` begins the names of screenshots, `quality` says how the preset was chosen. Raises UnsupportedError where
-    there is no display, or none that the backend can draw to. Everything is closed in any case.
+    `name` begins the names of screenshots, `quality` says how the preset was chosen. Shaders that are saved meanwhile
+    are taken over (`chapters.live`). Raises UnsupportedError where there is no display, or none that the backend can
+    draw to. Everything is closed in any case.
     """
     options.setdefault("outputs", ())
     with open_window(backend, size, title) as window:
@@ -348,7 +355,7 @@ def run_window(
         sink = screen.device.sink
         # The desktop may have given another size than was asked for; a window opened minimised has none yet.
         given = size if window.minimised else window.size
-        with screen, ExitStack() as stack:
+        with screen, Live() as live, ExitStack() as stack:
             opened = Opened(open_renderer, given, {"device": screen.device, "presents": True, **options})
             stack.callback(opened.close)
             drawn_panel = open_panel(window.scale) if panel else None
@@ -366,6 +373,7 @@ def run_window(
                 reopen=opened.reopen,
                 name=name,
                 quality=quality,
+                live=live,
             )
             try:
                 figures = loop.run(frames)

@@ -16,7 +16,7 @@ from typing import NamedTuple
 from common.errors import ShaderError
 from common.paths import ROOT
 
-_DIRECTIVE = re.compile(r"\s*#\s*(include|version|ifdef|ifndef|if|endif)\b\s*(.*)")
+_DIRECTIVE = re.compile(r"\s*#\s*(include|version|ifdef|ifndef|if|elif|else|endif)\b\s*(.*)")
 _COMMENT = re.compile(r"//.*|/\*.*?(?:\*/|$)")
 
 

@@ -1,0 +1,50 @@
+"""`strata run N --watch`: a picture on disk that is written anew whenever a shader is saved, until Ctrl-C."""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from chapters.console import say
+from chapters.live import POLL_S, Live
+from common.errors import StrataError
+
+if TYPE_CHECKING:
+    from backends.contract import Frame, Renderer
+    from common.camera import View
+
+MOST_FRAMES = 64
+"""Frames until a picture is written, even if a temporal pass were still at work."""
+
+
+def watch(
+    live: Live, renderer: Renderer, view: View, time: float, write: Callable[[Frame], None], target: Path
+) -> None:
+    """Draw `view` at `time` again after every edit, and hand the frame to `write`; only an exception ends it.
+
+    A picture that cannot be written is said, and written after the next edit.
+    """
+    count = sum(path.is_file() for path in renderer.shader_files)
+    say(f"Watching {count} shader files: {target} is written anew when one is saved. Ctrl-C ends.")
+    while True:
+        clock.sleep(POLL_S)
+        if not live.follow(renderer) or not live.rebuilt:
+            continue
+        try:
+            write(settled(renderer, view, time))
+        except StrataError as error:
+            say(f"strata: {error}")
+            continue
+        say(f"strata: wrote {target}, {clock.monotonic() - live.noticed:.2f} s after the file was saved.")
+
+
+def settled(renderer: Renderer, view: View, time: float) -> Frame:
+    """Return a frame in which everything that goes on over several frames has come to rest."""
+    frame = renderer.render(view, time)
+    for _ in range(MOST_FRAMES - 1):
+        if renderer.idle(view, time):
+            break
+        frame = renderer.render(view, time)
+    return frame
