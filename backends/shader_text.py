@@ -162,6 +162,15 @@ def literal(value: Any) -> str:
 _QUOTED = re.compile(r'"([^"]+)"\s*$')
 
 
+@dataclass
+class _Group:
+    """An open #if: whether its lines are certainly left out, or certainly taken, and whether it included anything."""
+
+    dead: bool = False
+    alive: bool = False
+    includes: bool = False
+
+
 class _Builder:
     """State of one expansion."""
 
@@ -175,6 +184,7 @@ class _Builder:
         self.done: set[str] = set()  # included where no condition can leave them out
         self.guards: dict[str, str] = {}  # included under a condition: the macro that says whether
         self.paths: set[Path] = set()
+        self.macros: dict[str, bool] = {}  # that were defined so far: whether they certainly still are
 
     def build_file(
         self, path: Path, defines: Mapping[str, Constant], extensions: Sequence[str]
@@ -189,6 +199,7 @@ class _Builder:
 
     def build(self, main: File, defines: Mapping[str, Constant], extensions: Sequence[str]) -> ShaderSource:
         prelude = self._prelude(defines, extensions)
+        self.macros = dict.fromkeys(re.findall(r"^#define (\w+)", prelude, re.M), True)
         self.files.append(SourceFile("<prelude>", lines_of(prelude)))
         self._expand(main, None, (), 0)
         text = prelude + "\n".join(self.output) + "\n"
@@ -217,34 +228,54 @@ class _Builder:
         index = len(self.files)
         self.files.append(SourceFile(file.name, file.lines, origin))
         self.output.append(f"#line 1 {index}")
-        conditions: list[bool] = []  # the #ifs that are open, and whether something was included within
+        groups: list[_Group] = []
         for number, (line, directive) in enumerate(zip(file.lines, file.directives, strict=True), start=1):
             if directive is None:
                 self.output.append(line)
                 continue
             kind, rest = directive.groups()
             if kind == "include":
-                self._include(rest, (index, number), (*above, file), depth + len(conditions))
+                if any(group.dead for group in groups):
+                    self.output.append("")
+                    continue
+                self._include(rest, (index, number), (*above, file), depth + len(groups))
                 self.output.append(f"#line {number + 1} {index}")
-                conditions = [True] * len(conditions)
+                for group in groups:
+                    group.includes = True
                 continue
             if kind == "version":
                 raise self._error(
                     (index, number), "the prelude of the backend sets the version; leave this line out"
                 )
             self.output.append(line)
-            if kind.startswith("if"):
-                conditions.append(False)
+            if kind in ("define", "undef"):
+                # Under a condition nobody knows here; only what the prelude says is certain.
+                self.macros[re.split(r"\W", rest, maxsplit=1)[0]] = False
                 continue
-            if not conditions:
+            if kind.startswith("if"):
+                groups.append(self._group(kind, rest))
+                continue
+            if not groups:
                 raise self._error((index, number), "an #if and its #endif must be in the same file")
-            if conditions[-1]:
+            if groups[-1].includes:
                 # What is left out is counted, and so are the lines that were included there, but not their #line.
                 self.output.append(f"#line {number + 1} {index}")
+            groups[-1].dead = kind == "else" and groups[-1].alive
             if kind == "endif":
-                conditions.pop()
-        if conditions:
+                groups.pop()
+        if groups:
             raise self._error((index, len(file.lines)), "an #if and its #endif must be in the same file")
+
+    def _group(self, kind: str, rest: str) -> _Group:
+        """Return what an #if begins. What is certainly left out includes nothing: the shader does not use it."""
+        name = re.split(r"\W", rest, maxsplit=1)[0]
+        if kind == "if" or re.match(r"GL_|__|VULKAN$", name):  # macros of the compiler's own
+            return _Group()
+        certain = self.macros.get(name)
+        defined = certain is True
+        undefined = certain is None
+        wanted, unwanted = (defined, undefined) if kind == "ifdef" else (undefined, defined)
+        return _Group(dead=unwanted, alive=wanted)
 
     def _include(self, rest: str, place: tuple[int, int], above: tuple[File, ...], depth: int) -> None:
         quoted = _QUOTED.match(rest.rstrip())
@@ -329,7 +360,7 @@ def _located(files: Sequence[SourceFile], index: int, line: int, column: int | N
     parts = [f"{file.name}:{line}: {message}"]
     if 1 <= line <= len(file.lines):
         code = file.lines[line - 1]
-        offset = min(column - 1, len(code)) if column else _quoted_offset(code, message)
+        offset = _offset(code, message, column)
         # Tabs stay tabs, so that the caret stands below its character whatever their width.
         padding = "".join("\t" if character == "\t" else " " for character in code[:offset])
         parts += [f"    {code}", f"    {padding}^"]
@@ -340,9 +371,12 @@ def _located(files: Sequence[SourceFile], index: int, line: int, column: int | N
     return "\n".join(parts)
 
 
-def _quoted_offset(code: str, message: str) -> int:
-    for word in re.findall(r"['\"]([^'\"]+)['\"]", message):
-        found = re.search(rf"(?<!\w){re.escape(word)}(?!\w)", code) or re.search(re.escape(word), code)
-        if found:
-            return found.start()
-    return len(code) - len(code.lstrip())
+def _offset(code: str, message: str, column: int | None) -> int:
+    """Return where the caret goes: to the word that the message quotes, nearest to the column that it names."""
+    for word in re.findall(r"['\"`]([^'\"`]+)['\"]", message):
+        whole = rf"(?<!\w){re.escape(word)}(?!\w)"
+        for pattern in (whole, re.escape(word)):
+            places = [match.start() for match in re.finditer(pattern, code)]
+            if places:
+                return min(places, key=lambda place: abs(place - (column or 1) + 1))
+    return min(column - 1, len(code)) if column else len(code) - len(code.lstrip())

@@ -55,7 +55,7 @@ class Watcher:
             self._moving.pop(path, None)
         for path in files - self._known.keys():
             # Not as it is now: it may have been saved after its text was read.
-            self._known[path] = shader_files.state_read(path) or shader_files.state_of(path)
+            self._known[path] = shader_files.state_read(path)
 
     def poll(self) -> set[Path]:
         """Return the files that changed and are whole again, each change once."""
@@ -80,8 +80,10 @@ class Watcher:
             return set()  # files that are saved together are taken together
         for path in ready:
             self._known[path] = self._moving.pop(path)[0]
+        if ready and self._first is not None:
+            self.noticed = self._first
         if not self._moving:
-            self.noticed, self._first = now if self._first is None else self._first, None
+            self._first = None
         return ready
 
 
@@ -115,7 +117,7 @@ class Live:
         if now < self._due:
             return False
         self._due = now + POLL_S
-        self._watcher.watch(renderer.shader_files | self._needed | self._waiting)
+        self._watch(renderer)
         changed = self._watcher.poll()
         if not changed:
             return False
@@ -136,7 +138,11 @@ class Live:
             self.message = _said(done, changed)
             if self.message:
                 self._tell(f"strata: {self.message}")
+        self._watch(renderer)  # at once: what is missing may come before the next look
         return True
+
+    def _watch(self, renderer: Renderer) -> None:
+        self._watcher.watch(renderer.shader_files | self._needed | self._waiting)
 
     def __enter__(self) -> Live:
         self._stack.enter_context(shader_files.pinned())

@@ -16,7 +16,7 @@ from typing import NamedTuple
 from common.errors import ShaderError
 from common.paths import ROOT
 
-_DIRECTIVE = re.compile(r"\s*#\s*(include|version|ifdef|ifndef|if|elif|else|endif)\b\s*(.*)")
+_DIRECTIVE = re.compile(r"\s*#\s*(include|version|define|undef|ifdef|ifndef|if|elif|else|endif)\b\s*(.*)")
 _COMMENT = re.compile(r"//.*|/\*.*?(?:\*/|$)")
 
 
@@ -48,8 +48,8 @@ _Read = tuple[State, File]
 _analysed: dict[Path, _Read] = {}
 """Each file as it was last read: a chapter's shaders include the same ones over and over."""
 
-_pinned: dict[Path, _Read] | None = None
-"""Within `pinned`: what every shader is built from, whatever lies on disk by now."""
+_pinned: dict[Path, _Read | None] | None = None
+"""Within `pinned`: what every shader is built from, whatever lies on disk by now; None where no file was."""
 
 
 @contextmanager
@@ -74,6 +74,8 @@ def refreshed(paths: Collection[Path]) -> Iterator[None]:
     before = _pinned
     if before is not None:
         _pinned = {path: read for path, read in before.items() if path not in paths}
+    for path in paths:
+        _analysed.pop(path, None)  # two edits of one size may fall into one tick of a file system's clock
     try:
         yield
     except BaseException:
@@ -91,20 +93,26 @@ def state_of(path: Path) -> State | None:
 
 
 def state_read(path: Path) -> State | None:
-    """Return the state in which a file was when shaders took their text from it; None where none did."""
-    read = (_analysed if _pinned is None else _pinned).get(path)
-    return read[0] if read else None
+    """Return the state in which shaders found a file; as it is now where none looked for it yet."""
+    if _pinned is not None and path in _pinned:
+        read = _pinned[path]
+        return read[0] if read else None
+    return state_of(path)
 
 
 def is_there(path: Path) -> bool:
     """Whether shaders can include a file."""
-    return (_pinned is not None and path in _pinned) or path.is_file()
+    if _pinned is None:
+        return path.is_file()
+    if path not in _pinned and not path.is_file():
+        _pinned[path] = None
+    return _pinned.get(path, True) is not None
 
 
 def load(path: Path) -> File:
     """Return a file; raise ShaderError where it cannot be read or is no text."""
-    if _pinned is not None and path in _pinned:
-        return _pinned[path][1]
+    if _pinned is not None and (held := _pinned.get(path)) is not None:
+        return held[1]
     try:
         found = path.stat()
     except OSError as error:
