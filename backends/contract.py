@@ -207,8 +207,7 @@ class Reloaded:
     """
 
     pipelines: tuple[str, ...]
-    seconds: float
-    at_start: tuple[Path, ...] = ()
+    at_start: frozenset[Path] = frozenset()
 
 
 class Renderer(Protocol):

@@ -123,6 +123,7 @@ class Live:
             return False
         self.rebuilt = 0
         tried = self._waiting | changed
+        began = clock.perf_counter()
         try:
             with shader_files.refreshed(tried):
                 done = renderer.reload_shaders(tried)
@@ -135,7 +136,7 @@ class Live:
         else:
             self._waiting = self._needed = frozenset()
             self.error, self.rebuilt = "", len(done.pipelines)
-            self.message = _said(done, changed)
+            self.message = _said(done, changed, clock.perf_counter() - began)
             if self.message:
                 self._tell(f"strata: {self.message}")
         self._watch(renderer)  # at once: what is missing may come before the next look
@@ -152,16 +153,16 @@ class Live:
         self._stack.close()
 
 
-def _said(done: Reloaded, changed: Collection[Path]) -> str:
+def _said(done: Reloaded, changed: Collection[Path], seconds: float) -> str:
     """Return what a reload did, in a sentence or two; "" where nothing uses the files."""
     parts = []
     if done.pipelines:
         names = ", ".join(sorted({path.name for path in changed}))
         count = len(done.pipelines)
         built = "1 pipeline" if count == 1 else f"{count} pipelines"
-        parts.append(f"{names}: {built} built anew in {done.seconds * 1e3:.0f} ms.")
+        parts.append(f"{names}: {built} built anew in {seconds * 1e3:.0f} ms.")
     if done.at_start:
-        names = ", ".join(shown_path(path) for path in done.at_start)
+        names = ", ".join(shown_path(path) for path in sorted(done.at_start))
         verb = "runs" if len(done.at_start) == 1 else "run"
         parts.append(f"{names} {verb} when a scene is opened: start again to see the edit there.")
     return " ".join(parts)

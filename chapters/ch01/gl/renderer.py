@@ -350,13 +350,11 @@ class Renderer:
 
     def reload_shaders(self, changed: Collection[Path]) -> Reloaded:
         """Build anew the pipelines that use one of these files; view, time and the number of the frame go on."""
-        started = clock.perf_counter()
         self.device.make_current()
         rebuilt = self._pipelines.reload(changed)
         if rebuilt:
             self._last = None  # the same view makes another picture now
-        at_start = sorted(files_at_start(self.scene, self.settings).intersection(changed))
-        return Reloaded(rebuilt, clock.perf_counter() - started, tuple(at_start))
+        return Reloaded(rebuilt, files_at_start(self.scene, self.settings).intersection(changed))
 
     def _let_go(self, why: str) -> None:
         """Wait until no frame is in flight, and take the images of those that are still held."""
