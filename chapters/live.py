@@ -19,13 +19,14 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from backends.contract import Reloaded
 from chapters.console import say
 from common import shader_files
 from common.errors import ShaderError, StrataError
 from common.shader_files import State, shown_path
 
 if TYPE_CHECKING:
-    from backends.contract import Reloaded, Renderer
+    from backends.contract import Renderer
 
 POLL_S = 0.05
 """How often files are looked at."""
@@ -35,6 +36,9 @@ SETTLED_S = 0.05
 
 RETURNS_S = 0.5
 """The same for a file that is empty or gone, which between two steps of saving it often is."""
+
+ALL = ("all",)
+"""What a renderer has built anew that was opened anew."""
 
 
 class Watcher:
@@ -105,6 +109,10 @@ class Live:
         """What became of the last change."""
         self.rebuilt = 0
         """Pipelines that were built anew for it."""
+        self.renderer: Renderer
+        """The one to draw with after a change."""
+        self.renew: Callable[[], Renderer] | None = None
+        """Opens another renderer like the one followed and closes that; for studies, which cannot exchange shaders."""
 
     @property
     def noticed(self) -> float:
@@ -112,7 +120,10 @@ class Live:
         return self._watcher.noticed
 
     def follow(self, renderer: Renderer) -> bool:
-        """Look at the files, if it is time to, and let the renderer have those that changed; whether any did."""
+        """Look at the files, if it is time to, and let the renderer have those that changed; whether any did.
+
+        Then `self.renderer` is the one to go on with.
+        """
         now = self._timer()
         if now < self._due:
             return False
@@ -121,12 +132,12 @@ class Live:
         changed = self._watcher.poll()
         if not changed:
             return False
-        self.rebuilt = 0
+        self.renderer, self.rebuilt = renderer, 0
         tried = self._waiting | changed
         began = clock.perf_counter()
         try:
             with shader_files.refreshed(tried):
-                done = renderer.reload_shaders(tried)
+                done = self._exchange(tried)
         except StrataError as error:
             self._waiting = tried
             self._needed = error.files if isinstance(error, ShaderError) else frozenset()
@@ -139,11 +150,23 @@ class Live:
             self.message = _said(done, changed, clock.perf_counter() - began)
             if self.message:
                 self._tell(f"strata: {self.message}")
-        self._watch(renderer)  # at once: what is missing may come before the next look
+        self._watch(self.renderer)  # at once: what is missing may come before the next look
         return True
 
+    def _exchange(self, changed: Collection[Path]) -> Reloaded:
+        if hasattr(self.renderer, "reload_shaders"):
+            return self.renderer.reload_shaders(changed)
+        if self.renew is not None:
+            self.renderer = self.renew()
+        return Reloaded(ALL)
+
+    def files(self, renderer: Renderer) -> frozenset[Path]:
+        """Return the files that a renderer is followed by; all that were read where it does not say."""
+        found: frozenset[Path] | None = getattr(renderer, "shader_files", None)
+        return shader_files.looked_for() if found is None else found
+
     def _watch(self, renderer: Renderer) -> None:
-        self._watcher.watch(renderer.shader_files | self._needed | self._waiting)
+        self._watcher.watch(self.files(renderer) | self._needed | self._waiting)
 
     def __enter__(self) -> Live:
         self._stack.enter_context(shader_files.pinned())
@@ -160,6 +183,7 @@ def _said(done: Reloaded, changed: Collection[Path], seconds: float) -> str:
         names = ", ".join(sorted({path.name for path in changed}))
         count = len(done.pipelines)
         built = "1 pipeline" if count == 1 else f"{count} pipelines"
+        built = "all pipelines" if done.pipelines is ALL else built
         parts.append(f"{names}: {built} built anew in {seconds * 1e3:.0f} ms.")
     if done.at_start:
         names = ", ".join(shown_path(path) for path in sorted(done.at_start))

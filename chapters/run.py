@@ -237,7 +237,8 @@ def draw(request: Request, began: float) -> int:
         expose(scene, request)
         tell_warnings(scene, request.verbose)
         steps("create", 0.5)
-        with chapters.open(
+        opener = partial(
+            chapters.open,
             request.chapter,
             request.backend,
             scene=scene,
@@ -246,7 +247,8 @@ def draw(request: Request, began: float) -> int:
             without=request.without,
             outputs=outputs,
             validate=request.validate,
-        ) as renderer:
+        )
+        with opener() as renderer:
             log = Log(request, renderer, preset_name)
             count = request.frames or 1
             for index in range(count):
@@ -270,7 +272,7 @@ def draw(request: Request, began: float) -> int:
             what = f"{studies.spoken(request.chapter)}, {scene.name}"
             say(f"{what}, {request.size[0]}x{request.size[1]}, {log.device}: wrote {target}")
             if request.watch:
-                watch(live, renderer, view, time, partial(write_picture, target), target)
+                watch(live, renderer, opener, view, time, partial(write_picture, target), target)
     return 1 if messages else 0
 
 

@@ -20,24 +20,46 @@ MOST_FRAMES = 64
 
 
 def watch(
-    live: Live, renderer: Renderer, view: View, time: float, write: Callable[[Frame], None], target: Path
+    live: Live,
+    renderer: Renderer,
+    opener: Callable[[], Renderer],
+    view: View,
+    time: float,
+    write: Callable[[Frame], None],
+    target: Path,
 ) -> None:
     """Draw `view` at `time` again after every edit, and hand the frame to `write`; only an exception ends it.
 
-    A picture that cannot be written is said, and written after the next edit.
+    `opener` gives another renderer like this one, for those that cannot exchange their shaders. A picture that cannot
+    be written is said, and written after the next edit.
     """
-    count = sum(path.is_file() for path in renderer.shader_files)
+    own: list[Renderer] = []  # the one that was opened here last
+
+    def renew() -> Renderer:
+        made = opener()
+        while own:
+            own.pop().close()
+        own.append(made)
+        return made
+
+    live.renew = renew
+    count = sum(path.is_file() for path in live.files(renderer))
     say(f"Watching {count} shader files: {target} is written anew when one is saved. Ctrl-C ends.")
-    while True:
-        clock.sleep(POLL_S)
-        if not live.follow(renderer) or not live.rebuilt:
-            continue
-        try:
-            write(settled(renderer, view, time))
-        except StrataError as error:
-            say(f"strata: {error}")
-            continue
-        say(f"strata: wrote {target}, {clock.monotonic() - live.noticed:.2f} s after the file was saved.")
+    try:
+        while True:
+            clock.sleep(POLL_S)
+            if not live.follow(renderer) or not live.rebuilt:
+                continue
+            renderer = live.renderer
+            try:
+                write(settled(renderer, view, time))
+            except StrataError as error:
+                say(f"strata: {error}")
+                continue
+            say(f"strata: wrote {target}, {clock.monotonic() - live.noticed:.2f} s after the file was saved.")
+    finally:
+        for made in own:
+            made.close()
 
 
 def settled(renderer: Renderer, view: View, time: float) -> Frame:

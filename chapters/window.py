@@ -162,14 +162,12 @@ class Loop:
         if self.window.minimised:
             self._sleep(MINIMISED_WAIT_S)
             return
+        self._follow_shaders()
         renderer, window = self.renderer, self.window
         if window.size != renderer.size:
             renderer.resize(window.size)
         if not self.paused:
             self.time += passed * self.speed
-        if self._live is not None and self._live.follow(renderer):
-            self.message, self._panel_due = self._live.message, True
-            self._clock.tick()  # as little the scene's time as that of other settings
         view = self.camera.advance(min(passed, LONGEST_STEP_S), window.inputs)
         panel = self.panel if self.panel is not None and self.panel.visible else None
         frame = renderer.render(view, self.time) if always or not renderer.idle(view, self.time) else None
@@ -265,6 +263,17 @@ class Loop:
             self.renderer, self.message = error.renderer, str(error)
         self._clock.tick()  # the time that this took is none of the scene's
 
+    def _follow_shaders(self) -> None:
+        """Let the renderer have the shaders that were saved."""
+        live = self._live
+        if live is None or not live.follow(self.renderer):
+            return
+        if live.renderer is not self.renderer:
+            self.renderer, self._warm = live.renderer, False
+            self._unread.clear()
+        self.message, self._panel_due = live.message, True
+        self._clock.tick()  # as little the scene's time as that of other settings
+
     def _screenshot(self) -> str:
         """Write the picture without the panel; return what to say about it."""
         path = Path("out") / f"{self._name}-{clock.strftime('%Y%m%d-%H%M%S')}.png"
@@ -358,6 +367,7 @@ def run_window(
         with screen, Live() as live, ExitStack() as stack:
             opened = Opened(open_renderer, given, {"device": screen.device, "presents": True, **options})
             stack.callback(opened.close)
+            live.renew = opened.renew
             drawn_panel = open_panel(window.scale) if panel else None
             if drawn_panel is not None:
                 stack.callback(drawn_panel.close)

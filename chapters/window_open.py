@@ -51,6 +51,13 @@ class Opened:
             raise Refused(str(error), self.renderer) from None
         return self.renderer
 
+    def renew(self) -> Renderer:
+        """Return a renderer with the same settings; where there can be none, an error, and the old one stays."""
+        made = self._open(size=self.renderer.size, **{**self._options, "settings": self.renderer.settings})
+        self.renderer.close()
+        self.renderer = made
+        return made
+
     def close(self) -> None:
         """Close the renderer."""
         self.renderer.close()

@@ -100,6 +100,11 @@ def state_read(path: Path) -> State | None:
     return state_of(path)
 
 
+def looked_for() -> frozenset[Path]:
+    """Return every file that shaders asked for within `pinned`, also those that were not there."""
+    return frozenset(_pinned or ())
+
+
 def is_there(path: Path) -> bool:
     """Whether shaders can include a file."""
     if _pinned is None:

@@ -7,14 +7,20 @@ import itertools
 import os
 import time
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import chapters
 from backends.vulkan import shaders as compiler
+from chapters.ch01 import renderer as on_vulkan
+from chapters.ch01.gl import renderer as on_gl
+from chapters.ch01.logic.environment import files_at_start
 from chapters.live import Live
+from chapters.window_open import Opened
 from common import shader_files
 from common.errors import ShaderError
 from common.scene import Light, Material
@@ -387,6 +393,26 @@ def test_a_hundred_reloads_leave_nothing_behind(chapter, shaders):
         assert _resident() - memory < 8 << 20
 
 
+def test_an_old_pipeline_lives_until_no_frame_in_flight_uses_it(chapter, shaders):
+    if chapter.backend == "gl":
+        return  # the driver keeps a deleted program as long as it is needed
+    with session(chapter) as run:
+
+        def alive():
+            return sum(kind == "VkPipeline" for kind, _ in chapter.device.alive)
+
+        run.renderer.render(facing())
+        count = alive()
+        path = shaders.paint(1.0, 0.0, 0.0)
+        with shader_files.refreshed([path]):
+            run.renderer.reload_shaders([path])
+        counts = [alive()]
+        for _ in range(3):
+            run.renderer.render(facing())
+            counts.append(alive())
+        assert counts == [count + 1, count + 1, count, count], "the frame before the edit has one that follows"
+
+
 def _resident() -> int:
     """Return the bytes of memory that this process has, 0 where nobody says."""
     try:
@@ -409,6 +435,73 @@ def test_a_reload_that_fails_leaves_nothing_behind(chapter, shaders):
         with pytest.raises(ShaderError), shader_files.refreshed([path.with_name("material.glsl")]):
             run.renderer.reload_shaders([path.with_name("material.glsl")])
         assert dict(chapter.device.alive) == objects
+
+
+class Study:
+    """A renderer that cannot exchange its shaders, as the small programs beside the chapters are."""
+
+    def __init__(self, renderer):
+        self._renderer, self.closed = renderer, False
+
+    def __getattr__(self, name):
+        if name in ("reload_shaders", "shader_files"):
+            raise AttributeError(name)
+        return getattr(self._renderer, name)
+
+    def close(self):
+        self.closed = True
+        self._renderer.close()
+
+
+def test_a_renderer_that_cannot_exchange_shaders_is_opened_anew(chapter, shaders):
+    opened: list[Study] = []
+
+    def renew(**options):
+        opened.append(Study(chapter.open(scene(), options.pop("size", SIZE), **options)))
+        return opened[-1]
+
+    said: list[str] = []
+    with Live(ticking(), said.append) as live:
+        window = Opened(renew, SIZE, {})
+        live.renew = window.renew
+        run = Session(live, window.renderer, said)
+        good = run.picture()
+        path = shaders.edit("tonemap.frag", PLAIN, "out_color = wrong;")
+        run.follow()
+        assert f"{path}:" in live.error
+        assert live.renderer is run.renderer is window.renderer
+        assert (run.picture() == good).all()
+        shaders.paint(0.0, 1.0, 0.0)
+        run.follow()
+        assert live.renderer is window.renderer is opened[-1] is not run.renderer
+        assert (live.renderer.render(facing()).image("color") == code(0.0, 1.0, 0.0)).all()
+        assert [one.closed for one in opened] == [True, False]
+        assert "tonemap.frag: all pipelines built anew" in said[-1]
+        window.close()
+
+
+def test_a_kernel_that_ran_at_the_start_is_named_and_changes_nothing(chapter, shaders, monkeypatch):
+    kernels = frozenset({shaders.chapter / "environment_cube.comp"})
+    for module in (on_vulkan, on_gl):
+        monkeypatch.setattr(module, "files_at_start", lambda scene, settings: kernels)
+    with session(chapter) as run:
+        good, handles = run.picture(), run.handles()
+        text = (shaders.chapter / "environment_cube.comp").read_text("utf-8")
+        shaders.save("environment_cube.comp", text + "// more\n")
+        run.follow()
+        assert (run.picture() == good).all()
+        assert run.handles() == handles
+        (said,) = run.said
+        assert "environment_cube.comp runs when a scene is opened: start again to see the edit there." in said
+
+
+def test_kernels_run_at_the_start_where_there_is_an_environment():
+    settings = chapters.settings_class(1)()
+    assert files_at_start(scene(), settings) == frozenset()
+    around = replace(scene(), environment=SimpleNamespace())
+    names = {path.name for path in files_at_start(around, settings)}
+    assert {"environment_cube.comp", "environment_table.comp", "ggx_sampling.glsl"} <= names
+    assert files_at_start(around, replace(settings, environment_intensity=0.0)) == frozenset()
 
 
 def test_files_that_nobody_uses_are_nobodys_business(chapter, shaders):
