@@ -140,3 +140,12 @@ def test_pinned_files_keep_their_text_until_they_are_refreshed(folder):
         assert load(path).lines == ("b",)
     path.write_text("c")
     assert load(path).lines == ("c",)
+
+
+def test_edits_of_one_size_within_a_tick_of_the_clock_are_told_apart(folder):
+    path = folder / "a"
+    with pinned():
+        for number in range(100):
+            path.write_text(f"{number:03}")
+            with refreshed([path]):
+                assert load(path).lines == (f"{number:03}",)
