@@ -253,7 +253,10 @@ class Renderer(Protocol):
 
     @property
     def shader_files(self) -> frozenset[Path]:
-        """All on disk that decides about the texts of this renderer's shaders, files that are not there included."""
+        """All on disk that decides about the texts of this renderer's shaders, files that are not there included.
+
+        None where it cannot exchange its shaders: then another renderer is opened in its place.
+        """
 
     def reload_shaders(self, changed: Collection[Path]) -> Reloaded:
         """Build anew the pipelines that use one of these files, all or none; between frames, which go on as before.

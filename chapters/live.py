@@ -154,16 +154,15 @@ class Live:
         return True
 
     def _exchange(self, changed: Collection[Path]) -> Reloaded:
-        if hasattr(self.renderer, "reload_shaders"):
+        if self.renderer.shader_files:
             return self.renderer.reload_shaders(changed)
         if self.renew is not None:
             self.renderer = self.renew()
         return Reloaded(ALL)
 
     def files(self, renderer: Renderer) -> frozenset[Path]:
-        """Return the files that a renderer is followed by; all that were read where it does not say."""
-        found: frozenset[Path] | None = getattr(renderer, "shader_files", None)
-        return shader_files.looked_for() if found is None else found
+        """Return the files that a renderer is followed by; all that were read where it names none."""
+        return renderer.shader_files or shader_files.looked_for()
 
     def _watch(self, renderer: Renderer) -> None:
         self._watcher.watch(self.files(renderer) | self._needed | self._waiting)

@@ -464,10 +464,9 @@ class Study:
 
     def __init__(self, renderer):
         self._renderer, self.closed = renderer, False
+        self.shader_files = frozenset()
 
     def __getattr__(self, name):
-        if name in ("reload_shaders", "shader_files"):
-            raise AttributeError(name)
         return getattr(self._renderer, name)
 
     def close(self):

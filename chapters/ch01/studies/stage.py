@@ -11,11 +11,12 @@ import weakref
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from backends.contract import check_arguments, check_moment, check_names, check_size, resolve
+from backends.contract import Reloaded, check_arguments, check_moment, check_names, check_size, resolve
 from common.camera import View, exposure
 from common.errors import StaleFrameError
 from common.lessons import Study
@@ -41,6 +42,7 @@ class Stage(ABC):
     """One stream of frames of one view; see `backends.contract.Renderer` for what it promises."""
 
     study: Study
+    pipelines: Any
     has_depth = False
     moves = True  # whether time alone changes the picture
     settings_class: type = NoSettings
@@ -138,6 +140,10 @@ class Stage(ABC):
         """Wait for all frames."""
 
     @abstractmethod
+    def _exchange(self, changed: Collection[Path]) -> tuple[str, ...]:
+        """Have the pipelines take over edited files."""
+
+    @abstractmethod
     def _tear_down(self) -> None:
         """Free what `_set_up` made."""
 
@@ -192,6 +198,19 @@ class Stage(ABC):
         """Start again at frame 0; a study keeps nothing from frame to frame."""
         self._index, self._last, self._previous = 0, None, None
         self._reset = reason or "asked for"
+
+    @property
+    def shader_files(self) -> frozenset[Path]:
+        """The files of shaders that can be exchanged; none where a study builds all by itself, to be opened anew."""
+        found: frozenset[Path] = self.pipelines.files
+        return found
+
+    def reload_shaders(self, changed: Collection[Path]) -> Reloaded:
+        """Build anew the pipelines that use one of these files; time goes on."""
+        rebuilt = self._exchange(changed)
+        if rebuilt:
+            self._last = None  # the same view makes another picture now
+        return Reloaded(rebuilt)
 
     def _let_go(self, why: str) -> None:
         self._wait()

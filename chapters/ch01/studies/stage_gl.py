@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
+from pathlib import Path
 
 import numpy as np
 
@@ -107,6 +108,10 @@ class Stage(AnyStage):
         self.device.make_current()
         for slot in self._frames.slots if hasattr(self, "_frames") else ():
             self._frames.wait(slot)
+
+    def _exchange(self, changed: Collection[Path]) -> tuple[str, ...]:
+        self.device.make_current()
+        return self.pipelines.reload(changed)
 
     def _tear_down(self) -> None:
         if hasattr(self, "no_vertices"):

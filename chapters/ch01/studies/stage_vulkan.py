@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -130,6 +131,13 @@ class Stage(AnyStage):
 
     def _wait(self) -> None:
         self.device.wait_idle()  # for the frames, and for what a window still copies from them
+
+    def _exchange(self, changed: Collection[Path]) -> tuple[str, ...]:
+        def retire(destroy: Callable[[], None]) -> None:
+            self._wait()  # a study need not be quick about it
+            destroy()
+
+        return self.pipelines.reload(changed, retire)
 
     def _tear_down(self) -> None:
         held: Sequence[str] = ("_frames", "_profiler", "pipelines", "descriptors")

@@ -32,7 +32,10 @@ class Renderer(Stage):
     def create(self) -> None:
         """Build the pipeline. Slow, and so done before the first frame: drivers compile machine code here."""
         device = self.device
-        vertex, fragment = self._module("triangle.vert"), self._module("triangle.frag")
+        files = ("triangle.vert", "triangle.frag")
+        # GLSL text becomes the words of SPIR-V that a driver takes.
+        codes = [compile_shader(shader_text.build(FOLDER / file, "vulkan")) for file in files]
+        vertex, fragment = (self._module(code, file) for code, file in zip(codes, files, strict=True))
         # What shaders read from outside: nothing. The study rotating-cube fills this in.
         self._layout = device.create(
             "vkCreatePipelineLayout", vk.new("VkPipelineLayoutCreateInfo"), "triangle"
@@ -70,9 +73,8 @@ class Renderer(Stage):
         for module in (vertex, fragment):
             device.destroy("VkShaderModule", module)
 
-    def _module(self, file: str) -> Any:
-        """Return a shader: GLSL text, compiled to the words of SPIR-V that a driver takes."""
-        code = compile_shader(shader_text.build(FOLDER / file, "vulkan"))
+    def _module(self, code: bytes, file: str) -> Any:
+        """Return a shader as the pipeline takes it."""
         info = vk.new("VkShaderModuleCreateInfo", codeSize=len(code), pCode=code)
         return self.device.create("vkCreateShaderModule", info, file)
 

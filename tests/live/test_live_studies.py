@@ -1,0 +1,77 @@
+"""The shaders of studies: a reader who starts at the triangle changes one and sees it."""
+
+from __future__ import annotations
+
+import shutil
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import chapters
+from chapters.live import Live
+from chapters.window_open import Opened
+from common.scene import Scene
+from tests.live.test_reload import ticking
+from tests.support.scenes import facing, quad_scene
+
+STUDIES = {
+    # name: (file, a piece of it, what it becomes, what cannot be compiled)
+    "first-triangle": (
+        "triangle.frag",
+        "vec4(in_color, 1.0)",
+        "vec4(1.0 - in_color, 1.0)",
+        "vec4(colour, 1.0)",
+    ),
+    "rotating-cube": ("cube.frag", "out_color = ", "out_color = vec4(1.0) - ", "out_color = colour + "),
+}
+
+
+@pytest.mark.feature("tools/live-shaders")
+@pytest.mark.parametrize("name", STUDIES)
+def test_an_edit_of_a_study_is_seen_and_a_wrong_one_is_not(chapter, shaders, monkeypatch, name):
+    file, old, new, wrong = STUDIES[name]
+    place = name.replace("-", "_")
+    module = import_module(f"chapters.ch01.studies.{place}.{chapter.backend}")
+    folder = shaders.chapter.parent / "studies" / place
+    shutil.copytree(Path(module.__file__).parent, folder)
+    monkeypatch.setattr(module, "FOLDER", folder, raising=False)
+    path = folder / file
+    text = path.read_text("utf-8")
+    assert text.count(old) == 1
+    said: list[str] = []
+    scene: Scene = quad_scene()
+    opener = partial(chapters.open, f"1/{name}", chapter.backend, scene=scene, device=chapter.device)
+    with Live(ticking(), said.append) as live:
+        window = Opened(opener, (32, 32), {"outputs": ("color",)})
+        try:
+            live.renew = window.renew
+            live.follow(window.renderer)
+
+            def picture():
+                return window.renderer.render(facing(), 1.0).image("color").astype(int)
+
+            def save(piece):
+                path.write_text(text.replace(old, piece), "utf-8")
+                assert any(live.follow(window.renderer) for _ in range(400))
+
+            def built():
+                kinds = [kind for kind, _ in chapter.device.alive]
+                return {kind: kinds.count(kind) for kind in ("program", "VkPipeline", "VkShaderModule")}
+
+            good, objects = picture(), built()
+            save(wrong)
+            assert f"{path}:" in live.error and "colour" in live.error
+            assert built() == objects
+            assert (picture() == good).all()
+            save(new)
+            assert live.error == ""
+            drawn = (good != good[0, 0]).any(-1)
+            assert drawn.any()
+            inverse = picture()
+            assert np.abs(good + inverse - 255)[drawn].max() <= 1, "the complement of each colour"
+            assert built() == objects
+        finally:
+            window.close()
