@@ -20,6 +20,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from backends.contract import Reloaded
+from backends.shader_text import STAGES
+from backends.vulkan.live import check_alone, compiled_alone
 from chapters.console import say
 from common import shader_files
 from common.errors import ShaderError, StrataError
@@ -136,8 +138,11 @@ class Live:
         tried = self._waiting | changed
         began = clock.perf_counter()
         try:
-            with shader_files.refreshed(tried):
-                done = self._exchange(tried)
+            if renderer.shader_files:
+                with shader_files.refreshed(tried):
+                    done = renderer.reload_shaders(tried)
+            else:
+                done = self._open_anew(tried)
         except StrataError as error:
             self._waiting = tried
             self._needed = error.files if isinstance(error, ShaderError) else frozenset()
@@ -153,11 +158,16 @@ class Live:
         self._watch(self.renderer)  # at once: what is missing may come before the next look
         return True
 
-    def _exchange(self, changed: Collection[Path]) -> Reloaded:
-        if self.renderer.shader_files:
-            return self.renderer.reload_shaders(changed)
-        if self.renew is not None:
-            self.renderer = self.renew()
+    def _open_anew(self, changed: Collection[Path]) -> Reloaded:
+        """Go on with another renderer, for one that builds its pipelines by itself."""
+        # A driver may crash where a shader wants what no pipeline layout has; OpenGL has none.
+        on_vulkan = self.renderer.capabilities.backend == "vulkan"
+        alone = [path for path in shader_files.looked_for() if path.suffix.removeprefix(".") in STAGES]
+        before = compiled_alone(alone) if on_vulkan else {}
+        with shader_files.refreshed(changed):
+            check_alone(before, changed)
+            if self.renew is not None:
+                self.renderer = self.renew()
         return Reloaded(ALL)
 
     def files(self, renderer: Renderer) -> frozenset[Path]:

@@ -144,6 +144,7 @@ class Panel:
         self._widgets: dict[type, list[Widget]] = {}  # of each class of settings
         self._ev: float | None = None  # while its slider moves
         self._speed: float | None = None
+        self._error = ""
 
     # --- for the window: backends.window.Listener ---
 
@@ -179,6 +180,9 @@ class Panel:
         """Show `state` on a window of (width, height) pixels, in `drawn`; return what the user wants."""
         actions: dict[str, Any] = {}
         self.places.clear()
+        if state.error != self._error:
+            self._error = state.error
+            self.interface.stir()
         self.drawn = self.interface.frame(size, dt, lambda: self._build(state, size, actions))
         return PanelActions(**actions)
 

@@ -138,6 +138,10 @@ class Interface:
         self.imgui.set_current_context(self._context)
         return bool(self.imgui.get_current_context().input_events_queue.size())
 
+    def stir(self) -> None:
+        """Have some frames drawn although nobody did anything: a window that is new finds its size in its second."""
+        self._settling = SETTLING
+
     # --- what is drawn ---
 
     def frame(self, size: tuple[int, int], dt: float, build: Callable[[], None]) -> DrawList:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+import contextlib
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from backends.shader_interface import Interface, misfit, refusal
-from backends.shader_text import ShaderSource
+from backends.shader_text import ShaderSource, build
 from backends.vulkan.shaders import compile_all
 from backends.vulkan.spirv_interface import interface_of, unwritten
 from common.errors import ShaderError
@@ -58,3 +59,18 @@ def check_fit(old: Stages, new: Stages, changed: Collection[Path]) -> None:
     if difference:
         raise refusal(difference, old.files & {*changed} or changed, new.files)
     new.expects = old.expects
+
+
+def compiled_alone(files: Collection[Path]) -> dict[Path, Stages]:
+    """Return the shaders in these files, each as a pipeline of its own; without those that need constants of a host."""
+    found = {}
+    for path in files:
+        with contextlib.suppress(ShaderError):
+            found[path] = compile_stages([[build(path, "vulkan")]], keep=False)[0]
+    return found
+
+
+def check_alone(before: Mapping[Path, Stages], changed: Collection[Path]) -> None:
+    """Raise ShaderError where a shader of `compiled_alone` was edited and does not compile or fit any more."""
+    for path, old in before.items():
+        check_fit(old, compile_stages([[build(path, "vulkan")]], keep=False)[0], changed)

@@ -66,6 +66,16 @@ def test_an_edit_of_a_study_is_seen_and_a_wrong_one_is_not(chapter, shaders, mon
             assert f"{path}:" in live.error and "colour" in live.error
             assert built() == objects
             assert (picture() == good).all()
+            if chapter.backend == "vulkan":
+                declared = "layout(set = 3, binding = 1) uniform Other { vec4 tint; } other;\nvoid main"
+                path.write_text(
+                    text.replace("void main", declared).replace("vec4(in_color, 1.0)", "other.tint"), "utf-8"
+                )
+                assert any(live.follow(window.renderer) for _ in range(400))
+                assert "set 3, binding 1 'other': this uniform block is new" in live.error, (
+                    "or the driver crashes"
+                )
+                assert (picture() == good).all()
             save(new)
             assert live.error == ""
             drawn = (good != good[0, 0]).any(-1)
