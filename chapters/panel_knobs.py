@@ -19,7 +19,8 @@ Kind = Literal["checkbox", "combo", "slider", "drag", "text"]
 DECADES = 100.0
 """From this ratio of the largest value to the smallest that matters on, a slider is logarithmic."""
 
-_INT32 = 2**31 - 1
+_LARGEST = 2**30 - 1
+"""Dear ImGui refuses sliders whose ends lie beyond half of what 32 bits hold."""
 _LARGE = 1e30
 
 
@@ -57,14 +58,14 @@ def widget_of(name: str, record: Knob) -> Widget:
     if isinstance(record.default, str):
         return made
     whole, low, high = isinstance(record.default, int), record.minimum, record.maximum
-    if whole and max(abs(low or 0), abs(high or 0), abs(record.default)) > _INT32:
-        return made  # sliders count in 32 bits
+    if whole and max(abs(low or 0), abs(high or 0), abs(record.default)) > _LARGEST:
+        return made
     if low is not None and high is not None:
         least = low if low > 0 else abs(record.default) or 1.0
         made = dataclasses.replace(made, kind="slider", logarithmic=high / least >= DECADES)
     else:
         made = dataclasses.replace(made, kind="drag")
-    limit = _INT32 if whole else _LARGE
+    limit = _LARGEST if whole else _LARGE
     bounds = (-limit if low is None else low, limit if high is None else high)
     return dataclasses.replace(made, whole=whole, bounds=bounds)
 

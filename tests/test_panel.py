@@ -36,7 +36,7 @@ class Settings:
     dark: float = knob(0.02, "grey", minimum=0, maximum=1000)
     least: float = knob(2.0, "at least one", minimum=1)
     free: int = knob(5, "any whole number")
-    seed: int = knob(7, "a large number", minimum=0, maximum=2**40)
+    seed: int = knob(7, "a large number", minimum=0, maximum=2**30)
     word: str = knob("abc", "any text")
 
 
@@ -50,7 +50,7 @@ EXPECTED = {
     "nits": ("slider", False, (-1, 1e9), True),
     "dark": ("slider", False, (0, 1000), True),
     "least": ("drag", False, (1, 1e30), False),
-    "free": ("drag", True, (-(2**31) + 1, 2**31 - 1), False),
+    "free": ("drag", True, (-(2**30) + 1, 2**30 - 1), False),
     "seed": ("text", False, (0.0, 0.0), False),
     "word": ("text", False, (0.0, 0.0), False),
 }
