@@ -36,7 +36,8 @@ class Settings:
     dark: float = knob(0.02, "grey", minimum=0, maximum=1000)
     least: float = knob(2.0, "at least one", minimum=1)
     free: int = knob(5, "any whole number")
-    seed: int = knob(7, "a large number", minimum=0, maximum=2**30)
+    seed: int = knob(7, "a large number", minimum=0, maximum=2**40)
+    large: int = knob(7, "more than a slider can count", minimum=0, maximum=2**30)
     word: str = knob("abc", "any text")
 
 
@@ -52,6 +53,7 @@ EXPECTED = {
     "least": ("drag", False, (1, 1e30), False),
     "free": ("drag", True, (-(2**30) + 1, 2**30 - 1), False),
     "seed": ("text", False, (0.0, 0.0), False),
+    "large": ("text", False, (0.0, 0.0), False),
     "word": ("text", False, (0.0, 0.0), False),
 }
 
