@@ -149,6 +149,14 @@ def run(
             "--set", metavar="KEY=VALUE", help="Turn a knob of `strata list N --settings`; repeatable."
         ),
     ] = None,
+    view: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Show one quantity of `strata list N --views` in place of the picture.",
+            show_default=False,
+        ),
+    ] = None,
     without: Annotated[
         list[str] | None,
         typer.Option(metavar="FEATURE|all", help="Do as on a device that lacks it; repeatable."),
@@ -193,6 +201,7 @@ def run(
         camera=camera,
         quality=quality,
         overrides=tuple(set_ or ()),
+        view=view,
         without=tuple(without or ()),
         validate=validate,
         json=json,
@@ -212,15 +221,16 @@ def list_(
         typer.Argument(metavar="[N]", help="A chapter or a study, to see its lesson.", show_default=False),
     ] = None,
     settings: Annotated[bool, typer.Option("--settings", help="Every knob of chapter N.")] = False,
+    views: Annotated[bool, typer.Option("--views", help="What `--view` of chapter N can show.")] = False,
     scenes: Annotated[bool, typer.Option("--scenes", help="The scenes that come with Strata.")] = False,
     features: Annotated[
         bool, typer.Option("--features", help="What is tested, and how the tests last went.")
     ] = False,
 ) -> int:
-    """Show the chapters, one chapter's lesson or knobs, the scenes, or the features that tests hold."""
+    """Show the chapters, one chapter's lesson, knobs or views, the scenes, or the features that tests hold."""
     from chapters import listing
 
-    return listing.run(chapter, settings=settings, scenes=scenes, features=features)
+    return listing.run(chapter, settings=settings, views=views, scenes=scenes, features=features)
 
 
 @app.command(cls=Command)

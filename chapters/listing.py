@@ -14,6 +14,7 @@ import chapters
 from chapters import studies
 from chapters.console import out, say
 from chapters.tables import table
+from chapters.views import views_of
 from common.errors import UserError
 from common.paths import ROOT, cache_dir
 from common.settings import describe, preset
@@ -22,12 +23,20 @@ RESULTS = "features.json"
 """Name of the file, in the user's cache, in which a test run leaves what became of each feature's tests."""
 
 
-def run(chapter: str | None, *, settings: bool, scenes: bool, features: bool) -> int:
+def run(
+    chapter: str | None,
+    *,
+    settings: bool = False,
+    views: bool = False,
+    scenes: bool = False,
+    features: bool = False,
+) -> int:
     """Print what was asked for; return the exit code."""
-    if settings:
+    if settings or views:
         if chapter is None:
-            raise UserError("--settings needs a chapter: ./strata list 1 --settings")
-        show_settings(chapters.parse(chapter))
+            option = "--settings" if settings else "--views"
+            raise UserError(f"{option} needs a chapter: ./strata list 1 {option}")
+        (show_settings if settings else show_views)(chapters.parse(chapter))
     elif scenes:
         show_scenes()
     elif features:
@@ -109,6 +118,14 @@ def show_settings(number: int | str) -> None:
         if len(set(shown)) > 1:
             compared.add_row(row.name, *shown)
     out.print(compared)
+
+
+def show_views(number: int) -> None:
+    """Print what a chapter shows in place of the picture."""
+    made = table(f"Views of chapter {number}: ./strata run {number} --view name", "name", "what it shows")
+    for name, sentence in views_of(number).items():
+        made.add_row(name, escape(sentence))
+    out.print(made)
 
 
 def show_scenes() -> None:

@@ -19,6 +19,7 @@ from chapters.console import Steps, say
 from chapters.live import Live
 from chapters.record import STDOUT, Log, triangles
 from chapters.stopping import prompt_stop
+from chapters.views import with_view
 from chapters.watch import watch
 from common import images
 from common.errors import UserError
@@ -50,6 +51,7 @@ class Request:
     camera: str | None = None
     quality: str = "auto"
     overrides: tuple[str, ...] = ()
+    view: str | None = None
     without: tuple[str, ...] = ()
     validate: bool = False
     json: Path | None = None
@@ -114,8 +116,9 @@ def check(request: Request) -> None:
 
 
 def settings_of(request: Request, quality: str) -> Any:
-    """Return the settings of a chapter's preset, or those of a study, changed by --set."""
-    return apply_overrides(studies.preset_of(request.chapter, quality), request.overrides)
+    """Return the settings of a chapter's preset, or those of a study, changed by --set and --view."""
+    chosen = apply_overrides(studies.preset_of(request.chapter, quality), request.overrides)
+    return with_view(chosen, request.chapter, request.view)
 
 
 def run(request: Request) -> int:
@@ -280,7 +283,8 @@ def default_picture(request: Request) -> Path:
     """Return where a picture goes for which no place was named: in `out/` of the current folder, made at the end."""
     if not os.access(Path.cwd(), os.W_OK):
         raise UserError(f"Nothing can be written to {Path.cwd()}: say --out FILE.png.")
-    return Path("out") / f"{studies.picture_name(request.chapter, request.scene)}.png"
+    name = studies.picture_name(request.chapter, request.scene)
+    return Path("out") / f"{name}-{request.view}.png" if request.view else Path("out") / f"{name}.png"
 
 
 def write_picture(path: Path, frame: Frame) -> None:

@@ -16,6 +16,7 @@ LESSON = Lesson(
         "environment lighting",
         "the same picture on OpenGL",
         "multisampling with a resolve for what is shown",
+        "views of single quantities",
     ),
     needs=Needs(required=frozenset(), optional=frozenset({"anisotropy"})),
     reading=(
@@ -37,6 +38,8 @@ LESSON = Lesson(
         "logic/environment.py",
         "graphics/environment.py",
         "shaders/environment_prefilter.comp",
+        "logic/views.py",
+        "shaders/views.glsl",
         "gl/renderer.py",
         "gl/forward.py",
     ),

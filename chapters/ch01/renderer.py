@@ -47,6 +47,7 @@ from .logic.default_light import DefaultLight
 from .logic.environment import files_at_start
 from .logic.frame import OUTPUTS, SLOTS, SOURCES, Frame, check_outputs, output_of, reset_by
 from .logic.samples import choose_samples
+from .logic.views import shown_exposure
 from .passes.forward import ForwardPass
 from .passes.instance_id import InstanceIdPass
 from .passes.resolve import ResolvePass
@@ -253,7 +254,7 @@ class Renderer:
         if last is not None:
             last.let_go(f"its slot was used again by frame {slot.number}")
         self._resources.collect(slot.number)
-        frame = Frame(self, slot, self._index, exposure(view.ev100))
+        frame = Frame(self, slot, self._index, shown_exposure(self.settings, view))
         self._in_slot[slot.index] = weakref.ref(frame)
         commands = self._commands
         commands.begin(slot)

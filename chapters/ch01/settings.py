@@ -8,6 +8,8 @@ from typing import Any, ClassVar
 from common.settings import AtMost, Sweep, knob
 from common.shading_environment import ENERGIES
 
+from .logic.views import CHOICES, PICTURE
+
 
 @dataclass
 class Settings:
@@ -139,5 +141,8 @@ class Settings:
     table_size: int = knob(64, "cosines and roughnesses in the BRDF's table", minimum=8, maximum=512)
     table_samples: int = knob(
         1024, "samples of each number in the BRDF's table", minimum=16, maximum=65536, reference=4096
+    )
+    view: str = knob(
+        PICTURE, "a quantity shown in place of the picture, with one sample a pixel", choices=CHOICES
     )
     skip_unused: bool = knob(True, "whether what the scene does not need is left out of pipelines and sets")

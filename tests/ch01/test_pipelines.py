@@ -102,8 +102,13 @@ def test_a_switch_changes_its_own_state_alone(pipelines, layout, vulkan_device):
             {"depth": None},
             {"depth test": 0, "depth write": 0, "depth format": vk.VK_FORMAT_UNDEFINED},
         ),
-        "blend": (
-            {"blend": True},
+        "ignore": ({"depth": "ignore"}, {"depth test": 0, "depth write": 0}),
+        "add": (
+            {"blend": "add"},
+            {"blend": 1, "blend factors": (vk.VK_BLEND_FACTOR_ONE, vk.VK_BLEND_FACTOR_ONE)},
+        ),
+        "over": (
+            {"blend": "over"},
             {
                 "blend": 1,
                 "blend factors": (vk.VK_BLEND_FACTOR_SRC_ALPHA, vk.VK_BLEND_FACTOR_ONE_MINUS_SRC_ALPHA),

@@ -11,7 +11,7 @@ from backends.contract import Access
 from common import layouts
 from common.scene import Scene
 
-from ..logic import packing
+from ..logic import packing, views
 from ..logic.draw_lists import NOTHING, Range, build_draw_lists
 from ..logic.packing import Variant
 from ..logic.samples import coverage_defines
@@ -30,7 +30,7 @@ class ForwardPass:
     def __init__(self, scene: Scene, settings: Settings, data: SceneData, pipelines: Pipelines) -> None:
         self._scene, self._settings = scene, settings
         self._data, self._pipelines = data, pipelines
-        grey = settings.background
+        grey = views.background(settings, settings.background)
         self.reads: tuple[Access, ...] = ()
         samples = settings.msaa
         color, depth = ("color_hdr", "depth") if samples == 1 else ("color_msaa", "depth_msaa")
@@ -53,12 +53,11 @@ class ForwardPass:
 
     def describe(self, variant: Variant) -> GraphicsPipeline:
         """Return the pipeline that draws materials of `variant`."""
-        blend = variant.alpha_mode == "blend"
         return GraphicsPipeline(
             shaders=("forward.vert", "forward.frag"),
             defines=variant.defines + coverage_defines(variant, self._settings),
-            depth="test" if blend else "write",
-            blend=blend,
+            depth=views.depth_use(self._settings, variant),
+            blend=views.blending(self._settings, variant),
             name=f"forward {' '.join(name.lower() for name, _ in variant.defines)}",
         )
 

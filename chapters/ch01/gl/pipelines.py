@@ -27,8 +27,8 @@ class GraphicsPipeline:
 
     shaders: tuple[str, ...]
     defines: tuple[tuple[str, int | float | str], ...] = ()
-    depth: Literal["write", "test", "equal"] | None = "write"
-    blend: bool = False
+    depth: Literal["write", "test", "equal", "ignore"] | None = "write"
+    blend: Literal["over", "add"] | None = None
     name: str = ""
 
 
@@ -89,16 +89,16 @@ class Pipelines:
         fn.glUseProgram(pipeline.program.handle)
         _switch(fn, gl.GL_CULL_FACE, cull)
         fn.glFrontFace(FRONT_FACES[front])
-        _switch(fn, gl.GL_DEPTH_TEST, described.depth is not None)
+        _switch(fn, gl.GL_DEPTH_TEST, described.depth not in (None, "ignore"))
         # Reversed z: the near plane is 1, infinity 0, and nearer is greater; see graphics/pipelines.py.
         fn.glDepthFunc(gl.GL_EQUAL if described.depth == "equal" else gl.GL_GEQUAL)
         fn.glDepthMask(int(described.depth == "write"))
-        _switch(fn, gl.GL_BLEND, described.blend)
+        _switch(fn, gl.GL_BLEND, described.blend is not None)
         if described.blend:
             fn.glBlendEquationSeparate(gl.GL_FUNC_ADD, gl.GL_FUNC_ADD)
-            fn.glBlendFuncSeparate(
-                gl.GL_SRC_ALPHA, gl.GL_ONE_MINUS_SRC_ALPHA, gl.GL_ONE, gl.GL_ONE_MINUS_SRC_ALPHA
-            )
+            over = described.blend == "over"
+            source, kept = (gl.GL_SRC_ALPHA, gl.GL_ONE_MINUS_SRC_ALPHA) if over else (gl.GL_ONE, gl.GL_ONE)
+            fn.glBlendFuncSeparate(source, kept, gl.GL_ONE, kept)
 
     def close(self) -> None:
         """Free every program."""

@@ -39,6 +39,7 @@ from ..logic.default_light import DefaultLight
 from ..logic.environment import files_at_start
 from ..logic.frame import OUTPUTS, SLOTS, SOURCES, Frame, check_outputs, output_of, reset_by
 from ..logic.samples import choose_samples
+from ..logic.views import shown_exposure
 from ..settings import Settings
 from .commands import Commands, Rendering, Textures
 from .forward import ForwardPass
@@ -199,7 +200,7 @@ class Renderer:
         if last is not None:
             last.let_go(f"its slot was used again by frame {slot.number}")
         slot.timestamps.begin_frame()
-        frame = Frame(self, slot, self._index, exposure(view.ev100))
+        frame = Frame(self, slot, self._index, shown_exposure(self.settings, view))
         commands = self._commands
         commands.begin(slot)
 

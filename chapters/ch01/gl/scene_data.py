@@ -29,7 +29,7 @@ from backends.gl.resources import (
 from backends.gl.upload import Uploader
 from common.scene import Change, Pose, Sampler, Scene
 
-from ..logic import environment, geometry, packing, records, texels
+from ..logic import environment, geometry, records, texels, views
 from ..logic.draw_lists import Range
 from ..logic.environment import Sizes
 from ..logic.frame import SLOTS
@@ -79,9 +79,8 @@ class SceneData:
         texels.check_images(
             self._scene
         )  # first: an edit that cannot be followed says so until another one mends it
-        everything = not self._settings.skip_unused
         self.variants = [
-            packing.material_variant(material, self._scene, everything, self._energy)
+            views.variant_of(material, self._scene, self._settings, self._energy)
             for material in self._scene.materials
         ]
         self.lit = any(variant.has("LIT") for variant in self.variants)
@@ -143,10 +142,12 @@ class SceneData:
         for material, variant in zip(self._scene.materials, self.variants, strict=True):
             for role in variant.roles:
                 wanted.setdefault(texels.key_of(role, material.textures().get(role)), role)
+        mended = views.mends_texels(self._settings)
         with Uploader(context) as uploader:
             for key, role in wanted.items():
                 if key not in self._images:
-                    self._images[key] = self._upload(uploader, texels.texels_of(self._scene, role, key))
+                    made = texels.texels_of(self._scene, role, key, mended)
+                    self._images[key] = self._upload(uploader, made)
         for key in self._images.keys() - wanted.keys():
             destroy_image(context, self._images.pop(key))  # OpenGL itself waits for the GPU's use
         self._bound: list[Textures] = []

@@ -5,6 +5,7 @@ from __future__ import annotations
 from common.scene import Scene
 
 from ..logic import environment
+from ..logic.views import PICTURE
 from ..settings import Settings
 from .commands import Commands
 from .pipelines import GraphicsPipeline, Pipelines
@@ -19,8 +20,8 @@ class Sky:
 
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:
-        """Whether there is an environment, and it is to be seen."""
-        return settings.sky and environment.needed(scene, settings)
+        """Whether there is an environment, and it is to be seen: a view shows surfaces alone."""
+        return settings.sky and settings.view == PICTURE and environment.needed(scene, settings)
 
     def create(self) -> None:
         """Build the pipeline."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from backends.contract import Access
 from common.scene import Scene
 
+from ..logic.views import tonemap_defines
 from ..settings import Settings
 from .commands import Commands, Textures
 from .pipelines import GraphicsPipeline, Pipelines
@@ -33,7 +34,7 @@ class TonemapPass:
             [
                 GraphicsPipeline(
                     shaders=("fullscreen.vert", "tonemap.frag"),
-                    defines=(("NEUTRAL", 1),) if self._settings.tone_curve == "neutral" else (),
+                    defines=tonemap_defines(self._settings),
                     depth=None,
                     name="tonemap",
                 )

@@ -50,8 +50,8 @@ class GraphicsPipeline:
     defines: tuple[tuple[str, int | float | str], ...] = ()
     streams: tuple[tuple[int, int], ...] = ()
     color: str | None = "rgba16f"
-    depth: Literal["write", "test", "equal"] | None = "write"
-    blend: bool = False
+    depth: Literal["write", "test", "equal", "ignore"] | None = "write"
+    blend: Literal["over", "add"] | None = None
     samples: int = 1
     name: str = ""
 
@@ -212,7 +212,7 @@ class Pipelines:
         compare = vk.VK_COMPARE_OP_EQUAL if described.depth == "equal" else vk.VK_COMPARE_OP_GREATER_OR_EQUAL
         return vk.new(
             "VkPipelineDepthStencilStateCreateInfo",
-            depthTestEnable=int(described.depth is not None),
+            depthTestEnable=int(described.depth not in (None, "ignore")),
             depthWriteEnable=int(described.depth == "write"),
             depthCompareOp=compare,
         )
@@ -223,13 +223,16 @@ class Pipelines:
             return vk.new("VkPipelineColorBlendStateCreateInfo")
         attachment: dict[str, Any] = {"colorWriteMask": _ALL_CHANNELS}
         if described.blend:
+            over = described.blend == "over"
+            source = vk.VK_BLEND_FACTOR_SRC_ALPHA if over else vk.VK_BLEND_FACTOR_ONE
+            kept = vk.VK_BLEND_FACTOR_ONE_MINUS_SRC_ALPHA if over else vk.VK_BLEND_FACTOR_ONE
             attachment |= {
                 "blendEnable": 1,
-                "srcColorBlendFactor": vk.VK_BLEND_FACTOR_SRC_ALPHA,
-                "dstColorBlendFactor": vk.VK_BLEND_FACTOR_ONE_MINUS_SRC_ALPHA,
+                "srcColorBlendFactor": source,
+                "dstColorBlendFactor": kept,
                 "colorBlendOp": vk.VK_BLEND_OP_ADD,
                 "srcAlphaBlendFactor": vk.VK_BLEND_FACTOR_ONE,
-                "dstAlphaBlendFactor": vk.VK_BLEND_FACTOR_ONE_MINUS_SRC_ALPHA,
+                "dstAlphaBlendFactor": kept,
                 "alphaBlendOp": vk.VK_BLEND_OP_ADD,
             }
         return vk.new("VkPipelineColorBlendStateCreateInfo", pAttachments=[attachment])

@@ -14,12 +14,14 @@ import numpy as np
 from backends.vulkan import api as vk
 from backends.vulkan.barriers import barriers
 from backends.vulkan.device import Device
+from backends.vulkan.features import CORE
 from backends.vulkan.resources import Buffer
 from backends.vulkan.upload import Uploader
+from common.errors import UnsupportedError
 from common.pools import Handle
 from common.scene import Change, Pose, Sampler, Scene, TextureRef
 
-from ..logic import environment, geometry, packing, records, texels
+from ..logic import environment, geometry, records, texels, views
 from ..logic.environment import Sizes
 from ..logic.frame import SLOTS
 from ..logic.packing import ROLES, Variant
@@ -29,6 +31,9 @@ from .descriptors import Binding, Descriptors, Texture
 from .environment import create_environment
 from .resources import Resources
 from .textures import Textures
+
+GEOMETRY = (CORE, "geometryShader")
+"""The feature with which fragment shaders may ask for gl_PrimitiveID."""
 
 ENVIRONMENT_BINDING = 4
 """The first of the three bindings of the environment in the frame's set (forward.frag)."""
@@ -58,7 +63,7 @@ class SceneData:
         self._resources, self._descriptors = resources, descriptors
         self._energy = settings.energy if environment.needed(scene, settings) else None
         self._choose_variants()
-        self._textures = Textures(scene, resources)
+        self._textures = Textures(scene, resources, views.mends_texels(settings))
         with Uploader(device) as uploader:
             self._upload_geometry(uploader)
             self._textures.keep(uploader, self._used_textures())
@@ -76,12 +81,15 @@ class SceneData:
         texels.check_images(
             self._scene
         )  # first: an edit that cannot be followed says so until another one mends it
-        everything = not self._settings.skip_unused
         self.variants = [
-            packing.material_variant(material, self._scene, everything, self._energy)
+            views.variant_of(material, self._scene, self._settings, self._energy)
             for material in self._scene.materials
         ]
         self.lit = any(variant.has("LIT") for variant in self.variants)
+        if self._settings.view == "triangle-id" and GEOMETRY not in self._device.physical.bits:
+            raise UnsupportedError(
+                f"{self._device.capabilities.device} gives fragments no number of their triangle: choose another view."
+            )
 
     def _upload_geometry(self, uploader: Uploader) -> None:
         scene = self._scene

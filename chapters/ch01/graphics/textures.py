@@ -15,10 +15,13 @@ from .resources import Resources
 
 
 class Textures:
-    """The images on the GPU, by what is read: which image, as colour (sRGB) or as data, with or without mip levels."""
+    """The images on the GPU, by what is read: which image, as colour (sRGB) or as data, with or without mip levels.
 
-    def __init__(self, scene: Scene, resources: Resources) -> None:
-        self._scene, self._resources = scene, resources
+    Without `mended`, texels that are no finite numbers stay what they are.
+    """
+
+    def __init__(self, scene: Scene, resources: Resources, mended: bool) -> None:
+        self._scene, self._resources, self._mended = scene, resources, mended
         self._images: dict[texels.Key, Handle] = {}
 
     def __len__(self) -> int:
@@ -38,7 +41,7 @@ class Textures:
             self._resources.destroy_image(self._images.pop(key))
 
     def _upload(self, uploader: Uploader, role: str, key: texels.Key) -> Handle:
-        made = texels.texels_of(self._scene, role, key)
+        made = texels.texels_of(self._scene, role, key, self._mended)
         usage = (
             vk.VK_IMAGE_USAGE_SAMPLED_BIT
             | vk.VK_IMAGE_USAGE_TRANSFER_DST_BIT

@@ -25,6 +25,7 @@ from common.scene import Sampler, Scene
 from common.shader_files import load
 
 from ..settings import Settings
+from .views import is_lit
 
 SHADERS = Path(__file__).resolve().parents[1] / "shaders"
 KERNELS = ("environment_cube", "environment_mips", "environment_irradiance", "environment_prefilter")
@@ -114,8 +115,8 @@ class Maps:
 
 
 def needed(scene: Scene, settings: Settings) -> bool:
-    """Whether the scene has an environment that sends out light."""
-    return scene.environment is not None and settings.environment_intensity > 0
+    """Whether the scene has an environment that sends out light, and light is computed."""
+    return scene.environment is not None and settings.environment_intensity > 0 and is_lit(settings)
 
 
 def frame_values(settings: Settings, scale: float, last_level: int) -> tuple[float, float, float, float]:

@@ -9,15 +9,18 @@ from common.settings import AtMost
 
 from ..settings import Settings
 from .packing import Variant
+from .views import PICTURE
 
 
 def choose_samples(settings: Settings, offered: Collection[int], device: str) -> tuple[int, str]:
     """Return the samples of each pixel, and why they are fewer than a preset's wish, "" where they are not.
 
     `offered` are the numbers that the device has for the formats in use. Raises UserError for another number, unless it
-    is `AtMost`: then the largest that is offered, and no larger than the wish, counts.
+    is `AtMost`: then the largest that is offered, and no larger than the wish, counts. A view has one.
     """
     wished = settings.msaa
+    if settings.view != PICTURE:
+        return 1, "the mean of a view's samples is no value of any surface" if wished > 1 else ""
     numbers = sorted(offered)
     shown = " or ".join(filter(None, (", ".join(map(str, numbers[:-1])), str(numbers[-1]))))
     if wished in numbers:

@@ -55,8 +55,8 @@ def check_images(scene: Scene) -> None:
                 )
 
 
-def texels_of(scene: Scene, role: str, key: Key) -> Texels:
-    """Return the pixels for `key`, which some texture in `role` has."""
+def texels_of(scene: Scene, role: str, key: Key, mended: bool = True) -> Texels:
+    """Return the pixels for `key`, which some texture in `role` has; see `half_texels` for `mended`."""
     if key[0] == "neutral":
         pixels = np.array(key[1], np.float16).reshape(1, 1, 4)
         return Texels(f"neutral {role}", pixels, "rgba16f", None, 1, False)
@@ -65,19 +65,23 @@ def texels_of(scene: Scene, role: str, key: Key) -> Texels:
     levels = max(image.pixels.shape[:2]).bit_length() if mipmapped else 1
     if image.pixels.dtype != np.uint8:
         # Sixteen bits do not fit into eight; half precision keeps eleven of them and is filtered everywhere.
-        return Texels(image.name, half_texels(image.pixels, srgb), "rgba16f", None, levels, False)
+        return Texels(image.name, half_texels(image.pixels, srgb, mended), "rgba16f", None, levels, False)
     return Texels(image.name, image.pixels, "rgba8", "rgba8_srgb" if srgb else None, levels, srgb)
 
 
-def half_texels(pixels: np.ndarray, srgb: bool) -> np.ndarray:
+def half_texels(pixels: np.ndarray, srgb: bool, mended: bool = True) -> np.ndarray:
     """Return (H, W, 4) uint16 or float texels as float16 light; sRGB codes of integers are decoded.
 
-    What is not finite is made so here: a filter would spread one NaN over every smaller mip level.
+    What is not finite is made so here: a filter would spread one NaN over every smaller mip level. Unless `mended`: the
+    view `non-finite` is there to find it.
     """
     if pixels.dtype == np.uint16:
         value = pixels.astype(np.float32) / np.float32(65535.0)
         if srgb:
             value[..., :3] = decode_srgb(value[..., :3])
+    elif not mended:
+        with np.errstate(over="ignore"):
+            return pixels.astype(np.float16)
     else:
         value = np.nan_to_num(pixels.astype(np.float32), nan=0.0, posinf=65504.0, neginf=-65504.0)
     return np.clip(value, -65504.0, 65504.0).astype(np.float16)

@@ -13,7 +13,7 @@ from common.scene import Scene
 from ..graphics.commands import Commands
 from ..graphics.pipelines import Built, GraphicsPipeline, Pipelines
 from ..graphics.scene_data import SceneData
-from ..logic import packing
+from ..logic import packing, views
 from ..logic.draw_lists import NOTHING
 from ..logic.packing import Variant
 from ..logic.samples import coverage_defines
@@ -30,7 +30,7 @@ class ForwardPass:
     def __init__(self, scene: Scene, settings: Settings, data: SceneData, pipelines: Pipelines) -> None:
         self._scene, self._settings = scene, settings
         self._data, self._pipelines = data, pipelines
-        grey = settings.background
+        grey = views.background(settings, settings.background)
         self.reads: tuple[Access, ...] = ()
         samples = settings.msaa
         color, depth = ("color_hdr", "depth") if samples == 1 else ("color_msaa", "depth_msaa")
@@ -55,15 +55,14 @@ class ForwardPass:
 
     def describe(self, variant: Variant) -> GraphicsPipeline:
         """Return the pipeline that draws materials of `variant`."""
-        blend = variant.alpha_mode == "blend"
         return GraphicsPipeline(
             shaders=("forward.vert", "forward.frag"),
             set_layouts=self._data.set_layouts(variant),
             defines=variant.defines + coverage_defines(variant, self._settings),
             streams=self._data.vertex_streams(variant),
             color=self._settings.color_format,
-            depth="test" if blend else "write",
-            blend=blend,
+            depth=views.depth_use(self._settings, variant),
+            blend=views.blending(self._settings, variant),
             samples=self._settings.msaa,
             name=f"forward {' '.join(name.lower() for name, _ in variant.defines)}",
         )

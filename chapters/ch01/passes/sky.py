@@ -9,6 +9,7 @@ from ..graphics.commands import Commands
 from ..graphics.pipelines import GraphicsPipeline, Pipelines
 from ..graphics.scene_data import SceneData
 from ..logic import environment
+from ..logic.views import PICTURE
 from ..settings import Settings
 
 
@@ -20,8 +21,8 @@ class Sky:
 
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:
-        """Whether there is an environment, and it is to be seen."""
-        return settings.sky and environment.needed(scene, settings)
+        """Whether there is an environment, and it is to be seen: a view shows surfaces alone."""
+        return settings.sky and settings.view == PICTURE and environment.needed(scene, settings)
 
     def create(self) -> None:
         """Build the pipeline."""

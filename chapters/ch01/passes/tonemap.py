@@ -11,6 +11,7 @@ from common.scene import Scene
 from ..graphics.commands import Commands
 from ..graphics.descriptors import Binding, Descriptors
 from ..graphics.pipelines import GraphicsPipeline, Pipelines
+from ..logic.views import tonemap_defines
 from ..settings import Settings
 
 BINDINGS = (Binding(0, "texture", vk.VK_SHADER_STAGE_FRAGMENT_BIT),)
@@ -39,7 +40,7 @@ class TonemapPass:
                 GraphicsPipeline(
                     shaders=("fullscreen.vert", "tonemap.frag"),
                     set_layouts=(self._descriptors.layout(BINDINGS),),
-                    defines=(("NEUTRAL", 1),) if self._settings.tone_curve == "neutral" else (),
+                    defines=tonemap_defines(self._settings),
                     color="rgba8",
                     depth=None,
                     name="tonemap",

@@ -70,6 +70,10 @@ vec3 shading_normal(Material material, vec3 view) {
 }
 #endif
 
+#ifdef VIEW
+#include "views.glsl"
+#endif
+
 void main() {
     Instance instance = instances[push.draw.x];
     Material material = materials[instance.material];
@@ -99,9 +103,12 @@ void main() {
     base.a = 1.0;
 #endif
 
+#ifdef VIEW_OF_SURFACE
+    out_color = vec4(shown(material, base.rgb, frame.eye.xyz - in_position), 1.0);
+#else
 #ifndef SHADED
     // KHR_materials_unlit: the base colour is what the eye sees, whatever the exposure.
-    out_color = vec4(finite_color(base.rgb), base.a);
+    vec3 color = base.rgb;
 #else
     float metallic = material.factors.x;
     float roughness = material.factors.y;
@@ -153,6 +160,10 @@ void main() {
     emissive *= sample_map(emissive_map, image_uv(material, 4, in_uv0, in_uv1)).rgb;
 #endif
     color += emissive * frame.exposure;
+#endif
+#ifdef VIEW
+    color = shown_non_finite(material, base, color);
+#endif
     out_color = vec4(finite_color(color), base.a);
 #endif
 }

@@ -1,0 +1,32 @@
+"""Views of every chapter: the quantities that `--view NAME` shows in place of the picture."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from importlib import import_module
+from typing import TypeVar
+
+import chapters
+from common.errors import UserError
+from common.names import suggest
+
+S = TypeVar("S")
+
+
+def views_of(number: int) -> dict[str, str]:
+    """Return the quantities that a chapter can show: a sentence for each name."""
+    views = import_module(f"chapters.{chapters.folder_name(number)}.logic.views").VIEWS
+    return {view.name: view.sentence for view in views}
+
+
+def with_view(settings: S, number: int | str, name: str | None) -> S:
+    """Return a chapter's settings with view `name`, None for those given; raise UserError if there is none such."""
+    if name is None:
+        return settings
+    if isinstance(number, str):
+        raise UserError(f"The study {number} has no views: leave --view out.")
+    known = views_of(number)
+    if name not in known:
+        near = suggest(name, known)
+        raise UserError(f"There is no view {name!r}{near}" + ("" if near.endswith("?") else "."))
+    return replace(settings, view=name)  # type: ignore[type-var]

@@ -1,0 +1,56 @@
+"""`--view NAME` and `list N --views` as a user types them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from chapters.__main__ import run
+from chapters.ch01.logic.views import NAMES
+from common.images import read_image
+from tests.common.gltf.builder import triangle
+
+
+@pytest.fixture
+def strata(vulkan_instance, capsys, tmp_path, monkeypatch):
+    """Run a command in an empty folder, without a display; return (exit code, stdout, stderr)."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+
+    def command(*words: str) -> tuple[int, str, str]:
+        code = run([str(word) for word in words])
+        printed = capsys.readouterr()
+        return code, printed.out, printed.err
+
+    return command
+
+
+@pytest.mark.parametrize("backend", ["vulkan", "gl"])
+def test_a_view_is_written_beside_the_picture(strata, tmp_path, backend):
+    scene = triangle().write(tmp_path)
+    draw = ("run", "1", "--headless", "--backend", backend, "--scene", scene, "--size", "24x24")
+    assert strata(*draw)[0] == 0
+    assert strata(*draw, "--view", "normal")[0] == 0
+    written = sorted((tmp_path / "out").iterdir())
+    assert [path.name for path in written] == ["ch01-scene-normal.png", "ch01-scene.png"]
+    normals = read_image(written[0])
+    assert {tuple(row) for row in normals.reshape(-1, 3).tolist()} == {(0, 0, 0), (128, 128, 255)}
+    assert strata(*draw, "--set", "view=normal", "--out", "set.png")[0] == 0
+    assert np.array_equal(read_image(tmp_path / "set.png"), normals)
+
+
+def test_an_unknown_view_suggests_the_near_one(strata):
+    code, _, err = strata("run", "1", "--view", "nrmal")
+    assert (code, err) == (2, "strata: There is no view 'nrmal'; did you mean 'normal'?\n")
+    code, _, err = strata("run", "1", "--view", "sharpness-of-everything")
+    assert code == 2 and err.count("\n") == 1 and "'base-color'" in err
+    code, _, err = strata("run", "1", "--set", "view=nrmal")
+    assert code == 2 and err.count("\n") == 1 and "normal" in err
+
+
+def test_every_view_is_explained(strata):
+    code, out, _ = strata("list", "1", "--views")
+    assert code == 0
+    assert all(name in out for name in NAMES)
+    assert strata("list", "--views")[0] == 2
