@@ -186,6 +186,8 @@ class Frame(Protocol):
     def image(self, name: str) -> np.ndarray:
         """Wait for the frame and return an output as (H, W) or (H, W, C), row 0 on top.
 
+        Of a renderer opened with `inspect=True`, "pass/resource" is the resource as that pass left it, as it is stored.
+
         Raises StaleFrameError when the slot was used again or `name` was not in `outputs`.
         """
 
@@ -218,6 +220,12 @@ class Renderer(Protocol):
     scene: Scene
     settings: Any
     size: tuple[int, int]
+
+    passes: list[Any]
+    """The passes of a frame, in order; see `Pass`."""
+
+    inspection: Any
+    """`inspection.work.by_pass`: the counters of each pass of the last frame, if opened with `inspect=True`."""
 
     @property
     def prepared_ms(self) -> dict[str, float]:
@@ -358,6 +366,22 @@ def check_size(size: tuple[int, int], largest: int = 16384) -> tuple[int, int]:
             f"A picture of {width}x{height} pixels cannot be made: each side must be 1 to {largest}."
         )
     return width, height
+
+
+class PassWork:
+    """What each pass of a frame had to do, from counters that run over the whole frame."""
+
+    def __init__(self) -> None:
+        self.by_pass: dict[str, dict[str, int]] = {}
+        self._frame: Mapping[str, int] = {}
+        self._before: dict[str, int] = {}
+
+    def add(self, name: str, counters: Mapping[str, int]) -> None:
+        """Note what pass `name` added to the frame's `counters`; another frame has another mapping."""
+        if counters is not self._frame:
+            self._frame, self.by_pass, self._before = counters, {}, {}
+        self.by_pass[name] = {key: value - self._before.get(key, 0) for key, value in counters.items()}
+        self._before = dict(counters)
 
 
 # --- passes -----------------------------------------------------------------------------------------------------------

@@ -19,6 +19,12 @@ def views_of(number: int) -> dict[str, str]:
     return {view.name: view.sentence for view in views}
 
 
+def stored_as(number: int, name: str) -> str:
+    """Return what a chapter's colour holds under view `name`: "light" (as for the picture), "value" or "count"."""
+    views = import_module(f"chapters.{chapters.folder_name(number)}.logic.views").VIEWS
+    return next((str(view.shown) for view in views if view.name == name), "light")
+
+
 def with_view(settings: S, number: int | str, name: str | None) -> S:
     """Return a chapter's settings with view `name`, None for those given; raise UserError if there is none such."""
     if name is None:

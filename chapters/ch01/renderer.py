@@ -25,6 +25,7 @@ from backends.contract import Reloaded, check_arguments, check_moment, check_nam
 from backends.vulkan import api as vk
 from backends.vulkan.barriers import barriers, image_barrier
 from backends.vulkan.device import Device
+from backends.vulkan.inspection import Inspection
 from backends.vulkan.instance import Instance
 from backends.vulkan.readback import TO_HOST, Readback
 from backends.vulkan.resources import Image
@@ -68,12 +69,14 @@ class Renderer:
         validate: bool = False,
         device: Device | None = None,
         presents: bool = False,
+        inspect: bool = False,
     ) -> None:
         self.settings, outputs = check_arguments(scene, settings, Settings, outputs, OUTPUTS)
         without = check_names(without, "without")
         self._light = DefaultLight(scene, self.settings)
         self.scene = self._light.scene
-        self.outputs = tuple(name for name in OUTPUTS if name in outputs)
+        self.outputs = tuple(name for name in OUTPUTS if name in outputs or inspect)
+        self._inspects = inspect
         # Targets that somebody copies from after the passes: the CPU, or a window.
         self._handed_on = {*(SOURCES[name] for name in self.outputs), *(["color"] if presents else [])}
         self._owned: list[Any] = []
@@ -226,6 +229,8 @@ class Renderer:
             }
             for slot in range(SLOTS)
         ]
+        watched = self.passes if self._inspects else []
+        self.inspection = Inspection(self.device, watched, target, SLOTS)
 
     def _destroy_targets(self) -> None:
         self.device.wait_idle()  # for the frames, and for what a window still copies from them
@@ -234,6 +239,7 @@ class Renderer:
             for readback in slot.values():
                 readback.close()
         self._readbacks = []
+        self.inspection.close()
         for handle in self._target_handles:
             self._resources.destroy_image(handle)
         self._target_handles = []
@@ -327,6 +333,7 @@ class Renderer:
         commands.end_rendering()
         self._profiler.end(commands.slot)
         commands.end_label()
+        self.inspection.record(commands.handle, commands.slot.index, made, commands.work)
 
     def _copy_outputs(self, slot: FrameSlot) -> None:
         if self._handed_on:
@@ -368,9 +375,10 @@ class Renderer:
 
     def read(self, slot: FrameSlot, name: str, exposed: float) -> np.ndarray:
         """Return an output of the slot's frame; see `Frame.image`."""
-        check_outputs(self.outputs, OUTPUTS, name)
+        inspected = self.inspection.readbacks[slot.index]
+        check_outputs((*self.outputs, *inspected), OUTPUTS, name)
         self._frames.wait(slot)
-        readback = self._readbacks[slot.index].get(name)
+        readback = (self._readbacks[slot.index] | inspected).get(name)
         if readback is None:  # an empty scene has no instances, and so no pass that would draw them
             return np.zeros(self.size[::-1], np.uint32 if name == "instance_id" else np.float32)
         return output_of(name, readback.read(), exposed)
@@ -437,7 +445,7 @@ class Renderer:
         for readbacks in getattr(self, "_readbacks", []):
             for readback in readbacks.values():
                 readback.close()
-        for name in ("_frames", "_profiler", "_pipelines", "_resources", "_descriptors"):
+        for name in ("inspection", "_frames", "_profiler", "_pipelines", "_resources", "_descriptors"):
             held = getattr(self, name, None)
             if held is not None:
                 held.close()

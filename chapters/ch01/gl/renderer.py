@@ -24,6 +24,7 @@ import numpy as np
 
 from backends.contract import Reloaded, check_arguments, check_moment, check_names, check_size, resolve
 from backends.gl.context import Context
+from backends.gl.inspection import Inspection
 from backends.gl.readback import Readback
 from backends.gl.resources import Image, create_image, destroy_image, sample_counts
 from backends.gl.targets import Framebuffer, create_framebuffer, destroy_framebuffer
@@ -64,12 +65,14 @@ class Renderer:
         validate: bool = False,
         device: Context | None = None,
         presents: bool = False,
+        inspect: bool = False,
     ) -> None:
         self.settings, outputs = check_arguments(scene, settings, Settings, outputs, OUTPUTS)
         without = check_names(without, "without")
         self._light = DefaultLight(scene, self.settings)
         self.scene = self._light.scene
-        self.outputs = tuple(name for name in OUTPUTS if name in outputs)
+        self.outputs = tuple(name for name in OUTPUTS if name in outputs or inspect)
+        self._inspects = inspect
         # Targets that somebody copies from after the passes: the CPU, or a window.
         self._handed_on = {*(SOURCES[name] for name in self.outputs), *(["color"] if presents else [])}
         self._owned: list[Any] = []
@@ -164,6 +167,8 @@ class Renderer:
             {name: Readback(context, target[SOURCES[name]], f"{name}, slot {slot}") for name in available}
             for slot in range(SLOTS)
         ]
+        watched = self.passes if self._inspects else []
+        self.inspection = Inspection(context, watched, target, SLOTS)
 
     def _source(self, image: Image) -> Textures:
         """Return what a full-screen pass binds to read a target texel by texel."""
@@ -175,6 +180,8 @@ class Renderer:
         return self._framebuffers[-1]
 
     def _destroy_targets(self) -> None:
+        if hasattr(self, "inspection"):
+            self.inspection.close()
         for slot in getattr(self, "_readbacks", []):
             for readback in slot.values():
                 readback.close()
@@ -265,6 +272,7 @@ class Renderer:
             commands.begin_rendering(rendering)
             made.record(commands)
             commands.slot.timestamps.end()
+        self.inspection.record(commands.slot.index, made, commands.work)
 
     def _copy_outputs(self, slot: FrameSlot) -> None:
         with self.device.label("copy outputs"):
@@ -302,10 +310,11 @@ class Renderer:
 
     def read(self, slot: FrameSlot, name: str, exposed: float) -> np.ndarray:
         """Return an output of the slot's frame; see `Frame.image`."""
-        check_outputs(self.outputs, OUTPUTS, name)
+        inspected = self.inspection.readbacks[slot.index]
+        check_outputs((*self.outputs, *inspected), OUTPUTS, name)
         self.device.make_current()
         self._frames.wait(slot)
-        readback = self._readbacks[slot.index].get(name)
+        readback = (self._readbacks[slot.index] | inspected).get(name)
         if readback is None:  # an empty scene has no instances, and so no pass that would draw them
             return np.zeros(self.size[::-1], np.uint32 if name == "instance_id" else np.float32)
         return output_of(name, readback.read(), exposed)

@@ -1,0 +1,94 @@
+"""Looks at a frame from inside: a copy of what each pass wrote, taken right behind it.
+
+backends/vulkan/inspection.py is the same for Vulkan.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from backends.contract import Access, Pass, PassWork
+from backends.gl.context import Context
+from backends.gl.readback import Readback
+from backends.gl.resources import Image, create_image, destroy_image
+from backends.gl.targets import Framebuffer, copy, create_framebuffer, destroy_framebuffer
+
+
+@dataclass
+class _Tap:
+    """One output of one pass, with one buffer per slot; of many samples (`many`) one is made first (`one`)."""
+
+    depth: bool
+    many: Framebuffer | None
+    one: Framebuffer | None
+    readbacks: list[Readback]
+
+
+class Inspection:
+    """Copies of what `passes` write to `targets`, for each of `slots` frames in flight.
+
+    With several samples a pixel it is their mean that is copied, of a depth one sample.
+    """
+
+    def __init__(
+        self, context: Context, passes: Iterable[Pass], targets: Mapping[str, Image], slots: int
+    ) -> None:
+        self._context = context
+        self._resolved: list[Image] = []
+        self._framebuffers: list[Framebuffer] = []
+        self.readbacks: list[dict[str, Readback]] = [{} for _ in range(slots)]
+        """For each slot what can be read, by "pass/resource"."""
+        self.work = PassWork()
+        self._taps = {
+            made.name: [self._tap(made.name, access, targets[access.resource]) for access in made.writes]
+            for made in passes
+        }
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What can be read: "pass/resource"."""
+        return tuple(self.readbacks[0])
+
+    def _tap(self, name: str, access: Access, image: Image) -> _Tap:
+        depth, source, many, one = access.use == "depth", image, None, None
+        if image.samples > 1:
+            source = create_image(
+                self._context, image.format, (image.width, image.height), f"{name} {image.name}"
+            )
+            self._resolved.append(source)
+            many, one = self._framebuffer(image, depth), self._framebuffer(source, depth)
+        taken = [
+            Readback(self._context, source, f"{name} {image.name}, slot {slot}")
+            for slot in range(len(self.readbacks))
+        ]
+        for held, readback in zip(self.readbacks, taken, strict=True):
+            held[f"{name}/{access.resource}"] = readback
+        return _Tap(depth, many, one, taken)
+
+    def _framebuffer(self, image: Image, depth: bool) -> Framebuffer:
+        colors, deep = ([], image) if depth else ([image], None)
+        self._framebuffers.append(create_framebuffer(self._context, colors, deep, f"inspect {image.name}"))
+        return self._framebuffers[-1]
+
+    def record(self, slot: int, made: Pass, work: Mapping[str, int]) -> None:
+        """Copy behind pass `made`; `work` are the frame's counters so far. Without passes nothing is done."""
+        if not self._taps:
+            return
+        self.work.add(made.name, work)
+        for tap in self._taps.get(made.name, ()):
+            if tap.many is not None and tap.one is not None:
+                copy(self._context, tap.many, tap.one, depth=tap.depth)
+            tap.readbacks[slot].record()
+
+    def close(self) -> None:
+        """Free everything."""
+        for held in self.readbacks:
+            for readback in held.values():
+                readback.close()
+            held.clear()
+        for framebuffer in self._framebuffers:
+            destroy_framebuffer(self._context, framebuffer)
+        for image in self._resolved:
+            destroy_image(self._context, image)
+        self._taps, self._framebuffers, self._resolved = {}, [], []

@@ -1,0 +1,285 @@
+"""`strata frame N`: one frame pass by pass, with time, work, inputs, outputs, and a picture of every output."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import statistics
+import sys
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from PIL import Image as Bitmap
+from PIL import ImageDraw, ImageFont
+
+import chapters
+from chapters import frame_page, run, scenes
+from chapters.console import Steps, out, say
+from chapters.tables import table
+from chapters.views import stored_as
+from common.errors import UserError
+from common.frame_pictures import picture_of
+from common.images import write_image
+from common.names import suggest
+from common.paths import write_whole
+from common.settings import preset
+
+if TYPE_CHECKING:
+    from backends.contract import Access, Renderer
+
+WARM_UP, MEASURED = 2, 5
+"""Frames before those that count, since drivers compile in the first, and how many the median is of."""
+
+CELL = 320
+"""Pixels in the width of one picture of the contact sheet."""
+
+
+@dataclass(frozen=True)
+class Resource:
+    """What a pass reads or writes: an image as it is declared, its size in pixels, and the pass that wrote it."""
+
+    name: str
+    use: str
+    format: str
+    size: tuple[int, int]
+    samples: int
+    written_by: str
+
+
+@dataclass(frozen=True)
+class Output(Resource):
+    """What a pass has written: a file with its picture, and how values became colours."""
+
+    file: str
+    mapping: str
+
+
+@dataclass(frozen=True)
+class Step:
+    """One pass of the frame; `work` are its counters."""
+
+    number: int
+    name: str
+    sentence: str
+    gpu_ms: float
+    work: dict[str, int]
+    reads: list[Resource]
+    writes: list[Output]
+
+
+@dataclass
+class Frame:
+    """All of a frame, as the page and the JSON have it."""
+
+    chapter: int
+    title: str
+    scene: str
+    backend: str
+    device: str
+    size: tuple[int, int]
+    time: float
+    settings: dict[str, Any]
+    work: dict[str, int]
+    cpu_ms: float
+    left_out: list[str] = field(default_factory=list)
+    steps: list[Step] = field(default_factory=list)
+
+
+def step_through(request: run.Request, after: str | None = None, folder: Path | None = None) -> int:
+    """Draw one frame and write what each of its passes did; return the exit code. Raises StrataError."""
+    run.check(request)
+    target = folder_for(request, folder)
+    settings = run.settings_of(request, "medium" if request.quality == "auto" else request.quality)
+    with Steps() as steps:
+        scene = scenes.load(request.scene, steps.of("load", 0.05, 0.5), request.environment)  # type: ignore[arg-type]
+        run.expose(scene, request)
+        run.tell_warnings(scene, request.verbose)
+        steps("create", 0.5)
+        with chapters.open(
+            request.chapter,
+            request.backend,
+            scene=scene,
+            size=request.size,
+            settings=settings,
+            without=request.without,
+            validate=request.validate,
+            inspect=True,
+        ) as renderer:
+            last = last_pass(renderer, after)
+            steps("draw", 0.7)
+            made, pictures = take_apart(request, renderer, last)
+            steps("write", 0.9)
+            write(target, made, pictures)
+            messages = run.report_messages(renderer)
+        steps.finish()
+    if request.json is not None:
+        write_json(request.json, made)
+    show(made)
+    say(f"Chapter {request.chapter}, {scene.name}, {made.device}: wrote {target / 'index.html'}")
+    return 1 if messages else 0
+
+
+def folder_for(request: run.Request, folder: Path | None) -> Path:
+    """Return the folder to write to; raise UserError where that cannot be."""
+    if folder is None:
+        picture = run.default_picture(request)
+        folder = picture.with_name(f"frame-{picture.stem}")
+    if folder.exists() and not folder.is_dir():
+        raise UserError(f"--out {folder} is a file: name a folder for the pictures of the frame.")
+    there = next(path for path in (folder.absolute(), *folder.absolute().parents) if path.exists())
+    if not (there.is_dir() and os.access(there, os.W_OK)):
+        raise UserError(f"--out {folder} cannot be made: nothing can be written to {there}.")
+    return folder
+
+
+def last_pass(renderer: Renderer, after: str | None) -> int:
+    """Return how many passes to show; raise UserError if the frame has no pass `after`."""
+    names = [made.name for made in renderer.passes]
+    if after is None:
+        return len(names)
+    if after not in names:
+        near = suggest(after, names)
+        raise UserError(f"This frame has no pass {after!r}{near}" + ("" if near.endswith("?") else "."))
+    return names.index(after) + 1
+
+
+def take_apart(request: run.Request, renderer: Renderer, count: int) -> tuple[Frame, dict[str, np.ndarray]]:
+    """Return what the first `count` passes of a frame did, and the picture (H, W, 3) of each file."""
+    view = chapters.view_of(renderer, request.camera, request.time)
+    stored = stored_as(request.chapter, renderer.settings.view)
+    timings: list[dict[str, float]] = []
+    for _ in range(WARM_UP + MEASURED):
+        drawn = renderer.render(view, request.time)
+        timings.append({**drawn.timings, "cpu": drawn.cpu_ms})
+    measured = timings[WARM_UP:]
+    capabilities = renderer.capabilities
+    plain = preset(type(renderer.settings), "medium")
+    made = Frame(
+        chapter=request.chapter,
+        title=chapters.lesson(request.chapter).title,
+        scene=renderer.scene.name,
+        backend=capabilities.backend,
+        device=f"{capabilities.device} ({capabilities.driver})",
+        size=renderer.size,
+        time=request.time,
+        settings={
+            name: value for name, value in asdict(renderer.settings).items() if value != getattr(plain, name)
+        },
+        work=dict(drawn.work),
+        cpu_ms=statistics.median(each["cpu"] for each in measured),
+        left_out=[one.name for one in renderer.passes[count:]],
+    )
+    pictures: dict[str, np.ndarray] = {}
+    written: dict[str, tuple[Access, str]] = {}
+    for number, one in enumerate(renderer.passes[:count], start=1):
+        reads = [described(access, written.get(access.resource), renderer.size) for access in one.reads]
+        writes = []
+        for access in one.writes:
+            written[access.resource] = access, one.name
+            values = drawn.image(f"{one.name}/{access.resource}")
+            shown, mapping = picture_of(values, access.resource, access.format or "", view, stored)
+            if access.samples > 1:
+                of = "one" if access.use == "depth" else "the mean"
+                mapping += f"; {of} of {access.samples} samples a pixel"
+            file = f"{number}-{one.name}-{access.resource}.png"
+            pictures[file] = shown
+            known = described(access, (access, one.name), renderer.size)
+            writes.append(Output(**asdict(known), file=file, mapping=mapping))
+        made.steps.append(
+            Step(
+                number,
+                one.name,
+                sentence_of(one),
+                statistics.median(each[one.name] for each in measured),
+                dict(renderer.inspection.work.by_pass[one.name]),
+                reads,
+                writes,
+            )
+        )
+    return made, pictures
+
+
+def described(access: Access, written: tuple[Access, str] | None, size: tuple[int, int]) -> Resource:
+    """Return what is known of a resource: a reader leaves format and samples to the pass that wrote it."""
+    origin = written[0] if written else access
+    scaled = (max(1, round(size[0] * origin.scale)), max(1, round(size[1] * origin.scale)))
+    return Resource(
+        access.resource,
+        access.use,
+        origin.format or "",
+        scaled,
+        origin.samples,
+        written[1] if written else "",
+    )
+
+
+def sentence_of(made: Any) -> str:
+    """Return the sentence with which the module of a pass says what it is."""
+    text = " ".join((sys.modules[type(made).__module__].__doc__ or "").split())
+    return re.split(r"(?<=[.])\s", text, maxsplit=1)[0]
+
+
+def write(folder: Path, made: Frame, pictures: dict[str, np.ndarray]) -> None:
+    """Write the pictures, the contact sheet and the page; raise UserError where the disk refuses."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, picture in pictures.items():
+            write_image(folder / name, picture)
+        write_image(folder / "contact.png", contact_sheet(made, pictures))
+        write_whole(folder / "index.html", frame_page.page(made).encode())
+    except OSError as error:
+        raise UserError(f"--out {folder} cannot be written: {error.strerror or error}.") from None
+
+
+def contact_sheet(made: Frame, pictures: dict[str, np.ndarray]) -> np.ndarray:
+    """Return (H, W, 3): every output small, in the order of the frame, under its pass and name."""
+    outputs = [(step, output) for step in made.steps for output in step.writes]
+    width, height = made.size
+    cell = (CELL, max(1, round(CELL * height / width)))
+    columns = min(len(outputs), 3)
+    rows = -(-len(outputs) // columns)
+    text, gap = 22, 8
+    sheet = Bitmap.new(
+        "RGB",
+        (columns * (cell[0] + gap) + gap, rows * (cell[1] + text + gap) + gap),
+        (24, 24, 27),
+    )
+    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(13)
+    for index, (step, output) in enumerate(outputs):
+        x = gap + index % columns * (cell[0] + gap)
+        y = gap + index // columns * (cell[1] + text + gap)
+        title = f"{step.number} {step.name}: {output.name} ({output.format})"
+        draw.text((x, y + 2), title, fill=(228, 228, 231), font=font)
+        hard = output.format.endswith("ui")  # hues between two ids would be those of others
+        small = Bitmap.fromarray(pictures[output.file]).resize(
+            cell, Bitmap.Resampling.NEAREST if hard else Bitmap.Resampling.BOX
+        )
+        sheet.paste(small, (x, y + text))
+    return np.asarray(sheet)
+
+
+def write_json(path: Path, made: Frame) -> None:
+    """Write all figures, whole or not at all."""
+    try:
+        write_whole(path.absolute(), (json.dumps(asdict(made), indent=1) + "\n").encode())
+    except OSError as error:
+        raise UserError(f"--json {path} cannot be written: {error.strerror or error}.") from None
+
+
+def show(made: Frame) -> None:
+    """Print the passes as a table."""
+    columns = ("pass", ">GPU ms", ">draws", ">triangles", "reads", "writes")
+    printed = table(f"A frame of chapter {made.chapter}", *columns)
+    for step in made.steps:
+        printed.add_row(
+            step.name,
+            f"{step.gpu_ms:.2f}",
+            str(step.work.get("draws", 0)),
+            str(step.work.get("triangles", 0)),
+            ", ".join(one.name for one in step.reads) or "-",
+            ", ".join(f"{one.name} ({one.format})" for one in step.writes),
+        )
+    out.print(printed)
