@@ -149,7 +149,7 @@ def last_pass(renderer: Renderer, after: str | None) -> int:
 def take_apart(request: run.Request, renderer: Renderer, count: int) -> tuple[Frame, dict[str, np.ndarray]]:
     """Return what the first `count` passes of a frame did, and the picture (H, W, 3) of each file."""
     view = chapters.view_of(renderer, request.camera, request.time)
-    stored = stored_as(request.chapter, renderer.settings.view)
+    stored = stored_as(renderer.settings)
     timings: list[dict[str, float]] = []
     for _ in range(WARM_UP + MEASURED):
         drawn = renderer.render(view, request.time)

@@ -56,6 +56,9 @@ class PanelState:
     speed: float = 1.0
     message: str = ""  # what came of the last action
     error: str = ""  # what is wrong with a shader that is being edited
+    passes: tuple[str, ...] = ()
+    stop_after: str = ""  # the pass whose output is shown, "" for the finished picture
+    stopped: str = ""  # what that is, in words
 
 
 @dataclass(frozen=True)
@@ -69,6 +72,7 @@ class PanelActions:
     speed: float | None = None
     step: bool = False  # one frame further while time stands still
     screenshot: bool = False
+    stop_after: str | None = None  # "": after none
     copy: str = ""  # text for the clipboard
 
     def __bool__(self) -> bool:
@@ -223,6 +227,15 @@ class Panel:
         imgui.set_item_tooltip("Writes the picture without this panel to out/.")
         if state.message:
             imgui.text_wrapped(state.message)
+        listed = ["(none)", *state.passes]
+        now = listed.index(state.stop_after) if state.stop_after in state.passes else 0
+        changed, index = imgui.combo("stop after pass", now, listed)
+        self._placed("stop_after")
+        imgui.set_item_tooltip("Shows what this pass wrote; strata frame N writes that of all passes.")
+        if changed and index != now:
+            actions["stop_after"] = listed[index] if index else ""
+        if state.stopped:
+            imgui.text_wrapped(state.stopped)
 
     def _settings(self, state: PanelState, actions: dict[str, Any]) -> None:
         imgui, kind = self._imgui, type(state.settings)

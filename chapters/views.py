@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from importlib import import_module
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import chapters
 from common.errors import UserError
@@ -19,10 +19,11 @@ def views_of(number: int) -> dict[str, str]:
     return {view.name: view.sentence for view in views}
 
 
-def stored_as(number: int, name: str) -> str:
-    """Return what a chapter's colour holds under view `name`: "light" (as for the picture), "value" or "count"."""
-    views = import_module(f"chapters.{chapters.folder_name(number)}.logic.views").VIEWS
-    return next((str(view.shown) for view in views if view.name == name), "light")
+def stored_as(settings: Any) -> str:
+    """Return what the colour of a frame with a chapter's `settings` holds: "light", or a view's "value" or "count"."""
+    package = type(settings).__module__.rpartition(".")[0]
+    views = import_module(f"{package}.logic.views").VIEWS
+    return next((str(view.shown) for view in views if view.name == settings.view), "light")
 
 
 def with_view(settings: S, number: int | str, name: str | None) -> S:

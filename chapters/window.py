@@ -22,6 +22,7 @@ from chapters.live import Live
 from chapters.panel import Panel, PanelActions, PanelState, open_panel
 from chapters.window_camera import camera_text, first_person, open_camera, orbit
 from chapters.window_open import Opened, Refused, open_screen
+from chapters.window_stop import Stop
 from common import images
 from common.camera import Camera
 from common.clock import FrameClock
@@ -105,7 +106,7 @@ class Loop:
         on_frame: Callable[[Renderer, Frame], None] | None = None,
         timer_ns: Callable[[], int] = clock.perf_counter_ns,
         panel: Panel | None = None,
-        reopen: Callable[[Any], Renderer] | None = None,
+        reopen: Callable[..., Renderer] | None = None,
         name: str = "strata",
         quality: str = "",
         live: Live | None = None,
@@ -114,6 +115,7 @@ class Loop:
         self.time, self.paused, self.speed = time, False, 1.0
         self.figures = Figures()
         self.panel, self.message = panel, ""
+        self.stop = Stop()
         self._title, self._told, self._on_frame, self._reopen = title, "", on_frame, reopen
         self._name, self._quality, self._live = name, quality, live
         self._clock = FrameClock(timer_ns)
@@ -154,7 +156,7 @@ class Loop:
             self.panel.visible = not self.panel.visible
             self._panel_due = self.window.damaged = True
             if not self.panel.visible:
-                self.screen.lay(None)
+                self._lay(None)
 
     def step(self, always: bool = False) -> None:
         """Draw and show one frame, or sleep where it would show nothing new; `always` draws it in any case."""
@@ -170,7 +172,8 @@ class Loop:
             self.time += passed * self.speed
         view = self.camera.advance(min(passed, LONGEST_STEP_S), window.inputs)
         panel = self.panel if self.panel is not None and self.panel.visible else None
-        frame = renderer.render(view, self.time) if always or not renderer.idle(view, self.time) else None
+        due = always or self.stop.due or not renderer.idle(view, self.time)
+        frame = renderer.render(view, self.time) if due else None
         if frame is None:
             self.figures.idle += 1
             touched = panel is not None and (panel.restless or self._panel_due)
@@ -178,6 +181,10 @@ class Loop:
                 self._tell("nothing moves")
                 self._sleep(IDLE_WAIT_S)
                 return
+        else:
+            self.stop.look(renderer, frame, view)
+            if panel is None and self.stop.after:
+                self._lay(None)
         self._read_figures(frame)
         actions = self._draw_panel(panel, passed, frame is not None) if panel is not None else None
         self._show()
@@ -222,9 +229,12 @@ class Loop:
             speed=self.speed,
             message=self.message,
             error=self._live.error if self._live is not None else "",
+            passes=tuple(one.name for one in renderer.passes),
+            stop_after=self.stop.after,
+            stopped=self.stop.told,
         )
         actions = panel.frame(state, self.window.size, passed)
-        self.screen.lay(panel.drawn)
+        self._lay(panel.drawn)
         # A drawn frame makes new figures; when nothing moves any more, they are to be shown once.
         self._panel_due = moving or bool(actions)
         return actions
@@ -249,8 +259,13 @@ class Loop:
             self.message = self._screenshot()
         if actions.settings is not None:
             self._change_settings(actions.settings)
+        if actions.stop_after is not None:
+            before, self._panel_due = bool(self.stop.after), True
+            self.stop.choose(actions.stop_after)
+            if before != bool(actions.stop_after):
+                self._change_settings(self.renderer.settings, inspect=not before)
 
-    def _change_settings(self, settings: Any) -> None:
+    def _change_settings(self, settings: Any, **options: Any) -> None:
         """Go on with a renderer that has other settings; camera and time stay."""
         if self._reopen is None:
             return
@@ -258,9 +273,11 @@ class Loop:
         self._warm = False
         self.message = ""
         try:
-            self.renderer = self._reopen(settings)
+            self.renderer = self._reopen(settings, **options)
         except Refused as error:
             self.renderer, self.message = error.renderer, str(error)
+            if options:
+                self.stop.choose("")
         self._clock.tick()  # the time that this took is none of the scene's
 
     def _follow_shaders(self) -> None:
@@ -279,12 +296,17 @@ class Loop:
         path = Path("out") / f"{self._name}-{clock.strftime('%Y%m%d-%H%M%S')}.png"
         try:
             path.parent.mkdir(exist_ok=True)
-            images.write_image(path, self.screen.picture(self.renderer)[..., :3])
+            stopped = self.stop.picture
+            shown = self.screen.picture(self.renderer)[..., :3] if stopped is None else stopped
+            images.write_image(path, shown)
         except (OSError, StrataError) as error:
             return str(error)
         return f"wrote {path}"
 
     # --- the picture ---
+
+    def _lay(self, drawn: DrawList | None) -> None:
+        self.screen.lay(self.stop.under(drawn, self.window.size))
 
     def _show(self) -> None:
         # Cleared before, so that an event that comes meanwhile is not lost.

@@ -40,13 +40,18 @@ class Opened:
         self._open, self._options = open_renderer, dict(options)
         self.renderer = open_renderer(size=size, **self._options)
 
-    def reopen(self, settings: Any) -> Renderer:
-        """Return a renderer with other settings, of the same size; raise Refused where there can be none."""
+    def reopen(self, settings: Any, **options: Any) -> Renderer:
+        """Return a renderer with other settings, of the same size; raise Refused where there can be none.
+
+        `options` are other arguments of the renderer from now on.
+        """
+        others, self._options = self._options, {**self._options, **options}
         size, before = self.renderer.size, self.renderer.settings
         self.renderer.close()  # first: two of them may not fit into memory
         try:
             self.renderer = self._open(size=size, **self._options, settings=settings)
         except StrataError as error:
+            self._options = others
             self.renderer = self._open(size=size, **self._options, settings=before)
             raise Refused(str(error), self.renderer) from None
         return self.renderer

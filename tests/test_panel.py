@@ -203,6 +203,18 @@ def test_the_camera_changes_when_the_other_mode_is_chosen_and_only_then(user):
     assert user.choose("mode", 1, 2) == [PanelActions(mode="orbit")]
 
 
+@pytest.mark.feature("tools/frame")
+def test_the_pass_to_stop_after_is_chosen_from_those_of_the_frame(user):
+    user.state = example(Settings(), passes=("forward", "tonemap"))
+    user.wait()
+    assert user.choose("stop_after", 0, 3) == []
+    assert user.choose("stop_after", 1, 3) == [PanelActions(stop_after="forward")]
+    user.state = example(Settings(), passes=("forward", "tonemap"), stop_after="forward", stopped="color_hdr")
+    user.wait()
+    assert user.choose("stop_after", 1, 3) == []
+    assert user.choose("stop_after", 0, 3) == [PanelActions(stop_after="")]
+
+
 def test_every_button_asks_for_its_own_thing(user):
     assert user.click(*user.place("screenshot")) == [PanelActions(screenshot=True)]
     assert user.click(*user.place("step")) == [PanelActions(step=True)]

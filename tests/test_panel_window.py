@@ -22,8 +22,9 @@ from chapters.panel import PanelActions
 from chapters.window import Loop, panel_help, run_window
 from chapters.window_camera import camera_text
 from chapters.window_open import Opened, Refused
+from chapters.window_stop import Stop
 from common.camera import Camera, Orthographic, Perspective, view_of_scene
-from common.draw_lists import DrawList
+from common.draw_lists import VERTEX, Command, DrawList
 from common.errors import UserError
 from common.images import read_image
 from common.inputs import Inputs
@@ -55,6 +56,7 @@ class FakePanel:
 class FakeRenderer:
     def __init__(self, settings=None):
         self.scene, self.size, self.settings = quad_scene(), (64, 32), settings or Settings()
+        self.passes = []
         self.plan, self.capabilities = None, SimpleNamespace(device="a device", backend="none")
         self.views, self.drawn_at, self.reads, self.last, self.closed = [], [], [], None, False
 
@@ -206,6 +208,51 @@ def test_settings_that_cannot_be_are_refused_with_the_reason():
     assert opened[0].closed and opened[-1].settings == Settings()
     with pytest.raises(Refused):
         holder.reopen(Settings(background=1.0))
+
+
+def test_a_frame_that_is_to_stop_needs_a_renderer_that_can_be_looked_into():
+    asked = []
+
+    def reopen(settings, **options):
+        asked.append((settings, options))
+        if len(asked) == 3:
+            raise Refused("no memory for that", FakeRenderer(settings))
+        made = FakeRenderer(settings)
+        made.passes = [SimpleNamespace(name="forward", writes=())]
+        return made
+
+    loop = looped(PanelActions(), PanelActions(stop_after="bloom"), PanelActions(), reopen=reopen)
+    steps(loop, 3)
+    assert asked == [(loop.renderer.settings, {"inspect": True})]
+    assert loop.panel.states[-1].stopped == "this frame has no pass bloom"
+    assert loop.panel.states[-1].passes == ("forward",) and loop.stop.picture is None
+    for wanted in ("", "bloom"):
+        loop.panel.script = [PanelActions(stop_after=wanted)]
+        steps(loop, 2)
+    assert [options for _, options in asked[1:]] == [{"inspect": False}, {"inspect": True}]
+    assert loop.panel.states[-1].message == "no memory for that" and loop.stop.after == ""
+
+
+def test_the_picture_of_a_stop_lies_below_everything_else():
+    stop, drawn = Stop(), DrawList((64.0, 32.0), origin=(2.0, 1.0))
+    assert stop.under(drawn, (64, 32)) is drawn and stop.under(None, (64, 32)) is None
+    stop.picture, stop._fresh = np.full((8, 16, 3), 9, np.uint8), True
+    one = DrawList(
+        (64.0, 32.0),
+        np.zeros(3, VERTEX),
+        np.arange(3, dtype=np.uint32),
+        (Command((0.0, 0.0, 9.0, 9.0), 0, 0, 3),),
+        origin=(2.0, 1.0),
+    )
+    below = stop.under(one, (64, 32))
+    below.check()
+    assert below.commands[1:] == one.commands and below.commands[0].texture == 1
+    corners = below.vertices["position"][below.commands[0].base + below.indices[3:]]
+    assert corners.min(axis=0).tolist() == [2.0, 1.0] and corners.max(axis=0).tolist() == [66.0, 33.0]
+    (update,) = below.updates
+    assert update.whole and update.size == (16, 8) and (update.pixels[..., 3] == 255).all()
+    again = stop.under(None, (64, 32))
+    assert again.updates == () and again.extent == (64.0, 32.0), "what the GPU has is not sent again"
 
 
 def test_a_screenshot_is_written_and_its_place_is_said(tmp_path, monkeypatch):
@@ -492,6 +539,45 @@ def test_without_the_package_the_window_opens_all_the_same(session, monkeypatch)
         yield from run.rest()
         assert run.loop.panel is None
         assert np.array_equal(run.seen, run.picture())
+        yield "end"
+
+    session(script)
+
+
+@pytest.mark.feature("tools/frame")
+def test_the_window_stops_after_any_pass(session, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+    def stop(run, name):
+        run.loop.panel.frame = lambda *arguments: run.asked.pop() if run.asked else usual(*arguments)
+        usual = type(run.loop.panel).frame.__get__(run.loop.panel)
+        run.asked = [PanelActions(stop_after=name)]
+        run.windows[0].damaged = True
+        run.loop._panel_due = True
+        while run.loop.stop.after != name:
+            yield
+        yield from run.rest()
+
+    def script(run):
+        yield from run.rest()
+        whole = run.seen
+        for name in ("instance_id", "forward", "tonemap"):
+            yield from stop(run, name)
+            picture = run.loop.stop.picture
+            assert np.array_equal(run.seen[BESIDE], picture[BESIDE])
+            if name == "tonemap":
+                assert np.array_equal(picture, run.picture())
+            else:
+                assert not np.array_equal(picture, run.picture())
+            assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 1
+        assert run.loop.renderer.inspection.names
+        yield from run.click(*run.at("screenshot"))
+        yield from run.rest()
+        (path,) = (tmp_path / "out").iterdir()
+        assert np.array_equal(read_image(path), run.loop.stop.picture)
+        yield from stop(run, "")
+        assert run.loop.renderer.inspection.names == ()
+        assert np.array_equal(run.seen[BESIDE], whole[BESIDE])
         yield "end"
 
     session(script)
