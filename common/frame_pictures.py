@@ -15,6 +15,9 @@ from common import palette
 from common.camera import Orthographic, View
 from common.color import encode_srgb, quantize
 
+TINY = 1e-30
+"""Metres: what is nearer, or behind the camera of an orthographic view, counts as this."""
+
 Picture = tuple[NDArray[np.uint8], str]
 """(H, W, 3) codes as shown, and how the values became them."""
 
@@ -42,17 +45,18 @@ def picture_of(values: NDArray[Any], name: str, format: str, view: View, stored:
 
 
 def of_depth(depth: NDArray[Any], view: View) -> Picture:
-    """Return reversed depth (H, W) as distance z ahead of the camera: m / (m + z), where m is the median distance."""
-    z = distance(depth, view)
-    drawn = np.isfinite(z) & (np.asarray(depth) > 0)
-    middle = max(float(np.median(z[drawn])), 1e-30) if drawn.any() else 1.0
-    grey = np.where(drawn, middle / (middle + np.where(drawn, z, 0.0)), 0.0)
-    shown = np.repeat(grey[..., None], 3, axis=-1)
-    where = f"{z[drawn].min():.3g} to {z[drawn].max():.3g} m" if drawn.any() else "nothing drawn"
-    broken = ~np.isfinite(np.asarray(depth))
-    return _codes(
-        shown, broken
-    ), f"distance, near is bright, half bright at {middle:.3g} m; {where}{_count(broken)}"
+    """Return reversed depth (H, W) as distance ahead of the camera, the nearest white and the farthest a tenth of it.
+
+    Between them equal ratios of distance are equal steps of grey: a room keeps its contrast under a sky far away.
+    """
+    values = np.asarray(depth, np.float64)
+    z = np.maximum(distance(values, view), TINY)
+    drawn, broken = np.isfinite(z) & (values > 0), ~np.isfinite(values)
+    near, far = (float(z[drawn].min()), float(z[drawn].max())) if drawn.any() else (1.0, 1.0)
+    ratio = np.log(np.where(drawn, z, near) / near) / (np.log(far / near) or 1.0)
+    shown = np.repeat(np.where(drawn, 1.0 - 0.9 * ratio, 0.0)[..., None], 3, axis=-1)
+    text = f"distance from white at {near:.3g} m to dark at {far:.3g} m" if drawn.any() else "nothing drawn"
+    return _codes(shown, broken), text + _count(broken)
 
 
 def distance(depth: NDArray[Any], view: View) -> NDArray[np.float64]:

@@ -1,7 +1,7 @@
 """Makes docs/pictures anew: `python docs/pictures.py [NAME...]` draws the project's scenes and studies with chapter 1.
 
 Every picture is drawn twice as wide and high and averaged down in linear light, four samples to a pixel, so that edges
-are smooth without any method of a later chapter.
+are smooth without any method of a later chapter. The sheets of views and passes show values, and are left as they are.
 """
 
 from __future__ import annotations
@@ -9,7 +9,9 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -21,10 +23,12 @@ sys.path.insert(0, str(ROOT))  # so that it runs from any folder, installed or n
 import chapters  # noqa: E402
 from assets import SCENES, locate  # noqa: E402
 from chapters import studies  # noqa: E402
+from chapters.frame import step_through  # noqa: E402
+from chapters.run import Request  # noqa: E402
 from common.color import decode_srgb, encode_srgb, quantize  # noqa: E402
 from common.errors import StrataError  # noqa: E402
 from common.gltf import load_scene  # noqa: E402
-from common.images import write_image  # noqa: E402
+from common.images import read_image, write_image  # noqa: E402
 from common.settings import preset  # noqa: E402
 
 SIZE = (640, 360)
@@ -68,10 +72,46 @@ def file_of(name: str) -> str:
     return chapters.file_name(name) if "/" in name else name.replace(":", "-")
 
 
+VIEWED = ("base-color", "normal", "roughness", "mip-level", "overdraw", "light-count")
+"""The views of the sheet; `strata list 1 --views` has all of them."""
+
+
+def sheet_of_views(cell: tuple[int, int] = (240, 135)) -> NDArray[Any]:
+    """Return (H, W, 3): views of the atrium, three in a row, each drawn at the size of its cell."""
+    settings: Any = preset(chapters.settings_class(CHAPTER), "high")
+    scene = load_scene(locate("atrium"))
+    cells = []
+    for name in VIEWED:
+        with chapters.open(
+            CHAPTER, "auto", scene=scene, size=cell, settings=replace(settings, view=name)
+        ) as renderer:
+            cells.append(renderer.render(chapters.view_of(renderer)).image("color"))
+    rows = [np.concatenate(cells[first : first + 3], axis=1) for first in range(0, len(cells), 3)]
+    return np.concatenate(rows)
+
+
+def frame_sheet() -> NDArray[Any]:
+    """Return the contact sheet of `strata frame 1 --scene cornell` with four samples a pixel."""
+    request = Request(CHAPTER, scene="cornell", size=(640, 360), headless=True, overrides=("msaa=4",))
+    with TemporaryDirectory() as folder:
+        step_through(request, folder=Path(folder))
+        return read_image(Path(folder) / "contact.png")
+
+
+SHEETS = {"views": sheet_of_views, "frame": frame_sheet}
+
+
+def picture_of(name: str) -> NDArray[Any]:
+    """Return the picture (H, W, 3) of a scene, a study or a sheet."""
+    if name in SHEETS:
+        return SHEETS[name]()
+    return draw_study(name) if "/" in name else draw(name)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Draw the scenes and studies named, or all, and say how large each file is; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__)
-    all_names = [*SCENES, *(f"{CHAPTER}/{name}" for name in studies.available(CHAPTER))]
+    all_names = [*SCENES, *(f"{CHAPTER}/{name}" for name in studies.available(CHAPTER)), *SHEETS]
     parser.add_argument(
         "names", metavar="NAME", nargs="*", help=f"one of {', '.join(all_names)}; default all"
     )
@@ -79,7 +119,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     chosen = parser.parse_args(arguments)
     try:
         names = chosen.names or all_names
-        pictures = {file_of(name): draw_study(name) if "/" in name else draw(name) for name in names}
+        pictures = {file_of(name): picture_of(name) for name in names}
         chosen.out.mkdir(parents=True, exist_ok=True)
         for name, picture in pictures.items():
             path = chosen.out / f"{name}.png"

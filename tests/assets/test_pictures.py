@@ -24,6 +24,13 @@ def test_every_scene_has_its_picture(name):
     assert len(np.unique(picture.reshape(-1, picture.shape[2]), axis=0)) > 200
 
 
+@pytest.mark.parametrize("name", SCRIPT["SHEETS"])
+def test_every_sheet_is_there(name):
+    path = ROOT / "docs" / "pictures" / f"{name}.png"
+    assert path.stat().st_size < 250_000
+    assert len(np.unique(read_image(path).reshape(-1, 3), axis=0)) > 200
+
+
 def test_averaging_keeps_light():
     """Black and white in turn become the code of half the light (188), not half the code (128)."""
     board = np.zeros((4, 8, 4), np.uint8)
