@@ -102,7 +102,6 @@ def test_a_switch_changes_its_own_state_alone(pipelines, layout, vulkan_device):
             {"depth": None},
             {"depth test": 0, "depth write": 0, "depth format": vk.VK_FORMAT_UNDEFINED},
         ),
-        "ignore": ({"depth": "ignore"}, {"depth test": 0, "depth write": 0}),
         "add": (
             {"blend": "add"},
             {"blend": 1, "blend factors": (vk.VK_BLEND_FACTOR_ONE, vk.VK_BLEND_FACTOR_ONE)},

@@ -27,7 +27,7 @@ class GraphicsPipeline:
 
     shaders: tuple[str, ...]
     defines: tuple[tuple[str, int | float | str], ...] = ()
-    depth: Literal["write", "test", "equal", "ignore"] | None = "write"
+    depth: Literal["write", "test", "equal"] | None = "write"
     blend: Literal["over", "add"] | None = None
     name: str = ""
 
@@ -89,7 +89,7 @@ class Pipelines:
         fn.glUseProgram(pipeline.program.handle)
         _switch(fn, gl.GL_CULL_FACE, cull)
         fn.glFrontFace(FRONT_FACES[front])
-        _switch(fn, gl.GL_DEPTH_TEST, described.depth not in (None, "ignore"))
+        _switch(fn, gl.GL_DEPTH_TEST, described.depth is not None)
         # Reversed z: the near plane is 1, infinity 0, and nearer is greater; see graphics/pipelines.py.
         fn.glDepthFunc(gl.GL_EQUAL if described.depth == "equal" else gl.GL_GEQUAL)
         fn.glDepthMask(int(described.depth == "write"))

@@ -50,7 +50,7 @@ class GraphicsPipeline:
     defines: tuple[tuple[str, int | float | str], ...] = ()
     streams: tuple[tuple[int, int], ...] = ()
     color: str | None = "rgba16f"
-    depth: Literal["write", "test", "equal", "ignore"] | None = "write"
+    depth: Literal["write", "test", "equal"] | None = "write"
     blend: Literal["over", "add"] | None = None
     samples: int = 1
     name: str = ""
@@ -212,7 +212,7 @@ class Pipelines:
         compare = vk.VK_COMPARE_OP_EQUAL if described.depth == "equal" else vk.VK_COMPARE_OP_GREATER_OR_EQUAL
         return vk.new(
             "VkPipelineDepthStencilStateCreateInfo",
-            depthTestEnable=int(described.depth not in (None, "ignore")),
+            depthTestEnable=int(described.depth is not None),
             depthWriteEnable=int(described.depth == "write"),
             depthCompareOp=compare,
         )

@@ -140,7 +140,9 @@ def variant_of(material: Material, scene: Scene, settings: Settings, energy: str
     Under a view that is what its quantity needs and no more: textures, lights and vertex streams that it does not read
     are not uploaded.
     """
-    whole = material_variant(material, scene, not settings.skip_unused, energy)
+    # A texture that stands in for none has no mip level to show: under a view `skip_unused` is always on.
+    everything = not settings.skip_unused and is_lit(settings)
+    whole = material_variant(material, scene, everything, energy)
     view = of(settings)
     if view is None:
         return whole
@@ -179,11 +181,9 @@ def mends_texels(settings: Settings) -> bool:
     return settings.view != "non-finite"
 
 
-def depth_use(settings: Settings, variant: Variant) -> Literal["write", "test", "ignore"]:
-    """Return what a fragment has to do with depth; where all are counted, none hides another and none writes it."""
-    if settings.view == "overdraw":
-        return "ignore"
-    return "test" if variant.alpha_mode == "blend" else "write"
+def depth_use(settings: Settings, variant: Variant) -> Literal["write", "test"]:
+    """Return what a fragment does with depth; where all are counted none writes it, and so none hides another."""
+    return "test" if variant.alpha_mode == "blend" or settings.view == "overdraw" else "write"
 
 
 def background(settings: Settings, grey: float) -> float:
