@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from chapters.cli_frame import frame
 from chapters.console import say
 from chapters.stopping import STOPPED
 
@@ -214,82 +215,7 @@ def run(
     return running.run(request)
 
 
-@app.command(cls=Command)
-def frame(
-    chapter: Chapter,
-    backend: Annotated[str, typer.Option(metavar="auto|vulkan|gl", help="Graphics API.")] = "auto",
-    scene: Annotated[str, typer.Option(metavar="NAME|PATH", help="As for `strata run`.")] = "atrium",
-    environment: Annotated[
-        str, typer.Option(metavar="FILE|sky|none", help="Light from far away: a panorama, .hdr or .exr.")
-    ] = "none",
-    size: Annotated[str, typer.Option(metavar="WxH", help="Size of the picture in pixels.")] = "640x360",
-    camera: Annotated[
-        str | None,
-        typer.Option(metavar="NAME|VIEW", help="As for `strata run`.", show_default=False),
-    ] = None,
-    ev: Annotated[
-        float | None, typer.Option(metavar="EV100", help="As for `strata run`.", show_default=False)
-    ] = None,
-    quality: Annotated[
-        str, typer.Option(metavar="low|medium|high|reference", help="Preset of settings.")
-    ] = "medium",
-    set_: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set", metavar="KEY=VALUE", help="Turn a knob of `strata list N --settings`; repeatable."
-        ),
-    ] = None,
-    view: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME", help="The frame that shows a quantity of `list N --views`.", show_default=False
-        ),
-    ] = None,
-    without: Annotated[
-        list[str] | None,
-        typer.Option(metavar="FEATURE|all", help="Do as on a device that lacks it; repeatable."),
-    ] = None,
-    after: Annotated[
-        str | None,
-        typer.Option(metavar="PASS", help="Show the passes up to this one.", show_default=False),
-    ] = None,
-    validate: Annotated[
-        bool, typer.Option("--validate", help="Check every call by the validation layers.")
-    ] = False,
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Folder to write to; without it, in out/.", show_default=False),
-    ] = None,
-    json: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write all figures.", show_default=False)
-    ] = None,
-    time: Annotated[float, typer.Option(metavar="SECONDS", help="Time of the frame.")] = 0.0,
-    verbose: Annotated[bool, typer.Option("-v", "--verbose", help="Show all notes on the scene.")] = False,
-) -> int:
-    """Step through one frame: each pass with its time, work, inputs and a picture of every output, as a page."""
-    import chapters
-    from chapters import frame as stepping
-    from chapters import run as running
-
-    request = running.Request(
-        chapter=chapters.parse(chapter),
-        backend=backend,
-        scene=scene,
-        environment=environment,
-        ev100=ev,
-        size=running.parse_size(size),
-        camera=camera,
-        quality=quality,
-        overrides=tuple(set_ or ()),
-        view=view,
-        without=tuple(without or ()),
-        validate=validate,
-        json=json,
-        time=time,
-        headless=True,
-        verbose=verbose,
-    )
-    return stepping.step_through(request, after, folder=out)
+app.command(cls=Command)(frame)
 
 
 @app.command(name="list", cls=Command)

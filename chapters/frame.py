@@ -14,10 +14,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from PIL import Image as Bitmap
 from PIL import ImageDraw, ImageFont
+from rich.console import Console
 
 import chapters
-from chapters import frame_page, run, scenes
-from chapters.console import Steps, out, say
+from chapters import frame_page, run, studies
+from chapters.console import Steps, err, out, say
+from chapters.record import STDOUT
+from chapters.stopping import prompt_stop
 from chapters.tables import table
 from chapters.views import stored_as
 from common.errors import UserError
@@ -90,16 +93,22 @@ class Frame:
 
 def step_through(request: run.Request, after: str | None = None, folder: Path | None = None) -> int:
     """Draw one frame and write what each of its passes did; return the exit code. Raises StrataError."""
+    with prompt_stop():
+        return _step_through(request, after, folder)
+
+
+def _step_through(request: run.Request, after: str | None, folder: Path | None) -> int:
+    number = chapters.parse_chapter(str(request.chapter))
     run.check(request)
     target = folder_for(request, folder)
     settings = run.settings_of(request, "medium" if request.quality == "auto" else request.quality)
     with Steps() as steps:
-        scene = scenes.load(request.scene, steps.of("load", 0.05, 0.5), request.environment)  # type: ignore[arg-type]
+        scene = studies.load(number, request.scene, steps.of("load", 0.05, 0.5), request.environment)  # type: ignore[arg-type]
         run.expose(scene, request)
         run.tell_warnings(scene, request.verbose)
         steps("create", 0.5)
         with chapters.open(
-            request.chapter,
+            number,
             request.backend,
             scene=scene,
             size=request.size,
@@ -110,15 +119,15 @@ def step_through(request: run.Request, after: str | None = None, folder: Path | 
         ) as renderer:
             last = last_pass(renderer, after)
             steps("draw", 0.7)
-            made, pictures = take_apart(request, renderer, last)
+            made, pictures = take_apart(number, request, renderer, last)
             steps("write", 0.9)
             write(target, made, pictures)
             messages = run.report_messages(renderer)
         steps.finish()
     if request.json is not None:
         write_json(request.json, made)
-    show(made)
-    say(f"Chapter {request.chapter}, {scene.name}, {made.device}: wrote {target / 'index.html'}")
+    show(made, err if request.json == STDOUT else out)
+    say(f"Chapter {number}, {scene.name}, {made.device}: wrote {target / 'index.html'}")
     return 1 if messages else 0
 
 
@@ -146,8 +155,10 @@ def last_pass(renderer: Renderer, after: str | None) -> int:
     return names.index(after) + 1
 
 
-def take_apart(request: run.Request, renderer: Renderer, count: int) -> tuple[Frame, dict[str, np.ndarray]]:
-    """Return what the first `count` passes of a frame did, and the picture (H, W, 3) of each file."""
+def take_apart(
+    number: int, request: run.Request, renderer: Renderer, count: int
+) -> tuple[Frame, dict[str, np.ndarray]]:
+    """Return what the first `count` passes of a frame of chapter `number` did, and each file's picture (H, W, 3)."""
     view = chapters.view_of(renderer, request.camera, request.time)
     stored = stored_as(renderer.settings)
     timings: list[dict[str, float]] = []
@@ -158,8 +169,8 @@ def take_apart(request: run.Request, renderer: Renderer, count: int) -> tuple[Fr
     capabilities = renderer.capabilities
     plain = preset(type(renderer.settings), "medium")
     made = Frame(
-        chapter=request.chapter,
-        title=chapters.lesson(request.chapter).title,
+        chapter=number,
+        title=chapters.title_of(number),
         scene=renderer.scene.name,
         backend=capabilities.backend,
         device=f"{capabilities.device} ({capabilities.driver})",
@@ -174,7 +185,7 @@ def take_apart(request: run.Request, renderer: Renderer, count: int) -> tuple[Fr
     )
     pictures: dict[str, np.ndarray] = {}
     written: dict[str, tuple[Access, str]] = {}
-    for number, one in enumerate(renderer.passes[:count], start=1):
+    for place, one in enumerate(renderer.passes[:count], start=1):
         reads = [described(access, written.get(access.resource), renderer.size) for access in one.reads]
         writes = []
         for access in one.writes:
@@ -184,13 +195,13 @@ def take_apart(request: run.Request, renderer: Renderer, count: int) -> tuple[Fr
             if access.samples > 1:
                 of = "one" if access.use == "depth" else "the mean"
                 mapping += f"; {of} of {access.samples} samples a pixel"
-            file = f"{number}-{one.name}-{access.resource}.png"
+            file = f"{place}-{one.name}-{access.resource}.png"
             pictures[file] = shown
             known = described(access, (access, one.name), renderer.size)
             writes.append(Output(**asdict(known), file=file, mapping=mapping))
         made.steps.append(
             Step(
-                number,
+                place,
                 one.name,
                 sentence_of(one),
                 statistics.median(each[one.name] for each in measured),
@@ -262,14 +273,18 @@ def contact_sheet(made: Frame, pictures: dict[str, np.ndarray]) -> np.ndarray:
 
 
 def write_json(path: Path, made: Frame) -> None:
-    """Write all figures, whole or not at all."""
+    """Write all figures, whole or not at all; to `STDOUT`, print them."""
+    text = json.dumps(asdict(made), indent=1) + "\n"
+    if path == STDOUT:
+        sys.stdout.write(text)
+        return
     try:
-        write_whole(path.absolute(), (json.dumps(asdict(made), indent=1) + "\n").encode())
+        write_whole(path.absolute(), text.encode())
     except OSError as error:
         raise UserError(f"--json {path} cannot be written: {error.strerror or error}.") from None
 
 
-def show(made: Frame) -> None:
+def show(made: Frame, to: Console) -> None:
     """Print the passes as a table."""
     columns = ("pass", ">GPU ms", ">draws", ">triangles", "reads", "writes")
     printed = table(f"A frame of chapter {made.chapter}", *columns)
@@ -282,4 +297,4 @@ def show(made: Frame) -> None:
             ", ".join(one.name for one in step.reads) or "-",
             ", ".join(f"{one.name} ({one.format})" for one in step.writes),
         )
-    out.print(printed)
+    to.print(printed)

@@ -36,7 +36,10 @@ def run(
         if chapter is None:
             option = "--settings" if settings else "--views"
             raise UserError(f"{option} needs a chapter: ./strata list 1 {option}")
-        (show_settings if settings else show_views)(chapters.parse(chapter))
+        if settings:
+            show_settings(chapters.parse(chapter))
+        else:
+            show_views(chapters.parse_chapter(chapter))
     elif scenes:
         show_scenes()
     elif features:
