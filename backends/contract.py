@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numbers
 import operator
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
@@ -221,8 +221,8 @@ class Renderer(Protocol):
     settings: Any
     size: tuple[int, int]
 
-    passes: list[Any]
-    """The passes of a frame, in order; see `Pass`."""
+    passes: Sequence[Any]
+    """The passes of a frame, in order; see `Pass`. A study has none."""
 
     inspection: Any
     """`inspection.work.by_pass`: the counters of each pass of the last frame, if opened with `inspect=True`."""

@@ -227,7 +227,11 @@ class Panel:
         imgui.set_item_tooltip("Writes the picture without this panel to out/.")
         if state.message:
             imgui.text_wrapped(state.message)
-        listed = ["(none)", *state.passes]
+        if state.passes:  # a study has none
+            self._stop(state, actions)
+
+    def _stop(self, state: PanelState, actions: dict[str, Any]) -> None:
+        imgui, listed = self._imgui, ["(none)", *state.passes]
         now = listed.index(state.stop_after) if state.stop_after in state.passes else 0
         changed, index = imgui.combo("stop after pass", now, listed)
         self._placed("stop_after")

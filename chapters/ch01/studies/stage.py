@@ -46,6 +46,7 @@ class Stage(ABC):
     has_depth = False
     moves = True  # whether time alone changes the picture
     settings_class: type = NoSettings
+    passes: tuple[Any, ...] = ()  # whatever a study does is one
 
     def __init__(
         self,
