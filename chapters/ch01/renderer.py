@@ -160,10 +160,7 @@ class Renderer:
         color, depth = (access.resource for access in self._forward.writes)
         grey = self._forward.writes[0].clear
         self._forward_rendering = Rendering(self.size, target[color], target[depth], grey, 0.0)
-        self._to_forward = barriers(
-            self._start(color, "color"),
-            self._start(depth, "depth"),
-        )
+        self._to_forward = barriers(self._start(color, "color"), self._start(depth, "depth"))
         if self._instance_id in self.passes:
             own_depth = depth != "depth"
             self._id_rendering = Rendering(
@@ -179,16 +176,14 @@ class Renderer:
             self._resolve_rendering = Rendering(self.size, target["color_hdr"], None)
             many = target[color]
             self._to_resolve = barriers(
-                image_barrier(many.handle, many.aspect, "color", "sampled"),
-                self._start("color_hdr", "color"),
+                image_barrier(many.handle, many.aspect, "color", "sampled"), self._start("color_hdr", "color")
             )
             self._resolve.source_set = self._source(many, "resolve source")
         if self._tonemap in self.passes:
             self._tonemap_rendering = Rendering(self.size, target["color"], None)
             hdr = target["color_hdr"]
             self._to_tonemap = barriers(
-                image_barrier(hdr.handle, hdr.aspect, "color", "sampled"),
-                self._start("color", "color"),
+                image_barrier(hdr.handle, hdr.aspect, "color", "sampled"), self._start("color", "color")
             )
             self._tonemap.source_set = self._source(hdr, "tonemap source")
         self._create_readbacks()
@@ -216,21 +211,16 @@ class Renderer:
     def _create_readbacks(self) -> None:
         target = self._targets
         available = [name for name in self.outputs if SOURCES[name] in target]
-        copied = [target[SOURCES[name]] for name in available]
         handed_on = [image for name, image in target.items() if name in self._handed_on]
         self._to_copy = barriers(
             *(image_barrier(i.handle, i.aspect, self._used_last(i.name), "copy_source") for i in handed_on)
         )
         self._to_host = barriers(memory=TO_HOST)
         self._readbacks = [
-            {
-                name: Readback(self.device, image, f"{name}, slot {slot}")
-                for name, image in zip(available, copied, strict=True)
-            }
+            {name: Readback(self.device, target[SOURCES[name]], f"{name}, slot {slot}") for name in available}
             for slot in range(SLOTS)
         ]
-        watched = self.passes if self._inspects else []
-        self.inspection = Inspection(self.device, watched, target, SLOTS)
+        self.inspection = Inspection(self.device, self.passes if self._inspects else [], target, SLOTS)
 
     def _destroy_targets(self) -> None:
         self.device.wait_idle()  # for the frames, and for what a window still copies from them

@@ -16,12 +16,12 @@ void main() {
 #ifdef NEUTRAL
     color = tone_neutral(color);
 #endif
-#if defined(VIEW_COUNT)
+#if !defined(VIEW_COUNT) && !defined(VIEW_VALUE)
+    out_color = vec4(srgb_from_linear(clamp(color, 0.0, 1.0)), 1.0);
+#elif defined(VIEW_COUNT)
     // A view that counts; what has nothing to count is grey.
     out_color = vec4(color.r < 0.0 ? vec3(0.2) : heat(color.r / float(COUNT_FULL)), 1.0);
-#elif defined(VIEW_VALUE)
-    out_color = vec4(clamp(color, 0.0, 1.0), 1.0);  // a view whose values are codes already
 #else
-    out_color = vec4(srgb_from_linear(clamp(color, 0.0, 1.0)), 1.0);
+    out_color = vec4(color, 1.0);  // a view whose values are codes already
 #endif
 }
