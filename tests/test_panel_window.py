@@ -561,7 +561,7 @@ def test_the_window_stops_after_any_pass(session, tmp_path, monkeypatch):
     def script(run):
         yield from run.rest()
         whole = run.seen
-        for name in ("instance_id", "forward", "tonemap"):
+        for name in ("instance_id", "tonemap"):
             yield from stop(run, name)
             picture = run.loop.stop.picture
             assert np.array_equal(run.seen[BESIDE], picture[BESIDE])
