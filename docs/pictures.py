@@ -36,7 +36,7 @@ FOLDER = ROOT / "docs" / "pictures"
 CHAPTER = 1
 
 STUDY_SIZE = (240, 160)
-STUDY_TIMES = {"rotating-cube": 0.4, "textured-mesh": 6.0, "one-light": 0.9}
+STUDY_TIMES = {"rotating-cube": 0.4, "textured-mesh": 6.0, "one-light": 0.9, "phong": 0.9}
 """Seconds at which a study shows what it is about; 1 for the others."""
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +13,7 @@ import chapters
 from backends.contract import Renderer
 from chapters import studies
 from common.camera import View
+from tests.support import gl_functions, gpu_functions
 from tests.support.gl_functions import assert_silent
 
 
@@ -37,6 +38,13 @@ class Opener:
         with self.open(name, size, outputs=outputs, **more) as renderer:
             frame = renderer.render(view if view is not None else chapters.view_of(renderer), time)
             return {output: frame.image(output) for output in outputs}
+
+    def evaluate(
+        self, file: str, body: str, inputs: Mapping[str, np.ndarray], outputs: Mapping[str, str]
+    ) -> dict[str, np.ndarray]:
+        """Return what a few lines of GLSL wrote that call functions of a study's file, "phong/phong.glsl"."""
+        where = gpu_functions if self.backend == "vulkan" else gl_functions
+        return where.evaluate(self.device, [f"../chapters/ch01/studies/{file}"], body, inputs, outputs)
 
 
 @pytest.fixture(scope="module", params=("vulkan", "gl"))

@@ -64,7 +64,7 @@ def test_an_unknown_one_is_a_sentence_with_the_near_name(strata, text, said):
 
 
 def test_studies_stand_in_teaching_order_and_the_ideas_are_listed(strata):
-    assert list(studies.available(1)) == ORDER
+    assert list(studies.available(1))[: len(ORDER)] == ORDER
     code, out, _ = strata("list", "1")
     places = [out.index(name) for name in ORDER]
     assert code == 0 and places == sorted(places)
