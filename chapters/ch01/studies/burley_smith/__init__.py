@@ -50,9 +50,9 @@ HEIGHT = 16
 def irradiance(source: Environment, height: int = HEIGHT) -> Environment:
     """Return for each direction of a small panorama what a white matt surface that faces it sends on, in nits.
 
-    That is the irradiance divided by pi: the mean of the light over the hemisphere, weighted by the cosine. It changes so
-    slowly from normal to normal that 16 rows are enough. An exact sum over all pixels, in float64; the weights are divided
-    by their sum, so that even light stays what it is.
+    That is the irradiance divided by pi: the mean of the light over the hemisphere, weighted by the cosine. It changes
+    so slowly from normal to normal that 16 rows are enough. A sum in float64 over means of at least 32 rows; its
+    weights are divided by their sum, so that even light stays what it is.
     """
     rows = len(source.radiance)
     step = max(1, rows // 32)  # means of squares: a sum over 2,048 places for each of 512
