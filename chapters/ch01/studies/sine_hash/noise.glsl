@@ -2,7 +2,8 @@
 
 // Known by its constants, and of unknown origin: fract(sin(dot(place, (12.9898, 78.233))) * 43758.5453), here with the angle
 // brought below pi first. What the factor leaves are the digits from the fifth on, and for those no specification answers:
-// Vulkan allows a sine an absolute error of 2^-11, and times 43758 that is 21 whole turns of `fract`.
+// Vulkan allows a sine an absolute error of 2^-11, and times 43758 that is 21 whole turns of `fract`. Nor is the angle exact:
+// some compilers fuse the product with the sum.
 float sine_hash(vec2 place) {
     float angle = mod(dot(place, vec2(12.9898, 78.233)), 3.14159265);
     return fract(sin(angle) * 43758.5453);
