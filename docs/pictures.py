@@ -1,7 +1,7 @@
 """Makes docs/pictures anew: `python docs/pictures.py [NAME...]` draws the project's scenes and studies with chapter 1.
 
-Every picture is drawn twice as wide and high and averaged down in linear light, four samples to a pixel, so that edges
-are smooth without any method of a later chapter. The sheets of views and passes show values, and are left as they are.
+Nearly every picture is drawn twice as wide and high and averaged down in linear light, four samples to a pixel, so that
+edges are smooth without any method of a later chapter. Sheets of views and passes show values, and are left as they are.
 """
 
 from __future__ import annotations
@@ -38,6 +38,8 @@ CHAPTER = 1
 STUDY_SIZE = (240, 160)
 STUDY_TIMES = {"rotating-cube": 0.4, "textured-mesh": 6.0, "one-light": 0.9, "phong": 0.9}
 """Seconds at which a study shows what it is about; 1 for the others."""
+STUDIES_OF_PIXELS = {"dithered-alpha"}
+"""Those about single pixels, which are not to be averaged."""
 
 
 def halved(codes: NDArray[np.uint8]) -> NDArray[Any]:
@@ -61,10 +63,12 @@ def draw(name: str, camera: str | None = None, size: tuple[int, int] = SIZE) -> 
 
 def draw_study(which: str) -> NDArray[Any]:
     """Return the picture (H, W, 3) of a study, "1/first-triangle"."""
-    twice = (2 * STUDY_SIZE[0], 2 * STUDY_SIZE[1])
-    with chapters.open(which, "auto", scene=studies.load(which, None), size=twice) as renderer:
-        time = STUDY_TIMES.get(studies.split(which)[1], 1.0)
-        return halved(renderer.render(chapters.view_of(renderer), time).image("color"))
+    name = studies.split(which)[1]
+    factor = 1 if name in STUDIES_OF_PIXELS else 2
+    size = (factor * STUDY_SIZE[0], factor * STUDY_SIZE[1])
+    with chapters.open(which, "auto", scene=studies.load(which, None), size=size) as renderer:
+        picture = renderer.render(chapters.view_of(renderer), STUDY_TIMES.get(name, 1.0)).image("color")
+        return halved(picture) if factor == 2 else picture[..., :3]
 
 
 def file_of(name: str) -> str:
