@@ -1,7 +1,8 @@
 """Makes docs/pictures anew: `python docs/pictures.py [NAME...]` draws the project's scenes and studies with chapter 1.
 
-Nearly every picture is drawn twice as wide and high and averaged down in linear light, four samples to a pixel, so that
-edges are smooth without any method of a later chapter. Sheets of views and passes show values, and are left as they are.
+Nearly every picture is drawn twice as wide and high and averaged down in linear light, four samples to a pixel, so
+that edges are smooth without any method of a later chapter. Sheets of views and passes show values, and are left as
+they are.
 """
 
 from __future__ import annotations

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,7 @@ def rays(view: View, aspect: float) -> np.ndarray:
     return np.pad(np.array(made), ((0, 0), (0, 1))).astype(np.float32).ravel()
 
 
-class FullScreen:
+class FullScreen(ABC):
     """What both backends ask of such a study."""
 
     settings: Any
@@ -36,9 +37,9 @@ class FullScreen:
     fragment: str  # file of its fragment shader, from the folder of the studies
     uniform_bytes: int
 
+    @abstractmethod
     def uniforms(self, view: View, time: float) -> np.ndarray:
         """Return what the shader reads in this frame, float32."""
-        raise NotImplementedError
 
     def panorama(self) -> Environment | None:
         """Return what the shader reads as `panorama`; None where it reads nothing."""
