@@ -70,7 +70,8 @@ class Stage(ABC):
         self._closed = False
         self.device = self._open(validate, without) if device is None else device
         self.capabilities = self.device.capabilities
-        self.plan = resolve((), (), self.capabilities, {*without, *self.device.without})
+        self.without = {*without, *self.device.without}
+        self.plan = resolve((), (), self.capabilities, self.without)
         self._index = 0
         self._reset = "first frame"
         self._previous: tuple[View, float] | None = None
