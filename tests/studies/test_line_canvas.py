@@ -142,9 +142,16 @@ def test_an_empty_canvas_draws_nothing_and_a_line_from_behind_the_camera_is_cut(
     picture, work = drawn(stage, monkeypatch, lambda canvas: None, size=(16, 14))
     assert (work["draws"], work["lines"]) == (0, 0) and (picture == BACKGROUND).all()
     behind = VIEW.eye + VIEW.world_from_view[:3, :3] @ (0.3, -0.2, 1.0)
-    picture, _ = drawn(stage, monkeypatch, lambda canvas: canvas.lines([(0, 0, 0), behind], (0, 1, 0)))
-    covered = (picture == (0, 255, 0)).all(axis=-1)
-    # It comes out of the middle and leaves the picture; projecting the end behind would send it the other way.
-    x = np.indices(covered.shape)[1] + 0.5
-    assert covered.sum() > 20 and covered[27:29, 31:33].any()
-    assert (covered & (x > 34)).sum() > 15 and not (covered & (x < 30)).any()
+    for ends in ([(0, 0, 0), behind], [behind, (0, 0, 0)]):
+        picture, _ = drawn(
+            stage, monkeypatch, lambda canvas, ends=ends: canvas.lines(ends, (0, 1, 0)), width=7.0
+        )
+        covered = (picture == (0, 255, 0)).all(axis=-1)
+        # It comes out of the middle and leaves the picture, as wide all the way.
+        start, ahead = projected(np.array([(0.0, 0.0, 0.0), 0.5 * behind]))
+        along = (ahead - start) / np.linalg.norm(ahead - start)
+        y, x = np.indices(covered.shape) + 0.5
+        way = (x - start[0]) * along[0] + (y - start[1]) * along[1]
+        off = np.abs((x - start[0]) * along[1] - (y - start[1]) * along[0])
+        assert covered[(way > -3.4) & (off < 3.45)].all() and covered.sum() > 200
+        assert not covered[(way < -3.6) | (off > 3.55)].any()
