@@ -15,7 +15,7 @@ from backends.vulkan.shaders import compile_all
 from backends.vulkan.upload import Uploader
 
 from ..graphics.commands import Commands
-from ..graphics.descriptors import Binding, Texture
+from ..graphics.descriptors import Binding
 from ..graphics.pipelines import Built
 from ..logic.frame import SLOTS
 from .drawing import Drawn
@@ -67,7 +67,7 @@ class Drawing(Stage):
             uploader.buffer(buffer, array)
         return buffer
 
-    def sets(self, bindings: Sequence[Binding], held: Sequence[dict[int, Buffer | Texture]]) -> list[Any]:
+    def sets(self, bindings: Sequence[Binding], held: Sequence[dict[int, Any]]) -> list[Any]:
         """Return descriptor sets, each ready to be bound: what `held` says of each number."""
         name = f"set of {self.study.title}"
         made = self.descriptors.create([(bindings, one, name) for one in held])

@@ -53,7 +53,7 @@ TEXTURE_SIZE = 96
 
 
 def quads_for(size: tuple[int, int]) -> list[Quad]:
-    """Return what is drawn in a picture of (width, height): both textures, one texel to a pixel and as large as fits."""
+    """Return what is drawn in a picture of (width, height): both textures, texel by pixel and as large as fits."""
     side, gap = TEXTURE_SIZE, max(4, size[0] // 40)
     quads = []
     for number, shows in enumerate(("picture", "depth")):
