@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,6 @@ from backends.vulkan.upload import Uploader
 
 from ..graphics.commands import Commands
 from ..graphics.descriptors import Binding
-from ..graphics.pipelines import Built
 from ..logic.frame import SLOTS
 from .drawing import Drawn
 from .first_triangle.vulkan import EVERY_CHANNEL
@@ -43,6 +43,14 @@ _DYNAMIC = [
     vk.VK_DYNAMIC_STATE_CULL_MODE,
     vk.VK_DYNAMIC_STATE_FRONT_FACE,
 ]
+
+
+@dataclass(frozen=True)
+class Built:
+    """A pipeline, and the layout through which descriptors reach it."""
+
+    handle: Any
+    layout: Any
 
 
 class Drawing(Stage):
@@ -128,8 +136,11 @@ class Drawing(Stage):
 
     def bind(self, commands: Commands, pipeline: Built, descriptor_set: Any) -> None:
         """Draw with a pipeline from here on, both sides of each triangle, and let its shaders read a set."""
-        commands.bind_pipeline(pipeline, vk.VK_CULL_MODE_NONE, vk.VK_FRONT_FACE_COUNTER_CLOCKWISE)
-        commands.bind_set(pipeline, 0, descriptor_set)
+        fn, point = self.device.fn, vk.VK_PIPELINE_BIND_POINT_GRAPHICS
+        fn.vkCmdBindPipeline(commands.handle, point, pipeline.handle)
+        fn.vkCmdSetCullMode(commands.handle, vk.VK_CULL_MODE_NONE)
+        fn.vkCmdSetFrontFace(commands.handle, vk.VK_FRONT_FACE_COUNTER_CLOCKWISE)
+        fn.vkCmdBindDescriptorSets(commands.handle, point, pipeline.layout, 0, 1, descriptor_set, 0, vk.NULL)
 
     def _keep(self, buffer: Buffer) -> Buffer:
         self._buffers = [*getattr(self, "_buffers", ()), buffer]
