@@ -10,10 +10,13 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
+from rich.console import Console
+
 import chapters
 from chapters import bench_points, bench_prepared, bench_start, scenes
 from chapters.bench_points import Effort, Subject
-from chapters.console import Steps, out, say
+from chapters.console import Steps, err, out, say
+from chapters.record import STDOUT
 from chapters.tables import table
 from common import stability
 from common.errors import UserError
@@ -23,6 +26,7 @@ FORMAT = 2
 """Of the record; readers refuse another."""
 
 FOLDER = ROOT / "docs" / "benchmarks"
+PLOTS = (".png", ".svg", ".pdf")
 
 
 def run(
@@ -44,6 +48,10 @@ def run(
     for path in (json_path, plot_path):
         if path is not None and (path.is_dir() or not path.absolute().parent.is_dir()):
             raise UserError(f"{path} cannot be written: name a file in a folder that exists.")
+    if json_path is not None and plot_path is not None and json_path.absolute() == plot_path.absolute():
+        raise UserError(f"--json and --plot both name {json_path}: the record and the plot are two files.")
+    if plot_path is not None and plot_path.suffix.lower() not in PLOTS:
+        raise UserError(f"--plot {plot_path}: write one of {', '.join(PLOTS)}.")
     if record and quick:
         raise UserError("A quick look is no record: leave out --quick, or --record.")
     if plot_path is not None and not can_plot():
@@ -58,13 +66,16 @@ def run(
         json_path = json_path or record_path(number, made["device"]["class"])
         if can_plot():
             plot_path = plot_path or json_path.with_suffix(".png")
-    if json_path is not None:
+    printed = json_path == STDOUT
+    if printed:
+        print(json.dumps(made, indent=1))
+    elif json_path is not None:
         write_record(json_path, made)
     if plot_path is not None:
         plot(plot_path, made)
-    show(made)
+    show(made, err if printed else out)
     for path in (json_path, plot_path):
-        if path is not None:
+        if path is not None and path != STDOUT:
             say(f"Wrote {path}")
     return 0
 
@@ -165,37 +176,44 @@ def commit() -> str:
         return "unknown"
 
 
-def show(made: dict[str, Any]) -> None:
+def show(made: dict[str, Any], to: Console = out) -> None:
     """Print a record as tables."""
     width, height = made["size"]
     where = f"{made['scene']['name']}, {width}x{height}, {made['device']['name']}"
-    _show_points(f"Chapter {made['chapter']}: {where}", made["points"])
+    to.print(f"Errors are against the reference at {made['reference']['samples_per_pixel']} samples a pixel.")
+    _show_points(to, f"Chapter {made['chapter']}: {where}", made["points"])
     for one in made["prepared"]:
         title = f"Before the first frame: {one['name']}, {one['scene']} in {one['environment']}"
-        _show_points(title, one["points"])
+        _show_points(to, title, one["points"])
     for state, times in made["start_s"].items():
         parts = ", ".join(
             f"{name} {value:.2f} s"
             for name, value in times.items()
             if name not in ("total", "shaders_compiled")
         )
-        out.print(
+        to.print(
             f"Start, {state}: {times['total']:.2f} s to the picture ({parts}); "
             f"{times['shaders_compiled']:.0f} shaders compiled.",
             soft_wrap=True,
         )
     worst = made["stability"]["worst"]
-    out.print(
+    to.print(
         f"Stability: worst when {worst['case']}, {worst['pixels_changed']:.3%} of the pixels change "
         f"(at most {made['stability']['bound']:.1%} may).",
         soft_wrap=True,
     )
+    if made["rounds"] < 2:
+        to.print(
+            "Each was measured in one round: what lies close together may be noise. Without --quick there are more.",
+            soft_wrap=True,
+        )
+        return
     for points in (made["points"], *(one["points"] for one in made["prepared"])):
         for name, better in bench_points.dominated(points):
-            out.print(f"The preset {name} is slower and less true than {better}.")
+            to.print(f"The preset {name} is slower and less true than {better}.")
 
 
-def _show_points(title: str, points: list[dict[str, Any]]) -> None:
+def _show_points(to: Console, title: str, points: list[dict[str, Any]]) -> None:
     """Print a table of points; a star marks those of the Pareto front, which no other beats in time and error."""
     walls = "wall_ms" in points[0]
     columns = ("setting", "", ">GPU ms", ">±", *([">wall ms"] if walls else []), ">rel. MSE", ">max", ">FLIP")
@@ -212,7 +230,7 @@ def _show_points(title: str, points: list[dict[str, Any]]) -> None:
             f"{error['max_abs']:.3f}",
             "-" if error["flip"] is None else f"{error['flip']:.4f}",
         )
-    out.print(shown)
+    to.print(shown)
 
 
 def can_plot() -> bool:

@@ -283,7 +283,7 @@ def bench(
     size: Annotated[str, typer.Option(metavar="WxH", help="Size of the picture in pixels.")] = "640x360",
     quick: Annotated[bool, typer.Option("--quick", help="Few frames: a look, not a measurement.")] = False,
     json: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write the record.", show_default=False)
+        Path | None, typer.Option(metavar="FILE", help="Write the record; - prints it.", show_default=False)
     ] = None,
     plot: Annotated[
         Path | None,
