@@ -98,6 +98,8 @@ def check(request: Request) -> None:
     if request.frames is not None:
         count = min(request.frames, 10**18)  # a float holds that; nobody waits for so many
         check_time(request.time + (count - 1) / request.fps, "With --frames and --fps the last --time")
+    # Before the file: a study that cannot fill an EXR is no reason to install the package that writes one.
+    studies.check(request.chapter, request.quality, request.out)
     if request.out is not None:
         images.check_writable(request.out)
         if request.out.suffix.lower() not in (".png", ".exr"):
@@ -111,7 +113,6 @@ def check(request: Request) -> None:
         raise UserError(
             f"--out and --json both name {request.out}: the picture and the record are two files."
         )
-    studies.check(request.chapter, request.quality, request.out)
     settings_of(request, "medium")
 
 

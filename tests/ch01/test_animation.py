@@ -15,6 +15,7 @@ from common.gltf import load_scene
 from common.pose import evaluate_pose
 from common.scene import Animation, AnimationChannel, Deformation, Image, Light, Material
 from common.transforms import pose_looking_at
+from tests.support.bounds import snapping
 from tests.support.scenes import facing, nodes_at, quad_scene, texture, translated
 
 SIZE = (64, 64)
@@ -59,16 +60,6 @@ def rasterise(clip, indices, culled=True):
         nearer = inside & (z > depth)
         depth, slope = np.where(nearer, z, depth), np.where(nearer, np.abs(rise).sum(), slope)
     return depth, sure, slope
-
-
-def snapping(device):
-    """Return how far, in pixels, a device may move a vertex before it fills the triangle.
-
-    Hardware snaps vertices to its sub-pixel grid, along each axis to within 0.6 of a step (Direct3D 11's tolerance of
-    such roundings; 0.48 was measured on an H200), and then interpolates: depth is off by as much of its slope. The
-    software driver takes depth from where the vertex was.
-    """
-    return 0.0 if device.capabilities.is_software else 0.6 * 2.0**-device.limits.subPixelPrecisionBits
 
 
 def assert_depth(picture, clip, indices, culled=True, snap=0.0):

@@ -9,6 +9,7 @@ import pytest
 
 import chapters
 from chapters.ch01.studies.clear_window import PERIOD_S
+from tests.support.bounds import codes_off
 
 
 def codes_at(time: float) -> list[float]:
@@ -20,8 +21,8 @@ def codes_at(time: float) -> list[float]:
 def test_every_pixel_has_the_colour_of_the_time(stage, time):
     picture = stage.draw("clear-window", (19, 7), time)["color"]
     assert picture.shape == (7, 19, 3)
-    # Half a step for rounding, and a hair for the driver's conversion.
-    assert np.abs(picture - np.array(codes_at(time))).max() <= 0.5 + 1e-3
+    # Rounding, and a hair for the driver's conversion.
+    assert np.abs(picture - np.array(codes_at(time))).max() <= codes_off(stage.device) + 1e-3
     assert (picture == picture[0, 0]).all()
 
 

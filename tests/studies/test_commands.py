@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 
 import numpy as np
 import pytest
@@ -145,6 +146,13 @@ def test_what_a_study_cannot_do_is_one_sentence(strata, words, said):
     code, _, err = strata(*words)
     assert code == 2
     assert said in err and err.count("\n") == 1, err
+
+
+def test_a_package_is_not_asked_for_that_would_not_help(strata, monkeypatch):
+    """A study that gives no linear light says so whether or not the package of .exr is there."""
+    monkeypatch.setitem(sys.modules, "OpenEXR", None)
+    code, _, err = strata("run", "1/one-light", "--out", "a.exr")
+    assert code == 2 and "write a .png" in err and "pip" not in err and err.count("\n") == 1
 
 
 def test_a_backend_that_a_study_lacks_is_named_with_the_other(monkeypatch):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from chapters.ch01.studies.dithered_alpha import Settings
+from tests.support.bounds import codes_off
 
 ALPHAS = (0.5, 0.54, 0.6, 0.7, 0.75, 0.8, 0.9, 0.95, 1.0)
 TABLE = {
@@ -44,7 +45,10 @@ def test_the_picture_repeats_the_tile(stage, threshold, alpha):
     picture = stage.draw("dithered-alpha", (16, 12), settings=settings)["color"]
     drawn = np.tile(alpha - 0.5 * TILE / 17 >= threshold, (3, 4))
     assert drawn[:4, :4].sum() == TABLE[threshold][ALPHAS.index(alpha)]
-    assert np.abs(picture - np.where(drawn[..., None], SHEET, BACKGROUND)).max() <= 0.5 + 0.01
+    assert (
+        np.abs(picture - np.where(drawn[..., None], SHEET, BACKGROUND)).max()
+        <= codes_off(stage.device) + 0.01
+    )
 
 
 def test_without_dither_there_is_an_edge_and_without_a_threshold_a_sheet(stage):

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
+from backends.gl.capabilities import integer
 from common.color import decode_srgb
 
 
@@ -19,3 +22,32 @@ def decoded_srgb(codes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     low = np.where(codes == 255, 255.0, np.maximum(coded - 0.5, 0.0))
     high = np.where(codes == 0, 0.0, np.minimum(coded + 0.5, 255.0))
     return decode_srgb(low / 255), decode_srgb(high / 255)
+
+
+def codes_off(device: Any) -> float:
+    """Return how far, in codes, a stored 8-bit code may lie from the value that a shader or a clear gave, unrounded.
+
+    Half a code where values are rounded to the nearest, as the software driver does. Vulkan and OpenGL only ask for
+    that, and graphics hardware has the tolerance of Direct3D 11 for what is written as UNORM, plain or sRGB: 0.6
+    (D3D11_FLOAT32_TO_INTEGER_TOLERANCE_IN_ULP). An H200 was 0.56 off in sRGB.
+    """
+    return 0.5 if device.capabilities.is_software else 0.6
+
+
+def snapping(device: Any) -> float:
+    """Return how far, in pixels, a device may move a vertex before it fills the triangle.
+
+    Hardware snaps vertices to its sub-pixel grid, along each axis to within 0.6 of a step (Direct3D 11's tolerance of
+    such roundings; 0.48 was measured on an H200), and then interpolates: depth is off by as much of its slope. The
+    software driver takes depth from where the vertex was.
+    """
+    if device.capabilities.is_software:
+        return 0.0
+    if device.capabilities.backend == "gl":
+        bits = integer(device.fn, GL_SUBPIXEL_BITS)
+    else:
+        bits = device.limits.subPixelPrecisionBits
+    return 0.6 * 2.0**-bits
+
+
+GL_SUBPIXEL_BITS = 0x0D50

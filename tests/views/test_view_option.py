@@ -27,7 +27,8 @@ def strata(vulkan_instance, capsys, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("backend", ["vulkan", "gl"])
-def test_a_view_is_written_beside_the_picture(strata, tmp_path, backend):
+def test_a_view_is_written_beside_the_picture(request, strata, tmp_path, backend):
+    device = request.getfixturevalue("vulkan_device" if backend == "vulkan" else "gl_context")
     scene = triangle().write(tmp_path)
     draw = ("run", "1", "--headless", "--backend", backend, "--scene", scene, "--size", "24x24")
     assert strata(*draw)[0] == 0
@@ -35,7 +36,10 @@ def test_a_view_is_written_beside_the_picture(strata, tmp_path, backend):
     written = sorted((tmp_path / "out").iterdir())
     assert [path.name for path in written] == ["ch01-scene-normal.png", "ch01-scene.png"]
     normals = read_image(written[0])
-    assert {tuple(row) for row in normals.reshape(-1, 3).tolist()} == {(0, 0, 0), (128, 128, 255)}
+    # 127.5 lies between two codes, and hardware may take either.
+    halves = {128} if device.capabilities.is_software else {127, 128}
+    shown = {tuple(row) for row in normals.reshape(-1, 3).tolist()}
+    assert shown in [{(0, 0, 0), (half, half, 255)} for half in halves]
     assert strata(*draw, "--set", "view=normal", "--out", "set.png")[0] == 0
     assert np.array_equal(read_image(tmp_path / "set.png"), normals)
 

@@ -15,12 +15,13 @@ from chapters.ch01.settings import Settings
 from chapters.views import views_of
 from common import palette
 from common.camera import view_of_scene
-from common.color import decode_srgb
+from common.color import decode_srgb, encode_srgb
 from common.paths import ROOT
 from common.pose import evaluate_pose
 from common.scene import Image, Light, Material, Sampler
 from common.sky import sky
 from common.transforms import rotation
+from tests.support.bounds import codes_off, decoded_srgb, snapping
 from tests.support.chapter import Chapter
 from tests.support.scenes import facing, quad_scene, texture, translated
 
@@ -59,7 +60,11 @@ def test_base_color_is_the_texture_itself(chapter):
     codes, stored = look(chapter, quad_scene(material, images=(image,)), "base-color")
     truth = image.pixels[..., :3]
     assert np.abs(codes.astype(int) - truth).max() <= (0 if chapter.device.capabilities.is_software else 1)
-    assert np.allclose(stored, decode_srgb(truth / 255.0), atol=3e-3)
+    if chapter.device.capabilities.is_software:
+        assert np.allclose(stored, decode_srgb(truth / 255.0), atol=3e-3)
+    else:
+        low, high = decoded_srgb(truth)
+        assert ((low - 1e-6 <= stored) & (stored <= high + 1e-6)).all()
 
 
 def test_base_color_is_multiplied_by_factor_and_vertex_color(chapter):
@@ -109,7 +114,7 @@ def test_factors_are_multiplied_by_their_channel(chapter, view, channel, truth):
     codes, stored = look(chapter, quad_scene(material, images=(image,)), view)
     expected = truth(image.pixels[..., channel] / 255.0)
     assert np.allclose(stored, expected[..., None], atol=1e-5)
-    assert np.abs(codes - 255 * expected[..., None]).max() <= 0.51
+    assert np.abs(codes - 255 * expected[..., None]).max() <= codes_off(chapter.device) + 0.01
 
 
 def test_what_unlit_materials_have_not_is_black(chapter):
@@ -123,7 +128,10 @@ def test_emission_keeps_its_hue_when_it_is_bright(chapter):
     assert np.allclose(stored, (0.5, 0.25, 0.0), atol=1e-6)
     codes, stored = look(chapter, quad_scene(Material(emissive=(400.0, 200.0, 100.0))), "emissive")
     assert np.allclose(stored, (1.0, 0.5, 0.25), atol=1e-6)
-    assert (codes == (255, 188, 137)).all()
+    assert (
+        np.abs(codes - 255 * encode_srgb(np.array((1.0, 0.5, 0.25)))).max()
+        <= codes_off(chapter.device) + 0.01
+    )
 
 
 def test_depth_is_the_distance_of_a_leaning_square(chapter):
@@ -135,7 +143,9 @@ def test_depth_is_the_distance_of_a_leaning_square(chapter):
     scale = 0.25 * scene.length_scale
     covered = np.abs(x) < np.cos(0.6)
     truth = np.where(covered, scale / (scale + distance), 0.0)
-    assert np.allclose(stored, truth[..., None], atol=1e-6)
+    # A pixel is 2 / 16 wide; corners that move take the slope of the square with them.
+    moved = snapping(chapter.device) * 2 / SIZE[0] * np.tan(0.6) * truth**2 / scale
+    assert (np.abs(stored - truth[..., None]) <= 1e-6 + 1e-5 * truth[..., None] + moved[..., None]).all()
     assert codes[8, 3, 0] > codes[8, 12, 0] > 0 and not codes[8, 0].any()
 
 
@@ -171,7 +181,7 @@ def test_triangles_have_colors_of_their_own_that_stay(chapter):
         for triangle, (row, column) in ((0, (10, left + 5)), (1, (5, left + 2))):
             truth = palette.id_color(palette.part_id(instance, triangle))
             assert np.allclose(stored[row, column], truth, atol=1e-5)
-            assert np.abs(codes[row, column] - 255 * truth).max() <= 0.51
+            assert np.abs(codes[row, column] - 255 * truth).max() <= codes_off(chapter.device) + 0.01
     again = look(chapter, scene, "triangle-id", facing(distance=3.0, ymag=2.0))[1]
     assert np.array_equal(again, stored)
 
@@ -189,7 +199,7 @@ def test_overdraw_counts_every_layer(chapter):
     )
     codes, stored = look(chapter, scene, "overdraw")
     assert (stored == 3.0).all()
-    assert np.abs(codes - 255 * palette.heat(3 / 12)).max() <= 0.51
+    assert np.abs(codes - 255 * palette.heat(3 / 12)).max() <= codes_off(chapter.device) + 0.01
 
 
 def test_lights_are_counted_where_range_and_cone_reach(chapter):
@@ -210,7 +220,7 @@ def test_lights_are_counted_where_range_and_cone_reach(chapter):
     truth = 1.0 + in_range + in_cone
     assert {1.0, 2.0, 3.0} <= set(np.unique(truth))
     assert np.array_equal(stored[..., 0], truth)
-    assert np.abs(codes - 255 * palette.heat(truth / 12)).max() <= 0.51
+    assert np.abs(codes - 255 * palette.heat(truth / 12)).max() <= codes_off(chapter.device) + 0.01
 
 
 def test_a_light_below_the_cutoff_is_not_counted(chapter):
