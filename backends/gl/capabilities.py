@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Literal
 
@@ -74,6 +75,10 @@ _FLOOR = {
     "maxComputeWorkGroupInvocations": 1024,
 }
 """What is asked of every driver: OpenGL 4.5 alone promises 8 storage buffers, and none in vertex shaders."""
+
+REQUIRED = ("GL_ARB_shader_draw_parameters",)
+"""Extensions that every driver must list: each vertex shader needs the base instance, which 4.5 alone does not have.
+A driver of 4.6, where it is core, must list it too, since shaders ask for it by this name."""
 
 _SOFTWARE = ("llvmpipe", "softpipe", "swrast", "swiftshader", "software rasterizer", "gdi generic")
 _VIRTUAL = ("virgl", "svga3d", "vmware", "virtualbox", "parallels", "d3d12")
@@ -156,8 +161,8 @@ def probe(fn: gl.Functions) -> Capabilities:
     )
 
 
-def unfit(capabilities: Capabilities) -> str | None:
-    """Return why Strata cannot use this context at all, or None."""
+def unfit(capabilities: Capabilities, offered: Collection[str]) -> str | None:
+    """Return why Strata cannot use a context that lists the extensions `offered` at all, or None."""
     if capabilities.api_version < (4, 5, 0):
         return (
             f"it offers OpenGL {capabilities.api_version[0]}.{capabilities.api_version[1]}, and 4.5 is needed"
@@ -165,4 +170,5 @@ def unfit(capabilities: Capabilities) -> str | None:
     for name, least in _FLOOR.items():
         if capabilities.limits[name] < least:
             return f"its limit {name} is {capabilities.limits[name]}, and {least} is needed"
-    return None
+    missing = [name for name in REQUIRED if name not in offered]
+    return f"the driver lacks {' and '.join(missing)}" if missing else None

@@ -138,7 +138,7 @@ class Context:
         try:
             self._check_version()
             self.capabilities = gc.probe(self.fn)
-            reason = gc.unfit(self.capabilities)
+            reason = gc.unfit(self.capabilities, gc.extensions(self.fn))
             if reason:
                 raise UnsupportedError(NO_CONTEXT.format(f"{self.capabilities.device}: {reason}"))
             self.mgl = _moderngl(self._loader)

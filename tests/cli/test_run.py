@@ -383,6 +383,7 @@ def start(*words: str, cwd: Path, **variables: str) -> subprocess.CompletedProce
 
 
 NO_VULKAN = {"VK_DRIVER_FILES": "/nowhere.json"}
+BASE_INSTANCE = "GL_ARB_shader_draw_parameters"
 NO_OPENGL = {"__EGL_VENDOR_LIBRARY_FILENAMES": "/nowhere.json"}
 
 
@@ -404,8 +405,9 @@ def test_without_any_driver_it_says_what_to_install(tmp_path):
     [
         ({"GLCONTEXT_LINUX_LIBEGL": "libno-such-egl.so"}, "libno-such-egl.so"),
         ({"MESA_GL_VERSION_OVERRIDE": "4.4"}, "No OpenGL 4.5 was found ("),
+        ({"MESA_EXTENSION_OVERRIDE": f"-{BASE_INSTANCE}"}, f"the driver lacks {BASE_INSTANCE}"),
     ],
-    ids=["no EGL", "OpenGL 4.4"],
+    ids=["no EGL", "OpenGL 4.4", "no base instance"],
 )
 def test_opengl_that_cannot_be_used_is_one_sentence(tmp_path, gl_context, taken, said):
     if not gl_context.capabilities.is_software:

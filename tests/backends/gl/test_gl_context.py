@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 
@@ -14,6 +15,7 @@ from backends.gl import api as gl
 from backends.gl import capabilities as gc
 from backends.gl.context import Context, _headless_loader
 from backends.gl.resources import create_buffer, create_image, create_sampler, destroy_buffer, destroy_image
+from backends.shader_text import build_text
 from common.errors import DeviceError, UnsupportedError, UserError
 from common.paths import ROOT
 from common.scene import Sampler
@@ -95,9 +97,19 @@ def test_a_context_below_the_floor_is_refused_in_a_few_words(gl_context, version
     from dataclasses import replace
 
     limits = {**gl_context.limits, "maxPerStageDescriptorStorageBuffers": limit}
-    reason = gc.unfit(replace(gl_context.capabilities, api_version=version, limits=limits))
+    offered = gc.extensions(gl_context.fn)
+    reason = gc.unfit(replace(gl_context.capabilities, api_version=version, limits=limits), offered)
     assert reason and "is needed" in reason
-    assert gc.unfit(gl_context.capabilities) is None
+    assert gc.unfit(gl_context.capabilities, offered) is None
+
+
+def test_a_context_without_an_extension_that_every_vertex_shader_asks_for_is_refused(gl_context):
+    prelude = build_text("void main() {}\n", "vert", "gl").text
+    asked = set(re.findall(r"#extension (\w+) : require", prelude))
+    assert asked == set(gc.REQUIRED)
+    offered = gc.extensions(gl_context.fn)
+    for name in asked:
+        assert gc.unfit(gl_context.capabilities, offered - {name}) == f"the driver lacks {name}"
 
 
 # --- where there is none ----------------------------------------------------------------------------------------------
