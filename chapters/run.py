@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import re
+import sys
 import time as clock
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 
 QUALITIES = ("auto", "low", "medium", "high", "reference")
 DEFAULT_SIZE = (1280, 720)
+MAX_EV = 60
 EXR_OUTPUTS = {"color_linear": "", "depth": "depth", "instance_id": "instance_id"}
 """What goes into an EXR, and the name of its layer."""
 
@@ -89,9 +91,9 @@ def check(request: Request) -> None:
     if request.frames is not None and request.frames < 1:
         raise UserError(f"--frames {request.frames} draws nothing: it must be at least 1.")
     check_time(request.time, "--time")
-    if request.ev100 is not None and not -60.0 <= request.ev100 <= 60.0:
+    if request.ev100 is not None and not -MAX_EV <= request.ev100 <= MAX_EV:
         raise UserError(
-            f"--ev {request.ev100} is no exposure: give EV100 between -60 and 60; daylight is about 15."
+            f"--ev {request.ev100} is no exposure: give EV100 between {-MAX_EV} and {MAX_EV}; daylight is about 15."
         )
     if not (math.isfinite(request.fps) and request.fps > 0):
         raise UserError(f"--fps {request.fps} is no rate: give frames per second above 0.")
@@ -303,10 +305,14 @@ def expose(scene: Scene, request: Request) -> None:
         return
     from common.camera import exposure, fitting_ev100, framed_view
 
-    fits = fitting_ev100(scene.environment.mean_luminance)
+    light = scene.environment.mean_luminance
+    fits = fitting_ev100(light, least=sys.float_info.min)
     chosen = framed_view(scene, 1.0).ev100
-    if abs(chosen - fits) > 3.0:
-        seen = exposure(chosen) * scene.environment.mean_luminance
+    if abs(fits) > MAX_EV:
+        extreme = "dark" if fits < 0 else "bright"
+        say(f"strata: the environment has {light:.2g} nits on average: it is too {extreme} for any exposure.")
+    elif abs(chosen - fits) > 3.0:
+        seen = exposure(chosen) * light
         say(
             f"strata: at this exposure the environment has a brightness of {seen:.2g} on average: --ev {fits:.1f} fits."
         )

@@ -199,9 +199,9 @@ def _scene_ev100(scene: Scene) -> float:
     return UNIT_EV100 if chosen is None else chosen
 
 
-def fitting_ev100(luminance: float) -> float:
-    """Return the exposure value at which `luminance`, in nits, becomes a light grey."""
-    return math.log2(max(luminance, 1e-6) / (1.2 * LIGHT_GREY))
+def fitting_ev100(luminance: float, least: float = 1e-6) -> float:
+    """Return the exposure value at which `luminance`, in nits, becomes a light grey; less than `least` stays dark."""
+    return math.log2(max(luminance, least) / (1.2 * LIGHT_GREY))
 
 
 def _view_of_camera(scene: Scene, pose: Pose, index: int) -> View:

@@ -27,10 +27,13 @@ READABLE = (".hdr", ".exr")
 MAX_WIDTH = 8192
 """Pixels of the widest panorama that is read: 0.04 degrees each, 400 MB as floats."""
 
+BRIGHTEST = 1e17
+"""Nits of the brightest texel: the sun has 2e9; exposures, which end at EV100 60, fit no light beyond."""
+
 
 @dataclass(frozen=True, eq=False)
 class Environment:
-    """Light from far away. `radiance` is (H, 2H, 3) float32 in nits, finite and not negative, and never written."""
+    """Light from far away. `radiance` is (H, 2H, 3) float32 in nits, from 0 to `BRIGHTEST`, and never written."""
 
     name: str
     radiance: Float32
@@ -44,8 +47,8 @@ class Environment:
             raise ValueError(
                 f"a panorama is twice as wide as high, not {pixels.shape[1]} x {pixels.shape[0]}"
             )
-        if not (np.isfinite(pixels).all() and pixels.min() >= 0):
-            raise ValueError("radiance is finite and not negative")
+        if not (pixels.min() >= 0 and pixels.max() <= BRIGHTEST):
+            raise ValueError(f"radiance is neither negative nor above {BRIGHTEST:g} nits")
 
     @cached_property
     def content(self) -> str:
@@ -74,8 +77,9 @@ def constant(nits: float | Sequence[float] = 1.0, height: int = 2) -> Environmen
 def read_environment(path: str | Path) -> Environment:
     """Return the environment in an .hdr or .exr file; what it counts as 1 is taken to be a nit.
 
-    NaN and negative texels become black, infinite ones as bright as the brightest finite one: `warnings` says how many
-    there were. Raises UserError, a sentence, for what is no picture, no panorama, too large, or has no light at all.
+    NaN and negative texels become black, infinite ones as bright as the brightest finite one, all at most `BRIGHTEST`:
+    `warnings` says how many there were. Raises UserError, a sentence, for what is no picture, no panorama, too large,
+    or has no light at all.
     """
     path = Path(path)
     if path.suffix.lower() not in READABLE:
@@ -95,8 +99,9 @@ def read_environment(path: str | Path) -> Environment:
     color = np.repeat(pixels[..., :1], 3, axis=2) if channels < 3 else pixels[..., :3]
     with np.errstate(over="ignore"):
         radiance, warnings = clean(color)
-    if warnings and not radiance.any():
-        raise UserError(f"{path} has no texel that is a positive number: name another file")
+    if not radiance.any():
+        why = "has no texel that is a positive number" if warnings else "sends no light, every texel is black"
+        raise UserError(f"{path} {why}: name another file")
     return Environment(path.stem, radiance, tuple(f"{path}: {warning}" for warning in warnings))
 
 
@@ -115,4 +120,9 @@ def clean(pixels: ArrayLike) -> tuple[Float32, list[str]]:
         values[infinite] = values[~infinite].max(initial=0.0)
         count = int(infinite.any(axis=-1).sum())
         warnings.append(f"{count} texels are infinite and were made as bright as the brightest other one")
+    beyond = values > BRIGHTEST
+    if beyond.any():
+        values[beyond] = BRIGHTEST
+        count = int(beyond.any(axis=-1).sum())
+        warnings.append(f"{count} texels are brighter than {BRIGHTEST:g} nits and were made that bright")
     return values, warnings

@@ -10,12 +10,15 @@ import subprocess
 import sys
 import zlib
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from backends.gl import api as gl
 from chapters.__main__ import run
+from chapters.run import Request, expose
+from common.environment import constant
 from common.images import read_image, read_layers
 from common.paths import ROOT
 from tests.common.gltf.builder import TRIANGLE, Gltf, triangle
@@ -112,6 +115,18 @@ def test_an_exposure_darkens_the_picture_and_a_sky_that_does_not_fit_is_said(str
     code, _, err = strata("run", "1", "--scene", "cornell", *words, "--out", "c.png")
     assert code == 0
     assert re.search(r"--ev [\d.]+ fits", err)
+
+
+@pytest.mark.parametrize(
+    ("nits", "said"),
+    [(1e-30, "nits on average: it is too dark for any exposure"), (1e-10, "--ev -32.2 fits"), (0.4, "")],
+)
+def test_no_exposure_is_named_that_does_not_fit(capsys, nits, said):
+    scene = SimpleNamespace(ev100=None, environment=constant(nits), cameras=[SimpleNamespace(ev100=0.0)])
+    scene.bounds, scene.length_scale = np.array([[0.0, 0, 0], [1, 1, 1]]), 1.0
+    expose(scene, Request(1))
+    told = capsys.readouterr().err
+    assert said in told and told.count("--ev") == ("--ev" in said) and bool(told) == bool(said)
 
 
 def test_opengl_writes_the_same_light_depth_and_ids(strata, tmp_path, gl_context):

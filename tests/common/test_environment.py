@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from common import environment
+from common.camera import fitting_ev100
 from common.directions import panorama_directions, panorama_solid_angles
 from common.environment import Environment, clean, constant, read_environment
 from common.errors import UserError
@@ -119,6 +120,26 @@ def test_files_without_light_or_of_other_kinds_are_refused(tmp_path):
     for name, says in (("nan.exr", "no texel"), ("none.hdr", "no file"), ("sky.png", "name a panorama")):
         with pytest.raises(UserError, match=says):
             read_environment(tmp_path / name)
+
+
+def test_a_black_picture_is_refused(tmp_path):
+    write_image(tmp_path / "black.hdr", np.zeros((2, 4, 3), np.float32))
+    with pytest.raises(UserError, match=r"black\.hdr sends no light"):
+        read_environment(tmp_path / "black.hdr")
+
+
+def test_texels_beyond_every_exposure_are_made_as_bright_as_any_fits(tmp_path):
+    pixels = panorama()
+    pixels[1, 2] = pixels[3, 3] = 3e38
+    write_image(tmp_path / "bright.exr", pixels)
+    got = read_environment(tmp_path / "bright.exr")
+    assert got.radiance[1, 2, 0] == got.radiance.max() == np.float32(environment.BRIGHTEST)
+    assert np.array_equal(got.radiance[0], pixels[0])
+    (warning,) = got.warnings
+    assert "2 texels are brighter than 1e+17 nits" in warning
+    assert fitting_ev100(environment.BRIGHTEST) < 60  # what --ev takes
+    with pytest.raises(ValueError, match="above"):
+        constant(3e38)
 
 
 def test_grey_pictures_are_read_as_white_light(tmp_path):
