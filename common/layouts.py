@@ -206,7 +206,8 @@ def fill_frame_constants(
         exposure(previous_view.ev100) if exposure_before is None else exposure_before
     )
     record["ambient"][:3] = ambient * record["exposure"]
-    record["environment"] = (environment[0] * record["exposure"], *environment[1:])
+    sent = min(environment[0] * float(record["exposure"]), float(np.finfo(np.float32).max))
+    record["environment"] = (sent, *environment[1:])
     record["time"], record["previous_time"] = time, previous_time
     record["delta_time"] = time - previous_time
     record["near"] = view.projection.near

@@ -16,6 +16,8 @@ Float32 = NDArray[np.float32]
 Bytes = NDArray[np.uint8]
 
 MAX_PIXELS = 1 << 28
+MAX_EXPOSURE = 1e30
+"""The largest product of a file's exposures, and the inverse of the smallest."""
 _RESOLUTION = re.compile(rb"([+-])([XY]) +(\d+) +([+-])([XY]) +(\d+)")
 
 
@@ -40,7 +42,8 @@ def decode_radiance(data: bytes) -> Float32:
     )
     image = rgbe_to_float(pixels)
     if exposure != 1.0:
-        image = (image / exposure).astype(np.float32)
+        scaled = image / np.float64(exposure)  # the largest values may leave float32
+        image = np.minimum(scaled, np.finfo(np.float32).max).astype(np.float32)
     # The first axis counts lines in the file: -Y means from the top down, +X from left to right.
     if first_axis == b"X":
         image = image.transpose(1, 0, 2)
@@ -78,6 +81,10 @@ def _header(data: bytes) -> tuple[float, list[tuple[bytes, bytes, int]], int]:
     if match is None or match[2] == match[5]:
         raise ValueError("its resolution line is not like '-Y 512 +X 1024'")
     axes = [(match[1], match[2], int(match[3][:9])), (match[4], match[5], int(match[6][:9]))]
+    if not 1 / MAX_EXPOSURE <= exposure <= MAX_EXPOSURE:
+        raise ValueError(
+            f"its exposure of {exposure:g} is not between {1 / MAX_EXPOSURE:g} and {MAX_EXPOSURE:g}"
+        )
     return exposure, axes, end + 1
 
 

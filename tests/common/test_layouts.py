@@ -164,6 +164,12 @@ def test_exposures_times_and_counters():
     assert adapted["exposure"] == 0.25 and adapted["previous_exposure"] == 0.125
 
 
+def test_light_beyond_float32_ends_at_its_largest_number():
+    brightest = (1e17 * 1e9, 1.0, 0.0, 0.0)  # times the largest intensity
+    record = constants(View(np.eye(4), ev100=-60.0), View(np.eye(4)), environment=brightest)
+    assert record["environment"][0] == np.finfo(np.float32).max
+
+
 def instances(now, before=None, **options):
     records = np.zeros(len(now), dtype("Instance"))
     boxes = np.tile(np.array([[-1.0, -2, -3], [2, 3, 5]]), (len(now), 1, 1))

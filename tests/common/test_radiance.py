@@ -116,6 +116,14 @@ def test_exposure_is_divided_out():
     assert np.allclose(decode_radiance(data), 1 / 8)
 
 
+def test_exposures_beyond_reason_are_refused_and_large_light_ends_at_the_largest_float():
+    pixel = b"\n-Y 1 +X 1\n" + bytes((128, 128, 128, 200))
+    for lines, product in ((b"1e-300", "1e-300"), (b"1e20\nEXPOSURE=1e20", r"1e\+40")):
+        with pytest.raises(ValueError, match=f"its exposure of {product} is not between"):
+            decode_radiance(b"#?RGBE\nEXPOSURE=" + lines + b"\n" + pixel)
+    assert (decode_radiance(b"#?RGBE\nEXPOSURE=1e-29\n" + pixel) == np.finfo(np.float32).max).all()
+
+
 GOOD = encode_radiance(np.ones((4, 10, 3)))
 
 
