@@ -89,10 +89,14 @@ def read_environment(path: str | Path) -> Environment:
         raise UserError(
             f"{path} is {width} x {height} pixels, wider than the {MAX_WIDTH} of the largest environment: scale it down"
         )
-    if width != 2 * height or height < 2:
+    if width != 2 * height:
         raise UserError(
             f"{path} is {width} x {height} pixels, but a panorama of all directions is twice as wide as high: "
             "name another file"
+        )
+    if height < 2:
+        raise UserError(
+            f"{path} is {width} x {height} pixels, fewer than the 4 x 2 of the smallest panorama: name another file"
         )
     pixels = read_image(path)
     channels = pixels.shape[2]

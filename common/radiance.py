@@ -18,7 +18,7 @@ Bytes = NDArray[np.uint8]
 MAX_PIXELS = 1 << 28
 MAX_EXPOSURE = 1e30
 """The largest product of a file's exposures, and the inverse of the smallest."""
-_RESOLUTION = re.compile(rb"([+-])([XY]) +(\d+) +([+-])([XY]) +(\d+)")
+_RESOLUTION = re.compile(rb"([+-])([XY]) +(\d{1,18}) +([+-])([XY]) +(\d{1,18})")
 
 
 def decode_radiance(data: bytes) -> Float32:
@@ -80,7 +80,7 @@ def _header(data: bytes) -> tuple[float, list[tuple[bytes, bytes, int]], int]:
     match = _RESOLUTION.fullmatch(data[at:end].rstrip(b"\r")) if end >= 0 else None
     if match is None or match[2] == match[5]:
         raise ValueError("its resolution line is not like '-Y 512 +X 1024'")
-    axes = [(match[1], match[2], int(match[3][:9])), (match[4], match[5], int(match[6][:9]))]
+    axes = [(match[1], match[2], int(match[3])), (match[4], match[5], int(match[6]))]
     if not 1 / MAX_EXPOSURE <= exposure <= MAX_EXPOSURE:
         raise ValueError(
             f"its exposure of {exposure:g} is not between {1 / MAX_EXPOSURE:g} and {MAX_EXPOSURE:g}"

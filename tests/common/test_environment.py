@@ -86,7 +86,7 @@ def test_doubles_beyond_float32_are_as_bright_as_the_brightest_other_one():
     [
         ((1, 1), "1 x 1 pixels"),
         ((4, 4), "twice as wide"),
-        ((1, 2), "2 x 1"),
+        ((1, 2), "2 x 1 pixels, fewer than the 4 x 2"),
         ((2, 8194), "wider than the 8192"),
     ],
 )
@@ -95,6 +95,15 @@ def test_what_is_no_panorama_is_refused(tmp_path, shape, says, suffix):
     write_image(tmp_path / f"p{suffix}", np.ones((*shape, 3), np.float32))
     with pytest.raises(UserError, match=says):
         read_environment(tmp_path / f"p{suffix}")
+
+
+def test_a_size_beyond_all_is_said_in_full(tmp_path):
+    (tmp_path / "huge.hdr").write_bytes(b"#?RADIANCE\n\n-Y 4294967296 +X 8589934592\n")
+    with pytest.raises(UserError, match="8589934592 x 4294967296 pixels"):
+        read_environment(tmp_path / "huge.hdr")
+    (tmp_path / "digits.hdr").write_bytes(b"#?RADIANCE\n\n-Y 1 +X " + b"9" * 4000 + b"\n")
+    with pytest.raises(UserError, match="resolution line"):
+        read_environment(tmp_path / "digits.hdr")
 
 
 def test_a_panorama_of_16k_is_refused_before_it_is_decoded(tmp_path, monkeypatch):
