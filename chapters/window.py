@@ -11,13 +11,13 @@ from collections import deque
 from collections.abc import Callable, Collection, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from backends.window import Window
+from chapters import panel_imgui
 from chapters.live import Live
 from chapters.panel import Panel, PanelActions, PanelState, open_panel
 from chapters.window_camera import camera_text, first_person, open_camera, orbit
@@ -42,8 +42,8 @@ HELP = (
 
 
 def panel_help() -> str:
-    """Return what to say about the panel: its keys, or how to get it."""
-    if find_spec("imgui_bundle") is None:
+    """Return what to say about the panel: its keys, or how to get it. Loads the package, as opening the panel does."""
+    if panel_imgui.load() is None:
         return "For a panel with every setting: ./strata --extras (the package imgui-bundle)."
     return "F1 or Tab shows and hides the panel."
 

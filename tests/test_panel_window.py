@@ -312,10 +312,18 @@ def test_the_text_of_a_view_gives_it_back(positioner):
 
 
 def test_the_help_names_the_keys_of_the_panel_or_how_to_get_one(monkeypatch):
-    monkeypatch.setattr(module, "find_spec", lambda name: None)
+    monkeypatch.setattr(panel_imgui, "load", lambda: None)
     assert "--extras" in panel_help()
-    monkeypatch.setattr(module, "find_spec", lambda name: name)
+    monkeypatch.setattr(panel_imgui, "load", lambda: panel_imgui)
     assert "F1 or Tab" in panel_help()
+
+
+def test_the_help_promises_no_panel_of_a_broken_package(tmp_path, monkeypatch):
+    (tmp_path / "imgui_bundle.py").write_text("raise ImportError('a library of the system is missing')")
+    for name in [name for name in sys.modules if name.split(".")[0] == "imgui_bundle"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.syspath_prepend(tmp_path)
+    assert "--extras" in panel_help()
 
 
 @pytest.mark.feature("ui/imgui-renderer")
