@@ -10,12 +10,14 @@ from common.environment import Environment, read_environment
 from common.errors import SceneError, UserError
 from common.gltf import load_scene
 from common.gltf.load import Progress
+from common.names import suggest
 from common.obj import load_obj
 from common.scene import Scene
 from common.sky import sky
 
 DEFAULT = "atrium"
 SUFFIXES = (".gltf", ".glb", ".obj")
+ENVIRONMENTS = ("none", "sky")
 
 
 def find(text: str) -> Path:
@@ -60,9 +62,17 @@ def _siblings(path: Path) -> list[Path]:
 
 def environment(text: str) -> Environment | None:
     """Return the environment meant by `text`: "none", "sky" or a file. Raises UserError."""
-    if text in ("", "none"):
+    if not text.strip():
+        raise UserError("--environment needs a panorama's file, sky, or none.")
+    if text == "none":
         return None
-    return sky() if text == "sky" else read_environment(Path(text).expanduser())
+    if text == "sky":
+        return sky()
+    path = Path(text).expanduser()
+    near = suggest(text, ENVIRONMENTS)
+    if near.endswith("?") and not path.exists() and not _is_path(text, path):
+        raise UserError(f"There is no environment {text!r}{near}")
+    return read_environment(path)
 
 
 def load(text: str, progress: Progress | None = None, around: str = "none") -> Scene:

@@ -113,7 +113,7 @@ def load(which: int | str, text: str | None, progress: Progress | None = None, a
         return scenes.load(scenes.DEFAULT if text is None else text, progress, around)
     number, name = split(which)
     about = study(which)
-    if around not in ("", "none"):
+    if around != "none":
         raise UserError(f"The study {which} has no environment: leave --environment out.")
     if text is not None and about.scene is None:
         raise UserError(f"The study {which} brings what it draws: leave --scene out.")

@@ -222,6 +222,15 @@ WRONG_WORDS = {
         ("run", "1", "--scene", "cornell", "--environment", "nowhere.hdr"),
         "nowhere.hdr",
     ),
+    "an environment in capitals": (
+        ("run", "1", "--scene", "cornell", "--environment", "SKY"),
+        "did you mean 'sky'?",
+    ),
+    "an environment misspelt": (
+        ("run", "1", "--scene", "cornell", "--environment", "skyy"),
+        "did you mean 'sky'?",
+    ),
+    "no environment": (("run", "1", "--scene", "cornell", "--environment", ""), "--environment needs"),
     "a time that is none": (("run", "1", "--time", "nan"), "--time"),
     "a time too far": (("run", "1", "--time", "1e308"), "between -1e+09 and 1e+09"),
     "a rate that is next to none": (
