@@ -120,20 +120,21 @@ class Settings:
     )
     environment_size: int = knob(
         256,
-        "texels along an edge of the environment's cube, a power of two",
+        "texels along an edge of the environment's cube, rounded down to a power of two",
         minimum=16,
         maximum=2048,
     )
     environment_detail: float = knob(
         0.35,
-        "texels summed as a whole for blurred levels, as a part of the lobe's width",
+        "texels summed as a whole for blurred levels, as a part of the lobe's width; time grows with its inverse "
+        "square: 0.05 takes minutes in software",
         minimum=0.05,
         maximum=2,
         reference=0.15,
     )
     irradiance_source: int = knob(
         32,
-        "texels along an edge of the level that irradiance is summed over, a power of two",
+        "texels along an edge of the level that irradiance is summed over, rounded down to a power of two",
         minimum=4,
         maximum=256,
         reference=128,

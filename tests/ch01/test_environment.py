@@ -16,6 +16,7 @@ from backends.vulkan.resources import create_buffer, create_sampler, destroy_buf
 from chapters.ch01.graphics.environment import create_environment, read_levels
 from chapters.ch01.logic import environment as logic
 from chapters.ch01.logic.environment import SMOOTH, Sizes
+from chapters.ch01.settings import Settings
 from common import shading_environment as ibl
 from common.directions import (
     cube_directions,
@@ -26,6 +27,7 @@ from common.directions import (
 )
 from common.environment import Environment, constant, read_environment
 from common.paths import asset_dir
+from common.settings import knobs
 from common.shading import distribution_ggx
 
 pytestmark = pytest.mark.variants("vulkan")  # the kernels need nothing that a device may lack
@@ -350,6 +352,14 @@ def test_levels():
     for wrong in ({"face": 48}, {"face": 8}, {"irradiance_source": 64, "face": 32}):
         with pytest.raises(ValueError):
             Sizes(**wrong)
+
+
+def test_edges_are_rounded_down_to_powers_of_two_as_their_help_says():
+    sizes = Sizes.of(Settings(environment_size=300, irradiance_source=63))
+    assert (sizes.face, sizes.irradiance_source) == (256, 32)
+    for name in ("environment_size", "irradiance_source"):
+        assert "rounded down to a power of two" in knobs(Settings())[name].doc
+    assert "inverse square" in knobs(Settings())["environment_detail"].doc
 
 
 def test_no_pixel_of_the_panorama_is_passed_over():
