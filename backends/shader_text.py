@@ -345,7 +345,7 @@ def describe_errors(log: str, source: ShaderSource) -> str:
         if found is None or int(found["file"]) >= len(source.files):
             shown.append(line.rstrip().removeprefix("ERROR: "))
             continue
-        located = True
+        located = located or found["file"] != "0"  # a place in the prelude does not say which shader it is
         parts = found.groupdict()
         message = f"{parts['kind'].lower()}: {parts['text']}" if parts.get("kind") else parts["text"]
         column = int(parts["column"]) if parts.get("column") else None

@@ -7,6 +7,7 @@ import json
 import os
 import platform
 import subprocess
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from chapters import bench_points, bench_prepared, bench_start, scenes
 from chapters.bench_points import Effort, Subject
 from chapters.console import Steps, err, out, say
 from chapters.record import STDOUT
+from chapters.run import open_device
 from chapters.tables import table
 from common import stability
 from common.errors import UserError
@@ -109,22 +111,24 @@ def measure(
 ) -> dict[str, Any]:
     """Return the record of one bench."""
     steps("load", 0.0)
-    subject = Subject(number, backend, scenes.load(scene), size)
+    loaded = scenes.load(scene)
     load_before = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
     defaults = vars(chapters.settings_class(number)())
-    with subject.open(None, {"color"}) as renderer:
-        capabilities = renderer.capabilities
     steps("start, cold and warm", 0.05)
     starts = bench_start.cold_and_warm(number, backend, scene, size, effort.starts)
-    found = bench_points.sweep(subject, effort, lambda what, part: steps(what, 0.15 + 0.5 * part))
-    points = [point.record(defaults) for point in found]
-    for point in points:
-        point["front"] = bench_points.on_front(point, points)
-    prepared = bench_prepared.sweeps(
-        number, backend, size, effort, lambda what, part: steps(f"prepare {what}", 0.65 + 0.25 * part)
-    )
-    steps("stability", 0.9)
-    cases = bench_points.stability_cases(subject, effort)
+    with ExitStack() as stack:
+        device = open_device(stack, backend)
+        capabilities = device.capabilities
+        subject = Subject(number, backend, loaded, size, device)
+        found = bench_points.sweep(subject, effort, lambda what, part: steps(what, 0.15 + 0.5 * part))
+        points = [point.record(defaults) for point in found]
+        for point in points:
+            point["front"] = bench_points.on_front(point, points)
+        prepared = bench_prepared.sweeps(
+            subject, effort, lambda what, part: steps(f"prepare {what}", 0.65 + 0.25 * part)
+        )
+        steps("stability", 0.9)
+        cases = bench_points.stability_cases(subject, effort)
     return {
         "format": FORMAT,
         "chapter": number,
@@ -143,8 +147,8 @@ def measure(
         "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         "scene": {
             "name": scene,
-            "instances": len(subject.scene.instances),
-            "triangles": subject.scene.triangle_count,
+            "instances": len(loaded.instances),
+            "triangles": loaded.triangle_count,
         },
         "size": list(size),
         "cache_state": f"shaders and driver warm, {effort.warm_up} frames before each round",

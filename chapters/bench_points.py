@@ -120,10 +120,14 @@ def _values(name: str, knob: Knob, presets: dict[str, dict[str, Any]]) -> Iterat
 
 
 class Subject:
-    """One chapter on one scene and size, opened with one setting after the other."""
+    """One chapter on one scene and size, opened with one setting after the other on one device.
 
-    def __init__(self, chapter: int, backend: str, scene: Scene, size: tuple[int, int]) -> None:
+    A device for each opening would measure the same, but some drivers load no more after some hundred times.
+    """
+
+    def __init__(self, chapter: int, backend: str, scene: Scene, size: tuple[int, int], device: Any) -> None:
         self.chapter, self.backend, self.scene, self.size = chapter, backend, scene, size
+        self.device = device
 
     @contextmanager
     def open(
@@ -132,7 +136,13 @@ class Subject:
         """Open the chapter; the size is the bench's, if no other is given."""
         size = size or self.size
         with chapters.open(
-            self.chapter, self.backend, scene=self.scene, size=size, settings=settings, outputs=outputs
+            self.chapter,
+            self.backend,
+            scene=self.scene,
+            size=size,
+            settings=settings,
+            outputs=outputs,
+            device=self.device,
         ) as renderer:
             yield renderer
 
@@ -224,7 +234,7 @@ def stability_cases(subject: Subject, effort: Effort) -> list[dict[str, Any]]:
     found = []
     cases = stability.cases(subject.scene, view)
     for name, scene, seen in cases if effort.everything else islice(cases, 1):
-        other = Subject(subject.chapter, subject.backend, scene, subject.size)
+        other = Subject(subject.chapter, subject.backend, scene, subject.size, subject.device)
         with other.open(settings, {"color"}) as renderer:
             picture = settled(renderer, seen).image("color")
         found.append({"case": name, "pixels_changed": stability.pixels_changed(picture, still)})

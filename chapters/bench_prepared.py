@@ -39,25 +39,18 @@ def prepared_points(settings_class: type, swept: Sweep) -> list[tuple[str, str, 
     return found
 
 
-def sweeps(
-    chapter: int, backend: str, size: tuple[int, int], effort: Effort, step: Callable[[str, float], None]
-) -> list[dict[str, Any]]:
-    """Return one record for each sweep of the chapter's settings."""
-    settings_class = chapters.settings_class(chapter)
+def sweeps(subject: Subject, effort: Effort, step: Callable[[str, float], None]) -> list[dict[str, Any]]:
+    """Return one record for each sweep of the settings of the subject's chapter, on scenes of their own."""
+    settings_class = chapters.settings_class(subject.chapter)
     found: tuple[Sweep, ...] = getattr(settings_class, "PREPARED", ())
-    return [_sweep(chapter, backend, size, effort, step, one, settings_class) for one in found]
+    return [_sweep(subject, effort, step, one, settings_class) for one in found]
 
 
 def _sweep(
-    chapter: int,
-    backend: str,
-    size: tuple[int, int],
-    effort: Effort,
-    step: Callable[[str, float], None],
-    swept: Sweep,
-    settings_class: type,
+    like: Subject, effort: Effort, step: Callable[[str, float], None], swept: Sweep, settings_class: type
 ) -> dict[str, Any]:
-    subject = Subject(chapter, backend, scenes.load(swept.scene, around=swept.environment), size)
+    scene = scenes.load(swept.scene, around=swept.environment)
+    subject = Subject(like.chapter, like.backend, scene, like.size, like.device)
     wanted = prepared_points(settings_class, swept)
     medium: Any = preset(settings_class, "medium")
     converged = swept.truth

@@ -126,9 +126,7 @@ def measure(
             steps(f"open {side.text}", 0.3 + 0.1 * number)
             key = side.backend, side.without
             if key not in devices:  # two sides of one backend share a device, as they would share a card
-                devices[key] = running.open_device(
-                    stack, running.Request(0, backend=side.backend, without=side.without)
-                )
+                devices[key] = running.open_device(stack, side.backend, without=side.without)
             renderer = side.module.Renderer(
                 scene,
                 size,

@@ -202,7 +202,7 @@ def chosen_quality(request: Request, scene: Scene) -> tuple[str, str]:
         return request.quality, ""
     size = quality.measured_size(request.size)
     with ExitStack() as stack:
-        device = open_device(stack, request)
+        device = open_device(stack, request.backend, request.validate, request.without)
         key = quality.key_of(
             request.chapter,
             device.capabilities,
@@ -318,17 +318,17 @@ def expose(scene: Scene, request: Request) -> None:
         )
 
 
-def open_device(stack: ExitStack, request: Request) -> Any:
-    """Return a device of the request's backend, closed by `stack`, that several renderers can share."""
-    if chapters.choose_backend(request.backend) == "gl":
+def open_device(stack: ExitStack, backend: str, validate: bool = False, without: tuple[str, ...] = ()) -> Any:
+    """Return a device of a backend, closed by `stack`, that several renderers can share."""
+    if chapters.choose_backend(backend) == "gl":
         from backends.gl.context import Context
 
-        return stack.enter_context(Context(request.validate, request.without))
+        return stack.enter_context(Context(validate, without))
     from backends.vulkan.device import Device
     from backends.vulkan.instance import Instance
 
-    instance = stack.enter_context(Instance(request.validate))
-    return stack.enter_context(Device(instance, without=request.without))
+    instance = stack.enter_context(Instance(validate))
+    return stack.enter_context(Device(instance, without=without))
 
 
 def tell_warnings(scene: Scene, verbose: bool) -> None:

@@ -483,8 +483,8 @@ def test_an_error_in_a_constant_shows_the_prelude() -> None:
     source = build_text("void main() { float x = K; }\n", "frag", "vulkan", defines={"K": "1.0 +"})
     assert "float x = K" in failure(source)
     source = build_text("", "frag", "vulkan", extensions=["GL_no_such"])
-    assert failure(source).startswith(
-        "<prelude>:2: error: '#extension' : extension not supported: GL_no_such"
+    assert failure(source).startswith(  # and the shader's name: every shader has a prelude
+        "<text>: <prelude>:2: error: '#extension' : extension not supported: GL_no_such"
     )
 
 

@@ -265,6 +265,8 @@ def test_a_shader_that_is_spoilt_while_it_runs_is_one_message_and_comes_back(cha
         text = path.read_text("utf-8")
         spoil(path)
         run.follow()
+        if not chapter.device.capabilities.is_software:  # NVIDIA's compiler gives some errors no line
+            sentence = sentence.partition(":")[0]
         assert sentence in run.live.error
         assert (run.picture() == good).all()
         with chapter.open(scene(), SIZE) as another:
