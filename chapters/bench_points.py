@@ -83,11 +83,16 @@ class Point:
 
 
 def points(settings_class: type) -> list[Point]:
-    """Return the presets, then `medium` with each knob of the presets (or of the class's SWEEP) turned alone."""
+    """Return the presets, then `medium` with each knob of the presets (or of the class's SWEEP) turned alone.
+
+    Knobs of what is made before the first frame are left out: `bench_prepared` turns them, on a scene that needs it.
+    """
     presets: dict[str, dict[str, Any]] = settings_class.PRESETS  # type: ignore[attr-defined]
     made = [Point(name, "preset", preset(settings_class, name)) for name in presets]
     known = knobs(settings_class)
     turned = {name: list(_values(name, known[name], presets)) for one in presets.values() for name in one}
+    for swept in getattr(settings_class, "PREPARED", ()):
+        turned = {name: values for name, values in turned.items() if name not in swept.knobs}
     turned |= {name: list(values) for name, values in getattr(settings_class, "SWEEP", {}).items()}
     base = asdict(preset(settings_class, "medium"))
     for name, values in turned.items():

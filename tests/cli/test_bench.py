@@ -130,6 +130,7 @@ def test_settings_are_the_presets_and_each_of_their_knobs_turned_alone():
     assert "anisotropy=4" not in found  # it is the preset medium
     assert found["msaa=4"].settings == Settings(msaa=4)
     assert "msaa=8" not in found  # not every device has it
+    assert not any(name.startswith(("environment", "table")) for name in found)  # turned where there is one
     assert all(
         point.kind == ("preset" if name in Settings.PRESETS else "knob") for name, point in found.items()
     )
