@@ -167,7 +167,10 @@ def measure(
 
 
 def commit() -> str:
-    """Return the commit of the clone, with "+" after it if files differ from it."""
+    """Return the commit of the clone, with "+" after it if files differ from it.
+
+    A copy without history, as one carried to another machine, takes what the environment's STRATA_COMMIT says.
+    """
 
     def git(*words: str) -> str:
         run = subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True, check=True)
@@ -177,7 +180,7 @@ def commit() -> str:
         changed = git("status", "--porcelain", "--untracked-files=no")
         return git("rev-parse", "--short=12", "HEAD") + ("+" if changed else "")
     except (OSError, subprocess.CalledProcessError):
-        return "unknown"
+        return os.environ.get("STRATA_COMMIT", "unknown")
 
 
 def show(made: dict[str, Any], to: Console = out) -> None:

@@ -11,7 +11,6 @@ import fnmatch
 import json
 import os
 import re
-import subprocess
 from collections import Counter, defaultdict
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,6 +18,7 @@ from typing import Any
 
 import pytest
 
+from chapters.bench import commit
 from common.paths import ROOT, cache_dir, user_cache, write_whole
 
 ALLOWED_SKIPS = ROOT / "tests" / "allowed_skips.txt"
@@ -222,21 +222,3 @@ def long_record(outcomes: list[Outcome], head: dict[str, Any]) -> dict[str, Any]
     }
     there = {name: kept[name] for name in kept if (ROOT / name.partition("::")[0]).is_file()}
     return {"tests": dict(sorted({**there, **fresh}.items()))}
-
-
-def commit() -> str:
-    """Return the commit of the clone, with "+" after it if files differ from it."""
-    try:
-        name = subprocess.run(
-            ["git", "rev-parse", "--short=12", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=True
-        ).stdout.strip()
-        changed = subprocess.run(
-            ["git", "status", "--porcelain", "--untracked-files=no"],
-            cwd=ROOT,
-            capture_output=True,
-            text=True,
-            check=True,
-        ).stdout.strip()
-    except (OSError, subprocess.CalledProcessError):
-        return "unknown"
-    return name + ("+" if changed else "")
