@@ -9,6 +9,18 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from chapters.cli_frame import frame
+from chapters.cli_options import (
+    Backend,
+    Camera,
+    Chapter,
+    Environment,
+    Runnable,
+    Scene,
+    Set,
+    Size,
+    Validate,
+    Without,
+)
 from chapters.console import say
 from chapters.stopping import STOPPED
 
@@ -48,18 +60,6 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-Chapter = Annotated[
-    str, typer.Argument(metavar="N", help="Number of the chapter: 1, or ch01.", show_default=False)
-]
-Runnable = Annotated[
-    str,
-    typer.Argument(
-        metavar="N|N/STUDY",
-        help="Number of the chapter, or one of its studies: 1, 1/first-triangle.",
-        show_default=False,
-    ),
-]
-
 
 # Some versions of typer bring a click of their own: the base of all complaints is found from one that typer exports.
 ClickException: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
@@ -96,7 +96,7 @@ def sentence(error: Any) -> str:
 @app.command(cls=Command)
 def run(
     chapter: Runnable,
-    backend: Annotated[str, typer.Option(metavar="auto|vulkan|gl", help="Graphics API.")] = "auto",
+    backend: Backend = "auto",
     scene: Annotated[
         str | None,
         typer.Option(
@@ -105,10 +105,8 @@ def run(
             show_default=False,
         ),
     ] = None,
-    environment: Annotated[
-        str, typer.Option(metavar="FILE|sky|none", help="Light from far away: a panorama, .hdr or .exr.")
-    ] = "none",
-    size: Annotated[str, typer.Option(metavar="WxH", help="Size of the picture in pixels.")] = "1280x720",
+    environment: Environment = "none",
+    size: Size = "1280x720",
     frames: Annotated[
         int | None,
         typer.Option(metavar="K", help="Stop after K frames; a file gets the last.", show_default=False),
@@ -144,12 +142,7 @@ def run(
             help="Preset of settings; auto: the best that holds 20 frames a second in a window, else medium.",
         ),
     ] = "auto",
-    set_: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set", metavar="KEY=VALUE", help="Turn a knob of `strata list N --settings`; repeatable."
-        ),
-    ] = None,
+    set_: Set = None,
     view: Annotated[
         str | None,
         typer.Option(
@@ -158,13 +151,8 @@ def run(
             show_default=False,
         ),
     ] = None,
-    without: Annotated[
-        list[str] | None,
-        typer.Option(metavar="FEATURE|all", help="Do as on a device that lacks it; repeatable."),
-    ] = None,
-    validate: Annotated[
-        bool, typer.Option("--validate", help="Check every call by the validation layers.")
-    ] = False,
+    without: Without = None,
+    validate: Validate = False,
     json: Annotated[
         Path | None,
         typer.Option(
@@ -278,9 +266,9 @@ def run_tests(
 @app.command(cls=Command)
 def bench(
     chapter: Chapter,
-    backend: Annotated[str, typer.Option(metavar="auto|vulkan|gl", help="Graphics API.")] = "auto",
-    scene: Annotated[str, typer.Option(metavar="NAME|PATH", help="As for `strata run`.")] = "atrium",
-    size: Annotated[str, typer.Option(metavar="WxH", help="Size of the picture in pixels.")] = "640x360",
+    backend: Backend = "auto",
+    scene: Scene = "atrium",
+    size: Size = "640x360",
     quick: Annotated[bool, typer.Option("--quick", help="Few frames: a look, not a measurement.")] = False,
     json: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write the record; - prints it.", show_default=False)
@@ -319,13 +307,9 @@ def compare(
     b: Annotated[
         str, typer.Argument(metavar="B", help="The same; it is held against A.", show_default=False)
     ],
-    scene: Annotated[str, typer.Option(metavar="NAME|PATH", help="As for `strata run`.")] = "atrium",
-    environment: Annotated[
-        str, typer.Option(metavar="FILE|sky|none", help="Light from far away: a panorama, .hdr or .exr.")
-    ] = "none",
-    camera: Annotated[
-        str | None, typer.Option(metavar="NAME|VIEW", help="As for `strata run`.", show_default=False)
-    ] = None,
+    scene: Scene = "atrium",
+    environment: Environment = "none",
+    camera: Camera = None,
     ev: Annotated[
         float | None,
         typer.Option(metavar="EV100", help="Exposure; without it that of the scene.", show_default=False),

@@ -7,50 +7,35 @@ from typing import Annotated
 
 import typer
 
+from chapters.cli_options import Backend, Camera, Chapter, Environment, Scene, Set, Size, Validate, Without
+
 
 def frame(
-    chapter: Annotated[
-        str, typer.Argument(metavar="N", help="Number of the chapter: 1, or ch01.", show_default=False)
-    ],
-    backend: Annotated[str, typer.Option(metavar="auto|vulkan|gl", help="Graphics API.")] = "auto",
-    scene: Annotated[str, typer.Option(metavar="NAME|PATH", help="As for `strata run`.")] = "atrium",
-    environment: Annotated[
-        str, typer.Option(metavar="FILE|sky|none", help="Light from far away: a panorama, .hdr or .exr.")
-    ] = "none",
-    size: Annotated[str, typer.Option(metavar="WxH", help="Size of the picture in pixels.")] = "640x360",
-    camera: Annotated[
-        str | None,
-        typer.Option(metavar="NAME|VIEW", help="As for `strata run`.", show_default=False),
-    ] = None,
+    chapter: Chapter,
+    backend: Backend = "auto",
+    scene: Scene = "atrium",
+    environment: Environment = "none",
+    size: Size = "640x360",
+    camera: Camera = None,
     ev: Annotated[
         float | None, typer.Option(metavar="EV100", help="As for `strata run`.", show_default=False)
     ] = None,
     quality: Annotated[
         str, typer.Option(metavar="low|medium|high|reference", help="Preset of settings.")
     ] = "medium",
-    set_: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set", metavar="KEY=VALUE", help="Turn a knob of `strata list N --settings`; repeatable."
-        ),
-    ] = None,
+    set_: Set = None,
     view: Annotated[
         str | None,
         typer.Option(
             metavar="NAME", help="The frame that shows a quantity of `list N --views`.", show_default=False
         ),
     ] = None,
-    without: Annotated[
-        list[str] | None,
-        typer.Option(metavar="FEATURE|all", help="Do as on a device that lacks it; repeatable."),
-    ] = None,
+    without: Without = None,
     after: Annotated[
         str | None,
         typer.Option(metavar="PASS", help="Show the passes up to this one.", show_default=False),
     ] = None,
-    validate: Annotated[
-        bool, typer.Option("--validate", help="Check every call by the validation layers.")
-    ] = False,
+    validate: Validate = False,
     out: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Folder to write to; without it, in out/.", show_default=False),

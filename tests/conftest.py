@@ -170,3 +170,20 @@ def models() -> Path:
     if folder is None:
         pytest.skip("the models made elsewhere are not here (STRATA_ASSETS)")
     return folder / "models"
+
+
+@pytest.fixture
+def strata(vulkan_instance, capsys, tmp_path, monkeypatch):
+    """Run a command in an empty folder, without a display; return (exit code, stdout, stderr)."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+
+    from chapters.__main__ import run
+
+    def command(*words: str) -> tuple[int, str, str]:
+        code = run([str(word) for word in words])
+        printed = capsys.readouterr()
+        return code, printed.out, printed.err
+
+    return command

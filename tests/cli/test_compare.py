@@ -12,7 +12,6 @@ import pytest
 
 import chapters
 from chapters import compare_measure, compare_report, compare_sheet, scenes
-from chapters.__main__ import run
 from chapters.bench_points import Point
 from chapters.compare_measure import Measured
 from chapters.compare_sides import Drawn, Picture, forks, read_side
@@ -28,18 +27,11 @@ pytestmark = pytest.mark.feature("tools/compare")
 
 
 @pytest.fixture
-def strata(capsys, tmp_path, monkeypatch):
-    """Run a command in an empty folder, with few frames to time; return (exit code, stdout, stderr)."""
-    monkeypatch.chdir(tmp_path)
+def strata(strata, monkeypatch):
+    """Run a command as everywhere, with few frames to time."""
     for name, count in (("ROUNDS", 2), ("FRAMES", 1), ("WARM_UP", 1)):
         monkeypatch.setattr(compare_measure, name, count)
-
-    def command(*words: str) -> tuple[int, str, str]:
-        code = run([str(word) for word in words])
-        printed = capsys.readouterr()
-        return code, printed.out, printed.err
-
-    return command
+    return strata
 
 
 def panel(sheet: np.ndarray, index: int, size: tuple[int, int] = SIZE) -> np.ndarray:

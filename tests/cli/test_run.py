@@ -16,27 +16,11 @@ import numpy as np
 import pytest
 
 from backends.gl import api as gl
-from chapters.__main__ import run
 from chapters.run import Request, expose
 from common.environment import constant
 from common.images import read_image, read_layers
 from common.paths import ROOT
 from tests.common.gltf.builder import TRIANGLE, Gltf, triangle
-
-
-@pytest.fixture
-def strata(vulkan_instance, capsys, tmp_path, monkeypatch):
-    """Run a command in an empty folder, without a display; return (exit code, stdout, stderr)."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-
-    def command(*words: str) -> tuple[int, str, str]:
-        code = run([str(word) for word in words])
-        printed = capsys.readouterr()
-        return code, printed.out, printed.err
-
-    return command
 
 
 @pytest.fixture

@@ -10,7 +10,6 @@ import pytest
 
 import chapters
 from chapters import studies
-from chapters.__main__ import run
 from common.errors import StaleFrameError, UnsupportedError, UserError
 from common.images import read_image
 from common.lessons import Study
@@ -20,19 +19,10 @@ ORDER = ["clear-window", "first-triangle", "rotating-cube", "textured-mesh", "on
 
 
 @pytest.fixture
-def strata(capsys, tmp_path, monkeypatch):
-    """Run a command in an empty folder, without a display; return (exit code, stdout, stderr)."""
-    monkeypatch.chdir(tmp_path)
-    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
-        monkeypatch.delenv(name, raising=False)
+def strata(strata, monkeypatch):
+    """Run a command as everywhere, in a wide terminal: names of studies are not broken."""
     monkeypatch.setenv("COLUMNS", "200")
-
-    def command(*words: str) -> tuple[int, str, str]:
-        code = run([str(word) for word in words])
-        printed = capsys.readouterr()
-        return code, printed.out, printed.err
-
-    return command
+    return strata
 
 
 # --- names ---

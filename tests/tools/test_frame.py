@@ -10,7 +10,6 @@ import pytest
 
 import chapters
 from chapters import scenes
-from chapters.__main__ import run
 from chapters.ch01.settings import Settings
 from common import palette
 from common.camera import exposure
@@ -52,8 +51,9 @@ def test_every_output_of_every_pass_is_the_same_on_both_backends(msaa, vulkan_de
         assert a[name].shape[:2] == SIZE[::-1] and a[name].dtype == b[name].dtype
         assert len(np.unique(a[name])) > 2
         one, two = a[name].astype(np.float64), b[name].astype(np.float64)
-        if not software:
-            assert np.isclose(one, two, rtol=1e-2, atol=2.0).mean() > 0.98
+        if not software:  # an edge, or a step of a format, may fall on either side: in few places
+            step = 2.0 if a[name].dtype == np.uint8 else 0.0
+            assert np.isclose(one, two, rtol=1e-2, atol=step).mean() > 0.98
         elif a[name].dtype == np.uint8:
             assert np.abs(one - two).max() <= 1
         elif "color" in name:
@@ -111,21 +111,6 @@ def test_what_is_looked_at_follows_the_size(vulkan_device, gl_context):
             renderer.resize((20, 10))
             frame = renderer.render(chapters.view_of(renderer))
             assert frame.image("forward/color_msaa").shape == (10, 20, 4)
-
-
-@pytest.fixture
-def strata(vulkan_instance, capsys, tmp_path, monkeypatch):
-    """Run a command in an empty folder, without a display; return (exit code, stdout, stderr)."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-
-    def command(*words: str) -> tuple[int, str, str]:
-        code = run([str(word) for word in words])
-        printed = capsys.readouterr()
-        return code, printed.out, printed.err
-
-    return command
 
 
 @pytest.mark.parametrize("backend", ["vulkan", "gl"])

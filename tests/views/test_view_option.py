@@ -5,25 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from chapters.__main__ import run
 from chapters.ch01.logic.views import NAMES
 from common.images import read_image
 from tests.common.gltf.builder import triangle
-
-
-@pytest.fixture
-def strata(vulkan_instance, capsys, tmp_path, monkeypatch):
-    """Run a command in an empty folder, without a display; return (exit code, stdout, stderr)."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-
-    def command(*words: str) -> tuple[int, str, str]:
-        code = run([str(word) for word in words])
-        printed = capsys.readouterr()
-        return code, printed.out, printed.err
-
-    return command
 
 
 @pytest.mark.parametrize("backend", ["vulkan", "gl"])

@@ -1,0 +1,38 @@
+"""Options that several commands have, written once: their names, what they take and what the help says of them."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+Chapter = Annotated[
+    str, typer.Argument(metavar="N", help="Number of the chapter: 1, or ch01.", show_default=False)
+]
+Runnable = Annotated[
+    str,
+    typer.Argument(
+        metavar="N|N/STUDY",
+        help="Number of the chapter, or one of its studies: 1, 1/first-triangle.",
+        show_default=False,
+    ),
+]
+Backend = Annotated[str, typer.Option(metavar="auto|vulkan|gl", help="Graphics API.")]
+Scene = Annotated[str, typer.Option(metavar="NAME|PATH", help="As for `strata run`.")]
+Environment = Annotated[
+    str, typer.Option(metavar="FILE|sky|none", help="Light from far away: a panorama, .hdr or .exr.")
+]
+Size = Annotated[str, typer.Option(metavar="WxH", help="Size of the picture in pixels.")]
+Camera = Annotated[
+    str | None,
+    typer.Option(metavar="NAME|VIEW", help="As for `strata run`.", show_default=False),
+]
+Set = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Turn a knob of `strata list N --settings`; repeatable."),
+]
+Without = Annotated[
+    list[str] | None,
+    typer.Option(metavar="FEATURE|all", help="Do as on a device that lacks it; repeatable."),
+]
+Validate = Annotated[bool, typer.Option("--validate", help="Check every call by the validation layers.")]
