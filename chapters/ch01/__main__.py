@@ -1,4 +1,4 @@
-"""`python -m chapters.ch01 ...` is `strata run 1 ...`."""
+"""This folder by itself: `python -m chapters.ch03 ...` is `strata run 3 ...`."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""A frame of chapter 1, from top to bottom.
+"""A frame, from top to bottom.
 
     update     constants, instances and lights of this frame are written into its slot
     forward    every object is drawn once and lit while it is drawn     -> color_hdr, depth
@@ -57,7 +57,7 @@ from .settings import Settings
 
 
 class Renderer:
-    """Chapter 1 on Vulkan: one stream of frames of one view of one scene."""
+    """The chapter on Vulkan: one stream of frames of one view of one scene."""
 
     def __init__(
         self,

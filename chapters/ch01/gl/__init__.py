@@ -1,4 +1,4 @@
-"""Chapter 1 on OpenGL: the same passes, settings, images and counters, to be read side by side with Vulkan's.
+"""The chapter on OpenGL: the same passes, settings, images and counters, to be read side by side with Vulkan's.
 
     renderer.py      what happens in a frame, top to bottom
     frames.py        frames in flight: a fence per slot

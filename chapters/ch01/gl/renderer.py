@@ -1,4 +1,4 @@
-"""A frame of chapter 1 on OpenGL, from top to bottom; compare ../renderer.py.
+"""A frame on OpenGL, from top to bottom; compare ../renderer.py.
 
     update     constants, instances and lights of this frame are written into its slot
     forward    every object is drawn once and lit while it is drawn     -> color_hdr, depth
@@ -53,7 +53,7 @@ from .tonemap import TonemapPass
 
 
 class Renderer:
-    """Chapter 1 on OpenGL: one stream of frames of one view of one scene."""
+    """The chapter on OpenGL: one stream of frames of one view of one scene."""
 
     def __init__(
         self,
