@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 from collections import defaultdict
-from pathlib import Path
 from typing import Any
 
 from rich.markup import escape
@@ -13,6 +12,7 @@ from rich.markup import escape
 import chapters
 from chapters import studies
 from chapters.console import out, say
+from chapters.sentences import first_sentence
 from chapters.tables import table
 from chapters.views import views_of
 from common.errors import UserError
@@ -82,19 +82,6 @@ def show_lesson(number: int) -> None:
         made.add_row(name, first_sentence(ROOT / "chapters" / folder / name))
     out.print()
     out.print(made)
-
-
-def first_sentence(path: Path) -> str:
-    """Return the first sentence with which a Python or GLSL file says what it is."""
-    text = path.read_text("utf-8") if path.is_file() else ""
-    if path.suffix == ".py":
-        match = re.match(r'\s*"""(.*?)"""', text, re.S)
-        body = match[1] if match else ""
-    else:
-        lines = [line.removeprefix("//").strip() for line in text.splitlines() if line.startswith("//")]
-        body = " ".join(lines)
-    body = " ".join(body.split())
-    return re.split(r"(?<=[.])\s", body, maxsplit=1)[0]
 
 
 def show_settings(number: int | str) -> None:

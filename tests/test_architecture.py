@@ -118,7 +118,7 @@ def test_no_file_names_a_machine_or_is_left_undone():
 @pytest.mark.parametrize("number", chapters.available())
 def test_a_lesson_is_complete(number):
     """Its README is there, and what it tells to read exists and says in its first sentence what it is."""
-    from chapters.listing import first_sentence
+    from chapters.sentences import first_sentence
 
     folder = ROOT / "chapters" / chapters.folder_name(number)
     lesson = chapters.lesson(number)

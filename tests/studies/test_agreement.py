@@ -40,7 +40,7 @@ def test_both_backends_draw_the_same_picture(vulkan_device, gl_context, name, ti
 
 def test_studies_are_small_and_each_follows_the_one_before():
     """At most about 150 lines a file, on both backends; the way in without gaps; a first sentence in each."""
-    from chapters.listing import first_sentence
+    from chapters.sentences import first_sentence
 
     order = [about.order for about in studies.available(1).values()]
     assert order[:5] == [1, 2, 3, 4, 5] and len(set(order)) == len(order)
