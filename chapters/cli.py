@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from chapters.cli_diff import diff
 from chapters.cli_frame import frame
 from chapters.cli_options import (
     Backend,
@@ -375,6 +376,9 @@ def compare(
         verbose=verbose,
     )
     return comparing.run(request)
+
+
+app.command(cls=Command)(diff)
 
 
 def _version(wanted: bool) -> None:

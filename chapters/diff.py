@@ -42,10 +42,14 @@ class Line:
 
 @dataclass(frozen=True)
 class Hunk:
-    """Changed lines with those around them, and the definition that they lie in, "" outside any."""
+    """Changed lines with those around them, and the definition that they lie in, "" outside any.
+
+    `imports_only`: what changed is nothing but imports.
+    """
 
     lines: tuple[Line, ...]
     within: str = ""
+    imports_only: bool = False
 
     def rows(self) -> list[tuple[Line | None, Line | None]]:
         """Return the lines side by side: what was deleted beside what was inserted in its place."""
@@ -184,12 +188,10 @@ def file_difference(path: str, old: Source | None, new: Source | None) -> FileDi
     if old.text is None or new.text is None:
         return FileDifference(path, status, old, new, notes=("it is no text, so its lines are not compared",))
     matcher = SequenceMatcher(None, old.lines, new.lines, autojunk=len(old.lines) > LONG)
-    lines = _lines(matcher, old.lines, new.lines)
     outlines = outline(old), outline(new)
-    gone = [line.old for line in lines if line.old is not None and line.mark == "-"]
-    come = [line.new for line in lines if line.new is not None and line.mark == "+"]
+    hunks = _hunks(matcher, old, new, outlines)
+    gone, come = _numbers([line for hunk in hunks for line in hunk.lines])
     notes = [one.problem for one in outlines if one.problem]
-    imports = _only_imports(old, outlines[0], gone) and _only_imports(new, outlines[1], come)
     return FileDifference(
         path,
         status,
@@ -197,10 +199,10 @@ def file_difference(path: str, old: Source | None, new: Source | None) -> FileDi
         new,
         insertions=len(come),
         deletions=len(gone),
-        hunks=_hunks(matcher, old, new, outlines),
+        hunks=hunks,
         functions=_functions(outlines, (old, new), (gone, come)),
         notes=(*dict.fromkeys(notes), *_ends(old, new)),
-        imports_only=imports and bool(gone or come),
+        imports_only=bool(hunks) and all(hunk.imports_only for hunk in hunks),
     )
 
 
@@ -229,11 +231,6 @@ def _one_sided(path: str, old: Source | None, new: Source | None) -> FileDiffere
     )
 
 
-def _lines(matcher: SequenceMatcher[str], old: Sequence[str], new: Sequence[str]) -> list[Line]:
-    """Return the deleted and inserted lines of two files, in order."""
-    return [line for code in matcher.get_opcodes() for line in _of_opcode(code, old, new) if line.mark != " "]
-
-
 def _of_opcode(code: tuple[str, int, int, int, int], old: Sequence[str], new: Sequence[str]) -> list[Line]:
     tag, i, i_end, j, j_end = code
     if tag == "equal":
@@ -249,10 +246,17 @@ def _hunks(
     found = []
     for group in matcher.get_grouped_opcodes(CONTEXT):
         lines = [line for code in group for line in _of_opcode(code, old.lines, new.lines)]
-        changed = [line for line in lines if line.mark != " "]
-        names = [owners[1][line.new] if line.new else owners[0][line.old or 0] for line in changed]
-        found.append(Hunk(tuple(lines), next((name for name in names if name), "")))
+        gone, come = _numbers(lines)
+        names = [*(owners[1][number] for number in come), *(owners[0][number] for number in gone)]
+        imports = _only_imports(old, outlines[0], gone) and _only_imports(new, outlines[1], come)
+        found.append(Hunk(tuple(lines), next((name for name in names if name), ""), imports))
     return tuple(found)
+
+
+def _numbers(lines: Sequence[Line]) -> tuple[list[int], list[int]]:
+    """Return the numbers of the deleted and of the inserted lines."""
+    gone = [line.old for line in lines if line.old is not None and line.new is None]
+    return gone, [line.new for line in lines if line.new is not None and line.old is None]
 
 
 def _parts(source: Source, made: Outline, mark: str) -> tuple[Hunk, ...]:

@@ -81,7 +81,8 @@ def _definitions(node: ast.AST, within: str) -> Iterator[Definition]:
                 kind = "method"
             first = min([child.lineno, *(decorator.lineno for decorator in child.decorator_list)])
             yield Definition(name, kind, first, child.end_lineno or child.lineno)
-            yield from _definitions(child, name)
+            if kind == "class":  # a function inside a function is a part of it
+                yield from _definitions(child, name)
         elif isinstance(node, ast.Module) and isinstance(child, ast.Assign | ast.AnnAssign):
             targets = child.targets if isinstance(child, ast.Assign) else [child.target]
             names = [each.id for target in targets for each in ast.walk(target) if isinstance(each, ast.Name)]
