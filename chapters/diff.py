@@ -172,19 +172,21 @@ def tree_difference(
     files = []
     for path in a.keys() | b.keys():
         if path not in was.values():
-            files.append(file_difference(path, a.get(was.get(path, path)), b.get(path)))
+            files.append(file_difference(path, a.get(was.get(path, path)), b.get(path), path in was))
     places = {path: place for place, path in enumerate(reading)}
     files.sort(key=lambda file: (places.get(file.path, len(places)), file.path))
     return TreeDifference(tuple(files), () if versions else _moved(files), tuple(reading))
 
 
-def file_difference(path: str, old: Source | None, new: Source | None) -> FileDifference:
+def file_difference(
+    path: str, old: Source | None, new: Source | None, was_renamed: bool = False
+) -> FileDifference:
     """Return how a file differs; one of the sources may be missing."""
     if old is None or new is None:
         return _one_sided(path, old, new)
     if old.data == new.data:
-        return FileDifference(path, "same" if old.path == path else "renamed", old, new)
-    status = "changed" if old.path == path else "renamed"
+        return FileDifference(path, "renamed" if was_renamed else "same", old, new)
+    status = "renamed" if was_renamed else "changed"
     if old.text is None or new.text is None:
         return FileDifference(path, status, old, new, notes=("it is no text, so its lines are not compared",))
     matcher = SequenceMatcher(None, old.lines, new.lines, autojunk=len(old.lines) > LONG)

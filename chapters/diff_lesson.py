@@ -44,7 +44,8 @@ class Comparison:
         if self.tree.changed:
             return ""
         where = f" in {' or '.join(self.only)}" if self.only else ""
-        return f"Nothing differs{where} between {self.a.name} and {self.b.name}."
+        why = ": both use the same files" if self.versions else ""
+        return f"Nothing differs{where} between {self.a.name} and {self.b.name}{why}."
 
     def where(self, file: FileDifference) -> str:
         """Return the name under which a file is shown: both paths where they differ."""
@@ -126,8 +127,10 @@ def compare(a: Side, b: Side, only: Sequence[str] = ()) -> Comparison:
     ideas = [file for file in tree.changed if _is_idea(file, tree.reading, same_lesson, versions)]
     if not ideas:  # then there is nothing beside which the rest would be plumbing
         ideas = [*tree.changed]
-    plumbing = tuple(file for file in tree.changed if file not in ideas)
-    return Comparison(a, b, tree, tuple(ideas), plumbing, tuple(only), versions)
+    plumbing = sorted(
+        (file for file in tree.changed if file not in ideas), key=lambda file: file.status != "new"
+    )
+    return Comparison(a, b, tree, tuple(ideas), tuple(plumbing), tuple(only), versions)
 
 
 def _is_idea(file: FileDifference, reading: Sequence[str], same_lesson: bool, versions: bool) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+from collections.abc import Sequence
 from functools import cache
 from html import escape
 from itertools import groupby
@@ -19,7 +20,7 @@ from chapters.diff_files import Source, visible
 from chapters.diff_lesson import Comparison, count, pass_of
 from chapters.diff_pictures import SIZE, Pictures
 from chapters.diff_style import SCRIPT, STYLE
-from chapters.diff_terminal import SIGNS, heading
+from chapters.diff_terminal import MINOR, SIGNS, heading
 
 WIDEST = 110
 """Columns that large type makes room for; longer lines are wrapped."""
@@ -41,11 +42,11 @@ KINDS: tuple[tuple[_TokenType, str], ...] = (
 def page(made: Comparison, pictures: Pictures) -> str:
     """Return the whole page as HTML."""
     anchors = {file.path: f"file-{n}" for n, file in enumerate((*made.ideas, *made.plumbing), start=1)}
-    shown: set[str] = set()
-    ideas = [_file(made, file, anchors[file.path], pictures, shown) for file in made.ideas]
+    homes = _homes((*made.ideas, *made.plumbing))
+    ideas = [_file(made, file, anchors[file.path], pictures, homes) for file in made.ideas]
     folded = []
     for why, files in made.folded():
-        inside = "".join(_file(made, file, anchors[file.path], pictures, shown) for file in files)
+        inside = "".join(_file(made, file, anchors[file.path], pictures, homes) for file in files)
         numbers = _counts(sum(f.insertions for f in files), sum(f.deletions for f in files))
         summary = f"Folded, {escape(why)}: {len(files)} {'file' if len(files) == 1 else 'files'}, {numbers}"
         folded.append(f"<details><summary>{summary}</summary>{inside}</details>")
@@ -92,7 +93,8 @@ def _bar() -> str:
 def _contents(made: Comparison, anchors: dict[str, str]) -> str:
     rows = [
         f'<tr><td><a href="#{anchors[file.path]}">{escape(visible(made.where(file)))}</a></td>'
-        f'<td>{escape(made.status(file))}</td><td class="counts">{_counts(file.insertions, file.deletions)}</td></tr>'
+        f'<td class="what">{escape(made.status(file))}</td>'
+        f'<td class="counts">{_counts(file.insertions, file.deletions)}</td></tr>'
         for file in (*made.ideas, *made.plumbing)
     ]
     head = (
@@ -106,13 +108,15 @@ def _counts(insertions: int, deletions: int) -> str:
     return f'<span class="plus">{plus}</span> <span class="minus">{minus}</span>'
 
 
-def _file(made: Comparison, file: FileDifference, anchor: str, pictures: Pictures, shown: set[str]) -> str:
+def _file(
+    made: Comparison, file: FileDifference, anchor: str, pictures: Pictures, homes: dict[str, str]
+) -> str:
     where = escape(visible(made.where(file)))
     functions = "".join(
         f"<li>{SIGNS[one.status]} {one.kind} <code>{escape(one.name)}</code> {_counts(one.insertions, one.deletions)}"
         f"{'' if one.status == 'changed' else f' {one.status}'}</li>"
         for one in file.functions
-        if file.status not in ("new", "removed") or one.kind not in ("constant", "block")
+        if file.status not in ("new", "removed") or one.kind not in MINOR
     )
     lines = {side: highlighted(source) for side, source in (("old", file.old), ("new", file.new)) if source}
     imports = () if file.imports_only else tuple(hunk for hunk in file.hunks if hunk.imports_only)
@@ -131,26 +135,32 @@ def _file(made: Comparison, file: FileDifference, anchor: str, pictures: Picture
             f'<p class="sentence">{escape(visible(file.sentence))}</p>' if file.sentence else "",
             *(f'<p class="note">{escape(visible(note))}</p>' for note in made.notes(file)),
             f'<ul class="functions">{functions}</ul>' if functions else "",
-            _before_after(made, file, pictures, shown),
+            _before_after(made, file, pictures, homes),
             *hunks,
             "</section>",
         ]
     )
 
 
-def _before_after(made: Comparison, file: FileDifference, pictures: Pictures, shown: set[str]) -> str:
-    """Return the pictures of a file's pass, once for each pass: with the first of its files."""
+def _homes(files: Sequence[FileDifference]) -> dict[str, str]:
+    """Return beside which file the pictures of each pass stand: its first one, those of OpenGL last."""
+    found: dict[str, str] = {}
+    for file in sorted(files, key=lambda file: file.path.startswith("gl/")):
+        found.setdefault(pass_of(file), file.path)
+    return found
+
+
+def _before_after(made: Comparison, file: FileDifference, pictures: Pictures, homes: dict[str, str]) -> str:
+    """Return the pictures of a file's pass, if that is the file beside which they stand."""
     name = pass_of(file)
-    if name in shown or name not in pictures.passes:
+    if homes.get(name) != file.path or name not in pictures.passes:
         return ""
-    shown.add(name)
     before, after = pictures.passes[name]
     figures = []
     for data, side in ((before, made.a), (after, made.b)):
         if data is None:
-            figures.append(
-                f"<figure><figcaption>{escape(side.name)} draws no pass {escape(name)}.</figcaption></figure>"
-            )
+            words = f"No picture of it by {escape(visible(side.name))}."
+            figures.append(f"<figure><figcaption>{words}</figcaption></figure>")
             continue
         image = base64.b64encode(data).decode()
         figures.append(

@@ -24,7 +24,7 @@ from chapters.console import Steps
 from chapters.diff_lesson import Comparison, pass_of
 from chapters.diff_sides import Side
 from chapters.views import stored_as
-from common.errors import UnsupportedError, UserError
+from common.errors import UserError
 from common.frame_pictures import picture_of
 from common.names import stable_hash
 
@@ -50,16 +50,14 @@ def draw(made: Comparison, steps: Steps) -> Pictures:
         steps(f"draw {side.name}", part)
         try:
             drawn.append(passes_of(side, wanted))
-        except Exception as error:  # a copy that is being edited may fail in any way
+        except (Exception, SystemExit) as error:  # a copy that is being edited may fail in any way
             drawn.append({})
             lines = f"{type(error).__name__}: {error}" if not isinstance(error, UserError) else str(error)
-            problems.append(f"{side.name} has no pictures here: {lines.strip().splitlines()[0].rstrip('.')}.")
-            if isinstance(error, UnsupportedError):  # no device for this side is none for the other one
-                break
-    before, after = drawn[0], drawn[1] if len(drawn) > 1 else {}
+            problems.append(f"No pictures of {side.name}: {lines.strip().splitlines()[0].rstrip('.')}.")
+    before, after = drawn
     names = sorted(before.keys() | after.keys())
     found = {name: (before.get(name), after.get(name)) for name in names}
-    return Pictures(found, tuple(text[:1].upper() + text[1:] for text in problems))
+    return Pictures(found, tuple(problems))
 
 
 def passes_of(side: Side, wanted: Collection[str]) -> dict[str, bytes]:

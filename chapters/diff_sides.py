@@ -80,6 +80,8 @@ def _chapter(name: str, backend: str) -> Side:
 def _folder(name: str, backend: str) -> Side:
     folder = Path(name).expanduser()
     if not name.strip() or not folder.is_dir():
+        if re.match(r"(ch)?\d+/", name, re.ASCII | re.I) and not folder.exists():
+            chapters.parse_chapter(name)  # which says that it is a study, or that there is none such
         raise UserError(_missing(name, folder))
     if not (folder / "renderer.py").is_file():
         raise UserError(

@@ -68,6 +68,7 @@ h2 { font-size: 1.3rem; }
 nav table { border-collapse: collapse; width: 100%; }
 nav td, nav th { text-align: left; padding: .25rem .6rem .25rem 0; border-bottom: 1px solid var(--line); }
 nav .counts { text-align: right; }
+nav .what { overflow-wrap: normal; }
 section { border-top: 2px solid var(--line); margin-top: 2rem; padding-top: .8rem; }
 ul.functions { columns: 22rem; padding-left: 1.2rem; margin: .5rem 0; }
 .note { border-left: 4px solid var(--link); padding-left: .7rem; margin: .5rem 0; }

@@ -18,6 +18,8 @@ WIDE = 150
 """Columns from which on two versions stand side by side."""
 
 STYLES = {"+": "green", "-": "red", " ": ""}
+MINOR = ("constant", "block")
+"""Kinds of definitions that say little of a new file."""
 SIGNS = {"new": "+", "removed": "-", "changed": "~"}
 
 
@@ -49,7 +51,8 @@ def show_stat(made: Comparison, to: Console) -> None:
         return
     printed = table(made.title, "file", "what", ">+", ">-", "functions")
     for file in (*made.ideas, *made.plumbing):
-        names = ", ".join(f"{SIGNS[one.status]}{one.name}" for one in file.functions[:4])
+        told = sorted(file.functions, key=lambda one: one.kind in MINOR)
+        names = ", ".join(f"{SIGNS[one.status]}{one.name}" for one in told[:4])
         more = f", {len(file.functions) - 4} more" if len(file.functions) > 4 else ""
         cells = (made.where(file), made.status(file), str(file.insertions), str(file.deletions), names + more)
         printed.add_row(*(Text(visible(cell)) for cell in cells))
@@ -70,7 +73,7 @@ def show_file(made: Comparison, file: FileDifference, to: Console, everything: b
         _line(to, note, "yellow")
     alone = file.status in ("new", "removed")
     for one in file.functions:
-        if alone and one.kind in ("constant", "block"):
+        if alone and one.kind in MINOR:
             continue
         counts = f"{one.insertions or one.deletions} lines" if alone else count(one.insertions, one.deletions)
         said = "" if alone or one.status == "changed" else f", {one.status}"

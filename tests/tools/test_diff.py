@@ -315,8 +315,8 @@ def test_a_new_file_comes_in_parts_that_hold_all_of_it(of):
 
 
 def test_a_large_file_is_compared_in_a_moment(of):
-    lines = [f"row {n % 50}" for n in range(20_000)]
-    changed = [*lines[:9000], "new", *lines[9000:]]
+    lines = [f"row {n % 50}" for n in range(8_000)]
+    changed = [*lines[:3000], "new", *lines[3000:]]
     (file,) = of({"x.txt": "\n".join(lines)}, {"x.txt": "\n".join(changed)}).files
     assert rebuilt(file, "new") == changed
 
