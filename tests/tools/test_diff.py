@@ -46,14 +46,13 @@ struct Light {
 };
 
 vec3 shade(vec3 n) {
-    if (n.z > 0.0) {
+    if (n.z > 0.0) {  // void fake() {
         return n;
     }
     return vec3(0.0);
 }
 
 void main() {
-    // void fake() {
     shade(vec3(1.0));
 }
 """
@@ -146,7 +145,7 @@ def test_functions_of_shaders_are_found_behind_comments_and_branches(of):
     assert found == [
         ("Light", "struct", 6, 8),
         ("shade", "function", 10, 15),
-        ("main", "function", 17, 20),
+        ("main", "function", 17, 19),
     ]
     new = SHADER.replace("return vec3(0.0);", "return vec3(0.5);").replace("scene.glsl", "other.glsl")
     (file,) = of({"shaders/a.frag": SHADER}, {"shaders/a.frag": new}).files
@@ -216,6 +215,14 @@ def test_moved_code_is_said_even_where_its_indentation_changed(of):
         3,
         5,
     )
+
+
+def test_a_line_is_the_new_place_of_one_line_only(of):
+    body = "".join(f"value_{n} = compute_something({n})\n" for n in range(4))
+    made = of(
+        {"a.txt": f"a\n{body}b\n{body}c\n", "b.txt": "d\n"}, {"a.txt": "a\nb\nc\n", "b.txt": f"d\n{body}"}
+    )
+    assert [(move.old_line, move.new_line, move.lines) for move in made.moves] == [(2, 2, 4)]
 
 
 def test_brackets_imports_and_two_lines_are_not_moved(of):
@@ -305,13 +312,13 @@ def test_studies_caches_and_hidden_files_are_no_part_of_a_chapter(of):
 
 
 def test_a_new_file_comes_in_parts_that_hold_all_of_it(of):
-    lines = ['"""Head."""', ""]
+    lines = ['"""Head."""', "", *(f"X{n} = {n}" for n in range(20))]
     for n in range(6):
         lines += [f"def f{n}():", *(f"    a{k} = {k}" for k in range(9)), ""]
     (file,) = of({}, {"x.py": "\n".join(lines) + "\n"}).files
     assert [line.text for hunk in file.hunks for line in hunk.lines] == lines
-    assert [hunk.within for hunk in file.hunks] == ["", "f1", "f3", "f5"]
-    assert [f.insertions for f in file.functions] == [10] * 6
+    assert [hunk.within for hunk in file.hunks] == ["", "f0", "f2", "f4"]
+    assert [f.insertions for f in file.functions if f.kind == "function"] == [10] * 6
 
 
 def test_a_large_file_is_compared_in_a_moment(of):

@@ -20,7 +20,7 @@ from chapters.diff_files import Source
 from chapters.diff_lesson import compare, pass_of
 from chapters.diff_page import highlighted, page
 from chapters.diff_pictures import Pictures
-from chapters.diff_sides import files_of, tree_of
+from chapters.diff_sides import files_of, tree_of, twin
 from common.errors import UnsupportedError, UserError
 from tests.tools.test_diff import RENDERER, SHADER, tree
 
@@ -153,6 +153,16 @@ def test_each_file_of_opengl_stands_beside_its_twin_on_vulkan():
     assert made.tree.moves == () and made.tree.of_status("renamed") == ()
 
 
+def test_only_what_draws_on_vulkan_is_a_twin():
+    known = ["settings.py", "passes/__init__.py", "passes/sky.py", "graphics/sky.py", "renderer.py"]
+    twins = {
+        "gl/sky.py": "passes/sky.py",
+        "gl/renderer.py": "renderer.py",
+        "gl/settings.py": "gl/settings.py",
+    }
+    assert {path: twin(path, known) for path in twins} == twins
+
+
 def test_one_api_alone_leaves_out_the_other(sides):
     assert all(path.startswith("gl/") for path in files_of(tree_of("1@gl"), versions=False))
     assert not any(path.startswith("gl/") for path in files_of(tree_of("1@vulkan"), versions=False))
@@ -265,6 +275,7 @@ def test_moved_and_removed_code_is_said(sides, tmp_path):
     assert "Moved, not new: 5 lines at line 6 are from logic/knobs.py, line 2." in shown
     assert "Moved, not gone: 5 lines from line 2 are in passes/fog.py, line 6." in shown
     assert "logic/same.py  removed  +0 -1" in shown
+    assert compare(tree_of("old"), tree_of("new"), ["shaders"]).tree.moves == ()
 
 
 # --- page -------------------------------------------------------------------------------------------------------------
@@ -349,6 +360,16 @@ def test_pictures_of_a_pass_are_inside_the_page_once(sides):
         and "The pass forward, before and after; both are the same to the bit" in text
     )
     assert "New has none here." in text
+
+
+def test_pictures_of_a_pass_with_several_files_stand_beside_the_first(sides, tmp_path):
+    tree(tmp_path / "new" / "gl", {"fog.py": "x = 1\n"})
+    tree(tmp_path / "new" / "shaders" / "more", {"fog.frag": "// Fog.\n"})
+    (tmp_path / "new" / "shaders" / "fog.frag").write_text("// Fog.\n")
+    text = page(compare(tree_of("old"), tree_of("new")), Pictures({"fog": (None, picture(9))}))
+    assert len(Reader(text).all("src")) == 1
+    sections = text.split("<section")
+    assert ["passes/fog.py" in one for one in sections if "<img" in one] == [True]
 
 
 def test_a_page_of_versions_has_two_columns(versions):
