@@ -283,7 +283,12 @@ def _functions(
     both: tuple[Source, Source],
     changed: tuple[Sequence[int], Sequence[int]],
 ) -> tuple[FunctionDifference, ...]:
-    """Return the definitions that hold the lines `changed` of A and of B, in the order of the file."""
+    """Return the definitions that hold the lines `changed` of A and of B, in the order of the file.
+
+    Where one side cannot be parsed, none: those of the other side would all seem to be gone.
+    """
+    if any(made.problem for made in outlines):
+        return ()
     known = [{one.name: one for one in made.definitions} for made in outlines]
     counts: dict[str, list[int]] = {}
     for side in (0, 1):

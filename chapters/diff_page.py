@@ -82,10 +82,10 @@ def _digest(text: str) -> str:
 def _bar() -> str:
     return (
         '<div class="bar" role="toolbar" aria-label="Stepping through">'
-        '<button id="present" aria-pressed="false">Large type (p)</button>'
+        '<button id="present" aria-pressed="false">Large type<span class="key"> (p)</span></button>'
         '<button id="back" aria-label="Step back">&#8592;</button>'
         '<button id="on" aria-label="Step on">&#8594;</button>'
-        '<button id="theme">Light or dark (d)</button>'
+        '<button id="theme">Light or dark<span class="key"> (d)</span></button>'
         '<span class="place" id="place" role="status">Arrow keys step, Esc ends.</span></div>'
     )
 

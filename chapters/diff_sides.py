@@ -71,7 +71,8 @@ def tree_of(text: str) -> Side:
 
 
 def _chapter(name: str, backend: str) -> Side:
-    number = chapters.parse_chapter(name)
+    chapters.parse_chapter(name)  # which says so if there is none
+    number = int(name.lower().removeprefix("ch"))
     lesson = chapters.lesson(number)
     folder = chapters.FOLDER / chapters.folder_name(number)
     return Side(str(number), folder, True, number, lesson.title, tuple(lesson.reading), backend)

@@ -102,7 +102,7 @@ details > summary { cursor: pointer; padding: .6rem 0; font-weight: 600; }
 .skip:focus { left: 0; background: var(--back); padding: .6rem; z-index: 3; }
 .present main, .present .top { max-width: none; }
 .present .top, .present nav, .present section:not(.current), .present .step:not(.current), .present summary,
-.present ul.functions, .present .note { display: none; }
+.present ul.functions, .present .top .note { display: none; }
 .present section { border: 0; margin: 0; padding: 0; }
 .present h2, .present .sentence { font-size: clamp(1.1rem, 1.8vw, 1.9rem); margin: .2rem 0; }
 .present .where { font-size: clamp(1rem, 1.5vw, 1.6rem); }
@@ -111,7 +111,9 @@ details > summary { cursor: pointer; padding: .6rem 0; font-weight: 600; }
 @media (max-width: 60rem) { .pair { grid-template-columns: minmax(0, 1fr); }
   .pair > div + div { border-left: 0; } .pair.both > div + div { display: none; }
   .l { grid-template-columns: 3.5ch 1.5ch 1fr; padding: 0 .2rem; } .code { font-size: .8rem; } main { padding: .5rem; }
-  .present .code { --columns: var(--side); } }
+  .present .code { --columns: var(--side); } .key { display: none; }
+  .bar { padding: .3rem .5rem; }
+  .bar button { padding: .3rem .5rem; font-size: .9rem; } .bar .place { font-size: .85rem; } }
 @media print { .bar, .skip, nav { display: none; } main, .top { max-width: none; padding: 0; }
   .step { break-inside: auto; } .where, h2 { break-after: avoid; } .l { break-inside: avoid; }
   .code { font-size: 8pt; } .add, .del { print-color-adjust: exact; -webkit-print-color-adjust: exact; } }

@@ -260,7 +260,7 @@ def test_line_ends_are_said_and_count_as_no_line(of, a, b, note):
 
 def test_a_file_that_cannot_be_parsed_is_compared_all_the_same(of):
     (file,) = of({"x.py": "def f():\n    return 1\n"}, {"x.py": "def f(:\n    return 2\n"}).files
-    assert (file.insertions, file.deletions) == (2, 2)
+    assert (file.insertions, file.deletions, file.functions) == (2, 2, ())
     assert "line 1" in file.notes[0] and "cannot be parsed" in file.notes[0]
 
 
