@@ -81,7 +81,7 @@ def _digest(text: str) -> str:
 
 def _bar() -> str:
     return (
-        '<div class="bar" role="toolbar" aria-label="Stepping through">'
+        '<div class="bar" role="group" aria-label="Stepping through">'
         '<button id="present" aria-pressed="false">Large type<span class="key"> (p)</span></button>'
         '<button id="back" aria-label="Step back">&#8592;</button>'
         '<button id="on" aria-label="Step on">&#8594;</button>'
