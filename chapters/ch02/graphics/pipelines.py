@@ -18,20 +18,12 @@ from backends.vulkan.device import Device
 from backends.vulkan.live import Stages, check_fit, compile_stages
 from backends.vulkan.resources import FORMATS
 
-from ..logic.snippets import PUSH_SIZE, SNIPPETS
+from ..logic.snippets import SNIPPETS
+from .pipeline_cache import PipelineCache
+from .reflection import STAGES, Stage, check_pulled, chosen, merge
+from .set_layouts import CAPACITY, Layouts, SetLayout
 
 SHADERS = Path(__file__).resolve().parents[1] / "shaders"
-
-_STAGES = {
-    ".vert": vk.VK_SHADER_STAGE_VERTEX_BIT,
-    ".frag": vk.VK_SHADER_STAGE_FRAGMENT_BIT,
-}
-
-_VERTEX_FORMATS = {
-    2: vk.VK_FORMAT_R32G32_SFLOAT,
-    3: vk.VK_FORMAT_R32G32B32_SFLOAT,
-    4: vk.VK_FORMAT_R32G32B32A32_SFLOAT,
-}
 
 _ALL_CHANNELS = (
     vk.VK_COLOR_COMPONENT_R_BIT
@@ -43,12 +35,16 @@ _ALL_CHANNELS = (
 
 @dataclass(frozen=True)
 class GraphicsPipeline:
-    """What a pipeline is made of. `streams` are (shader location, floats per vertex), one vertex buffer each."""
+    """What a pipeline is made of. What it reads, its shaders say themselves.
+
+    `specialization` gives constants of theirs, by name or id, the values that they are compiled with. `dynamic` names
+    buffers whose offset comes with the bind.
+    """
 
     shaders: tuple[str, ...]
-    set_layouts: tuple[Any, ...] = ()
     defines: tuple[tuple[str, int | float | str], ...] = ()
-    streams: tuple[tuple[int, int], ...] = ()
+    specialization: tuple[tuple[str | int, int | float | bool], ...] = ()
+    dynamic: tuple[str, ...] = ()
     color: str | None = "rgba16f"
     depth: Literal["write", "test", "equal"] | None = "write"
     blend: Literal["over", "add"] | None = None
@@ -60,21 +56,25 @@ class GraphicsPipeline:
 class Built:
     """A pipeline with the layout through which descriptors and push constants reach it.
 
-    Whoever draws with it asks for the handle each time: it is another one after a shader was edited.
+    Whoever draws with it asks for the handle each time: it is another one after a shader was edited. `sets` are the
+    layouts of its sets by number, None where no shader uses one; `push_stages` are to be named when constants are
+    pushed, 0 where it takes none.
     """
 
     handle: Any
     layout: Any
     stages: Stages
+    sets: tuple[SetLayout | None, ...] = ()
+    push_stages: int = 0
 
 
 class Pipelines:
     """Builds pipelines at their first use and keeps them."""
 
-    def __init__(self, device: Device) -> None:
-        self._device = device
+    def __init__(self, device: Device, cache: PipelineCache | None = None, capacity: int = CAPACITY) -> None:
+        self._device, self._cache = device, cache
         self._built: dict[GraphicsPipeline, Built] = {}
-        self._layouts: dict[tuple[Any, ...], Any] = {}
+        self.layouts = Layouts(device, capacity)
 
     def __len__(self) -> int:
         return len(self._built)
@@ -83,8 +83,12 @@ class Pipelines:
         """Return one pipeline per description; those that are new have their shaders compiled together, on threads."""
         new = [described for described in dict.fromkeys(wanted) if described not in self._built]
         for described, stages in zip(new, self._compile(new), strict=True):
-            handle = self._build(described, stages.codes)
-            self._built[described] = Built(handle, self._layout(described.set_layouts), stages)
+            found = _stages(described, stages)
+            signature = merge(found, described.dynamic)
+            layout, sets = self.layouts.pipeline(signature)
+            push_stages = self.layouts.stages(signature.stages) if signature.push else 0
+            handle = self._build(described, found, layout, self._cache)
+            self._built[described] = Built(handle, layout, stages, sets, push_stages)
         return [self._built[described] for described in wanted]
 
     def _compile(self, wanted: Sequence[GraphicsPipeline], keep: bool = True) -> list[Stages]:
@@ -119,7 +123,9 @@ class Pipelines:
         handles: dict[GraphicsPipeline, Any] = {}
         try:
             for described, stages in new.items():
-                handles[described] = self._build(described, stages.codes)
+                # In the old layout, which has all that the new shaders use: the sets that are bound were made for it.
+                # Not in the cache, which would keep every edit for ever.
+                handles[described] = self._build(described, _stages(described, stages), old[described].layout)
         except BaseException:
             for handle in handles.values():
                 self._device.destroy("VkPipeline", handle)
@@ -129,36 +135,31 @@ class Pipelines:
             built.handle, built.stages = handles[described], new[described]
         return tuple(_name(described) for described in old)
 
-    def _layout(self, set_layouts: tuple[Any, ...]) -> Any:
-        if set_layouts not in self._layouts:
-            stages = vk.VK_SHADER_STAGE_VERTEX_BIT | vk.VK_SHADER_STAGE_FRAGMENT_BIT
-            info = vk.new(
-                "VkPipelineLayoutCreateInfo",
-                pSetLayouts=list(set_layouts),
-                pPushConstantRanges=[{"stageFlags": stages, "size": PUSH_SIZE}],
-            )
-            self._layouts[set_layouts] = self._device.create("vkCreatePipelineLayout", info, "graphics")
-        return self._layouts[set_layouts]
-
-    def _build(self, described: GraphicsPipeline, codes: Sequence[bytes]) -> Any:
+    def _build(
+        self,
+        described: GraphicsPipeline,
+        found: Sequence[Stage],
+        layout: Any,
+        cache: PipelineCache | None = None,
+    ) -> Any:
         modules = [
             self._device.create(
                 "vkCreateShaderModule",
-                vk.new("VkShaderModuleCreateInfo", codeSize=len(code), pCode=code),
+                vk.new("VkShaderModuleCreateInfo", codeSize=len(stage.code), pCode=stage.code),
                 file,
             )
-            for file, code in zip(described.shaders, codes, strict=True)
+            for file, stage in zip(described.shaders, found, strict=True)
         ]
         stages = [
             vk.new(
                 "VkPipelineShaderStageCreateInfo",
-                stage=_STAGES[Path(file).suffix],
+                stage=STAGES[stage.name],
                 module=module,
                 pName="main",
+                pSpecializationInfo=_specialization(stage),
             )
-            for file, module in zip(described.shaders, modules, strict=True)
+            for stage, module in zip(found, modules, strict=True)
         ]
-        layout = self._layout(described.set_layouts)
         dynamic = [
             vk.VK_DYNAMIC_STATE_VIEWPORT,
             vk.VK_DYNAMIC_STATE_SCISSOR,
@@ -174,7 +175,7 @@ class Pipelines:
             "VkGraphicsPipelineCreateInfo",
             pNext=rendering,
             pStages=stages,
-            pVertexInputState=self._vertex_input(described),
+            pVertexInputState=vk.new("VkPipelineVertexInputStateCreateInfo"),  # shaders fetch their vertices
             pInputAssemblyState={"topology": vk.VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST},
             pViewportState={"viewportCount": 1, "scissorCount": 1},
             pRasterizationState={"polygonMode": vk.VK_POLYGON_MODE_FILL, "lineWidth": 1.0},
@@ -186,24 +187,13 @@ class Pipelines:
         )
         infos = vk.array("VkGraphicsPipelineCreateInfo", [info])
         try:
-            return self._device.create_pipelines("vkCreateGraphicsPipelines", infos, [_name(described)])[0]
+            kept = cache.handle if cache else vk.NULL
+            return self._device.create_pipelines(
+                "vkCreateGraphicsPipelines", infos, [_name(described)], kept
+            )[0]
         finally:
             for module in modules:
                 self._device.destroy("VkShaderModule", module)
-
-    @staticmethod
-    def _vertex_input(described: GraphicsPipeline) -> Any:
-        return vk.new(
-            "VkPipelineVertexInputStateCreateInfo",
-            pVertexBindingDescriptions=[
-                {"binding": location, "stride": 4 * floats, "inputRate": vk.VK_VERTEX_INPUT_RATE_VERTEX}
-                for location, floats in described.streams
-            ],
-            pVertexAttributeDescriptions=[
-                {"location": location, "binding": location, "format": _VERTEX_FORMATS[floats]}
-                for location, floats in described.streams
-            ],
-        )
 
     @staticmethod
     def _depth(described: GraphicsPipeline) -> Any:
@@ -241,9 +231,31 @@ class Pipelines:
         """Free every pipeline and layout."""
         for built in self._built.values():
             self._device.destroy("VkPipeline", built.handle)
-        for layout in self._layouts.values():
-            self._device.destroy("VkPipelineLayout", layout)
+        self.layouts.close()
 
 
 def _name(described: GraphicsPipeline) -> str:
     return described.name or " + ".join(described.shaders)
+
+
+def _stages(described: GraphicsPipeline, compiled: Stages) -> list[Stage]:
+    """Return the stages of a pipeline as they are reflected, with the values of their constants."""
+    found = [Stage(code, source) for code, source in zip(compiled.codes, compiled.sources, strict=True)]
+    for stage in found:
+        check_pulled(stage)
+    return chosen(found, dict(described.specialization))
+
+
+def _specialization(stage: Stage) -> Any:
+    """Return the VkSpecializationInfo of a stage; None where all its constants keep their defaults."""
+    values = dict(stage.constants)
+    known = [one for one in stage.module.constants if one.id in values]
+    if not known:
+        return None
+    data = b"".join(one.encoded(values[one.id]) for one in known)
+    offsets = [sum(one.size for one in known[:number]) for number in range(len(known))]
+    entries = [
+        {"constantID": one.id, "offset": offset, "size": one.size}
+        for one, offset in zip(known, offsets, strict=True)
+    ]
+    return vk.new("VkSpecializationInfo", pMapEntries=entries, dataSize=len(data), pData=data)
