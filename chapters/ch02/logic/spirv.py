@@ -57,7 +57,8 @@ def words_of(code: bytes) -> list[int]:
         words = np.frombuffer(code, order)
         if words[0] == MAGIC:
             return [int(word) for word in words.tolist()]
-    raise SpirvError(f"This is no SPIR-V: it begins with 0x{words[0]:08x} in place of 0x{MAGIC:08x}.")
+    first = int.from_bytes(code[:4], "little")
+    raise SpirvError(f"This is no SPIR-V: it begins with 0x{first:08x} in place of 0x{MAGIC:08x}.")
 
 
 def instructions(words: Sequence[int]) -> Iterator[tuple[int, int, Sequence[int]]]:
@@ -138,7 +139,7 @@ _SCALARS = {
     (_Op.FLOAT, 64, 0): "double",
 }
 _PREFIXES = {"float": "", "int": "i", "uint": "u", "double": "d", "bool": "b"}
-# Which operands of a type are types themselves. They must have been declared, so that no type contains itself.
+# Which operands of a type are types that it contains. They must have been declared, so that none contains itself.
 _PARTS = {
     _Op.VECTOR: slice(0, 1),
     _Op.MATRIX: slice(0, 1),
@@ -147,7 +148,6 @@ _PARTS = {
     _Op.ARRAY: slice(0, 1),
     _Op.RUNTIME_ARRAY: slice(0, 1),
     _Op.STRUCT: slice(0, None),
-    _Op.POINTER: slice(1, 2),
 }
 
 
@@ -169,7 +169,7 @@ class _Declarations:
         self._forward: set[int] = set()
         self._values: dict[int, Number] = {}  # of constants that are one number
         self._composites: dict[int, Sequence[int]] = {}
-        self._specials: list[SpecConstant] = []
+        self._specials: dict[int, SpecConstant] = {}  # by their own ids, which several constants may share
         self._variables: list[tuple[int, int, int]] = []  # (id, pointer type, storage class)
         self._entries: list[tuple[int, int, str]] = []  # (execution model, id of the function, name)
         self._sizes: dict[int, tuple[bool, Sequence[int]]] = {}  # function -> whether ids, work-group size
@@ -243,7 +243,8 @@ class _Declarations:
             return
         number = self._marks.get((id_, _Mark.SPEC_ID))
         if number is not None:
-            self._specials.append(SpecConstant(number, self._names.get(id_, ""), name, size, value))
+            if not (number in self._specials and self._specials[number].name):
+                self._specials[number] = SpecConstant(number, self._names.get(id_, ""), name, size, value)
             value = self._chosen.get(number, value)
         self._values[id_] = value
 
@@ -345,7 +346,9 @@ class _Declarations:
             return f"{prefix} of dimension {dimension}"
         letter = _PREFIXES.get(self._scalar(sampled)[0], "") if self._type(sampled)[0] != _Op.VOID else ""
         shadow = "Shadow" if depth == 1 and prefix == "sampler" else ""
-        return letter + prefix + _DIMENSIONS[dimension] + "MS" * many + "Array" * arrayed + shadow
+        return (
+            letter + prefix + _DIMENSIONS[dimension] + "MS" * (many == 1) + "Array" * (arrayed == 1) + shadow
+        )
 
     # --- what a program fills ---
 
@@ -441,7 +444,7 @@ class _Declarations:
             tuple(self._entry(*entry) for entry in self._entries),
             tuple(sorted(resources, key=lambda one: (one.set, one.binding))),
             push,
-            tuple(sorted(self._specials, key=lambda one: one.id)),
+            tuple(one for _, one in sorted(self._specials.items())),
             tuple(sorted(inputs)),
         )
 

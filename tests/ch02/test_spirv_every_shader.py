@@ -1,0 +1,132 @@
+"""The SPIR-V parser against `spirv-dis`: every shader of the project, in the variants that its own conditions allow."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import pytest
+
+from backends import shader_text
+from backends.shader_text import STAGES
+from backends.vulkan.shaders import shared
+from chapters.ch02.logic import spirv
+from chapters.ch02.logic.snippets import SNIPPETS
+from common.errors import ShaderError
+from common.paths import ROOT
+from tests.backends.test_glslang import SHADERS as STAGE_SHADERS
+from tests.support.disassembly import disassembled
+
+# What the host defines where a shader counts on it, with a value that compiles.
+GIVEN = {"FORMAT": "rgba16f", "SAMPLES": 4, "COUNT_FULL": 8, "ENERGY": 1, "PULLED": 1, "SHOWS": 0}
+VIEWS = 13
+
+
+def files():
+    """Return every shader file of the project that is a stage."""
+    suffixes = tuple(f".{stage}" for stage in STAGES)
+    folders = [ROOT / "shaders", *sorted((ROOT / "chapters").glob("ch*"))]
+    return [path for folder in folders for path in sorted(folder.rglob("*")) if path.name.endswith(suffixes)]
+
+
+def variants(path):
+    """Yield the definitions of each variant: nothing, each condition alone, all, all but each; and every view."""
+    text = shader_text.build(path, "vulkan", defines=GIVEN, snippets=SNIPPETS).text
+    found = re.findall(r"#\s*(?:ifdef|ifndef)\s+(\w+)", text) + re.findall(r"defined\((\w+)\)", text)
+    names = [name for name in dict.fromkeys(found) if not name.startswith(("GL_", "INCLUDED_", "VIEW_OF"))]
+    everything = dict.fromkeys(names, 1)
+    yield GIVEN
+    yield GIVEN | everything
+    for name in names:
+        yield GIVEN | {name: 1}
+        yield GIVEN | {other: 1 for other in names if other != name}
+    if "VIEW" in names:
+        for view in range(VIEWS):
+            yield GIVEN | everything | {"VIEW": view}
+
+
+def compiled(path):
+    """Return the distinct modules of a file; a variant that no program asks for may not compile."""
+    codes = {}
+    for defines in variants(path):
+        try:
+            source = shader_text.build(path, "vulkan", defines=defines, snippets=SNIPPETS)
+            codes[shared().compile(source)] = None
+        except ShaderError:
+            continue
+    return list(codes)
+
+
+@pytest.fixture(scope="module")
+def modules():
+    """Every distinct module, with its disassembly and where it came from."""
+    found = {}
+    for path in files():
+        codes = compiled(path)
+        assert codes, f"{path} compiles in no variant"
+        for code in codes:
+            found.setdefault(code, path.relative_to(ROOT).as_posix())
+    for stage, (extensions, text) in STAGE_SHADERS.items():
+        source = shader_text.build_text(text, stage, "vulkan", extensions=extensions)
+        found.setdefault(shared().compile(source), f"a .{stage} shader")
+    return list(zip(found, found.values(), disassembled(list(found)), strict=True))
+
+
+@pytest.mark.feature("reflection/spirv-parser")
+def test_there_are_many_and_of_every_stage(modules):
+    assert len(modules) > 100
+    assert {stage for _, _, text in modules for stage, _, _ in text.entries()} == set(STAGES)
+
+
+@pytest.mark.feature("reflection/spirv-parser")
+def test_every_instruction_begins_at_its_word_and_has_its_opcode(modules):
+    opcodes: dict[str, int] = {}
+    for code, where, text in modules:
+        found = list(spirv.instructions(spirv.words_of(code)))
+        assert [4 * at for at, _, _ in found] == [offset for offset, *_ in text.instructions], where
+        for (_, opcode, operands), (_, name, result, words) in zip(found, text.instructions, strict=True):
+            assert opcodes.setdefault(name, opcode) == opcode, f"{where}: {name}"
+            if result:
+                assert int(result) in operands[:2], f"{where}: {name}"
+            ids = [int(word[1:]) for word in words if re.fullmatch(r"%\d+", word)]
+            left = list(operands)
+            for id_ in ids:
+                left.remove(id_)  # raises where the id is not among the operands
+    assert len(set(opcodes.values())) == len(opcodes), "two instructions have one opcode"
+    assert {name: opcodes[name] for name in ("OpSetMeshOutputsEXT", "OpTypeAccelerationStructureKHR")} == {
+        "OpSetMeshOutputsEXT": 5295,
+        "OpTypeAccelerationStructureKHR": 5341,
+    }
+
+
+@pytest.mark.feature("reflection/spirv-parser")
+def test_declarations_are_what_the_disassembly_says(modules):
+    def table(members):
+        return tuple(
+            (m.name, m.type, m.offset, m.counts, m.strides, m.matrix_stride, m.row_major, table(m.members))
+            for m in members
+        )
+
+    seen = set()
+    for code, where, text in modules:
+        module = spirv.parse(code)
+        assert (module.version, module.bound) == (text.version, text.bound), where
+        assert [(one.stage, one.name, one.local_size) for one in module.entries] == text.entries(), where
+        resources = [
+            (
+                one.set,
+                one.binding,
+                one.kind,
+                one.count,
+                one.name,
+                table(one.block.members) if one.block else (),
+            )
+            for one in module.resources
+        ]
+        assert sorted(resources) == sorted(text.resources()), where
+        assert (table(module.push.members) if module.push else None) == text.push(), where
+        constants = [(one.id, one.name, float(one.default)) for one in module.constants]
+        for ours, theirs in zip(constants, text.constants(), strict=True):
+            assert ours[:2] == theirs[:2] and math.isclose(ours[2], theirs[2], rel_tol=1e-8), where
+        seen |= {one.kind for one in module.resources}
+    assert {"uniform", "storage", "texture", "image"} <= seen
