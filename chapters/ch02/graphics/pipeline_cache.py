@@ -35,7 +35,8 @@ class PipelineCache:
     """A VkPipelineCache, filled from the device's file in `folder` and written back when it closes.
 
     Without a folder it lives in memory. Whatever is wrong with the file or the folder is said once, in a sentence that
-    is logged and kept in `warnings`. `saved` counts the files written.
+    is logged and kept in `warnings`. `loaded_bytes` is what the driver was given at the start, `saved` counts the files
+    written.
     """
 
     def __init__(self, device: Device, folder: Path | None = None) -> None:
@@ -44,8 +45,9 @@ class PipelineCache:
         self.path = folder / name if folder else None
         self.warnings: list[str] = []
         self.saved = 0
-        self._loaded = self._load()
-        self.handle = self._create(self._loaded)
+        self._on_disk = self._load()
+        self.handle = self._create(self._on_disk)
+        self.loaded_bytes = len(self._on_disk)
 
     @classmethod
     def on_disk(cls, device: Device) -> PipelineCache:
@@ -54,11 +56,6 @@ class PipelineCache:
         if made.path is None:  # as with every other cache, a sentence for those who ask: it is so in each run
             made._warn(f"The pipeline cache lives in memory: {cache_problem()}.", logging.INFO)
         return made
-
-    @property
-    def loaded_bytes(self) -> int:
-        """Bytes of the body that the driver was given at the start."""
-        return len(self._loaded)
 
     def _create(self, data: bytes) -> Any:
         def create(data: bytes) -> Any:
@@ -73,7 +70,7 @@ class PipelineCache:
             self._warn(
                 f"The driver does not take the pipeline cache {self.path} ({error}), which is replaced."
             )
-            self._loaded = b""
+            self._on_disk = b""
             return create(b"")
 
     # --- reading ---
@@ -89,7 +86,7 @@ class PipelineCache:
                 body, reason = self._checked(self.path.read_bytes())
                 if not reason:
                     return body
-        except FileNotFoundError:
+        except (FileNotFoundError, NotADirectoryError):
             return b""
         except OSError as error:
             reason = f"it cannot be read ({error.strerror or error})"
@@ -143,7 +140,7 @@ class PipelineCache:
         if self.path is None:
             return False
         body = self.data()
-        if body == self._loaded or self._foreign(body):
+        if body == self._on_disk or self._foreign(body):
             return False
         if len(body) > MOST_BYTES - _PREFIX.size:
             self.path.unlink(missing_ok=True)
@@ -155,7 +152,7 @@ class PipelineCache:
         except OSError as error:
             self._warn(f"The pipeline cache {self.path} cannot be written ({error.strerror or error}).")
             return False
-        self._loaded = body
+        self._on_disk = body
         self.saved += 1
         return True
 

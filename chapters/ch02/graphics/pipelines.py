@@ -142,6 +142,7 @@ class Pipelines:
         layout: Any,
         cache: PipelineCache | None = None,
     ) -> Any:
+        special = [_specialization(stage) for stage in found]
         modules = [
             self._device.create(
                 "vkCreateShaderModule",
@@ -156,9 +157,9 @@ class Pipelines:
                 stage=STAGES[stage.name],
                 module=module,
                 pName="main",
-                pSpecializationInfo=_specialization(stage),
+                pSpecializationInfo=values,
             )
-            for stage, module in zip(found, modules, strict=True)
+            for stage, module, values in zip(found, modules, special, strict=True)
         ]
         dynamic = [
             vk.VK_DYNAMIC_STATE_VIEWPORT,

@@ -40,8 +40,13 @@ STAGES = {
 """The bit of each stage, in the order of the pipeline."""
 
 _ORDER = list(STAGES)
-parse = lru_cache(256)(spirv.parse)
-"""`spirv.parse` of a module with its default constants, once per module: many pipelines share a stage."""
+_DYNAMIC: dict[Kind, Kind] = {"uniform": "dynamic uniform", "storage": "dynamic storage"}
+
+
+@lru_cache(256)
+def parse(code: bytes, constants: tuple[tuple[int, Number], ...] = ()) -> Module:
+    """Return what a module declares, with these values of its constants; many pipelines share a stage."""
+    return spirv.parse(code, dict(constants))
 
 
 @dataclass(frozen=True)
@@ -84,7 +89,12 @@ class Stage:
     @property
     def module(self) -> Module:
         """What the stage declares, with the values that its constants have."""
-        return spirv.parse(self.code, dict(self.constants)) if self.constants else parse(self.code)
+        try:
+            return parse(self.code, self.constants)
+        except spirv.SpirvError as error:
+            if self.source is None:
+                raise
+            raise ShaderError(f"{self.source.name}: {error}", self.source.paths) from None
 
     @property
     def name(self) -> str:
@@ -101,27 +111,33 @@ def merge(stages: Sequence[Stage], dynamic: Collection[str] = ()) -> Signature:
     `dynamic` names buffers whose offset comes with the bind, beside those that begin with `dyn_`. Raises ShaderError,
     with the file and line of both declarations, where two stages disagree about a binding.
     """
-    stages = sorted(stages, key=lambda stage: _ORDER.index(stage.name))
+    stages = sorted(stages, key=lambda stage: (_ORDER.index(stage.name), stage.code))
     found: dict[tuple[int, int], tuple[Stage, Resource]] = {}
     seen: dict[tuple[int, int], int] = {}
+    moving: set[tuple[int, int]] = set()
     names: set[str] = set()
     for stage in stages:
-        for place, resource in _own(stage).items():
-            first = found.setdefault(place, (stage, resource))
-            if _signed(first[1]) != _signed(resource):
-                raise _disagreement(*first, stage, resource)
+        for resource in stage.module.resources:
+            place = resource.set, resource.binding
+            first_stage, first = found.setdefault(place, (stage, resource))
+            joined = _joined(first, resource, stage is first_stage)
+            if joined is None:
+                raise _disagreement(first_stage, first, stage, resource)
+            found[place] = first_stage, joined
             seen[place] = seen.get(place, 0) | STAGES[stage.name]
             if resource.block:
-                names |= {resource.name, resource.type} - {""}
+                own = {resource.name, resource.type} - {""}
+                names |= own
+                if any(name in dynamic or name.startswith("dyn_") for name in own):
+                    moving.add(place)
     for name in dynamic:
         if name not in names:
-            raise ShaderError(
-                f"No stage has a buffer called '{name}' that could be dynamic{suggest(name, names)}."
-            )
+            raise ShaderError(f"No stage has a buffer '{name}' that could be dynamic{_near(name, names)}")
     sets: list[list[Binding]] = [[] for _ in range(max((set_ + 1 for set_, _ in found), default=0))]
-    for (set_, number), (_, one) in sorted(found.items(), key=lambda item: item[0]):
-        kind = _dynamic(one.kind) if _is_dynamic(one, dynamic) else one.kind
-        sets[set_].append(Binding(number, kind, one.count, one.name or one.type, seen[set_, number]))
+    for place in sorted(found):
+        one = found[place][1]
+        kind = _DYNAMIC[one.kind] if place in moving else one.kind
+        sets[place[0]].append(Binding(place[1], kind, one.count, one.name or one.type, seen[place]))
     return Signature(
         tuple(tuple(bindings) for bindings in sets),
         _push(stages),
@@ -129,32 +145,25 @@ def merge(stages: Sequence[Stage], dynamic: Collection[str] = ()) -> Signature:
     )
 
 
-def _own(stage: Stage) -> dict[tuple[int, int], Resource]:
-    """Return what one stage has at each place. Names that share a place are one binding, as `sampler2D t[]` and
-    `sampler3D u[]` are; of blocks that do, the larger counts.
+def _joined(first: Resource, other: Resource, same_stage: bool) -> Resource | None:
+    """Return what two variables at one place are together, or None where they disagree.
+
+    In one stage names may share a place, as `sampler2D t[]` and `sampler3D u[]` do, and of blocks that do the larger
+    counts. An open array takes one with a length in: where a stage only indexes an array by constants, the compiler has
+    given it the length that those need.
     """
-    found: dict[tuple[int, int], Resource] = {}
-    for resource in stage.module.resources:
-        place = resource.set, resource.binding
-        first = found.setdefault(place, resource)
-        if (first.kind, first.count) != (resource.kind, resource.count):
-            raise _disagreement(stage, first, stage, resource)
-        if first.block and resource.block and resource.block.size > first.block.size:
-            found[place] = replace(first, block=resource.block)
-    return found
+    if first.kind != other.kind or (first.count != other.count and 0 not in (first.count, other.count)):
+        return None
+    if first.block and other.block and first.block.size != other.block.size:
+        if not same_stage:
+            return None
+        first = max(first, other, key=lambda one: one.block.size if one.block else 0)
+    return replace(first, count=min(first.count, other.count))
 
 
-def _signed(resource: Resource) -> tuple[Kind, int, int]:
-    return resource.kind, resource.count, resource.block.size if resource.block else 0
-
-
-def _is_dynamic(resource: Resource, dynamic: Collection[str]) -> bool:
-    names = resource.name, resource.type
-    return resource.block is not None and any(name in dynamic or name.startswith("dyn_") for name in names)
-
-
-def _dynamic(kind: Kind) -> Kind:
-    return "dynamic uniform" if kind == "uniform" else "dynamic storage"
+def _near(name: str, names: Collection[str]) -> str:
+    near = suggest(name, names)
+    return near if near.endswith("?") else f"{near}."
 
 
 def _push(stages: Sequence[Stage]) -> Push | None:
@@ -243,7 +252,7 @@ def chosen(stages: Sequence[Stage], wanted: Mapping[str | int, Number]) -> list[
     for key in wanted:
         if key not in known:
             names = {str(name) for name in known if name != "" and not isinstance(name, int)}
-            raise ShaderError(f"No stage has a specialization constant {key!r}{suggest(str(key), names)}.")
+            raise ShaderError(f"No stage has a specialization constant {key!r}{_near(str(key), names)}")
     return [
         replace(
             stage,

@@ -14,7 +14,7 @@ from typing import Any
 from backends.vulkan import api as vk
 from backends.vulkan import features as vf
 from backends.vulkan.device import Device
-from common.errors import UnsupportedError
+from common.errors import ShaderError, UnsupportedError
 
 from ..logic.declared import Kind
 from .reflection import STAGES, Binding, Signature
@@ -135,6 +135,12 @@ class Layouts:
             name = next(binding.name for binding in bindings if binding.count == 0)
             raise UnsupportedError(
                 f"The array '{name}' has no end, which takes descriptor indexing, and this device is used without it."
+            )
+        moving = next((one.name for one in bindings if one.kind.startswith("dynamic")), "")
+        if runtime and moving:
+            raise ShaderError(
+                f"The dynamic buffer '{moving}' is in one set with an array without an end, which no device allows: "
+                "move one of them to another set."
             )
         counts = tuple(binding.count or self._room(bindings, binding) for binding in bindings)
         return SetLayout(self._handle(bindings, counts, stages, runtime), bindings, runtime, counts)
