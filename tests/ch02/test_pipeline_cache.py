@@ -6,7 +6,6 @@ import errno
 import hashlib
 import logging
 import os
-import stat
 import struct
 import threading
 
@@ -168,17 +167,17 @@ def test_a_file_too_large_is_not_read(vulkan_device, file, monkeypatch):
 
 
 @disk_cache
-def test_a_full_disk_is_one_sentence(vulkan_device, tmp_path, monkeypatch, caplog):
-    def full(path, data):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EROFS, errno.EACCES], ids=errno.errorcode.get)
+def test_a_full_or_read_only_folder_is_one_sentence(vulkan_device, tmp_path, monkeypatch, caplog, code):
+    """As the system says it when a temporary file is made; permissions mean nothing to root, who may run this."""
 
-    monkeypatch.setattr(pipeline_cache, "write_whole", full)
+    def refused(*_, **__):
+        raise OSError(code, os.strerror(code))
+
+    monkeypatch.setattr(paths.tempfile, "mkstemp", refused)
     cache = used(vulkan_device, tmp_path)
     (warning,) = cache.warnings
-    assert (
-        warning.startswith("The pipeline cache ")
-        and "cannot be written (No space left on device)." in warning
-    )
+    assert warning == f"The pipeline cache {cache.path} cannot be written ({os.strerror(code)})."
     assert len(caplog.records) == 1
     assert list(tmp_path.iterdir()) == []
 
@@ -203,16 +202,6 @@ def test_a_read_only_user_cache_leaves_pipelines_in_memory(vulkan_device, tmp_pa
     assert "cannot be written" in warning and "nothing is kept from run to run" in warning
     assert [record.levelno for record in caplog.records] == [logging.INFO], "it is so in each run: -v says it"
     cache.close()
-
-
-@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="nothing is read-only for root")
-def test_a_read_only_folder_is_one_sentence(vulkan_device, tmp_path):
-    tmp_path.chmod(stat.S_IRUSR | stat.S_IXUSR)
-    try:
-        cache = used(vulkan_device, tmp_path)
-    finally:
-        tmp_path.chmod(stat.S_IRWXU)
-    assert len(cache.warnings) == 1 and cache.saved == 0
 
 
 def test_the_users_folder_is_the_projects_cache(vulkan_device, tmp_path, monkeypatch):

@@ -148,7 +148,12 @@ def test_every_length_of_a_module_is_refused_or_whole():
 
 # --- every kind of declaration ---
 
-KINDS_EXTENSIONS = ("GL_EXT_nonuniform_qualifier", "GL_EXT_ray_query", "GL_EXT_texture_buffer")
+KINDS_EXTENSIONS = (
+    "GL_EXT_nonuniform_qualifier",
+    "GL_EXT_ray_query",
+    "GL_EXT_texture_buffer",
+    "GL_EXT_scalar_block_layout",
+)
 KINDS = """
 layout(local_size_x = 8, local_size_y = 4, local_size_z = 2) in;
 layout(set = 0, binding = 0, std140) uniform Constants { mat4 matrix; vec3 direction; float strength; } constants;

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import typing
 
 import pytest
 
@@ -11,15 +12,27 @@ from backends import shader_text
 from backends.shader_text import STAGES
 from backends.vulkan.shaders import shared
 from chapters.ch02.logic import spirv
+from chapters.ch02.logic.declared import Kind
 from chapters.ch02.logic.snippets import SNIPPETS
 from common.errors import ShaderError
 from common.paths import ROOT
 from tests.backends.test_glslang import SHADERS as STAGE_SHADERS
+from tests.ch02.test_spirv import KINDS, KINDS_EXTENSIONS, RULES, SPECIAL
+from tests.ch02.test_spirv import compiled as compiled_text
 from tests.support.disassembly import disassembled
 
 # What the host defines where a shader counts on it, with a value that compiles.
-GIVEN = {"FORMAT": "rgba16f", "SAMPLES": 4, "COUNT_FULL": 8, "ENERGY": 1, "PULLED": 1, "SHOWS": 0}
+GIVEN = {
+    "FORMAT": "rgba16f",
+    "SAMPLES": 4,
+    "COUNT_FULL": 8,
+    "ENERGY": 1,
+    "PULLED": 1,
+    "SHOWS": 0,
+    "ARRAYS": 3,
+}
 VIEWS = 13
+OWN = ("GL_", "INCLUDED_", "VIEW_OF")  # macros that are not the host's
 
 
 def files():
@@ -29,11 +42,22 @@ def files():
     return [path for folder in folders for path in sorted(folder.rglob("*")) if path.name.endswith(suffixes)]
 
 
+def built(path, defines):
+    """Return a shader with the extension that some of them need; it changes nothing where nobody uses it."""
+    extensions = ["GL_EXT_nonuniform_qualifier"]
+    return shader_text.build(path, "vulkan", defines=defines, snippets=SNIPPETS, extensions=extensions)
+
+
 def variants(path):
     """Yield the definitions of each variant: nothing, each condition alone, all, all but each; and every view."""
-    text = shader_text.build(path, "vulkan", defines=GIVEN, snippets=SNIPPETS).text
-    found = re.findall(r"#\s*(?:ifdef|ifndef)\s+(\w+)", text) + re.findall(r"defined\((\w+)\)", text)
-    names = [name for name in dict.fromkeys(found) if not name.startswith(("GL_", "INCLUDED_", "VIEW_OF"))]
+    names: list[str] = []
+    while True:  # a condition may decide about an include that has further ones
+        text = built(path, GIVEN | dict.fromkeys(names, 1)).text
+        found = re.findall(r"#\s*(?:ifdef|ifndef)\s+(\w+)|defined\((\w+)\)", text)
+        now = [name for pair in found for name in pair if name and not name.startswith(OWN)]
+        if not set(now) - set(names):
+            break
+        names = list(dict.fromkeys([*names, *now]))
     everything = dict.fromkeys(names, 1)
     yield GIVEN
     yield GIVEN | everything
@@ -45,13 +69,12 @@ def variants(path):
             yield GIVEN | everything | {"VIEW": view}
 
 
-def compiled(path):
+def modules_of(path):
     """Return the distinct modules of a file; a variant that no program asks for may not compile."""
     codes = {}
     for defines in variants(path):
         try:
-            source = shader_text.build(path, "vulkan", defines=defines, snippets=SNIPPETS)
-            codes[shared().compile(source)] = None
+            codes[shared().compile(built(path, defines))] = None
         except ShaderError:
             continue
     return list(codes)
@@ -62,13 +85,16 @@ def modules():
     """Every distinct module, with its disassembly and where it came from."""
     found = {}
     for path in files():
-        codes = compiled(path)
+        codes = modules_of(path)
         assert codes, f"{path} compiles in no variant"
         for code in codes:
             found.setdefault(code, path.relative_to(ROOT).as_posix())
     for stage, (extensions, text) in STAGE_SHADERS.items():
         source = shader_text.build_text(text, stage, "vulkan", extensions=extensions)
         found.setdefault(shared().compile(source), f"a .{stage} shader")
+    rules = [RULES.replace("LAYOUT_KIND", "buffer").replace("LAYOUT", rule) for rule in ("std430", "scalar")]
+    for text in (KINDS, SPECIAL, *rules):
+        found.setdefault(compiled_text(text, extensions=KINDS_EXTENSIONS), "a text of the tests")
     return list(zip(found, found.values(), disassembled(list(found)), strict=True))
 
 
@@ -129,4 +155,4 @@ def test_declarations_are_what_the_disassembly_says(modules):
         for ours, theirs in zip(constants, text.constants(), strict=True):
             assert ours[:2] == theirs[:2] and math.isclose(ours[2], theirs[2], rel_tol=1e-8), where
         seen |= {one.kind for one in module.resources}
-    assert {"uniform", "storage", "texture", "image"} <= seen
+    assert seen == {*typing.get_args(Kind)} - {"dynamic uniform", "dynamic storage", "input attachment"}
