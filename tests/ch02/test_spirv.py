@@ -104,6 +104,22 @@ BAD = {
         assembled(ENTRY, *MARKS, instruction(59, 13, 14, 0)),
         "type 13, which it does not declare",
     ),
+    "a type too short": (
+        assembled(ENTRY, *MARKS, SAMPLED[0], instruction(25, 11, 10, 1), *SAMPLED[2:]),
+        "A type in the SPIR-V lacks a part",
+    ),
+    "nested": (
+        assembled(
+            ENTRY,
+            *MARKS,
+            instruction(30, 20),
+            *(instruction(30, number, number - 1) for number in range(21, 3000)),
+            instruction(32, 13, 2, 2999),
+            instruction(59, 13, 14, 2),
+            bound=4000,
+        ),
+        "are nested too deeply",
+    ),
     "itself": (assembled(ENTRY, instruction(30, 10, 10)), "uses the type 10 before it declares it"),
 }
 

@@ -6,9 +6,9 @@ instruction, itself included. Whatever an instruction makes (a type, a constant,
 and names and decorations refer to ids that come later. So the parser fills tables by id first, and puts together what
 belongs together afterwards: variable -> pointer type -> what it points to.
 
-All declarations stand before the first function; of the bodies behind it only the lengths are checked.
-Opcodes and numbers: SPIR-V specification 1.6, section 3. A module may have been written in either byte order: the
-magic number, read backwards, gives it away.
+All declarations stand before the first function; of the bodies behind it only the lengths are checked. A module may
+have been written in either byte order: the magic number, read backwards, gives it away. Source: SPIR-V specification
+1.6, section 2.3 (words) and section 3 (opcodes and numbers, in `spirv_numbers.py`).
 """
 
 from __future__ import annotations
@@ -33,6 +33,21 @@ from .declared import (
     extent,
     number_format,
 )
+from .spirv_numbers import (
+    BUFFER,
+    DIMENSIONS,
+    LOCAL_SIZE,
+    LOCAL_SIZE_ID,
+    PARTS,
+    PREFIXES,
+    SCALARS,
+    STAGES,
+    SUBPASS,
+    WORKGROUP_SIZE,
+    Mark,
+    Op,
+    Storage,
+)
 
 MAGIC = 0x07230203
 HEADER_WORDS = 5
@@ -56,7 +71,8 @@ def words_of(code: bytes) -> list[int]:
     for order in ("<u4", ">u4"):
         words = np.frombuffer(code, order)
         if words[0] == MAGIC:
-            return [int(word) for word in words.tolist()]
+            found: list[int] = words.tolist()
+            return found
     first = int.from_bytes(code[:4], "little")
     raise SpirvError(f"This is no SPIR-V: it begins with 0x{first:08x} in place of 0x{MAGIC:08x}.")
 
@@ -83,72 +99,12 @@ def parse(code: bytes, specialization: Mapping[int, Number] | None = None) -> Mo
 
     Raises SpirvError for what is no SPIR-V, for SPIR-V that is damaged, and for what a program cannot fill.
     """
-    return _Declarations(code, specialization or {}).module()
-
-
-# --- the numbers of the specification -----------------------------------------------------------------------
-
-
-class _Op:
-    NAME, MEMBER_NAME, ENTRY_POINT, EXECUTION_MODE, EXECUTION_MODE_ID = 5, 6, 15, 16, 331
-    TYPES = range(19, 34)  # OpTypeVoid to OpTypeFunction
-    VOID, BOOL, INT, FLOAT, VECTOR, MATRIX, IMAGE, SAMPLER, SAMPLED_IMAGE = 19, 20, 21, 22, 23, 24, 25, 26, 27
-    ARRAY, RUNTIME_ARRAY, STRUCT, POINTER, FORWARD_POINTER = 28, 29, 30, 32, 39
-    ACCELERATION_STRUCTURE = 5341
-    TRUE, FALSE, CONSTANT, COMPOSITE = 41, 42, 43, 44
-    SPEC_TRUE, SPEC_FALSE, SPEC_CONSTANT, SPEC_COMPOSITE, SPEC_OP = 48, 49, 50, 51, 52
-    FUNCTION, VARIABLE, DECORATE, MEMBER_DECORATE = 54, 59, 71, 72
-
-
-class _Mark:
-    """Decorations."""
-
-    SPEC_ID, BUFFER_BLOCK, ROW_MAJOR, ARRAY_STRIDE, MATRIX_STRIDE, BUILT_IN = 1, 3, 4, 6, 7, 11
-    LOCATION, BINDING, SET, OFFSET = 30, 33, 34, 35
-
-
-class _Storage:
-    UNIFORM_CONSTANT, INPUT, UNIFORM, PUSH_CONSTANT, STORAGE_BUFFER = 0, 1, 2, 9, 12
-
-
-_STAGES = {  # execution models; the names are those of shader files
-    0: "vert",
-    1: "tesc",
-    2: "tese",
-    3: "geom",
-    4: "frag",
-    5: "comp",
-    5267: "task",  # NV
-    5268: "mesh",  # NV
-    5313: "rgen",
-    5314: "rint",
-    5315: "rahit",
-    5316: "rchit",
-    5317: "rmiss",
-    5318: "rcall",
-    5364: "task",
-    5365: "mesh",
-}
-_LOCAL_SIZE, _LOCAL_SIZE_ID, _WORKGROUP_SIZE = 17, 38, 25  # two execution modes, and a built-in
-_DIMENSIONS = ("1D", "2D", "3D", "Cube", "2DRect", "Buffer", "")
-_BUFFER, _SUBPASS = 5, 6
-_SCALARS = {
-    (_Op.INT, 32, 0): "uint",
-    (_Op.INT, 32, 1): "int",
-    (_Op.FLOAT, 32, 0): "float",
-    (_Op.FLOAT, 64, 0): "double",
-}
-_PREFIXES = {"float": "", "int": "i", "uint": "u", "double": "d", "bool": "b"}
-# Which operands of a type are types that it contains. They must have been declared, so that none contains itself.
-_PARTS = {
-    _Op.VECTOR: slice(0, 1),
-    _Op.MATRIX: slice(0, 1),
-    _Op.IMAGE: slice(0, 1),
-    _Op.SAMPLED_IMAGE: slice(0, 1),
-    _Op.ARRAY: slice(0, 1),
-    _Op.RUNTIME_ARRAY: slice(0, 1),
-    _Op.STRUCT: slice(0, None),
-}
+    try:
+        return _Declarations(code, specialization or {}).module()
+    except IndexError:
+        raise SpirvError("A type in the SPIR-V lacks a part that it must have.") from None
+    except RecursionError:
+        raise SpirvError("The structs in the SPIR-V are nested too deeply.") from None
 
 
 # --- tables by id -------------------------------------------------------------------------------------------
@@ -175,7 +131,7 @@ class _Declarations:
         self._sizes: dict[int, tuple[bool, Sequence[int]]] = {}  # function -> whether ids, work-group size
         declaring = True
         for at, opcode, operands in instructions(words):
-            if opcode == _Op.FUNCTION:
+            if opcode == Op.FUNCTION:
                 declaring = False
             if declaring:
                 try:
@@ -186,27 +142,27 @@ class _Declarations:
                     ) from None
 
     def _note(self, opcode: int, operands: Sequence[int]) -> None:
-        if opcode == _Op.NAME:
+        if opcode == Op.NAME:
             self._names[self._id(operands[0])] = _text(operands[1:])
-        elif opcode == _Op.MEMBER_NAME:
+        elif opcode == Op.MEMBER_NAME:
             self._member_names[self._id(operands[0]), operands[1]] = _text(operands[2:])
-        elif opcode == _Op.DECORATE:
+        elif opcode == Op.DECORATE:
             self._marks[self._id(operands[0]), operands[1]] = operands[2] if len(operands) > 2 else 1
-        elif opcode == _Op.MEMBER_DECORATE:
+        elif opcode == Op.MEMBER_DECORATE:
             place = self._id(operands[0]), operands[1], operands[2]
             self._member_marks[place] = operands[3] if len(operands) > 3 else 1
-        elif opcode == _Op.ENTRY_POINT:
+        elif opcode == Op.ENTRY_POINT:
             self._entries.append((operands[0], self._id(operands[1]), _text(operands[2:])))
-        elif opcode in (_Op.EXECUTION_MODE, _Op.EXECUTION_MODE_ID):
-            if operands[1] in (_LOCAL_SIZE, _LOCAL_SIZE_ID):
-                self._sizes[self._id(operands[0])] = operands[1] == _LOCAL_SIZE_ID, operands[2:5]
-        elif opcode == _Op.FORWARD_POINTER:
+        elif opcode in (Op.EXECUTION_MODE, Op.EXECUTION_MODE_ID):
+            if operands[1] in (LOCAL_SIZE, LOCAL_SIZE_ID):
+                self._sizes[self._id(operands[0])] = operands[1] == LOCAL_SIZE_ID, operands[2:5]
+        elif opcode == Op.FORWARD_POINTER:
             self._forward.add(self._id(operands[0]))
-        elif opcode in _Op.TYPES or opcode == _Op.ACCELERATION_STRUCTURE:
+        elif opcode in Op.TYPES or opcode == Op.ACCELERATION_STRUCTURE:
             self._note_type(opcode, self._new(operands[0]), operands[1:])
-        elif _Op.TRUE <= opcode <= _Op.SPEC_OP:
+        elif Op.TRUE <= opcode <= Op.SPEC_OP:
             self._note_constant(opcode, operands[0], self._new(operands[1]), operands[2:])
-        elif opcode == _Op.VARIABLE:
+        elif opcode == Op.VARIABLE:
             self._variables.append((self._new(operands[1]), self._id(operands[0]), operands[2]))
 
     def _id(self, word: int) -> int:
@@ -222,26 +178,26 @@ class _Declarations:
         return word
 
     def _note_type(self, opcode: int, id_: int, operands: Sequence[int]) -> None:
-        for part in operands[_PARTS[opcode]] if opcode in _PARTS else ():
+        for part in operands[PARTS[opcode]] if opcode in PARTS else ():  # so that no type contains itself
             if part not in self._types and part not in self._forward:
                 raise SpirvError(f"The SPIR-V uses the type {part} before it declares it.")
-        if id_ in self._forward and opcode != _Op.POINTER:
+        if id_ in self._forward and opcode != Op.POINTER:
             raise SpirvError(f"The SPIR-V says that the type {id_} is a pointer, and declares another one.")
         self._types[id_] = opcode, operands
 
     def _note_constant(self, opcode: int, type_: int, id_: int, operands: Sequence[int]) -> None:
-        if opcode in (_Op.COMPOSITE, _Op.SPEC_COMPOSITE):
+        if opcode in (Op.COMPOSITE, Op.SPEC_COMPOSITE):
             self._composites[id_] = operands
             return
-        if opcode in (_Op.TRUE, _Op.FALSE, _Op.SPEC_TRUE, _Op.SPEC_FALSE):
-            value: Number = opcode in (_Op.TRUE, _Op.SPEC_TRUE)
+        if opcode in (Op.TRUE, Op.FALSE, Op.SPEC_TRUE, Op.SPEC_FALSE):
+            value: Number = opcode in (Op.TRUE, Op.SPEC_TRUE)
             name, size = "bool", 4  # VkBool32
-        elif opcode in (_Op.CONSTANT, _Op.SPEC_CONSTANT):
+        elif opcode in (Op.CONSTANT, Op.SPEC_CONSTANT):
             name, size = self._scalar(type_)
             value = _decoded(name, size, operands)
         else:
             return
-        number = self._marks.get((id_, _Mark.SPEC_ID))
+        number = self._marks.get((id_, Mark.SPEC_ID))
         if number is not None:
             if not (number in self._specials and self._specials[number].name):
                 self._specials[number] = SpecConstant(number, self._names.get(id_, ""), name, size, value)
@@ -258,25 +214,25 @@ class _Declarations:
     def _scalar(self, type_: int) -> tuple[str, int]:
         """Return a scalar type as GLSL writes it, and its bytes."""
         opcode, operands = self._type(type_)
-        if opcode == _Op.BOOL:
+        if opcode == Op.BOOL:
             return "bool", 4
-        widths = (8, 16, 32, 64) if opcode == _Op.INT else (16, 32, 64)
-        if opcode not in (_Op.INT, _Op.FLOAT) or operands[0] not in widths:
+        widths = (8, 16, 32, 64) if opcode == Op.INT else (16, 32, 64)
+        if opcode not in (Op.INT, Op.FLOAT) or operands[0] not in widths:
             raise SpirvError(
                 f"The type {type_} of the SPIR-V should be a number, and has the opcode {opcode}."
             )
-        width, sign = operands[0], operands[1] if opcode == _Op.INT else 0
-        usual = ("float" if opcode == _Op.FLOAT else "int" if sign else "uint") + f"{width}_t"
-        return _SCALARS.get((opcode, width, sign), usual), width // 8
+        width, sign = operands[0], operands[1] if opcode == Op.INT else 0
+        usual = ("float" if opcode == Op.FLOAT else "int" if sign else "uint") + f"{width}_t"
+        return SCALARS.get((opcode, width, sign), usual), width // 8
 
     def _shape(self, type_: int) -> tuple[str, int, tuple[int, int]]:
         """Return a scalar, vector or matrix as GLSL writes it, its bytes without strides, and (columns, rows)."""
         opcode, operands = self._type(type_)
-        if opcode == _Op.VECTOR:
+        if opcode == Op.VECTOR:
             scalar, size = self._scalar(operands[0])
-            prefix = _PREFIXES.get(scalar, scalar.removesuffix("_t"))
+            prefix = PREFIXES.get(scalar, scalar.removesuffix("_t"))
             return f"{prefix}vec{operands[1]}", size * operands[1], (1, operands[1])
-        if opcode == _Op.MATRIX:
+        if opcode == Op.MATRIX:
             column, size, (_, rows) = self._shape(operands[0])
             columns = operands[1]
             shape = f"{columns}" if rows == columns else f"{columns}x{rows}"
@@ -288,9 +244,9 @@ class _Declarations:
         counts: list[int] = []
         strides: list[int] = []
         opcode, operands = self._type(type_)
-        while opcode in (_Op.ARRAY, _Op.RUNTIME_ARRAY):
-            counts.append(self._length(operands[1], name) if opcode == _Op.ARRAY else 0)
-            strides.append(self._marks.get((type_, _Mark.ARRAY_STRIDE), 0))
+        while opcode in (Op.ARRAY, Op.RUNTIME_ARRAY):
+            counts.append(self._length(operands[1], name) if opcode == Op.ARRAY else 0)
+            strides.append(self._marks.get((type_, Mark.ARRAY_STRIDE), 0))
             type_ = operands[0]
             opcode, operands = self._type(type_)
         return type_, tuple(counts), tuple(strides)
@@ -318,20 +274,20 @@ class _Declarations:
         inner, counts, strides = self._stripped(type_, name)
         opcode, operands = self._type(inner)
         members: tuple[Member, ...] = ()
-        matrix_stride = mark(_Mark.MATRIX_STRIDE)
-        if opcode == _Op.STRUCT:
+        matrix_stride = mark(Mark.MATRIX_STRIDE)
+        if opcode == Op.STRUCT:
             shown, members = self._names.get(inner, ""), self._members(inner)
             size = extent(members)
-        elif opcode == _Op.POINTER:  # the address of a buffer
+        elif opcode == Op.POINTER:  # the address of a buffer
             shown, size = self._names.get(operands[1], ""), 8
         else:
             shown, size, (columns, rows) = self._shape(inner)
-            if opcode == _Op.MATRIX:
-                size = matrix_stride * (rows if mark(_Mark.ROW_MAJOR) else columns)
+            if opcode == Op.MATRIX:
+                size = matrix_stride * (rows if mark(Mark.ROW_MAJOR) else columns)
         if counts:
             size = counts[0] * strides[0]
-        row_major = bool(mark(_Mark.ROW_MAJOR))
-        offset = mark(_Mark.OFFSET)
+        row_major = bool(mark(Mark.ROW_MAJOR))
+        offset = mark(Mark.OFFSET)
         return Member(name, shown, offset, size, counts, strides, matrix_stride, row_major, members)
 
     def _block(self, type_: int) -> Block:
@@ -341,13 +297,13 @@ class _Declarations:
     def _image(self, type_: int, prefix: str) -> str:
         """Return an image type as GLSL writes it: "usampler2DArray", "image3D"."""
         _, operands = self._type(type_)
-        sampled, dimension, depth, arrayed, many = operands[:5]
-        if not dimension < len(_DIMENSIONS):
+        sampled, dimension, depth, arrayed, many = (operands[place] for place in range(5))
+        if not dimension < len(DIMENSIONS):
             return f"{prefix} of dimension {dimension}"
-        letter = _PREFIXES.get(self._scalar(sampled)[0], "") if self._type(sampled)[0] != _Op.VOID else ""
+        letter = PREFIXES.get(self._scalar(sampled)[0], "") if self._type(sampled)[0] != Op.VOID else ""
         shadow = "Shadow" if depth == 1 and prefix == "sampler" else ""
         return (
-            letter + prefix + _DIMENSIONS[dimension] + "MS" * (many == 1) + "Array" * (arrayed == 1) + shadow
+            letter + prefix + DIMENSIONS[dimension] + "MS" * (many == 1) + "Array" * (arrayed == 1) + shadow
         )
 
     # --- what a program fills ---
@@ -355,21 +311,21 @@ class _Declarations:
     def _kind(self, type_: int, storage: int) -> tuple[Kind, str] | None:
         """Return what a descriptor of this type holds, and the type as GLSL writes it; None if it is none."""
         opcode, operands = self._type(type_)
-        if opcode == _Op.STRUCT:
+        if opcode == Op.STRUCT:
             old = (
                 type_,
-                _Mark.BUFFER_BLOCK,
+                Mark.BUFFER_BLOCK,
             ) in self._marks  # how storage buffers were written before SPIR-V 1.3
-            stored = old or storage == _Storage.STORAGE_BUFFER
+            stored = old or storage == Storage.STORAGE_BUFFER
             return "storage" if stored else "uniform", self._names.get(type_, "")
-        if opcode == _Op.SAMPLED_IMAGE:
-            buffer = self._type(operands[0])[1][1] == _BUFFER
+        if opcode == Op.SAMPLED_IMAGE:
+            buffer = self._type(operands[0])[1][1] == BUFFER
             return "uniform texels" if buffer else "texture", self._image(operands[0], "sampler")
-        if opcode == _Op.IMAGE:
+        if opcode == Op.IMAGE:
             dimension, written = operands[1], operands[5] == 2
-            if dimension == _SUBPASS:
+            if dimension == SUBPASS:
                 return "input attachment", self._image(type_, "subpassInput")
-            if dimension == _BUFFER:
+            if dimension == BUFFER:
                 shown = self._image(type_, "image" if written else "texture")
                 return "storage texels" if written else "uniform texels", shown
             return (
@@ -377,15 +333,15 @@ class _Declarations:
                 if written
                 else ("sampled image", self._image(type_, "texture"))
             )
-        if opcode == _Op.SAMPLER:
+        if opcode == Op.SAMPLER:
             return "sampler", "sampler"
-        if opcode == _Op.ACCELERATION_STRUCTURE:
+        if opcode == Op.ACCELERATION_STRUCTURE:
             return "acceleration structure", "accelerationStructureEXT"
         return None
 
     def _pointee(self, pointer: int) -> int:
         opcode, operands = self._type(pointer)
-        if opcode != _Op.POINTER:
+        if opcode != Op.POINTER:
             raise SpirvError(f"A variable of the SPIR-V has the type {pointer}, which is no pointer.")
         return operands[1]
 
@@ -396,17 +352,17 @@ class _Declarations:
         if found is None:
             return None
         kind, shown = found
-        binding = self._marks.get((variable, _Mark.BINDING))
+        binding = self._marks.get((variable, Mark.BINDING))
         if binding is None:
             raise SpirvError(
                 f"The {kind} '{name or shown}' has no binding: write layout(set = ..., binding = ...)."
             )
-        set_ = self._marks.get((variable, _Mark.SET), 0)
+        set_ = self._marks.get((variable, Mark.SET), 0)
         block = self._block(type_) if kind in ("uniform", "storage") else None
         return Resource(set_, binding, kind, math.prod(counts), name, shown, block)
 
     def _entry(self, model: int, function: int, name: str) -> EntryPoint:
-        if model not in _STAGES:
+        if model not in STAGES:
             raise SpirvError(
                 f"The entry point '{name}' has the execution model {model}, which is no stage known here."
             )
@@ -415,12 +371,12 @@ class _Declarations:
             id_,
             built_in,
         ) in self._composites.items():  # says more than the execution mode, which may then be a dummy
-            if self._marks.get((id_, _Mark.BUILT_IN)) == _WORKGROUP_SIZE:
+            if self._marks.get((id_, Mark.BUILT_IN)) == WORKGROUP_SIZE:
                 by_id, size = True, built_in
         if len(size) < 3:
-            return EntryPoint(_STAGES[model], name)
-        x, y, z = (int(self._values.get(one, 0)) if by_id else one for one in size)
-        return EntryPoint(_STAGES[model], name, (x, y, z))
+            return EntryPoint(STAGES[model], name)
+        x, y, z = (int(self._values.get(one, 0)) if by_id else one for one in size[:3])
+        return EntryPoint(STAGES[model], name, (x, y, z))
 
     def module(self) -> Module:
         """Put together what the tables say."""
@@ -430,14 +386,14 @@ class _Declarations:
         push: Block | None = None
         inputs = []
         for variable, pointer, storage in self._variables:
-            if storage in (_Storage.UNIFORM_CONSTANT, _Storage.UNIFORM, _Storage.STORAGE_BUFFER):
+            if storage in (Storage.UNIFORM_CONSTANT, Storage.UNIFORM, Storage.STORAGE_BUFFER):
                 resource = self._resource(variable, pointer, storage)
                 if resource is not None:
                     resources.append(resource)
-            elif storage == _Storage.PUSH_CONSTANT:
+            elif storage == Storage.PUSH_CONSTANT:
                 push = self._block(self._pointee(pointer))
-            elif storage == _Storage.INPUT and (variable, _Mark.LOCATION) in self._marks:
-                inputs.append((self._marks[variable, _Mark.LOCATION], self._names.get(variable, "")))
+            elif storage == Storage.INPUT and (variable, Mark.LOCATION) in self._marks:
+                inputs.append((self._marks[variable, Mark.LOCATION], self._names.get(variable, "")))
         return Module(
             self._version,
             self._bound,
