@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import re
 import subprocess
 import sys
 
+import chapters
 from chapters.console import say
 from common.errors import UserError
 from common.names import suggest
@@ -53,11 +55,12 @@ def areas() -> list[str]:
 
 
 def pytest_arguments(words: list[str]) -> list[str]:
-    """Return pytest's arguments: an area becomes its paths, a chapter its own tests and its stability's.
+    """Return pytest's arguments: an area becomes its paths, a chapter what is tested of it (see `chapter_arguments`).
 
     Raises UserError for the name of an area that does not exist.
     """
-    known, arguments = areas(), []
+    known = sorted({*areas(), *(chapters.folder_name(number) for number in chapters.available())})
+    arguments: list[str] = []
     for index, word in enumerate(words):
         after_option = index > 0 and words[index - 1] in WITH_VALUE
         if word.startswith("-") or after_option or "/" in word or "::" in word or word.endswith(".py"):
@@ -66,11 +69,17 @@ def pytest_arguments(words: list[str]) -> list[str]:
         name = f"ch{int(word):02d}" if word.isascii() and word.isdigit() else word
         if name not in known:
             raise UserError(f"There are no tests called {word!r}{suggest(name, known)}.")
-        arguments.append(f"tests/{name}")
-        stability = ROOT / "tests" / "stability" / f"test_{name}.py"
-        if stability.is_file():
-            arguments.append(stability.relative_to(ROOT).as_posix())
+        chapter = re.fullmatch(r"ch(\d\d)", name)
+        paths = chapter_arguments(int(chapter[1])) if chapter else [f"tests/{name}"]
+        arguments += [path for path in paths if path not in arguments]
     return arguments
+
+
+def chapter_arguments(number: int) -> list[str]:
+    """Return pytest's arguments for one chapter: its own tests, those of the chapters before it, and stability's."""
+    names = [chapters.folder_name(n) for n in range(1, number + 1)]
+    paths = [f"tests/{name}" for name in names] + [f"tests/stability/test_{name}.py" for name in names]
+    return [*(path for path in paths if (ROOT / path).exists()), f"--chapter={number}"]
 
 
 def static_checks() -> list[str]:

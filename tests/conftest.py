@@ -17,8 +17,8 @@ from backends.vulkan.device import Device
 from backends.vulkan.instance import VALIDATION_LAYER, Instance
 from common.errors import UnsupportedError
 from common.paths import asset_dir
-from tests.support import goldens
-from tests.support.chapter import Chapter, chapter_number
+from tests.support import goldens, snapshots
+from tests.support.chapter import Chapter
 from tests.support.gl_functions import assert_silent
 from tests.support.report import Report
 
@@ -35,11 +35,16 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     """Add what `strata test` passes on."""
     parser.addoption("--long", action="store_true", help="also run what takes minutes")
     goldens.add_options(parser)
+    snapshots.add_options(parser)
 
 
 def pytest_configure(config: pytest.Config) -> None:
     """Let the report watch the run."""
     config.pluginmanager.register(Report(config), "strata-report")
+    later = snapshots.Snapshots(
+        snapshots.official(), config.getoption("--chapter"), config.getoption("--long")
+    )
+    config.pluginmanager.register(later, "strata-snapshots")
     config.pluginmanager.register(goldens, "strata-goldens")
 
 
@@ -127,8 +132,8 @@ def gl_context(request: pytest.FixtureRequest, variant: str | None) -> Iterator[
 
 @pytest.fixture(scope="module")
 def chapter(request: pytest.FixtureRequest, variant: str | None) -> Iterator[Chapter]:
-    """The chapter that the test's folder or file names, on a device of the variant: `chapter.open(scene, size)`."""
-    number = chapter_number(request.path)
+    """The chapter that the test runs for, on a device of the variant: `chapter.open(scene, size)`."""
+    number = snapshots.tested_chapter(request.node)
     with (_opengl if variant == "gl" else _vulkan)(request, variant) as device:
         yield Chapter(number, "gl" if variant == "gl" else "vulkan", device)
 

@@ -28,7 +28,7 @@ from common.paths import asset_dir
 from common.scene import Light, Material
 from tests.support.scenes import facing, quad_scene, translated
 
-pytestmark = pytest.mark.variants("gl")
+pytestmark = [pytest.mark.every_chapter, pytest.mark.variants("gl")]
 
 SIZE = (64, 48)
 EXACT = Settings(color_format="rgba32f")

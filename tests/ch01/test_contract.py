@@ -16,6 +16,8 @@ from common.scene import Image, Light, Material, Sampler
 from common.transforms import pose_looking_at
 from tests.support.scenes import facing, quad_scene, texture, translated
 
+pytestmark = pytest.mark.every_chapter
+
 SIZE = (32, 32)
 SUN = Light("directional", node=0, intensity=np.pi)
 

@@ -21,6 +21,8 @@ from chapters.ch01.settings import Settings
 from common.scene import Image, Light, Material, Sampler
 from tests.support.scenes import facing, quad_scene, texture, translated
 
+pytestmark = pytest.mark.until(1, "one bindless set takes the place of a set per material")
+
 UNIFORM, STORAGE, TEXTURE = (
     vk.VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER,
     vk.VK_DESCRIPTOR_TYPE_STORAGE_BUFFER,

@@ -17,6 +17,8 @@ from common.scene import Animation, AnimationChannel, Light, Material
 from common.transforms import pose_looking_at
 from tests.support.scenes import facing, nodes_at, quad_scene, translated
 
+pytestmark = pytest.mark.every_chapter
+
 SIZE = (48, 32)
 OUTPUTS = ("color", "color_linear", "depth", "instance_id")
 WANTED = set(OUTPUTS)

@@ -17,7 +17,7 @@ from common.scene import Image, Light, Material
 from common.transforms import pose_looking_at
 from tests.support.scenes import facing, nodes_at, quad_scene, texture, translated
 
-pytestmark = pytest.mark.variants("vulkan", "without-all")
+pytestmark = [pytest.mark.every_chapter, pytest.mark.variants("vulkan", "without-all")]
 everywhere = pytest.mark.variants("vulkan", "without-all", "gl")
 """What shaders compute is the same text on OpenGL, held to these pictures by test_agreement.py; state is not."""
 

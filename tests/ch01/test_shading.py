@@ -15,7 +15,7 @@ from common.color import decode_srgb, encode_srgb
 from common.scene import Image, Light, Material, Sampler
 from tests.support.scenes import facing, nodes_at, quad_scene, texture, translated
 
-pytestmark = pytest.mark.variants("vulkan", "without-all")
+pytestmark = [pytest.mark.every_chapter, pytest.mark.variants("vulkan", "without-all")]
 everywhere = pytest.mark.variants("vulkan", "without-all", "gl")
 """What shaders compute is the same text on OpenGL, held to these pictures by test_agreement.py; state is not."""
 

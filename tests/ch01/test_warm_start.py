@@ -17,6 +17,8 @@ import pytest
 
 from common.paths import ROOT
 
+pytestmark = pytest.mark.every_chapter
+
 START = """
 import hashlib, json, sys
 from assets import locate

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import pytest
 
@@ -20,7 +21,7 @@ from tests.support.report import (
     summary,
 )
 
-CHAPTER = ["tests/ch01", "tests/stability/test_ch01.py"]
+CHAPTER = ["tests/ch01", "tests/stability/test_ch01.py", "--chapter=1"]
 
 
 @pytest.mark.parametrize(
@@ -29,6 +30,7 @@ CHAPTER = ["tests/ch01", "tests/stability/test_ch01.py"]
         ([], []),
         (["ch01"], CHAPTER),
         (["1"], CHAPTER),
+        (["ch01", "common", "1"], [*CHAPTER, "tests/common"]),
         (["common", "-x"], ["tests/common", "-x"]),
         (["ch01", "-k", "alpha"], [*CHAPTER, "-k", "alpha"]),
         (["-k", "common", "ch01"], ["-k", "common", *CHAPTER]),
@@ -42,11 +44,19 @@ def test_words_become_arguments(words, arguments):
     assert pytest_arguments(words) == arguments
 
 
+def test_a_later_chapter_is_tested_by_the_tests_of_those_before_it_too():
+    arguments = pytest_arguments(["2"])
+    assert [*CHAPTER[:2], "--chapter=2"] == [word for word in arguments if "ch02" not in word]
+    both = pytest_arguments(["ch01", "ch02"])
+    assert len(both) == len({*both})
+    assert {"--chapter=1", "--chapter=2"} < {*both}
+
+
 def test_every_area_is_a_folder_of_tests():
     assert {"ch01", "common", "backends", "cli", "launcher", "shaders", "stability"} <= set(areas())
 
 
-@pytest.mark.parametrize("word", ["ch1", "chapter", "2", "sahders"])
+@pytest.mark.parametrize("word", ["ch1", "chapter", "99", "sahders"])
 def test_an_unknown_area_suggests_the_near_one(word):
     with pytest.raises(UserError, match="There are no tests called"):
         pytest_arguments([word])
@@ -65,6 +75,17 @@ def test_outcomes_know_their_area_and_variant():
     assert (stability.area, stability.variant) == ("ch01", "without-all")
     alone = outcome("tests/test_architecture.py::test_d")
     assert (alone.area, alone.variant) == ("architecture", "-")
+
+
+def test_a_test_that_runs_for_a_later_chapter_counts_there():
+    later = outcome("tests/ch01/test_a.py::ch02::test_b[gl-x]", reason="Skipped: no Vulkan here")
+    assert (later.area, later.variant) == ("ch02", "gl")
+    stability = outcome("tests/stability/test_ch01.py::ch02::test_c[vulkan]")
+    assert (stability.area, stability.variant) == ("ch02", "vulkan")
+    assert is_allowed(later, [("tests/ch01/test_a.py::test_b*", "no Vulkan")])
+    assert not is_allowed(outcome(reason="no Vulkan"), [("tests/ch01/test_a.py::ch02::*", "no Vulkan")])
+    budget = over_budget([outcome(seconds=20.0, long=False), replace(later, seconds=20.0)])
+    assert [text for text in budget if "a chapter may" in text] == []
 
 
 def test_budgets_are_for_single_tests_and_for_areas_by_variant():

@@ -28,6 +28,8 @@ from tests.support.scenes import (
     translated,
 )
 
+pytestmark = pytest.mark.every_chapter
+
 SIZE = (128, 96)
 BOUND = 1e-3
 """At most this fraction of pixels may change by more than 1/255: the bound that the whole project states."""

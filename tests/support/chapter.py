@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import chapters
@@ -56,11 +54,3 @@ BUILDING = (
 def building(calls: list[str]) -> list[str]:
     """Return the calls that make or free something."""
     return [name for name in calls if name.startswith(BUILDING) and name != "glDeleteSync"]
-
-
-def chapter_number(path: Path) -> int:
-    """Return the number of the chapter that a file tests: 1 for tests/ch01/test_x.py and stability/test_ch01.py."""
-    found = re.fullmatch(r"(?:test_)?ch(\d\d)", path.stem) or re.fullmatch(r"ch(\d\d)", path.parent.name)
-    if found is None:
-        raise ValueError(f"{path} names no chapter")
-    return int(found[1])

@@ -6,6 +6,9 @@
 tests/goldens/<area>/<name>.png    the picture, 8 bits, as a display shows it
 tests/goldens/<area>/<name>.json   who made it (device, driver, LLVM, features of the CPU), and facts that hold anywhere
 
+A later chapter shows the picture of the nearest chapter before it that has a golden of this name, until it gets one of
+its own.
+
 On the driver that made a golden no channel of a pixel may differ by more than one step of 255. On another one only the
 facts are compared, loosely, and a warning says so. `--bless` makes goldens anew: it writes the old picture, the new one
 and the map of their difference to out/bless/, names them, and asks for each; `--yes` answers.
@@ -18,7 +21,7 @@ import platform
 import re
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -27,10 +30,12 @@ import numpy as np
 import pytest
 
 from backends.contract import Capabilities
+from chapters import folder_name
 from common import metrics
 from common.errors import UserError
 from common.images import read_image, write_image
 from common.paths import ROOT, write_whole
+from tests.support.snapshots import first_chapter, tested_chapter
 
 GOLDENS = ROOT / "tests" / "goldens"
 LOOK = ROOT / "out" / "bless"
@@ -140,6 +145,27 @@ class Goldens:
             )
         return ""
 
+    def nearest(self, areas: Sequence[str], name: str) -> str:
+        """Return the golden `name` of the last of `areas` that has one ("ch01/atrium"), the first area's if none has.
+
+        `areas` are the chapter for which the test was written and those after it, up to the one that is tested.
+        """
+        found = [area for area in areas if (self.folder / area / f"{name}.png").is_file()]
+        return f"{(found or areas)[-1 if found else 0]}/{name}"
+
+    def place(self, areas: Sequence[str], name: str, picture: np.ndarray) -> str:
+        """Return the golden that a picture is compared with, or that it becomes where goldens are made anew: the
+        nearest, unless it differs from that; then the last area gets one of its own."""
+        nearest = self.nearest(areas, name)
+        if not self.bless or nearest.startswith(f"{areas[-1]}/"):
+            return nearest
+        proposal, path = self.proposals.get(nearest), self.folder / f"{nearest}.png"
+        if proposal is None and not path.is_file():
+            return nearest
+        before = proposal.picture if proposal is not None else read_image(path)[..., :3]
+        same = before.shape == picture.shape and metrics.max_abs(picture, before) <= STEP
+        return nearest if same else f"{areas[-1]}/{name}"
+
     def show(self, name: str, old: np.ndarray | None, new: np.ndarray) -> list[str]:
         """Write old, new and the map of their difference, and return their paths."""
         pictures = {"old": old, "new": new}
@@ -224,10 +250,14 @@ def golden(
 ) -> Callable[..., None]:
     """Return `check(name, picture, capabilities, **facts)`; see `Goldens.check`."""
     area = request.path.relative_to(ROOT / "tests").parts[0]
+    first = first_chapter(request.path)
+    areas = [area]
+    if first is not None:
+        areas = [folder_name(n) for n in range(first, tested_chapter(request.node) + 1)]
 
     def check(name: str, picture: np.ndarray, capabilities: Capabilities, **facts: float) -> None:
         kept = request.config.stash[_KEPT]
-        why = kept.check(f"{area}/{name}", picture, Maker.of(capabilities), facts)
+        why = kept.check(kept.place(areas, name, picture), picture, Maker.of(capabilities), facts)
         record_property(f"golden {name}", why or "compared")
         if why and not kept.bless:
             warnings.warn(GoldenNotCompared(f"{name}: pixels were not compared, {why}"), stacklevel=2)

@@ -1,0 +1,311 @@
+"""Runs the tests of a chapter for every later chapter too, since what chapter N can do, chapter N+1 can do.
+
+A file in tests/chNN, or tests/stability/test_chNN.py, is collected once more for every chapter after NN: its imports
+of `chapters.chNN` then lead to the later chapter, and the fixture `chapter` opens it. The ids say which it is:
+
+    tests/ch01/test_materials.py::test_x[vulkan]          chapter 1
+    tests/ch01/test_materials.py::ch02::test_x[vulkan]    the same test for chapter 2
+
+Of these further runs
+
+- a test marked `every_chapter` is always part: the core that every renderer has to pass;
+- a test marked `until(NN, why)` ends with chapter NN: the lesson after it replaces what is tested;
+- a test of modules that are the same, byte for byte, in a chapter for which it ran is left out;
+- a test that draws and bears no mark runs with `--long` alone; one that draws nothing always runs.
+
+`--chapter=2` runs the tests for one chapter alone.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+from collections import Counter
+from collections.abc import Generator, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+from _pytest.assertion.rewrite import rewrite_asserts
+
+import chapters
+from tests.support import contents
+
+DEVICES = {"chapter", "variant", "vulkan_instance", "vulkan_device", "gl_context"}
+"""Fixtures of tests that draw; `variant` counts where a test is run once per variant."""
+
+REASONS = {
+    "same": "of modules that are the same as in an earlier chapter (a test runs once per distinct content)",
+    "long": "that draw and are not in the core (--long runs them)",
+    "replaced": "of what a later lesson replaces",
+}
+
+
+@dataclass(frozen=True)
+class Subject:
+    """What is tested: a chapter, as the package that holds it."""
+
+    number: int
+    package: str
+    folder: Path
+
+    @property
+    def label(self) -> str:
+        """How ids name it: "ch02"."""
+        return chapters.folder_name(self.number)
+
+
+def official() -> tuple[Subject, ...]:
+    """Return the chapters that are here."""
+    names = [(number, chapters.folder_name(number)) for number in chapters.available()]
+    return tuple(Subject(number, f"chapters.{name}", chapters.FOLDER / name) for number, name in names)
+
+
+def first_chapter(path: Path) -> int | None:
+    """Return the number of the chapter that a file's tests were written for: 1 for tests/ch01/test_x.py and for
+    tests/stability/test_ch01.py; None for tests of no chapter."""
+    if path.parent.name == "stability":
+        found = re.fullmatch(r"test_ch(\d\d)", path.stem)
+    else:
+        found = re.fullmatch(r"ch(\d\d)", path.parent.name)
+    return int(found[1]) if found else None
+
+
+def tested_chapter(node: pytest.Collector | pytest.Item) -> int:
+    """Return the number of the chapter that a test runs for."""
+    module = node.getparent(LaterModule)
+    number = module.subject.number if module is not None else first_chapter(node.path)
+    if number is None:
+        raise ValueError(f"{node.nodeid} is about no chapter")
+    return number
+
+
+# --- the same file for another chapter --------------------------------------------------------------------------------
+
+
+class _Renamed(ast.NodeTransformer):
+    """Replaces the name of a package in imports, in attributes and in texts."""
+
+    def __init__(self, old: str, new: str) -> None:
+        self._old, self._new = old, new
+        (self._parent, _, self._last), self._new_last = old.rpartition("."), new.rpartition(".")[2]
+        self._in_text = re.compile(rf"\b{re.escape(old)}\b")
+
+    def _name(self, name: str) -> str:
+        below = name[len(self._old) :]
+        return self._new + below if name.startswith(self._old) and below[:1] in ("", ".") else name
+
+    def visit_ImportFrom(self, node: ast.ImportFrom) -> ast.AST:
+        if node.level == 0 and node.module:
+            if node.module == self._parent:
+                for alias in node.names:
+                    if alias.name == self._last:
+                        alias.name, alias.asname = self._new_last, alias.asname or self._last
+            node.module = self._name(node.module)
+        return node
+
+    def visit_Import(self, node: ast.Import) -> ast.AST:
+        for alias in node.names:
+            alias.name = self._name(alias.name)
+        return node
+
+    def visit_Attribute(self, node: ast.Attribute) -> ast.AST:
+        if node.attr == self._last and isinstance(node.value, ast.Name) and node.value.id == self._parent:
+            node.attr = self._new_last
+            return node
+        return self.generic_visit(node)
+
+    def visit_Constant(self, node: ast.Constant) -> ast.AST:
+        if isinstance(node.value, str):
+            node.value = self._in_text.sub(self._new, node.value)
+        return node
+
+
+def load_for(path: Path, old: str, new: str, name: str, config: pytest.Config | None) -> ModuleType:
+    """Return the module of a test file, run anew as `name`, in which package `old` stands for `new`.
+
+    Assertions tell their values as in any test file.
+    """
+    source = path.read_bytes()
+    tree = _Renamed(old, new).visit(ast.parse(source, filename=str(path)))
+    rewrite_asserts(tree, source, str(path), config)
+    module = ModuleType(name)
+    module.__file__ = str(path)
+    sys.modules[name] = module  # dataclasses look their module up
+    try:
+        exec(compile(tree, str(path), "exec", dont_inherit=True), module.__dict__)
+    except BaseException:
+        del sys.modules[name]
+        raise
+    return module
+
+
+class LaterModule(pytest.Module):
+    """A file of tests, for a chapter after the one that it was written for."""
+
+    subject: Subject
+    written_for: str
+
+    def _getobj(self) -> ModuleType:
+        place = self.path.relative_to(self.config.rootpath).with_suffix("").parts
+        name = f"{'.'.join(place)}@{self.subject.label}"
+        try:
+            module = load_for(self.path, self.written_for, self.subject.package, name, self.config)
+        except ImportError as error:
+            raise self.CollectError(
+                f"{self.nodeid}: {error}. Where {self.subject.label} replaces what this file tests, mark it: "
+                'pytestmark = pytest.mark.until(NUMBER, "why").'
+            ) from error
+        self.config.pluginmanager.consider_module(module)
+        return module
+
+
+class LaterChapters(pytest.File):
+    """A file of tests, with a module for each further chapter; beside it stands the file's usual module."""
+
+    def collect(self) -> Iterator[LaterModule]:
+        plugin: Snapshots = self.config.pluginmanager.getplugin("strata-snapshots")
+        for subject in plugin.further(self.path):
+            name = subject.label
+            module = LaterModule.from_parent(self, path=self.path, name=name, nodeid=f"{self.nodeid}::{name}")
+            module.subject, module.written_for = subject, plugin.package(self.path)
+            yield module
+
+
+# --- which of them run ------------------------------------------------------------------------------------------------
+
+
+def ends_with(marks: Iterable[pytest.Mark]) -> int | None:
+    """Return the last chapter for which a test with these marks runs; raise UsageError for a mark without a reason."""
+    numbers = []
+    for mark in marks:
+        if len(mark.args) != 2 or not isinstance(mark.args[0], int) or not str(mark.args[1]).strip():
+            raise pytest.UsageError(
+                f"pytest.mark.until{mark.args}: write until(1, 'why a later chapter differs')."
+            )
+        numbers.append(mark.args[0])
+    return min(numbers, default=None)
+
+
+def _file_ends_with(path: Path) -> int | None:
+    """Return what `pytestmark = pytest.mark.until(...)` of a file says, before anything of it is imported."""
+    for node in contents.syntax(path).body:
+        if isinstance(node, ast.Assign) and any(getattr(t, "id", None) == "pytestmark" for t in node.targets):
+            for call in ast.walk(node.value):
+                if isinstance(call, ast.Call) and getattr(call.func, "attr", None) == "until":
+                    number: int = ast.literal_eval(call.args[0])
+                    return number
+    return None
+
+
+def draws(item: pytest.Item) -> bool:
+    """Whether a test needs a device."""
+    used = {*getattr(item, "fixturenames", ())} - {"variant"}
+    varied = "variant" in getattr(getattr(item, "callspec", None), "params", {})
+    return varied or bool(used & DEVICES)
+
+
+def _later(item: pytest.Item) -> int:
+    """Return the chapter of a further run, 0 for a test that runs as it is written."""
+    module = item.getparent(LaterModule)
+    return module.subject.number if module is not None else 0
+
+
+class Snapshots:
+    """The pytest plugin: collects a chapter's tests for later chapters, and leaves out what need not run."""
+
+    def __init__(self, subjects: Iterable[Subject], chosen: Iterable[int] = (), long: bool = False) -> None:
+        """`subjects` are all chapters, `chosen` the numbers of those to test (none: all)."""
+        self._subjects = {subject.number: subject for subject in subjects}
+        self._chosen = {*chosen} or {*self._subjects}
+        self._long = long
+        self.left_out: Counter[str] = Counter()
+
+    def package(self, path: Path) -> str:
+        """Return the package that a file of tests was written for."""
+        number = first_chapter(path)
+        assert number is not None
+        return self._subjects[number].package
+
+    def further(self, path: Path) -> list[Subject]:
+        """Return the chapters for which a file of tests runs besides its own."""
+        first, last = first_chapter(path), _file_ends_with(path)
+        assert first is not None
+        later = [self._subjects[number] for number in sorted(self._chosen) if number > first]
+        fit = [subject for subject in later if last is None or subject.number <= last]
+        self.left_out["files"] += len(later) - len(fit)
+        return fit
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_collect_file(
+        self, file_path: Path, parent: pytest.Collector
+    ) -> Generator[None, list[pytest.Collector], list[pytest.Collector]]:
+        found = yield
+        first = first_chapter(file_path)
+        if first is None or first not in self._subjects or not found:
+            return found
+        found = found if first in self._chosen else []
+        if any(number > first for number in self._chosen):
+            found.append(LaterChapters.from_parent(parent, path=file_path))
+        return found
+
+    @pytest.hookimpl(trylast=True)
+    def pytest_collection_modifyitems(self, config: pytest.Config, items: list[pytest.Item]) -> None:
+        """Leave out what need not run, and bring the tests of one chapter together.
+
+        pytest sorts tests of one file by the parameters that their module shares, and takes all modules of a file for
+        one: a device would be opened anew for nearly every test.
+        """
+        kept, left = [], []
+        for item in items:
+            why = self._why_not(item)
+            self.left_out[why] += bool(why)
+            (left if why else kept).append(item)
+        if left:
+            config.hook.pytest_deselected(items=left)
+        items[:] = sorted(kept, key=_later)
+
+    def _why_not(self, item: pytest.Item) -> str:
+        """Return which of the REASONS there is to leave a test out; "" if there is none."""
+        last = ends_with(item.iter_markers("until"))
+        module = item.getparent(LaterModule)
+        if module is None:
+            return ""
+        if last is not None and module.subject.number > last:
+            return "replaced"
+        if item.get_closest_marker("every_chapter"):
+            return ""
+        if self._same_before(item.path, module.subject):
+            return "same"
+        return "long" if draws(item) and not self._long else ""
+
+    def _same_before(self, path: Path, subject: Subject) -> bool:
+        first, package = first_chapter(path), self.package(path)
+        assert first is not None
+        mine = contents.digest(path, package, subject.folder)
+        before = (s for n, s in self._subjects.items() if first <= n < subject.number)
+        return any(contents.digest(path, package, s.folder) == mine for s in before)
+
+    def summary(self) -> list[str]:
+        """Return a sentence for each reason for which tests were left out."""
+        counts = {kind: f"{self.left_out[kind]} tests" for kind in REASONS if self.left_out[kind]}
+        if self.left_out["files"]:
+            counts["replaced"] = (
+                f"{counts.get('replaced', '0 tests')} and {self.left_out['files']} whole files"
+            )
+        return [
+            f"later chapters: without {counts[kind]} {REASONS[kind]}." for kind in REASONS if kind in counts
+        ]
+
+
+def add_options(parser: pytest.Parser) -> None:
+    """Add `--chapter`."""
+    parser.addoption(
+        "--chapter",
+        action="append",
+        type=int,
+        default=[],
+        help="of the tests of chapters, run those for this chapter alone (several times: for these)",
+    )
