@@ -41,24 +41,35 @@ def folder_name(number: int) -> str:
     return f"ch{number:02d}"
 
 
-def parse(text: str) -> int | str:
-    """Return the chapter meant by "1", "01" or "ch01", or the study "1/name"; raise UserError if there is none."""
-    if "/" in text:
-        return studies.parse(text)
-    return parse_chapter(text)
+def parse(text: int | str | Path | Folder) -> Which:
+    """Return the chapter meant by "1", "01" or "ch01", the study "1/name", or the fork in a folder.
+
+    A text that looks like a chapter or a study is one; any other that names a folder, and every path, is a folder.
+    Raises UserError if there is none such.
+    """
+    if isinstance(text, Folder):
+        return text
+    found = folders.read(text) if isinstance(text, Path) else folders.named(str(text))
+    if found is not None:
+        return found
+    return studies.parse(str(text)) if "/" in str(text) else _number(str(text))
 
 
-def parse_chapter(text: str) -> int:
-    """Return the chapter meant by "1", "01" or "ch01"; raise UserError if there is none, and for a study."""
-    if "/" in text:
-        study = studies.parse(text)
+def parse_chapter(text: int | str | Path | Folder) -> Whole:
+    """Return the chapter or the fork that is meant, as `parse` does; raise UserError for a study too."""
+    which = parse(text)
+    if isinstance(which, str):
         raise UserError(
-            f"{study} is a study, and this is about whole chapters: write {studies.split(study)[0]}."
+            f"{which} is a study, and this is about whole chapters: write {studies.split(which)[0]}."
         )
+    return which
+
+
+def _number(text: str) -> int:
     digits = text.lower().removeprefix("ch")
     known = [str(number) for number in available()]
     if not (digits.isascii() and digits.isdigit()):
-        near = suggest(text, known)
+        near = suggest(text, [*known, *folders.beside()])
         raise UserError(f"There is no chapter {text!r}{near}" + ("" if near.endswith("?") else "."))
     number = int(digits)
     if number not in available():
@@ -67,27 +78,41 @@ def parse_chapter(text: str) -> int:
     return number
 
 
-def title_of(which: int | str) -> str:
-    """Return the title of a chapter or a study."""
+def folder_of(which: Whole) -> Path:
+    """Return the folder of a chapter or a fork."""
+    return which.path if isinstance(which, Folder) else FOLDER / folder_name(which)
+
+
+def package_of(which: Whole) -> str:
+    """Return the name of the package of a chapter or a fork: "chapters.ch01"."""
+    return which.package if isinstance(which, Folder) else f"chapters.{folder_name(which)}"
+
+
+def title_of(which: Which) -> str:
+    """Return the title of a chapter, a study or a fork."""
     return studies.study(which).title if isinstance(which, str) else lesson(which).title
 
 
-def file_name(which: int | str) -> str:
-    """Return how the names of files about a chapter or a study begin: "ch01", "ch01-first-triangle"."""
-    return studies.file_name(which) if isinstance(which, str) else folder_name(which)
+def file_name(which: Which) -> str:
+    """Return how the names of files about something begin: "ch01", "ch01-first-triangle", "my-ch01"."""
+    if isinstance(which, str):
+        return studies.file_name(which)
+    return which.file_name if isinstance(which, Folder) else folder_name(which)
 
 
-def lesson(number: int) -> Lesson:
-    """Return what chapter `number` says about itself."""
-    found: Lesson = import_module(f"chapters.{folder_name(number)}").LESSON
+def lesson(which: Whole) -> Lesson:
+    """Return what a chapter says about itself; a fork says what its chapter says."""
+    if isinstance(which, Folder):
+        return which.lesson
+    found: Lesson = import_module(package_of(which)).LESSON
     return found
 
 
-def settings_class(number: int | str) -> type:
-    """Return the class of the settings of a chapter or a study."""
-    if isinstance(number, str):
-        return studies.settings_class(number)
-    found: type = import_module(f"chapters.{folder_name(number)}.settings").Settings
+def settings_class(which: Which) -> type:
+    """Return the class of the settings of a chapter, a study or a fork."""
+    if isinstance(which, str):
+        return studies.settings_class(which)
+    found: type = import_module(f"{package_of(which)}.settings").Settings
     return found
 
 
@@ -98,23 +123,22 @@ def choose_backend(wanted: str = "auto") -> str:
     return choose(wanted)
 
 
-def renderer_module(number: int | str, backend: str) -> ModuleType:
-    """Return the module with the renderer of a chapter or a study on "vulkan" or "gl".
+def renderer_module(which: Which, backend: str) -> ModuleType:
+    """Return the module with the renderer of a chapter, a study or a fork on "vulkan" or "gl".
 
     Raises UnsupportedError if there is none.
     """
-    if isinstance(number, str):
-        return studies.renderer_module(number, backend)
-    folder = folder_name(number)
-    if backend == "gl" and not (FOLDER / folder / "gl" / "renderer.py").is_file():
-        raise UnsupportedError(f"Chapter {number} has no OpenGL version: use --backend vulkan.")
+    if isinstance(which, str):
+        return studies.renderer_module(which, backend)
+    if backend == "gl" and not (folder_of(which) / "gl" / "renderer.py").is_file():
+        raise UnsupportedError(f"{studies.spoken(which)} has no OpenGL version: use --backend vulkan.")
     return import_module(
-        f"chapters.{folder}.gl.renderer" if backend == "gl" else f"chapters.{folder}.renderer"
+        f"{package_of(which)}.gl.renderer" if backend == "gl" else f"{package_of(which)}.renderer"
     )
 
 
 def open(  # the name of the contract: chapters.open(6, ...)
-    number: int | str,
+    which: int | str | Path | Folder,
     backend: str = "auto",
     *,
     scene: Scene,
@@ -125,27 +149,26 @@ def open(  # the name of the contract: chapters.open(6, ...)
     validate: bool = False,
     **more: Any,
 ) -> Renderer:
-    """Open chapter `number` (1, "1" or "ch01") or a study ("1/first-triangle") on `scene` and return its renderer.
+    """Open a chapter (1, "1" or "ch01"), a study ("1/first-triangle") or a fork (Path("my-ch01")) on `scene`.
 
-    It is a context manager.
+    Returns its renderer, which is a context manager.
 
     `settings` is the chapter's `Settings` (None: its defaults), `without` names features to do without, `outputs` are
     the images that can be read. Further arguments go to the backend's renderer (`device=` shares a device).
     Raises UserError for a wrong argument, UnsupportedError where this machine cannot do it.
     """
-    number = parse(str(number))
-    module = renderer_module(number, choose_backend(backend))
+    module = renderer_module(parse(which), choose_backend(backend))
     opened: Renderer = module.Renderer(
         scene, size, settings=settings, without=without, outputs=outputs, validate=validate, **more
     )
     return opened
 
 
-def outputs_of(number: int | str) -> tuple[str, ...]:
-    """Return the images that the frames of a chapter or a study can be asked for."""
-    if isinstance(number, str):
-        return tuple(studies.study(number).outputs)
-    found: tuple[str, ...] = import_module(f"chapters.{folder_name(number)}.renderer").OUTPUTS
+def outputs_of(which: Which) -> tuple[str, ...]:
+    """Return the images that the frames of a chapter, a study or a fork can be asked for."""
+    if isinstance(which, str):
+        return tuple(studies.study(which).outputs)
+    found: tuple[str, ...] = import_module(f"{package_of(which)}.renderer").OUTPUTS
     return found
 
 
@@ -158,4 +181,11 @@ def view_of(renderer: Renderer, camera: str | None = None, time: float = 0.0) ->
     return view_of_scene(scene, evaluate_pose(scene, time), camera, renderer.size[0] / renderer.size[1])
 
 
-from chapters import studies  # noqa: E402  # it asks this module back
+from chapters import folders, studies  # noqa: E402  # they ask this module back
+from chapters.folders import Folder  # noqa: E402
+
+Whole = int | Folder
+"""A chapter by its number, or a fork."""
+
+Which = int | str | Folder
+"""The same, or a study by its name: "1/first-triangle"."""

@@ -11,7 +11,7 @@ from typing import NoReturn
 from common.errors import ShaderError, StrataError
 from common.paths import ROOT
 
-LIBRARY = ("common", "backends", "chapters", "assets")
+LIBRARY = ("common", "backends", "chapters", "assets", "bootstrap")
 """Folders of the clone whose frames a traceback shows only with -v; a chapter's own folder is the reader's code."""
 
 
@@ -87,19 +87,21 @@ def reader_trace(error: BaseException, whole: bool) -> str:
         own = [frame for frame in frames if is_readers(Path(frame.filename))]
         ours = [frame for frame in frames if Path(frame.filename).is_relative_to(ROOT)]
         frames = traceback.StackSummary.from_list(own or ours[-1:])
-    return "".join(traceback.format_list(frames)).rstrip()
+    lines = traceback.format_list(frames)
+    if isinstance(error, SyntaxError):  # the line that is wrong was never run: no frame has it
+        lines += traceback.format_exception_only(error)[:-1]
+    return "".join(lines).rstrip()
 
 
 def is_readers(path: Path) -> bool:
     """Whether a file is a chapter's or the reader's own: neither foundation nor an installed package."""
+    if "site-packages" in path.parts or not path.exists():
+        return False
     if not path.is_relative_to(ROOT):
-        return (
-            "site-packages" not in path.parts
-            and not path.is_relative_to(Path(sys.base_prefix))
-            and path.exists()
-        )
+        return not path.is_relative_to(Path(sys.base_prefix))
     parts = path.relative_to(ROOT).parts
-    return len(parts) > 2 and parts[0] == "chapters" and parts[1].startswith("ch")
+    in_chapter = len(parts) > 2 and parts[0] == "chapters" and parts[1].startswith("ch")
+    return in_chapter or (len(parts) > 1 and parts[0] not in LIBRARY)  # a fork may lie beside these folders
 
 
 if __name__ == "__main__":

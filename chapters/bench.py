@@ -17,7 +17,7 @@ import chapters
 from chapters import bench_points, bench_prepared, bench_start, scenes
 from chapters.bench_points import Effort, Subject
 from chapters.console import Steps, err, out, say
-from chapters.record import STDOUT
+from chapters.record import STDOUT, naming
 from chapters.run import open_device
 from chapters.tables import table
 from common import stability
@@ -32,7 +32,7 @@ PLOTS = (".png", ".svg", ".pdf")
 
 
 def run(
-    number: int,
+    which: chapters.Whole,
     backend: str = "auto",
     scene: str = scenes.DEFAULT,
     size: tuple[int, int] = (640, 360),
@@ -41,7 +41,7 @@ def run(
     plot_path: Path | None = None,
     record: bool = False,
 ) -> int:
-    """Measure chapter `number` and say what came out; return the exit code.
+    """Measure a chapter or a fork and say what came out; return the exit code.
 
     `json_path` and `plot_path` get the record and its plot; `record` keeps both in `docs/benchmarks`, under the class
     of the device. Raises UserError for a wrong argument, before anything is measured.
@@ -56,16 +56,18 @@ def run(
         raise UserError(f"--plot {plot_path}: write one of {', '.join(PLOTS)}.")
     if record and quick:
         raise UserError("A quick look is no record: leave out --quick, or --record.")
+    if record and not isinstance(which, int):
+        raise UserError(
+            "--record keeps records of the project's own chapters: write that of a fork by --json FILE."
+        )
     if plot_path is not None and not can_plot():
         raise UserError("--plot needs the package matplotlib: run `pip install matplotlib`, or leave it out.")
     with Steps() as steps:
-        made = measure(
-            number, backend, scene, size, bench_points.QUICK if quick else bench_points.FULL, steps
-        )
+        made = measure(which, backend, scene, size, bench_points.QUICK if quick else bench_points.FULL, steps)
     made["quick"] = quick
     if record:
         FOLDER.mkdir(parents=True, exist_ok=True)
-        json_path = json_path or record_path(number, made["device"]["class"])
+        json_path = json_path or record_path(made["chapter"], made["device"]["class"])
         if can_plot():
             plot_path = plot_path or json_path.with_suffix(".png")
     printed = json_path == STDOUT
@@ -107,19 +109,19 @@ def write_record(path: Path, made: dict[str, Any]) -> None:
 
 
 def measure(
-    number: int, backend: str, scene: str, size: tuple[int, int], effort: Effort, steps: Steps
+    which: chapters.Whole, backend: str, scene: str, size: tuple[int, int], effort: Effort, steps: Steps
 ) -> dict[str, Any]:
     """Return the record of one bench."""
     steps("load", 0.0)
     loaded = scenes.load(scene)
     load_before = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
-    defaults = vars(chapters.settings_class(number)())
+    defaults = vars(chapters.settings_class(which)())
     steps("start, cold and warm", 0.05)
-    starts = bench_start.cold_and_warm(number, backend, scene, size, effort.starts)
+    starts = bench_start.cold_and_warm(which, backend, scene, size, effort.starts)
     with ExitStack() as stack:
         device = open_device(stack, backend)
         capabilities = device.capabilities
-        subject = Subject(number, backend, loaded, size, device)
+        subject = Subject(which, backend, loaded, size, device)
         found = bench_points.sweep(subject, effort, lambda what, part: steps(what, 0.15 + 0.5 * part))
         points = [point.record(defaults) for point in found]
         for point in points:
@@ -131,8 +133,8 @@ def measure(
         cases = bench_points.stability_cases(subject, effort)
     return {
         "format": FORMAT,
-        "chapter": number,
-        "title": chapters.lesson(number).title,
+        **naming(which),
+        "title": chapters.title_of(which),
         "backend": capabilities.backend,
         "device": {
             "name": capabilities.device,
@@ -188,7 +190,8 @@ def show(made: dict[str, Any], to: Console = out) -> None:
     width, height = made["size"]
     where = f"{made['scene']['name']}, {width}x{height}, {made['device']['name']}"
     to.print(f"Errors are against the reference at {made['reference']['samples_per_pixel']} samples a pixel.")
-    _show_points(to, f"Chapter {made['chapter']}: {where}", made["points"])
+    name = f"Fork {Path(made['fork']).name}" if "fork" in made else f"Chapter {made['chapter']}"
+    _show_points(to, f"{name}: {where}", made["points"])
     for one in made["prepared"]:
         title = f"Before the first frame: {one['name']}, {one['scene']} in {one['environment']}"
         _show_points(to, title, one["points"])

@@ -130,7 +130,9 @@ class Subject:
     A device for each opening would measure the same, but some drivers load no more after some hundred times.
     """
 
-    def __init__(self, chapter: int, backend: str, scene: Scene, size: tuple[int, int], device: Any) -> None:
+    def __init__(
+        self, chapter: chapters.Whole, backend: str, scene: Scene, size: tuple[int, int], device: Any
+    ) -> None:
         self.chapter, self.backend, self.scene, self.size = chapter, backend, scene, size
         self.device = device
 

@@ -24,7 +24,9 @@ _ENTERED = time.time()
 """By now Python runs; whatever is large is imported later, in the step "import"."""
 
 
-def steps(chapter: int, backend: str, scene: str, size: tuple[int, int], began: float) -> dict[str, float]:
+def steps(
+    chapter: chapters.Whole, backend: str, scene: str, size: tuple[int, int], began: float
+) -> dict[str, float]:
     """Go from nothing to a picture on the CPU; return the seconds of each step and "total"."""
     from backends.vulkan import shaders
     from chapters import scenes
@@ -38,7 +40,7 @@ def steps(chapter: int, backend: str, scene: str, size: tuple[int, int], began: 
         now = time.time()
         times[name], last = now - last, now
 
-    import_module(f"chapters.{chapters.folder_name(chapter)}.renderer")
+    import_module(f"{chapters.package_of(chapter)}.renderer")
     settings: Any = preset(chapters.settings_class(chapter), "medium")
     step("import")
     loaded = scenes.load(scene)
@@ -53,7 +55,7 @@ def steps(chapter: int, backend: str, scene: str, size: tuple[int, int], began: 
 
 
 def cold_and_warm(
-    chapter: int, backend: str, scene: str, size: tuple[int, int], repetitions: int = 1
+    chapter: chapters.Whole, backend: str, scene: str, size: tuple[int, int], repetitions: int = 1
 ) -> dict[str, dict[str, float]]:
     """Return the steps of the fastest start with empty caches and of the fastest with full ones, in seconds.
 
@@ -68,7 +70,8 @@ def cold_and_warm(
                 "MESA_SHADER_CACHE_DIR": str(Path(folder) / "driver"),
             }
             for state in ("cold", "warm"):
-                words = [str(chapter), backend, scene, f"{size[0]}x{size[1]}", repr(time.time())]
+                which = str(chapter if isinstance(chapter, int) else chapter.path)
+                words = [which, backend, scene, f"{size[0]}x{size[1]}", repr(time.time())]
                 run = subprocess.run(
                     [sys.executable, "-m", "chapters.bench_start", *words],
                     env=environment,
@@ -78,7 +81,7 @@ def cold_and_warm(
                 )
                 if run.returncode:
                     last = (run.stderr.strip().splitlines() or ["no message"])[-1]
-                    raise DeviceError(f"A start of chapter {chapter} in a process of its own failed: {last}")
+                    raise DeviceError(f"A start of {chapter} in a process of its own failed: {last}")
                 found[state].append(json.loads(run.stdout))
     return {state: min(times, key=lambda one: one["total"]) for state, times in found.items()}
 
@@ -87,7 +90,8 @@ def main() -> None:
     """Time this process's start."""
     chapter, backend, scene, size, began = sys.argv[1:]
     width, _, height = size.partition("x")
-    print(json.dumps(steps(int(chapter), backend, scene, (int(width), int(height)), float(began))))
+    which = chapters.parse_chapter(chapter)
+    print(json.dumps(steps(which, backend, scene, (int(width), int(height)), float(began))))
 
 
 if __name__ == "__main__":

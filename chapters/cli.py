@@ -153,7 +153,7 @@ def run(
         ),
     ] = None,
     without: Without = None,
-    validate: Validate = False,
+    validate: Validate = None,
     json: Annotated[
         Path | None,
         typer.Option(
@@ -179,8 +179,9 @@ def run(
     import chapters
     from chapters import run as running
 
+    which = chapters.parse(chapter)
     request = running.Request(
-        chapter=chapters.parse(chapter),
+        chapter=which,
         backend=backend,
         scene=scene,
         environment=environment,
@@ -193,7 +194,7 @@ def run(
         overrides=tuple(set_ or ()),
         view=view,
         without=tuple(without or ()),
-        validate=validate,
+        validate=running.validation(which, validate, backend),
         json=json,
         time=time,
         fps=fps,
@@ -211,7 +212,9 @@ app.command(cls=Command)(frame)
 def list_(
     chapter: Annotated[
         str | None,
-        typer.Argument(metavar="[N]", help="A chapter or a study, to see its lesson.", show_default=False),
+        typer.Argument(
+            metavar="[N|DIR]", help="A chapter, a study or a fork, to see its lesson.", show_default=False
+        ),
     ] = None,
     settings: Annotated[bool, typer.Option("--settings", help="Every knob of chapter N.")] = False,
     views: Annotated[bool, typer.Option("--views", help="What `--view` of chapter N can show.")] = False,
@@ -258,7 +261,7 @@ def run_tests(
         bool, typer.Option("--static", help="Also ruff, mypy and import-linter, as CI does.")
     ] = False,
 ) -> int:
-    """Run the tests: all, or those of an area such as ch01, common or backends."""
+    """Run the tests: all, those of an area such as ch01, common or backends, or a chapter's on the folder of a fork."""
     from chapters import testing
 
     return testing.run([*context.args], long=long, bless=bless, static=static)
@@ -301,7 +304,7 @@ def compare(
         str,
         typer.Argument(
             metavar="A",
-            help="1, 1@gl, 1:msaa=4,anisotropy=1, 1:low, 1:without=anisotropy, a fork 1-name, a .png or .exr.",
+            help="1, 1@gl, 1:msaa=4,anisotropy=1, 1:low, 1:without=anisotropy, a fork's folder, a .png or .exr.",
             show_default=False,
         ),
     ],

@@ -35,7 +35,7 @@ def frame(
         str | None,
         typer.Option(metavar="PASS", help="Show the passes up to this one.", show_default=False),
     ] = None,
-    validate: Validate = False,
+    validate: Validate = None,
     out: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Folder to write to; without it, in out/.", show_default=False),
@@ -52,8 +52,9 @@ def frame(
     from chapters import frame as stepping
     from chapters import run as running
 
+    which = chapters.parse_chapter(chapter)
     request = running.Request(
-        chapter=chapters.parse_chapter(chapter),
+        chapter=which,
         backend=backend,
         scene=scene,
         environment=environment,
@@ -64,7 +65,7 @@ def frame(
         overrides=tuple(set_ or ()),
         view=view,
         without=tuple(without or ()),
-        validate=validate,
+        validate=running.validation(which, validate, backend),
         json=json,
         time=time,
         headless=True,

@@ -7,13 +7,16 @@ from typing import Annotated
 import typer
 
 Chapter = Annotated[
-    str, typer.Argument(metavar="N", help="Number of the chapter: 1, or ch01.", show_default=False)
+    str,
+    typer.Argument(
+        metavar="N|DIR", help="Number of the chapter, 1 or ch01, or the folder of a fork.", show_default=False
+    ),
 ]
 Runnable = Annotated[
     str,
     typer.Argument(
-        metavar="N|N/STUDY",
-        help="Number of the chapter, or one of its studies: 1, 1/first-triangle.",
+        metavar="N|N/STUDY|DIR",
+        help="Number of the chapter, one of its studies, or the folder of a fork: 1, 1/first-triangle, my-ch01.",
         show_default=False,
     ),
 ]
@@ -35,4 +38,11 @@ Without = Annotated[
     list[str] | None,
     typer.Option(metavar="FEATURE|all", help="Do as on a device that lacks it; repeatable."),
 ]
-Validate = Annotated[bool, typer.Option("--validate", help="Check every call by the validation layers.")]
+Validate = Annotated[
+    bool | None,
+    typer.Option(
+        "--validate/--no-validate",
+        help="Check every call by the validation layers; a fork's calls are, unless told otherwise.",
+        show_default=False,
+    ),
+]

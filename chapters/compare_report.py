@@ -11,7 +11,7 @@ from rich.table import Table
 
 from chapters.compare_measure import ErrorMap, Errors, Measured
 from chapters.compare_sides import BACKEND_NAMES, Drawn, Picture, Side
-from chapters.record import strata_version
+from chapters.record import naming, strata_version
 from chapters.tables import table
 
 if TYPE_CHECKING:
@@ -241,8 +241,8 @@ def _side_record(one: Measured) -> dict[str, Any]:
     found = one.capabilities
     return {
         "text": side.text,
-        "kind": "fork" if side.fork else "chapter" if isinstance(side.which, int) else "study",
-        "chapter": side.which,
+        "kind": {int: "chapter", str: "study"}.get(type(side.which), "fork"),
+        **naming(side.which),
         "backend": side.backend,
         "device": {"name": found.device, "driver": found.driver, "kind": found.kind},
         "quality": side.quality,

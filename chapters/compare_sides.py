@@ -3,16 +3,15 @@
 1                     a chapter, with the preset of --quality
 1@gl                  on a backend
 1:msaa=4,anisotropy=1 with settings, 1:low with a preset, 1:without=anisotropy as on a device that lacks it
-1-bindless            a fork: the folder chapters/ch01-bindless (or ch01_bindless), made as a copy of chapter 1
+my-ch01, ../my-ch01   a fork: a folder with a copy of a chapter, with @ and : as a chapter
 out/a.png             a picture as it is shown (.png, .jpg); linear light in .exr and .hdr
 """
 
 from __future__ import annotations
 
+import os
 import re
 from dataclasses import dataclass
-from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -23,7 +22,7 @@ from numpy.typing import NDArray
 import chapters
 from backends.contract import check_without
 from common import images
-from common.errors import SettingError, UnsupportedError, UserError
+from common.errors import SettingError, UserError
 from common.names import suggest
 from common.settings import apply_overrides, knobs, preset
 
@@ -34,16 +33,15 @@ LINEAR = (".exr", ".hdr")
 """Suffixes of files that hold light; the others hold what is shown."""
 
 WANTED = ("color", "color_linear")
-_FORK = re.compile(r"(?:ch)?0*(\d+)[-_]([\w-]+)", re.ASCII | re.IGNORECASE)
+_DRIVE = re.compile(r"[A-Za-z]:[\\/]")
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """A side that a renderer draws. `which` is what `chapters.open` takes; of a fork, the name of its folder."""
+    """A side that a renderer draws; `which` is what `chapters.open` takes."""
 
     text: str
-    which: int | str
-    fork: bool
+    which: chapters.Which
     backend: str
     settings: Any
     quality: str
@@ -52,28 +50,19 @@ class Drawn:
     @property
     def spoken(self) -> str:
         """What draws, in the middle of a sentence."""
-        if self.fork:
-            return f"the fork {_short(str(self.which))}"
-        return f"chapter {self.which}" if isinstance(self.which, int) else f"the study {self.which}"
+        if isinstance(self.which, int):
+            return f"chapter {self.which}"
+        return f"the study {self.which}" if isinstance(self.which, str) else f"the fork {self.which}"
 
     @property
     def module(self) -> ModuleType:
         """The module with the renderer; raises UnsupportedError where this backend has none."""
-        if not self.fork:
-            return chapters.renderer_module(self.which, self.backend)  # type: ignore[arg-type,unused-ignore]
-        package = f"chapters.{self.which}.gl" if self.backend == "gl" else f"chapters.{self.which}"
-        if find_spec(package) is None or find_spec(f"{package}.renderer") is None:
-            raise UnsupportedError(f"{self.text}: this fork has no OpenGL version; compare it on Vulkan.")
-        return import_module(f"{package}.renderer")
+        return chapters.renderer_module(self.which, self.backend)
 
     @property
     def outputs(self) -> tuple[str, ...]:
         """Which of the wanted images it can give."""
-        if self.fork:
-            known: tuple[str, ...] = import_module(f"chapters.{self.which}.renderer").OUTPUTS
-        else:
-            known = chapters.outputs_of(self.which)  # type: ignore[arg-type,unused-ignore]
-        return tuple(name for name in WANTED if name in known)
+        return tuple(name for name in WANTED if name in chapters.outputs_of(self.which))
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,57 +116,39 @@ def read_side(text: str, quality: str, without: tuple[str, ...] = ()) -> Side:
     path = Path(text).expanduser()
     if path.suffix.lower() in images.READABLE or (path.suffix and path.is_file()):
         return _read_picture(text, path)
-    head, colon, tail = text.partition(":")
-    name, at, backend = head.partition("@")
+    name, at, backend, colon, tail = _parts(text)
     if "@" in tail:
         raise UserError(f"{text}: the backend stands before the settings, as in 1@gl:msaa=4.")
-    which, fork = _parse(name)
+    which = chapters.parse(name)
     if at and not backend:
         raise UserError(f"{text}: no backend stands after the @; write {name}@gl or {name}@vulkan.")
     if colon and not all(item.strip() for item in tail.split(",")):
-        raise UserError(f"{text}: a setting is missing after the colon; write {head}:msaa=4 or {head}:low.")
+        raise UserError(f"{text}: a setting is missing after the colon; write {name}:msaa=4 or {name}:low.")
     try:
-        settings, quality, off = _settings(_settings_class(which, fork), tail, quality)
+        settings, quality, off = _settings(chapters.settings_class(which), tail, quality)
         off = tuple(sorted({*without, *off}))
         check_without(off)
     except UserError as error:
         raise type(error)(f"{text}: {error}") from None
-    side = Drawn(text, which, fork, chapters.choose_backend(backend or "auto"), settings, quality, off)
+    side = Drawn(text, which, chapters.choose_backend(backend or "auto"), settings, quality, off)
     side.module  # noqa: B018  # for its errors
     return side
 
 
-def forks() -> dict[str, str]:
-    """Return the folders of all forks by the name that the command line takes: {"1-bindless": "ch01_bindless"}."""
-    places = [Path(place) for place in chapters.__path__]
-    found = [path.parent.name for place in places for path in place.glob("ch[0-9][0-9][-_]*/renderer.py")]
-    return {_short(folder): folder for folder in sorted(found)}
+def _parts(text: str) -> tuple[str, str, str, str, str]:
+    """Return what stands before, at and behind the "@" of a text such as "1@gl:msaa=4", then the same of the ":".
 
-
-def _short(folder: str) -> str:
-    """Return "1-bindless" for "ch01_bindless"."""
-    return f"{int(folder[2:4])}-{folder[5:].replace('_', '-')}"
-
-
-def _parse(name: str) -> tuple[int | str, bool]:
-    """Return the chapter, study or folder of a fork that is meant, and whether it is a fork."""
-    match = _FORK.fullmatch(name)
-    if match is None:
-        return chapters.parse(name), False
-    wanted, known = f"{int(match[1])}-{match[2].lower().replace('_', '-')}", forks()
-    by_lower = {short.lower(): folder for short, folder in known.items()}
-    if wanted not in by_lower:
-        folder = f"{chapters.folder_name(int(match[1]))}_{match[2].replace('-', '_')}"
-        near = suggest(wanted, known)
-        why = near if near.endswith("?") else f": no chapter was copied to chapters/{folder}{near}."
-        raise UserError(f"There is no fork {name!r}{why}")
-    return by_lower[wanted], True
-
-
-def _settings_class(which: int | str, fork: bool) -> Any:
-    if fork:
-        return import_module(f"chapters.{which}.settings").Settings
-    return chapters.settings_class(which)  # type: ignore[arg-type,unused-ignore]
+    A folder may have both in its name, and on Windows its drive: what is there whole is taken whole.
+    """
+    if Path(text).expanduser().is_dir():
+        return text, "", "", "", ""
+    drive = _DRIVE.match(text)
+    begin = drive[0] if drive else ""
+    head, colon, tail = text[len(begin) :].partition(":")
+    name, at, backend = head.rpartition("@")
+    if not at or "/" in backend or os.sep in backend:
+        name, at, backend = head, "", ""  # an "@" of a folder
+    return begin + name, at, backend, colon, tail
 
 
 def _settings(kind: Any, text: str, quality: str) -> tuple[Any, str, tuple[str, ...]]:

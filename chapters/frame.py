@@ -19,7 +19,7 @@ from rich.console import Console
 import chapters
 from chapters import frame_page, run, studies
 from chapters.console import Steps, err, out, say
-from chapters.record import STDOUT
+from chapters.record import STDOUT, naming
 from chapters.stopping import prompt_stop
 from chapters.tables import table
 from chapters.views import stored_as
@@ -89,6 +89,13 @@ class Frame:
     cpu_ms: float
     left_out: list[str] = field(default_factory=list)
     steps: list[Step] = field(default_factory=list)
+    fork: str | None = None
+    """Where the fork is, if one was drawn with; `chapter` is then the one that it is a copy of."""
+
+    @property
+    def of(self) -> str:
+        """What drew it, in the middle of a sentence."""
+        return f"the fork {Path(self.fork).name}" if self.fork else f"chapter {self.chapter}"
 
 
 def step_through(request: run.Request, after: str | None = None, folder: Path | None = None) -> int:
@@ -98,17 +105,17 @@ def step_through(request: run.Request, after: str | None = None, folder: Path | 
 
 
 def _step_through(request: run.Request, after: str | None, folder: Path | None) -> int:
-    number = chapters.parse_chapter(str(request.chapter))
+    which = chapters.parse_chapter(request.chapter)
     run.check(request)
     target = folder_for(request, folder)
     settings = run.settings_of(request, "medium" if request.quality == "auto" else request.quality)
     with Steps() as steps:
-        scene = studies.load(number, request.scene, steps.of("load", 0.05, 0.5), request.environment)  # type: ignore[arg-type]
+        scene = studies.load(which, request.scene, steps.of("load", 0.05, 0.5), request.environment)  # type: ignore[arg-type]
         run.expose(scene, request)
         run.tell_warnings(scene, request.verbose)
         steps("create", 0.5)
         with chapters.open(
-            number,
+            which,
             request.backend,
             scene=scene,
             size=request.size,
@@ -119,7 +126,7 @@ def _step_through(request: run.Request, after: str | None, folder: Path | None) 
         ) as renderer:
             last = last_pass(renderer, after)
             steps("draw", 0.7)
-            made, pictures = take_apart(number, request, renderer, last)
+            made, pictures = take_apart(which, request, renderer, last)
             steps("write", 0.9)
             write(target, made, pictures)
             messages = run.report_messages(renderer)
@@ -127,7 +134,7 @@ def _step_through(request: run.Request, after: str | None, folder: Path | None) 
     if request.json is not None:
         write_json(request.json, made)
     show(made, err if request.json == STDOUT else out)
-    say(f"Chapter {number}, {scene.name}, {made.device}: wrote {target / 'index.html'}")
+    say(f"{studies.spoken(which)}, {scene.name}, {made.device}: wrote {target / 'index.html'}")
     return 1 if messages else 0
 
 
@@ -156,9 +163,9 @@ def last_pass(renderer: Renderer, after: str | None) -> int:
 
 
 def take_apart(
-    number: int, request: run.Request, renderer: Renderer, count: int
+    which: chapters.Whole, request: run.Request, renderer: Renderer, count: int
 ) -> tuple[Frame, dict[str, np.ndarray]]:
-    """Return what the first `count` passes of a frame of chapter `number` did, and each file's picture (H, W, 3)."""
+    """Return what the first `count` passes of a frame did, and each file's picture (H, W, 3)."""
     view = chapters.view_of(renderer, request.camera, request.time)
     stored = stored_as(renderer.settings)
     timings: list[dict[str, float]] = []
@@ -169,8 +176,8 @@ def take_apart(
     capabilities = renderer.capabilities
     plain = preset(type(renderer.settings), "medium")
     made = Frame(
-        chapter=number,
-        title=chapters.title_of(number),
+        **naming(which),
+        title=chapters.title_of(which),
         scene=renderer.scene.name,
         backend=capabilities.backend,
         device=f"{capabilities.device} ({capabilities.driver})",
@@ -287,7 +294,7 @@ def write_json(path: Path, made: Frame) -> None:
 def show(made: Frame, to: Console) -> None:
     """Print the passes as a table."""
     columns = ("pass", ">GPU ms", ">draws", ">triangles", "reads", "writes")
-    printed = table(f"A frame of chapter {made.chapter}", *columns)
+    printed = table(f"A frame of {made.of}", *columns)
     for step in made.steps:
         printed.add_row(
             step.name,

@@ -34,7 +34,7 @@ figcaption { padding-top: .4rem; }
 
 def page(frame: Frame) -> str:
     """Return the whole page as HTML."""
-    title = f"A frame of chapter {frame.chapter}: {frame.scene}"
+    title = f"A frame of {frame.of}: {frame.scene}"
     settings = ", ".join(f"{name} {value}" for name, value in frame.settings.items())
     facts = [
         f"{frame.title}",

@@ -18,6 +18,7 @@ from chapters.views import views_of
 from common.errors import UserError
 from common.paths import ROOT, cache_dir
 from common.settings import describe, preset
+from common.shader_files import shown_path
 
 RESULTS = "features.json"
 """Name of the file, in the user's cache, in which a test run leaves what became of each feature's tests."""
@@ -62,11 +63,11 @@ def show_chapters() -> None:
     out.print("./strata run N draws with one, ./strata list N shows its lesson.")
 
 
-def show_lesson(number: int) -> None:
-    """Print what a chapter teaches and in which order its files are read."""
-    lesson = chapters.lesson(number)
-    folder = chapters.folder_name(number)
-    out.print(f"[bold]Chapter {number}: {escape(lesson.title)}[/bold]\n")
+def show_lesson(which: chapters.Whole) -> None:
+    """Print what a chapter, or that of a fork, teaches and in which order its files are read."""
+    lesson = chapters.lesson(which)
+    folder = chapters.folder_of(which)
+    out.print(f"[bold]{escape(studies.spoken(which))}: {escape(lesson.title)}[/bold]\n")
     out.print("Adds:  " + escape(", ".join(lesson.adds)), soft_wrap=True)
     if lesson.replaces:
         out.print("Replaces:  " + escape(", ".join(lesson.replaces)), soft_wrap=True)
@@ -75,21 +76,29 @@ def show_lesson(number: int) -> None:
         *sorted(lesson.needs.optional),
     ]
     out.print("Uses:  " + escape(", ".join(needs) or "nothing beyond Vulkan 1.3"), soft_wrap=True)
-    out.print("Gives:  " + ", ".join(chapters.outputs_of(number)))
-    studies.show_all(number)
-    made = table(f"Read chapters/{folder}/README.md first, then", "file", "what it is")
+    out.print("Gives:  " + ", ".join(chapters.outputs_of(which)))
+    if isinstance(which, int):
+        studies.show_all(which)
+    shown = shown_path(folder) if isinstance(which, int) else str(which)
+    first = f"Read {shown}/README.md first, then" if (folder / "README.md").is_file() else f"Read in {shown}"
+    made = table(escape(first), "file", "what it is")
     for name in lesson.reading:
-        made.add_row(name, first_sentence(ROOT / "chapters" / folder / name))
+        made.add_row(name, first_sentence(folder / name))
     out.print()
     out.print(made)
 
 
-def show_settings(number: int | str) -> None:
-    """Print every knob of a chapter or a study, with the presets' values."""
-    kind: Any = chapters.settings_class(number)
+def decapitalised(text: str) -> str:
+    """Return what begins a sentence as it stands within one; names keep their letters."""
+    return text[:1].lower() + text[1:]
+
+
+def show_settings(which: chapters.Which) -> None:
+    """Print every knob of a chapter, a study or a fork, with the presets' values."""
+    kind: Any = chapters.settings_class(which)
     presets = list(getattr(kind, "PRESETS", ()))
     made = table(
-        f"Settings of {'study' if isinstance(number, str) else 'chapter'} {number}: --set name=value",
+        escape(f"Settings of {decapitalised(studies.spoken(which))}: --set name=value"),
         "name",
         "default",
         "range",
@@ -110,10 +119,11 @@ def show_settings(number: int | str) -> None:
     out.print(compared)
 
 
-def show_views(number: int) -> None:
-    """Print what a chapter shows in place of the picture."""
-    made = table(f"Views of chapter {number}: ./strata run {number} --view name", "name", "what it shows")
-    for name, sentence in views_of(number).items():
+def show_views(which: chapters.Whole) -> None:
+    """Print what a chapter or a fork shows in place of the picture."""
+    title = f"Views of {decapitalised(studies.spoken(which))}: ./strata run {which} --view name"
+    made = table(escape(title), "name", "what it shows")
+    for name, sentence in views_of(which).items():
         made.add_row(name, escape(sentence))
     out.print(made)
 

@@ -65,9 +65,12 @@ def _read(path: Path | None, candidates: Sequence[str]) -> tuple[str, float] | N
     return (name, taken) if name in candidates else None
 
 
-def key_of(chapter: int, capabilities: Capabilities, scene: str, size: tuple[int, int], settings: str) -> str:
-    """Return what a measurement holds for: another driver, scene, size or setting is measured anew."""
-    parts = (chapter, capabilities.backend, capabilities.device, capabilities.driver, scene, size, settings)
+def key_of(
+    which: int | str, capabilities: Capabilities, scene: str, size: tuple[int, int], settings: str
+) -> str:
+    """Return what a measurement holds for: another chapter or version of a fork, another driver, scene, size or
+    setting is measured anew."""
+    parts = (which, capabilities.backend, capabilities.device, capabilities.driver, scene, size, settings)
     return json.dumps(parts)
 
 

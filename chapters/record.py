@@ -15,6 +15,7 @@ import numpy as np
 
 import chapters
 from chapters.console import err, out
+from chapters.folders import Folder
 from common.errors import UserError
 from common.paths import ROOT, write_whole
 
@@ -80,7 +81,7 @@ class Log:
         scene, capabilities, renderer = self.renderer.scene, self.renderer.capabilities, self.renderer
         return {
             "strata": strata_version(),
-            "chapter": self.request.chapter,
+            **naming(self.request.chapter),
             "title": chapters.title_of(self.request.chapter),
             "backend": capabilities.backend,
             "device": {
@@ -144,6 +145,13 @@ class Log:
             f"{frame['reset']} (frame {frame['index']})" for frame in self.frames if frame["reset"]
         )
         to.print(f"Started without history: {resets or 'none of these frames'}", markup=False, soft_wrap=True)
+
+
+def naming(which: chapters.Which) -> dict[str, Any]:
+    """Return how records name what drew: "chapter" is a number or a study's name; "fork" is there for a fork alone."""
+    if isinstance(which, Folder):
+        return {"chapter": which.lesson.number, "fork": str(which.path)}
+    return {"chapter": which}
 
 
 def triangles(scene: Scene) -> int:

@@ -17,6 +17,7 @@ import chapters
 from backends.choice import decide
 from chapters import quality, studies
 from chapters.console import Steps, say
+from chapters.folders import Folder
 from chapters.live import Live
 from chapters.record import STDOUT, Log, triangles
 from chapters.stopping import prompt_stop
@@ -42,7 +43,7 @@ EXR_OUTPUTS = {"color_linear": "", "depth": "depth", "instance_id": "instance_id
 class Request:
     """What the user asked for, checked as far as that needs neither scene nor device."""
 
-    chapter: int | str  # a study is a text: "1/first-triangle"
+    chapter: chapters.Which
     backend: str = "auto"
     scene: str | None = None  # None: what the chapter or the study draws by itself
     environment: str = "none"
@@ -119,7 +120,7 @@ def check(request: Request) -> None:
 
 
 def settings_of(request: Request, quality: str) -> Any:
-    """Return the settings of a chapter's preset, or those of a study, changed by --set and --view."""
+    """Return the settings of a preset of what is run, or those of a study, changed by --set and --view."""
     chosen = apply_overrides(studies.preset_of(request.chapter, quality), request.overrides)
     return with_view(chosen, request.chapter, request.view)
 
@@ -136,6 +137,27 @@ def run(request: Request) -> int:
         say(f"strata: the cache {problem}: STRATA_CACHE can name another folder.")
     with prompt_stop():
         return show(request) if wants_window(request) else draw(request, began)
+
+
+def validation(which: chapters.Which, wanted: bool | None, backend: str) -> bool:
+    """Return whether calls are checked: as was asked for, else for a fork, whose author is at work on it.
+
+    Says so where a fork is not checked because the validation layers are not installed.
+    """
+    if wanted is not None or not isinstance(which, Folder):
+        return bool(wanted)
+    if chapters.choose_backend(backend) == "gl":
+        return True
+    from backends.vulkan.instance import VALIDATION_LAYER, Instance
+
+    with Instance() as plain:
+        there = VALIDATION_LAYER in plain.layers
+    if not there:
+        say(
+            "strata: the calls of a fork are checked where the Vulkan validation layers are installed; here they are "
+            "not: ./strata doctor says how, --no-validate leaves this line out."
+        )
+    return there
 
 
 def wants_window(request: Request) -> bool:
@@ -203,8 +225,9 @@ def chosen_quality(request: Request, scene: Scene) -> tuple[str, str]:
     size = quality.measured_size(request.size)
     with ExitStack() as stack:
         device = open_device(stack, request.backend, request.validate, request.without)
+        which = request.chapter
         key = quality.key_of(
-            request.chapter,
+            which if isinstance(which, int) else which.state(),
             device.capabilities,
             f"{scene.path} {triangles(scene)}",
             request.size,
@@ -235,7 +258,7 @@ def draw(request: Request, began: float) -> int:
     target = request.out or default_picture(request)
     outputs = set(EXR_OUTPUTS) if target.suffix.lower() == ".exr" else {"color"}
     # A study has no presets, and stays with what it was asked for: "auto".
-    wants_default = request.quality == "auto" and isinstance(request.chapter, int)
+    wants_default = request.quality == "auto" and not isinstance(request.chapter, str)
     preset_name = "medium" if wants_default else request.quality
     settings = settings_of(request, preset_name)
     with Steps() as steps, Live() as live:

@@ -15,6 +15,7 @@ from common.lessons import OWN, Study
 from common.names import suggest
 
 if TYPE_CHECKING:
+    from chapters import Which
     from common.gltf.load import Progress
     from common.scene import Scene
 
@@ -101,15 +102,15 @@ def _module(number: int, name: str) -> ModuleType:
 # --- what `strata run` asks -------------------------------------------------------------------------------------------
 
 
-def load(which: int | str, text: str | None, progress: Progress | None = None, around: str = "none") -> Scene:
-    """Load what a chapter or a study draws: the scene meant by `text`, else its own, in the environment `around`.
+def load(which: Which, text: str | None, progress: Progress | None = None, around: str = "none") -> Scene:
+    """Load what is to be drawn: the scene meant by `text`, else that of `which`, in the environment `around`.
 
     A study that brings all it draws gets an empty scene. Raises UserError where a scene or an environment was named
     for a study that has no use for it.
     """
     from chapters import scenes
 
-    if isinstance(which, int):
+    if not isinstance(which, str):
         return scenes.load(scenes.DEFAULT if text is None else text, progress, around)
     number, name = split(which)
     about = study(which)
@@ -126,7 +127,7 @@ def load(which: int | str, text: str | None, progress: Progress | None = None, a
     return scenes.load(text if text is not None else about.scene or "", progress)
 
 
-def preset_of(which: int | str, quality: str) -> Any:
+def preset_of(which: Which, quality: str) -> Any:
     """Return the settings of a chapter's preset; a study has one set of them. Raises SettingError."""
     from common.settings import preset
 
@@ -134,13 +135,15 @@ def preset_of(which: int | str, quality: str) -> Any:
     return kind() if isinstance(which, str) else preset(kind, quality)
 
 
-def spoken(which: int | str) -> str:
-    """Return what runs, as a sentence begins with it: "Chapter 1", "Study 1/first-triangle"."""
-    return f"{'Study' if isinstance(which, str) else 'Chapter'} {which}"
+def spoken(which: Which) -> str:
+    """Return what runs, as a sentence begins with it: "Chapter 1", "Study 1/first-triangle", "Fork my-ch01"."""
+    if isinstance(which, str):
+        return f"Study {which}"
+    return f"Chapter {which}" if isinstance(which, int) else f"Fork {which}"
 
 
-def picture_name(which: int | str, scene: str | None) -> str:
-    """Return how a picture is called for which nobody gave a name: after the chapter or study and the scene."""
+def picture_name(which: Which, scene: str | None) -> str:
+    """Return how a picture is called for which nobody gave a name: after what drew it and the scene."""
     from chapters import scenes
 
     begin = chapters.file_name(which)
@@ -152,7 +155,7 @@ def picture_name(which: int | str, scene: str | None) -> str:
     return f"{begin}-{name.strip('-') or 'scene'}"
 
 
-def check(which: int | str, quality: str, out: Path | None) -> None:
+def check(which: Which, quality: str, out: Path | None) -> None:
     """Raise UserError for options that only whole chapters know."""
     if not isinstance(which, str):
         return

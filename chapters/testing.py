@@ -7,8 +7,10 @@ import os
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import chapters
+from chapters import folders
 from chapters.console import say
 from common.errors import UserError
 from common.names import suggest
@@ -32,9 +34,13 @@ WITH_VALUE = {
 def run(words: list[str], *, long: bool, bless: bool, static: bool) -> int:
     """Run what was asked for; return 0 when all passed, 1 when something failed, 2 for a wrong request.
 
-    `words` are areas of tests/ (ch01, common, ...), paths below it, and pytest's own arguments, in any order.
+    `words` are areas of tests/ (ch01, common, ...), paths below it, folders of forks, and pytest's own arguments.
     """
     arguments = pytest_arguments(words)
+    if bless and any(is_fork(word) for word in words):
+        raise UserError(
+            "--bless makes goldens of the project's own chapters: leave it out, or leave out the fork."
+        )
     in_ci = os.environ.get("CI") == "true"
     failed = static_checks() if static or in_ci else []
     arguments += ["--long"] * long + ["--bless"] * bless
@@ -63,6 +69,10 @@ def pytest_arguments(words: list[str]) -> list[str]:
     arguments: list[str] = []
     for index, word in enumerate(words):
         after_option = index > 0 and words[index - 1] in WITH_VALUE
+        if not word.startswith("-") and not after_option and is_fork(word):
+            fork = chapters.parse_chapter(word)
+            arguments += [path for path in chapter_arguments(fork) if path not in arguments]
+            continue
         if word.startswith("-") or after_option or "/" in word or "::" in word or word.endswith(".py"):
             arguments.append(word)
             continue
@@ -75,11 +85,23 @@ def pytest_arguments(words: list[str]) -> list[str]:
     return arguments
 
 
-def chapter_arguments(number: int) -> list[str]:
-    """Return pytest's arguments for one chapter: its own tests, those of the chapters before it, and stability's."""
+def is_fork(word: str) -> bool:
+    """Whether a word names a folder with a copy of a chapter."""
+    return not word.isdigit() and (Path(word).expanduser() / folders.NEEDED[-1]).is_file()
+
+
+def chapter_arguments(which: chapters.Whole) -> list[str]:
+    """Return pytest's arguments for one chapter: its own tests, those of the chapters before it, and stability's.
+
+    A fork has those of its chapter.
+    """
+    number = which if isinstance(which, int) else which.lesson.number
     names = [chapters.folder_name(n) for n in range(1, number + 1)]
     paths = [f"tests/{name}" for name in names] + [f"tests/stability/test_{name}.py" for name in names]
-    return [*(path for path in paths if (ROOT / path).exists()), f"--chapter={number}"]
+    return [
+        *(path for path in paths if (ROOT / path).exists()),
+        f"--chapter={which if isinstance(which, int) else which.path}",
+    ]
 
 
 def static_checks() -> list[str]:

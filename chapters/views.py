@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from dataclasses import replace
 from importlib import import_module
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import chapters
 from common.errors import UserError
 from common.names import suggest
 
+if TYPE_CHECKING:
+    from chapters import Which, Whole
+
 S = TypeVar("S")
 
 
-def views_of(number: int) -> dict[str, str]:
-    """Return the quantities that a chapter can show: a sentence for each name."""
-    views = import_module(f"chapters.{chapters.folder_name(number)}.logic.views").VIEWS
+def views_of(which: Whole) -> dict[str, str]:
+    """Return the quantities that a chapter or a fork can show: a sentence for each name."""
+    views = import_module(f"{chapters.package_of(which)}.logic.views").VIEWS
     return {view.name: view.sentence for view in views}
 
 
@@ -26,13 +29,13 @@ def stored_as(settings: Any) -> str:
     return next((str(view.shown) for view in views if view.name == settings.view), "light")
 
 
-def with_view(settings: S, number: int | str, name: str | None) -> S:
+def with_view(settings: S, which: Which, name: str | None) -> S:
     """Return a chapter's settings with view `name`, None for those given; raise UserError if there is none such."""
     if name is None:
         return settings
-    if isinstance(number, str):
-        raise UserError(f"The study {number} has no views: leave --view out.")
-    known = views_of(number)
+    if isinstance(which, str):
+        raise UserError(f"The study {which} has no views: leave --view out.")
+    known = views_of(which)
     if name not in known:
         near = suggest(name, known)
         raise UserError(f"There is no view {name!r}{near}" + ("" if near.endswith("?") else "."))

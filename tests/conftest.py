@@ -42,7 +42,7 @@ def pytest_configure(config: pytest.Config) -> None:
     """Let the report watch the run."""
     config.pluginmanager.register(Report(config), "strata-report")
     later = snapshots.Snapshots(
-        snapshots.official(), config.getoption("--chapter"), config.getoption("--long")
+        snapshots.official(), snapshots.chosen(config.getoption("--chapter")), config.getoption("--long")
     )
     config.pluginmanager.register(later, "strata-snapshots")
     config.pluginmanager.register(goldens, "strata-goldens")
@@ -133,9 +133,9 @@ def gl_context(request: pytest.FixtureRequest, variant: str | None) -> Iterator[
 @pytest.fixture(scope="module")
 def chapter(request: pytest.FixtureRequest, variant: str | None) -> Iterator[Chapter]:
     """The chapter that the test runs for, on a device of the variant: `chapter.open(scene, size)`."""
-    number = snapshots.tested_chapter(request.node)
+    which = snapshots.tested(request.node).which
     with (_opengl if variant == "gl" else _vulkan)(request, variant) as device:
-        yield Chapter(number, "gl" if variant == "gl" else "vulkan", device)
+        yield Chapter(which, "gl" if variant == "gl" else "vulkan", device)
 
 
 @pytest.fixture(autouse=True)

@@ -18,7 +18,13 @@ def defined_in(path: str):
 
 
 @pytest.mark.parametrize(
-    "path", ["chapters/ch01/graphics/commands.py", "chapters/ch15/gl/commands.py", "backends/gl/draws.py"]
+    "path",
+    [
+        "chapters/ch01/graphics/commands.py",
+        "chapters/ch15/gl/commands.py",
+        "backends/gl/draws.py",
+        "../a fork/gl/commands.py",
+    ],
 )
 def test_a_wrapper_is_passed_over(path):
     line = sys._getframe().f_lineno + 1

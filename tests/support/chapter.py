@@ -17,13 +17,13 @@ from tests.support import gl_functions
 class Chapter:
     """Opens a chapter's renderers on one device, which the tests of a module share."""
 
-    number: int
+    which: chapters.Whole
     backend: str
     device: Any
 
     def open(self, scene: Scene, size: tuple[int, int], settings: Any = None, **more: Any) -> Renderer:
         """Return a renderer, as `chapters.open` does; `outputs` are ("color",) unless they are given."""
-        module = chapters.renderer_module(self.number, self.backend)
+        module = chapters.renderer_module(self.which, self.backend)
         opened: Renderer = module.Renderer(scene, size, settings, device=self.device, **more)
         return opened
 

@@ -35,7 +35,7 @@ from common import metrics
 from common.errors import UserError
 from common.images import read_image, write_image
 from common.paths import ROOT, write_whole
-from tests.support.snapshots import first_chapter, tested_chapter
+from tests.support.snapshots import first_chapter, tested
 
 GOLDENS = ROOT / "tests" / "goldens"
 LOOK = ROOT / "out" / "bless"
@@ -253,7 +253,7 @@ def golden(
     first = first_chapter(request.path)
     areas = [area]
     if first is not None:
-        areas = [folder_name(n) for n in range(first, tested_chapter(request.node) + 1)]
+        areas = [folder_name(n) for n in range(first, tested(request.node).number + 1)]
 
     def check(name: str, picture: np.ndarray, capabilities: Capabilities, **facts: float) -> None:
         kept = request.config.stash[_KEPT]

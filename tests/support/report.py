@@ -35,8 +35,8 @@ COLD_TEST_BUDGET_S = 20.0
 """For one test then: the first to draw a scene of many materials compiles for all that follow."""
 
 
-LATER = re.compile(r"(?<=\.py)::(ch\d\d)::")
-"""What an id says of a test that runs for a later chapter than its own (tests/support/snapshots.py)."""
+LATER = re.compile(r"(?<=\.py)::(ch\d\d)(?:-fork)?::")
+"""What an id says of a test that runs for another chapter than its own, or for a fork (tests/support/snapshots.py)."""
 
 
 @dataclass
@@ -181,7 +181,9 @@ class Report:
             ]
             if self.complaints and session.exitstatus == pytest.ExitCode.OK:
                 session.exitstatus = pytest.ExitCode.TESTS_FAILED
-        self._keep(outcomes)
+        later: Any = self.config.pluginmanager.getplugin("strata-snapshots")
+        if later is None or not any(subject.is_fork for subject in later.chosen):
+            self._keep(outcomes)  # a fork that fails says nothing of the project's features
 
     def _keep(self, outcomes: list[Outcome]) -> None:
         """Write the results of features for `strata list --features`, and of long tests, into those of other runs."""

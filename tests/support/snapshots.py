@@ -13,7 +13,9 @@ Of these further runs
 - a test of modules that are the same, byte for byte, in a chapter for which it ran is left out;
 - a test that draws and bears no mark runs with `--long` alone; one that draws nothing always runs.
 
-`--chapter=2` runs the tests for one chapter alone.
+`--chapter=2` runs the tests for one chapter alone, `--chapter=FOLDER` for a fork: a copy of a chapter, of which the ids
+say `::ch02-fork::`. It gets all tests that were written for its chapter, and of those of chapters before it what any
+later chapter gets; modules that are the same as the chapter's count as other ones.
 """
 
 from __future__ import annotations
@@ -26,11 +28,14 @@ from collections.abc import Generator, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
 from _pytest.assertion.rewrite import rewrite_asserts
 
 import chapters
+from chapters.folders import Folder
+from common.errors import UserError
 from tests.support import contents
 
 DEVICES = {"chapter", "variant", "vulkan_instance", "vulkan_device", "gl_context"}
@@ -50,17 +55,37 @@ class Subject:
     number: int
     package: str
     folder: Path
+    which: Any = None
+    """What `chapters.open` takes; None of a package that is no chapter."""
+
+    @property
+    def is_fork(self) -> bool:
+        """Whether it is a reader's copy."""
+        return isinstance(self.which, Folder)
 
     @property
     def label(self) -> str:
-        """How ids name it: "ch02"."""
-        return chapters.folder_name(self.number)
+        """How ids name it: "ch02", "ch02-fork"."""
+        return chapters.folder_name(self.number) + "-fork" * self.is_fork
 
 
 def official() -> tuple[Subject, ...]:
     """Return the chapters that are here."""
-    names = [(number, chapters.folder_name(number)) for number in chapters.available()]
-    return tuple(Subject(number, f"chapters.{name}", chapters.FOLDER / name) for number, name in names)
+    return tuple(subject_of(number) for number in chapters.available())
+
+
+def subject_of(which: chapters.Whole) -> Subject:
+    """Return a chapter or a fork as what is tested."""
+    number = which if isinstance(which, int) else which.lesson.number
+    return Subject(number, chapters.package_of(which), chapters.folder_of(which), which)
+
+
+def chosen(words: Iterable[str]) -> list[Subject]:
+    """Return what `--chapter` asks for; raise UsageError where there is none such."""
+    try:
+        return [subject_of(chapters.parse_chapter(word)) for word in words]
+    except UserError as error:
+        raise pytest.UsageError(f"--chapter: {error}") from None
 
 
 def first_chapter(path: Path) -> int | None:
@@ -73,13 +98,13 @@ def first_chapter(path: Path) -> int | None:
     return int(found[1]) if found else None
 
 
-def tested_chapter(node: pytest.Collector | pytest.Item) -> int:
-    """Return the number of the chapter that a test runs for."""
+def tested(node: pytest.Collector | pytest.Item) -> Subject:
+    """Return the chapter or the fork that a test runs for."""
     module = node.getparent(LaterModule)
-    number = module.subject.number if module is not None else first_chapter(node.path)
-    if number is None:
-        raise ValueError(f"{node.nodeid} is about no chapter")
-    return number
+    if module is not None:
+        return module.subject
+    plugin: Snapshots = node.config.pluginmanager.getplugin("strata-snapshots")
+    return plugin.written_for(node.path)
 
 
 # --- the same file for another chapter --------------------------------------------------------------------------------
@@ -143,16 +168,16 @@ def load_for(path: Path, old: str, new: str, name: str, config: pytest.Config | 
 
 
 class LaterModule(pytest.Module):
-    """A file of tests, for a chapter after the one that it was written for."""
+    """A file of tests, for a chapter after the one that it was written for, or for a fork."""
 
     subject: Subject
-    written_for: str
+    written_for: Subject
 
     def _getobj(self) -> ModuleType:
         place = self.path.relative_to(self.config.rootpath).with_suffix("").parts
         name = f"{'.'.join(place)}@{self.subject.label}"
         try:
-            module = load_for(self.path, self.written_for, self.subject.package, name, self.config)
+            module = load_for(self.path, self.written_for.package, self.subject.package, name, self.config)
         except ImportError as error:
             raise self.CollectError(
                 f"{self.nodeid}: {error}. Where {self.subject.label} replaces what this file tests, mark it: "
@@ -170,7 +195,7 @@ class LaterChapters(pytest.File):
         for subject in plugin.further(self.path):
             name = subject.label
             module = LaterModule.from_parent(self, path=self.path, name=name, nodeid=f"{self.nodeid}::{name}")
-            module.subject, module.written_for = subject, plugin.package(self.path)
+            module.subject, module.written_for = subject, plugin.written_for(self.path)
             yield module
 
 
@@ -216,24 +241,24 @@ def _later(item: pytest.Item) -> int:
 class Snapshots:
     """The pytest plugin: collects a chapter's tests for later chapters, and leaves out what need not run."""
 
-    def __init__(self, subjects: Iterable[Subject], chosen: Iterable[int] = (), long: bool = False) -> None:
-        """`subjects` are all chapters, `chosen` the numbers of those to test (none: all)."""
-        self._subjects = {subject.number: subject for subject in subjects}
-        self._chosen = {*chosen} or {*self._subjects}
+    def __init__(self, all_: Iterable[Subject], chosen: Iterable[Subject] = (), long: bool = False) -> None:
+        """`all_` are all chapters, `chosen` those to test, forks among them (none: all)."""
+        self._all = {subject.number: subject for subject in all_}
+        self.chosen = sorted({*chosen} or self._all.values(), key=lambda one: (one.number, one.label))
         self._long = long
         self.left_out: Counter[str] = Counter()
 
-    def package(self, path: Path) -> str:
-        """Return the package that a file of tests was written for."""
+    def written_for(self, path: Path) -> Subject:
+        """Return the chapter that a file of tests was written for; raise ValueError if it is about none."""
         number = first_chapter(path)
-        assert number is not None
-        return self._subjects[number].package
+        if number is None:
+            raise ValueError(f"{path} is about no chapter")
+        return self._all[number]
 
     def further(self, path: Path) -> list[Subject]:
-        """Return the chapters for which a file of tests runs besides its own."""
-        first, last = first_chapter(path), _file_ends_with(path)
-        assert first is not None
-        later = [self._subjects[number] for number in sorted(self._chosen) if number > first]
+        """Return the chapters and forks for which a file of tests runs besides its own chapter."""
+        first, last = self.written_for(path), _file_ends_with(path)
+        later = [one for one in self.chosen if one.number >= first.number and one != first]
         fit = [subject for subject in later if last is None or subject.number <= last]
         self.left_out["files"] += len(later) - len(fit)
         return fit
@@ -244,10 +269,10 @@ class Snapshots:
     ) -> Generator[None, list[pytest.Collector], list[pytest.Collector]]:
         found = yield
         first = first_chapter(file_path)
-        if first is None or first not in self._subjects or not found:
+        if first is None or first not in self._all or not found:
             return found
-        found = found if first in self._chosen else []
-        if any(number > first for number in self._chosen):
+        found = found if self._all[first] in self.chosen else []
+        if self.further(file_path):
             found.append(LaterChapters.from_parent(parent, path=file_path))
         return found
 
@@ -275,18 +300,19 @@ class Snapshots:
             return ""
         if last is not None and module.subject.number > last:
             return "replaced"
-        if item.get_closest_marker("every_chapter"):
+        if item.get_closest_marker("every_chapter") or module.subject.number == module.written_for.number:
             return ""
         if self._same_before(item.path, module.subject):
             return "same"
         return "long" if draws(item) and not self._long else ""
 
     def _same_before(self, path: Path, subject: Subject) -> bool:
-        first, package = first_chapter(path), self.package(path)
-        assert first is not None
-        mine = contents.digest(path, package, subject.folder)
-        before = (s for n, s in self._subjects.items() if first <= n < subject.number)
-        return any(contents.digest(path, package, s.folder) == mine for s in before)
+        first = self.written_for(path)
+        if subject.is_fork:
+            return False
+        mine = contents.digest(path, first.package, subject.folder)
+        before = (one for n, one in self._all.items() if first.number <= n < subject.number)
+        return any(contents.digest(path, first.package, one.folder) == mine for one in before)
 
     def summary(self) -> list[str]:
         """Return a sentence for each reason for which tests were left out."""
@@ -305,7 +331,7 @@ def add_options(parser: pytest.Parser) -> None:
     parser.addoption(
         "--chapter",
         action="append",
-        type=int,
         default=[],
-        help="of the tests of chapters, run those for this chapter alone (several times: for these)",
+        metavar="N|DIR",
+        help="of the tests of chapters, run those for this chapter or fork alone (several times: for these)",
     )

@@ -31,13 +31,14 @@ def pytest_configure(config):
         config.addinivalue_line("markers", mark)
     names = {number: f"ch0{number}" for number in (1, 2, 3)}
     lessons = [snapshots.Subject(n, f"lessons.{name}", TREE / "lessons" / name) for n, name in names.items()]
-    later = snapshots.Snapshots(lessons, config.getoption("--chapter"), config.getoption("--long"))
+    chosen = [lessons[int(number) - 1] for number in config.getoption("--chapter")]
+    later = snapshots.Snapshots(lessons, chosen, config.getoption("--long"))
     config.pluginmanager.register(later, "strata-snapshots")
     config.pluginmanager.register(Report(config), "strata-report")
 
 @pytest.fixture(scope="module")
 def chapter(request):
-    return snapshots.tested_chapter(request.node)
+    return snapshots.tested(request.node).number
 """
 
 UNIT = """
@@ -236,6 +237,6 @@ def test_a_digest_is_of_what_a_test_leads_to_and_of_nothing_else(tmp_path):
 
 def test_the_chapters_that_are_here_are_tested():
     subjects = official()
-    assert subjects[0] == Subject(1, "chapters.ch01", ROOT / "chapters" / "ch01")
+    assert subjects[0] == Subject(1, "chapters.ch01", ROOT / "chapters" / "ch01", 1)
     later = Snapshots(subjects).further(ROOT / "tests" / "ch01" / "test_materials.py")
     assert [subject.label for subject in later] == [f"ch{s.number:02d}" for s in subjects[1:]]

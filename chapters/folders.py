@@ -1,0 +1,124 @@
+"""A fork as the commands take it: a folder anywhere on disk with a copy of a chapter, imported as a package of its own.
+
+    ./strata run my-ch03
+    ./strata compare 3 ../elsewhere/my-ch03
+    chapters.open(Path("my-ch03"), scene=scene)
+
+Its files import each other relatively, as those of a chapter do, and `common` and `backends` by name. Two forks in one
+process are two packages; a fork that was edited is read anew by the next process.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import os
+import re
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import chapters
+from common.errors import UserError
+from common.lessons import Lesson
+from common.names import suggest
+
+NEEDED = ("__init__.py", "renderer.py")
+_CHAPTER = re.compile(r"(?:ch)?\d+(?:/.*)?", re.ASCII | re.IGNORECASE)
+"""What is a chapter or a study whatever folders there are: "3", "ch03", "3/first-triangle"."""
+
+
+@dataclass(frozen=True)
+class Folder:
+    """A folder with a copy of a chapter; `path` is absolute, without links, `text` how the user named it."""
+
+    path: Path
+    text: str = field(default="", compare=False)
+
+    def __str__(self) -> str:
+        return self.text or str(self.path)
+
+    @property
+    def package(self) -> str:
+        """The name of the package that the folder is imported as; raises what its `__init__.py` raises."""
+        short = f"fork_{hashlib.sha256(str(self.path).encode()).hexdigest()[:12]}"
+        name = f"chapters.{short}"
+        if name not in sys.modules:
+            importlib.invalidate_caches()  # a file may have come since Python looked into the folder
+            spec = importlib.util.spec_from_file_location(
+                name, self.path / "__init__.py", submodule_search_locations=[str(self.path)]
+            )
+            assert spec is not None and spec.loader is not None
+            module = sys.modules[name] = importlib.util.module_from_spec(spec)
+            try:
+                spec.loader.exec_module(module)
+            except BaseException:
+                del sys.modules[name]
+                raise
+            setattr(chapters, short, module)
+        return name
+
+    @property
+    def lesson(self) -> Lesson:
+        """What its chapter says about itself; raises UserError where that is gone."""
+        found = getattr(sys.modules[self.package], "LESSON", None)
+        if not isinstance(found, Lesson):
+            raise UserError(
+                f"{self.path / '__init__.py'} has no LESSON: a copy of a chapter keeps that of the chapter, "
+                "with its number."
+            )
+        return found
+
+    @property
+    def file_name(self) -> str:
+        """How the names of files about it begin."""
+        return re.sub(r"[^\w.-]+", "-", self.path.name).strip("-.") or "fork"
+
+    def state(self) -> str:
+        """Return a digest that is another one after any file of it was saved."""
+        files = sorted(path for path in self.path.rglob("*") if path.suffix != ".pyc" and path.is_file())
+        parts = (f"{path} {path.stat().st_mtime_ns} {path.stat().st_size}" for path in files)
+        return hashlib.sha256("\n".join([str(self.path), *parts]).encode()).hexdigest()
+
+
+def named(text: str) -> Folder | int | None:
+    """Return the fork, or the chapter, whose folder `text` names; None where it names none.
+
+    "3", "ch03" and "3/first-triangle" are never folders: one of such a name is reached by "./3". Raises UserError for
+    a folder that is not there or holds no chapter.
+    """
+    if _CHAPTER.fullmatch(text):
+        return None
+    path = Path(text).expanduser()
+    separated = "/" in text or os.sep in text
+    return read(path, text) if separated or path.is_dir() else None
+
+
+def beside() -> list[str]:
+    """Return the names of the folders here that look like forks."""
+    try:
+        return [path.parent.name for path in Path().glob(f"*/{NEEDED[-1]}")]
+    except OSError:
+        return []  # the current folder cannot be read, or is gone
+
+
+def read(path: Path, text: str = "") -> Folder | int:
+    """Return the fork in a folder, or the number of the chapter that the folder is.
+
+    Raises UserError where there is no such folder, or no chapter in it.
+    """
+    text = text or str(path)
+    place = path.expanduser().resolve()
+    if place.is_file():
+        raise UserError(f"{text} is a file: name the folder that holds the copy of a chapter.")
+    if not place.is_dir():
+        beside = [one.name for one in place.parent.iterdir() if one.is_dir()] if place.parent.is_dir() else []
+        near = suggest(place.name, beside)
+        raise UserError(f"There is no folder {text}{near if near.endswith('?') else '.'}")
+    for number in chapters.available():
+        if place == (chapters.FOLDER / chapters.folder_name(number)).resolve():
+            return number
+    missing = [name for name in NEEDED if not (place / name).is_file()]
+    if missing:
+        raise UserError(f"{text} holds no copy of a chapter: it has no {' and no '.join(missing)}.")
+    return Folder(place, text)
