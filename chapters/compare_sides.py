@@ -52,7 +52,7 @@ class Drawn:
         """What draws, in the middle of a sentence."""
         if isinstance(self.which, int):
             return f"chapter {self.which}"
-        return f"the study {self.which}" if isinstance(self.which, str) else f"the fork {self.which}"
+        return f"the study {self.which}" if isinstance(self.which, str) else f"the fork {self.which.spoken}"
 
     @property
     def module(self) -> ModuleType:

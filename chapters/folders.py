@@ -36,7 +36,13 @@ class Folder:
     text: str = field(default="", compare=False)
 
     def __str__(self) -> str:
+        """The folder as the user named it."""
         return self.text or str(self.path)
+
+    @property
+    def spoken(self) -> str:
+        """How it is called in a sentence: as the user named it, or by its name where that was "." or ".."."""
+        return self.path.name if Path(str(self)).name in ("", "..") else str(self)
 
     @property
     def package(self) -> str:

@@ -79,7 +79,7 @@ def show_lesson(which: chapters.Whole) -> None:
     out.print("Gives:  " + ", ".join(chapters.outputs_of(which)))
     if isinstance(which, int):
         studies.show_all(which)
-    shown = shown_path(folder) if isinstance(which, int) else str(which)
+    shown = shown_path(folder) if isinstance(which, int) else which.spoken
     first = f"Read {shown}/README.md first, then" if (folder / "README.md").is_file() else f"Read in {shown}"
     made = table(escape(first), "file", "what it is")
     for name in lesson.reading:
@@ -121,7 +121,8 @@ def show_settings(which: chapters.Which) -> None:
 
 def show_views(which: chapters.Whole) -> None:
     """Print what a chapter or a fork shows in place of the picture."""
-    title = f"Views of {decapitalised(studies.spoken(which))}: ./strata run {which} --view name"
+    word = f'"{which}"' if " " in str(which) else which
+    title = f"Views of {decapitalised(studies.spoken(which))}: ./strata run {word} --view name"
     made = table(escape(title), "name", "what it shows")
     for name, sentence in views_of(which).items():
         made.add_row(name, escape(sentence))

@@ -139,7 +139,7 @@ def spoken(which: Which) -> str:
     """Return what runs, as a sentence begins with it: "Chapter 1", "Study 1/first-triangle", "Fork my-ch01"."""
     if isinstance(which, str):
         return f"Study {which}"
-    return f"Chapter {which}" if isinstance(which, int) else f"Fork {which}"
+    return f"Chapter {which}" if isinstance(which, int) else f"Fork {which.spoken}"
 
 
 def picture_name(which: Which, scene: str | None) -> str:

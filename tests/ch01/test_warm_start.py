@@ -15,6 +15,7 @@ from typing import Any
 
 import pytest
 
+from chapters.ch01 import renderer as tested
 from common.paths import ROOT
 
 pytestmark = pytest.mark.every_chapter
@@ -23,13 +24,14 @@ START = """
 import hashlib, json, sys
 from assets import locate
 from backends.vulkan import glslang, shaders
-from chapters.ch01.renderer import Renderer
+import chapters
 from common.camera import view_of_scene
 from common.gltf import load_scene
 from common.pose import evaluate_pose
 
 scene = load_scene(locate("cornell"))
-with Renderer(scene, (64, 36), outputs={"color", "instance_id"}) as renderer:
+which, outputs = sys.argv[1], {"color", "instance_id"}
+with chapters.open(which, "vulkan", scene=scene, size=(64, 36), outputs=outputs) as renderer:
     frame = renderer.render(view_of_scene(scene, evaluate_pose(scene, 0.0), None, 64 / 36))
     pictures = [frame.image(name).tobytes() for name in ("color", "instance_id")]
 counters = shaders.shared().counters
@@ -47,7 +49,12 @@ def start(cache: Path) -> dict[str, object]:
     """Render one frame in a new process and return what it says."""
     environment = {**os.environ, "STRATA_CACHE": str(cache), "PYTHONPATH": str(ROOT)}
     run = subprocess.run(
-        [sys.executable, "-c", START], env=environment, cwd=ROOT, capture_output=True, text=True, timeout=60
+        [sys.executable, "-c", START, str(Path(tested.__file__).parent)],
+        env=environment,
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=60,
     )
     if "UnsupportedError" in run.stderr:
         pytest.skip(f"no Vulkan: {run.stderr.splitlines()[-1]}")

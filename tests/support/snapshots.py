@@ -192,7 +192,11 @@ class LaterChapters(pytest.File):
 
     def collect(self) -> Iterator[LaterModule]:
         plugin: Snapshots = self.config.pluginmanager.getplugin("strata-snapshots")
+        last = _file_ends_with(self.path)
         for subject in plugin.further(self.path):
+            if last is not None and subject.number > last:
+                plugin.left_out["files"] += 1
+                continue
             name = subject.label
             module = LaterModule.from_parent(self, path=self.path, name=name, nodeid=f"{self.nodeid}::{name}")
             module.subject, module.written_for = subject, plugin.written_for(self.path)
@@ -257,11 +261,8 @@ class Snapshots:
 
     def further(self, path: Path) -> list[Subject]:
         """Return the chapters and forks for which a file of tests runs besides its own chapter."""
-        first, last = self.written_for(path), _file_ends_with(path)
-        later = [one for one in self.chosen if one.number >= first.number and one != first]
-        fit = [subject for subject in later if last is None or subject.number <= last]
-        self.left_out["files"] += len(later) - len(fit)
-        return fit
+        first = self.written_for(path)
+        return [one for one in self.chosen if one.number >= first.number and one != first]
 
     @pytest.hookimpl(wrapper=True)
     def pytest_collect_file(
@@ -318,9 +319,8 @@ class Snapshots:
         """Return a sentence for each reason for which tests were left out."""
         counts = {kind: f"{self.left_out[kind]} tests" for kind in REASONS if self.left_out[kind]}
         if self.left_out["files"]:
-            counts["replaced"] = (
-                f"{counts.get('replaced', '0 tests')} and {self.left_out['files']} whole files"
-            )
+            tests = f"{counts['replaced']} and " if "replaced" in counts else ""
+            counts["replaced"] = f"{tests}{self.left_out['files']} whole files"
         return [
             f"later chapters: without {counts[kind]} {REASONS[kind]}." for kind in REASONS if kind in counts
         ]
