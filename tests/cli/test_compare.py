@@ -14,7 +14,7 @@ import chapters
 from chapters import compare_measure, compare_report, compare_sheet, scenes
 from chapters.bench_points import Point
 from chapters.compare_measure import Measured
-from chapters.compare_sides import Drawn, Picture, forks, read_side
+from chapters.compare_sides import Drawn, Picture, read_side
 from common import metrics
 from common.errors import UserError
 from common.images import read_image, write_image
@@ -142,31 +142,35 @@ def test_samples_show_in_picture_error_and_work_and_files_give_the_same_figures(
         assert exact or found["error"]["relative_mse"] == pytest.approx(truth, rel=1e-9)
 
 
-def test_a_fork_is_compared_with_its_chapter(strata, vulkan_instance, tmp_path, monkeypatch):
-    chapters.available()
-    copy = tmp_path / "chapters" / "ch01_dark_room"
+def test_a_fork_is_compared_with_its_chapter(strata, tmp_path):
+    copy = tmp_path / "dark@home" / "a room"
     shutil.copytree(chapters.FOLDER / "ch01", copy, ignore=shutil.ignore_patterns("__pycache__", "studies"))
     settings = copy / "settings.py"
     text = settings.read_text("utf-8")
     assert '0.02, "linear grey' in text
     settings.write_text(text.replace('0.02, "linear grey', '0.5, "linear grey'), "utf-8")
-    monkeypatch.setattr(chapters, "__path__", [*chapters.__path__, str(copy.parent)])
-    assert forks() == {"1-dark-room": "ch01_dark_room"}
-    code, out, err = strata("compare", "1", "ch01-dark-room", *SMALL, "--json", "r.json")
+    code, out, err = strata("compare", "1", "dark@home/a room", *SMALL, "--json", "r.json")
     assert code == 0, err
-    assert out.startswith("The code differs: chapter 1, the fork 1-dark-room; background: 0.02, 0.5.\n")
+    assert out.startswith("The code differs: chapter 1, the fork dark@home/a room; background: 0.02, 0.5.\n")
     record = json.loads((tmp_path / "r.json").read_text())
-    assert record["B"]["kind"] == "fork" and record["error"]["pixels_changed"] > 0.01
-    code, _, err = strata("compare", "1", "1-drk-room", *SMALL)
-    assert (code, err) == (2, "strata: There is no fork '1-drk-room'; did you mean '1-dark-room'?\n")
+    assert record["error"]["pixels_changed"] > 0.01
+    assert {name: record["B"][name] for name in ("kind", "chapter", "fork")} == {
+        "kind": "fork",
+        "chapter": 1,
+        "fork": str(copy.resolve()),
+    }
+    side = read_side("dark@home/a room@gl:msaa=4", "low")
+    assert (str(side.which), side.backend, side.settings.msaa) == ("dark@home/a room", "gl", 4)
+    code, _, err = strata("compare", "1", "dark@home/a rom:low", *SMALL)
+    assert (code, err) == (2, "strata: There is no folder dark@home/a rom; did you mean 'a room'?\n")
     shutil.rmtree(copy / "gl")
-    assert strata("compare", "1", "1-dark-room@gl", *SMALL)[2].endswith(
-        "this fork has no OpenGL version; compare it on Vulkan.\n"
+    assert strata("compare", "1", "dark@home/a room@gl", *SMALL)[2].endswith(
+        "Fork dark@home/a room has no OpenGL version: use --backend vulkan.\n"
     )
 
 
 def measured(which, settings, paths, **record) -> Measured:
-    side = Drawn(f"{which}", which, False, "vulkan", settings, "medium", ())
+    side = Drawn(f"{which}", which, "vulkan", settings, "medium", ())
     choices = [SimpleNamespace(feature=feature, path=path) for feature, path in paths.items()]
     return Measured(side, None, None, record=record, plan=SimpleNamespace(choices=choices))
 
@@ -320,7 +324,8 @@ def test_pictures_of_other_kinds_are_read_as_what_they_show(tmp_path):
     ("words", "says"),
     [
         (("1", "9"), "There is no chapter 9: "),
-        (("1", "1-bindless"), "There is no fork '1-bindless'"),
+        (("1", "1-bindless"), "There is no chapter '1-bindless'"),
+        (("1", "./1-bindless"), "There is no folder ./1-bindless."),
         (("1", "1/no-such-study"), "no-such-study"),
         (("1", "1@vulcan"), "There is no backend 'vulcan'; did you mean 'vulkan'?"),
         (("1", "1@"), "1@: no backend stands after the @"),

@@ -46,7 +46,7 @@ def test_a_number_is_still_a_chapter():
         ("1/", "'clear-window', "),
         ("1/../ch01", "Chapter 1 has no study '../ch01'"),
         ("99/first-triangle", "There is no chapter 99"),
-        ("x/first-triangle", "There is no chapter 'x'"),
+        ("x/first-triangle", "There is no folder x/first-triangle"),
     ],
 )
 def test_an_unknown_one_is_a_sentence_with_the_near_name(strata, text, said):
