@@ -19,6 +19,7 @@ from chapters.cli_options import (
     Scene,
     Set,
     Size,
+    Unchecked,
     Validate,
     Without,
 )
@@ -153,7 +154,8 @@ def run(
         ),
     ] = None,
     without: Without = None,
-    validate: Validate = None,
+    validate: Validate = False,
+    no_validate: Unchecked = False,
     json: Annotated[
         Path | None,
         typer.Option(
@@ -194,7 +196,7 @@ def run(
         overrides=tuple(set_ or ()),
         view=view,
         without=tuple(without or ()),
-        validate=running.validation(which, validate, backend),
+        validate=running.validation(which, validate, not no_validate, backend),
         json=json,
         time=time,
         fps=fps,

@@ -7,7 +7,18 @@ from typing import Annotated
 
 import typer
 
-from chapters.cli_options import Backend, Camera, Chapter, Environment, Scene, Set, Size, Validate, Without
+from chapters.cli_options import (
+    Backend,
+    Camera,
+    Chapter,
+    Environment,
+    Scene,
+    Set,
+    Size,
+    Unchecked,
+    Validate,
+    Without,
+)
 
 
 def frame(
@@ -35,7 +46,8 @@ def frame(
         str | None,
         typer.Option(metavar="PASS", help="Show the passes up to this one.", show_default=False),
     ] = None,
-    validate: Validate = None,
+    validate: Validate = False,
+    no_validate: Unchecked = False,
     out: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Folder to write to; without it, in out/.", show_default=False),
@@ -65,7 +77,7 @@ def frame(
         overrides=tuple(set_ or ()),
         view=view,
         without=tuple(without or ()),
-        validate=running.validation(which, validate, backend),
+        validate=running.validation(which, validate, not no_validate, backend),
         json=json,
         time=time,
         headless=True,

@@ -39,10 +39,7 @@ Without = Annotated[
     typer.Option(metavar="FEATURE|all", help="Do as on a device that lacks it; repeatable."),
 ]
 Validate = Annotated[
-    bool | None,
-    typer.Option(
-        "--validate/--no-validate",
-        help="Check every call by the validation layers; a fork's calls are, unless told otherwise.",
-        show_default=False,
-    ),
+    bool,
+    typer.Option("--validate", help="Check every call by the validation layers, as those of a fork are."),
 ]
+Unchecked = Annotated[bool, typer.Option("--no-validate", help="Check no call, not even those of a fork.")]

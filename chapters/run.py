@@ -139,13 +139,15 @@ def run(request: Request) -> int:
         return show(request) if wants_window(request) else draw(request, began)
 
 
-def validation(which: chapters.Which, wanted: bool | None, backend: str) -> bool:
-    """Return whether calls are checked: as was asked for, else for a fork, whose author is at work on it.
+def validation(which: chapters.Which, wanted: bool, allowed: bool, backend: str) -> bool:
+    """Return whether calls are checked: if it is `wanted`, and those of a fork, a work in progress, if `allowed`.
 
     Says so where a fork is not checked because the validation layers are not installed.
     """
-    if wanted is not None or not isinstance(which, Folder):
-        return bool(wanted)
+    if wanted and not allowed:
+        raise UserError("--validate and --no-validate cannot both be meant: leave one out.")
+    if wanted or not allowed or not isinstance(which, Folder):
+        return wanted
     if chapters.choose_backend(backend) == "gl":
         return True
     from backends.vulkan.instance import VALIDATION_LAYER, Instance

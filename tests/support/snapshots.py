@@ -179,6 +179,8 @@ class LaterModule(pytest.Module):
         try:
             module = load_for(self.path, self.written_for.package, self.subject.package, name, self.config)
         except ImportError as error:
+            if self.subject.is_fork:
+                raise  # pytest shows the fork's lines
             raise self.CollectError(
                 f"{self.nodeid}: {error}. Where {self.subject.label} replaces what this file tests, mark it: "
                 'pytestmark = pytest.mark.until(NUMBER, "why").'

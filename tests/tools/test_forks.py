@@ -234,10 +234,12 @@ def test_a_preset_that_was_measured_holds_until_a_file_is_saved(fork):
 
 def test_calls_of_a_fork_are_checked_unless_told_otherwise(fork, strata, vulkan_instance):
     folder = chapters.parse(fork)
-    assert validation(folder, None, "gl") is True
-    assert validation(folder, False, "gl") is False
-    assert validation(1, None, "gl") is False
-    assert validation(1, True, "gl") is True
+    assert validation(folder, False, True, "gl") is True
+    assert validation(folder, False, False, "gl") is False
+    assert validation(1, False, True, "gl") is False
+    assert validation(1, True, True, "gl") is True
+    with pytest.raises(UserError, match="cannot both be meant"):
+        validation(folder, True, False, "gl")
     if not vulkan_instance.validates:
         pytest.skip("no validation layers")
     # The picture is read by the last pass as if it were still drawn to.
