@@ -3,6 +3,8 @@
 // A target texel covers a window of 2 source texels where the source is even, and of 2 + 1/n where it is odd (n texels
 // in the target): three texels, the outer two in part (weights as in NVIDIA's "Non-power-of-two mipmapping", 2005).
 // So the mean of every level equals the mean of level 0. Colour that is sRGB-coded is averaged as light.
+//
+// LAYERED: the images are arrays, and each layer gets its own level.
 
 layout(local_size_x = 8, local_size_y = 8) in;
 
@@ -12,8 +14,15 @@ struct Push {
 };
 PUSH(Push, push)
 
+#ifdef LAYERED
+layout(BIND(0, 0, 0)) uniform sampler2DArray source;
+layout(BIND(0, 1, 0), FORMAT) uniform writeonly image2DArray target;
+#define TEXEL(place) ivec3(place, gl_GlobalInvocationID.z)
+#else
 layout(BIND(0, 0, 0)) uniform sampler2D source;
 layout(BIND(0, 1, 0), FORMAT) uniform writeonly image2D target;
+#define TEXEL(place) ivec2(place)
+#endif
 
 #include "srgb.glsl"
 
@@ -41,7 +50,7 @@ void main() {
         for (int x = 0; x < 3; ++x) {
             float weight = across[x] * down[y];
             if (weight > 0.0) {
-                vec4 texel = texelFetch(source, ivec2(id * 2u) + ivec2(x, y), 0);
+                vec4 texel = texelFetch(source, TEXEL(ivec2(id * 2u) + ivec2(x, y)), 0);
                 texel.rgb = push.flags.x != 0u ? linear_from_srgb(texel.rgb) : texel.rgb;
                 sum += weight * texel;
             }
@@ -53,5 +62,5 @@ void main() {
         float highest = float(push.flags.y);
         sum = roundEven(sum * highest) / highest;
     }
-    imageStore(target, ivec2(id), sum);
+    imageStore(target, TEXEL(id), sum);
 }

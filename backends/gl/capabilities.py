@@ -27,6 +27,7 @@ OPTIONAL: dict[str, Requirement] = {
     ),
     "fp64": Requirement(),
     "int64": Requirement(("GL_ARB_gpu_shader_int64",)),
+    "multi-draw": Requirement(),
     "pipeline-statistics": Requirement(("GL_ARB_pipeline_statistics_query",)),
     "sampler-minmax": Requirement(("GL_ARB_texture_filter_minmax", "GL_EXT_texture_filter_minmax")),
     "wireframe": Requirement(),

@@ -31,6 +31,7 @@ _BYTE, _HALF, _FLOAT, _UINT = gl.GL_UNSIGNED_BYTE, gl.GL_HALF_FLOAT, gl.GL_FLOAT
 
 FORMATS: dict[str, Format] = {
     "r8": Format(gl.GL_R8, gl.GL_RED, _BYTE, 1, np.uint8, 1),
+    "rg8": Format(gl.GL_RG8, gl.GL_RG, _BYTE, 2, np.uint8, 2),
     "rgba8": Format(gl.GL_RGBA8, gl.GL_RGBA, _BYTE, 4, np.uint8, 4),
     "rgba8_srgb": Format(gl.GL_SRGB8_ALPHA8, gl.GL_RGBA, _BYTE, 4, np.uint8, 4),
     "r32ui": Format(gl.GL_R32UI, gl.GL_RED_INTEGER, _UINT, 4, np.uint32, 1),
@@ -199,8 +200,11 @@ def create_image(
     layers: int = 1,
     samples: int = 1,
     view_format: str | None = None,
+    swizzle: str = "rgba",
 ) -> Image:
     """Return an image of (width, height); `view_format` is that in which it is sampled, if another.
+
+    `swizzle` says which channels of the image are sampled as red, green, blue and alpha: "0rg1" has its red in green.
 
     An image that is sampled as sRGB and written by compute is made as "rgba8" with the view "rgba8_srgb": image stores
     know no sRGB formats.
@@ -227,9 +231,28 @@ def create_image(
         handle, handle, view_format or format, format, shape, width, height, levels, layers, samples, name
     )
     _take_nearest(context, image, handle)
-    if image.format != format:
+    if image.format != format or swizzle != "rgba":
         image.view = create_view(context, image, image.format)
+    for channel, shown in zip(_CHANNELS, swizzle, strict=True):
+        if shown != channel:
+            fn.glTextureParameteri(image.view, _CHANNELS[channel], _SWIZZLES[shown])
     return image
+
+
+_CHANNELS = {
+    "r": gl.GL_TEXTURE_SWIZZLE_R,
+    "g": gl.GL_TEXTURE_SWIZZLE_G,
+    "b": gl.GL_TEXTURE_SWIZZLE_B,
+    "a": gl.GL_TEXTURE_SWIZZLE_A,
+}
+_SWIZZLES = {
+    "0": gl.GL_ZERO,
+    "1": gl.GL_ONE,
+    "r": gl.GL_RED,
+    "g": gl.GL_GREEN,
+    "b": gl.GL_BLUE,
+    "a": gl.GL_ALPHA,
+}
 
 
 def sample_counts(context: Context, format: str) -> tuple[int, ...]:

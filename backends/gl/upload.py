@@ -5,6 +5,8 @@ OpenGL takes pixels straight from numpy (`resources.write_image`): the driver ke
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from backends import shader_text
@@ -31,27 +33,39 @@ class Uploader:
         self._programs = Programs(context)
         self.bytes = 0
 
-    def image(self, target: Image, pixels: np.ndarray, *, mips: bool = True, srgb: bool = False) -> None:
+    def image(
+        self,
+        target: Image,
+        pixels: np.ndarray | Sequence[np.ndarray],
+        *,
+        mips: bool = True,
+        srgb: bool = False,
+    ) -> None:
         """Copy (H, W) or (H, W, C) pixels to level 0, and make the other levels if `mips`.
 
-        `pixels` has the type and channels of the image's format; `srgb` says that colour is to be averaged as light.
+        `pixels` has the type and channels of the image's format, one array for each layer of an array; `srgb` says that
+        colour is to be averaged as light.
         """
         expected = (target.height, target.width)
-        if pixels.shape[:2] != expected:
-            raise ValueError(f"'{target.name}' wants {expected} pixels, not {pixels.shape[:2]}.")
+        layers = [pixels] if isinstance(pixels, np.ndarray) else pixels
+        if len(layers) != target.layers:
+            raise ValueError(f"'{target.name}' has {target.layers} layers, and {len(layers)} were given.")
         if target.levels > 1 and not mips:
             raise ValueError(f"'{target.name}' has {target.levels} levels, and only one was given.")
-        if pixels.ndim == 3 and pixels.shape[2] == 1:
-            pixels = pixels[:, :, 0]
-        write_image(self._context, target, pixels)
-        self.bytes += pixels.nbytes
+        for number, one in enumerate(layers):
+            if one.shape[:2] != expected:
+                raise ValueError(f"'{target.name}' wants {expected} pixels, not {one.shape[:2]}.")
+            if one.ndim == 3 and one.shape[2] == 1:
+                one = one[:, :, 0]
+            write_image(self._context, target, one, layer=number)
+            self.bytes += one.nbytes
         if target.levels > 1:
             self.make_mips(target, srgb=srgb)
 
     def make_mips(self, image: Image, *, srgb: bool = False) -> None:
-        """Make levels 1 and up of a "2d" image from level 0, by the exact box filter of `shaders/mips.comp`."""
+        """Make levels 1 and up of a "2d" or "array" image from level 0, by the box filter of `shaders/mips.comp`."""
         context, fn = self._context, self._context.fn
-        fn.glUseProgram(self._program(image.storage_format).handle)
+        fn.glUseProgram(self._program(image.storage_format, image.shape == "array").handle)
         for level in range(1, image.levels):
             above, size = level_size(image, level - 1), level_size(image, level)
             source = create_view(context, image, image.storage_format, level=level - 1, levels=1)
@@ -59,17 +73,18 @@ class Uploader:
             bind_storage_image(context, 0, image, level=level)
             highest = 255 if FORMATS[image.storage_format].dtype is np.uint8 else 0
             context.push(np.array([*size, *above, int(srgb), highest, 0, 0], np.uint32))
-            fn.glDispatchCompute((size[0] + 7) // 8, (size[1] + 7) // 8, 1)
+            fn.glDispatchCompute((size[0] + 7) // 8, (size[1] + 7) // 8, image.layers)
             # The next level fetches what this one stored.
             fn.glMemoryBarrier(gl.GL_TEXTURE_FETCH_BARRIER_BIT)
             image.views.remove(source)
             context.destroy("texture", source)
         fn.glMemoryBarrier(gl.GL_TEXTURE_FETCH_BARRIER_BIT | gl.GL_TEXTURE_UPDATE_BARRIER_BIT)
 
-    def _program(self, format: str) -> Program:
+    def _program(self, format: str, layered: bool) -> Program:
         # The name of a format is that of the image's layout qualifier.
         path = ROOT / "shaders" / "mips.comp"
-        source = shader_text.build(path, "gl", defines={"FORMAT": format})
+        defines: dict[str, int | str] = {"FORMAT": format, **({"LAYERED": 1} if layered else {})}
+        source = shader_text.build(path, "gl", defines=defines)
         return self._programs.get([source], f"mips {format}")
 
     def close(self) -> None:

@@ -45,13 +45,16 @@ OPTIONAL: dict[str, Requirement] = {
             (V12, "descriptorBindingPartiallyBound"),
             (V12, "descriptorBindingVariableDescriptorCount"),
             (V12, "descriptorBindingSampledImageUpdateAfterBind"),
+            (V12, "descriptorBindingStorageImageUpdateAfterBind"),
             (V12, "shaderSampledImageArrayNonUniformIndexing"),
+            (CORE, "shaderStorageImageWriteWithoutFormat"),
         )
     ),
     "draw-indirect-count": Requirement(bits=((V12, "drawIndirectCount"), (CORE, "multiDrawIndirect"))),
     "fp64": Requirement(bits=((CORE, "shaderFloat64"),)),
     "int64": Requirement(bits=((CORE, "shaderInt64"),)),
     "mesh-shader": Requirement(("VK_EXT_mesh_shader",), ((MESH, "taskShader"), (MESH, "meshShader"))),
+    "multi-draw": Requirement(bits=((CORE, "multiDrawIndirect"), (CORE, "drawIndirectFirstInstance"))),
     "pipeline-statistics": Requirement(bits=((CORE, "pipelineStatisticsQuery"),)),
     "ray-query": Requirement(
         ("VK_KHR_acceleration_structure", "VK_KHR_deferred_host_operations", "VK_KHR_ray_query"),
@@ -82,6 +85,8 @@ EXTRA_BITS: tuple[tuple[str, str], ...] = (
     (CORE, "independentBlend"),
     (CORE, "imageCubeArray"),
     (CORE, "drawIndirectFirstInstance"),
+    (CORE, "shaderSampledImageArrayDynamicIndexing"),
+    (CORE, "shaderStorageImageExtendedFormats"),  # for mip levels of one and two channels
     (CORE, "shaderStorageImageWriteWithoutFormat"),
     (CORE, "fragmentStoresAndAtomics"),
     (CORE, "vertexPipelineStoresAndAtomics"),

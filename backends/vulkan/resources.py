@@ -15,6 +15,7 @@ from common.scene import Sampler
 # Short names of formats, as passes declare them: (Vulkan's constant, bytes of a texel, numpy type, channels).
 FORMATS: dict[str, tuple[int, int, type, int]] = {
     "r8": (vk.VK_FORMAT_R8_UNORM, 1, np.uint8, 1),
+    "rg8": (vk.VK_FORMAT_R8G8_UNORM, 2, np.uint8, 2),
     "rgba8": (vk.VK_FORMAT_R8G8B8A8_UNORM, 4, np.uint8, 4),
     "rgba8_srgb": (vk.VK_FORMAT_R8G8B8A8_SRGB, 4, np.uint8, 4),
     "r32ui": (vk.VK_FORMAT_R32_UINT, 4, np.uint32, 1),
@@ -63,6 +64,7 @@ class Image:
     allocation: Allocation
     name: str
     samples: int = 1
+    array: bool = False
     views: list[Any] = field(default_factory=list)
 
 
@@ -110,9 +112,14 @@ def create_image(
     layers: int = 1,
     flags: int = 0,
     samples: int = 1,
+    array: bool = False,
     view_format: str | None = None,
+    swizzle: str = "rgba",
 ) -> Image:
     """Return a 2D image of (width, height) and a view of all its levels; `view_format` is the view's, if another.
+
+    With several layers, or as an `array` of one, it is seen as an array texture. `swizzle` says which channels of the
+    image the view shows as red, green, blue and alpha: "0rg1" has the image's red in green.
 
     The view of an sRGB format is for sampling alone, so that the image itself can also be written by compute.
     """
@@ -149,13 +156,38 @@ def create_image(
     code = device.fn.vkBindImageMemory(device.handle, handle, allocation.memory, allocation.offset)
     vk.check(code, "vkBindImageMemory", handle)
     image = Image(
-        handle, None, view_format or format, width, height, levels, layers, aspect, allocation, name, samples
+        handle,
+        None,
+        view_format or format,
+        width,
+        height,
+        levels,
+        layers,
+        aspect,
+        allocation,
+        name,
+        samples,
+        array or layers > 1,
     )
     sampled_only = view_format is not None and view_format != format
     image.view = create_view(
-        device, image, image.format, usage=vk.VK_IMAGE_USAGE_SAMPLED_BIT if sampled_only else None
+        device,
+        image,
+        image.format,
+        usage=vk.VK_IMAGE_USAGE_SAMPLED_BIT if sampled_only else None,
+        swizzle=swizzle,
     )
     return image
+
+
+_SWIZZLES = {
+    "0": vk.VK_COMPONENT_SWIZZLE_ZERO,
+    "1": vk.VK_COMPONENT_SWIZZLE_ONE,
+    "r": vk.VK_COMPONENT_SWIZZLE_R,
+    "g": vk.VK_COMPONENT_SWIZZLE_G,
+    "b": vk.VK_COMPONENT_SWIZZLE_B,
+    "a": vk.VK_COMPONENT_SWIZZLE_A,
+}
 
 
 def create_view(
@@ -166,6 +198,7 @@ def create_view(
     level: int = 0,
     levels: int | None = None,
     usage: int | None = None,
+    swizzle: str = "rgba",
 ) -> Any:
     """Return a view of `levels` mip levels from `level` on (all by default); it is freed with its image."""
     narrowed = vk.new("VkImageViewUsageCreateInfo", usage=usage) if usage is not None else None
@@ -173,8 +206,13 @@ def create_view(
         "VkImageViewCreateInfo",
         pNext=narrowed,
         image=image.handle,
-        viewType=vk.VK_IMAGE_VIEW_TYPE_2D_ARRAY if image.layers > 1 else vk.VK_IMAGE_VIEW_TYPE_2D,
+        viewType=vk.VK_IMAGE_VIEW_TYPE_2D_ARRAY if image.array else vk.VK_IMAGE_VIEW_TYPE_2D,
         format=FORMATS[format][0],
+        components={
+            channel: _SWIZZLES[shown]
+            for channel, shown in zip("rgba", swizzle, strict=True)
+            if shown != channel
+        },
         subresourceRange={
             "aspectMask": image.aspect,
             "baseMipLevel": level,

@@ -6,6 +6,7 @@ that it could have overlapped. An array larger than a half goes up in parts, ima
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -67,7 +68,7 @@ class Uploader:
         self._device = device
         self._halves = [_Half(device, 0), _Half(device, 1)]
         self._current = 0
-        self._mips: dict[str, _MipPipeline] = {}
+        self._mips: dict[tuple[str, bool], _MipPipeline] = {}
         self._begin_info = vk.new(
             "VkCommandBufferBeginInfo", flags=vk.VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT
         )
@@ -96,20 +97,43 @@ class Uploader:
             self._device.fn.vkCmdCopyBuffer(half.commands, half.buffer.handle, target.handle, 1, region)
             done += count
 
-    def image(self, target: Image, pixels: np.ndarray, *, mips: bool = True, srgb: bool = False) -> None:
+    def image(
+        self,
+        target: Image,
+        pixels: np.ndarray | Sequence[np.ndarray],
+        *,
+        mips: bool = True,
+        srgb: bool = False,
+    ) -> None:
         """Copy (H, W, C) pixels to level 0, make the other levels if `mips`, and leave the image ready for sampling.
 
-        `pixels` has the type and channels of the image's format; `srgb` says that colour is to be averaged as light.
+        `pixels` has the type and channels of the image's format, one array for each layer of an array; `srgb` says that
+        colour is to be averaged as light.
         """
         _, texel, dtype, channels = FORMATS[target.format]
         expected = (target.height, target.width, channels)
-        if pixels.shape != expected or pixels.dtype != dtype:
-            raise ValueError(
-                f"'{target.name}' wants {expected} {np.dtype(dtype)}, not {pixels.shape} {pixels.dtype}."
-            )
-        rows = np.ascontiguousarray(pixels).view(np.uint8).reshape(target.height, target.width * texel)
-        commands = self._reserve(rows.shape[1], rows.shape[1])[0].commands
-        self._barrier(commands, target, "undefined", "copy_target")
+        layers = [pixels] if isinstance(pixels, np.ndarray) else pixels
+        if len(layers) != target.layers:
+            raise ValueError(f"'{target.name}' has {target.layers} layers, and {len(layers)} were given.")
+        for one in layers:
+            if one.shape != expected or one.dtype != dtype:
+                raise ValueError(
+                    f"'{target.name}' wants {expected} {np.dtype(dtype)}, not {one.shape} {one.dtype}."
+                )
+        row = target.width * texel
+        self._barrier(self._reserve(row, row)[0].commands, target, "undefined", "copy_target")
+        for number, one in enumerate(layers):
+            rows = np.ascontiguousarray(one).view(np.uint8).reshape(target.height, row)
+            self._copy_rows(target, number, rows)
+        commands = self._half().commands
+        self._barrier(commands, target, "copy_target", "sampled", 0, 1)
+        if target.levels > 1:
+            if not mips:
+                raise ValueError(f"'{target.name}' has {target.levels} levels, and only one was given.")
+            self._make_mips(target, srgb)
+
+    def _copy_rows(self, target: Image, layer: int, rows: np.ndarray) -> None:
+        """Copy (H, bytes of a row) to level 0 of a layer, in as many pieces as the ring asks for."""
         done = 0
         while done < target.height:
             half, start, count = self._reserve((target.height - done) * rows.shape[1], rows.shape[1])
@@ -118,7 +142,11 @@ class Uploader:
             region = vk.new(
                 "VkBufferImageCopy",
                 bufferOffset=start,
-                imageSubresource={"aspectMask": target.aspect, "layerCount": 1},
+                imageSubresource={
+                    "aspectMask": target.aspect,
+                    "baseArrayLayer": layer,
+                    "layerCount": 1,
+                },
                 imageOffset={"x": 0, "y": done, "z": 0},
                 imageExtent={"width": target.width, "height": some, "depth": 1},
             )
@@ -126,12 +154,6 @@ class Uploader:
             fn = self._device.fn
             fn.vkCmdCopyBufferToImage(half.commands, half.buffer.handle, target.handle, layout, 1, region)
             done += some
-        commands = self._halves[self._current].commands
-        self._barrier(commands, target, "copy_target", "sampled", 0, 1)
-        if target.levels > 1:
-            if not mips:
-                raise ValueError(f"'{target.name}' has {target.levels} levels, and only one was given.")
-            self._make_mips(target, srgb)
 
     def _barrier(
         self, commands: Any, image: Image, before: str, after: str, level: int = 0, levels: int | None = None
@@ -141,9 +163,10 @@ class Uploader:
 
     def _make_mips(self, image: Image, srgb: bool) -> None:
         plain = "rgba8" if image.format == "rgba8_srgb" else image.format
-        pipeline = self._mips.get(plain)
+        key = (plain, image.array)
+        pipeline = self._mips.get(key)
         if pipeline is None:
-            pipeline = self._mips[plain] = _MipPipeline(self._device, plain)
+            pipeline = self._mips[key] = _MipPipeline(self._device, *key)
         if self._half().set_count + image.levels > SETS:
             self.flush()
         half = self._half()
@@ -221,11 +244,12 @@ class Uploader:
 
 
 class _MipPipeline:
-    """The compute pipeline of `shaders/mips.comp` for images of one format."""
+    """The compute pipeline of `shaders/mips.comp` for images of one format, or arrays of them."""
 
-    def __init__(self, device: Device, format: str) -> None:
+    def __init__(self, device: Device, format: str, layered: bool) -> None:
         self._device = device
-        source = shader_text.build(ROOT / "shaders" / "mips.comp", "vulkan", defines={"FORMAT": format})
+        defines: dict[str, int | str] = {"FORMAT": format, **({"LAYERED": 1} if layered else {})}
+        source = shader_text.build(ROOT / "shaders" / "mips.comp", "vulkan", defines=defines)
         code = compile_shader(source)
         self._sampler = device.create("vkCreateSampler", vk.new("VkSamplerCreateInfo"), "texel fetches")
         stage = vk.VK_SHADER_STAGE_COMPUTE_BIT
@@ -324,7 +348,7 @@ class _MipPipeline:
             highest = 255 if FORMATS[format][2] is np.uint8 else 0
             push = vk.ffi.from_buffer(np.array([*size, *above, int(srgb), highest, 0, 0], np.uint32))
             fn.vkCmdPushConstants(commands, self._layout, vk.VK_SHADER_STAGE_COMPUTE_BIT, 0, 32, push)
-            fn.vkCmdDispatch(commands, (size[0] + 7) // 8, (size[1] + 7) // 8, 1)
+            fn.vkCmdDispatch(commands, (size[0] + 7) // 8, (size[1] + 7) // 8, image.layers)
             barrier(commands, image, "storage", "sampled", level, 1)
 
     def close(self) -> None:
