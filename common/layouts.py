@@ -9,13 +9,13 @@ the scene.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from common.camera import Orthographic, View, exposure
+from common.camera import Orthographic, Projection, View, exposure
 from common.transforms import invert_rigid, normal_matrix, translation
 
 Float64 = NDArray[np.float64]
@@ -192,11 +192,11 @@ def fill_frame_constants(
     width, height = size
     for prefix, shown, shift in (("", view, jitter_px), ("previous_", previous_view, previous_jitter_px)):
         jitter = (2.0 * shift[0] / width, 2.0 * shift[1] / height)
-        world_from_view = translation(-origin) @ shown.world_from_view
-        steady = shown.clip_from_view(width / height)
-        for name, matrix in _frame_matrices(world_from_view, steady, jitter).items():
-            record[prefix + name] = matrix.T
-        record[prefix + "eye"][:3] = world_from_view[:3, 3]
+        pose = np.asarray(shown.world_from_view, np.float64).tobytes()
+        matrices = _matrices_of(pose, shown.projection, width / height, jitter, origin.tobytes())
+        for name, matrix in matrices.items():
+            record[prefix + name] = matrix
+        record[prefix + "eye"][:3] = matrices["world_from_view"][3, :3]
         record[prefix + "jitter"] = jitter
     record["eye"][3] = length_scale
     record["origin"][:3] = origin
@@ -215,6 +215,16 @@ def fill_frame_constants(
     record["far"] = view.projection.far if isinstance(view.projection, Orthographic) else 0.0
     record["frame_index"], record["valid_histories"] = frame_index, valid_histories
     record["instance_count"], record["light_count"] = instance_count, light_count
+
+
+@lru_cache(8)
+def _matrices_of(
+    pose: bytes, projection: Projection, aspect: float, jitter: tuple[float, float], origin: bytes
+) -> dict[str, np.ndarray]:
+    """Return the ten transposed matrices of a view by name; the previous view's are those of the frame before."""
+    world_from_view = translation(-np.frombuffer(origin)) @ np.frombuffer(pose).reshape(4, 4)
+    steady = projection.clip_from_view(aspect)
+    return {name: matrix.T for name, matrix in _frame_matrices(world_from_view, steady, jitter).items()}
 
 
 def _frame_matrices(
