@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import time as clock
 import weakref
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -48,6 +48,7 @@ from .logic.default_light import DefaultLight
 from .logic.environment import files_at_start
 from .logic.frame import OUTPUTS, SLOTS, SOURCES, Frame, check_outputs, output_of, reset_by
 from .logic.samples import choose_samples
+from .logic.stream import FrameStream
 from .logic.views import shown_exposure
 from .passes.forward import ForwardPass
 from .passes.instance_id import InstanceIdPass
@@ -56,7 +57,7 @@ from .passes.tonemap import BINDINGS, TonemapPass
 from .settings import Settings
 
 
-class Renderer:
+class Renderer(FrameStream):
     """The chapter on Vulkan: one stream of frames of one view of one scene."""
 
     def __init__(
@@ -121,8 +122,7 @@ class Renderer:
         self._descriptors = Descriptors(device)
         self._pipelines = Pipelines(device)
         self._profiler = Profiler(device)
-        # Only to tell them when their slot is used again: a frame that nobody else holds goes.
-        self._in_slot: list[Callable[[], Frame | None]] = [lambda: None] * SLOTS
+        self._begin_stream()
         self._commands = Commands(device)
         anisotropy = settings.anisotropy if self.plan.native("anisotropy") else 1.0
         self._data = SceneData(device, scene, settings, anisotropy, self._resources, self._descriptors)
@@ -140,10 +140,6 @@ class Renderer:
             self.passes.append(self._tonemap)
         for made in self.passes:
             made.create()
-        self._index = 0
-        self._reset = "first frame"
-        self._previous: tuple[View, float] | None = None
-        self._last: Any = None
         self._create_targets()
 
     def _create_targets(self) -> None:
@@ -352,11 +348,6 @@ class Renderer:
     # --- reading ---
 
     @property
-    def prepared_ms(self) -> dict[str, float]:
-        """What was made on the GPU before the first frame, and how long it took; see the contract."""
-        return self._data.prepared_ms
-
-    @property
     def present_source(self) -> Image:
         """The finished picture on the GPU, for a window to copy from; see `backends.contract.Renderer`."""
         if "color" not in self._handed_on:
@@ -380,13 +371,6 @@ class Renderer:
 
     # --- life ---
 
-    def _state(self, view: View, time: float) -> tuple[Any, float, Any]:
-        return view, time if self.scene.animations else 0.0, dict(self.scene.revision)
-
-    def idle(self, view: View, time: float = 0.0) -> bool:
-        """Whether a frame now would equal the last one: same view, same scene, and nothing that moves by itself."""
-        return self._last == self._state(view, time)
-
     def resize(self, size: tuple[int, int]) -> None:
         """Change the picture to (width, height) pixels."""
         size = check_size(size, self.capabilities.limits["maxImageDimension2D"])
@@ -397,32 +381,12 @@ class Renderer:
         self._create_targets()
         self.reset_history("resize")
 
-    def reset_history(self, reason: str) -> None:
-        """Start again at frame 0. This chapter keeps nothing from frame to frame but the previous view and pose."""
-        self._index = 0
-        self._reset = reason or "asked for"
-        self._previous = None
-        self._last = None
-
-    @property
-    def shader_files(self) -> frozenset[Path]:
-        """All on disk that decides about the texts of the shaders; see `backends.contract.Renderer`."""
-        return self._pipelines.files | files_at_start(self.scene, self.settings)
-
     def reload_shaders(self, changed: Collection[Path]) -> Reloaded:
         """Build anew the pipelines that use one of these files; view, time and the number of the frame go on."""
         rebuilt = self._pipelines.reload(changed, self._resources.defer)
         if rebuilt:
             self._last = None  # the same view makes another picture now
         return Reloaded(rebuilt, files_at_start(self.scene, self.settings).intersection(changed))
-
-    def _let_go(self, why: str) -> None:
-        """Wait until no frame is in flight, and take the images of those that are still held."""
-        for slot in self._frames.slots:
-            self._frames.wait(slot)
-            last = self._in_slot[slot.index]()
-            if last is not None:
-                last.let_go(why)
 
     def close(self) -> None:
         """Free everything on the GPU; a second time does nothing."""
@@ -441,9 +405,3 @@ class Renderer:
                 held.close()
         for owned in reversed(self._owned):
             owned.close()
-
-    def __enter__(self) -> Renderer:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
