@@ -6,6 +6,6 @@ LESSON = Lesson(
     number=2,
     title="Bindless resources, SPIR-V reflection and a pipeline cache",
     adds=(),
-    needs=Needs(required=frozenset(), optional=frozenset({"anisotropy"})),
+    needs=Needs(required=frozenset(), optional=frozenset({"anisotropy", "bindless", "multi-draw"})),
     reading=("renderer.py",),
 )

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import time as clock
 import weakref
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -32,31 +32,34 @@ from backends.vulkan.resources import Image
 from common.camera import View, exposure
 from common.errors import StaleFrameError
 from common.pose import evaluate_pose
-from common.scene import Change, Sampler, Scene
+from common.scene import Sampler, Scene
 from common.transforms import translation
 
 from . import LESSON
 from .graphics.commands import Commands, Rendering
 from .graphics.descriptors import Descriptors, Sets, Texture
 from .graphics.frames import Frames, FrameSlot
+from .graphics.pipeline_cache import PipelineCache
 from .graphics.pipelines import Pipelines
 from .graphics.profiler import Profiler
 from .graphics.resources import Resources, offered_samples
 from .graphics.scene_data import SceneData
+from .graphics.set_layouts import CAPACITY, SetLayout
 from .logic.constants import frame_constants
 from .logic.default_light import DefaultLight
 from .logic.environment import files_at_start
 from .logic.frame import OUTPUTS, SLOTS, SOURCES, Frame, check_outputs, output_of, reset_by
 from .logic.samples import choose_samples
+from .logic.stream import FrameStream
 from .logic.views import shown_exposure
 from .passes.forward import ForwardPass
 from .passes.instance_id import InstanceIdPass
 from .passes.resolve import ResolvePass
-from .passes.tonemap import BINDINGS, TonemapPass
+from .passes.tonemap import TonemapPass
 from .settings import Settings
 
 
-class Renderer:
+class Renderer(FrameStream):
     """The chapter on Vulkan: one stream of frames of one view of one scene."""
 
     def __init__(
@@ -119,17 +122,20 @@ class Renderer:
         self._frames = Frames(device)
         self._resources = Resources(device)
         self._descriptors = Descriptors(device)
-        self._pipelines = Pipelines(device)
         self._profiler = Profiler(device)
-        # Only to tell them when their slot is used again: a frame that nobody else holds goes.
-        self._in_slot: list[Callable[[], Frame | None]] = [lambda: None] * SLOTS
+        self._begin_stream()
         self._commands = Commands(device)
         anisotropy = settings.anisotropy if self.plan.native("anisotropy") else 1.0
-        self._data = SceneData(device, scene, settings, anisotropy, self._resources, self._descriptors)
+        bindless = self.plan.native("bindless")
+        self._data = SceneData(
+            device, scene, settings, anisotropy, self._resources, self._descriptors, bindless
+        )
+        self._cache = PipelineCache.on_disk(device)
+        self._pipelines = Pipelines(device, self._cache, self._data.slot_count or CAPACITY)
         self._forward = ForwardPass(scene, settings, self._data, self._pipelines)
         self._instance_id = InstanceIdPass(self._forward, self._data, self._pipelines)
-        self._resolve = ResolvePass(settings, self._descriptors, self._pipelines)
-        self._tonemap = TonemapPass(settings, self._descriptors, self._pipelines)
+        self._resolve = ResolvePass(settings, self._pipelines)
+        self._tonemap = TonemapPass(settings, self._pipelines)
         self.passes: list[Any] = [self._forward]
         asked = {access.resource for access in self._instance_id.writes} & set(self.outputs)
         if asked and InstanceIdPass.needed(scene, settings):
@@ -140,11 +146,15 @@ class Renderer:
             self.passes.append(self._tonemap)
         for made in self.passes:
             made.create()
-        self._index = 0
-        self._reset = "first frame"
-        self._previous: tuple[View, float] | None = None
-        self._last: Any = None
+        self._make_sets()
         self._create_targets()
+
+    def _make_sets(self) -> None:
+        """Make the scene's descriptor sets, by the layouts that its pipelines' shaders told."""
+        layouts: dict[int, SetLayout] = {}
+        for pipeline in (*self._forward.built, *self._instance_id.built):
+            layouts |= {number: one for number, one in enumerate(pipeline.sets) if one is not None}
+        self._data.make_sets(layouts)
 
     def _create_targets(self) -> None:
         """Make everything whose size is the picture's: targets, attachments, barriers, readback."""
@@ -178,21 +188,23 @@ class Renderer:
             self._to_resolve = barriers(
                 image_barrier(many.handle, many.aspect, "color", "sampled"), self._start("color_hdr", "color")
             )
-            self._resolve.source_set = self._source(many, "resolve source")
+            self._resolve.source_set = self._source(self._resolve, many)
         if self._tonemap in self.passes:
             self._tonemap_rendering = Rendering(self.size, target["color"], None)
             hdr = target["color_hdr"]
             self._to_tonemap = barriers(
                 image_barrier(hdr.handle, hdr.aspect, "color", "sampled"), self._start("color", "color")
             )
-            self._tonemap.source_set = self._source(hdr, "tonemap source")
+            self._tonemap.source_set = self._source(self._tonemap, hdr)
         self._create_readbacks()
 
-    def _source(self, image: Image, name: str) -> Any:
+    def _source(self, made: ResolvePass | TonemapPass, image: Image) -> Any:
         """Return an array of one set, through which a full-screen pass reads a target texel by texel."""
         nearest = Sampler("nearest", "nearest", None, "clamp", "clamp")
         texture = Texture(image.view, self._resources.sampler(nearest, 1.0))
-        self._source_sets.append(self._descriptors.create([(BINDINGS, {0: texture}, name)]))
+        layout, name = made.pipeline.sets[0], f"{made.name} source"
+        assert layout is not None, "a full-screen pass reads its source"
+        self._source_sets.append(self._descriptors.create([(layout, {0: texture}, name)]))
         return vk.array("VkDescriptorSet", self._source_sets[-1].handles)
 
     def _used_last(self, name: str) -> str:
@@ -287,6 +299,7 @@ class Renderer:
             for made in (self._forward, self._instance_id):
                 if made in self.passes:
                     made.create()
+            self._make_sets()
         previous = self._previous
         if reset:  # then the frame before says nothing: neither where the camera was nor where objects were
             previous = None
@@ -308,8 +321,8 @@ class Renderer:
         )
         written += self._data.record_deformation(slot.commands, slot.index, pose)
         view_from_origin = view.view_from_world() @ translation(scene.origin)
-        visibility = scene.revision[Change.VISIBILITY]
-        self._forward.prepare(slot.index, view_from_origin, self._data.records.instances, visibility)
+        written += self._forward.prepare(slot.index, view_from_origin)
+        self._data.update_textures()
         self._last = self._state(view, time)
         return written
 
@@ -340,7 +353,7 @@ class Renderer:
             "passes": len(self.passes),
             "passes_skipped": 4 - len(self.passes),
             "samples": self.samples,
-            "instances": int(self.scene.instances.visible.sum()),
+            "instances": self._forward.visible,
             "lights": len(self.scene.lights) if self._data.lit else 0,
             "bytes_written": written,
             "pipelines": len(self._pipelines),
@@ -350,11 +363,6 @@ class Renderer:
         }
 
     # --- reading ---
-
-    @property
-    def prepared_ms(self) -> dict[str, float]:
-        """What was made on the GPU before the first frame, and how long it took; see the contract."""
-        return self._data.prepared_ms
 
     @property
     def present_source(self) -> Image:
@@ -380,13 +388,6 @@ class Renderer:
 
     # --- life ---
 
-    def _state(self, view: View, time: float) -> tuple[Any, float, Any]:
-        return view, time if self.scene.animations else 0.0, dict(self.scene.revision)
-
-    def idle(self, view: View, time: float = 0.0) -> bool:
-        """Whether a frame now would equal the last one: same view, same scene, and nothing that moves by itself."""
-        return self._last == self._state(view, time)
-
     def resize(self, size: tuple[int, int]) -> None:
         """Change the picture to (width, height) pixels."""
         size = check_size(size, self.capabilities.limits["maxImageDimension2D"])
@@ -397,32 +398,12 @@ class Renderer:
         self._create_targets()
         self.reset_history("resize")
 
-    def reset_history(self, reason: str) -> None:
-        """Start again at frame 0. This chapter keeps nothing from frame to frame but the previous view and pose."""
-        self._index = 0
-        self._reset = reason or "asked for"
-        self._previous = None
-        self._last = None
-
-    @property
-    def shader_files(self) -> frozenset[Path]:
-        """All on disk that decides about the texts of the shaders; see `backends.contract.Renderer`."""
-        return self._pipelines.files | files_at_start(self.scene, self.settings)
-
     def reload_shaders(self, changed: Collection[Path]) -> Reloaded:
         """Build anew the pipelines that use one of these files; view, time and the number of the frame go on."""
         rebuilt = self._pipelines.reload(changed, self._resources.defer)
         if rebuilt:
             self._last = None  # the same view makes another picture now
         return Reloaded(rebuilt, files_at_start(self.scene, self.settings).intersection(changed))
-
-    def _let_go(self, why: str) -> None:
-        """Wait until no frame is in flight, and take the images of those that are still held."""
-        for slot in self._frames.slots:
-            self._frames.wait(slot)
-            last = self._in_slot[slot.index]()
-            if last is not None:
-                last.let_go(why)
 
     def close(self) -> None:
         """Free everything on the GPU; a second time does nothing."""
@@ -435,15 +416,18 @@ class Renderer:
         for readbacks in getattr(self, "_readbacks", []):
             for readback in readbacks.values():
                 readback.close()
-        for name in ("inspection", "_frames", "_profiler", "_pipelines", "_resources", "_descriptors"):
+        for name in (
+            "inspection",
+            "_frames",
+            "_profiler",
+            "_pipelines",
+            "_cache",
+            "_data",
+            "_resources",
+            "_descriptors",
+        ):
             held = getattr(self, name, None)
             if held is not None:
                 held.close()
         for owned in reversed(self._owned):
             owned.close()
-
-    def __enter__(self) -> Renderer:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()

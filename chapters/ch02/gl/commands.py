@@ -4,24 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 from backends.gl import api as gl
-from backends.gl.context import PUSH_BINDING, Context
+from backends.gl.context import Context
+from backends.gl.resources import Buffer, bind_buffer
 from backends.gl.targets import Framebuffer, begin
 
+from ..logic.draw_lists import COMMAND, Batch
 from .frames import FrameSlot
 from .pipelines import Built, Pipelines
 
-
-class Draw(NamedTuple):
-    """One draw of a mesh: the byte offset of its push constants, its indices, its first vertex."""
-
-    push: int
-    index_count: int
-    indices: Any  # where its first index lies, as a pointer
-    first_vertex: int
-
+PAGE_BINDING = 4
+"""The storage block of a page of geometry (vertices.glsl)."""
 
 Textures = tuple[tuple[int, int, int], ...]
 """What a material binds: (unit, view, sampler) of each of its textures."""
@@ -29,14 +24,15 @@ Textures = tuple[tuple[int, int, int], ...]
 
 @dataclass(frozen=True)
 class DrawGroup:
-    """Draws that share pipeline, culling and textures."""
+    """Draws of the slot's list of records that share pipeline, culling, page and textures."""
 
+    batch: Batch
     pipeline: Built
     cull: bool
     front: str
-    material: int
+    page: Buffer
+    vertex_array: int
     textures: Textures
-    draws: Sequence[Draw]
 
 
 @dataclass(frozen=True)
@@ -51,16 +47,15 @@ class Rendering:
 class Commands:
     """Makes the calls of one frame, and counts what it draws."""
 
-    def __init__(self, context: Context, pipelines: Pipelines, push_buffer: int, push_size: int) -> None:
+    def __init__(self, context: Context, pipelines: Pipelines) -> None:
         self._context, self._pipelines = context, pipelines
-        self._push_buffer, self._push_size = push_buffer, push_size
         self.slot: FrameSlot
         self.work: dict[str, int] = {}
 
     def begin(self, slot: FrameSlot) -> None:
         """Work for `slot` from here on, with all counters at zero."""
         self.slot = slot
-        self.work = {"draws": 0, "triangles": 0, "pipeline_binds": 0, "descriptor_binds": 0}
+        self.work = {"draws": 0, "draw_calls": 0, "triangles": 0, "pipeline_binds": 0, "descriptor_binds": 0}
 
     # --- around passes: the renderer's ---
 
@@ -88,31 +83,33 @@ class Commands:
         self._context.fn.glBindVertexArray(vertex_array)
         self._context.fn.glDrawArrays(gl.GL_TRIANGLES, 0, 3)
         self.work["draws"] += 1
+        self.work["draw_calls"] += 1
         self.work["triangles"] += 1
 
-    def draw_groups(self, groups: Sequence[DrawGroup], vertex_array: int) -> None:
-        """Draw all of `groups` in order."""
-        fn = self._context.fn
-        fn.glBindVertexArray(vertex_array)
-        # Looked up once: the loop runs for every object of the scene, every frame.
-        bind, draw = fn.glBindBufferRange, fn.glDrawElementsBaseVertex
-        uniform, buffer, size = gl.GL_UNIFORM_BUFFER, self._push_buffer, self._push_size
-        triangles_of, unsigned = gl.GL_TRIANGLES, gl.GL_UNSIGNED_INT
+    def draw_groups(self, groups: Sequence[DrawGroup], records: Buffer) -> None:
+        """Draw all of `groups` in order, with their records in `records`; without multi-draw, record by record."""
+        context, fn = self._context, self._context.fn
+        fn.glBindBuffer(gl.GL_DRAW_INDIRECT_BUFFER, records.handle)
+        several, size = context.has("multi-draw"), COMMAND.itemsize
         bound: tuple[Any, bool, str] | None = None
         textures: Textures = ()
-        count = triangles = 0
+        vertex_array = 0
         for group in groups:
-            state = (group.pipeline, group.cull, group.front)
+            batch, state = group.batch, (group.pipeline, group.cull, group.front)
             if state != bound:
                 self.bind_pipeline(*state)
                 bound = state
+            if group.vertex_array != vertex_array:
+                vertex_array = group.vertex_array
+                fn.glBindVertexArray(vertex_array)
+                bind_buffer(context, "storage", PAGE_BINDING, group.page)
             if group.textures and group.textures is not textures:
                 self.bind_textures(group.textures)
                 textures = group.textures
-            for push, index_count, indices, first_vertex in group.draws:
-                bind(uniform, PUSH_BINDING, buffer, push, size)
-                draw(triangles_of, index_count, unsigned, indices, first_vertex)
-                triangles += index_count
-            count += len(group.draws)
-        self.work["draws"] += count
-        self.work["triangles"] += triangles // 3
+            count, calls = (batch.count, 1) if several else (1, batch.count)
+            for call in range(calls):
+                first = gl.ffi.cast("void *", (batch.first + call) * size)
+                fn.glMultiDrawElementsIndirect(gl.GL_TRIANGLES, gl.GL_UNSIGNED_INT, first, count, size)
+            self.work["draw_calls"] += calls
+            self.work["draws"] += batch.count
+            self.work["triangles"] += batch.triangles

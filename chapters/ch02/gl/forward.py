@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
-
 import numpy as np
 
 from backends.contract import Access
-from common import layouts
 from common.scene import Scene
 
-from ..logic import packing, views
-from ..logic.draw_lists import NOTHING, Range, build_draw_lists
+from ..logic import views
+from ..logic.draw_lists import Batch
 from ..logic.packing import Variant
 from ..logic.samples import coverage_defines
+from ..logic.scene_draws import SceneDraws
 from ..settings import Settings
 from .commands import Commands, DrawGroup
 from .pipelines import GraphicsPipeline, Pipelines
@@ -23,7 +20,7 @@ from .sky import Sky
 
 
 class ForwardPass:
-    """Opaque objects, then alpha-masked ones, the nearest first; then transparent ones from the farthest on."""
+    """Opaque objects, then alpha-masked ones, in the order of the scene; then transparent ones from the farthest on."""
 
     name = "forward"
 
@@ -40,11 +37,10 @@ class ForwardPass:
             Access(depth, "depth", format="d32f", clear=(0.0,), samples=samples),
         )
         self._sky = Sky(settings, data, pipelines) if Sky.needed(scene, settings) else None
-        self._key: Any = None
-        self.lists = self._unsorted = NOTHING
+        self._draws = SceneDraws(scene, data)
+        self._groups: dict[tuple[int, Batch], DrawGroup] = {}
         self.slot = 0
         self.used: list[int] = []
-        self.order: list[int] = []
 
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:
@@ -55,7 +51,11 @@ class ForwardPass:
         """Return the pipeline that draws materials of `variant`."""
         return GraphicsPipeline(
             shaders=("forward.vert", "forward.frag"),
-            defines=variant.defines + coverage_defines(variant, self._settings),
+            defines=(
+                *variant.defines,
+                *self._data.texture_defines(variant.roles),
+                *coverage_defines(variant, self._settings),
+            ),
             depth=views.depth_use(self._settings, variant),
             blend=views.blending(self._settings, variant),
             name=f"forward {' '.join(name.lower() for name, _ in variant.defines)}",
@@ -67,41 +67,46 @@ class ForwardPass:
         self._pipelines.get([self.describe(self._data.variants[material]) for material in self.used])
         if self._sky is not None:
             self._sky.create()
-        self._key = None
+        self._draws.forget()
+        self._groups.clear()
 
-    def prepare(self, slot: int, view_from_world: np.ndarray, instances: np.ndarray, visibility: int) -> None:
-        """Choose what this frame draws and in which order. `instances` are the packed records of the slot."""
-        mirrored = (instances["flags"] & layouts.INSTANCE_MIRRORED) != 0
-        key = (visibility, mirrored.tobytes())
-        if key != self._key:
-            self._unsorted = build_draw_lists(self._scene, self._data.variants, mirrored, self._group)
-            self._key = key
+    def prepare(self, slot: int, view_from_world: np.ndarray) -> int:
+        """Choose what this frame draws and in which order, and write it to the slot; return the bytes written."""
         self.slot = slot
-        # Sorted from the scene's order every time: what stands at one depth must not depend on the frame before.
-        self.lists = self._unsorted.nearest_first(
-            packing.view_depth(instances["bounds_centre"][:, :3], view_from_world)
-        )
-        some = self.lists.transparent_instances
-        if len(some):
-            centers = instances["bounds_centre"][some, :3]
-            self.order = packing.back_to_front(centers, view_from_world).tolist()
+        return self._draws.prepare(slot, view_from_world)
 
-    def _group(self, ranges: Sequence[Range], material: int, mirrored: bool) -> DrawGroup:
-        variant = self._data.variants[material]
-        return DrawGroup(
-            pipeline=self._pipelines.get([self.describe(variant)])[0],
-            cull=not variant.double_sided,
-            front="clockwise" if mirrored else "counter_clockwise",
-            material=material,
-            textures=self._data.textures_of(material),
-            draws=[self._data.draw(one) for one in ranges],
-        )
+    @property
+    def visible(self) -> int:
+        """How many instances of the scene are visible."""
+        return self._draws.visible
+
+    @property
+    def solid(self) -> list[DrawGroup]:
+        """What this frame draws of opaque and masked objects."""
+        return [self._group(batch) for batch in self._draws.solid]
+
+    def _group(self, batch: Batch) -> DrawGroup:
+        """Return a batch with everything that has to be bound for it; looked up, since batches last."""
+        key = (self.slot, batch)
+        if key not in self._groups:
+            data = self._data
+            variant = data.variants[batch.material]
+            page, vertex_array = data.bound_page(self.slot, batch.page)
+            self._groups[key] = DrawGroup(
+                batch=batch,
+                pipeline=self._pipelines.get([self.describe(variant)])[0],
+                cull=not variant.double_sided,
+                front="clockwise" if batch.mirrored else "counter_clockwise",
+                page=page,
+                vertex_array=vertex_array,
+                textures=data.texture_set(batch.textures) if variant.roles else (),
+            )
+        return self._groups[key]
 
     def record(self, commands: Commands) -> None:
         """Make the draws of this frame."""
-        vertices = self._data.slots[self.slot].vertex_array
-        commands.draw_groups(self.lists.solid, vertices)
+        records = self._data.slots[self.slot].commands
+        commands.draw_groups(self.solid, records)
         if self._sky is not None:
             self._sky.record(commands)
-        if self.lists.transparent:
-            commands.draw_groups([self.lists.transparent[index] for index in self.order], vertices)
+        commands.draw_groups([self._group(batch) for batch in self._draws.transparent(self.slot)], records)

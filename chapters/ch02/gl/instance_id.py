@@ -42,9 +42,10 @@ class InstanceIdPass:
         return len(scene.instances) > 0
 
     def _describe(self, variant: Variant) -> GraphicsPipeline:
+        needed = shape_alone(variant)
         return GraphicsPipeline(
             shaders=("forward.vert", "instance_id.frag"),
-            defines=shape_alone(variant).defines,
+            defines=(*needed.defines, *self._data.texture_defines(needed.roles)),
             depth=self._depth,
             name="instance id",
         )
@@ -57,10 +58,11 @@ class InstanceIdPass:
         self._made = dict(zip(solid, made, strict=True))
 
     def _group(self, group: DrawGroup) -> DrawGroup:
-        textures = group.textures if shape_alone(self._data.variants[group.material]).roles else ()
-        return replace(group, pipeline=self._made[group.material], textures=textures)
+        material = group.batch.material
+        textures = group.textures if shape_alone(self._data.variants[material]).roles else ()
+        return replace(group, pipeline=self._made[material], textures=textures)
 
     def record(self, commands: Commands) -> None:
         """Make the forward pass's solid draws with the id's pipelines."""
-        groups = [self._group(group) for group in self._forward.lists.solid]
-        commands.draw_groups(groups, self._data.slots[self._forward.slot].vertex_array)
+        groups = [self._group(group) for group in self._forward.solid]
+        commands.draw_groups(groups, self._data.slots[self._forward.slot].commands)

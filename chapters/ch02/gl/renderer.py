@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import time as clock
 import weakref
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -31,7 +31,7 @@ from backends.gl.targets import Framebuffer, create_framebuffer, destroy_framebu
 from common.camera import View, exposure
 from common.errors import StaleFrameError
 from common.pose import evaluate_pose
-from common.scene import Change, Sampler, Scene
+from common.scene import Sampler, Scene
 from common.transforms import translation
 
 from .. import LESSON
@@ -40,6 +40,7 @@ from ..logic.default_light import DefaultLight
 from ..logic.environment import files_at_start
 from ..logic.frame import OUTPUTS, SLOTS, SOURCES, Frame, check_outputs, output_of, reset_by
 from ..logic.samples import choose_samples
+from ..logic.stream import FrameStream
 from ..logic.views import shown_exposure
 from ..settings import Settings
 from .commands import Commands, Rendering, Textures
@@ -52,7 +53,7 @@ from .scene_data import SceneData
 from .tonemap import TonemapPass
 
 
-class Renderer:
+class Renderer(FrameStream):
     """The chapter on OpenGL: one stream of frames of one view of one scene."""
 
     def __init__(
@@ -110,12 +111,10 @@ class Renderer:
         settings = replace(self.settings, msaa=self.samples)
         self._frames = Frames(context)
         self._pipelines = Pipelines(context)
-        # Only to tell them when their slot is used again: a frame that nobody else holds goes.
-        self._in_slot: list[Callable[[], Frame | None]] = [lambda: None] * SLOTS
+        self._begin_stream()
         anisotropy = settings.anisotropy if self.plan.native("anisotropy") else 1.0
         self._data = SceneData(context, scene, settings, anisotropy)
-        push = self._data.push
-        self._commands = Commands(context, self._pipelines, push.buffer.handle, push.size)
+        self._commands = Commands(context, self._pipelines)
         self._forward = ForwardPass(scene, settings, self._data, self._pipelines)
         self._instance_id = InstanceIdPass(self._forward, self._data, self._pipelines)
         self._resolve = ResolvePass(settings, self._data, self._pipelines)
@@ -130,10 +129,6 @@ class Renderer:
             self.passes.append(self._tonemap)
         for made in self.passes:
             made.create()
-        self._index = 0
-        self._reset = "first frame"
-        self._previous: tuple[View, float] | None = None
-        self._last: Any = None
         self._create_targets()
 
     def _create_targets(self) -> None:
@@ -259,8 +254,7 @@ class Renderer:
         written += data.write_deformation(slot.index, pose)
         data.bind_frame(slot.index)
         view_from_origin = view.view_from_world() @ translation(scene.origin)
-        visibility = scene.revision[Change.VISIBILITY]
-        self._forward.prepare(slot.index, view_from_origin, data.records.instances, visibility)
+        written += self._forward.prepare(slot.index, view_from_origin)
         self._last = self._state(view, time)
         return written
 
@@ -285,7 +279,7 @@ class Renderer:
             "passes": len(self.passes),
             "passes_skipped": 4 - len(self.passes),
             "samples": self.samples,
-            "instances": int(self.scene.instances.visible.sum()),
+            "instances": self._forward.visible,
             "lights": len(self.scene.lights) if self._data.lit else 0,
             "bytes_written": written,
             "pipelines": len(self._pipelines),
@@ -295,11 +289,6 @@ class Renderer:
         }
 
     # --- reading ---
-
-    @property
-    def prepared_ms(self) -> dict[str, float]:
-        """What was made on the GPU before the first frame, and how long it took; see the contract."""
-        return self._data.prepared_ms
 
     @property
     def present_source(self) -> Framebuffer:
@@ -327,13 +316,6 @@ class Renderer:
 
     # --- life ---
 
-    def _state(self, view: View, time: float) -> tuple[Any, float, Any]:
-        return view, time if self.scene.animations else 0.0, dict(self.scene.revision)
-
-    def idle(self, view: View, time: float = 0.0) -> bool:
-        """Whether a frame now would equal the last one: same view, same scene, and nothing that moves by itself."""
-        return self._last == self._state(view, time)
-
     def resize(self, size: tuple[int, int]) -> None:
         """Change the picture to (width, height) pixels."""
         size = check_size(size, self.capabilities.limits["maxImageDimension2D"])
@@ -346,18 +328,6 @@ class Renderer:
         self._create_targets()
         self.reset_history("resize")
 
-    def reset_history(self, reason: str) -> None:
-        """Start again at frame 0. This chapter keeps nothing from frame to frame but the previous view and pose."""
-        self._index = 0
-        self._reset = reason or "asked for"
-        self._previous = None
-        self._last = None
-
-    @property
-    def shader_files(self) -> frozenset[Path]:
-        """All on disk that decides about the texts of the shaders; see `backends.contract.Renderer`."""
-        return self._pipelines.files | files_at_start(self.scene, self.settings)
-
     def reload_shaders(self, changed: Collection[Path]) -> Reloaded:
         """Build anew the pipelines that use one of these files; view, time and the number of the frame go on."""
         self.device.make_current()
@@ -365,14 +335,6 @@ class Renderer:
         if rebuilt:
             self._last = None  # the same view makes another picture now
         return Reloaded(rebuilt, files_at_start(self.scene, self.settings).intersection(changed))
-
-    def _let_go(self, why: str) -> None:
-        """Wait until no frame is in flight, and take the images of those that are still held."""
-        for slot in self._frames.slots:
-            self._frames.wait(slot)
-            last = self._in_slot[slot.index]()
-            if last is not None:
-                last.let_go(why)
 
     def close(self) -> None:
         """Free everything on the GPU; a second time does nothing."""
@@ -389,9 +351,3 @@ class Renderer:
                 held.close()
         for owned in reversed(self._owned):
             owned.close()
-
-    def __enter__(self) -> Renderer:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()

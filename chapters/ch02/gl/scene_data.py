@@ -1,19 +1,17 @@
 """The scene on the GPU: geometry and textures uploaded once, and the small buffers that are written for every frame.
 
-The layout is that of graphics/scene_data.py: one buffer for all streams and indices, only what some material reads,
-and whatever the CPU writes from frame to frame once per slot.
+The layout is that of graphics/scene_data.py: pages of words from which shaders fetch, layers of array textures, only
+what some material reads, and whatever the CPU writes from frame to frame once per slot.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from backends.gl import api as gl
 from backends.gl.context import Context
-from backends.gl.draws import PushTable, Stream, create_vertex_array
+from backends.gl.draws import create_vertex_array
 from backends.gl.resources import (
     Buffer,
     Image,
@@ -29,27 +27,26 @@ from backends.gl.resources import (
 from backends.gl.upload import Uploader
 from common.scene import Change, Pose, Sampler, Scene
 
-from ..logic import environment, geometry, records, texels, views
-from ..logic.draw_lists import Range
+from ..logic import environment, geometry, pages, records, texels, views
+from ..logic.draw_lists import COMMAND
 from ..logic.environment import Sizes
 from ..logic.frame import SLOTS
-from ..logic.packing import ROLES
 from ..logic.records import Records
-from ..logic.snippets import PUSH_SIZE
+from ..logic.texture_arrays import ArrayTexture, plan_arrays
+from ..logic.texture_reads import image_roles, uses
 from ..settings import Settings
-from .commands import Draw, Textures
+from .commands import Textures
 from .environment import EnvironmentMaps, create_environment
 
-ENVIRONMENT_UNIT = 5
-"""The first of the three texture units of the environment, after those of materials (forward.frag)."""
+ENVIRONMENT_UNIT, ARRAY_UNIT = 0, 3
+"""The first texture units of the environment's three maps, and of the arrays of textures (scene, textures.glsl)."""
 
 
 @dataclass(kw_only=True)
 class _Slot(records.Slot):
     """The buffers of one frame in flight."""
 
-    geometry: Buffer
-    vertex_array: int
+    commands: Buffer
 
 
 class SceneData:
@@ -58,11 +55,8 @@ class SceneData:
     def __init__(self, context: Context, scene: Scene, settings: Settings, anisotropy: float) -> None:
         self._context, self._scene, self._settings, self._anisotropy = context, scene, settings, anisotropy
         self.records = Records(scene, settings.light_cutoff)
-        self._images: dict[texels.Key, Image] = {}
+        self._images: dict[ArrayTexture, Image] = {}
         self._samplers: dict[tuple[Sampler, float], int] = {}
-        rows = np.zeros((max(1, len(scene.instances)), PUSH_SIZE // 4), np.uint32)
-        rows[:, 0] = np.arange(len(rows))
-        self.push = PushTable(context, rows, "push constants")
         self.empty_vertex_array = create_vertex_array(context, [], None, None, "no vertices")
         self._energy = settings.energy if environment.needed(scene, settings) else None
         self._choose_variants()
@@ -70,7 +64,7 @@ class SceneData:
         self._make_environment()
         self.slots = [self._make_slot(index) for index in range(SLOTS)]
         self._keep_textures()
-        self._kinds = self._material_kinds()
+        self._kinds = uses(scene, self.variants), list(self.variants)
         self._materials_seen = scene.revision[Change.MATERIALS]
 
     # --- made once ---
@@ -88,17 +82,28 @@ class SceneData:
     def _upload_geometry(self) -> None:
         scene, context = self._scene, self._context
         self.streams = geometry.used_streams(self.variants)
-        arrays = geometry.arrays(scene, self.streams)
-        self._offsets, size = geometry.stream_offsets({name: array.nbytes for name, array in arrays.items()})
+        largest = min(pages.PAGE_BYTES, context.limits["maxStorageBufferRange"])
+        self.pages = pages.plan_pages(scene, self.streams, largest)
+        meshes, self.page_of, self.first_index = pages.mesh_records(scene, self.pages)
         # Deforming vertices are written for one frame while the GPU still draws the other: one copy per slot.
         copies = SLOTS if scene.deformations else 1
-        self._geometry = [create_buffer(context, size, "device", "geometry") for _ in range(copies)]
-        streams = [Stream(*geometry.STREAMS[name], self._offsets[name]) for name in self.streams]
+        self._geometry = [
+            [
+                create_buffer(context, page.size, "device", f"page {number}")
+                for number, page in enumerate(self.pages)
+            ]
+            for _ in range(copies)
+        ]
         self._vertex_arrays = []
-        for buffer in self._geometry:
-            for name, array in arrays.items():
-                write_buffer(context, buffer, array, self._offsets[name])
-            self._vertex_arrays.append(create_vertex_array(context, streams, buffer, buffer, "geometry"))
+        for copy in self._geometry:
+            for page, buffer in zip(self.pages, copy, strict=True):
+                for offset, array in pages.page_arrays(scene, page):
+                    write_buffer(context, buffer, array, offset)
+            self._vertex_arrays.append(
+                [create_vertex_array(context, [], None, buffer, buffer.name) for buffer in copy]
+            )
+        self._meshes = create_buffer(context, meshes.nbytes, "device", "meshes")
+        write_buffer(context, self._meshes, meshes)
 
     def _make_environment(self) -> None:
         self.environment = environment.NO_ENVIRONMENT
@@ -113,9 +118,10 @@ class SceneData:
         self.environment = environment.frame_values(self._settings, maps.scale, maps.last_level)
 
     def _free_geometry(self) -> None:
-        for vertex_array in self._vertex_arrays:
-            self._context.destroy("vertex array", vertex_array)
-        for buffer in self._geometry:
+        for arrays in self._vertex_arrays:
+            for vertex_array in arrays:
+                self._context.destroy("vertex array", vertex_array)
+        for buffer in [self._meshes, *(buffer for copy in self._geometry for buffer in copy)]:
             destroy_buffer(self._context, buffer)
 
     def _make_slot(self, index: int) -> _Slot:
@@ -125,54 +131,53 @@ class SceneData:
             for name, size in sizes.items()
             if name != "lights" or self.lit
         }
-        copy = index % len(self._geometry)
+        size = max(1, len(self._scene.instances)) * COMMAND.itemsize
         return _Slot(
             frame=made["frame"],
             instances=made["instances"],
             materials=made["materials"],
             lights=made.get("lights"),
-            geometry=self._geometry[copy],
-            vertex_array=self._vertex_arrays[copy],
+            commands=create_buffer(self._context, size, "upload", f"draws, slot {index}"),
         )
 
     def _keep_textures(self) -> None:
-        """Upload what is missing, give up what no material reads any more, and note what each material binds."""
+        """Make the arrays that are new, give up those that no material reads, and note what each set binds."""
         context = self._context
-        wanted: dict[texels.Key, str] = {}
-        for material, variant in zip(self._scene.materials, self.variants, strict=True):
-            for role in variant.roles:
-                wanted.setdefault(texels.key_of(role, material.textures().get(role)), role)
-        mended = views.mends_texels(self._settings)
+        found = uses(self._scene, self.variants)
+        self._plan = plan_arrays(self._scene, found, context.limits["maxImageArrayLayers"])
+        roles = image_roles(found)
         with Uploader(context) as uploader:
-            for key, role in wanted.items():
-                if key not in self._images:
-                    made = texels.texels_of(self._scene, role, key, mended)
-                    self._images[key] = self._upload(uploader, made)
-        for key in self._images.keys() - wanted.keys():
-            destroy_image(context, self._images.pop(key))  # OpenGL itself waits for the GPU's use
-        self._bound: list[Textures] = []
-        for material, variant in zip(self._scene.materials, self.variants, strict=True):
-            bound = []
-            for role in variant.roles:
-                texture = material.textures().get(role)
-                image = self._images[texels.key_of(role, texture)]
-                sampler = self.sampler(
-                    texture.sampler if texture is not None else Sampler(), self._anisotropy
-                )
-                bound.append((ROLES.index(role), image.view, sampler))
-            self._bound.append(tuple(bound))
+            for array in self._plan.arrays:
+                if array not in self._images:
+                    self._images[array] = self._upload(uploader, array, roles)
+        for array in self._images.keys() - set(self._plan.arrays):
+            destroy_image(context, self._images.pop(array))  # OpenGL itself waits for the GPU's use
+        self.records.maps = self._plan.maps
+        held = [
+            (self._images[array].view, self.sampler(array.sampler, self._anisotropy))
+            for array in self._plan.arrays
+        ]
+        self._bound: list[Textures] = [
+            tuple((ARRAY_UNIT + unit, *held[array]) for unit, array in enumerate(chosen))
+            for chosen in self._plan.sets
+        ]
 
-    def _upload(self, uploader: Uploader, made: texels.Texels) -> Image:
-        height, width = made.pixels.shape[:2]
+    def _upload(self, uploader: Uploader, array: ArrayTexture, roles: dict[texels.Key, str]) -> Image:
+        mended = views.mends_texels(self._settings)
+        made = [texels.texels_of(self._scene, roles[key], key, mended) for key in array.layers]
+        shape = array.shape
         image = create_image(
             self._context,
-            made.format,
-            (width, height),
-            made.name,
-            levels=made.levels,
-            view_format=made.view_format,
+            shape.format,
+            (shape.width, shape.height),
+            f"{len(made)} textures of {shape.width}x{shape.height}",
+            shape="array",
+            levels=shape.levels,
+            layers=len(made),
+            view_format=shape.view_format,
+            swizzle=shape.swizzle,
         )
-        uploader.image(image, made.pixels, srgb=made.srgb)
+        uploader.image(image, [one.pixels for one in made], srgb=made[0].srgb)
         return image
 
     def sampler(self, described: Sampler, anisotropy: float) -> int:
@@ -186,15 +191,6 @@ class SceneData:
 
     # --- made anew when a material becomes another kind ---
 
-    def _material_kinds(self) -> list[Any]:
-        """Return all of each material that is no number in its record: its variant, images and samplers."""
-        kinds = []
-        for material, variant in zip(self._scene.materials, self.variants, strict=True):
-            textures = material.textures()
-            used = [(role, textures[role]) for role in variant.roles if role in textures]
-            kinds.append((variant, [(texels.key_of(role, one), one.sampler) for role, one in used]))
-        return kinds
-
     def follow_materials(self) -> bool:
         """Make what edited materials need, give up what none needs; return whether any became another kind."""
         revision = self._scene.revision[Change.MATERIALS]
@@ -202,16 +198,14 @@ class SceneData:
             return False
         self._choose_variants()
         self._materials_seen = revision
-        kinds = self._material_kinds()
+        kinds = uses(self._scene, self.variants), list(self.variants)
         if kinds == self._kinds:
             return False
         self._kinds = kinds
         if geometry.used_streams(self.variants) != self.streams:
             self._free_geometry()
             self._upload_geometry()
-            for index, slot in enumerate(self.slots):
-                copy = index % len(self._geometry)
-                slot.geometry, slot.vertex_array = self._geometry[copy], self._vertex_arrays[copy]
+            for slot in self.slots:
                 slot.written.pop("deformed", None)
         for index, slot in enumerate(self.slots):
             if self.lit and slot.lights is None:
@@ -222,24 +216,28 @@ class SceneData:
 
     # --- what passes read ---
 
-    def textures_of(self, material: int) -> Textures:
-        """Return what the material binds."""
-        return self._bound[material]
+    def texture_defines(self, roles: tuple[str, ...]) -> tuple[tuple[str, int], ...]:
+        """Return what the shaders of a variant with textures in `roles` are built with."""
+        return (("ARRAYS", self._plan.width),) if roles else ()
 
-    def draw(self, one: Range) -> Draw:
-        """Return a draw as the commands take it."""
-        first = self._offsets["indices"] + 4 * one.first_index
-        return Draw(
-            one.instance * self.push.stride,
-            one.index_count,
-            gl.ffi.cast("void *", first),
-            one.first_vertex,
-        )
+    @property
+    def textures_of(self) -> np.ndarray:
+        """(M,) number of the set that holds each material's textures."""
+        return self._plan.set_of
+
+    def texture_set(self, number: int) -> Textures:
+        """Return what a set of textures binds."""
+        return self._bound[number]
+
+    def bound_page(self, slot: int, page: int) -> tuple[Buffer, int]:
+        """Return (buffer, vertex array with its indices) of a page for slot number `slot`."""
+        copy = slot % len(self._geometry)
+        return self._geometry[copy][page], self._vertex_arrays[copy][page]
 
     @property
     def textures(self) -> int:
         """Images that were uploaded."""
-        return len(self._images)
+        return sum(len(array.layers) for array in self._images)
 
     @property
     def samplers(self) -> int:
@@ -252,14 +250,21 @@ class SceneData:
         """Write the frame's constants."""
         self.slots[slot].frame.view(constants.dtype)[0] = constants
 
+    def write_commands(self, slot: int, commands: np.ndarray, first: int = 0) -> int:
+        """Write records of draws into the slot's list, from number `first` on; return the bytes written."""
+        if len(commands):
+            self.slots[slot].commands.view(COMMAND)[first : first + len(commands)] = commands
+        return int(commands.nbytes)
+
     def bind_frame(self, slot: int) -> None:
-        """Bind what all draws of a frame read; the numbers are those of scene.glsl, material.glsl and forward.frag."""
+        """Bind what all draws of a frame read; the numbers are those of scene.glsl."""
         held, context = self.slots[slot], self._context
         bind_buffer(context, "uniform", 0, held.frame)  # type: ignore[arg-type]
         bind_buffer(context, "storage", 0, held.instances)  # type: ignore[arg-type]
-        bind_buffer(context, "storage", 1, held.materials)  # type: ignore[arg-type]
+        bind_buffer(context, "storage", 1, self._meshes)
+        bind_buffer(context, "storage", 2, held.materials)  # type: ignore[arg-type]
         if held.lights is not None:
-            bind_buffer(context, "storage", 2, held.lights)  # type: ignore[arg-type]
+            bind_buffer(context, "storage", 3, held.lights)  # type: ignore[arg-type]
         if self._environment is not None:
             sampler = self.sampler(environment.SMOOTH, 1.0)
             maps = self._environment
@@ -275,8 +280,9 @@ class SceneData:
         if not scene.deformations or held.written.get("deformed") == key:
             return 0
         total = 0
-        for offset, raw in geometry.deformed(scene, pose, self.streams, self._offsets):
-            write_buffer(self._context, held.geometry, raw, offset)
+        copy = self._geometry[slot % len(self._geometry)]
+        for page, offset, raw in pages.deformed(scene, pose, self.pages):
+            write_buffer(self._context, copy[page], raw, offset)
             total += raw.size
         held.written["deformed"] = key
         return total
@@ -285,7 +291,7 @@ class SceneData:
         """Free everything."""
         context = self._context
         for slot in self.slots:
-            for buffer in (slot.frame, slot.instances, slot.materials, slot.lights):
+            for buffer in (slot.frame, slot.instances, slot.materials, slot.lights, slot.commands):
                 if buffer is not None:
                     destroy_buffer(context, buffer)  # type: ignore[arg-type]
         self._free_geometry()
@@ -295,5 +301,4 @@ class SceneData:
             context.destroy("sampler", sampler)
         if self._environment is not None:
             self._environment.close(context)
-        self.push.close()
         context.destroy("vertex array", self.empty_vertex_array)

@@ -1,46 +1,37 @@
 """Recording: a thin, fast layer over one command buffer, with the loop that turns lists of draws into commands.
 
-Every struct that a frame needs is built once and used again; a draw is then three raw calls of half a microsecond each
-(bind, push, draw). The same through the `vulkan` package's wrappers costs five times as much.
+Every struct that a frame needs is built once and used again. What a draw is stands in a buffer that the GPU reads
+(`VkDrawIndexedIndirectCommand`), so recording costs a call per state and nothing per object.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 from backends.vulkan import api as vk
 from backends.vulkan.device import Device
-from backends.vulkan.resources import Image
+from backends.vulkan.resources import Buffer, Image
 
-from ..logic.snippets import PUSH_SIZE
+from ..logic.draw_lists import COMMAND, Batch
 from .frames import FrameSlot
 from .pipelines import Built
 
 _GRAPHICS = vk.VK_PIPELINE_BIND_POINT_GRAPHICS
-_STAGES = vk.VK_SHADER_STAGE_VERTEX_BIT | vk.VK_SHADER_STAGE_FRAGMENT_BIT
-
-
-class Draw(NamedTuple):
-    """One draw of a mesh: `push` points to its push constants, the rest are arguments of vkCmdDrawIndexed."""
-
-    push: Any
-    index_count: int
-    first_index: int
-    first_vertex: int
 
 
 @dataclass(frozen=True)
 class DrawGroup:
-    """Draws that share pipeline, culling and textures (`material_set`, an array of one set, or None)."""
+    """Draws of the slot's list of records that share pipeline, culling, page and textures (arrays of one set)."""
 
+    batch: Batch
     pipeline: Built
     cull: int
     front: int
-    material: int
-    material_set: Any
-    draws: Sequence[Draw]
+    page_set: Any
+    index_buffer: Any
+    texture_set: Any
 
 
 class Rendering:
@@ -96,12 +87,14 @@ class Commands:
         self.handle: Any = None
         self.slot: FrameSlot
         self.work: dict[str, int] = {}
+        self._multi_draw = device.has("multi-draw")
+        self._most = int(device.limits.maxDrawIndirectCount)
 
     def begin(self, slot: FrameSlot) -> None:
         """Record into `slot` from here on, with all counters at zero."""
         self.slot = slot
         self.handle = slot.commands
-        self.work = {"draws": 0, "triangles": 0, "pipeline_binds": 0, "descriptor_binds": 0}
+        self.work = {"draws": 0, "draw_calls": 0, "triangles": 0, "pipeline_binds": 0, "descriptor_binds": 0}
 
     # --- around passes: the renderer's ---
 
@@ -156,52 +149,55 @@ class Commands:
         )
         self.work["descriptor_binds"] += 1
 
-    def bind_geometry(
-        self, streams: Sequence[tuple[int, Any, Any]], index_buffer: Any, index_offset: int
-    ) -> None:
-        """Bind vertex streams (binding, array of one buffer, array of its offset) and the 32-bit index buffer."""
-        for binding, buffers, offsets in streams:
-            self._fn.vkCmdBindVertexBuffers(self.handle, binding, 1, buffers, offsets)
-        self._fn.vkCmdBindIndexBuffer(self.handle, index_buffer, index_offset, vk.VK_INDEX_TYPE_UINT32)
-
     def draw_fullscreen(self) -> None:
         """Draw the one triangle of `fullscreen.vert`."""
         self._fn.vkCmdDraw(self.handle, 3, 1, 0, 0)
         self.work["draws"] += 1
+        self.work["draw_calls"] += 1
         self.work["triangles"] += 1
 
-    def draw_groups(self, groups: Sequence[DrawGroup], frame_set: Any) -> None:
-        """Record all draws of `groups` in order, with `frame_set` as set 0."""
-        # Looked up once: the loop runs for every object of the scene, every frame.
-        bind, push, draw = (
-            self._fn.vkCmdBindDescriptorSets,
-            self._fn.vkCmdPushConstants,
-            self._fn.vkCmdDrawIndexed,
-        )
-        handle, null = self.handle, vk.NULL
+    def draw_groups(self, groups: Sequence[DrawGroup], frame_set: Any, records: Buffer) -> None:
+        """Record all draws of `groups` in order, with `frame_set` as set 0 and their records in `records`.
+
+        One call draws a whole group; without multi-draw the CPU reads the records and makes a call for each.
+        """
+        fn, handle = self._fn, self.handle
         bound: tuple[Any, int, int] | None = None
         layout: Any = None
-        material_set: Any = None
-        count = triangles = binds = 0
+        sets: tuple[Any, Any] = (None, None)
+        index_buffer: Any = None
         for group in groups:
-            pipeline, textures, draws = group.pipeline, group.material_set, group.draws
+            batch, pipeline = group.batch, group.pipeline
             state = (pipeline.handle, group.cull, group.front)
             if state != bound:
                 self.bind_pipeline(pipeline, group.cull, group.front)
                 bound = state
             if pipeline.layout != layout:
                 # Sets stay bound as long as the layout does.
-                layout, material_set = pipeline.layout, None
+                layout, sets = pipeline.layout, (None, None)
                 self.bind_set(pipeline, 0, frame_set)
-            if textures is not None and textures is not material_set:
-                bind(handle, _GRAPHICS, layout, 1, 1, textures, 0, null)
-                material_set = textures
-                binds += 1
-            for constants, index_count, first_index, first_vertex in draws:
-                push(handle, layout, _STAGES, 0, PUSH_SIZE, constants)
-                draw(handle, index_count, 1, first_index, first_vertex, 0)
-                triangles += index_count
-            count += len(draws)
-        self.work["draws"] += count
-        self.work["triangles"] += triangles // 3
-        self.work["descriptor_binds"] += binds
+            for number, (before, now) in enumerate(
+                zip(sets, (group.page_set, group.texture_set), strict=True), start=1
+            ):
+                if now is not None and now is not before:
+                    self.bind_set(pipeline, number, now)
+            sets = (group.page_set, group.texture_set)
+            if group.index_buffer != index_buffer:
+                index_buffer = group.index_buffer
+                fn.vkCmdBindIndexBuffer(handle, index_buffer, 0, vk.VK_INDEX_TYPE_UINT32)
+            self._draw(records, batch.first, batch.count)
+            self.work["draws"] += batch.count
+            self.work["triangles"] += batch.triangles
+
+    def _draw(self, records: Buffer, first: int, count: int) -> None:
+        if not self._multi_draw:
+            draw, handle = self._fn.vkCmdDrawIndexed, self.handle
+            for one in records.view(COMMAND)[first : first + count].tolist():
+                draw(handle, *one)
+            self.work["draw_calls"] += count
+            return
+        size, end = COMMAND.itemsize, first + count
+        for start in range(first, end, self._most):
+            some = min(self._most, end - start)
+            self._fn.vkCmdDrawIndexedIndirect(self.handle, records.handle, start * size, some, size)
+            self.work["draw_calls"] += 1

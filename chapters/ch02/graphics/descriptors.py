@@ -1,4 +1,4 @@
-"""Descriptor sets, declared: a layout is a table of bindings, a set is that table filled once and never changed.
+"""Descriptor sets of fixed content: a layout is a table of bindings, a set is that table filled once and never changed.
 
 All sets are made before the first frame. A set that a frame in flight may read must not be written, so whatever
 changes from frame to frame has one set per slot.
@@ -6,30 +6,16 @@ changes from frame to frame has one set per slot.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 from backends.vulkan.resources import Buffer
 
-Kind = Literal["uniform", "storage", "texture"]
-
-_TYPES = {
-    "uniform": vk.VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER,
-    "storage": vk.VK_DESCRIPTOR_TYPE_STORAGE_BUFFER,
-    "texture": vk.VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER,
-}
-
-
-@dataclass(frozen=True)
-class Binding:
-    """One binding of a set layout."""
-
-    number: int
-    kind: Kind
-    stages: int = vk.VK_SHADER_STAGE_VERTEX_BIT | vk.VK_SHADER_STAGE_FRAGMENT_BIT
+from .reflection import Binding
+from .set_layouts import TYPES, SetLayout
 
 
 @dataclass(frozen=True)
@@ -40,6 +26,10 @@ class Texture:
     sampler: Any
 
 
+Held = Buffer | Texture | Sequence[Texture]
+"""What a binding holds; several textures where it is an array of them."""
+
+
 @dataclass(frozen=True)
 class Sets:
     """Descriptor sets that were made together, and the pool that they go back to together."""
@@ -48,22 +38,21 @@ class Sets:
     handles: list[Any]
 
 
-def pool_sizes(sets: Sequence[Sequence[Binding]]) -> dict[int, int]:
-    """Return how many descriptors of each Vulkan type the given sets need together."""
+def pool_sizes(layouts: Sequence[SetLayout]) -> dict[int, int]:
+    """Return how many descriptors of each Vulkan type sets of the given layouts need together."""
     sizes: dict[int, int] = {}
-    for bindings in sets:
-        for binding in bindings:
-            kind = _TYPES[binding.kind]
-            sizes[kind] = sizes.get(kind, 0) + 1
+    for layout in layouts:
+        for binding, count in zip(layout.bindings, layout.counts, strict=True):
+            kind = TYPES[binding.kind]
+            sizes[kind] = sizes.get(kind, 0) + count
     return sizes
 
 
 class Descriptors:
-    """Set layouts (one per distinct table) and the sets made from them."""
+    """Sets of fixed content, made from layouts that shaders told (see reflection.py)."""
 
     def __init__(self, device: Device) -> None:
         self._device = device
-        self._layouts: dict[tuple[Binding, ...], Any] = {}
         self._alive: list[Sets] = []
 
     @property
@@ -71,44 +60,30 @@ class Descriptors:
         """Sets that exist."""
         return sum(len(sets.handles) for sets in self._alive)
 
-    def layout(self, bindings: Sequence[Binding]) -> Any:
-        """Return the layout for a table of bindings, made at its first use."""
-        key = tuple(bindings)
-        if key not in self._layouts:
-            items = [
-                {
-                    "binding": binding.number,
-                    "descriptorType": _TYPES[binding.kind],
-                    "descriptorCount": 1,
-                    "stageFlags": binding.stages,
-                }
-                for binding in key
-            ]
-            info = vk.new("VkDescriptorSetLayoutCreateInfo", pBindings=items)
-            name = ", ".join(f"{binding.number}: {binding.kind}" for binding in key)
-            self._layouts[key] = self._device.create("vkCreateDescriptorSetLayout", info, name)
-        return self._layouts[key]
+    def create(self, wanted: Sequence[tuple[SetLayout, Mapping[int, Held], str]]) -> Sets:
+        """Make one set per (layout, what each binding number holds, name), from a pool of exactly that size.
 
-    def create(self, wanted: Sequence[tuple[Sequence[Binding], dict[int, Buffer | Texture], str]]) -> Sets:
-        """Make one set per (bindings, what each binding number holds, name), from a pool of exactly that size."""
-        sizes = pool_sizes([bindings for bindings, _, _ in wanted])
+        A binding that holds nothing is one that no shader reads in this scene: it stays unwritten.
+        """
+        sizes = pool_sizes([layout for layout, _, _ in wanted])
         info = vk.new(
             "VkDescriptorPoolCreateInfo",
             maxSets=len(wanted),
             pPoolSizes=[{"type": kind, "descriptorCount": count} for kind, count in sizes.items()],
         )
         pool = self._device.create("vkCreateDescriptorPool", info, f"{len(wanted)} sets")
-        layouts = [self.layout(bindings) for bindings, _, _ in wanted]
+        layouts = [layout.handle for layout, _, _ in wanted]
         allocate = vk.new("VkDescriptorSetAllocateInfo", descriptorPool=pool, pSetLayouts=layouts)
         sets = vk.ffi.new("VkDescriptorSet[]", len(wanted))
         fn = self._device.fn
         code = fn.vkAllocateDescriptorSets(self._device.handle, allocate, sets)
         vk.check(code, "vkAllocateDescriptorSets", allocate)
         writes = []
-        for handle, (bindings, held, name) in zip(sets, wanted, strict=True):
+        for handle, (layout, held, name) in zip(sets, wanted, strict=True):
             self._device.name("VkDescriptorSet", handle, name)
-            for binding in bindings:
-                writes.append(self._write(handle, binding, held[binding.number]))
+            for binding in layout.bindings:
+                if binding.number in held:
+                    writes.append(self._write(handle, binding, held[binding.number]))
         fn.vkUpdateDescriptorSets(
             self._device.handle, len(writes), vk.array("VkWriteDescriptorSet", writes), 0, vk.NULL
         )
@@ -117,23 +92,26 @@ class Descriptors:
         return made
 
     @staticmethod
-    def _write(handle: Any, binding: Binding, held: Buffer | Texture) -> Any:
+    def _write(handle: Any, binding: Binding, held: Held) -> Any:
         target = {
             "dstSet": handle,
             "dstBinding": binding.number,
-            "descriptorCount": 1,
-            "descriptorType": _TYPES[binding.kind],
+            "descriptorCount": binding.count,
+            "descriptorType": TYPES[binding.kind],
         }
         if isinstance(held, Buffer):
             return vk.new(
                 "VkWriteDescriptorSet", pBufferInfo=[{"buffer": held.handle, "range": held.size}], **target
             )
-        image = {
-            "sampler": held.sampler,
-            "imageView": held.view,
-            "imageLayout": vk.VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL,
-        }
-        return vk.new("VkWriteDescriptorSet", pImageInfo=[image], **target)
+        images = [
+            {
+                "sampler": one.sampler,
+                "imageView": one.view,
+                "imageLayout": vk.VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL,
+            }
+            for one in ([held] if isinstance(held, Texture) else held)
+        ]
+        return vk.new("VkWriteDescriptorSet", pImageInfo=images, **target)
 
     def destroy(self, sets: Sets) -> None:
         """Free sets; no frame in flight may use them."""
@@ -141,8 +119,6 @@ class Descriptors:
         self._device.destroy("VkDescriptorPool", sets.pool)
 
     def close(self) -> None:
-        """Free pools (and with them their sets) and layouts."""
+        """Free pools, and with them their sets."""
         for sets in list(self._alive):
             self.destroy(sets)
-        for layout in self._layouts.values():
-            self._device.destroy("VkDescriptorSetLayout", layout)

@@ -52,6 +52,11 @@ class GraphicsPipeline:
     name: str = ""
 
 
+def extensions_of(defines: Sequence[tuple[str, int | float | str]]) -> tuple[str, ...]:
+    """Return the GLSL extensions that shaders with `defines` require: `nonuniformEXT` is one's word."""
+    return ("GL_EXT_nonuniform_qualifier",) if ("BINDLESS", 1) in defines else ()
+
+
 @dataclass(eq=False)
 class Built:
     """A pipeline with the layout through which descriptors and push constants reach it.
@@ -95,7 +100,11 @@ class Pipelines:
         sources = [
             [
                 shader_text.build(
-                    SHADERS / file, "vulkan", defines=dict(described.defines), snippets=SNIPPETS
+                    SHADERS / file,
+                    "vulkan",
+                    defines=dict(described.defines),
+                    extensions=extensions_of(described.defines),
+                    snippets=SNIPPETS,
                 )
                 for file in described.shaders
             ]

@@ -1,12 +1,14 @@
 """The scene on the GPU: geometry and textures uploaded once, and the small buffers that are written for every frame.
 
-All vertices and indices share one buffer, each stream at its own aligned offset, and only the streams and images that
-some material reads are uploaded. What the CPU writes from frame to frame exists once per slot.
+All vertices and indices share a few pages, from which shaders fetch by themselves; textures are known by number. Only
+the streams and images that some material reads are uploaded. What the CPU writes from frame to frame exists once per
+slot.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,33 +20,41 @@ from backends.vulkan.features import CORE
 from backends.vulkan.resources import Buffer
 from backends.vulkan.upload import Uploader
 from common.errors import UnsupportedError
-from common.pools import Handle
-from common.scene import Change, Pose, Sampler, Scene, TextureRef
+from common.scene import Change, Pose, Scene
 
-from ..logic import environment, geometry, records, texels, views
+from ..logic import environment, geometry, pages, records, texels, views
+from ..logic.draw_lists import COMMAND
 from ..logic.environment import Sizes
 from ..logic.frame import SLOTS
-from ..logic.packing import ROLES, Variant
 from ..logic.records import Records
+from ..logic.texture_reads import uses
 from ..settings import Settings
-from .descriptors import Binding, Descriptors, Texture
+from .descriptors import Descriptors, Held, Texture
 from .environment import create_environment
+from .material_textures import ArrayTextures, BindlessTextures, MaterialTextures, slots_for
 from .resources import Resources
-from .textures import Textures
+from .set_layouts import SetLayout
 
 GEOMETRY = (CORE, "geometryShader")
 """The feature with which fragment shaders may ask for gl_PrimitiveID."""
 
-ENVIRONMENT_BINDING = 4
-"""The first of the three bindings of the environment in the frame's set (forward.frag)."""
+FRAME, PAGE, TEXTURES = 0, 1, 2
+"""Numbers of the sets: what a frame reads, a page of geometry, the textures (scene, vertices and textures.glsl)."""
+
+ENVIRONMENT_BINDING = 5
+"""The first of the three bindings of the environment in the frame's set (scene.glsl)."""
 
 
 @dataclass(kw_only=True)
 class _Slot(records.Slot):
     """The buffers of one frame in flight."""
 
+    frame: Buffer
+    instances: Buffer
+    materials: Buffer
+    lights: Buffer | None
+    commands: Buffer
     staging: Buffer | None
-    geometry: Handle
 
 
 class SceneData:
@@ -58,22 +68,32 @@ class SceneData:
         anisotropy: float,
         resources: Resources,
         descriptors: Descriptors,
+        bindless: bool,
     ) -> None:
-        self._device, self._scene, self._settings, self._anisotropy = device, scene, settings, anisotropy
+        self._device, self._scene, self._settings = device, scene, settings
         self._resources, self._descriptors = resources, descriptors
         self._energy = settings.energy if environment.needed(scene, settings) else None
         self._choose_variants()
-        self._textures = Textures(scene, resources, views.mends_texels(settings))
+        mended = views.mends_texels(settings)
+        self._textures: MaterialTextures
+        if bindless:
+            self.slot_count = slots_for(scene, self.variants)
+            self._textures = BindlessTextures(device, scene, resources, anisotropy, mended, self.slot_count)
+        else:
+            self.slot_count = 0
+            self._textures = ArrayTextures(device, scene, resources, descriptors, anisotropy, mended)
+        self.records = Records(scene, settings.light_cutoff)
         with Uploader(device) as uploader:
             self._upload_geometry(uploader)
-            self._textures.keep(uploader, self._used_textures())
+            self._textures.keep(uploader, self.variants)
+        self.records.maps = self._textures.maps
         self.bytes_uploaded = uploader.bytes
         self._make_environment()
         self.slots = [self._make_slot(index) for index in range(SLOTS)]
-        self._make_sets()
-        self._kinds = self._material_kinds()
+        self._sets: list[Any] = []
+        self._frame_sets: list[Any] = []
+        self._kinds = uses(scene, self.variants), list(self.variants)
         self._materials_seen = scene.revision[Change.MATERIALS]
-        self.records = Records(scene, settings.light_cutoff)
 
     # --- made once ---
 
@@ -94,20 +114,28 @@ class SceneData:
     def _upload_geometry(self, uploader: Uploader) -> None:
         scene = self._scene
         self.streams = geometry.used_streams(self.variants)
-        arrays = geometry.arrays(scene, self.streams)
-        self._offsets, size = geometry.stream_offsets({name: array.nbytes for name, array in arrays.items()})
-        usage = (
-            vk.VK_BUFFER_USAGE_VERTEX_BUFFER_BIT
-            | vk.VK_BUFFER_USAGE_INDEX_BUFFER_BIT
-            | vk.VK_BUFFER_USAGE_TRANSFER_DST_BIT
-        )
+        largest = min(pages.PAGE_BYTES, int(self._device.limits.maxStorageBufferRange))
+        self.pages = pages.plan_pages(scene, self.streams, largest)
+        meshes, self.page_of, self.first_index = pages.mesh_records(scene, self.pages)
+        copied = vk.VK_BUFFER_USAGE_TRANSFER_DST_BIT
+        storage = vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | copied
         # Deforming vertices are written for one frame while the GPU still draws the other: one copy per slot.
         copies = SLOTS if scene.deformations else 1
-        self._geometry = [self._resources.buffer(size, usage, "device", "geometry") for _ in range(copies)]
-        for handle in self._geometry:
-            buffer = self._resources.buffers.get(handle)
-            for name, array in arrays.items():
-                uploader.buffer(buffer, array, self._offsets[name])
+        self._geometry = [
+            [
+                self._resources.buffer(
+                    page.size, storage | vk.VK_BUFFER_USAGE_INDEX_BUFFER_BIT, "device", f"page {number}"
+                )
+                for number, page in enumerate(self.pages)
+            ]
+            for _ in range(copies)
+        ]
+        for copy in self._geometry:
+            for page, handle in zip(self.pages, copy, strict=True):
+                for offset, array in pages.page_arrays(scene, page):
+                    uploader.buffer(self._resources.buffers.get(handle), array, offset)
+        self._meshes = self._resources.buffer(meshes.nbytes, storage, "device", "meshes")
+        uploader.buffer(self._resources.buffers.get(self._meshes), meshes)
 
     def _make_environment(self) -> None:
         self.environment = environment.NO_ENVIRONMENT
@@ -126,14 +154,6 @@ class SceneData:
         self._environment = [Texture(view, sampler) for view in views]
         self.environment = environment.frame_values(self._settings, maps.scale, maps.last_level)
 
-    def _used_textures(self) -> list[tuple[str, TextureRef | None]]:
-        """Return (role, texture) of everything that some variant samples."""
-        return [
-            (role, material.textures().get(role))
-            for material, variant in zip(self._scene.materials, self.variants, strict=True)
-            for role in variant.roles
-        ]
-
     def _make_slot(self, index: int) -> _Slot:
         scene = self._scene
 
@@ -151,8 +171,10 @@ class SceneData:
             instances=make(sizes["instances"], storage, "instances"),
             materials=make(sizes["materials"], storage, "materials"),
             lights=self._make_lights(index) if self.lit else None,
+            commands=make(
+                len(scene.instances) * COMMAND.itemsize, vk.VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT, "draws"
+            ),
             staging=staging,
-            geometry=self._geometry[index % len(self._geometry)],
         )
 
     def _make_upload(self, size: int, usage: int, name: str) -> Buffer:
@@ -162,116 +184,101 @@ class SceneData:
         size = records.buffer_sizes(self._scene)["lights"]
         return self._make_upload(size, vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT, f"lights, slot {slot}")
 
-    def _make_sets(self) -> None:
-        """Make all descriptor sets: one per slot for the frame, one per material for its textures."""
-        bindings = [Binding(0, "uniform"), Binding(1, "storage"), Binding(2, "storage")]
-        if self.lit:
-            bindings.append(Binding(3, "storage", vk.VK_SHADER_STAGE_FRAGMENT_BIT))
-        far = dict(enumerate(self._environment, start=ENVIRONMENT_BINDING))
-        bindings += [Binding(number, "texture", vk.VK_SHADER_STAGE_FRAGMENT_BIT) for number in far]
-        self.frame_layout = self._descriptors.layout(bindings)
-        wanted: list[Any] = []
-        for index, slot in enumerate(self.slots):
-            held: dict[int, Any] = {0: slot.frame, 1: slot.instances, 2: slot.materials, **far}
-            if self.lit:
-                held[3] = slot.lights
-            wanted.append((bindings, held, f"frame, slot {index}"))
-        textured = [index for index, variant in enumerate(self.variants) if variant.roles]
-        for index in textured:
-            material, variant = self._scene.materials[index], self.variants[index]
-            held = {}
-            for role in variant.roles:
-                texture = material.textures().get(role)
-                sampler = texture.sampler if texture is not None else Sampler()
-                held[ROLES.index(role)] = Texture(
-                    self._textures.get(role, texture).view, self._resources.sampler(sampler, self._anisotropy)
-                )
-            wanted.append((self._material_bindings(variant), held, f"material {index} {material.name}"))
-        self._sets = self._descriptors.create(wanted)
-        sets = self._sets.handles
-        self.frame_sets = [vk.array("VkDescriptorSet", [made]) for made in sets[:SLOTS]]
-        self._material_sets = {
-            index: vk.array("VkDescriptorSet", [made])
-            for index, made in zip(textured, sets[SLOTS:], strict=True)
-        }
+    def make_sets(self, layouts: dict[int, SetLayout]) -> None:
+        """Make all descriptor sets, by the layouts that the shaders of the scene told for each number of a set.
 
-    @staticmethod
-    def _material_bindings(variant: Variant) -> list[Binding]:
-        return [
-            Binding(ROLES.index(role), "texture", vk.VK_SHADER_STAGE_FRAGMENT_BIT) for role in variant.roles
+        There is one per slot for the frame and one per page of geometry; those of the textures are their own.
+        """
+        for old in self._sets:
+            self._resources.defer(partial(self._descriptors.destroy, old))
+        self._sets = []
+        self._textures.make_sets(layouts.get(TEXTURES))
+        far = dict(enumerate(self._environment, start=ENVIRONMENT_BINDING))
+        buffers = self._resources.buffers
+        frames: list[Any] = []
+        if FRAME in layouts:
+            for index, slot in enumerate(self.slots):
+                held: dict[int, Held] = {
+                    0: slot.frame,
+                    1: slot.instances,
+                    2: buffers.get(self._meshes),
+                    3: slot.materials,
+                    **far,
+                }
+                if slot.lights is not None:
+                    held[4] = slot.lights
+                frames.append((layouts[FRAME], held, f"frame, slot {index}"))
+        paged = [
+            (layouts[PAGE], {0: buffers.get(handle)}, f"page {number}")
+            for copy in self._geometry
+            for number, handle in enumerate(copy if PAGE in layouts else ())
         ]
+        if frames or paged:
+            self._sets.append(self._descriptors.create([*frames, *paged]))
+            made = [vk.array("VkDescriptorSet", [one]) for one in self._sets[0].handles]
+            self._frame_sets = made[: len(frames)]
+            self._page_sets = made[len(frames) :]
 
     # --- made anew when a material becomes another kind ---
-
-    def _material_kinds(self) -> list[Any]:
-        """Return all of each material that is no number in its record: its variant, images and samplers."""
-        kinds = []
-        for material, variant in zip(self._scene.materials, self.variants, strict=True):
-            textures = material.textures()
-            used = [(role, textures[role]) for role in variant.roles if role in textures]
-            kinds.append((variant, [(texels.key_of(role, one), one.sampler) for role, one in used]))
-        return kinds
 
     def follow_materials(self) -> bool:
         """Make what edited materials need and give up what none needs any more; return whether any became another kind.
 
-        Frames in flight still read the old sets, images and streams, which are therefore deleted later.
+        Frames in flight still read the old sets, images and streams, which are therefore deleted later. Whoever calls
+        this makes the pipelines anew, and then the sets.
         """
         revision = self._scene.revision[Change.MATERIALS]
         if revision == self._materials_seen:
             return False
         self._choose_variants()
         self._materials_seen = revision
-        kinds = self._material_kinds()
+        kinds = uses(self._scene, self.variants), list(self.variants)
         if kinds == self._kinds:
             return False
         self._kinds = kinds
-        resources, sets = self._resources, self._sets
         with Uploader(self._device) as uploader:
             if geometry.used_streams(self.variants) != self.streams:
-                for handle in self._geometry:
-                    resources.destroy_buffer(handle)
+                for handle in [self._meshes, *(handle for copy in self._geometry for handle in copy)]:
+                    self._resources.destroy_buffer(handle)
                 self._upload_geometry(uploader)
-                for index, slot in enumerate(self.slots):
-                    slot.geometry = self._geometry[index % len(self._geometry)]
+                for slot in self.slots:
                     slot.written.pop("deformed", None)
-            self._textures.keep(uploader, self._used_textures())
+            self._textures.keep(uploader, self.variants)
+        self.records.maps = self._textures.maps
         self.bytes_uploaded += uploader.bytes
         for index, slot in enumerate(self.slots):
             if self.lit and slot.lights is None:
                 slot.lights = self._make_lights(index)
-        resources.defer(lambda: self._descriptors.destroy(sets))
-        self._make_sets()
         return True
 
     # --- what passes read ---
 
-    def set_layouts(self, variant: Variant) -> tuple[Any, ...]:
-        """Return the set layouts of a pipeline for `variant`: the frame's, and the material's if it has textures."""
-        if not variant.roles:
-            return (self.frame_layout,)
-        return (self.frame_layout, self._descriptors.layout(self._material_bindings(variant)))
+    def texture_defines(self, roles: tuple[str, ...]) -> tuple[tuple[str, int], ...]:
+        """Return what the shaders of a variant with textures in `roles` are built with."""
+        return (self._textures.define,) if roles else ()
 
-    def material_set(self, material: int) -> Any:
-        """Return the array of one descriptor set with the material's textures, None if it has none."""
-        return self._material_sets.get(material)
+    @property
+    def textures_of(self) -> np.ndarray:
+        """(M,) number of the set that holds each material's textures."""
+        return self._textures.set_of
 
-    def vertex_streams(self, variant: Variant) -> tuple[tuple[int, int], ...]:
-        """Return (location, floats) of the streams that `variant` reads."""
-        return tuple(geometry.STREAMS[name] for name in geometry.used_streams([variant]))
+    def frame_set(self, slot: int) -> Any:
+        """Return the array of the slot's descriptor set, None where nothing of the scene is drawn."""
+        return self._frame_sets[slot] if self._frame_sets else None
 
-    def bound_geometry(self, slot: int) -> tuple[list[tuple[int, Any, Any]], Any, int]:
-        """Return ([(first binding, buffers, offsets)], index buffer, its offset) to bind for slot number `slot`."""
-        buffer = self._resources.buffers.get(self.slots[slot].geometry)
-        runs = [
-            (
-                geometry.STREAMS[name][0],
-                vk.array("VkBuffer", [buffer.handle]),
-                vk.ffi.new("VkDeviceSize[]", [self._offsets[name]]),
-            )
-            for name in self.streams
-        ]
-        return runs, buffer.handle, self._offsets["indices"]
+    def texture_set(self, number: int) -> Any:
+        """Return the array of one descriptor set with textures."""
+        return self._textures.sets[number]
+
+    def bound_page(self, slot: int, page: int) -> tuple[Any, Any]:
+        """Return (array of the page's descriptor set, its buffer of indices) for slot number `slot`."""
+        copy = slot % len(self._geometry)
+        handle = self._resources.buffers.get(self._geometry[copy][page]).handle
+        return self._page_sets[copy * len(self.pages) + page], handle
+
+    def update_textures(self) -> int:
+        """Write the descriptors of textures that are new, before a frame is recorded; return how many that were."""
+        return self._textures.update()
 
     @property
     def textures(self) -> int:
@@ -284,26 +291,43 @@ class SceneData:
         """Write the frame's constants."""
         self.slots[slot].frame.view(constants.dtype)[0] = constants
 
+    def write_commands(self, slot: int, commands: np.ndarray, first: int = 0) -> int:
+        """Write records of draws into the slot's list, from number `first` on; return the bytes written."""
+        if len(commands):
+            self.slots[slot].commands.view(COMMAND)[first : first + len(commands)] = commands
+        return int(commands.nbytes)
+
     def record_deformation(self, commands: Any, slot: int, pose: Pose) -> int:
         """Record the copies of deformed vertices into the slot's geometry; return the bytes copied."""
         held, scene = self.slots[slot], self._scene
         key = self.records.moving_key(pose)
         if held.staging is None or held.written.get("deformed") == key:
             return 0
-        target = self._resources.buffers.get(held.geometry)
-        regions = []
+        copy = self._geometry[slot % len(self._geometry)]
+        regions: dict[int, list[Any]] = {}
         end = 0
-        for offset, raw in geometry.deformed(scene, pose, self.streams, self._offsets):
+        for page, offset, raw in pages.deformed(scene, pose, self.pages):
             held.staging.mapped[end : end + raw.size] = raw
-            regions.append({"srcOffset": end, "dstOffset": offset, "size": raw.size})
+            regions.setdefault(page, []).append({"srcOffset": end, "dstOffset": offset, "size": raw.size})
             end += raw.size
         if not regions:
             return 0
         fn = self._device.fn
-        copies = vk.array("VkBufferCopy", regions)
-        fn.vkCmdCopyBuffer(commands, held.staging.handle, target.handle, len(regions), copies)
+        for page, copies in regions.items():
+            target = self._resources.buffers.get(copy[page]).handle
+            fn.vkCmdCopyBuffer(
+                commands, held.staging.handle, target, len(copies), vk.array("VkBufferCopy", copies)
+            )
         write = (vk.VK_PIPELINE_STAGE_2_ALL_TRANSFER_BIT, vk.VK_ACCESS_2_TRANSFER_WRITE_BIT)
-        read = (vk.VK_PIPELINE_STAGE_2_VERTEX_INPUT_BIT, vk.VK_ACCESS_2_VERTEX_ATTRIBUTE_READ_BIT)
+        # Indices lie in the same buffer: nobody sees from outside which of its bytes an indirect draw reads.
+        read = (
+            vk.VK_PIPELINE_STAGE_2_VERTEX_SHADER_BIT | vk.VK_PIPELINE_STAGE_2_INDEX_INPUT_BIT,
+            vk.VK_ACCESS_2_SHADER_STORAGE_READ_BIT | vk.VK_ACCESS_2_INDEX_READ_BIT,
+        )
         fn.vkCmdPipelineBarrier2(commands, barriers(memory=(*write, *read)))
         held.written["deformed"] = key
         return end
+
+    def close(self) -> None:
+        """Free the set of all textures; everything else belongs to the resources and the descriptors."""
+        self._textures.close()

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Mapping
 
 from backends.vulkan import api as vk
 from backends.vulkan.resources import Image
 from backends.vulkan.upload import Uploader
 from common.pools import Handle
-from common.scene import Scene, TextureRef
+from common.scene import Scene
 
 from ..logic import texels
 from .resources import Resources
@@ -27,13 +27,12 @@ class Textures:
     def __len__(self) -> int:
         return len(self._images)
 
-    def get(self, role: str, texture: TextureRef | None) -> Image:
-        """Return the image that `texture` in `role` reads."""
-        return self._resources.images.get(self._images[texels.key_of(role, texture)])
+    def get(self, key: texels.Key) -> Image:
+        """Return the image that is read as `key` says."""
+        return self._resources.images.get(self._images[key])
 
-    def keep(self, uploader: Uploader, used: Iterable[tuple[str, TextureRef | None]]) -> None:
-        """Upload what is missing for (role, texture) in `used`, and give up what is not in it."""
-        wanted = {texels.key_of(role, texture): role for role, texture in used}
+    def keep(self, uploader: Uploader, wanted: Mapping[texels.Key, str]) -> None:
+        """Upload what is missing of `wanted`, images with a role that reads them, and give up what is not in it."""
         for key, role in wanted.items():
             if key not in self._images:
                 self._images[key] = self._upload(uploader, role, key)
@@ -51,7 +50,13 @@ class Textures:
             usage |= vk.VK_IMAGE_USAGE_STORAGE_BIT
         height, width = made.pixels.shape[:2]
         handle = self._resources.image(
-            made.format, (width, height), usage, made.name, levels=made.levels, view_format=made.view_format
+            made.format,
+            (width, height),
+            usage,
+            made.name,
+            levels=made.levels,
+            view_format=made.view_format,
+            swizzle=made.swizzle,
         )
         uploader.image(self._resources.images.get(handle), made.pixels, srgb=made.srgb)
         return handle

@@ -31,12 +31,12 @@ class DefaultLight:
         """Return the pose in which the light stands a little above and beside the camera's shoulder."""
         if not self.on:
             return pose
-        nodes = pose.world_from_node.copy() if len(pose.world_from_node) else np.eye(4)[None]
         right, up, back = view.world_from_view[:3, :3].T
-        # Of the light's node only its -z axis matters, along which it shines.
-        nodes[0] = np.eye(4)
-        nodes[0, :3, 2] = back + 0.5 * up + 0.3 * right
-        return replace(pose, world_from_node=nodes)
+        # Of the light's node only its -z axis matters, along which it shines. Nobody asks for the other nodes from here
+        # on: where objects are is known, and copying every node every frame is what a large scene would feel.
+        node = np.eye(4)
+        node[:3, 2] = back + 0.5 * up + 0.3 * right
+        return replace(pose, world_from_node=node[None])
 
     def ambient(self) -> float:
         """Return the luminance that arrives from everywhere, in nits."""

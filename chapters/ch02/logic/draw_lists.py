@@ -1,10 +1,14 @@
-"""The scene's draws, sorted into lists that passes record: solid objects by state, transparent ones apart."""
+"""The scene's draws as the GPU reads them: one record each, in lists whose draws share all state.
+
+A record of 20 bytes says what one draw is; a list of them is one call, however many objects it draws. The records
+change when objects appear, vanish or turn into their mirror image. The camera changes only the order of what is
+transparent, so a frame costs the CPU the same for ten objects and for a hundred thousand.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,79 +16,117 @@ from common.scene import Scene
 
 from .packing import Variant
 
-
-class Range(NamedTuple):
-    """The indices of one draw: how many, and where the first index and the first vertex lie in the shared buffer."""
-
-    instance: int
-    index_count: int
-    first_index: int
-    first_vertex: int
-
-
-MakeGroup = Callable[[Sequence[Range], int, bool], Any]
-"""Makes a backend's group (a dataclass with a list `draws`, one for each range) of a material; bool: mirrored."""
+COMMAND = np.dtype(
+    [
+        ("index_count", np.uint32),
+        ("instance_count", np.uint32),
+        ("first_index", np.uint32),
+        ("vertex_offset", np.int32),
+        ("first_instance", np.uint32),
+    ]
+)
+"""VkDrawIndexedIndirectCommand, which is OpenGL's DrawElementsIndirectCommand too."""
 
 
-@dataclass
+@dataclass(frozen=True)
+class Batch:
+    """Draws [first, first + count) of the list of records, which share all state: they are one call.
+
+    `material` is one of their materials, and stands for the variant of all of them. `textures` is the number of the
+    set of textures that they sample.
+    """
+
+    material: int
+    mirrored: bool
+    page: int
+    textures: int
+    first: int
+    count: int
+    triangles: int
+
+
+@dataclass(frozen=True)
 class DrawLists:
-    """`solid` groups are drawn in any order; `transparent` ones, one per object, farthest first."""
+    """`commands` (D,) COMMAND: first those of the `solid` batches, then one for each transparent instance.
 
-    solid: list[Any]
-    solid_instances: list[np.ndarray]  # for each group (G,) the instances of its draws
-    transparent: list[Any]
-    transparent_instances: np.ndarray  # (B,) the instances of `transparent`
+    Transparent ones stand in the order of the scene; `in_order` returns them in that of a frame. Rows of `states`
+    (B, 4) are material, mirrored, page and textures of each, as in a `Batch`.
+    """
 
-    def nearest_first(self, depth: np.ndarray) -> DrawLists:
-        """Return the lists with the draws of each solid group sorted by `depth` (I,), which grows away from the eye.
+    commands: np.ndarray
+    solid: tuple[Batch, ...]
+    transparent: np.ndarray  # (B,) instances
+    states: np.ndarray
 
-        What is hidden then fails its depth test before it is shaded. Groups keep their order: a change of state costs
-        more than what sorting across them would save.
-        """
-        groups, instances = [], []
-        for group, members in zip(self.solid, self.solid_instances, strict=True):
-            if len(members) > 1:
-                order = np.argsort(depth[members], kind="stable")
-                members = members[order]
-                group = replace(group, draws=[group.draws[place] for place in order.tolist()])
-            groups.append(group)
-            instances.append(members)
-        return replace(self, solid=groups, solid_instances=instances)
+    def in_order(self, order: np.ndarray) -> tuple[np.ndarray, list[Batch]]:
+        """Return the transparent instances' records in `order` (B,), and their batches: runs of equal state."""
+        first = len(self.commands) - len(self.transparent)
+        ordered = self.commands[first:][order]
+        return ordered, _batches(ordered, self.states[order], first)
 
 
-NOTHING = DrawLists([], [], [], np.zeros(0, np.int64))
+NOTHING = DrawLists(np.zeros(0, COMMAND), (), np.zeros(0, np.int64), np.zeros((0, 4), np.int64))
 
 
 def build_draw_lists(
-    scene: Scene, variants: Sequence[Variant], mirrored: np.ndarray, make_group: MakeGroup
+    scene: Scene,
+    variants: Sequence[Variant],
+    mirrored: np.ndarray,
+    page_of: np.ndarray,
+    first_index: np.ndarray,
+    textures_of: np.ndarray,
 ) -> DrawLists:
-    """Return the lists of what is visible; `mirrored` (I,) bool says whose front faces wind the other way."""
+    """Return the lists of what is visible.
+
+    `mirrored` (I,) bool says whose front faces wind the other way, `page_of` and `first_index` (M,) where a mesh's
+    indices lie, `textures_of` (materials,) which set of textures a material samples.
+    """
     meshes = scene.meshes
-    solid: dict[tuple[Any, ...], list[int]] = {}
-    transparent: list[int] = []
-    for instance in np.flatnonzero(scene.instances.visible).tolist():
-        mesh = meshes[scene.instances.mesh[instance]]
-        if not mesh["index_count"]:
-            continue
-        material = int(mesh["material"])
-        variant = variants[material]
-        if variant.alpha_mode == "blend":
-            transparent.append(instance)
-        else:
-            # Masked objects after opaque ones: what is hidden by then needs no texture fetch to be discarded.
-            order = (variant.alpha_mode == "mask", variant.defines, material, bool(mirrored[instance]))
-            solid.setdefault(order, []).append(instance)
+    mesh = scene.instances.mesh
+    drawn = np.flatnonzero(scene.instances.visible & (meshes["index_count"][mesh] > 0))
+    mesh = mesh[drawn]
+    material = meshes["material"][mesh].astype(np.int64)
+    # Materials that are drawn alike share a rank, in the order in which they are drawn: masked ones after opaque ones,
+    # since what is hidden by then needs no texture fetch to be discarded.
+    first_of: dict[_Alike, int] = {}
+    for number, variant in enumerate(variants):
+        first_of.setdefault(_alike(variant), number)
+    ranks = {key: rank for rank, key in enumerate(sorted(first_of))}
+    rank = np.array([ranks[_alike(variant)] for variant in variants], np.int64)[material]
+    named = np.array([first_of[_alike(variant)] for variant in variants], np.int64)[material]
+    states = np.stack([named, mirrored[drawn], page_of[mesh], textures_of[material]], axis=1).astype(np.int64)
+    commands = np.zeros(len(drawn), COMMAND)
+    commands["index_count"] = meshes["index_count"][mesh]
+    commands["instance_count"] = 1
+    commands["first_index"] = first_index[mesh]
+    commands["first_instance"] = drawn
 
-    def ranges(instances: list[int]) -> list[Range]:
-        found = meshes[scene.instances.mesh[instances]]
-        columns = (found[name].tolist() for name in ("index_count", "first_index", "first_vertex"))
-        return [Range(*row) for row in zip(instances, *columns, strict=True)]
+    through = np.array([variant.alpha_mode == "blend" for variant in variants], bool)[material]
+    solid, clear = np.flatnonzero(~through), np.flatnonzero(through)
+    # The last key is the first to sort by. The sort is stable, and so the scene's order stays within a batch.
+    solid = solid[np.lexsort((*states[solid, 1:].T, rank[solid]))]
+    batches = _batches(commands[solid], states[solid], 0)
+    return DrawLists(commands[np.r_[solid, clear]], tuple(batches), drawn[clear], states[clear])
 
-    ordered = sorted(solid.items())
-    groups = [make_group(ranges(instances), order[2], order[3]) for order, instances in ordered]
-    single = [
-        make_group(ranges([i]), int(meshes["material"][scene.instances.mesh[i]]), bool(mirrored[i]))
-        for i in transparent
+
+_Alike = tuple[bool, tuple[tuple[str, int], ...], bool]
+
+
+def _alike(variant: Variant) -> _Alike:
+    return variant.alpha_mode == "mask", variant.defines, variant.double_sided
+
+
+def _batches(commands: np.ndarray, states: np.ndarray, offset: int) -> list[Batch]:
+    """Return the runs of equal rows of `states`; `offset` is the first draw's place in the list."""
+    if not len(commands):
+        return []
+    starts = np.flatnonzero(np.r_[True, (states[1:] != states[:-1]).any(axis=1)])
+    counts = np.diff(np.r_[starts, len(commands)])
+    triangles = np.add.reduceat(commands["index_count"].astype(np.int64), starts) // 3
+    columns = (starts.tolist(), counts.tolist(), triangles.tolist())
+    return [
+        Batch(material, bool(mirror), page, textures, offset + first, count, total)
+        for (material, mirror, page, textures), first, count, total in zip(
+            states[starts].tolist(), *columns, strict=True
+        )
     ]
-    members = [np.array(instances, np.int64) for _, instances in ordered]
-    return DrawLists(groups, members, single, np.array(transparent, np.int64))

@@ -17,6 +17,7 @@ MATERIAL = np.dtype(
         ("emissive", np.float32, 4),
         ("factors", np.float32, 4),
         ("uv_rows", np.float32, (10, 4)),
+        ("maps", np.uint32, 8),
     ]
 )
 LIGHT = np.dtype(
@@ -33,7 +34,7 @@ LIGHT = np.dtype(
 LIGHT_KINDS = {"point": 0, "spot": 1, "directional": 2}
 
 ROLES = ("base_color", "metallic_roughness", "normal", "occlusion", "emissive")
-"""Texture roles in the order of their bindings."""
+"""Texture roles in the order of their numbers in a material's record."""
 
 LARGEST = float(np.finfo(np.float32).max)
 NEAREST_END, FARTHEST = 1e18, 1e19
@@ -104,9 +105,10 @@ def shape_alone(variant: Variant) -> Variant:
     return replace(variant, defines=tuple(needed), roles=("base_color",) if textured else ())
 
 
-def pack_materials(materials: list[Material]) -> np.ndarray:
-    """Return (M,) MATERIAL records."""
+def pack_materials(materials: list[Material], maps: np.ndarray) -> np.ndarray:
+    """Return (M,) MATERIAL records; `maps` (M, 8) uint32 says which texture each role samples, see textures.glsl."""
     records = np.zeros(len(materials), MATERIAL)
+    records["maps"] = maps
     for record, material in zip(records, materials, strict=True):
         record["base_color"] = material.base_color
         record["emissive"] = (*np.clip(material.emissive, 0.0, LARGEST), material.alpha_cutoff)

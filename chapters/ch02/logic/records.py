@@ -54,6 +54,10 @@ class Records:
         self._previous_pose: Pose | None = None
         self.instances = np.zeros(0, layouts.dtype("Instance"))
         """The records that were written last."""
+        self.revision = 0
+        """Grows whenever `instances` are other ones: who derives something from them need not look at them all."""
+        self.maps = np.zeros((len(scene.materials), 8), np.uint32)
+        """Which texture each role of each material samples."""
 
     def forget_pose(self) -> None:
         """Let the next frame be the first: nothing has a previous transform."""
@@ -76,9 +80,10 @@ class Records:
             moved = bool((records["flags"] & layouts.INSTANCE_MOVED).any())
             slot.written["instances"] = (key, "moving" if moved else "settled")
             self.instances = records
+            self.revision += 1
         self._previous_pose = pose
         if slot.written.get("materials") != revisions[Change.MATERIALS]:
-            records = packing.pack_materials(scene.materials)
+            records = packing.pack_materials(scene.materials, self.maps)
             slot.materials.view(records.dtype)[: len(records)] = records
             written += records.nbytes
             slot.written["materials"] = revisions[Change.MATERIALS]

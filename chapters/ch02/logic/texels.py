@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,12 +21,21 @@ NEUTRAL = {
 }
 
 Key = tuple[Any, ...]
-"""Equal keys are one image on the GPU: the scene's image, as colour (sRGB) or as data, with or without mip levels."""
+"""Equal keys are one image on the GPU: the scene's image, as colour (sRGB) or as data, with or without mip levels.
+
+One of `texture_reads` also says which channels of it anybody reads.
+"""
+
+READ = {"metallic_roughness": "gb", "occlusion": "r"}
+"""The channels that a role reads, where it does not read colour."""
+
+NARROW = {"r": ("r8", "r001", [0]), "gb": ("rg8", "0rg1", [1, 2])}
+"""Channels that are read -> (format that holds no others, how it is seen, which columns of the pixels it holds)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Texels:
-    """Pixels (H, W, 4) of level 0 as the GPU takes them. `view_format` is how they are sampled, if otherwise."""
+    """Pixels (H, W, C) of level 0 as the GPU takes them. `view_format` is how they are sampled, if otherwise."""
 
     name: str
     pixels: np.ndarray
@@ -34,6 +43,35 @@ class Texels:
     view_format: str | None
     levels: int
     srgb: bool  # whether mip levels average the light that the codes stand for
+    swizzle: str = "rgba"
+
+
+class Shape(NamedTuple):
+    """What images must have in common to be layers of one: size, formats, levels; see `Texels`."""
+
+    width: int
+    height: int
+    format: str
+    view_format: str | None
+    levels: int
+    swizzle: str = "rgba"
+
+
+def shape_of(scene: Scene, key: Key) -> Shape:
+    """Return the shape of the pixels that `texels_of` returns for `key`."""
+    if key[0] == "neutral":
+        return Shape(1, 1, "rgba16f", None, 1)
+    _, number, srgb, mipmapped, channels = key
+    pixels = scene.images[number].pixels
+    height, width = pixels.shape[:2]
+    levels = max(height, width).bit_length() if mipmapped else 1
+    if pixels.dtype != np.uint8:
+        # Sixteen bits do not fit into eight; half precision keeps eleven of them and is filtered everywhere.
+        return Shape(width, height, "rgba16f", None, levels)
+    if channels in NARROW:
+        format, swizzle, _ = NARROW[channels]
+        return Shape(width, height, format, None, levels, swizzle)
+    return Shape(width, height, "rgba8", "rgba8_srgb" if srgb else None, levels)
 
 
 def key_of(role: str, texture: TextureRef | None) -> Key:
@@ -60,13 +98,13 @@ def texels_of(scene: Scene, role: str, key: Key, mended: bool = True) -> Texels:
     if key[0] == "neutral":
         pixels = np.array(key[1], np.float16).reshape(1, 1, 4)
         return Texels(f"neutral {role}", pixels, "rgba16f", None, 1, False)
-    _, number, srgb, mipmapped = key
-    image = scene.images[number]
-    levels = max(image.pixels.shape[:2]).bit_length() if mipmapped else 1
+    _, number, srgb, _, channels = key
+    image, shape = scene.images[number], shape_of(scene, key)
     if image.pixels.dtype != np.uint8:
-        # Sixteen bits do not fit into eight; half precision keeps eleven of them and is filtered everywhere.
-        return Texels(image.name, half_texels(image.pixels, srgb, mended), "rgba16f", None, levels, False)
-    return Texels(image.name, image.pixels, "rgba8", "rgba8_srgb" if srgb else None, levels, srgb)
+        half = half_texels(image.pixels, srgb, mended)
+        return Texels(image.name, half, shape.format, None, shape.levels, False)
+    held = image.pixels[..., NARROW[channels][2]] if channels in NARROW else image.pixels
+    return Texels(image.name, held, shape.format, shape.view_format, shape.levels, srgb, shape.swizzle)
 
 
 def half_texels(pixels: np.ndarray, srgb: bool, mended: bool = True) -> np.ndarray:

@@ -2,28 +2,26 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from backends.contract import Access
-from common import layouts
+from backends.vulkan import api as vk
 from common.scene import Scene
 
-from ..graphics.commands import Commands
+from ..graphics.commands import Commands, DrawGroup
 from ..graphics.pipelines import Built, GraphicsPipeline, Pipelines
 from ..graphics.scene_data import SceneData
-from ..logic import packing, views
-from ..logic.draw_lists import NOTHING
+from ..logic import views
+from ..logic.draw_lists import Batch
 from ..logic.packing import Variant
 from ..logic.samples import coverage_defines
+from ..logic.scene_draws import SceneDraws
 from ..settings import Settings
-from .scene_draws import DrawListBuilder
 from .sky import Sky
 
 
 class ForwardPass:
-    """Opaque objects, then alpha-masked ones, the nearest first; then transparent ones from the farthest on."""
+    """Opaque objects, then alpha-masked ones, in the order of the scene; then transparent ones from the farthest on."""
 
     name = "forward"
 
@@ -39,14 +37,12 @@ class ForwardPass:
             Access(color, "color", format=settings.color_format, clear=clear, samples=samples),
             Access(depth, "depth", format="d32f", clear=(0.0,), samples=samples),
         )
-        self._builder = DrawListBuilder(scene, data)
-        self._sky = Sky(settings, data, pipelines) if Sky.needed(scene, settings) else None
-        self._key: Any = None
-        self.lists = self._unsorted = NOTHING
-        self.frame_set: Any = None
-        self.geometry: Any = None
+        self._sky = Sky(settings, pipelines) if Sky.needed(scene, settings) else None
+        self._draws = SceneDraws(scene, data)
+        self._groups: dict[tuple[int, Batch], DrawGroup] = {}
         self.used: list[int] = []
-        self.order: list[int] = []
+        self.built: list[Built] = []
+        self.slot = 0
 
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:
@@ -57,9 +53,11 @@ class ForwardPass:
         """Return the pipeline that draws materials of `variant`."""
         return GraphicsPipeline(
             shaders=("forward.vert", "forward.frag"),
-            set_layouts=self._data.set_layouts(variant),
-            defines=variant.defines + coverage_defines(variant, self._settings),
-            streams=self._data.vertex_streams(variant),
+            defines=(
+                *variant.defines,
+                *self._data.texture_defines(variant.roles),
+                *coverage_defines(variant, self._settings),
+            ),
             color=self._settings.color_format,
             depth=views.depth_use(self._settings, variant),
             blend=views.blending(self._settings, variant),
@@ -70,37 +68,50 @@ class ForwardPass:
     def create(self) -> None:
         """Build the pipelines of all materials that are drawn, and no other; again when one became another kind."""
         self.used = np.unique(self._scene.meshes["material"][self._scene.instances.mesh]).tolist()
-        self._pipelines.get([self.describe(self._data.variants[material]) for material in self.used])
+        self.built = self._pipelines.get([self.describe(self._data.variants[one]) for one in self.used])
         if self._sky is not None:
-            self._sky.create()
-        self._key = None
+            self.built.append(self._sky.create())
+        self._draws.forget()
+        self._groups.clear()
 
-    def prepare(self, slot: int, view_from_world: np.ndarray, instances: np.ndarray, visibility: int) -> None:
-        """Choose what this frame draws and in which order. `instances` are the packed records of the slot."""
-        mirrored = (instances["flags"] & layouts.INSTANCE_MIRRORED) != 0
-        key = (visibility, mirrored.tobytes())
-        if key != self._key:
-            self._unsorted = self._builder.build(mirrored, self._pipeline)
-            self._key = key
-        self.frame_set = self._data.frame_sets[slot]
-        self.geometry = self._data.bound_geometry(slot)
-        # Sorted from the scene's order every time: what stands at one depth must not depend on the frame before.
-        self.lists = self._unsorted.nearest_first(
-            packing.view_depth(instances["bounds_centre"][:, :3], view_from_world)
-        )
-        some = self.lists.transparent_instances
-        if len(some):
-            centers = instances["bounds_centre"][some, :3]
-            self.order = packing.back_to_front(centers, view_from_world).tolist()
+    def prepare(self, slot: int, view_from_world: np.ndarray) -> int:
+        """Choose what this frame draws and in which order, and write it to the slot; return the bytes written."""
+        self.slot = slot
+        return self._draws.prepare(slot, view_from_world)
 
-    def _pipeline(self, variant: Variant) -> Built:
-        return self._pipelines.get([self.describe(variant)])[0]
+    @property
+    def visible(self) -> int:
+        """How many instances of the scene are visible."""
+        return self._draws.visible
+
+    @property
+    def solid(self) -> list[DrawGroup]:
+        """What this frame draws of opaque and masked objects."""
+        return [self._group(batch) for batch in self._draws.solid]
+
+    def _group(self, batch: Batch) -> DrawGroup:
+        """Return a batch with everything that has to be bound for it; looked up, since batches last."""
+        key = (self.slot, batch)
+        if key not in self._groups:
+            data = self._data
+            variant = data.variants[batch.material]
+            page_set, index_buffer = data.bound_page(self.slot, batch.page)
+            self._groups[key] = DrawGroup(
+                batch=batch,
+                pipeline=self._pipelines.get([self.describe(variant)])[0],
+                cull=vk.VK_CULL_MODE_NONE if variant.double_sided else vk.VK_CULL_MODE_BACK_BIT,
+                front=vk.VK_FRONT_FACE_CLOCKWISE if batch.mirrored else vk.VK_FRONT_FACE_COUNTER_CLOCKWISE,
+                page_set=page_set,
+                index_buffer=index_buffer,
+                texture_set=data.texture_set(batch.textures) if variant.roles else None,
+            )
+        return self._groups[key]
 
     def record(self, commands: Commands) -> None:
         """Record the draws of this frame."""
-        commands.bind_geometry(*self.geometry)
-        commands.draw_groups(self.lists.solid, self.frame_set)
+        frame_set, records = self._data.frame_set(self.slot), self._data.slots[self.slot].commands
+        commands.draw_groups(self.solid, frame_set, records)
         if self._sky is not None:
-            self._sky.record(commands, self.frame_set)
-        if self.lists.transparent:
-            commands.draw_groups([self.lists.transparent[index] for index in self.order], self.frame_set)
+            self._sky.record(commands, frame_set)
+        transparent = [self._group(batch) for batch in self._draws.transparent(self.slot)]
+        commands.draw_groups(transparent, frame_set, records)

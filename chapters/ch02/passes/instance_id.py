@@ -29,6 +29,7 @@ class InstanceIdPass:
     def __init__(self, forward: ForwardPass, data: SceneData, pipelines: Pipelines) -> None:
         self._forward, self._data, self._pipelines = forward, data, pipelines
         self._made: dict[int, Built] = {}
+        self.built: list[Built] = []
         own_depth = forward.writes[1].resource != "depth"
         ids = Access("instance_id", "color", format="r32ui", clear=(0, 0, 0, 0))
         depth = Access("depth", "depth", format="d32f", clear=(0.0,))
@@ -45,10 +46,7 @@ class InstanceIdPass:
         needed = shape_alone(variant)
         return GraphicsPipeline(
             shaders=("forward.vert", "instance_id.frag"),
-            # The set of a material is bound as the forward pass made it, with roles that nobody reads here.
-            set_layouts=self._data.set_layouts(variant if needed.roles else needed),
-            defines=needed.defines,
-            streams=self._data.vertex_streams(needed),
+            defines=(*needed.defines, *self._data.texture_defines(needed.roles)),
             color="r32ui",
             depth=self._depth,
             name="instance id",
@@ -58,15 +56,16 @@ class InstanceIdPass:
         """Build the pipelines of solid materials that are drawn: one for all that are opaque."""
         variants = self._data.variants
         solid = [material for material in self._forward.used if variants[material].alpha_mode != "blend"]
-        made = self._pipelines.get([self._describe(variants[material]) for material in solid])
-        self._made = dict(zip(solid, made, strict=True))
+        self.built = self._pipelines.get([self._describe(variants[material]) for material in solid])
+        self._made = dict(zip(solid, self.built, strict=True))
 
     def _group(self, group: DrawGroup) -> DrawGroup:
-        textures = group.material_set if shape_alone(self._data.variants[group.material]).roles else None
-        return replace(group, pipeline=self._made[group.material], material_set=textures)
+        material = group.batch.material
+        textures = group.texture_set if shape_alone(self._data.variants[material]).roles else None
+        return replace(group, pipeline=self._made[material], texture_set=textures)
 
     def record(self, commands: Commands) -> None:
         """Record the forward pass's solid draws with the id's pipelines."""
-        commands.bind_geometry(*self._forward.geometry)
-        groups = [self._group(group) for group in self._forward.lists.solid]
-        commands.draw_groups(groups, self._forward.frame_set)
+        slot = self._forward.slot
+        groups = [self._group(group) for group in self._forward.solid]
+        commands.draw_groups(groups, self._data.frame_set(slot), self._data.slots[slot].commands)

@@ -9,11 +9,9 @@ from backends.vulkan import api as vk
 from common.scene import Scene
 
 from ..graphics.commands import Commands
-from ..graphics.descriptors import Descriptors
 from ..graphics.pipelines import GraphicsPipeline, Pipelines
 from ..logic.samples import resolve_defines
 from ..settings import Settings
-from .tonemap import BINDINGS
 
 
 class ResolvePass:
@@ -25,8 +23,8 @@ class ResolvePass:
 
     name = "resolve"
 
-    def __init__(self, settings: Settings, descriptors: Descriptors, pipelines: Pipelines) -> None:
-        self._settings, self._descriptors, self._pipelines = settings, descriptors, pipelines
+    def __init__(self, settings: Settings, pipelines: Pipelines) -> None:
+        self._settings, self._pipelines = settings, pipelines
         self.reads = (Access("color_msaa", "sampled", samples=settings.msaa),)
         self.writes = (Access("color_hdr", "color", format=settings.color_format),)
         self.source_set: Any = None
@@ -38,11 +36,10 @@ class ResolvePass:
 
     def create(self) -> None:
         """Build the pipeline."""
-        self._pipeline = self._pipelines.get(
+        self.pipeline = self._pipelines.get(
             [
                 GraphicsPipeline(
                     shaders=("fullscreen.vert", "resolve.frag"),
-                    set_layouts=(self._descriptors.layout(BINDINGS),),
                     defines=resolve_defines(self._settings),
                     color=self._settings.color_format,
                     depth=None,
@@ -53,6 +50,6 @@ class ResolvePass:
 
     def record(self, commands: Commands) -> None:
         """Record the triangle."""
-        commands.bind_pipeline(self._pipeline, vk.VK_CULL_MODE_NONE, vk.VK_FRONT_FACE_COUNTER_CLOCKWISE)
-        commands.bind_set(self._pipeline, 0, self.source_set)
+        commands.bind_pipeline(self.pipeline, vk.VK_CULL_MODE_NONE, vk.VK_FRONT_FACE_COUNTER_CLOCKWISE)
+        commands.bind_set(self.pipeline, 0, self.source_set)
         commands.draw_fullscreen()

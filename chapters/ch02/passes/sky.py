@@ -6,8 +6,7 @@ from backends.vulkan import api as vk
 from common.scene import Scene
 
 from ..graphics.commands import Commands
-from ..graphics.pipelines import GraphicsPipeline, Pipelines
-from ..graphics.scene_data import SceneData
+from ..graphics.pipelines import Built, GraphicsPipeline, Pipelines
 from ..logic import environment
 from ..logic.views import PICTURE
 from ..settings import Settings
@@ -16,25 +15,25 @@ from ..settings import Settings
 class Sky:
     """One triangle at infinity. It is a part of the forward pass: behind what is solid, before what is transparent."""
 
-    def __init__(self, settings: Settings, data: SceneData, pipelines: Pipelines) -> None:
-        self._settings, self._data, self._pipelines = settings, data, pipelines
+    def __init__(self, settings: Settings, pipelines: Pipelines) -> None:
+        self._settings, self._pipelines = settings, pipelines
 
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:
         """Whether there is an environment, and it is to be seen: a view shows surfaces alone."""
         return settings.sky and settings.view == PICTURE and environment.needed(scene, settings)
 
-    def create(self) -> None:
-        """Build the pipeline."""
+    def create(self) -> Built:
+        """Build the pipeline and return it."""
         described = GraphicsPipeline(
             shaders=("fullscreen.vert", "sky.frag"),
-            set_layouts=(self._data.frame_layout,),
             color=self._settings.color_format,
             depth="test",
             samples=self._settings.msaa,
             name="sky",
         )
         self._pipeline = self._pipelines.get([described])[0]
+        return self._pipeline
 
     def record(self, commands: Commands, frame_set: object) -> None:
         """Record the triangle."""

@@ -9,12 +9,9 @@ from backends.vulkan import api as vk
 from common.scene import Scene
 
 from ..graphics.commands import Commands
-from ..graphics.descriptors import Binding, Descriptors
 from ..graphics.pipelines import GraphicsPipeline, Pipelines
 from ..logic.views import tonemap_defines
 from ..settings import Settings
-
-BINDINGS = (Binding(0, "texture", vk.VK_SHADER_STAGE_FRAGMENT_BIT),)
 
 
 class TonemapPass:
@@ -24,8 +21,8 @@ class TonemapPass:
     reads = (Access("color_hdr", "sampled"),)
     writes = (Access("color", "color", format="rgba8"),)
 
-    def __init__(self, settings: Settings, descriptors: Descriptors, pipelines: Pipelines) -> None:
-        self._settings, self._descriptors, self._pipelines = settings, descriptors, pipelines
+    def __init__(self, settings: Settings, pipelines: Pipelines) -> None:
+        self._settings, self._pipelines = settings, pipelines
         self.source_set: Any = None
 
     @staticmethod
@@ -35,11 +32,10 @@ class TonemapPass:
 
     def create(self) -> None:
         """Build the pipeline."""
-        self._pipeline = self._pipelines.get(
+        self.pipeline = self._pipelines.get(
             [
                 GraphicsPipeline(
                     shaders=("fullscreen.vert", "tonemap.frag"),
-                    set_layouts=(self._descriptors.layout(BINDINGS),),
                     defines=tonemap_defines(self._settings),
                     color="rgba8",
                     depth=None,
@@ -50,6 +46,6 @@ class TonemapPass:
 
     def record(self, commands: Commands) -> None:
         """Record the triangle."""
-        commands.bind_pipeline(self._pipeline, vk.VK_CULL_MODE_NONE, vk.VK_FRONT_FACE_COUNTER_CLOCKWISE)
-        commands.bind_set(self._pipeline, 0, self.source_set)
+        commands.bind_pipeline(self.pipeline, vk.VK_CULL_MODE_NONE, vk.VK_FRONT_FACE_COUNTER_CLOCKWISE)
+        commands.bind_set(self.pipeline, 0, self.source_set)
         commands.draw_fullscreen()

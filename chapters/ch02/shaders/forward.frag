@@ -5,20 +5,9 @@
 #include "finite.glsl"
 #ifdef SHADED
 #include "brdf.glsl"
-#include "lights.glsl"
 #endif
 #ifdef ENVIRONMENT
 #include "ibl.glsl"
-layout(BIND(0, 4, 5)) uniform samplerCube environment_radiance;
-layout(BIND(0, 5, 6)) uniform samplerCube environment_irradiance;
-layout(BIND(0, 6, 7)) uniform sampler2D environment_table;
-#endif
-
-#ifdef LIT
-layout(BIND(0, 3, 2), std430) readonly buffer Lights_ {
-    uvec4 light_count;  // x
-    Light lights[];
-};
 #endif
 
 layout(location = 0) in vec3 in_position;
@@ -41,6 +30,7 @@ const vec2 in_uv1 = vec2(0.0);
 #ifdef VERTEX_COLOR
 layout(location = 5) in vec4 in_color;
 #endif
+layout(location = 6) flat in uint in_instance;
 
 layout(location = 0) out vec4 out_color;
 
@@ -75,7 +65,7 @@ vec3 shading_normal(Material material, vec3 view) {
 #endif
 
 void main() {
-    Instance instance = instances[push.draw.x];
+    Instance instance = instances[in_instance];
     Material material = materials[instance.material];
 
     vec4 base = material.base_color;

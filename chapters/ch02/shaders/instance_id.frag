@@ -16,12 +16,13 @@ const vec2 in_uv1 = vec2(0.0);
 #ifdef VERTEX_COLOR
 layout(location = 5) in vec4 in_color;
 #endif
+layout(location = 6) flat in uint in_instance;
 
 layout(location = 0) out uint out_id;
 
 void main() {
 #ifdef ALPHA_MASK
-    Material material = materials[instances[push.draw.x].material];
+    Material material = materials[instances[in_instance].material];
     float alpha = material.base_color.a;
 #ifdef VERTEX_COLOR
     alpha *= in_color.a;
@@ -33,5 +34,5 @@ void main() {
         discard;
     }
 #endif
-    out_id = push.draw.x + 1u;
+    out_id = in_instance + 1u;
 }

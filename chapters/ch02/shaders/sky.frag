@@ -5,8 +5,6 @@
 #include "environment.glsl"
 #include "finite.glsl"
 
-layout(BIND(0, 4, 5)) uniform samplerCube environment_radiance;
-
 layout(location = 0) in vec2 in_uv;
 layout(location = 0) out vec4 out_color;
 

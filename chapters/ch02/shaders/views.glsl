@@ -68,7 +68,7 @@ float shown_depth() {
 #if VIEW == VIEW_MIP_LEVEL
 float shown_level(Material material) {
 #ifdef BASE_COLOR_MAP
-    return textureQueryLod(base_color_map, image_uv(material, 0, in_uv0, in_uv1)).x;
+    return sampled_level(base_color_map, image_uv(material, 0, in_uv0, in_uv1));
 #else
     return -1.0;  // grey, see tonemap.frag
 #endif
@@ -126,7 +126,7 @@ vec3 shown(Material material, vec3 base, vec3 to_eye) {
 #elif VIEW == VIEW_MIP_LEVEL
     return vec3(shown_level(material));
 #elif VIEW == VIEW_TRIANGLE_ID
-    return id_color(part_id(push.draw.x, uint(gl_PrimitiveID)));
+    return id_color(part_id(in_instance, uint(gl_PrimitiveID)));
 #elif VIEW == VIEW_OVERDRAW
     return vec3(1.0);
 #elif VIEW == VIEW_LIGHT_COUNT
