@@ -124,7 +124,7 @@ class Renderer(FrameStream):
         self._descriptors = Descriptors(device)
         self._profiler = Profiler(device)
         self._begin_stream()
-        self._commands = Commands(device)
+        self._commands = Commands(device, self.plan.native("multi-draw"))
         anisotropy = settings.anisotropy if self.plan.native("anisotropy") else 1.0
         bindless = self.plan.native("bindless")
         self._data = SceneData(

@@ -47,8 +47,8 @@ class Rendering:
 class Commands:
     """Makes the calls of one frame, and counts what it draws."""
 
-    def __init__(self, context: Context, pipelines: Pipelines) -> None:
-        self._context, self._pipelines = context, pipelines
+    def __init__(self, context: Context, pipelines: Pipelines, multi_draw: bool) -> None:
+        self._context, self._pipelines, self._multi_draw = context, pipelines, multi_draw
         self.slot: FrameSlot
         self.work: dict[str, int] = {}
 
@@ -90,7 +90,7 @@ class Commands:
         """Draw all of `groups` in order, with their records in `records`; without multi-draw, record by record."""
         context, fn = self._context, self._context.fn
         fn.glBindBuffer(gl.GL_DRAW_INDIRECT_BUFFER, records.handle)
-        several, size = context.has("multi-draw"), COMMAND.itemsize
+        several, size = self._multi_draw, COMMAND.itemsize
         bound: tuple[Any, bool, str] | None = None
         textures: Textures = ()
         vertex_array = 0

@@ -114,7 +114,7 @@ class Renderer(FrameStream):
         self._begin_stream()
         anisotropy = settings.anisotropy if self.plan.native("anisotropy") else 1.0
         self._data = SceneData(context, scene, settings, anisotropy)
-        self._commands = Commands(context, self._pipelines)
+        self._commands = Commands(context, self._pipelines, self.plan.native("multi-draw"))
         self._forward = ForwardPass(scene, settings, self._data, self._pipelines)
         self._instance_id = InstanceIdPass(self._forward, self._data, self._pipelines)
         self._resolve = ResolvePass(settings, self._data, self._pipelines)

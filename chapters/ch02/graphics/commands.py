@@ -79,7 +79,7 @@ class Rendering:
 class Commands:
     """Records into the command buffer of one frame slot, and counts what it records."""
 
-    def __init__(self, device: Device) -> None:
+    def __init__(self, device: Device, multi_draw: bool = True) -> None:
         self._fn = device.fn
         self._labels = device.instance.has_debug_utils
         self._label_infos: dict[str, Any] = {}
@@ -87,7 +87,7 @@ class Commands:
         self.handle: Any = None
         self.slot: FrameSlot
         self.work: dict[str, int] = {}
-        self._multi_draw = device.has("multi-draw")
+        self._multi_draw = multi_draw
         self._most = int(device.limits.maxDrawIndirectCount)
 
     def begin(self, slot: FrameSlot) -> None:
