@@ -78,7 +78,8 @@ def pytest_arguments(words: list[str]) -> list[str]:
             continue
         name = f"ch{int(word):02d}" if word.isascii() and word.isdigit() else word
         if name not in known:
-            raise UserError(f"There are no tests called {word!r}{suggest(name, known)}.")
+            near = suggest(name, [*known, *folders.beside()])
+            raise UserError(f"There are no tests called {word!r}{near}{'' if near.endswith('?') else '.'}")
         chapter = re.fullmatch(r"ch(\d\d)", name)
         paths = chapter_arguments(int(chapter[1])) if chapter else [f"tests/{name}"]
         arguments += [path for path in paths if path not in arguments]

@@ -335,6 +335,8 @@ def test_a_fork_is_tested_by_the_tests_of_its_chapter(fork, monkeypatch):
     expected = ["tests/ch01", "tests/stability/test_ch01.py", f"--chapter={fork.resolve()}"]
     assert pytest_arguments(["my ch01", "-x"]) == pytest_arguments(["./my ch01", "-x"]) == [*expected, "-x"]
     assert pytest_arguments(["-k", "my ch01"]) == ["-k", "my ch01"]
+    with pytest.raises(UserError, match=r"There are no tests called 'my ch1'; did you mean 'my ch01'\?$"):
+        pytest_arguments(["my ch1"])
 
 
 def test_tests_run_on_the_fork_and_leave_no_results_of_the_project(fork, tmp_path, vulkan_instance):
