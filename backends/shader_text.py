@@ -72,8 +72,9 @@ class SourceFile:
 class ShaderSource:
     """A shader ready for the compiler. `files[i]` is what `#line ... i` refers to; `files[0]` is the prelude.
 
-    `key` is the same for the same stage and text on every machine and from every folder: chapters that carry
-    a shader on unchanged share its compiled form. `paths` is all on disk that decides about the text: the files that
+    `key` is the same for the same stage and code on every machine and from every folder: chapters that carry
+    a shader on unchanged share its compiled form, and so does a shader in which only comments, spaces or lines that
+    these constants leave out were edited. `paths` is all on disk that decides about the text: the files that
     were read, and the places where an include was looked for in vain.
     """
 
@@ -181,6 +182,7 @@ class _Builder:
         self.roots = [*roots, SHADERS]
         self.files: list[SourceFile] = []
         self.output: list[str] = []
+        self.code: list[str] = []  # the same without what no compiler makes anything of
         self.done: set[str] = set()  # included where no condition can leave them out
         self.guards: dict[str, str] = {}  # included under a condition: the macro that says whether
         self.paths: set[Path] = set()
@@ -203,7 +205,9 @@ class _Builder:
         self.files.append(SourceFile("<prelude>", lines_of(prelude)))
         self._expand(main, None, (), 0)
         text = prelude + "\n".join(self.output) + "\n"
-        key = hashlib.sha256(f"{self.stage}\n{text}".encode()).hexdigest()
+        placed = "__LINE__" in text or "__FILE__" in text
+        code = text if placed else prelude + "\n".join(self.code)
+        key = hashlib.sha256(f"{self.stage}\n{code}".encode()).hexdigest()
         return ShaderSource(self.stage, text, tuple(self.files), key, frozenset(self.paths))
 
     def _prelude(self, defines: Mapping[str, Constant], extensions: Sequence[str]) -> str:
@@ -229,13 +233,17 @@ class _Builder:
         self.files.append(SourceFile(file.name, file.lines, origin))
         self.output.append(f"#line 1 {index}")
         groups: list[_Group] = []
-        for number, (line, directive) in enumerate(zip(file.lines, file.directives, strict=True), start=1):
+        rows = zip(file.lines, file.code, file.directives, strict=True)
+        for number, (line, code, directive) in enumerate(rows, start=1):
+            dead = any(group.dead for group in groups)
             if directive is None:
                 self.output.append(line)
+                if code and not dead:
+                    self.code.append(code)
                 continue
             kind, rest = directive.groups()
             if kind == "include":
-                if any(group.dead for group in groups):
+                if dead:
                     self.output.append("")
                     continue
                 self._include(rest, (index, number), (*above, file), depth + len(groups))
@@ -248,6 +256,7 @@ class _Builder:
                     (index, number), "the prelude of the backend sets the version; leave this line out"
                 )
             self.output.append(line)
+            self.code.append(code)
             if kind in ("define", "undef"):
                 # Under a condition nobody knows here; only what the prelude says is certain.
                 self.macros[re.split(r"\W", rest, maxsplit=1)[0]] = False
@@ -293,11 +302,12 @@ class _Builder:
         guard = self.guards.get(file.identity)
         if depth and guard is None:
             guard = self.guards[file.identity] = f"INCLUDED_{len(self.files)}"
-        if guard:
-            self.output += [f"#ifndef {guard}", f"#define {guard}"]
+        begin, end = ([f"#ifndef {guard}", f"#define {guard}"], ["#endif"]) if guard else ([], [])
+        self.output += begin
+        self.code += begin
         self._expand(file, place, above, depth)
-        if guard:
-            self.output.append("#endif")
+        self.output += end
+        self.code += end
         if not depth:
             self.done.add(file.identity)
 

@@ -186,14 +186,16 @@ class Live:
 
 
 def _said(done: Reloaded, changed: Collection[Path], seconds: float) -> str:
-    """Return what a reload did, in a sentence or two; "" where nothing uses the files."""
+    """Return what a reload did, in a sentence or two."""
     parts = []
+    names = ", ".join(sorted({path.name for path in changed}))
     if done.pipelines:
-        names = ", ".join(sorted({path.name for path in changed}))
         count = len(done.pipelines)
         built = "1 pipeline" if count == 1 else f"{count} pipelines"
         built = "all pipelines" if done.pipelines is ALL else built
         parts.append(f"{names}: {built} built anew in {seconds * 1e3:.0f} ms.")
+    elif not done.at_start:
+        parts.append(f"{names}: the code of every pipeline is the same.")
     if done.at_start:
         names = ", ".join(shown_path(path) for path in sorted(done.at_start))
         verb = "runs" if len(done.at_start) == 1 else "run"

@@ -45,17 +45,20 @@ def watch(
     live.renew = renew
     count = sum(path.is_file() for path in live.files(renderer))
     say(f"Watching {count} shader files: {target} is written anew when one is saved. Ctrl-C ends.")
+    owed = False  # the picture could not be written
     try:
         while True:
             clock.sleep(POLL_S)
-            if not live.follow(renderer) or not live.rebuilt:
+            if not live.follow(renderer) or not (live.rebuilt or (owed and not live.error)):
                 continue
             renderer = live.renderer
             try:
                 write(settled(renderer, view, time))
             except StrataError as error:
                 say(f"strata: {error}")
+                owed = True
                 continue
+            owed = False
             say(f"strata: wrote {target}, {clock.monotonic() - live.noticed:.2f} s after the file was saved.")
     finally:
         for made in own:

@@ -34,7 +34,7 @@ class File:
     """A file before expansion; `folder` is None for text that lies nowhere on disk.
 
     `identity` tells files apart, however a path leads to them; `directives` has, for each line, the match of
-    a directive outside comments, or None.
+    a directive outside comments, or None, and `code` what a compiler makes something of, "" where that is nothing.
     """
 
     name: str
@@ -42,6 +42,7 @@ class File:
     identity: str
     lines: tuple[str, ...] = field(repr=False)
     directives: tuple[re.Match[str] | None, ...] = field(repr=False)
+    code: tuple[str, ...] = field(repr=False)
 
 
 _Read = tuple[State, File]
@@ -141,7 +142,17 @@ def in_memory(name: str, text: str) -> File:
 
 def _split(name: str, text: str, folder: Path | None, identity: str) -> File:
     lines = lines_of(text)
-    return File(name, folder, identity, lines, tuple(map(_DIRECTIVE.match, _without_comments(lines))))
+    bare = _without_comments(lines)
+    return File(name, folder, identity, lines, tuple(map(_DIRECTIVE.match, bare)), tuple(_code(lines, bare)))
+
+
+def _code(lines: Sequence[str], bare: Sequence[str]) -> Iterator[str]:
+    """Yield each line without its comments, as which `bare` has it, and without what is spaces alone."""
+    continued = False
+    for line, without in zip(lines, bare, strict=True):
+        continues = line.endswith("\\")  # a macro, or even a comment, goes on: then every space may count
+        yield f"{line}\n" if continues or continued else " ".join(without.split())
+        continued = continues
 
 
 def _without_comments(lines: Sequence[str]) -> list[str]:

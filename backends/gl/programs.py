@@ -31,7 +31,7 @@ _HEADING = re.compile(r"^(\w+)\n=+\n", re.M)  # of moderngl's: "vertex_shader" a
 
 @dataclass(eq=False)
 class Program:
-    """A linked program: `handle` is for raw calls, `mgl` the same one for moderngl's; `files` decide about its text."""
+    """A linked program: `handle` is for raw calls, `mgl` the same one for moderngl's; `files` decide about its code."""
 
     handle: int
     mgl: Any
@@ -62,6 +62,7 @@ class Programs:
         key = tuple(source.key for source in sources)
         if key not in self._made:
             self._made[key] = self._link(sources, name or " + ".join(source.name for source in sources))
+        self._made[key].files |= {path for source in sources for path in source.paths}
         return self._made[key]
 
     def exchange(
@@ -115,8 +116,7 @@ class Programs:
         except _refusal() as error:
             raise ShaderError(_explain(str(error), sources)) from None
         self.linked += 1
-        files = frozenset[Path]().union(*(source.paths for source in sources))
-        program = Program(int(made.glo), made, name, files)
+        program = Program(int(made.glo), made, name)
         self._context.adopt("program", program.handle, name)
         try:
             for source in sources:

@@ -578,3 +578,43 @@ def gl() -> object:
         pytest.skip(f"no OpenGL: {error}")
     yield context.mgl
     context.close()
+
+
+PLAIN_TEXT = """#define TWICE(x) \\
+    (2.0 * (x))
+#ifdef NORMAL_MAP
+const float a = 1.0;
+#endif
+// Says nothing.
+void main() {
+    float b = TWICE(1.0);  // nor does this
+}
+"""
+SAME_CODE = {
+    "a comment": ("// Says nothing.", "/* Says\n\nmore */"),
+    "a comment behind code": ("  // nor does this", ""),
+    "spaces": ("    float b = ", "\tfloat  b =  "),
+    "an empty line": ("void main() {", "\nvoid main() {"),
+    "what is left out": ("const float a = 1.0;", "const float a = 2.0;"),
+}
+OTHER_CODE = {
+    "a number": ("TWICE(1.0)", "TWICE(2.0)"),
+    "a condition": ("#ifdef NORMAL_MAP", "#ifndef NORMAL_MAP"),
+    "a macro that ends before": ("\\\n    (2.0", "\\\n\n    (2.0"),
+    "a comment that goes on": ("// Says nothing.", "// Says nothing. \\"),
+    "the number of a line": ("    float b = ", "    // a line\n    float c = float(__LINE__), b = "),
+}
+
+
+def test_what_no_compiler_makes_anything_of_does_not_change_the_key() -> None:
+    """Else a driver would build pipelines anew, for seconds, that stay as they are."""
+
+    def key(old: str = "", new: str = "") -> str:
+        assert PLAIN_TEXT.count(old) == 1 or not old
+        return build_text(PLAIN_TEXT.replace(old, new) if old else PLAIN_TEXT, "frag", "gl").key
+
+    for what, (old, new) in SAME_CODE.items():
+        assert key(old, new) == key(), what
+    for what, (old, new) in OTHER_CODE.items():
+        assert key(old, new) != key(), what
+    assert key("    float b", "    float c = float(__LINE__), b") != key(*OTHER_CODE["the number of a line"])

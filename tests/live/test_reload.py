@@ -139,6 +139,27 @@ def test_an_include_rebuilds_the_passes_that_use_it_and_no_other(chapter, shader
         assert "own.glsl: 3 pipelines" in run.said[0]
 
 
+def test_only_pipelines_whose_code_changes_are_built_anew(chapter, shaders):
+    """On software drivers each takes up to a second: a comment must not cost one, nor another material's line."""
+    material = Material(metallic=0.0, roughness=1.0, unlit=True)
+    with session(chapter) as run, chapter.open(quad_scene(material), SIZE) as unlit:
+        good, handles = run.picture(), run.handles()
+        unlit.render(facing())
+        shaders.edit(
+            "forward.frag", "layout(location = 0) out", "// Says nothing.\n\nlayout(location = 0) out"
+        )
+        run.follow()
+        assert run.handles() == handles
+        assert run.renderer.idle(facing(), 0.0), "nothing is to be drawn again"
+        assert run.said == ["strata: forward.frag: the code of every pipeline is the same."]
+        path = shaders.edit("forward.frag", TINTS["forward.frag"][0], "color += vec3(0.5);")
+        run.follow()
+        assert "1 pipeline built anew" in run.said[1]
+        assert not (run.picture() == good).all()
+        with shader_files.refreshed([path]):
+            assert unlit.reload_shaders([path]).pipelines == (), "without light this line is left out"
+
+
 @pytest.mark.feature("tools/live-shaders")
 def test_a_broken_shader_leaves_the_last_good_picture_until_it_is_repaired(chapter, shaders):
     with session(chapter) as run:

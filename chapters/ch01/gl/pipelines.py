@@ -72,16 +72,18 @@ class Pipelines:
         return frozenset().union(*(built.program.files for built in self._built.values()))
 
     def reload(self, changed: Collection[Path]) -> tuple[str, ...]:
-        """Link the programs anew that use a file of `changed`, and return their pipelines' names; all, or none.
+        """Link the programs anew whose code a file of `changed` changes; all, or none.
 
-        Raises ShaderError for a shader that does not compile, or that no longer fits what is bound to it.
+        Returns their pipelines' names. Raises ShaderError for a shader that does not compile, or that no longer fits
+        what is bound to it.
         """
         old = [built for built in self._built.values() if built.program.files & set(changed)]
         sources = [self._sources(built.described) for built in old]
         new = self._programs.exchange([built.program for built in old], sources, changed)
-        for built, program in zip(old, new, strict=True):
+        anew = [pair for pair in zip(old, new, strict=True) if pair[0].program is not pair[1]]
+        for built, program in anew:
             built.program = program
-        return tuple(built.described.name for built in old)
+        return tuple(built.described.name for built, _ in anew)
 
     def bind(self, pipeline: Built, cull: bool, front: str) -> None:
         """Draw with `pipeline` from here on; `cull` leaves out back faces, `front` says how front faces wind."""

@@ -107,7 +107,7 @@ class Pipelines:
     def reload(
         self, changed: Collection[Path], retire: Callable[[Callable[[], None]], None]
     ) -> tuple[str, ...]:
-        """Build the pipelines anew that use a file of `changed`, and return their names; all of them, or none.
+        """Build the pipelines anew whose code a file of `changed` changes, and return their names; all, or none.
 
         `retire` gets what destroys an old pipeline, to be called when no frame in flight uses it. Raises ShaderError
         for a shader that does not compile, or that no longer fits what is bound to it.
@@ -116,18 +116,21 @@ class Pipelines:
         new = dict(zip(old, self._compile(list(old), keep=False), strict=True))
         for described, stages in new.items():
             check_fit(old[described].stages, stages, changed)
+        anew = [described for described in old if new[described].codes != old[described].stages.codes]
         handles: dict[GraphicsPipeline, Any] = {}
         try:
-            for described, stages in new.items():
-                handles[described] = self._build(described, stages.codes)
+            for described in anew:
+                handles[described] = self._build(described, new[described].codes)
         except BaseException:
             for handle in handles.values():
                 self._device.destroy("VkPipeline", handle)
             raise
+        for described in anew:
+            retire(partial(self._device.destroy, "VkPipeline", old[described].handle))
+            old[described].handle = handles[described]
         for described, built in old.items():
-            retire(partial(self._device.destroy, "VkPipeline", built.handle))
-            built.handle, built.stages = handles[described], new[described]
-        return tuple(_name(described) for described in old)
+            built.stages = new[described]
+        return tuple(_name(described) for described in anew)
 
     def _layout(self, set_layouts: tuple[Any, ...]) -> Any:
         if set_layouts not in self._layouts:

@@ -120,7 +120,7 @@ class Pipelines:
     def reload(
         self, changed: Collection[Path], retire: Callable[[Callable[[], None]], None]
     ) -> tuple[str, ...]:
-        """Build the pipelines anew that use a file of `changed`, and return their names; all of them, or none.
+        """Build the pipelines anew whose code a file of `changed` changes, and return their names; all, or none.
 
         `retire` gets what destroys an old pipeline, to be called when no frame in flight uses it. Raises ShaderError
         for a shader that does not compile, or that no longer fits what is bound to it.
@@ -129,20 +129,24 @@ class Pipelines:
         new = dict(zip(old, self._compile(list(old), keep=False), strict=True))
         for described, stages in new.items():
             check_fit(old[described].stages, stages, changed)
+        anew = [described for described in old if new[described].codes != old[described].stages.codes]
         handles: dict[GraphicsPipeline, Any] = {}
         try:
-            for described, stages in new.items():
+            for described in anew:
                 # In the old layout, which has all that the new shaders use: the sets that are bound were made for it.
                 # Not in the cache, which would keep every edit for ever.
-                handles[described] = self._build(described, _stages(described, stages), old[described].layout)
+                found = _stages(described, new[described])
+                handles[described] = self._build(described, found, old[described].layout)
         except BaseException:
             for handle in handles.values():
                 self._device.destroy("VkPipeline", handle)
             raise
+        for described in anew:
+            retire(partial(self._device.destroy, "VkPipeline", old[described].handle))
+            old[described].handle = handles[described]
         for described, built in old.items():
-            retire(partial(self._device.destroy, "VkPipeline", built.handle))
-            built.handle, built.stages = handles[described], new[described]
-        return tuple(_name(described) for described in old)
+            built.stages = new[described]
+        return tuple(_name(described) for described in anew)
 
     def _build(
         self,
