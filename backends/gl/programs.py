@@ -26,6 +26,7 @@ _REFERENCED = {
     "frag": gl.GL_REFERENCED_BY_FRAGMENT_SHADER,
     "comp": gl.GL_REFERENCED_BY_COMPUTE_SHADER,
 }
+_WORD = re.compile(r"\w+")
 _HEADING = re.compile(r"^(\w+)\n=+\n", re.M)  # of moderngl's: "vertex_shader" and a line below it
 
 
@@ -37,8 +38,10 @@ class Program:
     mgl: Any
     name: str
     files: frozenset[Path] = field(default=frozenset(), repr=False)
+    text: str = field(default="", repr=False)
+    """The shaders that the host was made for; they stay so from edit to edit."""
     expects: Interface | None = field(default=None, repr=False)
-    """What the host was made for, asked from the driver when a shader is edited; it stays so from edit to edit."""
+    """What of the host they use, asked from the driver when a shader is edited."""
 
 
 class Programs:
@@ -87,22 +90,24 @@ class Programs:
         return new
 
     def _check_fit(self, old: Sequence[Program], new: Sequence[Program], changed: Collection[Path]) -> None:
-        """Refuse programs that expect of their host what the old ones did not, and no other one does."""
+        """Refuse programs that expect of their host what it was not made for."""
         context = self._context
         for program in self._made.values():
             if program.expects is None and program not in new:
                 program.expects = interface_of(context, program.handle)
-        # OpenGL lists what a program uses. What only another one uses is bound for this one too: there are no sets.
+        # OpenGL lists what a program uses, not what it declares. What it declared and only another one used is bound.
         elsewhere = [
             item for program in self._made.values() if program.expects for item in program.expects.items()
         ]
         for was, program in zip(old, new, strict=True):
             now = interface_of(context, program.handle)
             known = was.expects or now
-            difference = misfit(known, now, elsewhere)
+            words = {*_WORD.findall(was.text)}
+            declared = {place for place, slot in now.items() if slot.name.split("[")[0] in words}
+            difference = misfit(known, now, [item for item in elsewhere if item[0] in declared])
             if difference:
                 raise refusal(difference, was.files & {*changed} or changed)
-            program.expects = {**now, **known}
+            program.expects, program.text = {**now, **known}, was.text
 
     def _link(self, sources: Sequence[ShaderSource], name: str) -> Program:
         mgl = self._context.mgl
@@ -116,7 +121,7 @@ class Programs:
         except _refusal() as error:
             raise ShaderError(_explain(str(error), sources)) from None
         self.linked += 1
-        program = Program(int(made.glo), made, name)
+        program = Program(int(made.glo), made, name, text="\n".join(source.text for source in sources))
         self._context.adopt("program", program.handle, name)
         try:
             for source in sources:

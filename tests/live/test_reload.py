@@ -23,10 +23,10 @@ from chapters.live import Live
 from chapters.window_open import Opened
 from common import shader_files
 from common.errors import ShaderError
-from common.scene import Light, Material
+from common.scene import Image, Light, Material
 from tests.live.conftest import PLAIN
 from tests.support.chapter import Chapter
-from tests.support.scenes import facing, quad_scene
+from tests.support.scenes import facing, quad_scene, texture
 
 SUN = Light("directional", node=0, intensity=np.pi)
 SIZE = (32, 32)
@@ -84,11 +84,11 @@ def ticking(step=0.02):
 
 
 @contextmanager
-def session(chapter: Chapter, outputs=("color",), timer=None, **more):
+def session(chapter: Chapter, outputs=("color",), timer=None, drawn=None, **more):
     said: list[str] = []
     with (
         Live(timer or ticking(), tell=said.append) as live,
-        chapter.open(scene(), SIZE, outputs=outputs, **more) as renderer,
+        chapter.open(drawn or scene(), SIZE, outputs=outputs, **more) as renderer,
     ):
         yield Session(live, renderer, said)
 
@@ -400,6 +400,26 @@ def test_what_is_no_longer_used_may_be_used_again(chapter, shaders):
         shaders.save("tonemap.frag", text)
         run.follow()
         assert run.live.error == ""
+        assert (run.picture() == good).all()
+
+
+def test_a_texture_of_another_pass_is_refused_and_a_buffer_that_was_declared_is_not(chapter, shaders):
+    """OpenGL has no sets: what another program reads at a place looks as if it were bound for this one."""
+    grey = Image("grey", np.full((2, 2, 4), 128, np.uint8))
+    textured = quad_scene(Material(base_color_texture=texture()), lights=(SUN,), images=(grey,))
+    with session(chapter, ALL, drawn=textured) as run:
+        good, ids = run.picture(), run.picture("instance_id")
+        text = (shaders.chapter / "instance_id.frag").read_text("utf-8")
+        wanted = "layout(BIND(1, 0, 0)) uniform sampler2D base_color_map_;\nlayout(location = 0) out"
+        shaders.edit("instance_id.frag", "layout(location = 0) out", wanted)
+        shaders.edit("instance_id.frag", "+ 1u;", "+ 1u + uint(textureSize(base_color_map_, 0).x);")
+        run.follow()
+        assert "'base_color_map_': this sampler2D is new" in run.live.error
+        assert (run.picture("instance_id") == ids).all()
+        shaders.save("instance_id.frag", text.replace("+ 1u;", "+ 1u + uint(materials[0].base_color.a);"))
+        run.follow()
+        assert run.live.error == ""
+        assert (run.picture("instance_id") == np.where(ids > 0, ids + 1, 0)).all()
         assert (run.picture() == good).all()
 
 
