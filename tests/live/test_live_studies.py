@@ -13,6 +13,7 @@ import pytest
 import chapters
 from chapters.live import Live
 from chapters.window_open import Opened
+from common.errors import StaleFrameError
 from common.scene import Scene
 from tests.live.test_reload import ticking
 from tests.support.scenes import facing, quad_scene
@@ -44,6 +45,13 @@ def test_an_edit_of_a_study_is_seen_and_a_wrong_one_is_not(chapter, shaders, mon
     said: list[str] = []
     scene: Scene = quad_scene()
     opener = partial(chapters.open, f"1/{name}", chapter.backend, scene=scene, device=chapter.device)
+
+    def alive():
+        return {
+            one for one in chapter.device.alive if one[0] != "VkDeviceMemory"
+        }  # its blocks are the device's
+
+    before = alive()
     with Live(ticking(), said.append) as live:
         window = Opened(opener, (32, 32), {"outputs": ("color",)})
         try:
@@ -85,3 +93,7 @@ def test_an_edit_of_a_study_is_seen_and_a_wrong_one_is_not(chapter, shaders, mon
             assert built() == objects
         finally:
             window.close()
+        assert alive() == before, "what was opened anew or exchanged is freed with the rest"
+        window.close()  # a second time does nothing
+        with pytest.raises(StaleFrameError, match="closed"):
+            picture()
