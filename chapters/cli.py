@@ -313,7 +313,10 @@ def compare(
     b: Annotated[
         str, typer.Argument(metavar="B", help="The same; it is held against A.", show_default=False)
     ],
-    scene: Scene = "atrium",
+    scene: Annotated[
+        str | None,
+        typer.Option(metavar="NAME|PATH", help="As for `strata run`.", show_default=False),
+    ] = None,
     environment: Environment = "none",
     camera: Camera = None,
     ev: Annotated[

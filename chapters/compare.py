@@ -17,7 +17,7 @@ from typing import Any
 from backends.contract import check_time
 from chapters import compare_report as report
 from chapters import run as running
-from chapters import scenes
+from chapters import studies
 from chapters.compare_measure import FRAMES, ROUNDS, WARM_UP, Moment, errors, exposure_of, measure
 from chapters.compare_sheet import Panel, heat, sheet
 from chapters.compare_sides import Drawn, Picture, Side, comparable, read_side
@@ -29,6 +29,7 @@ from common.color import quantize
 from common.errors import UserError
 from common.names import suggest
 from common.paths import write_whole
+from common.scene import Scene
 
 DEFAULT_SIZE = (640, 360)
 QUALITIES = tuple(name for name in running.QUALITIES if name != "auto")
@@ -37,11 +38,14 @@ MAPS = ("auto", "flip", "difference")
 
 @dataclass(frozen=True)
 class Request:
-    """What the user asked for. `size` None: that of a file among the two, else 640x360."""
+    """What the user asked for. `size` None: that of a file among the two, else 640x360.
+
+    `scene` None: what `load_scene` chooses.
+    """
 
     a: str
     b: str
-    scene: str = scenes.DEFAULT
+    scene: str | None = None
     environment: str = "none"
     camera: str | None = None
     ev100: float | None = None
@@ -107,10 +111,8 @@ def _run(request: Request) -> int:
     size = size_of(a, b, request.size)
     moment = Moment(request.camera, request.time, request.frames, request.fps)
     with Steps() as steps:
-        scene = None
-        if isinstance(a, Drawn) or isinstance(b, Drawn):
-            load = steps.of("load", 0.05, 0.3)
-            scene = scenes.load(request.scene, load, request.environment)  # type: ignore[arg-type]
+        scene = load_scene((a, b), request, steps.of("load", 0.05, 0.3))
+        if scene is not None:
             running.expose(scene, running.Request(0, ev100=request.ev100))
             running.tell_warnings(scene, request.verbose)
         first, second = measure((a, b), scene, size, moment, steps)
@@ -126,7 +128,8 @@ def _run(request: Request) -> int:
     panels.append(
         Panel("Error of B against A", report.map_text(error_map), heat(error_map.values, error_map.limit))
     )
-    where = f"{request.scene}, " if scene is not None else ""
+    drawn = None if scene is None else scene.name if request.scene is None else request.scene
+    where = "" if drawn is None else f"{drawn}, "
     foot = [differ, f"{where}{size[0]}x{size[1]}. {report.verdict(found)}"]
     if found.of == "linear":
         foot.append(f"Shown is linear light times {exposed:.4g}, without a tone curve.")
@@ -135,7 +138,7 @@ def _run(request: Request) -> int:
         target.parent.mkdir(exist_ok=True)
     images.write_image(target, picture)
     if request.json is not None:
-        write_record(request, report.record(request, first, second, found, differ, size, target))
+        write_record(request, report.record(request, drawn, first, second, found, differ, size, target))
     for side in (a, b):
         if isinstance(side, Picture) and side.note:
             say(f"strata: {side.note}")
@@ -145,6 +148,21 @@ def _run(request: Request) -> int:
     to.print(report.verdict(found), soft_wrap=True, markup=False)
     say(f"Wrote {target}")
     return 0
+
+
+def load_scene(sides: tuple[Side, Side], request: Request, progress: Any = None) -> Scene | None:
+    """Return what both sides draw: the scene asked for, else a chapter's, else a study's own; None for two files."""
+
+    def needs(side: Drawn) -> int:
+        if not isinstance(side.which, str):
+            return 2
+        return 1 if studies.study(side.which).scene is not None else 0
+
+    drawn = [side for side in sides if isinstance(side, Drawn)]
+    if not drawn:
+        return None
+    most = max(drawn, key=needs)
+    return studies.load(most.which, request.scene, progress, request.environment)
 
 
 def default_picture(request: Request) -> Path:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from rich.table import Table
 
 from chapters.compare_measure import ErrorMap, Errors, Measured
-from chapters.compare_sides import BACKEND_NAMES, Drawn, Picture, Side
+from chapters.compare_sides import BACKEND_NAMES, Picture, Side
 from chapters.record import naming, strata_version
 from chapters.tables import table
 
@@ -202,6 +202,7 @@ def work_that_differs(a: Measured, b: Measured) -> list[tuple[str, int | None, i
 
 def record(
     request: Request,
+    scene: str | None,
     a: Measured,
     b: Measured,
     found: Errors,
@@ -209,18 +210,17 @@ def record(
     size: tuple[int, int],
     target: Path,
 ) -> dict[str, Any]:
-    """Return everything as JSON has it; what is infinite or cannot be said is null."""
+    """Return everything as JSON has it; what is infinite or cannot be said is null. `scene` is None for two files."""
     known = {
         key: None if isinstance(value, float) and not math.isfinite(value) else value
         for key, value in asdict(found).items()
     }
-    drawn = isinstance(a.side, Drawn) or isinstance(b.side, Drawn)
     return {
         "format": FORMAT,
         "strata": strata_version(),
         "differs": differ,
-        "scene": request.scene if drawn else None,
-        "environment": request.environment if drawn else None,
+        "scene": scene,
+        "environment": None if scene is None else request.environment,
         "camera": request.camera,
         "size": list(size),
         "time": request.time,

@@ -13,6 +13,7 @@ import pytest
 import chapters
 from chapters import compare_measure, compare_report, compare_sheet, scenes
 from chapters.bench_points import Point
+from chapters.compare import Request, load_scene
 from chapters.compare_measure import Measured
 from chapters.compare_sides import Drawn, Picture, read_side
 from common import metrics
@@ -140,6 +141,23 @@ def test_samples_show_in_picture_error_and_work_and_files_give_the_same_figures(
         assert found["size"] == list(SIZE)
         assert found["error"]["same"] is exact
         assert exact or found["error"]["relative_mse"] == pytest.approx(truth, rel=1e-9)
+
+
+def test_studies_are_compared_on_what_they_draw_themselves(strata, vulkan_instance, gl_context, tmp_path):
+    """The atrium, which chapters draw, would be another object in another place."""
+    for a, b in (("1/one-light", "1/one-light@gl"), ("1/first-triangle", "1/one-light")):
+        code, out, err = strata("compare", a, b, "--size", "48x32", "--json", "r.json", "--out", "c.png")
+        assert code == 0, err
+        assert "\nspheres, 48x32" in out
+        assert json.loads((tmp_path / "r.json").read_text())["scene"] == "spheres"
+        if a == "1/one-light":
+            assert strata("run", a, "--size", "48x32", "--out", "own.png")[0] == 0
+            assert np.array_equal(panel(read_image(tmp_path / "c.png"), 0), read_image(tmp_path / "own.png"))
+    code, _, err = strata("compare", "1/first-triangle", "1/first-triangle@gl", "--scene", "cornell")
+    assert code == 2 and "brings what it draws: leave --scene out." in err
+    sides = read_side("1/one-light", "medium"), read_side("1", "medium")
+    both = load_scene(sides, Request("1/one-light", "1"))
+    assert both is not None and both.name == "atrium", "beside a chapter both draw the chapter's"
 
 
 def test_a_fork_is_compared_with_its_chapter(strata, tmp_path):
