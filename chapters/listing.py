@@ -97,6 +97,9 @@ def show_settings(which: chapters.Which) -> None:
     """Print every knob of a chapter, a study or a fork, with the presets' values."""
     kind: Any = chapters.settings_class(which)
     presets = list(getattr(kind, "PRESETS", ()))
+    if not describe(kind):
+        out.print(f"{studies.spoken(which)} has no settings: there is nothing for --set.")
+        return
     made = table(
         escape(f"Settings of {decapitalised(studies.spoken(which))}: --set name=value"),
         "name",

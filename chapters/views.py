@@ -37,6 +37,6 @@ def with_view(settings: S, which: Which, name: str | None) -> S:
         raise UserError(f"The study {which} has no views: leave --view out.")
     known = views_of(which)
     if name not in known:
-        near = suggest(name, known)
+        near = suggest(name, known, shown=len(known))
         raise UserError(f"There is no view {name!r}{near}" + ("" if near.endswith("?") else "."))
     return replace(settings, view=name)  # type: ignore[type-var]

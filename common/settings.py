@@ -129,7 +129,8 @@ def apply_overrides(settings: S, overrides: Iterable[str]) -> S:
         if not separator:
             raise SettingError(f"setting {override!r} has no value: write {name or 'name'}=value")
         if name not in known:
-            raise SettingError(f"there is no setting {name!r}{suggest(name, known)}")
+            near = suggest(name, known) or ": there is none to set here."
+            raise SettingError(f"there is no setting {name!r}{near}")
         changes[name] = parse(name, known[name], text.strip())
     return dataclasses.replace(settings, **changes)  # type: ignore[type-var]
 
@@ -143,6 +144,9 @@ def parse(name: str, record: Knob, text: str) -> Value:
         raise SettingError(f"setting {name} must be {kind}, not {text!r}") from None
     problem = _problem(record, value)
     if problem:
+        near = suggest(text, map(str, record.choices)) if isinstance(value, str) and record.choices else ""
+        if near.endswith("?"):
+            raise SettingError(f"setting {name} cannot be {text!r}{near}")
         raise SettingError(f"setting {name} {problem}, not {text!r}")
     return value
 

@@ -69,7 +69,8 @@ def test_overrides(text, name, value):
         ("cutoff=dark", "setting cutoff must be a number, not 'dark'"),
         ("bias=0.1", "setting bias must be at most 0, not '0.1'"),
         ("shadows=maybe", "setting shadows must be on or off, not 'maybe'"),
-        ("filter=bxo", "setting filter must be one of box, gauss, not 'bxo'"),
+        ("filter=bxo", "setting filter cannot be 'bxo'; did you mean 'box'?"),
+        ("filter=mitchell", "setting filter must be one of box, gauss, not 'mitchell'"),
     ],
 )
 def test_wrong_overrides_are_one_sentence(text, sentence):

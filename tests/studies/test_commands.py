@@ -68,6 +68,8 @@ def test_studies_stand_in_teaching_order_and_the_ideas_are_listed(strata):
         assert part in out
     code, out, _ = strata("list", "1/one-light", "--settings")
     assert code == 0 and "brightness" in out and "Presets" not in out
+    code, out, _ = strata("list", "1/rotating-cube", "--settings")
+    assert (code, out) == (0, "Study 1/rotating-cube has no settings: there is nothing for --set.\n")
 
 
 def test_a_sentence_is_what_an_idea_is():
@@ -127,7 +129,7 @@ def test_a_picture_without_a_name_is_called_after_the_study(strata, tmp_path, vu
         (("run", "1/one-light", "--out", "a.exr"), "write a .png"),
         (("run", "1/one-light", "--set", "instance=7000000", "--headless"), "its objects are 0 to"),
         (("run", "1/one-light", "--set", "instance=no"), "instance must be a whole number"),
-        (("run", "1/first-triangle", "--set", "speed=2"), "there is no setting 'speed'"),
+        (("run", "1/first-triangle", "--set", "speed=2"), "no setting 'speed': there is none to set here."),
         (("run", "1/one-light", "--scene", "cornel"), 'did you mean "cornell"'),
         (("bench", "1/first-triangle"), "write 1."),
     ],
