@@ -233,7 +233,7 @@ def chosen_quality(request: Request, scene: Scene) -> tuple[str, str]:
             device.capabilities,
             f"{scene.path} {triangles(scene)}",
             request.size,
-            f"{request.overrides} {sorted(request.without)}",
+            f"{settings_of(request, 'medium')} {request.environment} {request.camera} {sorted(request.without)}",
         )
 
         def measure(name: str) -> float:

@@ -127,3 +127,22 @@ def test_a_window_of_8192_pixels_is_chosen_for_soon_and_it_is_said(vulkan_instan
     assert name == "low"  # 1 ms for 960x960 is 73 ms for 8192x8192
     assert "judged by 960x960" in note
     assert measured == [(960, 960)] * 3
+
+
+def test_what_was_measured_holds_for_what_is_drawn_alone(vulkan_instance, monkeypatch):
+    """A view is drawn faster than the picture, and a sky costs: neither decides about the other."""
+    from tests.support.scenes import quad_scene
+
+    keys = []
+    monkeypatch.setattr(quality, "choose", lambda measure, key: (keys.append(key), ("low", 1.0))[1])
+    changes = (
+        {},
+        {"view": "depth"},
+        {"environment": "sky"},
+        {"camera": "2,2,2:0,0,0"},
+        {"without": ("all",)},
+    )
+    for change in (*changes, {"overrides": ("msaa=4",)}, {}):
+        running.chosen_quality(running.Request(1, backend="vulkan", size=(8, 8), **change), quad_scene())
+    assert keys[0] == keys[-1]
+    assert len(set(keys)) == len(keys) - 1
