@@ -37,7 +37,7 @@ WARM_UP, MEASURED = 2, 5
 """Frames before those that count, since drivers compile in the first, and how many the median is of."""
 
 CELL = 320
-"""Pixels in the width of one picture of the contact sheet."""
+"""Pixels of the longer side of one picture of the contact sheet."""
 
 
 @dataclass(frozen=True)
@@ -256,7 +256,9 @@ def contact_sheet(made: Frame, pictures: dict[str, np.ndarray]) -> np.ndarray:
     """Return (H, W, 3): every output small, in the order of the frame, under its pass and name."""
     outputs = [(step, output) for step in made.steps for output in step.writes]
     width, height = made.size
-    cell = (CELL, max(1, round(CELL * height / width)))
+    scale = CELL / max(width, height)
+    size = max(1, round(scale * width)), max(1, round(scale * height))
+    cell = (CELL, size[1])  # a narrow picture needs room for its title
     columns = min(len(outputs), 3)
     rows = -(-len(outputs) // columns)
     text, gap = 22, 8
@@ -273,7 +275,7 @@ def contact_sheet(made: Frame, pictures: dict[str, np.ndarray]) -> np.ndarray:
         draw.text((x, y + 2), title, fill=(228, 228, 231), font=font)
         hard = output.format.endswith("ui")  # hues between two ids would be those of others
         small = Bitmap.fromarray(pictures[output.file]).resize(
-            cell, Bitmap.Resampling.NEAREST if hard else Bitmap.Resampling.BOX
+            size, Bitmap.Resampling.NEAREST if hard else Bitmap.Resampling.BOX
         )
         sheet.paste(small, (x, y + text))
     return np.asarray(sheet)

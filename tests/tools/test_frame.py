@@ -164,6 +164,16 @@ def test_passes_after_the_one_named_are_left_out(strata, tmp_path):
     assert {tuple(row) for row in counts.reshape(-1, 3).tolist()} == {(0, 0, 0), (255, 255, 255)}
 
 
+@pytest.mark.parametrize("size", [(1, 900), (900, 1), (33, 17)])
+def test_the_contact_sheet_of_any_size_is_small(strata, tmp_path, size):
+    scene = triangle().write(tmp_path)
+    code, _, err = strata("frame", "1", "--scene", scene, "--size", "{}x{}".format(*size), "--out", "here")
+    assert code == 0, err
+    height, width, _ = read_image(tmp_path / "here" / "contact.png").shape
+    assert max(width, height) < 1200
+    assert read_image(tmp_path / "here" / "3-tonemap-color.png").shape[:2] == size[::-1]
+
+
 def test_what_is_wrong_is_said_in_one_sentence(strata, tmp_path):
     scene = triangle().write(tmp_path)
     (tmp_path / "file").write_text("")
