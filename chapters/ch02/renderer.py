@@ -212,7 +212,7 @@ class Renderer(FrameStream):
         readers = {"color_hdr": self._tonemap, "color_msaa": self._resolve}
         if readers.get(name) in self.passes:
             return "sampled"
-        return "depth" if name in ("depth", "depth_msaa") else "color"
+        return "depth" if name.startswith("depth") else "color"
 
     def _start(self, name: str, state: str) -> Any:
         """Return the barrier that begins a target's frame: its content is given up, its last user waited for."""

@@ -152,7 +152,7 @@ def test_passes_after_the_one_named_are_left_out(strata, tmp_path):
     assert code == 0 and "tonemap" not in out
     assert sorted(path.name for path in (tmp_path / "here").iterdir()) == [
         "1-forward-color_hdr.png",
-        "1-forward-depth.png",
+        "1-forward-depth_empty.png",
         "contact.png",
         "index.html",
     ]

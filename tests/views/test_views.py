@@ -314,3 +314,21 @@ def test_both_backends_show_the_same(view, vulkan_device, gl_context):
     away = np.abs(codes[0] - codes[1]).max(axis=-1) > 1
     software = vulkan_device.capabilities.is_software and gl_context.capabilities.is_software
     assert away.mean() <= (0.001 if software else 0.01)
+
+
+@pytest.mark.parametrize("number", [1, 2])
+@pytest.mark.parametrize("msaa", [1, 4])
+def test_depth_and_ids_are_the_same_under_every_view(chapter, number, msaa):
+    """Where a pixel counts what is shaded no depth is written: whoever asks for it must still get the picture's."""
+    scene = scenes.load("cornell")
+    chapter = Chapter(number, chapter.backend, chapter.device)
+    found = {}
+    for view in ("picture", "normal", "overdraw"):
+        settings = chapters.settings_class(number)(view=view, msaa=msaa)
+        with chapter.open(scene, SIZE, settings, outputs={"depth", "instance_id"}) as renderer:
+            frame = renderer.render(chapters.view_of(renderer))
+            found[view] = frame.image("depth"), frame.image("instance_id")
+    depth, ids = found.pop("picture")
+    assert (depth > 0).any() and len(np.unique(ids)) > 4
+    for view, (same_depth, same_ids) in found.items():
+        assert np.array_equal(depth, same_depth) and np.array_equal(ids, same_ids), view

@@ -33,7 +33,7 @@ class ForwardPass:
         grey = views.background(settings, settings.background)
         self.reads: tuple[Access, ...] = ()
         samples = settings.msaa
-        color, depth = ("color_hdr", "depth") if samples == 1 else ("color_msaa", "depth_msaa")
+        color, depth = "color_hdr" if samples == 1 else "color_msaa", views.depth_target(settings)
         clear = (grey, grey, grey, 1.0)
         self.writes = (
             Access(color, "color", format=settings.color_format, clear=clear, samples=samples),

@@ -20,8 +20,8 @@ class InstanceIdPass:
     """Draws the solid objects again where their depth equals that of the forward pass: those are the visible ones.
 
     Transparent objects are left out: at their pixels the id is that of what shines through. Where the forward pass has
-    several samples a pixel, none of them in its centre, this pass finds out by a depth of its own which object is the
-    nearest there. So ids and depth are the same to the bit, however many samples the picture has.
+    several samples a pixel, none of them in its centre, or no depth since it counts, this pass finds out by a depth of
+    its own which object is the nearest there. So ids and depth are the same to the bit, whatever the picture is.
     """
 
     name = "instance_id"

@@ -25,6 +25,7 @@ class Settings(Protocol):
     """What views ask of a chapter's settings."""
 
     view: str
+    msaa: int
     tone_curve: str
     skip_unused: bool
 
@@ -184,6 +185,16 @@ def mends_texels(settings: Settings) -> bool:
 def depth_use(settings: Settings, variant: Variant) -> Literal["write", "test"]:
     """Return what a fragment does with depth; where all are counted none writes it, and so none hides another."""
     return "test" if variant.alpha_mode == "blend" or settings.view == "overdraw" else "write"
+
+
+def depth_target(settings: Settings) -> str:
+    """Return the target of the forward pass's depth: "depth" where it is the frame's, and one that others may read.
+
+    Where it has several samples, or nothing writes it, whoever asks for the frame's gets that of the instances' pass.
+    """
+    if settings.msaa > 1:
+        return "depth_msaa"
+    return "depth_empty" if settings.view == "overdraw" else "depth"
 
 
 def background(settings: Settings, grey: float) -> float:
