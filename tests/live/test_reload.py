@@ -18,6 +18,7 @@ import chapters
 from backends.vulkan import shaders as compiler
 from chapters.ch01 import renderer as on_vulkan
 from chapters.ch01.gl import renderer as on_gl
+from chapters.ch01.logic import stream
 from chapters.ch01.logic.environment import files_at_start
 from chapters.live import Live
 from chapters.window_open import Opened
@@ -546,7 +547,7 @@ def test_a_renderer_that_cannot_exchange_shaders_is_opened_anew(chapter, shaders
 
 def test_a_kernel_that_ran_at_the_start_is_named_and_changes_nothing(chapter, shaders, monkeypatch):
     kernels = frozenset({shaders.chapter / "environment_cube.comp"})
-    for module in (on_vulkan, on_gl):
+    for module in (on_vulkan, on_gl, stream):
         monkeypatch.setattr(module, "files_at_start", lambda scene, settings: kernels)
     with session(chapter) as run:
         good, handles = run.picture(), run.handles()
