@@ -1,0 +1,116 @@
+"""What the chapter tools ask git: a file as it was, what changed since, and the commits that changed a folder.
+
+Nothing is written to the repository. Contents are given as a checkout would write them, so that line ends agree with
+the files on disk.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from common.errors import UserError
+
+INSTALL = "install git (https://git-scm.com, or the package git of your system)"
+
+
+def git(*words: str | os.PathLike[str], folder: Path, stdin: bytes | None = None) -> bytes:
+    """Run git in `folder` and return what it prints; raise UserError where there is no git, and GitError if it fails."""
+    done = call(*words, folder=folder, stdin=stdin)
+    if done.returncode:
+        text = done.stderr.decode("utf-8", "replace").strip()
+        first = text.splitlines()[0] if text else f"exit code {done.returncode}"
+        raise GitError(f"git {words[0]} failed in {folder}: {first.removeprefix('fatal: ')}.")
+    return done.stdout
+
+
+def call(
+    *words: str | os.PathLike[str], folder: Path, stdin: bytes | None = None
+) -> subprocess.CompletedProcess[bytes]:
+    """Run git in `folder` whatever its exit code; raise UserError where there is no git."""
+    try:
+        return subprocess.run(
+            ["git", *words],
+            cwd=folder,
+            input=b"" if stdin is None else stdin,
+            capture_output=True,
+            check=False,
+            env={**os.environ, "LC_ALL": "C", "GIT_OPTIONAL_LOCKS": "0"},
+        )
+    except FileNotFoundError:
+        raise UserError(f"This needs git, and there is none on the PATH: {INSTALL}.") from None
+
+
+class GitError(UserError):
+    """Git refused; the text is its own first line."""
+
+
+@dataclass(frozen=True)
+class Commit:
+    """One commit: its hash, its subject, and the paths it changed, added or removed, relative to the repository."""
+
+    sha: str
+    subject: str
+    paths: tuple[str, ...]
+
+
+class History:
+    """The repository around `folder`, read at any revision; paths given and returned are relative to `folder`.
+
+    Raises UserError if there is no git, no repository, or no commit in it.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        try:
+            self.head = self.commit("HEAD")
+            top = git("rev-parse", "--show-prefix", folder=folder).decode("utf-8", "surrogateescape")
+        except GitError as error:
+            text = str(error)
+            if "not a git repository" not in text and "Needed a single revision" not in text:
+                raise
+            raise UserError(
+                f"{folder} is in no git repository with a commit, so nobody knows what changed: "
+                "this works in a clone of Strata."
+            ) from None
+        self.prefix = top.removesuffix("\n")
+
+    def commit(self, revision: str) -> str:
+        """Return the hash of the commit that `revision` names."""
+        return (
+            git("rev-parse", "--verify", "--end-of-options", f"{revision}^{{commit}}", folder=self.folder)
+            .decode()
+            .strip()
+        )
+
+    def read(self, revision: str, path: str) -> bytes | None:
+        """Return a file as a checkout of `revision` would write it, or None if it is not there."""
+        name = f"{revision}:{self.prefix}{path}"
+        done = call("cat-file", "--filters", name, folder=self.folder)
+        return None if done.returncode else done.stdout
+
+    def paths(self, revision: str, below: str) -> list[str]:
+        """Return the paths of the files that `revision` has in the folder `below`."""
+        text = git("ls-tree", "-r", "-z", "--name-only", revision, "--", below, folder=self.folder)
+        return text.decode("utf-8", "surrogateescape").rstrip("\0").split("\0") if text else []
+
+    def changed(self, below: str = ".") -> list[str]:
+        """Return the paths that differ from the last commit, files that git does not know included."""
+        words = ("status", "--porcelain", "-z", "--no-renames", "--untracked-files=all", "--", below)
+        text = git(*words, folder=self.folder).decode("utf-8", "surrogateescape")
+        names = (entry[3:] for entry in text.split("\0") if entry)
+        return [name.removeprefix(self.prefix) for name in names]
+
+    def commits(self, below: str = ".") -> Iterator[Commit]:
+        """Yield the commits that changed something in `below`, newest first; merges are none of them."""
+        words = ("log", "--no-merges", "--no-renames", "--name-only", "-z", "--format=%x01%H %s", "--", below)
+        text = git(*words, folder=self.folder).decode("utf-8", "surrogateescape")
+        for record in text.split("\x01")[1:]:
+            head, _, names = record.partition("\0")
+            sha, _, subject = head.partition(" ")
+            paths = (name.strip("\n") for name in names.split("\0"))
+            kept = tuple(name.removeprefix(self.prefix) for name in paths if name.startswith(self.prefix))
+            yield Commit(sha, subject, tuple(name for name in kept if name))
