@@ -18,7 +18,7 @@ INSTALL = "install git (https://git-scm.com, or the package git of your system)"
 
 
 def git(*words: str | os.PathLike[str], folder: Path, stdin: bytes | None = None) -> bytes:
-    """Run git in `folder` and return what it prints; raise UserError where there is no git, and GitError if it fails."""
+    """Run git in `folder` and return what it prints; raise UserError where there is none, GitError if it fails."""
     done = call(*words, folder=folder, stdin=stdin)
     if done.returncode:
         text = done.stderr.decode("utf-8", "replace").strip()
