@@ -170,16 +170,16 @@ def only_one(say: Callable[[str], None]) -> Iterator[None]:
     The lock is on a file that is there anyway, is kept by the system, and so ends with its holder, however that ends.
     """
     with open(__file__, "rb") as stream:
-        if not _try_lock(stream.fileno()):
+        if not try_lock(stream.fileno()):
             say("Another start of Strata is setting it up; waiting for that.")
-            while not _try_lock(stream.fileno()):
+            while not try_lock(stream.fileno()):
                 time.sleep(0.1)
         yield
 
 
 if sys.platform == "win32":
 
-    def _try_lock(descriptor: int) -> bool:
+    def try_lock(descriptor: int) -> bool:
         import msvcrt
 
         os.lseek(descriptor, 1 << 30, os.SEEK_SET)  # past the end: a locked byte cannot be read by others
@@ -191,7 +191,7 @@ if sys.platform == "win32":
 
 else:
 
-    def _try_lock(descriptor: int) -> bool:
+    def try_lock(descriptor: int) -> bool:
         import fcntl
 
         try:

@@ -23,6 +23,7 @@ from chapters.cli_options import (
     Validate,
     Without,
 )
+from chapters.cli_snapshots import carry
 from chapters.console import say
 from chapters.stopping import STOPPED
 
@@ -208,6 +209,7 @@ def run(
 
 
 app.command(cls=Command)(frame)
+app.command(cls=Command)(carry)
 
 
 @app.command(name="list", cls=Command)

@@ -97,12 +97,14 @@ class History:
         text = git("ls-tree", "-r", "-z", "--name-only", revision, "--", below, folder=self.folder)
         return text.decode("utf-8", "surrogateescape").rstrip("\0").split("\0") if text else []
 
-    def changed(self, below: str = ".") -> list[str]:
-        """Return the paths that differ from the last commit, files that git does not know included."""
-        words = ("status", "--porcelain", "-z", "--no-renames", "--untracked-files=all", "--", below)
-        text = git(*words, folder=self.folder).decode("utf-8", "surrogateescape")
-        names = (entry[3:] for entry in text.split("\0") if entry)
-        return [name.removeprefix(self.prefix) for name in names]
+    def changed(self, below: str = ".", since: str = "HEAD") -> list[str]:
+        """Return the paths of the files on disk that differ from `since`, files that git does not know included."""
+        known = git(
+            "diff", "--name-only", "--no-renames", "--relative", "-z", since, "--", below, folder=self.folder
+        )
+        new = git("ls-files", "--others", "--exclude-standard", "-z", "--", below, folder=self.folder)
+        names = (known + new).decode("utf-8", "surrogateescape").split("\0")
+        return sorted({name for name in names if name})
 
     def commits(self, below: str = ".") -> Iterator[Commit]:
         """Yield the commits that changed something in `below`, newest first; merges are none of them."""

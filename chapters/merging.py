@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import SequenceMatcher
 
 from chapters.history import call
@@ -58,7 +58,7 @@ class Step:
     """What became of one file that theirs changed.
 
     `kind` is "taken", "merged", "added", "removed", "already", "absent" or "conflict". `content` is what stands at
-    `path` afterwards (None: nothing), `before` what stood there; `old_path` is where the file was if it moved.
+    `path` afterwards (None: nothing), `before` what stood there. `source` are the file's names in base and theirs.
     `sentence` says what a conflict without markers is about, and how a rule decided.
     """
 
@@ -68,7 +68,7 @@ class Step:
     before: bytes | None
     conflicts: int = 0
     sentence: str = ""
-    old_path: str | None = None
+    source: tuple[str | None, str | None] = (None, None)
 
     @property
     def marked(self) -> bool:
@@ -191,39 +191,43 @@ def _changed(
     """Return what becomes of a file of base that theirs changed, moved or removed; ours has it at `here`."""
     there = their_names.get(name, name)
     mine, other = ours.get(here), theirs.get(there)
+    source = (name, None if other is None else there)
     if mine is None:
-        if there != name and there in ours:
-            return [_merged(there, base, ours[there], theirs[there], labels)]  # ours moved it there as well
+        if there != name and there in ours:  # ours moved it there as well
+            return [_merged(there, base, ours[there], theirs[there], source, labels)]
         said = "" if other is None else "there is no such file any more, so nothing is to be mended"
-        return [Step(name, "already" if other is None else "absent", None, None, sentence=said)]
+        kind = "already" if other is None else "absent"
+        return [Step(name, kind, None, None, sentence=said, source=source)]
     if other is None:
         if mine == base:
-            return [Step(here, "removed", None, mine)]
+            return [Step(here, "removed", None, mine, source=source)]
         said = "the change removes this file, but it has lines of its own: remove it or keep it"
-        return [Step(here, "conflict", mine, mine, 1, said)]
+        return [Step(here, "conflict", mine, mine, 1, said, source)]
     if there == name or here != name:
-        return [_merged(here, base, mine, other, labels)]
+        return [_merged(here, base, mine, other, source, labels)]
     if there in ours:
-        said = f"the change renames this file to {there}, which is another file here: name one of them anew"
-        return [Step(here, "conflict", mine, mine, 1, said)]
-    step = _merged(here, base, mine, other, labels)
-    moved = Step(there, step.kind, step.content, None, step.conflicts, step.sentence, old_path=here)
-    return [Step(here, "removed", None, mine), moved]
+        said = f"the change renames this file to {there}, which is another file here: rename or merge it yourself"
+        return [Step(here, "conflict", mine, mine, 1, said, source)]
+    moved = replace(_merged(here, base, mine, other, source, labels), path=there, before=None)
+    moved = replace(moved, kind="merged") if moved.kind == "already" else moved
+    return [Step(here, "removed", None, mine, sentence=f"now {there}", source=(name, None)), moved]
 
 
-def _merged(path: str, base: bytes, ours: bytes, theirs: bytes, labels: Labels) -> Step:
+def _merged(
+    path: str, base: bytes, ours: bytes, theirs: bytes, source: tuple[str | None, str | None], labels: Labels
+) -> Step:
     result = merge_file(base, ours, theirs, labels)
     if result.conflicts:
         said = "this file is no text, so the change cannot be merged into it" if result.binary else ""
-        return Step(path, "conflict", result.content, ours, result.conflicts, said)
+        return Step(path, "conflict", result.content, ours, result.conflicts, said, source)
     kind = "already" if result.content == ours else "taken" if result.content == theirs else "merged"
-    return Step(path, kind, result.content, ours)
+    return Step(path, kind, result.content, ours, source=source)
 
 
 def _added(path: str, ours: bytes | None, theirs: bytes, labels: Labels) -> Step:
     if ours is None:
-        return Step(path, "added", theirs, None)
-    return _merged(path, b"", ours, theirs, labels)
+        return Step(path, "added", theirs, None, source=(None, path))
+    return _merged(path, b"", ours, theirs, (None, path), labels)
 
 
 def writes(steps: Iterable[Step]) -> dict[str, bytes | None]:

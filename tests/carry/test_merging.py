@@ -150,7 +150,7 @@ def test_what_theirs_did_not_change_is_left_alone():
 def test_a_file_renamed_in_theirs_is_merged_under_its_new_name():
     steps = merge_trees({"x": BASE}, {"x": LESSON}, {"y": FIXED})
     assert writes(steps) == {"x": None, "y": BOTH}
-    assert steps[1].old_path == "x"
+    assert steps[1].source == ("x", "y")
 
 
 def test_a_file_renamed_in_ours_takes_the_change():

@@ -1,0 +1,58 @@
+"""The options of `strata carry`; what it does is in `chapters.carry` and `chapters.carry_check`."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from common.errors import UserError
+
+
+def carry(
+    chapter: Annotated[
+        str | None,
+        typer.Argument(metavar="[N]", help="The chapter with the fix: 3, or ch03.", show_default=False),
+    ] = None,
+    files: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[FILE]...", help="Its files that were mended, or folders of them.", show_default=False
+        ),
+    ] = None,
+    base: Annotated[
+        str, typer.Option(metavar="COMMIT", help="The chapter before the fix; HEAD~1 if that is committed.")
+    ] = "HEAD",
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Say what would happen, and write nothing.")
+    ] = False,
+    go_on: Annotated[bool, typer.Option("--continue", help="Go on, once a conflict is resolved.")] = False,
+    abort: Annotated[bool, typer.Option("--abort", help="Take a carry that waits back.")] = False,
+    check: Annotated[
+        bool,
+        typer.Option("--check", help="Name lines repaired in one chapter and still broken in a later one."),
+    ] = False,
+) -> int:
+    """Take a fix made in chapter N to all later ones by three-way merge, up to the first conflict."""
+    import chapters
+    from chapters import carry as carrying
+    from chapters import carry_check
+
+    ways = [name for name, given in (("--continue", go_on), ("--abort", abort), ("--check", check)) if given]
+    if len(ways) > 1 or (ways and chapter is not None):
+        raise UserError(f"`strata carry {ways[0]}` stands alone.")
+    if dry_run and (abort or check):
+        raise UserError(f"`strata carry {ways[0]}` has no --dry-run.")
+    if go_on:
+        return carrying.resume(chapters.FOLDER, dry_run=dry_run)
+    if abort:
+        return carrying.abort(chapters.FOLDER)
+    if check:
+        return carry_check.run(chapters.FOLDER)
+    if chapter is None:
+        raise UserError(
+            "Which chapter has the fix? `strata carry ch03 passes/forward.py` takes it to the later ones."
+        )
+    return carrying.start(
+        chapters.FOLDER, chapters.parse_chapter(chapter), files or [], base=base, dry_run=dry_run
+    )
