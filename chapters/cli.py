@@ -23,7 +23,7 @@ from chapters.cli_options import (
     Validate,
     Without,
 )
-from chapters.cli_snapshots import carry
+from chapters.cli_snapshots import carry, fork, new
 from chapters.console import say
 from chapters.stopping import STOPPED
 
@@ -210,6 +210,8 @@ def run(
 
 app.command(cls=Command)(frame)
 app.command(cls=Command)(carry)
+app.command(cls=Command)(new)
+app.command(cls=Command)(fork)
 
 
 @app.command(name="list", cls=Command)

@@ -1,7 +1,8 @@
-"""The options of `strata carry`; what it does is in `chapters.carry` and `chapters.carry_check`."""
+"""The options of `strata carry`, `new` and `fork`; what they do is in `chapters.carry`, `new_chapter` and `forks`."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -12,12 +13,12 @@ from common.errors import UserError
 def carry(
     chapter: Annotated[
         str | None,
-        typer.Argument(metavar="[N]", help="The chapter with the fix: 3, or ch03.", show_default=False),
+        typer.Argument(metavar="N", help="The chapter with the fix: 3, or ch03.", show_default=False),
     ] = None,
     files: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="[FILE]...", help="Its files that were mended, or folders of them.", show_default=False
+            metavar="FILE", help="Its files that were mended, or folders of them.", show_default=False
         ),
     ] = None,
     base: Annotated[
@@ -56,3 +57,52 @@ def carry(
     return carrying.start(
         chapters.FOLDER, chapters.parse_chapter(chapter), files or [], base=base, dry_run=dry_run
     )
+
+
+def new(
+    title: Annotated[
+        str | None,
+        typer.Option(metavar="TEXT", help="What the chapter is about, in a few words.", show_default=False),
+    ] = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Also if the last chapter is not finished or not committed.")
+    ] = False,
+) -> int:
+    """Make the next chapter as a byte copy of the last one, with a lesson to be written."""
+    import chapters
+    from chapters import new_chapter
+
+    return new_chapter.run(chapters.FOLDER, title, force=force)
+
+
+def fork(
+    chapter: Annotated[
+        str | None, typer.Argument(metavar="N", help="Number of the chapter: 3, or ch03.", show_default=False)
+    ] = None,
+    folder: Annotated[
+        Path | None, typer.Argument(metavar="DIR", help="A new folder, anywhere.", show_default=False)
+    ] = None,
+    update: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Bring later fixes of its chapter into this fork.", show_default=False
+        ),
+    ] = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="With --update: say what would happen, and write nothing.")
+    ] = False,
+    studies: Annotated[bool, typer.Option("--studies", help="Copy the chapter's studies, too.")] = False,
+) -> int:
+    """Make a copy of a chapter that is yours to change, or bring later fixes of the chapter into it."""
+    import chapters
+    from chapters import fork_update, forks
+
+    if update is not None:
+        if chapter is not None or studies:
+            raise UserError("`strata fork --update DIR` takes nothing else but --dry-run.")
+        return fork_update.update(update, dry_run=dry_run)
+    if dry_run:
+        raise UserError("--dry-run is for `strata fork --update DIR`.")
+    if chapter is None or folder is None:
+        raise UserError("Name a chapter and a folder: `strata fork 1 my-ch01`.")
+    return forks.run(chapters.parse_chapter(chapter), folder, studies=studies)

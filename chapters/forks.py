@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import chapters
+from chapters.console import out, say
 from chapters.history import History
 from chapters.trees import Tree, digest, numbers, put, read_tree
 from common.errors import UserError
@@ -61,6 +62,14 @@ class Fork:
     def base(self) -> Path:
         """The folder with the chapter as the fork's files began, or as its last update had it."""
         return self.folder / BASE
+
+
+def run(number: int, folder: Path, *, studies: bool = False) -> int:
+    """Make a fork and say what can be done with it; return 0."""
+    made = make_fork(number, folder, studies=studies)
+    out.print(f"{made.folder} is chapter {number}, yours to change.", markup=False, soft_wrap=True)
+    say(f"Later fixes of the chapter come by `strata fork --update {folder}`; what you changed stays.")
+    return 0
 
 
 def is_fork(folder: Path) -> bool:

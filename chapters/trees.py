@@ -7,8 +7,10 @@ import re
 import stat
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
-from common.errors import UserError
+from common.errors import StrataError, UserError
+from common.lessons import Lesson
 from common.paths import write_whole
 
 Tree = dict[str, bytes]
@@ -22,6 +24,22 @@ def numbers(root: Path) -> dict[int, Path]:
     """Return the folders of the chapters in `root` by number, in that order: ch10 comes behind ch02."""
     found = {int(match[1]): path for path in root.iterdir() if (match := re.fullmatch(r"ch(\d+)", path.name))}
     return {number: found[number] for number in sorted(found) if found[number].is_dir()}
+
+
+def lesson_of(folder: Path) -> Lesson:
+    """Return what a chapter in `folder` says about itself; raise StrataError if its `__init__.py` says nothing.
+
+    Only that file is run, so a folder anywhere can be asked.
+    """
+    path = folder / "__init__.py"
+    said: dict[str, Any] = {"__name__": folder.name, "__file__": str(path)}
+    try:
+        exec(compile(path.read_bytes(), str(path), "exec"), said)
+    except Exception as error:
+        raise StrataError(f"{path} does not run: {type(error).__name__}: {error}.") from error
+    if not isinstance(said.get("LESSON"), Lesson):
+        raise StrataError(f"{path} has no LESSON = Lesson(...).")
+    return said["LESSON"]
 
 
 def belongs(path: str, studies: bool = False) -> bool:
