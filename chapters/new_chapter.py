@@ -53,7 +53,7 @@ def run(root: Path, title: str | None = None, *, force: bool = False) -> int:
     if not force:
         refuse_unfinished(folder)
         refuse_changes(root)
-    made = make(root, folder, number + 1, (title or f"Chapter {number + 1}").strip().rstrip("."))
+    made = make(root, folder, number + 1, " ".join((title or f"Chapter {number + 1}").split()).rstrip("."))
     out.print(
         f"{root.name}/{made.name} is {root.name}/{folder.name} to the byte, without its studies.",
         markup=False,
@@ -91,7 +91,8 @@ def init(number: int, title: str, last: Lesson) -> str:
     """Return the `__init__.py` of a new chapter: it needs what the last one needs, and adds nothing yet."""
     required, optional = _names(last.needs.required), _names(last.needs.optional)
     shown = json.dumps(title, ensure_ascii=False)
-    return f'''"""Chapter {number}: {title}."""
+    sentence = title.replace("\\", "\\\\").replace('"""', "'''")
+    return f'''"""Chapter {number}: {sentence}."""
 
 from common.lessons import Lesson, Needs
 

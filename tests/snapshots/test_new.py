@@ -35,7 +35,7 @@ def clone(tmp_path):
 
 
 def test_a_new_chapter_is_a_byte_copy_with_a_lesson_to_write(clone, capsys):
-    assert new_chapter.run(clone.root, 'The "second" – chapter.') == 0
+    assert new_chapter.run(clone.root, ' The "second"\n – chapter.') == 0
     old, new = read_tree(clone.root / "ch01"), read_tree(clone.root / "ch02", studies=True)
     own = {"__init__.py", "README.md"}
     assert {name: new[name] for name in set(new) - own} == {name: old[name] for name in set(old) - own}
@@ -52,24 +52,30 @@ def test_it_is_refused_until_the_last_one_is_finished(clone):
     new_chapter.run(clone.root)
     clone.commit("begin")
     with pytest.raises(
-        UserError, match="ch02 is not finished: it has a README.md with a place still to be written"
+        UserError, match=r"ch02 is not finished: it has a README.md with a place still to be written"
     ):
         new_chapter.run(clone.root)
     clone.write("ch02/README.md", "# Two\n")
     with pytest.raises(UserError, match=r"adds nothing \(LESSON.adds\)"):
         new_chapter.run(clone.root)
     clone.edit("ch02/__init__.py", "adds=()", 'adds=("b",)')
-    with pytest.raises(UserError, match="tells to read renderer.py, which is not there"):
+    with pytest.raises(UserError, match=r"tells to read renderer.py, which is not there"):
         new_chapter.run(clone.root)
     clone.write("ch02/renderer.py", "")
     with pytest.raises(UserError, match=r"is not committed: commit or put it aside"):
         new_chapter.run(clone.root)
     clone.commit("finished")
     (clone.root / "ch02" / "README.md").unlink()
-    with pytest.raises(UserError, match="has no README.md"):
+    with pytest.raises(UserError, match=r"has no README.md"):
         new_chapter.run(clone.root)
     assert new_chapter.run(clone.root, force=True) == 0
     assert (clone.root / "ch03" / "passes" / "sky.py").is_file()
+
+
+@pytest.mark.parametrize("title", ['a """ b', "C:\\new", "it's", 'x"', "{number}"])
+def test_any_title_is_told_as_it_is(title, clone):
+    new_chapter.run(clone.root, title)
+    assert lesson_of(clone.root / "ch02").title == title
 
 
 def test_all_fifteen_are_enough(clone):
@@ -82,7 +88,7 @@ def test_an_empty_title_and_a_clone_without_history_are_one_sentence(clone, monk
     with pytest.raises(UserError, match="--title is empty"):
         new_chapter.run(clone.root, " ")
     monkeypatch.setenv("PATH", str(tmp_path / "empty"))
-    with pytest.raises(UserError, match="install git.*; --force makes the copy nevertheless"):
+    with pytest.raises(UserError, match=r"install git.*; --force makes the copy nevertheless"):
         new_chapter.run(clone.root)
     assert new_chapter.run(clone.root, force=True) == 0
 
