@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 
@@ -31,7 +31,8 @@ class Needs:
 class Lesson:
     """One chapter. `adds` are slugs of the feature ledger in teaching order; `reading` is what to go on with.
 
-    `replaces` names what earlier chapters did and this one no longer does.
+    `replaces` names what earlier chapters did and this one no longer does: a feature, a file, or a name in a file as
+    "passes/sky.py:SkyPass". `plumbing` are files that the lesson is not about and that had to follow, with the reason.
     """
 
     number: int
@@ -40,6 +41,7 @@ class Lesson:
     needs: Needs = field(default_factory=Needs)
     reading: Sequence[str] = ()
     replaces: Sequence[str] = ()
+    plumbing: Mapping[str, str] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
         # Lists are how a chapter writes them; tuples are what a frozen record may hold.
@@ -47,6 +49,8 @@ class Lesson:
             object.__setattr__(self, name, tuple(getattr(self, name)))
         if len(set(self.adds)) != len(self.adds):
             raise ValueError(f"lesson {self.number} adds a feature twice")
+        if not all(reason.strip() for reason in self.plumbing.values()):
+            raise ValueError(f"lesson {self.number} has plumbing without a reason")
 
 
 OWN = "own"

@@ -70,16 +70,6 @@ def imported(path: Path) -> list[str]:
     return names
 
 
-def test_imports_inside_a_chapter_are_relative():
-    """So that a copy of the file is right in the next chapter."""
-    wrong = []
-    for path in files(".py"):
-        parts = path.relative_to(ROOT).parts
-        if parts[0] == "chapters" and len(parts) > 2:
-            wrong += [f"{shown(path)}: {n}" for n in imported(path) if re.match(r"chapters\.ch\d", n)]
-    assert not wrong
-
-
 def test_every_module_begins_with_what_it_is():
     bare = [
         shown(p)

@@ -1,4 +1,4 @@
-"""This folder by itself: `python -m chapters.ch03 ...` is `strata run 3 ...`."""
+"""This folder by itself: `python -m chapters.chNN ...` is `strata run NN ...`."""
 
 import sys
 

@@ -13,7 +13,7 @@ from .logic.views import CHOICES, PICTURE
 
 @dataclass
 class Settings:
-    """What can be turned without touching the code: `strata run 1 --set anisotropy=1`."""
+    """What can be turned without touching the code: `strata run N --set anisotropy=1`."""
 
     PRESETS: ClassVar[dict[str, dict[str, Any]]] = {
         "low": {
