@@ -68,7 +68,8 @@ def run(number: int, folder: Path, *, studies: bool = False) -> int:
     """Make a fork and say what can be done with it; return 0."""
     made = make_fork(number, folder, studies=studies)
     out.print(f"{made.folder} is chapter {number}, yours to change.", markup=False, soft_wrap=True)
-    say(f"Later fixes of the chapter come by `strata fork --update {folder}`; what you changed stays.")
+    say(f"`strata run {folder}` draws with it; change its files and look again.")
+    say(f"Later fixes of the chapter come by `strata fork --update {folder}`, and what you changed stays.")
     return 0
 
 

@@ -14,6 +14,9 @@ from pathlib import Path
 
 from common.errors import UserError
 
+ELSEWHERE = ("GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE", "GIT_PREFIX")
+"""What git tells its hooks, and what would lead away from the folder that is asked about."""
+
 INSTALL = "install git (https://git-scm.com, or the package git of your system)"
 
 
@@ -31,6 +34,7 @@ def call(
     *words: str | os.PathLike[str], folder: Path, stdin: bytes | None = None
 ) -> subprocess.CompletedProcess[bytes]:
     """Run git in `folder` whatever its exit code; raise UserError where there is no git."""
+    around = {name: value for name, value in os.environ.items() if name not in ELSEWHERE}
     try:
         return subprocess.run(
             ["git", *words],
@@ -38,7 +42,7 @@ def call(
             input=b"" if stdin is None else stdin,
             capture_output=True,
             check=False,
-            env={**os.environ, "LC_ALL": "C", "GIT_OPTIONAL_LOCKS": "0"},
+            env={**around, "LC_ALL": "C", "GIT_OPTIONAL_LOCKS": "0"},
         )
     except FileNotFoundError:
         raise UserError(f"This needs git, and there is none on the PATH: {INSTALL}.") from None
@@ -66,17 +70,16 @@ class History:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         try:
-            self.head = self.commit("HEAD")
-            top = git("rev-parse", "--show-prefix", folder=folder).decode("utf-8", "surrogateescape")
+            text = git("rev-parse", "--show-prefix", "HEAD^{commit}", folder=folder)
         except GitError as error:
-            text = str(error)
-            if "not a git repository" not in text and "Needed a single revision" not in text:
+            why = str(error)
+            if "not a git repository" not in why and "HEAD^{commit}" not in why:
                 raise
             raise UserError(
                 f"{folder} is in no git repository with a commit, so nobody knows what changed: "
                 "this works in a clone of Strata."
             ) from None
-        self.prefix = top.removesuffix("\n")
+        self.prefix, self.head = text.decode("utf-8", "surrogateescape").splitlines()
 
     def commit(self, revision: str) -> str:
         """Return the hash of the commit that `revision` names."""

@@ -22,7 +22,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from difflib import SequenceMatcher
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 
 from chapters.exceptions import read_exceptions
@@ -151,8 +151,13 @@ def check_alone(chapter: Chapter) -> list[Broken]:
     return found
 
 
-def leaving(path: str, text: str) -> Iterator[tuple[int, str]]:
-    """Yield line and name of every import in a chapter's module that names a chapter, or goes up out of it."""
+@cache  # most files are the same in all chapters
+def leaving(path: str, text: str) -> tuple[tuple[int, str], ...]:
+    """Return line and name of every import in a chapter's module that names a chapter, or goes up out of it."""
+    return tuple(_leaving(path, text))
+
+
+def _leaving(path: str, text: str) -> Iterator[tuple[int, str]]:
     depth = len(path.split("/"))
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Import):
@@ -228,17 +233,18 @@ def monotone(before: list[Chapter], after: Chapter) -> Iterator[tuple[str, str]]
         )
 
 
-def names_of(path: str, content: bytes) -> set[str]:
+@cache
+def names_of(path: str, content: bytes) -> frozenset[str]:
     """Return the public names that a module defines, with the fields of Settings as "Settings.name"."""
     if not path.endswith(".py"):
-        return set()
+        return frozenset()
     found = set()
     for node in ast.parse(content).body:
         for name in _defined(node):
             found.add(name)
             if isinstance(node, ast.ClassDef) and (path, name) == ("settings.py", "Settings"):
                 found |= {f"{name}.{field}" for part in node.body for field in _defined(part)}
-    return {name for name in found if not any(part.startswith("_") for part in name.split("."))}
+    return frozenset(name for name in found if not any(part.startswith("_") for part in name.split(".")))
 
 
 def _defined(node: ast.stmt) -> list[str]:

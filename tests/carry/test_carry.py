@@ -19,16 +19,21 @@ FORWARD = "passes/forward.py"
 FIX = PASS.replace("line 5\n", "line five\n")
 
 
-@pytest.fixture
-def clone(tmp_path):
+@pytest.fixture(scope="module")
+def fifteen(tmp_path_factory):
     """Fifteen chapters; lessons 4 and 9 have added lines of their own to the file that will be mended."""
-    made = Clone(tmp_path / "clone")
+    made = Clone(tmp_path_factory.mktemp("fifteen"), git=False)
     for number in range(4, 16):
         made.edit(f"ch{number:02d}/{FORWARD}", "line 15\n", "line 15\nof lesson 4\n")
     for number in range(9, 16):
         made.edit(f"ch{number:02d}/{FORWARD}", "line 20\n", "line 20\nof lesson 9\n")
-    made.commit("lessons")
+    made.begin()
     return made
+
+
+@pytest.fixture
+def clone(fifteen, tmp_path):
+    return fifteen.copy(tmp_path / "clone")
 
 
 def state_of(clone):
@@ -67,7 +72,6 @@ def conflict(clone):
     """From chapter 6 on a lesson has changed the line that the fix changes."""
     for number in range(6, 16):
         clone.edit(f"ch{number:02d}/{FORWARD}", "line 5\n", "line 5 of lesson 6\n")
-    clone.commit("lesson 6")
     clone.write(f"ch03/{FORWARD}", FIX)
     return clone
 
@@ -186,7 +190,6 @@ def test_a_file_that_a_lesson_removed_or_renamed(clone, capsys):
         (clone.root / f"ch{number:02d}/{FORWARD}").rename(clone.root / f"ch{number:02d}/passes/ahead.py")
     for number in range(11, 16):
         (clone.root / f"ch{number:02d}/passes/ahead.py").unlink()
-    clone.commit("renamed, then gone")
     clone.write(f"ch01/{FORWARD}", FIX)
     assert carry.start(clone.root, 1, [FORWARD]) == 0
     assert b"line five" in clone.read("ch10/passes/ahead.py")

@@ -13,9 +13,14 @@ pytestmark = pytest.mark.feature("tools/carry")
 FORWARD = "passes/forward.py"
 
 
+@pytest.fixture(scope="module")
+def four(tmp_path_factory):
+    return Clone(tmp_path_factory.mktemp("four"), count=4)
+
+
 @pytest.fixture
-def clone(tmp_path):
-    return Clone(tmp_path / "clone", count=4)
+def clone(four, tmp_path):
+    return four.copy(tmp_path / "clone")
 
 
 def said(clone):
