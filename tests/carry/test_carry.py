@@ -178,11 +178,12 @@ def test_new_removed_and_renamed_files_are_carried(clone):
         assert b"line five\n" in content and (b"of lesson 9" in content) == (number >= 9)
 
 
-def test_both_names_of_a_renamed_file_go_when_one_is_given(clone):
+def test_both_names_of_a_renamed_file_go_when_one_is_given(clone, capsys):
     (clone.root / f"ch02/{FORWARD}").rename(clone.root / "ch02/passes/ahead.py")
     assert carry.start(clone.root, 2, ["passes/ahead.py"]) == 0
     assert not (clone.root / f"ch15/{FORWARD}").exists()
     assert b"of lesson 9" in clone.read("ch15/passes/ahead.py")
+    assert "ch04  passes/ahead.py: merged with its own lines" in capsys.readouterr().out
 
 
 def test_a_file_that_a_lesson_removed_or_renamed(clone, capsys):
@@ -196,6 +197,16 @@ def test_a_file_that_a_lesson_removed_or_renamed(clone, capsys):
     said = capsys.readouterr().out
     assert "ch11  passes/ahead.py: left out: there is no such file any more" in said
     assert "ch12" not in said
+
+
+def test_a_file_like_the_removed_one_that_was_there_before_is_no_renamed_one(clone):
+    for number in range(5, 16):
+        clone.write(f"ch{number:02d}/passes/like.py", PASS)
+    for number in range(7, 16):
+        (clone.root / f"ch{number:02d}/{FORWARD}").unlink()
+    clone.write(f"ch01/{FORWARD}", FIX)
+    assert carry.start(clone.root, 1, [FORWARD]) == 0
+    assert clone.read("ch07/passes/like.py") == PASS.encode()
 
 
 def test_removing_what_a_lesson_changed_is_a_question_without_markers(clone, capsys):

@@ -111,6 +111,15 @@ def test_lines_of_the_lesson_are_its_own_business(clone):
     assert said(clone) == []
 
 
+def test_lines_that_a_lesson_had_changed_then_may_be_what_it_wants_now(clone):
+    clone.edit(f"ch04/{FORWARD}", "line 5\n", "line 5, of lesson 4\n")
+    clone.edit(f"ch04/{FORWARD}", "line 15\n", "lesson\n")
+    clone.commit("lesson 4")
+    mend(clone, 3)
+    clone.edit(f"ch04/{FORWARD}", "line 5, of lesson 4\n", "line 5\n")
+    assert said(clone) == []
+
+
 def test_an_equal_line_elsewhere_is_none(clone):
     """A lesson drops a line that stands in another place, too; mending it here says nothing about there."""
     for number in (3, 4):
@@ -123,8 +132,9 @@ def test_an_equal_line_elsewhere_is_none(clone):
 
 
 def test_a_repair_taken_back_is_none(clone):
-    mend(clone, 2)
-    clone.edit(f"ch02/{FORWARD}", "line five\n", "line 5\n")
+    clone.edit(f"ch04/{FORWARD}", "line 15\n", "lesson\n")
+    mend(clone, 3)
+    clone.edit(f"ch03/{FORWARD}", "line five\n", "line 5\n")
     clone.commit("back")
     assert said(clone) == []
 

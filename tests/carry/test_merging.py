@@ -12,6 +12,7 @@ from chapters.merging import (
     merge_trees,
     renames,
     show_conflict,
+    similarity,
     writes,
 )
 from common.errors import UserError
@@ -176,6 +177,8 @@ def test_of_several_like_files_the_most_like_one_is_the_renamed_one():
     assert renames({"x": BASE}, after) == {"x": "near"}
     assert renames({"x": BASE}, {"other": b"1\n2\n"}) == {}
     assert renames({"x": b""}, {"y": b""}) == {}
+    shuffled = b"three\ntwo\none\nsix\nfive\nfour\n"
+    assert 0.3 < similarity(BASE, shuffled) < 0.5 and renames({"x": BASE}, {"y": shuffled}) == {}
 
 
 def test_a_new_file_of_the_lesson_is_no_renamed_one_if_base_knows_it():
