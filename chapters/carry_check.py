@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from difflib import SequenceMatcher
-from functools import cache, partial
+from functools import cache, lru_cache
 from pathlib import Path
 
 from chapters.console import out, say
@@ -29,8 +29,14 @@ from chapters.history import Commit, History
 from chapters.merging import is_binary
 from chapters.trees import belongs, numbers
 
+Now = Callable[[Path], list[str] | None]
+"""Gives the lines of a file on disk."""
+
 Then = Callable[[str, str], list[str] | None]
 """Gives the lines of a file at a revision, by their names."""
+
+KEPT = 64
+"""So many versions of files are remembered: one serves the questions about all later chapters."""
 
 OWN = ("__init__.py", "README.md")
 """Files of which each chapter has its own."""
@@ -88,39 +94,43 @@ def faults(root: Path) -> list[Fault]:
     allowed = read_exceptions(root).not_carried
     folders = numbers(root)
     names = [folder.name for folder in folders.values()]
-    then = cache(partial(_lines_then, history))
+    now = cache(lambda path: _lines(path.read_bytes() if path.is_file() else None))
     found: dict[tuple[str, str, int], Fault] = {}
-    for commit in history.commits():
-        for changed in commit.paths:
-            chapter, _, path = changed.partition("/")
-            if chapter not in names or not belongs(path) or path in OWN:
-                continue
-            for later in names[names.index(chapter) + 1 :]:
-                if any(entry.covers(commit.sha, path, later) for entry in allowed):
+    with history.reader() as read:
+        then = lru_cache(KEPT)(lambda revision, name: _lines(read(revision, name)))
+        for commit in history.commits():
+            for changed in commit.paths:
+                chapter, _, path = changed.partition("/")
+                if chapter not in names or not belongs(path) or path in OWN:
                     continue
-                for fault in _lacking(root, then, commit, chapter, later, path):
-                    found.setdefault((later, path, fault.line), fault)
+                for later in names[names.index(chapter) + 1 :]:
+                    if any(entry.covers(commit.sha, path, later) for entry in allowed):
+                        continue
+                    for fault in _lacking(root, now, then, commit, chapter, later, path):
+                        found.setdefault((later, path, fault.line), fault)
     return [found[key] for key in sorted(found)]
 
 
-def _lacking(root: Path, then: Then, commit: Commit, chapter: str, later: str, path: str) -> list[Fault]:
+def _lacking(
+    root: Path, now: Now, then: Then, commit: Commit, chapter: str, later: str, path: str
+) -> list[Fault]:
     """Return what `commit` repaired in a file of `chapter` and `later` lacks."""
-    mine, theirs = _lines_now(root / chapter / path), _lines_now(root / later / path)
+    mine, theirs = now(root / chapter / path), now(root / later / path)
     if mine is None or theirs is None or mine == theirs:
         return []  # equal files have the same repairs
     old, new = then(f"{commit.sha}~1", f"{chapter}/{path}"), then(commit.sha, f"{chapter}/{path}")
     held = then(f"{commit.sha}~1", f"{later}/{path}")
     if old is None or new is None or held is None:
         return []
-    made = repairs(old, new)
-    before, here, there = (places(old, lines, made) for lines in (held, mine, theirs))
+    there = places(old, theirs, repairs(old, new))
+    suspected = [repair for repair in there if repair in places(old, held, there)] if there else []
+    left = set(suspected) - set(places(old, mine, suspected) if suspected else ())
     faults = []
-    for repair in made:
-        if repair in before and repair in there and repair not in here:
-            line = there[repair]
-            inserted = repair.begin == repair.end
-            text = "lines are missing in front of it" if inserted else theirs[line].strip()
-            faults.append(Fault(commit, chapter, later, path, line + 1, text))
+    for repair in sorted(left, key=lambda repair: repair.begin):
+        line = there[repair]
+        inserted = repair.begin == repair.end
+        text = "lines are missing in front of it" if inserted else theirs[line].strip()
+        faults.append(Fault(commit, chapter, later, path, line + 1, text))
     return faults
 
 
@@ -141,14 +151,6 @@ def places(old: Sequence[str], lines: Sequence[str], wanted: Collection[Repair])
             if i <= repair.begin and repair.end + 2 <= i + size:
                 found[repair] = j + repair.begin - i
     return found
-
-
-def _lines_now(path: Path) -> list[str] | None:
-    return _lines(path.read_bytes() if path.is_file() else None)
-
-
-def _lines_then(history: History, revision: str, name: str) -> list[str] | None:
-    return _lines(history.read(revision, name))
 
 
 def _lines(content: bytes | None) -> list[str] | None:

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import os
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -34,7 +35,6 @@ def call(
     *words: str | os.PathLike[str], folder: Path, stdin: bytes | None = None
 ) -> subprocess.CompletedProcess[bytes]:
     """Run git in `folder` whatever its exit code; raise UserError where there is no git."""
-    around = {name: value for name, value in os.environ.items() if name not in ELSEWHERE}
     try:
         return subprocess.run(
             ["git", *words],
@@ -42,10 +42,15 @@ def call(
             input=b"" if stdin is None else stdin,
             capture_output=True,
             check=False,
-            env={**around, "LC_ALL": "C", "GIT_OPTIONAL_LOCKS": "0"},
+            env=_surroundings(),
         )
     except FileNotFoundError:
         raise UserError(f"This needs git, and there is none on the PATH: {INSTALL}.") from None
+
+
+def _surroundings() -> dict[str, str]:
+    kept = {name: value for name, value in os.environ.items() if name not in ELSEWHERE}
+    return {**kept, "LC_ALL": "C", "GIT_OPTIONAL_LOCKS": "0"}
 
 
 class GitError(UserError):
@@ -95,10 +100,30 @@ class History:
         done = call("cat-file", "--filters", name, folder=self.folder)
         return None if done.returncode else done.stdout
 
-    def paths(self, revision: str, below: str) -> list[str]:
-        """Return the paths of the files that `revision` has in the folder `below`."""
-        text = git("ls-tree", "-r", "-z", "--name-only", revision, "--", below, folder=self.folder)
-        return text.decode("utf-8", "surrogateescape").rstrip("\0").split("\0") if text else []
+    @contextmanager
+    def reader(self) -> Iterator[Callable[[str, str], bytes | None]]:
+        """Give what reads many files at many revisions, by one process; line ends are those of the repository."""
+        with subprocess.Popen(
+            ["git", "cat-file", "--batch"],
+            cwd=self.folder,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            env=_surroundings(),
+        ) as process:
+            asked, told = process.stdin, process.stdout
+            assert asked is not None and told is not None
+
+            def read(revision: str, path: str) -> bytes | None:
+                asked.write(f"{revision}:{self.prefix}{path}\n".encode("utf-8", "surrogateescape"))
+                asked.flush()
+                said = told.readline().split()
+                if said[1] != b"blob":
+                    return None
+                content = told.read(int(said[2]))
+                told.read(1)
+                return content
+
+            yield read
 
     def changed(self, below: str = ".", since: str = "HEAD") -> list[str]:
         """Return the paths of the files on disk that differ from `since`, files that git does not know included."""
