@@ -54,9 +54,7 @@ def carry(
         raise UserError(
             "Which chapter has the fix? `strata carry ch03 passes/forward.py` takes it to the later ones."
         )
-    return carrying.start(
-        chapters.FOLDER, chapters.parse_chapter(chapter), files or [], base=base, dry_run=dry_run
-    )
+    return carrying.start(chapters.FOLDER, _number(chapter), files or [], base=base, dry_run=dry_run)
 
 
 def new(
@@ -94,7 +92,6 @@ def fork(
     studies: Annotated[bool, typer.Option("--studies", help="Copy the chapter's studies, too.")] = False,
 ) -> int:
     """Make a copy of a chapter that is yours to change, or bring later fixes of the chapter into it."""
-    import chapters
     from chapters import fork_update, forks
 
     if update is not None:
@@ -105,4 +102,16 @@ def fork(
         raise UserError("--dry-run is for `strata fork --update DIR`.")
     if chapter is None or folder is None:
         raise UserError("Name a chapter and a folder: `strata fork 1 my-ch01`.")
-    return forks.run(chapters.parse_chapter(chapter), folder, studies=studies)
+    return forks.run(_number(chapter), folder, studies=studies)
+
+
+def _number(text: str) -> int:
+    """Return the number of the chapter that is meant; raise UserError for a fork, too."""
+    import chapters
+
+    which = chapters.parse_chapter(text)
+    if not isinstance(which, int):
+        raise UserError(
+            f"{text} is a copy of a chapter, and this is about the chapters of the clone: write a number."
+        )
+    return which

@@ -10,9 +10,9 @@ What becomes of a file that theirs changed against base is decided by these rule
 - theirs removed it and ours changed it: it stays, and is a conflict;
 - theirs added it and ours has another file there: both are shown between markers, as a conflict;
 - ours has no such file any more: nothing is to be mended, which is said and is no conflict;
-- a file that is gone on one side while one appeared there that has at least half of its lines is a *renamed* file: it
-  is merged under its new name; where both sides renamed it, ours keeps its own. Where ours has another file under the
-  new name, both stay, as a conflict.
+- a file that is gone on one side while one appeared there that has most of its lines is a *renamed* file, as
+  `strata diff` finds them: it is merged under its new name; where both sides renamed it, ours keeps its own. Where ours
+  has another file under the new name, both stay, as a conflict.
 
 Line ends are no change of a line: they stay as ours has them, unless it is theirs alone that changed them.
 """
@@ -22,14 +22,11 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
-from difflib import SequenceMatcher
 
+from chapters.diff_files import Source, renamed
 from chapters.history import call
 from common.errors import StrataError
 from common.paths import temporary_folder
-
-SIMILAR = 0.5
-"""Which part of its lines a renamed file keeps at least; git's own figure."""
 
 MARKER = re.compile(rb"^(<<<<<<<|\|\|\|\|\|\|\||>>>>>>>) ", re.M)
 """The line of `=======` in the middle is none: it underlines titles, too."""
@@ -133,25 +130,8 @@ def renames(before: Mapping[str, bytes], after: Mapping[str, bytes]) -> dict[str
 
 
 def _pairs(gone: Mapping[str, bytes], new: Mapping[str, bytes]) -> dict[str, str]:
-    likeness = sorted(
-        ((similarity(gone[old], new[name]), old, name) for old in gone for name in new),
-        key=lambda pair: (-pair[0], pair[1:]),
-    )
-    found: dict[str, str] = {}
-    for part, old, name in likeness:
-        if part >= SIMILAR and old not in found and name not in found.values():
-            found[old] = name
-    return found
-
-
-def similarity(a: bytes, b: bytes) -> float:
-    """Return which part of the lines of two files is the same, 0 to 1; of files that are no text, 0 or 1."""
-    if a == b:
-        return 1.0 if a else 0.0  # two empty files are no sign of anything
-    if is_binary(a) or is_binary(b):
-        return 0.0
-    matcher = SequenceMatcher(None, a.splitlines(), b.splitlines(), autojunk=False)
-    return matcher.ratio() if matcher.quick_ratio() >= SIMILAR else 0.0
+    old, made = ({name: Source(name, content) for name, content in side.items()} for side in (gone, new))
+    return {was: name for name, was in renamed(old, made).items()}
 
 
 def merge_trees(

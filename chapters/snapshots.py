@@ -7,7 +7,7 @@
     monotone    files, public names of modules, fields of Settings and features stay, unless LESSON.replaces names
                 them: "a feature", "passes/sky.py", "passes/sky.py:SkyPass", "settings.py:Settings.msaa"
     deletions   deleted lines are at most 0.15 of the inserted ones, those of new files included
-    size        at most 400 lines of Python change inside files that existed before
+    size        at most 400 lines of Python change inside files that existed before; a replaced one counts once
     long        a new file has at most 400 lines
     moved       no code goes from one file to another
 
@@ -19,12 +19,13 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
-from difflib import SequenceMatcher
 from functools import cache, cached_property
 from pathlib import Path
 
+from chapters.diff import TreeDifference, tree_difference
+from chapters.diff_files import Source
 from chapters.exceptions import read_exceptions
 from chapters.trees import Tree, belongs, lesson_of, numbers, read_tree
 from common.errors import UserError
@@ -35,21 +36,6 @@ RULES = ("touched", "named", "relative", "monotone", "deletions", "size", "long"
 OWN = ("__init__.py", "README.md")
 """Files of which each chapter has its own."""
 
-STAGES = (
-    ".vert",
-    ".frag",
-    ".comp",
-    ".geom",
-    ".task",
-    ".mesh",
-    ".rgen",
-    ".rint",
-    ".rahit",
-    ".rchit",
-    ".rmiss",
-    ".rcall",
-)
-CODE = (".py", ".glsl", *STAGES)
 DELETIONS = 0.15
 CHANGED_LINES = 400
 LONGEST = 400
@@ -82,16 +68,6 @@ class Chapter:
     def shared(self) -> Tree:
         """The files that the next chapter begins with."""
         return {name: content for name, content in self.files.items() if name not in OWN and belongs(name)}
-
-
-@dataclass(frozen=True)
-class Change:
-    """What differs in one file of code, by lines: a replaced line is one deleted and one inserted."""
-
-    path: str
-    deleted: tuple[str, ...]
-    inserted: tuple[str, ...]
-    existed: bool
 
 
 def read_chapters(root: Path) -> list[Chapter]:
@@ -135,7 +111,7 @@ def check_alone(chapter: Chapter) -> list[Broken]:
     named = re.compile(rf"\bch{digits}|\b[Cc]hapter {digits}|\bstrata(?:\.cmd)? \w+ {digits}")
     for path, content in chapter.files.items():
         place = f"{chapter.name}/{path}"
-        if not path.endswith(CODE):
+        if not Source(path, content).is_code:
             continue
         text = content.decode("utf-8", "replace")
         for line, words in enumerate(text.splitlines() if path in chapter.shared else (), start=1):
@@ -178,13 +154,17 @@ def _leaving(path: str, text: str) -> Iterator[tuple[int, str]]:
 def check_step(before: list[Chapter], after: Chapter) -> list[Broken]:
     """Return what `after` breaks against the last of `before`, which are all chapters before it."""
     last = before[-1]
-    made = changes(last.shared, after.shared)
-    told = [*touched(last, after), *monotone(before, after), *lines(after, made)]
+    made = tree_difference(_sources(last), _sources(after))
+    told = [*touched(last, after), *monotone(before, after), *lines(made)]
     fork = f"for experiments use `strata fork {after.number} my-{after.name}`"
     return [
         Broken(after.name, rule, f"{after.name} differs from {last.name} {text}; {fork}.")
         for rule, text in told
     ]
+
+
+def _sources(chapter: Chapter) -> dict[str, Source]:
+    return {path: Source(path, content) for path, content in chapter.shared.items()}
 
 
 def touched(last: Chapter, after: Chapter) -> Iterator[tuple[str, str]]:
@@ -260,60 +240,33 @@ def _defined(node: ast.stmt) -> list[str]:
     return [name.id for target in targets for name in ast.walk(target) if isinstance(name, ast.Name)]
 
 
-def lines(after: Chapter, made: list[Change]) -> Iterator[tuple[str, str]]:
+def lines(made: TreeDifference) -> Iterator[tuple[str, str]]:
     """Yield (rule, text) of steps that delete or change too much, of new files that are too long, of moved code."""
-    deleted = sum(len(change.deleted) for change in made)
-    inserted = sum(len(change.inserted) for change in made)
+    deleted, inserted = made.deletions, made.insertions
     if deleted > DELETIONS * inserted:
         part = f"{deleted / inserted:.2f} of them" if inserted else "and none is inserted"
         yield (
             "deletions",
             f"by {deleted} deleted lines for {inserted} inserted ones, {part}, and {DELETIONS} may be",
         )
-    python = [c for c in made if c.existed and c.path.endswith(".py") and c.path in after.shared]
-    changed = sum(max(len(c.deleted), len(c.inserted)) for c in python)
-    if changed > CHANGED_LINES:
-        most = sorted(python, key=lambda c: -max(len(c.deleted), len(c.inserted)))[:3]
-        where = ", ".join(f"{c.path} {max(len(c.deleted), len(c.inserted))}" for c in most)
+    python = {
+        file.path: max(file.insertions, file.deletions)
+        for file in made.of_status("changed", "renamed")
+        if file.source.suffix == ".py"
+    }
+    if sum(python.values()) > CHANGED_LINES:
+        where = ", ".join(
+            f"{path} {python[path]}" for path in sorted(python, key=lambda path: -python[path])[:3]
+        )
         yield (
             "size",
-            f"by {changed} lines of Python in files that existed before (most in {where}), and {CHANGED_LINES} may be",
+            f"by {sum(python.values())} lines of Python in files that existed before (most in {where}), "
+            f"and {CHANGED_LINES} may be",
         )
-    for change in made:
-        if not change.existed and len(change.inserted) > LONGEST:
-            yield (
-                "long",
-                f"by the new file {change.path} of {len(change.inserted)} lines, and {LONGEST} may be",
-            )
-    for count, old, new, first in moved(made):
-        yield "moved", f"by {count} lines that went from {old} to {new}, the first of them {first!r}"
-
-
-def changes(before: Mapping[str, bytes], after: Mapping[str, bytes]) -> list[Change]:
-    """Return what differs in files of code, by path."""
-    made = []
-    for path in sorted({*before, *after}):
-        old, new = before.get(path, b""), after.get(path, b"")
-        if path.endswith(CODE) and old != new:
-            a, b = (content.decode("utf-8", "replace").splitlines() for content in (old, new))
-            codes = SequenceMatcher(None, a, b, autojunk=False).get_opcodes()
-            differing = [code for code in codes if code[0] != "equal"]
-            deleted = tuple(line for _, begin, end, _, _ in differing for line in a[begin:end])
-            inserted = tuple(line for _, _, _, begin, end in differing for line in b[begin:end])
-            made.append(Change(path, deleted, inserted, path in before))
-    return made
-
-
-def moved(made: list[Change]) -> list[tuple[int, str, str, str]]:
-    """Return (lines, from, to, first line) of code that vanished in one file and appeared in another."""
-    found = []
-    for source in made:
-        old = [line.strip() for line in source.deleted if line.strip()]
-        for target in made:
-            new = [line.strip() for line in target.inserted if line.strip()]
-            if target is source or len(old) < MOVED_LINES or len(new) < MOVED_LINES:
-                continue
-            match = SequenceMatcher(None, old, new, autojunk=False).find_longest_match()
-            if match.size >= MOVED_LINES:
-                found.append((match.size, source.path, target.path, old[match.a]))
-    return found
+    for file in made.of_status("new"):
+        if file.source.is_code and file.insertions > LONGEST:
+            yield "long", f"by the new file {file.path} of {file.insertions} lines, and {LONGEST} may be"
+    for move in made.moves:
+        if move.old_path != move.new_path and move.lines >= MOVED_LINES:
+            places = f"{move.old_path}:{move.old_line} to {move.new_path}:{move.new_line}"
+            yield "moved", f"by {move.lines} lines that went from {places}"

@@ -194,6 +194,7 @@ def test_the_command_line(strata, tmp_path, monkeypatch):
         (("fork", "--update", "nowhere"), "is not there"),
         (("fork", "1", "x", "--update", "my-ch01"), "takes nothing else"),
         (("fork", "1", "x", "--dry-run"), "is for"),
+        (("fork", "my-ch01", "x"), "my-ch01 is a copy of a chapter"),
     ):
         code, _, err = strata(*words)
         assert code == 2 and said in err, err
