@@ -209,9 +209,6 @@ def run(
 
 
 app.command(cls=Command)(frame)
-app.command(cls=Command)(carry)
-app.command(cls=Command)(new)
-app.command(cls=Command)(fork)
 
 
 @app.command(name="list", cls=Command)
@@ -391,6 +388,9 @@ def compare(
 
 
 app.command(cls=Command)(diff)
+app.command(cls=Command)(fork)
+app.command(cls=Command)(carry)
+app.command(cls=Command)(new)
 
 
 def _version(wanted: bool) -> None:

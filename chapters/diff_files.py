@@ -10,8 +10,9 @@ from pathlib import Path, PurePosixPath
 
 from chapters.sentences import SHADERS, sentence_of
 
-LEFT_OUT = frozenset({"studies", "out", "__pycache__"})
-"""Folders that are no part of a chapter's frame: studies stay with their chapter, the rest is made by running."""
+LEFT_OUT = frozenset({"studies", "out", "__pycache__", "fork.json"})
+"""What is no part of a chapter's frame: studies stay with their chapter, a fork's record is about the fork, and the
+rest is made by running."""
 
 
 def visible(text: str) -> str:

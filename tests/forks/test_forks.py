@@ -6,6 +6,7 @@ import json
 
 import pytest
 
+from chapters.diff import difference
 from chapters.forks import BASE, base_files, is_fork, make_fork, own_files, read_fork
 from chapters.trees import read_tree
 from common.errors import UserError
@@ -40,6 +41,11 @@ def test_a_fork_is_a_byte_copy_with_its_base(root, tmp_path):
     assert sorted(path.name for path in made.folder.iterdir()) == sorted(
         [BASE, "__init__.py", "fork.json", "passes"]
     )
+
+
+def test_a_fork_that_nobody_changed_is_no_difference(root, tmp_path):
+    made = fork_of(root, tmp_path / "mine")
+    assert difference(root / "ch01", made.folder).changed == ()
 
 
 def test_studies_come_when_asked_for(root, tmp_path):
