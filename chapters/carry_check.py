@@ -74,6 +74,10 @@ def run(root: Path) -> int:
     Raises UserError where there is no git history to look at.
     """
     found = faults(root)
+    if History(root).shallow:
+        say(
+            "Older commits were left out of this clone and are not looked at: `git fetch --unshallow` brings them."
+        )
     for fault in found:
         out.print(f"{root.name}/{fault}", markup=False, soft_wrap=True)
     if not found:

@@ -94,6 +94,11 @@ class History:
             .strip()
         )
 
+    @property
+    def shallow(self) -> bool:
+        """Whether older commits were left out when this was cloned, as by `git clone --depth 1`."""
+        return git("rev-parse", "--is-shallow-repository", folder=self.folder).strip() == b"true"
+
     def read(self, revision: str, path: str) -> bytes | None:
         """Return a file as a checkout of `revision` would write it, or None if it is not there."""
         name = f"{revision}:{self.prefix}{path}"

@@ -43,9 +43,9 @@ def lesson_of(folder: Path) -> Lesson:
 
 
 def belongs(path: str, studies: bool = False) -> bool:
-    """Whether a file at this place is the chapter's: nothing hidden, nothing compiled, and its studies if asked for."""
+    """Whether a file at this place is the chapter's: nothing hidden, nothing made by running, studies if asked for."""
     parts = path.split("/")
-    made = any(part.startswith(".") or part == "__pycache__" for part in parts)
+    made = any(part.startswith(".") or part in ("__pycache__", "out") for part in parts)
     return not made and (studies or parts[0] != STUDIES)
 
 

@@ -185,6 +185,15 @@ def test_a_wrong_exception_is_one_sentence(clone, text, why):
         read_exceptions(clone.root)
 
 
+def test_a_clone_without_its_history_says_so(clone, tmp_path, capsys):
+    mend(clone, 3)
+    for depth, code in ((1, 0), (9, 1)):
+        folder = tmp_path / f"depth{depth}"
+        clone.git("clone", "-q", "--depth", str(depth), f"file://{clone.folder.as_posix()}", str(folder))
+        assert carry_check.run(folder / "chapters") == code
+        assert ("Older commits were left out" in capsys.readouterr().err) == (depth == 1)
+
+
 def test_without_git_it_is_one_sentence(clone, monkeypatch, tmp_path):
     monkeypatch.setenv("PATH", str(tmp_path / "empty"))
     with pytest.raises(UserError, match="install git"):
