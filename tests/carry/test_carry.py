@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import stat
 import subprocess
 import sys
 
@@ -322,6 +323,14 @@ def test_without_a_repository_or_without_git_it_is_one_sentence(tmp_path, monkey
         carry.start(clone.root, 1, [FORWARD])
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such bit")
+def test_a_program_stays_one(clone):
+    (clone.root / f"ch02/{FORWARD}").chmod(0o755)
+    clone.write(f"ch01/{FORWARD}", FIX)
+    carry.start(clone.root, 1, [FORWARD])
+    assert stat.S_IMODE((clone.root / f"ch02/{FORWARD}").stat().st_mode) == 0o755
+
+
 def test_two_carries_at_once(clone):
     clone.write(f"ch01/{FORWARD}", FIX)
     with carry_state.alone(clone.root):
@@ -361,6 +370,25 @@ def test_a_chapter_that_cannot_be_written_changes_nothing(clone, monkeypatch):
     monkeypatch.setattr(trees, "write_whole", refusing)
     with pytest.raises(UserError, match=r"ch09/passes/forward.py cannot be written \(Permission denied\)"):
         carry.start(clone.root, 1, [FORWARD])
+    assert {n: c for n, c in clone.files().items() if ".strata" not in n} == before
+    assert not state_of(clone)
+
+
+def test_ctrl_c_while_it_writes_changes_nothing(clone, monkeypatch):
+    clone.write(f"ch01/{FORWARD}", FIX)
+    (clone.root / "ch01/passes/sky.py").unlink()
+    before = clone.files()
+    real = trees.put
+
+    def stopped(folder, name, content):
+        real(folder, name, content)
+        if name.startswith("ch07/"):
+            monkeypatch.setattr(trees, "put", real)
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(trees, "put", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        carry.start(clone.root, 1, ["passes"])
     assert {n: c for n, c in clone.files().items() if ".strata" not in n} == before
     assert not state_of(clone)
 

@@ -265,7 +265,18 @@ def test_no_code_moves(trees):
     assert trees.broken() == []
 
 
+def test_code_that_changes_its_place_in_a_file_counts_as_deleted(trees):
+    block = "".join(f"def function_{number}():\n    return {number}\n" for number in range(4))
+    trees.write(2, "big.py", CODE.replace(block, "") + block)
+    trees.new(2)
+    trees.lesson(2, reading=("big.py",))
+    assert trees.broken() == []
+    trees.new(2, lines=10)
+    assert trees.broken() == [("ch02", "deletions")]
+
+
 def test_only_code_is_counted(trees):
+    trees.write(2, "new.md", CODE * 3)
     for number in (1, 2):
         trees.write(number, "notes.md", CODE)
     trees.write(2, "notes.md", CODE.replace("return", "give"))
