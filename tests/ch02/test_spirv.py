@@ -11,9 +11,9 @@ import pytest
 
 from backends import shader_text
 from backends.vulkan.shaders import compile_shader
-from chapters.ch02.logic import spirv
 from chapters.ch02.logic.declared import mismatch
-from chapters.ch02.logic.spirv import SpirvError, parse
+from chapters.ch02.logic.spirv import parse
+from chapters.ch02.logic.spirv_words import SpirvError, instructions, words_of
 from common import layouts
 from common.errors import ShaderError
 
@@ -154,7 +154,7 @@ def test_a_damaged_module_raises_nothing_else():
 @parser
 def test_every_length_of_a_module_is_refused_or_whole():
     code = compiled("layout(local_size_x = 4) in; void main() {}")
-    whole = {4 * at for at, _, _ in spirv.instructions(spirv.words_of(code))} | {len(code)}
+    whole = {4 * at for at, _, _ in instructions(words_of(code))} | {len(code)}
     for length in range(len(code)):
         if length in whole:
             continue
@@ -246,7 +246,7 @@ def test_opcodes_and_models_above_255():
     void main() { SetMeshOutputsEXT(3, 1); gl_PrimitiveTriangleIndicesEXT[0] = uvec3(0, 1, 2); }
     """
     code = compiled(text, "mesh", ("GL_EXT_mesh_shader",))
-    assert 5295 in {opcode for _, opcode, _ in spirv.instructions(spirv.words_of(code))}
+    assert 5295 in {opcode for _, opcode, _ in instructions(words_of(code))}
     (entry,) = parse(code).entries
     assert (entry.stage, entry.local_size) == ("mesh", (32, 1, 1))
     for model, stage in ((5267, "task"), (5268, "mesh"), (5364, "task"), (5313, "rgen"), (5318, "rcall")):

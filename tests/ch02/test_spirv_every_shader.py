@@ -14,6 +14,7 @@ from backends.vulkan.shaders import shared
 from chapters.ch02.logic import spirv
 from chapters.ch02.logic.declared import Kind
 from chapters.ch02.logic.snippets import SNIPPETS
+from chapters.ch02.logic.spirv_words import instructions, words_of
 from common.errors import ShaderError
 from common.paths import ROOT
 from tests.backends.test_glslang import SHADERS as STAGE_SHADERS
@@ -108,7 +109,7 @@ def test_there_are_many_and_of_every_stage(modules):
 def test_every_instruction_begins_at_its_word_and_has_its_opcode(modules):
     opcodes: dict[str, int] = {}
     for code, where, text in modules:
-        found = list(spirv.instructions(spirv.words_of(code)))
+        found = list(instructions(words_of(code)))
         assert [4 * at for at, _, _ in found] == [offset for offset, *_ in text.instructions], where
         for (_, opcode, operands), (_, name, result, words) in zip(found, text.instructions, strict=True):
             assert opcodes.setdefault(name, opcode) == opcode, f"{where}: {name}"

@@ -20,6 +20,7 @@ from common.names import suggest
 
 from ..logic import spirv
 from ..logic.declared import Kind, Module, Number, Resource
+from ..logic.spirv_words import SpirvError
 
 STAGES = {
     "vert": vk.VK_SHADER_STAGE_VERTEX_BIT,
@@ -91,7 +92,7 @@ class Stage:
         """What the stage declares, with the values that its constants have."""
         try:
             return parse(self.code, self.constants)
-        except spirv.SpirvError as error:
+        except SpirvError as error:
             if self.source is None:
                 raise
             raise ShaderError(f"{self.source.name}: {error}", self.source.paths) from None

@@ -1,25 +1,18 @@
 """What a compiled shader says of itself: a parser of SPIR-V that finds entry points, blocks, descriptors and constants.
 
-A module is a stream of 32-bit words. Five of them are the header: magic number, version, generator, id bound, 0. Each
-instruction behind it begins with a word whose low half is the opcode and whose high half counts the words of the
-instruction, itself included. Whatever an instruction makes (a type, a constant, a variable) gets a number, its id,
-and names and decorations refer to ids that come later. So the parser fills tables by id first, and puts together what
-belongs together afterwards: variable -> pointer type -> what it points to.
+A module is a list of instructions (`spirv_words.py`). Whatever an instruction makes (a type, a constant, a variable)
+gets a number, its id, and names and decorations refer to ids that come later. So the parser fills tables by id first,
+and puts together what belongs together afterwards: variable -> pointer type -> what it points to.
 
-All declarations stand before the first function; of the bodies behind it only the lengths are checked. A module may
-have been written in either byte order: the magic number, read backwards, gives it away. Source: SPIR-V specification
-1.6, section 2.3 (words) and section 3 (opcodes and numbers, in `spirv_numbers.py`).
+All declarations stand before the first function; of the bodies behind it only the lengths are checked. Source: SPIR-V
+specification 1.6, section 3 (opcodes and numbers, in `spirv_numbers.py`).
 """
 
 from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Iterator, Mapping, Sequence
-
-import numpy as np
-
-from common.errors import ShaderError
+from collections.abc import Mapping, Sequence
 
 from .declared import (
     Block,
@@ -48,50 +41,7 @@ from .spirv_numbers import (
     Op,
     Storage,
 )
-
-MAGIC = 0x07230203
-HEADER_WORDS = 5
-
-
-class SpirvError(ShaderError):
-    """These bytes are no SPIR-V that can be used; the text says in one sentence what is wrong, and at which word."""
-
-
-# --- words and instructions ---------------------------------------------------------------------------------
-
-
-def words_of(code: bytes) -> list[int]:
-    """Return the words of a module in either byte order, the header included; raise SpirvError for anything else."""
-    if len(code) % 4:
-        raise SpirvError(
-            f"SPIR-V is made of words of 4 bytes, and {len(code)} bytes are no whole number of them."
-        )
-    if len(code) < 4 * HEADER_WORDS:
-        raise SpirvError(f"SPIR-V begins with {HEADER_WORDS} words, and here are only {len(code) // 4}.")
-    for order in ("<u4", ">u4"):
-        words = np.frombuffer(code, order)
-        if words[0] == MAGIC:
-            found: list[int] = words.tolist()
-            return found
-    first = int.from_bytes(code[:4], "little")
-    raise SpirvError(f"This is no SPIR-V: it begins with 0x{first:08x} in place of 0x{MAGIC:08x}.")
-
-
-def instructions(words: Sequence[int]) -> Iterator[tuple[int, int, Sequence[int]]]:
-    """Yield (word at which it begins, opcode, operands) of each instruction; raise SpirvError where one is cut off."""
-    at, end = HEADER_WORDS, len(words)
-    while at < end:
-        first = words[at]
-        # The opcode has all 16 bits: those of mesh shaders and ray tracing are above 5,000.
-        opcode, count = first & 0xFFFF, first >> 16
-        if count == 0:
-            raise SpirvError(f"The instruction at word {at} of the SPIR-V says that it has no words.")
-        if at + count > end:
-            raise SpirvError(
-                f"The SPIR-V is cut off: the instruction at word {at} has {count} words, and {end - at} are left."
-            )
-        yield at, opcode, words[at + 1 : at + count]
-        at += count
+from .spirv_words import SpirvError, instructions, text, words_of
 
 
 def parse(code: bytes, specialization: Mapping[int, Number] | None = None) -> Module:
@@ -143,16 +93,16 @@ class _Declarations:
 
     def _note(self, opcode: int, operands: Sequence[int]) -> None:
         if opcode == Op.NAME:
-            self._names[self._id(operands[0])] = _text(operands[1:])
+            self._names[self._id(operands[0])] = text(operands[1:])
         elif opcode == Op.MEMBER_NAME:
-            self._member_names[self._id(operands[0]), operands[1]] = _text(operands[2:])
+            self._member_names[self._id(operands[0]), operands[1]] = text(operands[2:])
         elif opcode == Op.DECORATE:
             self._marks[self._id(operands[0]), operands[1]] = operands[2] if len(operands) > 2 else 1
         elif opcode == Op.MEMBER_DECORATE:
             place = self._id(operands[0]), operands[1], operands[2]
             self._member_marks[place] = operands[3] if len(operands) > 3 else 1
         elif opcode == Op.ENTRY_POINT:
-            self._entries.append((operands[0], self._id(operands[1]), _text(operands[2:])))
+            self._entries.append((operands[0], self._id(operands[1]), text(operands[2:])))
         elif opcode in (Op.EXECUTION_MODE, Op.EXECUTION_MODE_ID):
             if operands[1] in (LOCAL_SIZE, LOCAL_SIZE_ID):
                 self._sizes[self._id(operands[0])] = operands[1] == LOCAL_SIZE_ID, operands[2:5]
@@ -403,15 +353,6 @@ class _Declarations:
             tuple(one for _, one in sorted(self._specials.items())),
             tuple(sorted(inputs)),
         )
-
-
-def _text(words: Sequence[int]) -> str:
-    """Return the text in these words: four bytes each, the first in the lowest bits, up to a zero byte."""
-    raw = struct.pack(f"<{len(words)}I", *words)
-    end = raw.find(b"\0")
-    if end < 0:
-        raise SpirvError("A name in the SPIR-V has no end.")
-    return raw[:end].decode("utf-8", "replace")
 
 
 def _decoded(type_: str, size: int, words: Sequence[int]) -> Number:
