@@ -9,6 +9,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from chapters.cli_diff import diff
+from chapters.cli_exercises import check, exercise
 from chapters.cli_frame import frame
 from chapters.cli_options import (
     Backend,
@@ -389,6 +390,8 @@ def compare(
 
 app.command(cls=Command)(diff)
 app.command(cls=Command)(fork)
+app.command(cls=Command)(exercise)
+app.command(cls=Command)(check)
 app.command(cls=Command)(carry)
 app.command(cls=Command)(new)
 

@@ -1,0 +1,35 @@
+"""Codes in a base colour are decoded before anything is done with them: one grey, and stripes that are averaged."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from chapters.exercises.checking import Given
+from common.scene import Image, Material, Sampler
+from tests.support.scenes import facing, quad_scene, texture
+
+
+def light_of(code: float) -> float:
+    """Return the amount of light that an sRGB code from 0 to 1 stands for (IEC 61966-2-1)."""
+    return code / 12.92 if code <= 0.04045 else ((code + 0.055) / 1.055) ** 2.4
+
+
+def check(given: Given) -> None:
+    """Draw unlit squares that show their base colour alone."""
+    grey = np.full((4, 4, 4), 128, np.uint8)
+    scene = quad_scene(Material(unlit=True, base_color_texture=texture()), images=(Image("grey", grey),))
+    seen = float(given.draw(scene, facing(), size=(8, 8)).mean())
+    wanted = light_of(128 / 255)
+    given.need(
+        abs(seen - wanted) < 2e-3,
+        f"A texel of code 128 stands for {wanted:.3f} of white light, and gives {seen:.3f}.",
+    )
+    stripes = np.zeros((64, 64, 4), np.uint8)
+    stripes[:, ::2], stripes[..., 3] = 255, 255
+    fine = texture(sampler=Sampler("linear", "linear", "linear"))
+    scene = quad_scene(Material(unlit=True, base_color_texture=fine), images=(Image("stripes", stripes),))
+    seen = float(given.draw(scene, facing(), size=(8, 8)).mean())
+    given.need(
+        abs(seen - 0.5) < 5e-3,
+        f"Stripes of black and white are half of white light from afar, not {seen:.3f}.",
+    )
