@@ -73,21 +73,25 @@ class Given:
     def draw(
         self,
         scene: Scene,
-        view: View,
+        camera: View,
         output: str = "color_linear",
         size: tuple[int, int] = (32, 32),
         **knobs: Any,
     ) -> np.ndarray:
         """Return one output of one frame; raise NotYet if the API complains."""
         with self.open(scene, size, (output,), **knobs) as made:
-            picture: np.ndarray = made.render(view).image(output)
+            picture: np.ndarray = made.render(camera).image(output)
         self.silent()
         return picture
 
     def silent(self) -> None:
         """Raise NotYet with the first message of the validation layers, or of the OpenGL driver."""
-        messages = complaints(self.device)
+        messages = self.complaints()
         self.need(not messages, messages[0] if messages else "")
+
+    def complaints(self) -> list[str]:
+        """Return what the API said since it was asked last."""
+        return complaints(self.device)
 
 
 def complaints(device: Any) -> list[str]:
@@ -136,8 +140,8 @@ def check(exercise: Exercise, which: chapters.Whole, opener: Opener = device) ->
     """Run an exercise's check on a copy of its chapter; return what is not right yet, None if all is.
 
     It runs on each backend of the exercise that this machine has. Raises UnsupportedError if there is none of them, and
-    UserError where the exercise is about validation and the layers are not installed; faults of the copy's own code come
-    through as they are.
+    UserError where the exercise is about validation and the layers are not installed; faults of the copy's own code
+    come through as they are.
     """
     run = entry(exercise)
     missing: list[UnsupportedError] = []

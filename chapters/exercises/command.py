@@ -11,7 +11,6 @@ from rich.markdown import Markdown
 from rich.markup import escape
 from rich.syntax import Syntax
 
-import chapters
 from chapters import folders, forks
 from chapters.console import out, say
 from chapters.exercises import KINDS, Exercise, answers, checking, find, of_chapter

@@ -1,4 +1,4 @@
-"""Every exercise: its patches fit today's chapter, its start fails, its solution passes, and its run says the same again."""
+"""Every exercise: its patches fit today's chapter, its start fails, its solution passes, its run repeats itself."""
 
 from __future__ import annotations
 
@@ -148,7 +148,7 @@ def test_a_difference_applied_is_the_other_side(before, after):
 
 
 def test_nothing_lies_among_the_exercises_that_is_none():
-    found = {path.parent for path in FOLDER.glob("ch*/*/*")} | {path for path in FOLDER.glob("ch*/*")}
+    found = {path.parent for path in FOLDER.glob("ch*/*/*")} | set(FOLDER.glob("ch*/*"))
     assert {path for path in found if path.name != "__pycache__" and path.parent.name != "__pycache__"} == {
         one.folder for one in ALL
     }
