@@ -24,7 +24,7 @@ def measure(given: Given) -> dict[str, Answer]:
 
     def slower(number: int) -> str:
         ratio = found[number, 1000][1] / found[number, 10][1]
-        return "at least twice" if ratio >= 2 else "less than twice"
+        return "four times as long or more" if ratio >= 4 else "less than four times as long"
 
     return {
         "calls_1": works[1, 1000]["draws"],
