@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 import chapters
+from chapters.new_chapter import HEADINGS
 from common.paths import ROOT
 
 FOLDERS = ("common", "backends", "chapters", "assets", "bootstrap", "shaders", "tests")
@@ -117,6 +118,54 @@ def test_a_lesson_is_complete(number):
     assert lesson.reading
     for name in lesson.reading:
         assert first_sentence(folder / name), name
+
+
+@pytest.mark.feature("tools/exercises")
+@pytest.mark.parametrize("number", chapters.available())
+def test_a_readme_has_the_headings_of_every_chapter(number):
+    """In their order, with something below each; what to read is LESSON.reading, with a sentence for each file."""
+    text = readme_of(number)
+    sections = re.split(r"^## (.*)\n", without_code(text), flags=re.M)
+    assert sections[1::2] == list(HEADINGS)
+    assert re.match(rf"# Chapter {number}: \S", text)
+    found = dict(zip(sections[1::2], sections[2::2], strict=True))
+    assert not [heading for heading, body in found.items() if len(body.split()) < 10]
+    listed = re.findall(r"^\d+\. \[`([^`]+)`\]\(([^)]+)\): (\S.*\.)$", found["Reading order"], re.M)
+    assert tuple(name for name, _, _ in listed) == chapters.lesson(number).reading
+    assert all(name == link for name, link, _ in listed)
+
+
+@pytest.mark.parametrize("number", chapters.available())
+def test_links_of_a_readme_lead_somewhere(number):
+    """To a file, or to a heading of the page itself."""
+    text, folder = readme_of(number), ROOT / "chapters" / chapters.folder_name(number)
+    headings = {anchor(line) for line in re.findall(r"^#+ (.*)$", without_code(text), re.M)}
+    lost = []
+    for link in re.findall(r"\]\(([^)\s]+)\)", without_code(text)):
+        path, _, heading = link.partition("#")
+        if not path:
+            lost += [link] if heading not in headings else []
+        elif "://" not in path and not (folder / path).exists():
+            lost.append(link)
+    assert not lost
+
+
+def readme_of(number: int) -> str:
+    """Return a chapter's README; a chapter whose lesson adds nothing yet may be without one."""
+    path = ROOT / "chapters" / chapters.folder_name(number) / "README.md"
+    if not path.is_file() and not chapters.lesson(number).adds:
+        pytest.skip(f"chapter {number} adds nothing yet, and has no README")
+    return path.read_text("utf-8")
+
+
+def without_code(text: str) -> str:
+    """Return a page without its blocks of code, in which a "#" is no heading."""
+    return re.sub(r"^```.*?^```$", "", text, flags=re.M | re.S)
+
+
+def anchor(heading: str) -> str:
+    """Return the name under which GitHub links to a heading."""
+    return re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-")
 
 
 @pytest.mark.parametrize("number", chapters.available())
