@@ -82,16 +82,21 @@ def show_all(number: int) -> None:
     )
 
 
-def task_text(exercise: Exercise) -> str:
-    """Return what an exercise asks, as Markdown."""
-    return f"# {exercise.title}\n\n*Chapter {exercise.chapter}, {exercise.kind}*\n\n{exercise.task.strip()}\n"
+PLACE = "FOLDER"
+"""What stands in texts for the folder that the reader works in."""
+
+
+def task_text(exercise: Exercise, folder: str = PLACE) -> str:
+    """Return what an exercise asks, as Markdown, with its commands for `folder`."""
+    task = exercise.task.strip().replace(PLACE, folder)
+    return f"# {exercise.title}\n\n*Chapter {exercise.chapter}, {exercise.kind}*\n\n{task}\n"
 
 
 def begin(exercise: Exercise, folder: Path, *, solved: bool = False) -> None:
     """Make a fork of the chapter with the start of an exercise in it, or with its solution."""
     both = states(exercise)
     files: Tree = dict(both.solution if solved else both.start)
-    files[TASK] = task_text(exercise).encode()
+    files[TASK] = task_text(exercise, str(folder)).encode()
     if exercise.kind == "predict":
         files[answers.FILE] = solved_answers(exercise) if solved else answers.questions_file(exercise)
     fork = forks.make_fork(exercise.chapter, folder)
@@ -161,7 +166,7 @@ def check(text: str, *, hint: bool = False, solution: bool = False) -> int:
         which = folders.read(begun.folder, text)
         wrong = checking.check(exercise, which)
     if wrong is not None:
-        out.print(f"Not right yet. {wrong}", markup=False, soft_wrap=True)
+        out.print(f"Not right yet. {wrong.replace(PLACE, text)}", markup=False, soft_wrap=True)
         say(f"`strata check {text} --hint` helps.")
         return 1
     out.print(f"All right. {exercise.lesson.strip()}", markup=False, soft_wrap=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import nullcontext
 from dataclasses import replace
+from functools import cache
 
 import pytest
 
@@ -16,6 +17,9 @@ from chapters.trees import write_files
 ALL = [one for number in chapters.available() for one in of_chapter(number)]
 CODE = [one for one in ALL if one.kind != "predict"]
 PREDICTIONS = [one for one in ALL if one.kind == "predict"]
+
+both = cache(states)
+"""Start and solution of an exercise, made once."""
 
 pytestmark = pytest.mark.feature("tools/exercises")
 
@@ -49,14 +53,14 @@ def verdict(exercise, backend, tree, folder, opener):
 
 @pytest.mark.parametrize(("exercise", "backend"), on_backends(CODE))
 def test_the_start_fails_and_says_why_in_a_sentence(exercise, backend, tmp_path, opener):
-    wrong = verdict(exercise, backend, states(exercise).start, tmp_path, opener)
+    wrong = verdict(exercise, backend, both(exercise).start, tmp_path, opener)
     assert wrong is not None, "nothing is wrong at the start"
     assert wrong.endswith((".", "?")) and "\n" not in wrong
 
 
 @pytest.mark.parametrize(("exercise", "backend"), on_backends(CODE))
 def test_the_solution_passes(exercise, backend, tmp_path, opener):
-    assert verdict(exercise, backend, states(exercise).solution, tmp_path, opener) is None
+    assert verdict(exercise, backend, both(exercise).solution, tmp_path, opener) is None
 
 
 @pytest.mark.parametrize("exercise", named(PREDICTIONS))
@@ -89,8 +93,7 @@ def test_an_exercise_is_whole(exercise):
 @pytest.mark.parametrize("exercise", named(CODE))
 def test_patches_are_small(exercise):
     """A fault is a few lines, a feature some tens."""
-    both = states(exercise)
-    lines = difference(both.start, both.solution).splitlines()
+    lines = difference(both(exercise).start, both(exercise).solution).splitlines()
     changed = [line for line in lines if line[:1] in "+-" and line[:3] not in ("+++", "---")]
     assert 1 <= len(changed) <= (12 if exercise.kind == "repair" else 80)
 
@@ -115,9 +118,7 @@ def test_a_chapter_has_one_of_each_kind(number):
 def test_a_patch_that_does_not_fit_any_more_is_named_with_what_to_do():
     exercise = next(one for one in CODE if one.kind == "repair")
     touched = [
-        name
-        for name, content in states(exercise).start.items()
-        if files_of(exercise.chapter)[name] != content
+        name for name, content in both(exercise).start.items() if files_of(exercise.chapter)[name] != content
     ]
     changed = {**files_of(exercise.chapter), touched[0]: b'"""Another file."""\n'}
     with pytest.raises(OutOfDate) as caught:

@@ -9,7 +9,7 @@ import numpy as np
 from chapters.exercises.checking import Given
 from common.color import encode_srgb
 from common.scene import Material
-from tests.support.scenes import facing, quad_scene
+from tests.support.scenes import facing, quad_scene, translated
 
 LIGHT = (0.0, 0.02, 0.18, 0.7, 1.0, 6.0)
 
@@ -20,11 +20,15 @@ def check(given: Given) -> None:
         "none": lambda x: min(x, 1.0),
         "reinhard": lambda x: x / (1.0 + x),
     }
+    count = len(LIGHT)
+    places = [translated(x=(2 * n + 1) / count - 1) @ np.diag([1 / count, 1, 1, 1]) for n in range(count)]
+    materials = tuple(Material(unlit=True, base_color=(value, value, value, 1.0)) for value in LIGHT)
+    scene = quad_scene(materials=materials, matrices=tuple(places), instance_materials=tuple(range(count)))
     for curve, formula in curves.items():
-        for value in LIGHT:
-            material = Material(unlit=True, base_color=(value, value, value, 1.0))
-            picture = given.draw(quad_scene(material), facing(), "color", (4, 4), tone_curve=curve)
-            seen, wanted = float(picture[2, 2, 0]), 255.0 * float(encode_srgb(np.array(formula(value))))
+        picture = given.draw(scene, facing(), "color", (4 * count, 4 * count), tone_curve=curve)
+        for number, value in enumerate(LIGHT):
+            seen = float(picture[8, 4 * number + 2, 0])
+            wanted = 255.0 * float(encode_srgb(np.array(formula(value))))
             given.need(
                 abs(seen - wanted) <= 0.51 + 1e-3 * wanted,
                 f"With tone_curve={curve} light of {value:g} is code {seen:.0f}, and it should be {wanted:.1f}.",
