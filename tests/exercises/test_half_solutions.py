@@ -1,0 +1,86 @@
+"""Solutions that are right at first sight: the checks of exercises have to see what is missing."""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+from dataclasses import replace
+
+import pytest
+
+from chapters.exercises import checking, find
+from chapters.exercises.patches import states
+from chapters.folders import Folder
+from chapters.trees import write_files
+
+pytestmark = pytest.mark.feature("tools/exercises")
+
+CASES = {
+    "unsorted": (
+        (2, "set-table"),
+        ("logic/set_table.py", "(one.set, one.binding, _name(one))", "(one.set, one.kind, _name(one))"),
+        "should be",
+    ),
+    "open though closed": (
+        (2, "set-table"),
+        ("logic/set_table.py", ".counts[:1] == (0,)", ".counts != ()"),
+        'should be "set 0 binding 4: storage Table_, 48 bytes"',
+    ),
+    "leaked": (
+        (2, "reused-slot"),
+        ("graphics/bindless.py", "self._resources.defer(lambda: self._give_back(kind, slot))", "pass"),
+        "never given out again",
+    ),
+    "written too early": (
+        (2, "reused-slot"),
+        (
+            "graphics/bindless.py",
+            "self._resources.defer(lambda: self._give_back(kind, slot))",
+            "self._queue[kind, slot] = self._dummy[kind]\n"
+            "        self._resources.defer(lambda: self._slots[kind].give_back(slot))",
+        ),
+        "the next frame writes it",
+    ),
+    "by the peak": (
+        (1, "reinhard"),
+        (
+            "shaders/tonemap.frag",
+            "color / (1.0 + color)",
+            "color / (1.0 + max(color.r, max(color.g, color.b)))",
+        ),
+        "each channel",
+    ),
+    "instead of another curve": (
+        (1, "reinhard"),
+        ("shaders/tonemap.frag", "color = tone_neutral(color);", "color = color / (1.0 + color);"),
+        "is not what it was",
+    ),
+    "without an orthographic camera": (
+        (1, "facing-view"),
+        ("shaders/views.glsl", "frame.orthographic != 0u ? frame.world_from_view[2].xyz : to_eye", "to_eye"),
+        "leans by",
+    ),
+    "without an eye": (
+        (1, "facing-view"),
+        (
+            "shaders/views.glsl",
+            "frame.orthographic != 0u ? frame.world_from_view[2].xyz : to_eye",
+            "frame.world_from_view[2].xyz",
+        ),
+        "before an eye",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_half_solution_is_not_enough(case, tmp_path, request):
+    which, (path, old, new), said = CASES[case]
+    exercise = find(*which)
+    tree = dict(states(exercise).solution)
+    text = tree[path].decode()
+    assert text.count(old) == 1
+    write_files(tmp_path, {**tree, path: text.replace(old, new).encode()})
+    backend = exercise.backends[0] if exercise.backends else ""
+    held = request.getfixturevalue("vulkan_device") if backend else None
+    one = replace(exercise, backends=(backend,) if backend else ())
+    wrong = checking.check(one, Folder(tmp_path.resolve()), lambda backend: nullcontext(held))
+    assert wrong is not None and said in wrong
