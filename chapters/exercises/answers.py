@@ -16,27 +16,27 @@ from common.names import suggest
 FILE, RECORDED = "answer.toml", "recorded.toml"
 
 
-def questions_file(exercise: Exercise) -> bytes:
-    """Return the file with the questions, as an exercise begins."""
+def questions_file(exercise: Exercise, folder: str) -> bytes:
+    """Return the file with the questions, as an exercise begins; `folder` is how commands name its folder."""
     parts = [
-        f"# {exercise.title}. Write what you expect behind each name, before you look; then: strata check FOLDER"
+        f"# {exercise.title}\n# Write what you expect behind each name before you look; then: strata check {folder}"
     ]
     for number, question in enumerate(exercise.questions, 1):
         parts.append(f'\n# {number}. {question.text}\n# {question.form}\n{question.name} = ""')
     return ("\n".join(parts) + "\n").encode()
 
 
-def judge(exercise: Exercise, folder: Path) -> str | None:
-    """Return which of the answers in a folder is missing or wrong, None if all are right.
+def judge(exercise: Exercise, file: Path, shown: str) -> str | None:
+    """Return which of the answers in a file, which the user calls `shown`, is missing or wrong; None if all are right.
 
     Raises UserError where the file cannot be read, or answers something that was not asked.
     """
-    given = read(exercise, folder / FILE)
+    given = read(exercise, file, shown)
     expected = recorded(exercise)
     for question in exercise.questions:
         answer = given.get(question.name, "")
         if answer == "":
-            return f"{question.name} has no answer yet: {question.text} Write {question.form} into {folder / FILE}."
+            return f"{question.name} has no answer yet: {question.text} Write {question.form} into {shown}."
         if problem := malformed(question, answer):
             return f"{question.name} = {json.dumps(answer)} is no answer: {problem}."
     wrong = [one.name for one in exercise.questions if not right(one, given[one.name], expected[one.name])]
@@ -46,22 +46,22 @@ def judge(exercise: Exercise, folder: Path) -> str | None:
     return f"The run says otherwise about {' and '.join(wrong)}.{rest}"
 
 
-def read(exercise: Exercise, path: Path) -> dict[str, Any]:
+def read(exercise: Exercise, path: Path, shown: str) -> dict[str, Any]:
     """Return what a reader answered."""
     if not path.is_file():
         raise UserError(
-            f"{path} is gone: `strata exercise {exercise.spoken} --into NEW-FOLDER` makes another one."
+            f"{shown} is gone: `strata exercise {exercise.spoken} --into NEW-FOLDER` makes another one."
         )
     try:
         given = tomllib.loads(path.read_text("utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise UserError(
-            f'{path} cannot be read: {error}; a text stands in quotes, as name = "text".'
+            f'{shown} cannot be read: {error}; a text stands in quotes, as name = "text".'
         ) from None
     names = [question.name for question in exercise.questions]
     for name in given:
         if name not in names:
-            raise UserError(f"{path}: nobody asked for {name!r}{suggest(name, names)}.".replace("?.", "?"))
+            raise UserError(f"{shown}: nobody asked for {name!r}{suggest(name, names)}.".replace("?.", "?"))
     return given
 
 

@@ -92,13 +92,25 @@ def task_text(exercise: Exercise, folder: str = PLACE) -> str:
     return f"# {exercise.title}\n\n*Chapter {exercise.chapter}, {exercise.kind}*\n\n{task}\n"
 
 
+def quoted(text: str) -> str:
+    """Return a folder's name as it is typed in a command."""
+    return f'"{text}"' if " " in text else text
+
+
+def on_one_line(text: str) -> str:
+    """Return a text without its line ends: the terminal has its own."""
+    return " ".join(text.split())
+
+
 def begin(exercise: Exercise, folder: Path, *, solved: bool = False) -> None:
     """Make a fork of the chapter with the start of an exercise in it, or with its solution."""
-    both = states(exercise)
+    both, shown = states(exercise), quoted(str(folder))
     files: Tree = dict(both.solution if solved else both.start)
-    files[TASK] = task_text(exercise, str(folder)).encode()
+    files[TASK] = task_text(exercise, shown).encode()
     if exercise.kind == "predict":
-        files[answers.FILE] = solved_answers(exercise) if solved else answers.questions_file(exercise)
+        files[answers.FILE] = (
+            solved_answers(exercise, shown) if solved else answers.questions_file(exercise, shown)
+        )
     fork = forks.make_fork(exercise.chapter, folder)
     base = files_of(exercise.chapter)
     write_files(
@@ -111,13 +123,13 @@ def begin(exercise: Exercise, folder: Path, *, solved: bool = False) -> None:
             f"{folder / answers.FILE} has the questions" if exercise.kind == "predict" else "change its files"
         )
         say(
-            f"{folder / TASK} says what to do; {what}, and `strata check {folder}` says what is not right yet."
+            f"{folder / TASK} says what to do; {what}, and `strata check {shown}` says what is not right yet."
         )
 
 
-def solved_answers(exercise: Exercise) -> bytes:
+def solved_answers(exercise: Exercise, folder: str) -> bytes:
     """Return the file of a prediction with the run's answers."""
-    text = answers.questions_file(exercise).decode()
+    text = answers.questions_file(exercise, folder).decode()
     for name, answer in answers.recorded(exercise).items():
         text = text.replace(f'\n{name} = ""', f"\n{name} = {json.dumps(answer)}")
     return text.encode()
@@ -161,15 +173,15 @@ def check(text: str, *, hint: bool = False, solution: bool = False) -> int:
         show_solution(exercise)
         return 0
     if exercise.kind == "predict":
-        wrong = answers.judge(exercise, begun.folder)
+        wrong = answers.judge(exercise, begun.folder / answers.FILE, str(Path(text) / answers.FILE))
     else:
         which = folders.read(begun.folder, text)
         wrong = checking.check(exercise, which)
     if wrong is not None:
-        out.print(f"Not right yet. {wrong.replace(PLACE, text)}", markup=False, soft_wrap=True)
-        say(f"`strata check {text} --hint` helps.")
+        out.print(f"Not right yet. {wrong.replace(PLACE, quoted(text))}", markup=False, soft_wrap=True)
+        say(f"`strata check {quoted(text)} --hint` helps.")
         return 1
-    out.print(f"All right. {exercise.lesson.strip()}", markup=False, soft_wrap=True)
+    out.print(f"All right. {on_one_line(exercise.lesson)}", markup=False, soft_wrap=True)
     show_reasons(exercise)
     return 0
 
@@ -197,7 +209,7 @@ def show_solution(exercise: Exercise) -> None:
         out.print(
             Syntax(difference(both.start, both.solution), "diff", word_wrap=True, background_color="default")
         )
-    out.print(exercise.lesson.strip(), markup=False, soft_wrap=True)
+    out.print(on_one_line(exercise.lesson), markup=False, soft_wrap=True)
     show_reasons(exercise)
 
 
