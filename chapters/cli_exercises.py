@@ -27,8 +27,8 @@ def exercise(
     remake: Annotated[
         str | None,
         typer.Option(
-            metavar="start=FORK|solution=FORK|answers",
-            help="For authors: make its patch from a fork, or its answers from a run.",
+            metavar="WHAT",
+            help="For authors: start=FORK or solution=FORK makes a patch again, answers those of a prediction.",
             show_default=False,
         ),
     ] = None,
