@@ -84,15 +84,11 @@ def renderer_module(which: str, backend: str) -> ModuleType:
 
 def settings_class(which: str) -> type:
     """Return the class of a study's settings; one without knobs where it has none."""
+    from backends.stage import NoSettings
+
     number, name = split(which)
-    found: type = _module(number, f"{name.replace('-', '_')}").__dict__.get("Settings") or _no_settings(
-        number
-    )
+    found: type = _module(number, name.replace("-", "_")).__dict__.get("Settings") or NoSettings
     return found
-
-
-def _no_settings(number: int) -> Any:
-    return _module(number, "stage").NoSettings
 
 
 def _module(number: int, name: str) -> ModuleType:
@@ -119,8 +115,9 @@ def load(which: Which, text: str | None, progress: Progress | None = None, aroun
     if text is not None and about.scene is None:
         raise UserError(f"The study {which} brings what it draws: leave --scene out.")
     if text is None and about.scene is None:
-        empty: Scene = _module(number, "primitive").nothing("no scene")
-        return empty
+        from common.primitive import nothing
+
+        return nothing("no scene")
     if text is None and about.scene == OWN:
         own: Scene = _module(number, name.replace("-", "_")).own_scene()
         return own

@@ -11,9 +11,9 @@ import pytest
 import chapters
 from chapters import studies
 from chapters.ch01.studies.one_light import Settings
-from chapters.ch01.studies.primitive import primitive_of, scene_of
 from common.camera import Perspective, View
 from common.color import encode_srgb
+from common.primitive import primitive_of, scene_of
 from common.scene import Material
 from common.transforms import pose_looking_at, rotation
 from tests.support.bounds import codes_off

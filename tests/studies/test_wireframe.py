@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from chapters.ch01.studies.primitive import scene_of
 from chapters.ch01.studies.wireframe import EDGE, FACE, Settings
 from common.camera import Perspective, View
+from common.primitive import scene_of
 from common.scene import Material
 from common.transforms import pose_looking_at
 from tests.support import gl_functions, gpu_functions

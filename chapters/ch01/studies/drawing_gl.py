@@ -1,18 +1,15 @@
-"""What draws of a study are made of on OpenGL, each by one call: buffers, vertex arrays and programs."""
+"""What draws of a study are made of on OpenGL, each by one call: vertex arrays and programs."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from backends import shader_text
 from backends.gl import api as gl
 from backends.gl.programs import Program, Programs
-from backends.gl.resources import Buffer, create_buffer, destroy_buffer, write_buffer
+from backends.gl.resources import Buffer
 
-from ..logic.frame import SLOTS
 from .drawing import Drawn
 from .stage_gl import Stage
 
@@ -29,18 +26,6 @@ class Drawing(Stage):
     """A stage for studies that draw with more than the chapter's own pipelines can."""
 
     folder: Path
-
-    def per_slot(self, size: int, name: str) -> list[Buffer]:
-        """Return a buffer for each frame in flight, written by the CPU where the GPU reads it."""
-        return [
-            self._keep(create_buffer(self.device, size, "upload", f"{name}, slot {n}")) for n in range(SLOTS)
-        ]
-
-    def filled(self, array: np.ndarray, name: str) -> Buffer:
-        """Return a buffer that holds an array for good."""
-        buffer = self._keep(create_buffer(self.device, array.nbytes, "device", name))
-        write_buffer(self.device, buffer, array)
-        return buffer
 
     def build(self, described: Drawn) -> Built:
         """Return a program, with the state that `bind` sets."""
@@ -85,14 +70,8 @@ class Drawing(Stage):
         self.device.fn.glPolygonMode(gl.GL_FRONT_AND_BACK, gl.GL_FILL)
         self.device.fn.glDisable(gl.GL_POLYGON_OFFSET_FILL)
 
-    def _keep(self, buffer: Buffer) -> Buffer:
-        self._buffers = [*getattr(self, "_buffers", ()), buffer]
-        return buffer
-
     def destroy(self) -> None:
-        """Free buffers, vertex arrays and programs."""
-        for buffer in getattr(self, "_buffers", ()):
-            destroy_buffer(self.device, buffer)
+        """Free vertex arrays and programs; buffers belong to the stage."""
         for handle in getattr(self, "_arrays", ()):
             self.device.destroy("vertex array", handle)
         if hasattr(self, "_programs"):

@@ -1,4 +1,4 @@
-"""What draws of a study are made of on Vulkan, each by one call: buffers, sets and pipelines, freed at the end."""
+"""What draws of a study are made of on Vulkan, each by one call: sets and pipelines, freed at the end."""
 
 from __future__ import annotations
 
@@ -7,17 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from backends import shader_text
 from backends.vulkan import api as vk
-from backends.vulkan.resources import Buffer, create_buffer, destroy_buffer
 from backends.vulkan.shaders import compile_all
-from backends.vulkan.upload import Uploader
 
 from ..graphics.commands import Commands
 from ..graphics.descriptors import Binding
-from ..logic.frame import SLOTS
 from .drawing import Drawn
 from .first_triangle.vulkan import EVERY_CHANNEL
 from .stage_vulkan import Stage
@@ -30,12 +25,6 @@ _FLOATS = {
     2: vk.VK_FORMAT_R32G32_SFLOAT,
     3: vk.VK_FORMAT_R32G32B32_SFLOAT,
     4: vk.VK_FORMAT_R32G32B32A32_SFLOAT,
-}
-_USAGES = {
-    "uniform": vk.VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT,
-    "storage": vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT,
-    "vertex": vk.VK_BUFFER_USAGE_VERTEX_BUFFER_BIT,
-    "index": vk.VK_BUFFER_USAGE_INDEX_BUFFER_BIT,
 }
 _DYNAMIC = [
     vk.VK_DYNAMIC_STATE_VIEWPORT,
@@ -57,23 +46,6 @@ class Drawing(Stage):
     """A stage for studies that draw with more than the chapter's own pipelines can."""
 
     folder: Path
-
-    def per_slot(self, size: int, use: str, name: str) -> list[Buffer]:
-        """Return a buffer for each frame in flight, written by the CPU where the GPU reads it."""
-        return [
-            self._keep(create_buffer(self.device, size, _USAGES[use], "upload", f"{name}, slot {slot}"))
-            for slot in range(SLOTS)
-        ]
-
-    def filled(self, array: np.ndarray, uses: Sequence[str], name: str) -> Buffer:
-        """Return a buffer that holds an array for good."""
-        usage = vk.VK_BUFFER_USAGE_TRANSFER_DST_BIT
-        for use in uses:
-            usage |= _USAGES[use]
-        buffer = self._keep(create_buffer(self.device, array.nbytes, usage, "device", name))
-        with Uploader(self.device) as uploader:
-            uploader.buffer(buffer, array)
-        return buffer
 
     def sets(self, bindings: Sequence[Binding], held: Sequence[dict[int, Any]]) -> list[Any]:
         """Return descriptor sets, each ready to be bound: what `held` says of each number."""
@@ -142,14 +114,8 @@ class Drawing(Stage):
         fn.vkCmdSetFrontFace(commands.handle, vk.VK_FRONT_FACE_COUNTER_CLOCKWISE)
         fn.vkCmdBindDescriptorSets(commands.handle, point, pipeline.layout, 0, 1, descriptor_set, 0, vk.NULL)
 
-    def _keep(self, buffer: Buffer) -> Buffer:
-        self._buffers = [*getattr(self, "_buffers", ()), buffer]
-        return buffer
-
     def destroy(self) -> None:
-        """Free buffers and pipelines; sets belong to the stage."""
-        for buffer in getattr(self, "_buffers", ()):
-            destroy_buffer(self.device, buffer)
+        """Free pipelines; buffers and sets belong to the stage."""
         for kind, handle in getattr(self, "_made", ()):
             self.device.destroy(kind, handle)
 

@@ -1,146 +1,23 @@
-"""The stage of a study on Vulkan: device, frames in flight, the picture and its depth, copies to the CPU, times."""
+"""The stage of this chapter's studies on Vulkan: what all studies share, with this chapter's graphics layer."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
-from pathlib import Path
-from typing import Any
-
-import numpy as np
-
-from backends.vulkan.barriers import barriers, image_barrier
-from backends.vulkan.device import Device
-from backends.vulkan.instance import Instance
-from backends.vulkan.readback import TO_HOST, Readback
-from backends.vulkan.resources import Image, create_image, destroy_image
-from common.camera import View
-from common.errors import StaleFrameError
+from backends.vulkan.stage import Graphics
+from backends.vulkan.stage import Stage as AnyStage
 
 from ..graphics.commands import Commands, Rendering
 from ..graphics.descriptors import Descriptors
-from ..graphics.frames import Frames, FrameSlot
+from ..graphics.frames import Frames
 from ..graphics.pipelines import Pipelines
 from ..graphics.profiler import Profiler
 from ..graphics.resources import target_usage
-from ..logic.frame import SLOTS
-from .stage import Stage as AnyStage
+from ..logic import frame
 
 
 class Stage(AnyStage):
-    """A study on Vulkan. `draw` finds `picture` in no known state and leaves it as a finished colour target."""
+    """A study of this chapter on Vulkan."""
 
-    device: Device
-    picture: Image
-    depth: Image | None = None
-    background = (0.05, 0.05, 0.06, 1.0)
-
-    def begin(self, commands: Commands) -> None:
-        """Begin drawing to the picture, and to the depth where there is one, both cleared."""
-        commands.barrier(self._to_draw)
-        commands.begin_rendering(self._rendering)
-
-    def end(self, commands: Commands) -> None:
-        """End drawing."""
-        commands.end_rendering()
-
-    # --- what the study is not about ---
-
-    def _open(self, validate: bool, without: Iterable[str]) -> Device:
-        instance = Instance(validate)
-        try:
-            device = Device(instance, without=without)
-        except BaseException:
-            instance.close()
-            raise
-        self._owned += [instance, device]
-        return device
-
-    def _set_up(self) -> None:
-        self._frames = Frames(self.device)
-        self._profiler = Profiler(self.device)
-        self.pipelines = Pipelines(self.device)
-        self.descriptors = Descriptors(self.device)
-        self.commands = Commands(self.device)
-
-    def _create_targets(self) -> None:
-        device = self.device
-        self.picture = create_image(device, "rgba8", self.size, target_usage("color", 1), "picture")
-        self._targets = {"color": (self.picture, "color")}
-        starts = [self._start(self.picture, "color")]
-        if self.has_depth:
-            self.depth = create_image(device, "d32f", self.size, target_usage("depth", 1), "depth")
-            self._targets["depth"] = (self.depth, "depth")
-            starts.append(self._start(self.depth, "depth"))
-        self._to_draw = barriers(*starts)
-        self._rendering = Rendering(self.size, self.picture, self.depth, self.background, 0.0)
-        self._to_copy = barriers(
-            *(image_barrier(i.handle, i.aspect, state, "copy_source") for i, state in self._targets.values())
-        )
-        self._to_host = barriers(memory=TO_HOST)
-        self._readbacks = [
-            {name: Readback(device, self._targets[name][0], f"{name}, slot {slot}") for name in self.outputs}
-            for slot in range(SLOTS)
-        ]
-
-    @staticmethod
-    def _start(image: Image, state: str) -> Any:
-        """Return the barrier that begins an image's frame: its content is given up, its last copy waited for."""
-        return image_barrier(image.handle, image.aspect, "copy_source", state, discard=True)
-
-    def _destroy_targets(self) -> None:
-        for slot in getattr(self, "_readbacks", ()):
-            for readback in slot.values():
-                readback.close()
-        for image, _ in getattr(self, "_targets", {}).values():
-            destroy_image(self.device, image)
-        self._readbacks, self._targets = [], {}
-
-    def _begin(self) -> FrameSlot:
-        return self._frames.begin()
-
-    def _draw(self, slot: FrameSlot, view: View, time: float) -> None:
-        commands, name = self.commands, self.study.title
-        commands.begin(slot)
-        self._profiler.begin_frame(slot)
-        commands.begin_label(name)
-        self._profiler.begin(slot, name)
-        self.draw(commands, view, time)
-        self._profiler.end(slot)
-        commands.end_label()
-        commands.barrier(self._to_copy)
-        for readback in self._readbacks[slot.index].values():
-            readback.record(slot.commands)
-        commands.barrier(self._to_host)
-        self._frames.submit(slot)
-
-    def _read(self, slot: FrameSlot, name: str) -> np.ndarray:
-        self._frames.wait(slot)
-        return self._readbacks[slot.index][name].read()
-
-    def read_timings(self, slot: FrameSlot) -> dict[str, float]:
-        """Return GPU milliseconds of the slot's frame."""
-        self._frames.wait(slot)
-        return self._profiler.read(slot)
-
-    @property
-    def present_source(self) -> Image:
-        """The finished picture on the GPU, for a window to copy from."""
-        if not self.has_picture:
-            raise StaleFrameError("This renderer has no picture for a window: open it with presents=True.")
-        return self.picture
-
-    def _wait(self) -> None:
-        self.device.wait_idle()  # for the frames, and for what a window still copies from them
-
-    def _exchange(self, changed: Collection[Path]) -> tuple[str, ...]:
-        def retire(destroy: Callable[[], None]) -> None:
-            self._wait()  # a study need not be quick about it
-            destroy()
-
-        return self.pipelines.reload(changed, retire)
-
-    def _tear_down(self) -> None:
-        held: Sequence[str] = ("_frames", "_profiler", "pipelines", "descriptors")
-        for name in held:
-            if hasattr(self, name):
-                getattr(self, name).close()
+    frame_logic = frame
+    graphics = Graphics(Frames, Commands, Rendering, Descriptors, Pipelines, Profiler, target_usage)
+    pipelines: Pipelines
+    descriptors: Descriptors

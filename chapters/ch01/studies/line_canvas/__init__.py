@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from backends.stage import Work
 from common.camera import Perspective, View
 from common.lessons import Study
 from common.settings import knob
 from common.transforms import pose_looking_at, rotation, translation
 
 from ..drawing import Drawn
-from ..stage import Work
 from .canvas import CAPACITY, VERTEX, Canvas
 
 STUDY = Study(

@@ -8,11 +8,11 @@ import numpy as np
 
 from common.camera import View, exposure
 from common.lessons import Study
+from common.primitive import Primitive
 from common.scene import Scene
 from common.settings import knob
 
 from .. import textured_mesh
-from ..primitive import Primitive
 
 STUDY = Study(
     title="one light",

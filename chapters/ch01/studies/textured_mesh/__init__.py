@@ -8,11 +8,10 @@ import numpy as np
 
 from common.camera import View
 from common.lessons import OWN, Study
+from common.primitive import Primitive, scene_of
 from common.scene import Image, Material, Scene, TextureRef
 from common.settings import knob
 from common.transforms import rotation, translation
-
-from ..primitive import Primitive, scene_of
 
 STUDY = Study(
     title="textured mesh",

@@ -20,6 +20,7 @@ from backends.gl.resources import (
 )
 from backends.gl.upload import Uploader
 from common.camera import View
+from common.primitive import alone, primitive_of
 from common.scene import Sampler, Scene
 
 from ...gl.frames import FrameSlot
@@ -27,7 +28,6 @@ from ...gl.pipelines import GraphicsPipeline
 from ...logic import texels
 from ...logic.frame import SLOTS
 from ...logic.geometry import stream_offsets
-from ..primitive import alone, primitive_of
 from ..stage_gl import Stage
 from . import STREAMS, STUDY, UNIFORM_BYTES, Settings, uniforms
 

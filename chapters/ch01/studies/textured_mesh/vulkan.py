@@ -16,6 +16,7 @@ from backends.vulkan.resources import (
 )
 from backends.vulkan.upload import Uploader
 from common.camera import View
+from common.primitive import alone, primitive_of
 from common.scene import Sampler, Scene
 
 from ...graphics.commands import Commands
@@ -24,7 +25,6 @@ from ...graphics.pipelines import GraphicsPipeline
 from ...logic import texels
 from ...logic.frame import SLOTS
 from ...logic.geometry import stream_offsets
-from ..primitive import alone, primitive_of
 from ..stage_vulkan import Stage
 from . import STREAMS, STUDY, UNIFORM_BYTES, Settings, uniforms
 

@@ -8,11 +8,11 @@ import numpy as np
 
 from common.camera import View
 from common.lessons import OWN, Study
+from common.primitive import Primitive
 from common.scene import Scene
 from common.settings import knob
 
 from ..drawing import Attribute, Drawn
-from ..primitive import Primitive
 from ..textured_mesh import matrices, own_scene
 
 __all__ = ["STUDY", "own_scene"]

@@ -9,11 +9,11 @@ import numpy as np
 from backends.gl import api as gl
 from backends.gl.resources import bind_buffer
 from common.camera import View
+from common.primitive import alone, primitive_of
 from common.scene import Scene
 
 from ...gl.frames import FrameSlot
 from ..drawing_gl import Drawing
-from ..primitive import alone, primitive_of
 from . import STUDY, UNIFORM_BYTES, Settings, drawn, uniforms, vertices_of
 
 

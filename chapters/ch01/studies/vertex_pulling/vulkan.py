@@ -8,12 +8,12 @@ import numpy as np
 
 from backends.vulkan import api as vk
 from common.camera import View
+from common.primitive import alone, primitive_of
 from common.scene import Scene
 
 from ...graphics.commands import Commands
 from ...graphics.descriptors import Binding
 from ..drawing_vulkan import Drawing
-from ..primitive import alone, primitive_of
 from . import STUDY, UNIFORM_BYTES, Settings, drawn, uniforms, vertices_of
 
 BINDINGS = (Binding(0, "uniform"), Binding(1, "storage", vk.VK_SHADER_STAGE_VERTEX_BIT))

@@ -8,12 +8,12 @@ import numpy as np
 
 from backends.vulkan import api as vk
 from common.camera import View
+from common.primitive import alone, primitive_of
 from common.scene import Scene
 
 from ...graphics.commands import Commands
 from ...graphics.descriptors import Binding
 from ..drawing_vulkan import Drawing
-from ..primitive import alone, primitive_of
 from . import STUDY, UNIFORM_BYTES, Settings, corners_of, draws_of, plan_of, uniforms
 
 BINDINGS = (Binding(0, "uniform"),)

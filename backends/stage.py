@@ -1,7 +1,9 @@
 """What a study needs and is not about: a renderer's life, from opening to closing, whichever the backend.
 
-`stage_vulkan.py` and `stage_gl.py` add what differs between the two. A study itself writes `create` (what is made once)
-and `draw` (what happens in a frame). The chapter's own renderer shows the same without a stage.
+`vulkan/stage.py` and `gl/stage.py` add what differs between the two. Frames, commands and pipelines are what chapters
+teach, and each chapter has its own: `stage_vulkan.py` and `stage_gl.py` among its studies say which. A study itself
+writes `create` (what is made once) and `draw` (what happens in a frame). The chapter's own renderer shows the same
+without a stage.
 """
 
 from __future__ import annotations
@@ -12,7 +14,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from types import ModuleType
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -22,7 +25,7 @@ from common.errors import StaleFrameError
 from common.lessons import Study
 from common.scene import Scene
 
-from ..logic.frame import SLOTS, Frame, check_outputs, output_of, reset_by
+Made = TypeVar("Made")
 
 
 @dataclass(frozen=True)
@@ -42,6 +45,7 @@ class Stage(ABC):
     """One stream of frames of one view; see `backends.contract.Renderer` for what it promises."""
 
     study: Study
+    frame_logic: ModuleType  # the chapter's logic/frame.py: what a frame is, and how many are in flight
     pipelines: Any
     has_depth = False
     moves = True  # whether time alone changes the picture
@@ -67,6 +71,7 @@ class Stage(ABC):
         self.outputs = tuple(name for name in self.study.outputs if name in outputs)
         self.has_picture = presents or "color" in outputs
         self._owned: list[Any] = []
+        self._kept: list[Callable[[], None]] = []
         self._closed = False
         self.device = self._open(validate, without) if device is None else device
         self.capabilities = self.device.capabilities
@@ -77,7 +82,7 @@ class Stage(ABC):
         self._previous: tuple[View, float] | None = None
         self._last: Any = None
         # Only to tell them when their slot is used again: a frame that nobody else holds goes.
-        self._in_slot: list[Callable[[], Frame | None]] = [lambda: None] * SLOTS
+        self._in_slot: list[Callable[[], Any]] = [lambda: None] * self.frame_logic.SLOTS
         try:
             self.size = check_size(size, self.capabilities.limits["maxImageDimension2D"])
             self._set_up()
@@ -102,6 +107,11 @@ class Stage(ABC):
 
     def destroy(self) -> None:  # noqa: B027
         """Free what `create` made and nobody else frees; it may have failed halfway."""
+
+    def keep(self, made: Made, free: Callable[[Made], None]) -> Made:
+        """Return what was made; `free(made)` is called when the study closes, for the last made first."""
+        self._kept.append(lambda: free(made))
+        return made
 
     # --- what a backend writes ---
 
@@ -151,8 +161,8 @@ class Stage(ABC):
 
     # --- the contract ---
 
-    def render(self, view: View, time: float = 0.0) -> Frame:
-        """Enqueue one frame of `view` at `time` seconds; nothing is waited for but the slot's last frame."""
+    def render(self, view: View, time: float = 0.0) -> Any:
+        """Enqueue one frame of `view` at `time` seconds and return it; only the slot's last frame is waited for."""
         if self._closed:
             raise StaleFrameError("This renderer was closed and renders no more: open another one.")
         check_moment(view, time)
@@ -161,9 +171,9 @@ class Stage(ABC):
         last = self._in_slot[slot.index]()
         if last is not None:
             last.let_go(f"its slot was used again by frame {slot.number}")
-        frame = Frame(self, slot, self._index, exposure(view.ev100))
+        frame = self.frame_logic.Frame(self, slot, self._index, exposure(view.ev100))
         self.work = Work()
-        frame.reset = self._reset or reset_by(view, time, self._previous)
+        frame.reset = self._reset or self.frame_logic.reset_by(view, time, self._previous)
         self._draw(slot, view, time)
         self._in_slot[slot.index] = weakref.ref(frame)  # not before: a frame that failed has no times to keep
         frame.work = asdict(self.work) | {"history_resets": int(frame.reset != "")}
@@ -176,8 +186,9 @@ class Stage(ABC):
 
     def read(self, slot: Any, name: str, exposed: float) -> np.ndarray:
         """Return an output of the slot's frame; see `Frame.image`."""
-        check_outputs(self.outputs, tuple(self.study.outputs), name)
-        return output_of(name, self._read(slot, name), exposed)
+        self.frame_logic.check_outputs(self.outputs, tuple(self.study.outputs), name)
+        pixels: np.ndarray = self.frame_logic.output_of(name, self._read(slot, name), exposed)
+        return pixels
 
     def _state(self, view: View, time: float) -> tuple[View, float]:
         return view, time if self.moves else 0.0
@@ -229,6 +240,8 @@ class Stage(ABC):
         self._closed = True
         self._destroy_targets()
         self.destroy()
+        for free in reversed(self._kept):
+            free()
         self._tear_down()
         for owned in reversed(self._owned):
             owned.close()

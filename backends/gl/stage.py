@@ -1,0 +1,153 @@
+"""The stage of a study on OpenGL: context, frames in flight, the picture and its depth, copies to the CPU, times."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from backends.gl.context import Context
+from backends.gl.draws import create_vertex_array
+from backends.gl.readback import Readback
+from backends.gl.resources import (
+    Buffer,
+    Image,
+    MemoryUse,
+    create_buffer,
+    create_image,
+    destroy_buffer,
+    destroy_image,
+    write_buffer,
+)
+from backends.gl.targets import Framebuffer, begin, create_framebuffer, destroy_framebuffer
+from backends.stage import Stage as AnyStage
+from common.camera import View
+from common.errors import StaleFrameError
+
+
+class Graphics(NamedTuple):
+    """The parts of a chapter's OpenGL with which its studies draw."""
+
+    frames: Callable[[Context], Any]
+    pipelines: Callable[[Context], Any]
+
+
+class Stage(AnyStage):
+    """A study on OpenGL. `draw` gets the frame's slot: there are no commands to record, calls act at once."""
+
+    graphics: Graphics
+    device: Context
+    framebuffer: Framebuffer
+    background = (0.05, 0.05, 0.06, 1.0)
+
+    def begin(self) -> None:
+        """Begin drawing to the picture, and to the depth where there is one, both cleared."""
+        begin(self.device, self.framebuffer, (self.background,), 0.0 if self.has_depth else None)
+
+    def per_slot(self, size: int, name: str) -> list[Buffer]:
+        """Return a buffer for each frame in flight, written by the CPU where the GPU reads it."""
+        return [
+            self._buffer(size, "upload", f"{name}, slot {slot}") for slot in range(self.frame_logic.SLOTS)
+        ]
+
+    def filled(self, array: np.ndarray, name: str) -> Buffer:
+        """Return a buffer that holds an array for good."""
+        buffer = self._buffer(array.nbytes, "device", name)
+        write_buffer(self.device, buffer, array)
+        return buffer
+
+    def _buffer(self, size: int, use: MemoryUse, name: str) -> Buffer:
+        made = create_buffer(self.device, size, use, name)
+        return self.keep(made, lambda one: destroy_buffer(self.device, one))
+
+    # --- what the study is not about ---
+
+    def _open(self, validate: bool, without: Iterable[str]) -> Context:
+        self._owned.append(Context(validate, without))
+        context: Context = self._owned[-1]
+        return context
+
+    def _set_up(self) -> None:
+        self.device.make_current()
+        self._frames = self.graphics.frames(self.device)
+        self.pipelines = self.graphics.pipelines(self.device)
+        # For shaders that make their own vertices: OpenGL draws nothing unless some vertex array is bound.
+        self.no_vertices = create_vertex_array(self.device, (), None, None, "no vertices")
+
+    def _create_targets(self) -> None:
+        context = self.device
+        context.make_current()
+        self._targets: dict[str, Image] = {"color": create_image(context, "rgba8", self.size, "picture")}
+        if self.has_depth:
+            self._targets["depth"] = create_image(context, "d32f", self.size, "depth")
+        self.framebuffer = create_framebuffer(
+            context, [self._targets["color"]], self._targets.get("depth"), "picture"
+        )
+        self._readbacks = [
+            {name: Readback(context, self._targets[name], f"{name}, slot {slot}") for name in self.outputs}
+            for slot in range(self.frame_logic.SLOTS)
+        ]
+
+    def _destroy_targets(self) -> None:
+        self.device.make_current()
+        for slot in getattr(self, "_readbacks", ()):
+            for readback in slot.values():
+                readback.close()
+        if hasattr(self, "framebuffer"):
+            destroy_framebuffer(self.device, self.framebuffer)
+            del self.framebuffer
+        for image in getattr(self, "_targets", {}).values():
+            destroy_image(self.device, image)
+        self._readbacks, self._targets = [], {}
+
+    def _begin(self) -> Any:
+        self.device.make_current()
+        return self._frames.begin()
+
+    def _draw(self, slot: Any, view: View, time: float) -> None:
+        slot.timestamps.begin_frame()
+        with self.device.label(self.study.title):
+            slot.timestamps.begin(self.study.title)
+            self.draw(slot, view, time)
+            slot.timestamps.end()
+        for readback in self._readbacks[slot.index].values():
+            readback.record()
+        self._frames.submit(slot)
+
+    def _read(self, slot: Any, name: str) -> np.ndarray:
+        self.device.make_current()
+        self._frames.wait(slot)
+        return self._readbacks[slot.index][name].read()
+
+    def read_timings(self, slot: Any) -> dict[str, float]:
+        """Return GPU milliseconds of the slot's frame."""
+        self.device.make_current()
+        self._frames.wait(slot)
+        timings: dict[str, float] = slot.timestamps.read()
+        return timings
+
+    @property
+    def present_source(self) -> Framebuffer:
+        """The finished picture on the GPU, for a window to copy from."""
+        if not self.has_picture:
+            raise StaleFrameError("This renderer has no picture for a window: open it with presents=True.")
+        return self.framebuffer
+
+    def _wait(self) -> None:
+        self.device.make_current()
+        for slot in self._frames.slots if hasattr(self, "_frames") else ():
+            self._frames.wait(slot)
+
+    def _exchange(self, changed: Collection[Path]) -> tuple[str, ...]:
+        self.device.make_current()
+        rebuilt: tuple[str, ...] = self.pipelines.reload(changed)
+        return rebuilt
+
+    def _tear_down(self) -> None:
+        if hasattr(self, "no_vertices"):
+            self.device.destroy("vertex array", self.no_vertices)
+        for name in ("_frames", "pipelines"):
+            if hasattr(self, name):
+                getattr(self, name).close()

@@ -1,0 +1,193 @@
+"""The stage of a study on Vulkan: device, frames in flight, the picture and its depth, copies to the CPU, times."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from backends.stage import Stage as AnyStage
+from backends.vulkan import api as vk
+from backends.vulkan.barriers import barriers, image_barrier
+from backends.vulkan.device import Device
+from backends.vulkan.instance import Instance
+from backends.vulkan.memory import MemoryUse
+from backends.vulkan.readback import TO_HOST, Readback
+from backends.vulkan.resources import (
+    Buffer,
+    Image,
+    create_buffer,
+    create_image,
+    destroy_buffer,
+    destroy_image,
+)
+from backends.vulkan.upload import Uploader
+from common.camera import View
+from common.errors import StaleFrameError
+
+USAGES = {
+    "uniform": vk.VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT,
+    "storage": vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT,
+    "vertex": vk.VK_BUFFER_USAGE_VERTEX_BUFFER_BIT,
+    "index": vk.VK_BUFFER_USAGE_INDEX_BUFFER_BIT,
+    "address": vk.VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT,
+}
+"""The bit of each use that a study has for a buffer."""
+
+
+class Graphics(NamedTuple):
+    """The parts of a chapter's graphics layer with which its studies draw."""
+
+    frames: Callable[[Device], Any]
+    commands: Callable[[Device], Any]
+    rendering: Callable[..., Any]
+    descriptors: Callable[[Device], Any]
+    pipelines: Callable[[Device], Any]
+    profiler: Callable[[Device], Any]
+    target_usage: Callable[[str, int], int]
+
+
+class Stage(AnyStage):
+    """A study on Vulkan. `draw` finds `picture` in no known state and leaves it as a finished colour target."""
+
+    graphics: Graphics
+    device: Device
+    picture: Image
+    depth: Image | None = None
+    background = (0.05, 0.05, 0.06, 1.0)
+
+    def begin(self, commands: Any) -> None:
+        """Begin drawing to the picture, and to the depth where there is one, both cleared."""
+        commands.barrier(self._to_draw)
+        commands.begin_rendering(self._rendering)
+
+    def end(self, commands: Any) -> None:
+        """End drawing."""
+        commands.end_rendering()
+
+    def per_slot(self, size: int, use: str, name: str) -> list[Buffer]:
+        """Return a buffer for each frame in flight, written by the CPU where the GPU reads it."""
+        return [
+            self._buffer(size, USAGES[use], "upload", f"{name}, slot {slot}")
+            for slot in range(self.frame_logic.SLOTS)
+        ]
+
+    def filled(self, array: np.ndarray, uses: Sequence[str], name: str) -> Buffer:
+        """Return a buffer that holds an array for good."""
+        usage = vk.VK_BUFFER_USAGE_TRANSFER_DST_BIT
+        for use in uses:
+            usage |= USAGES[use]
+        buffer = self._buffer(array.nbytes, usage, "device", name)
+        with Uploader(self.device) as uploader:
+            uploader.buffer(buffer, array)
+        return buffer
+
+    def _buffer(self, size: int, usage: int, use: MemoryUse, name: str) -> Buffer:
+        made = create_buffer(self.device, size, usage, use, name)
+        return self.keep(made, lambda one: destroy_buffer(self.device, one))
+
+    # --- what the study is not about ---
+
+    def _open(self, validate: bool, without: Iterable[str]) -> Device:
+        instance = Instance(validate)
+        try:
+            device = Device(instance, without=without)
+        except BaseException:
+            instance.close()
+            raise
+        self._owned += [instance, device]
+        return device
+
+    def _set_up(self) -> None:
+        self._frames = self.graphics.frames(self.device)
+        self._profiler = self.graphics.profiler(self.device)
+        self.pipelines = self.graphics.pipelines(self.device)
+        self.descriptors = self.graphics.descriptors(self.device)
+        self.commands = self.graphics.commands(self.device)
+
+    def _create_targets(self) -> None:
+        device, target_usage = self.device, self.graphics.target_usage
+        self.picture = create_image(device, "rgba8", self.size, target_usage("color", 1), "picture")
+        self._targets = {"color": (self.picture, "color")}
+        starts = [self._start(self.picture, "color")]
+        if self.has_depth:
+            self.depth = create_image(device, "d32f", self.size, target_usage("depth", 1), "depth")
+            self._targets["depth"] = (self.depth, "depth")
+            starts.append(self._start(self.depth, "depth"))
+        self._to_draw = barriers(*starts)
+        self._rendering = self.graphics.rendering(self.size, self.picture, self.depth, self.background, 0.0)
+        self._to_copy = barriers(
+            *(image_barrier(i.handle, i.aspect, state, "copy_source") for i, state in self._targets.values())
+        )
+        self._to_host = barriers(memory=TO_HOST)
+        self._readbacks = [
+            {name: Readback(device, self._targets[name][0], f"{name}, slot {slot}") for name in self.outputs}
+            for slot in range(self.frame_logic.SLOTS)
+        ]
+
+    @staticmethod
+    def _start(image: Image, state: str) -> Any:
+        """Return the barrier that begins an image's frame: its content is given up, its last copy waited for."""
+        return image_barrier(image.handle, image.aspect, "copy_source", state, discard=True)
+
+    def _destroy_targets(self) -> None:
+        for slot in getattr(self, "_readbacks", ()):
+            for readback in slot.values():
+                readback.close()
+        for image, _ in getattr(self, "_targets", {}).values():
+            destroy_image(self.device, image)
+        self._readbacks, self._targets = [], {}
+
+    def _begin(self) -> Any:
+        return self._frames.begin()
+
+    def _draw(self, slot: Any, view: View, time: float) -> None:
+        commands, name = self.commands, self.study.title
+        commands.begin(slot)
+        self._profiler.begin_frame(slot)
+        commands.begin_label(name)
+        self._profiler.begin(slot, name)
+        self.draw(commands, view, time)
+        self._profiler.end(slot)
+        commands.end_label()
+        commands.barrier(self._to_copy)
+        for readback in self._readbacks[slot.index].values():
+            readback.record(slot.commands)
+        commands.barrier(self._to_host)
+        self._frames.submit(slot)
+
+    def _read(self, slot: Any, name: str) -> np.ndarray:
+        self._frames.wait(slot)
+        return self._readbacks[slot.index][name].read()
+
+    def read_timings(self, slot: Any) -> dict[str, float]:
+        """Return GPU milliseconds of the slot's frame."""
+        self._frames.wait(slot)
+        timings: dict[str, float] = self._profiler.read(slot)
+        return timings
+
+    @property
+    def present_source(self) -> Image:
+        """The finished picture on the GPU, for a window to copy from."""
+        if not self.has_picture:
+            raise StaleFrameError("This renderer has no picture for a window: open it with presents=True.")
+        return self.picture
+
+    def _wait(self) -> None:
+        self.device.wait_idle()  # for the frames, and for what a window still copies from them
+
+    def _exchange(self, changed: Collection[Path]) -> tuple[str, ...]:
+        def retire(destroy: Callable[[], None]) -> None:
+            self._wait()  # a study need not be quick about it
+            destroy()
+
+        rebuilt: tuple[str, ...] = self.pipelines.reload(changed, retire)
+        return rebuilt
+
+    def _tear_down(self) -> None:
+        held: Sequence[str] = ("_frames", "_profiler", "pipelines", "descriptors")
+        for name in held:
+            if hasattr(self, name):
+                getattr(self, name).close()
