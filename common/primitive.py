@@ -1,4 +1,4 @@
-"""One drawn object of a scene, by itself: its vertices, its place, its material; and scenes made from arrays."""
+"""One drawn object of a scene, by itself: its vertices, its matrices, its material; and scenes made from arrays."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from common.camera import View
 from common.errors import UserError
 from common.pose import evaluate_pose
 from common.scene import MESH_DTYPE, Image, Instances, Material, Nodes, Scene
-from common.transforms import normal_matrix, translation
+from common.transforms import normal_matrix, rotation, translation
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +86,16 @@ def primitive_of(scene: Scene) -> Primitive:
     )
 
 
+def matrices(scene: Scene, view: View, turn: float, aspect: float) -> np.ndarray:
+    """Return view_from_object and clip_from_view, columns first (2, 4, 4) float32; `turn` is about the vertical.
+
+    The object is given relative to its centre, and turns about that.
+    """
+    world_from_object = translation(scene.origin) @ rotation((0.0, 1.0, 0.0), turn)
+    view_from_object = view.view_from_world() @ world_from_object
+    return np.stack([view_from_object.T, view.clip_from_view(aspect).T]).astype(np.float32)
+
+
 def nothing(name: str) -> Scene:
     """Return a scene in which nothing is drawn, for studies that bring what they draw."""
     return _scene(name, np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 2)), np.zeros(0), Material(), [], 0)
@@ -102,6 +113,23 @@ def scene_of(
     """Return a scene with one object, of vertices (V, 3), (V, 3), (V, 2) and triangles (T * 3,)."""
     arrays = [np.asarray(array) for array in (positions, normals, uv, indices)]
     return _scene(name, arrays[0], arrays[1], arrays[2], arrays[3], material, images, 1)
+
+
+def cube(name: str, material: Material, images: list[Image]) -> Scene:
+    """Return a cube of two metres, each face with the whole picture: 24 vertices, since faces share no uv."""
+    corner = np.array([(-1, 1), (-1, -1), (1, -1), (1, 1)], np.float64)  # top left first, then around
+    positions, normals = [], []
+    for axis in range(3):
+        for side in (1.0, -1.0):
+            normal = np.roll((side, 0.0, 0.0), axis)
+            up = np.array((0.0, 1.0, 0.0)) if axis != 1 else np.array((0.0, 0.0, -side))
+            right = np.cross(up, normal)
+            positions.append(normal + corner[:, :1] * right + corner[:, 1:] * up)
+            normals.append(np.tile(normal, (4, 1)))
+    # On each face the picture is turned by another quarter: the faces can be told apart.
+    uv = np.concatenate([np.roll([(0, 0), (0, 1), (1, 1), (1, 0)], face, axis=0) for face in range(6)])
+    indices = (4 * np.arange(6)[:, None] + np.array([0, 1, 2, 0, 2, 3])).ravel()
+    return scene_of(name, np.concatenate(positions), np.concatenate(normals), uv, indices, material, images)
 
 
 def _scene(

@@ -8,7 +8,7 @@ import numpy as np
 
 from common.camera import View, exposure
 from common.lessons import Study
-from common.primitive import Primitive
+from common.primitive import Primitive, matrices
 from common.scene import Scene
 from common.settings import knob
 
@@ -61,7 +61,7 @@ def uniforms(
 ) -> np.ndarray:
     """Return what the shaders read, (44,) float32: matrices, base colour, the lamp's place and exposed intensity."""
     place, intensity = lamp(scene, settings, time)
-    still = textured_mesh.matrices(scene, view, 0.0, aspect).ravel()
+    still = matrices(scene, view, 0.0, aspect).ravel()
     # The exposure belongs to the camera, but multiplying here keeps everything near 1: a sun has 100,000 lux, and
     # half floats, which the chapter draws to, end at 65,504.
     color = np.full(3, intensity * exposure(view.ev100))

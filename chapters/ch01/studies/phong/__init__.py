@@ -8,11 +8,11 @@ import numpy as np
 
 from common.camera import Orthographic, View, exposure
 from common.lessons import Study
-from common.primitive import Primitive
+from common.primitive import Primitive, matrices
 from common.scene import Scene
 from common.settings import knob
 
-from .. import one_light, textured_mesh
+from .. import one_light
 
 STUDY = Study(
     title="phong",
@@ -76,7 +76,7 @@ def uniforms(
 ) -> np.ndarray:
     """Return what the shaders read, (80,) float32: that of textured-mesh, then eye, surface, attenuation, lights."""
     radius = scene.length_scale
-    still = textured_mesh.matrices(scene, view, 0.0, aspect).ravel()
+    still = matrices(scene, view, 0.0, aspect).ravel()
     # Highlights move with the eye. An orthographic one is infinitely far: then w is 0, and the rest a direction.
     near = not isinstance(view.projection, Orthographic)
     eye = [*(view.eye - scene.origin), 1.0] if near else [*view.world_from_view[:3, 2], 0.0]

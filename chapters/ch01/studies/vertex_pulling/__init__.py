@@ -8,12 +8,12 @@ import numpy as np
 
 from common.camera import View
 from common.lessons import OWN, Study
-from common.primitive import Primitive
+from common.primitive import Primitive, matrices
 from common.scene import Scene
 from common.settings import knob
 
 from ..drawing import Attribute, Drawn
-from ..textured_mesh import matrices, own_scene
+from ..textured_mesh import own_scene
 
 __all__ = ["STUDY", "own_scene"]
 

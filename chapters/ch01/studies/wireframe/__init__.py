@@ -9,12 +9,11 @@ import numpy as np
 from backends.contract import Plan, resolve
 from common.camera import View
 from common.lessons import OWN, Study
-from common.primitive import Primitive, scene_of
+from common.primitive import Primitive, matrices, scene_of
 from common.scene import Material, Scene
 from common.settings import knob
 
 from ..drawing import Attribute, Drawn
-from ..textured_mesh import matrices
 
 STUDY = Study(
     title="wireframe",
