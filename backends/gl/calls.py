@@ -101,6 +101,12 @@ void glSamplerParameteri(GLuint sampler, GLenum pname, GLint param);
 void glSamplerParameterf(GLuint sampler, GLenum pname, GLfloat param);
 void glBindSampler(GLuint unit, GLuint sampler);
 
+// Texture handles (ARB_bindless_texture)
+GLuint64 glGetTextureSamplerHandleARB(GLuint texture, GLuint sampler);
+void glMakeTextureHandleResidentARB(GLuint64 handle);
+void glMakeTextureHandleNonResidentARB(GLuint64 handle);
+GLboolean glIsTextureHandleResidentARB(GLuint64 handle);
+
 // Framebuffers
 void glCreateFramebuffers(GLsizei n, GLuint *framebuffers);
 void glDeleteFramebuffers(GLsizei n, const GLuint *framebuffers);

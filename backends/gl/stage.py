@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -17,14 +17,17 @@ from backends.gl.resources import (
     MemoryUse,
     create_buffer,
     create_image,
+    create_sampler,
     destroy_buffer,
     destroy_image,
     write_buffer,
+    write_image,
 )
 from backends.gl.targets import Framebuffer, begin, create_framebuffer, destroy_framebuffer
 from backends.stage import Stage as AnyStage
 from common.camera import View
 from common.errors import StaleFrameError
+from common.scene import Sampler
 
 
 class Graphics(NamedTuple):
@@ -57,6 +60,22 @@ class Stage(AnyStage):
         buffer = self._buffer(array.nbytes, "device", name)
         write_buffer(self.device, buffer, array)
         return buffer
+
+    def texture(
+        self, pixels: np.ndarray, shape: Literal["2d", "array", "3d"], name: str, format: str = "rgba8"
+    ) -> Image:
+        """Return an image of pixels (H, W, C), or of layers or slices (N, H, W, C)."""
+        slices = pixels if shape != "2d" else pixels[None]
+        size = slices.shape[2], slices.shape[1]
+        image = create_image(self.device, format, size, name, shape=shape, layers=len(slices))
+        self.keep(image, lambda one: destroy_image(self.device, one))
+        write_image(self.device, image, pixels)
+        return image
+
+    def sampler(self, how: Sampler, name: str) -> int:
+        """Return a sampler."""
+        made = create_sampler(self.device, how, 1.0, name)
+        return self.keep(made, lambda one: self.device.destroy("sampler", one))
 
     def _buffer(self, size: int, use: MemoryUse, name: str) -> Buffer:
         made = create_buffer(self.device, size, use, name)

@@ -65,6 +65,7 @@ class Image:
     name: str
     samples: int = 1
     array: bool = False
+    depth: int | None = None  # slices of a 3D image
     views: list[Any] = field(default_factory=list)
 
 
@@ -113,12 +114,14 @@ def create_image(
     flags: int = 0,
     samples: int = 1,
     array: bool = False,
+    depth: int | None = None,
     view_format: str | None = None,
     swizzle: str = "rgba",
 ) -> Image:
     """Return a 2D image of (width, height) and a view of all its levels; `view_format` is the view's, if another.
 
-    With several layers, or as an `array` of one, it is seen as an array texture. `swizzle` says which channels of the
+    With several layers, or as an `array` of one, it is seen as an array texture; with a `depth` it is a 3D image of as
+    many slices. `swizzle` says which channels of the
     image the view shows as red, green, blue and alpha: "0rg1" has the image's red in green.
 
     The view of an sRGB format is for sampling alone, so that the image itself can also be written by compute.
@@ -131,9 +134,9 @@ def create_image(
     info = vk.new(
         "VkImageCreateInfo",
         flags=flags,
-        imageType=vk.VK_IMAGE_TYPE_2D,
+        imageType=vk.VK_IMAGE_TYPE_2D if depth is None else vk.VK_IMAGE_TYPE_3D,
         format=plain,
-        extent={"width": width, "height": height, "depth": 1},
+        extent={"width": width, "height": height, "depth": depth or 1},
         mipLevels=levels,
         arrayLayers=layers,
         samples=samples,  # the bit of a count is the count itself
@@ -168,6 +171,7 @@ def create_image(
         name,
         samples,
         array or layers > 1,
+        depth,
     )
     sampled_only = view_format is not None and view_format != format
     image.view = create_view(
@@ -202,11 +206,12 @@ def create_view(
 ) -> Any:
     """Return a view of `levels` mip levels from `level` on (all by default); it is freed with its image."""
     narrowed = vk.new("VkImageViewUsageCreateInfo", usage=usage) if usage is not None else None
+    kind = vk.VK_IMAGE_VIEW_TYPE_2D_ARRAY if image.array else vk.VK_IMAGE_VIEW_TYPE_2D
     info = vk.new(
         "VkImageViewCreateInfo",
         pNext=narrowed,
         image=image.handle,
-        viewType=vk.VK_IMAGE_VIEW_TYPE_2D_ARRAY if image.array else vk.VK_IMAGE_VIEW_TYPE_2D,
+        viewType=kind if image.depth is None else vk.VK_IMAGE_VIEW_TYPE_3D,
         format=FORMATS[format][0],
         components={
             channel: _SWIZZLES[shown]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -20,12 +20,14 @@ from backends.vulkan.resources import (
     Image,
     create_buffer,
     create_image,
+    create_sampler,
     destroy_buffer,
     destroy_image,
 )
 from backends.vulkan.upload import Uploader
 from common.camera import View
 from common.errors import StaleFrameError
+from common.scene import Sampler
 
 USAGES = {
     "uniform": vk.VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT,
@@ -83,6 +85,32 @@ class Stage(AnyStage):
         with Uploader(self.device) as uploader:
             uploader.buffer(buffer, array)
         return buffer
+
+    def texture(
+        self, pixels: np.ndarray, shape: Literal["2d", "array", "3d"], name: str, format: str = "rgba8"
+    ) -> Image:
+        """Return an image of pixels (H, W, C), or of layers or slices (N, H, W, C), ready to be sampled."""
+        slices = pixels if shape != "2d" else pixels[None]
+        usage = vk.VK_IMAGE_USAGE_SAMPLED_BIT | vk.VK_IMAGE_USAGE_TRANSFER_DST_BIT
+        image = create_image(
+            self.device,
+            format,
+            (slices.shape[2], slices.shape[1]),
+            usage,
+            name,
+            layers=len(slices) if shape == "array" else 1,
+            array=shape == "array",
+            depth=len(slices) if shape == "3d" else None,
+        )
+        self.keep(image, lambda one: destroy_image(self.device, one))
+        with Uploader(self.device) as uploader:
+            uploader.image(image, list(slices))
+        return image
+
+    def sampler(self, how: Sampler, name: str) -> Any:
+        """Return a sampler."""
+        made = create_sampler(self.device, how, 1.0, name)
+        return self.keep(made, lambda one: self.device.destroy("VkSampler", one))
 
     def _buffer(self, size: int, usage: int, use: MemoryUse, name: str) -> Buffer:
         made = create_buffer(self.device, size, usage, use, name)

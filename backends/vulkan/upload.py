@@ -107,14 +107,15 @@ class Uploader:
     ) -> None:
         """Copy (H, W, C) pixels to level 0, make the other levels if `mips`, and leave the image ready for sampling.
 
-        `pixels` has the type and channels of the image's format, one array for each layer of an array; `srgb` says that
-        colour is to be averaged as light.
+        `pixels` has the type and channels of the image's format, one array for each layer of an array or slice of a 3D
+        image; `srgb` says that colour is to be averaged as light.
         """
         _, texel, dtype, channels = FORMATS[target.format]
         expected = (target.height, target.width, channels)
         layers = [pixels] if isinstance(pixels, np.ndarray) else pixels
-        if len(layers) != target.layers:
-            raise ValueError(f"'{target.name}' has {target.layers} layers, and {len(layers)} were given.")
+        count = target.depth or target.layers
+        if len(layers) != count:
+            raise ValueError(f"'{target.name}' has {count} layers, and {len(layers)} were given.")
         for one in layers:
             if one.shape != expected or one.dtype != dtype:
                 raise ValueError(
@@ -133,7 +134,8 @@ class Uploader:
             self._make_mips(target, srgb)
 
     def _copy_rows(self, target: Image, layer: int, rows: np.ndarray) -> None:
-        """Copy (H, bytes of a row) to level 0 of a layer, in as many pieces as the ring asks for."""
+        """Copy (H, bytes of a row) to level 0 of a layer or slice, in as many pieces as the ring asks for."""
+        slice_ = layer if target.depth is not None else 0
         done = 0
         while done < target.height:
             half, start, count = self._reserve((target.height - done) * rows.shape[1], rows.shape[1])
@@ -144,10 +146,10 @@ class Uploader:
                 bufferOffset=start,
                 imageSubresource={
                     "aspectMask": target.aspect,
-                    "baseArrayLayer": layer,
+                    "baseArrayLayer": layer - slice_,
                     "layerCount": 1,
                 },
-                imageOffset={"x": 0, "y": done, "z": 0},
+                imageOffset={"x": 0, "y": done, "z": slice_},
                 imageExtent={"width": target.width, "height": some, "depth": 1},
             )
             layout = vk.VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL
