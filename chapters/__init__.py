@@ -116,11 +116,15 @@ def settings_class(which: Which) -> type:
     return found
 
 
-def choose_backend(wanted: str = "auto") -> str:
-    """Return the backend to use, "vulkan" or "gl"; see `backends.choice.decide` for its errors."""
+def choose_backend(wanted: str = "auto", which: Which | None = None) -> str:
+    """Return the backend to use, "vulkan" or "gl"; see `backends.choice.decide` for its errors.
+
+    Where nothing else is wanted, a study that has one version only chooses that.
+    """
     from backends.choice import choose
 
-    return choose(wanted)
+    own = studies.backends(which) if isinstance(which, str) else ()
+    return choose(own[0] if wanted == "auto" and len(own) == 1 else wanted)
 
 
 def renderer_module(which: Which, backend: str) -> ModuleType:
@@ -157,7 +161,8 @@ def open(  # the name of the contract: chapters.open(6, ...)
     the images that can be read. Further arguments go to the backend's renderer (`device=` shares a device).
     Raises UserError for a wrong argument, UnsupportedError where this machine cannot do it.
     """
-    module = renderer_module(parse(which), choose_backend(backend))
+    wanted = parse(which)
+    module = renderer_module(wanted, choose_backend(backend, wanted))
     opened: Renderer = module.Renderer(
         scene, size, settings=settings, without=without, outputs=outputs, validate=validate, **more
     )

@@ -130,7 +130,7 @@ def read_side(text: str, quality: str, without: tuple[str, ...] = ()) -> Side:
         check_without(off)
     except UserError as error:
         raise type(error)(f"{text}: {error}") from None
-    side = Drawn(text, which, chapters.choose_backend(backend or "auto"), settings, quality, off)
+    side = Drawn(text, which, chapters.choose_backend(backend or "auto", which), settings, quality, off)
     side.module  # noqa: B018  # for its errors
     return side
 

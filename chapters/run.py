@@ -79,7 +79,7 @@ def check(request: Request) -> None:
     """Raise UserError for what is wrong with a request before anything is opened."""
     from backends.contract import check_time, check_without
 
-    backend = chapters.choose_backend(request.backend)
+    backend = chapters.choose_backend(request.backend, request.chapter)
     chapters.renderer_module(request.chapter, backend)
     check_without(request.without)
     if request.quality not in QUALITIES:
@@ -148,7 +148,7 @@ def validation(which: chapters.Which, wanted: bool, allowed: bool, backend: str)
         raise UserError("--validate and --no-validate cannot both be meant: leave one out.")
     if wanted or not allowed or not isinstance(which, Folder):
         return wanted
-    if chapters.choose_backend(backend) == "gl":
+    if chapters.choose_backend(backend, which) == "gl":
         return True
     from backends.vulkan.instance import VALIDATION_LAYER, Instance
 
@@ -205,7 +205,7 @@ def show(request: Request) -> int:
         frames=request.frames,
         # Reading a frame's figures waits for it: only who asked for them pays that.
         on_frame=(lambda _, frame: logs[-1].add(frame)) if request.json or request.verbose else None,
-        backend=chapters.choose_backend(request.backend),
+        backend=chapters.choose_backend(request.backend, request.chapter),
         panel=True,
         name=chapters.file_name(request.chapter),
         quality=note.removeprefix(", "),

@@ -69,17 +69,23 @@ def file_name(which: str) -> str:
     return f"{chapters.folder_name(number)}-{name}"
 
 
+def backends(which: str) -> tuple[str, ...]:
+    """Return the backends that a study has a version for."""
+    number, name = split(which)
+    place = folder(number) / name.replace("-", "_")
+    return tuple(backend for backend, file in FILES.items() if (place / file).is_file())
+
+
 def renderer_module(which: str, backend: str) -> ModuleType:
     """Return the module with a study's renderer on "vulkan" or "gl"; raise UnsupportedError if there is none."""
     number, name = split(which)
-    place = name.replace("-", "_")
-    if not (folder(number) / place / FILES[backend]).is_file():
+    if backend not in backends(which):
         other = "vulkan" if backend == "gl" else "gl"
         words = {"vulkan": "Vulkan", "gl": "OpenGL"}
         raise UnsupportedError(
             f"The study {which} has no {words[backend]} version: use --backend {other}, or leave --backend out."
         )
-    return _module(number, f"{place}.{backend}")
+    return _module(number, f"{name.replace('-', '_')}.{backend}")
 
 
 def settings_class(which: str) -> type:
