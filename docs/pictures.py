@@ -1,4 +1,4 @@
-"""Makes docs/pictures anew: `python docs/pictures.py [NAME...]` draws the project's scenes and studies with chapter 1.
+"""Makes docs/pictures anew: `python docs/pictures.py [NAME...]` draws our scenes with chapter 1, and all studies.
 
 Nearly every picture is drawn twice as wide and high and averaged down in linear light, four samples to a pixel, so
 that edges are smooth without any method of a later chapter. Sheets of views and passes show values, and are left as
@@ -37,10 +37,21 @@ FOLDER = ROOT / "docs" / "pictures"
 CHAPTER = 1
 
 STUDY_SIZE = (240, 160)
-STUDY_TIMES = {"rotating-cube": 0.4, "textured-mesh": 6.0, "one-light": 0.9, "phong": 0.9}
+STUDY_TIMES = {
+    "rotating-cube": 0.4,
+    "textured-mesh": 6.0,
+    "one-light": 0.9,
+    "phong": 0.9,
+    "flipbook": 2.2,
+    "buffer-address": 2.6,
+}
 """Seconds at which a study shows what it is about; 1 for the others."""
-STUDIES_OF_PIXELS = {"dithered-alpha"}
+STUDIES_OF_PIXELS = {"dithered-alpha", "random-textures"}
 """Those about single pixels, which are not to be averaged."""
+STUDY_SETTINGS = {"texture-handles": {"way": "units"}}
+"""Settings with which every driver can draw a study's picture."""
+WITH_STUDIES = (1, 2)
+"""The chapters that have studies."""
 
 
 def halved(codes: NDArray[np.uint8]) -> NDArray[Any]:
@@ -67,7 +78,9 @@ def draw_study(which: str) -> NDArray[Any]:
     name = studies.split(which)[1]
     factor = 1 if name in STUDIES_OF_PIXELS else 2
     size = (factor * STUDY_SIZE[0], factor * STUDY_SIZE[1])
-    with chapters.open(which, "auto", scene=studies.load(which, None), size=size) as renderer:
+    settings = chapters.settings_class(which)(**STUDY_SETTINGS.get(name, {}))
+    scene = studies.load(which, None)
+    with chapters.open(which, "auto", scene=scene, size=size, settings=settings) as renderer:
         picture = renderer.render(chapters.view_of(renderer), STUDY_TIMES.get(name, 1.0)).image("color")
         return halved(picture) if factor == 2 else picture[..., :3]
 
@@ -116,7 +129,8 @@ def picture_of(name: str) -> NDArray[Any]:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Draw the scenes and studies named, or all, and say how large each file is; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__)
-    all_names = [*SCENES, *(f"{CHAPTER}/{name}" for name in studies.available(CHAPTER)), *SHEETS]
+    all_studies = [f"{number}/{name}" for number in WITH_STUDIES for name in studies.available(number)]
+    all_names = [*SCENES, *all_studies, *SHEETS]
     parser.add_argument(
         "names", metavar="NAME", nargs="*", help=f"one of {', '.join(all_names)}; default all"
     )

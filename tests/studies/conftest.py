@@ -19,14 +19,14 @@ from tests.support.gl_functions import assert_silent
 
 @dataclass(frozen=True)
 class Opener:
-    """Opens studies of chapter 1 on one device, which the tests of a module share."""
+    """Opens studies on one device, which the tests of a module share: "phong" of chapter 1, "2/flipbook" of another."""
 
     backend: str
     device: Any
 
     def open(self, name: str, size: tuple[int, int], scene: Any = None, **more: Any) -> Renderer:
         """Return the renderer of a study; what it draws by itself unless a scene is given."""
-        which = f"1/{name}"
+        which = name if "/" in name else f"1/{name}"
         drawn = studies.load(which, None, None, "none") if scene is None else scene
         return chapters.open(which, self.backend, scene=drawn, size=size, device=self.device, **more)
 

@@ -12,13 +12,15 @@ from chapters import studies
 from common.paths import ROOT
 from tests.support.gl_functions import assert_silent
 
-NAMES = tuple(studies.available(1))
+WITH_STUDIES = (1, 2)
+ALL = tuple(f"{number}/{name}" for number in WITH_STUDIES for name in studies.available(number))
+ONE_BACKEND = {"2/buffer-address": ("vulkan",), "2/texture-handles": ("gl",)}
+"""Studies of what only one of the two has."""
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("which", [which for which in ALL if which not in ONE_BACKEND])
 @pytest.mark.parametrize("time", [0.0, 1.3])
-def test_both_backends_draw_the_same_picture(vulkan_device, gl_context, name, time):
-    which = f"1/{name}"
+def test_both_backends_draw_the_same_picture(vulkan_device, gl_context, which, time):
     outputs = chapters.outputs_of(which)
     frames = {}
     for backend, device in (("vulkan", vulkan_device), ("gl", gl_context)):
@@ -30,7 +32,7 @@ def test_both_backends_draw_the_same_picture(vulkan_device, gl_context, name, ti
     assert_silent(gl_context)
     color = np.abs(frames["vulkan"]["color"].astype(int) - frames["gl"]["color"])
     software = vulkan_device.capabilities.is_software and gl_context.capabilities.is_software
-    if name == "sine-hash" and not software:
+    if which == "1/sine-hash" and not software:
         color = color[:, 24:]  # the left half is what no two drivers agree on: that is what it shows
     assert color.max() <= (1 if software else 2)
     if "depth" in outputs and software:
@@ -42,11 +44,13 @@ def test_studies_are_small_and_each_follows_the_one_before():
     """At most about 150 lines a file, on both backends; the way in without gaps; a first sentence in each."""
     from chapters.sentences import first_sentence
 
-    order = [about.order for about in studies.available(1).values()]
-    assert order[:5] == [1, 2, 3, 4, 5] and len(set(order)) == len(order)
-    for name in NAMES:
-        folder = studies.folder(1) / name.replace("-", "_")
-        assert {"vulkan.py", "gl.py"} <= {path.name for path in folder.iterdir()}
+    for number, first in ((1, 5), (2, 4)):
+        order = [about.order for about in studies.available(number).values()]
+        assert order[:first] == list(range(1, first + 1)) and len(set(order)) == len(order)
+    for which in ALL:
+        number, name = studies.split(which)
+        folder = studies.folder(number) / name.replace("-", "_")
+        assert studies.backends(which) == ONE_BACKEND.get(which, ("vulkan", "gl"))
         for path in folder.iterdir():
             if path.is_file():
                 assert len(path.read_text("utf-8").splitlines()) <= 150, path
@@ -59,5 +63,5 @@ def test_every_feature_of_a_study_has_a_test_here():
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
             if isinstance(node, ast.Constant) and isinstance(node.value, str):
                 marked.add(node.value)
-    for about in studies.available(1).values():
-        assert {*about.features} <= marked
+    for which in ALL:
+        assert {*studies.study(which).features} <= marked

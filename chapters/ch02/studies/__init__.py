@@ -1,0 +1,1 @@
+"""Studies: small programs beside the renderer, one idea each: `strata run 2/flipbook`."""
