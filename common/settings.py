@@ -12,11 +12,14 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple, TypeVar
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from common.errors import SettingError
 from common.names import suggest
+
+if TYPE_CHECKING:
+    from common.scene import Scene
 
 S = TypeVar("S")
 Value = bool | int | float | str
@@ -76,6 +79,42 @@ class Sweep:
     environment: str
     knobs: dict[str, tuple[Value, ...]]
     truth: dict[str, Value]  # values of the same knobs beyond those of any preset
+
+
+@dataclasses.dataclass(frozen=True)
+class Side:
+    """A way to draw what grows: a chapter (None: the one that is measured) without some features.
+
+    Counts above `most` are left out; `why` says so, as the end of a sentence.
+    """
+
+    chapter: int | None = None
+    without: tuple[str, ...] = ()
+    most: int | None = None
+    why: str = ""
+
+    @property
+    def name(self) -> str:
+        """How tables and plots call it: "chapter 1", "without bindless", "all features"."""
+        words = [f"chapter {self.chapter}"] if self.chapter is not None else []
+        words += [f"without {feature}" for feature in self.without]
+        return ", ".join(words) or "all features"
+
+
+@dataclasses.dataclass(frozen=True)
+class Scale:
+    """Something that scenes have more or less of, of which a chapter says what it costs: `scene(n)` has n of it.
+
+    `counts` are measured, in a quick look those of `quick`. The last of `sides` is the chapter as it is; its time from
+    `flat_from` things on is held against that of more.
+    """
+
+    name: str
+    scene: Callable[[int], Scene]
+    counts: tuple[int, ...]
+    quick: tuple[int, ...]
+    sides: tuple[Side, ...]
+    flat_from: int = 10
 
 
 class Row(NamedTuple):

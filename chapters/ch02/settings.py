@@ -2,13 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, ClassVar
 
-from common.settings import AtMost, Sweep, knob
+from common.crowds import crowd, kinds
+from common.scene import Scene
+from common.settings import AtMost, Scale, Side, Sweep, knob
 from common.shading_environment import ENERGIES
 
 from .logic.views import CHOICES, PICTURE
+
+
+SIDES = (
+    Side(chapter=1, most=10_000, why="where every draw is recorded anew, a frame takes a second"),
+    Side(without=("bindless",)),
+    Side(without=("multi-draw",), most=10_000, why="a call for each draw takes a tenth of a second"),
+    Side(),
+)
+"""What the chapter is measured beside: the one before it, and itself on devices that lack what is new."""
 
 
 @dataclass
@@ -64,6 +77,25 @@ class Settings:
             },
         ),
     )
+
+    SCALES: ClassVar[tuple[Scale, ...]] = (
+        Scale(
+            "draws",
+            scene=partial(crowd, materials=64),
+            counts=(1, 10, 100, 1000, 10_000, 100_000),
+            quick=(10, 10_000, 100_000),
+            sides=SIDES,
+        ),
+        Scale(
+            "materials",
+            scene=partial(crowd, 4096),
+            counts=(1, 4, 16, 64, 256, 1024, 4096),
+            quick=(1, 256),
+            sides=SIDES,
+            flat_from=1,
+        ),
+    )
+    PIPELINES: ClassVar[Callable[[], Scene]] = kinds
 
     anisotropy: float = knob(
         4.0, "texels averaged along the longer axis of a pixel's footprint", minimum=1, maximum=16
