@@ -215,6 +215,12 @@ def errors(got: tuple[Array, Array], truth: tuple[Array, Array]) -> dict[str, fl
     }
 
 
+def difference(image: Array, other: Array) -> dict[str, float]:
+    """Return how far two pictures of linear light (H, W, 3) float32 are apart, which should be the same to the bit."""
+    differ = (image.view(np.uint32) != other.view(np.uint32)).any(axis=-1)
+    return {"max_abs": metrics.max_abs(image, other), "pixels_differ": int(differ.sum())}
+
+
 def sweep(subject: Subject, effort: Effort, step: Callable[[str, float], None]) -> list[Point]:
     """Measure every point. Rounds go through all of them in turn, so that a busy minute hits no point alone."""
     settings_class = chapters.settings_class(subject.chapter)

@@ -1,16 +1,19 @@
 """What a thing more costs: time of a frame against the number of objects or materials, for a chapter and its rivals.
 
-All points are opened before any is measured, and every round goes through all of them in turn: a busy moment of the
-machine hits none of them alone, and the first and the last count are measured under the same conditions. The camera
-moves from round to round, and the GPU is waited for after each frame, so that the CPU's time holds no waiting.
+All points are opened before any is measured, and every round goes through all of them, in an order of its own: a busy
+moment of the machine hits none of them alone, and none always follows one that leaves the caches full. The camera
+moves from round to round, and the GPU is waited for after each frame, so that the next one's time holds no waiting.
 
-The Python time of a frame is measured twice: `cpu_ms` is all of `render`, `record_ms` the part in which the passes
-record their draws. Every point is held to the picture of the others: what they draw must be the same.
+`cpu_ms` is how long `render` took. A driver in software draws on the same processors, and its threads interrupt
+Python's: so `python_ms` is the processor time that Python's own thread spent in it, and `record_ms` the part of that
+in which passes recorded their draws. Every point is held to the picture of the others at its count: it must be the
+same.
 """
 
 from __future__ import annotations
 
 import statistics
+import sys
 import time as clock
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -22,10 +25,9 @@ from rich.console import Console
 
 import chapters
 from backends.contract import Frame, Renderer
-from chapters.bench_points import Effort, Subject
+from chapters.bench_points import Effort, Subject, difference
 from chapters.run import open_device
 from chapters.tables import table
-from common import metrics
 from common.camera import View
 from common.scene import Scene
 from common.settings import Scale, Side, preset
@@ -33,6 +35,14 @@ from common.transforms import translation
 
 STEP = 1e-3
 """How far the camera moves from one frame to the next, in length scales of the scene."""
+
+if sys.platform == "win32":  # its clock of a thread's time has steps of 16 ms
+    _processor = clock.perf_counter
+else:
+    _processor = clock.thread_time
+
+TIMES = ("cpu", "python", "record", "gpu")
+"""What is measured of each frame, in ms."""
 
 LEAST_FRAMES = 9
 """Of a point, also in a quick look: the median of fewer moves with every interruption."""
@@ -47,15 +57,17 @@ class _Run:
     renderer: Renderer
     open_s: float
     recording: float = 0.0
-    samples: list[tuple[float, float, float]] = field(default_factory=list)  # ms of CPU, of recording, of GPU
+    samples: list[tuple[float, ...]] = field(default_factory=list)  # in the order of TIMES
     error: dict[str, float] = field(default_factory=dict)
     work: dict[str, int] = field(default_factory=dict)
 
     def frame(self, view: View) -> Frame:
         """Return a frame that is over, and keep what it took."""
         self.recording = 0.0
+        began = _processor()
         frame = self.renderer.render(view)
-        self.samples.append((frame.cpu_ms, self.recording * 1e3, sum(frame.timings.values())))
+        python = _processor() - began
+        self.samples.append((frame.cpu_ms, python * 1e3, self.recording * 1e3, sum(frame.timings.values())))
         self.work = dict(frame.work)
         return frame
 
@@ -64,16 +76,16 @@ class _Run:
         for made in self.renderer.passes:  # type: ignore[attr-defined]
 
             def timed(*arguments: Any, record: Callable[..., None] = made.record) -> None:
-                began = clock.perf_counter()
+                began = _processor()
                 record(*arguments)
-                self.recording += clock.perf_counter() - began
+                self.recording += _processor() - began
 
             made.record = timed
 
     def point(self) -> dict[str, Any]:
         """Return what the record holds: medians, half the distance of the quartiles, the least."""
         found: dict[str, Any] = {"side": self.side.name, "count": self.count, "open_s": round(self.open_s, 3)}
-        for name, values in zip(("cpu", "record", "gpu"), zip(*self.samples, strict=True), strict=True):
+        for name, values in zip(TIMES, zip(*self.samples, strict=True), strict=True):
             low, high = np.percentile(values, (25, 75))
             found[f"{name}_ms"] = statistics.median(values)
             found[f"{name}_noise_ms"] = float(high - low) / 2
@@ -115,18 +127,16 @@ def _scale(
                 frame = run.frame(_view(run.renderer, turn))
             picture = frame.image("color_linear")
             truth = truths.setdefault(run.count, picture)
-            run.error = {
-                "max_abs": metrics.max_abs(picture, truth),
-                "pixels_differ": int((picture.view(np.uint32) != truth.view(np.uint32)).any(axis=-1).sum()),
-            }
+            run.error = difference(picture, truth)
         for run in runs:
             run.samples.clear()
             run.time_recording()
+        random = np.random.default_rng(1)
         rounds = max(effort.frames * min(effort.rounds, 3), LEAST_FRAMES)
         for turn in range(rounds):
             step(f"frames with more and more {scale.name}", 0.6 + 0.4 * turn / rounds)
-            for run in runs:
-                run.frame(_view(run.renderer, turn))
+            for one in random.permutation(len(runs)):
+                runs[one].frame(_view(runs[one].renderer, turn))
     points = [run.point() for run in runs]
     made = {"name": scale.name, "frames": rounds, "skipped": skipped, "points": points}
     return {**made, "ratios": ratios(points, scale.sides[-1].name, scale.flat_from)}
@@ -173,9 +183,9 @@ def _view(renderer: Renderer, turn: int) -> View:
 def ratios(points: list[dict[str, Any]], side: str, flat_from: int) -> dict[str, Any]:
     """Return how the time of `side` compares: with that of the others, and at most things with that at few.
 
-    `times` says, at the largest count that another was measured at, how many times the time of `side` it takes, for a
-    whole frame on the CPU, for recording, and on the GPU. `grown` is the time of `side` at each count above
-    `flat_from` by that at the least of them.
+    `times` says, at the largest count that another was measured at, how many times the time of `side` it takes: for all
+    that Python does for a frame, for recording alone, and on the GPU. `grown` is the Python time of `side` at each
+    count above `flat_from` by that at the least of them.
     """
     own = {point["count"]: point for point in points if point["side"] == side}
     times: dict[str, dict[str, float]] = {}
@@ -183,10 +193,10 @@ def ratios(points: list[dict[str, Any]], side: str, flat_from: int) -> dict[str,
         if point["side"] != side and point["count"] in own:
             beside = own[point["count"]]
             times[point["side"]] = {"count": point["count"]} | {
-                name: _by(point[name], beside[name]) for name in ("cpu_ms", "record_ms", "gpu_ms")
+                name: _by(point[name], beside[name]) for name in ("python_ms", "record_ms", "gpu_ms")
             }
     few, *more = [count for count in sorted(own) if count >= flat_from] or [0]
-    grown = {str(count): _by(own[count]["cpu_ms"], own[few]["cpu_ms"]) for count in more}
+    grown = {str(count): _by(own[count]["python_ms"], own[few]["python_ms"]) for count in more}
     return {"side": side, "times": times, "from": few, "grown": grown}
 
 
@@ -196,10 +206,10 @@ def _by(time: float, other: float) -> float:
 
 
 def show(made: dict[str, Any], to: Console) -> None:
-    """Print the record of one scale: a table of the CPU's times and one of the GPU's, and what they say."""
+    """Print the record of one scale: a table of Python's times and one of the GPU's, and what they say."""
     name, points = made["name"], made["points"]
     sides = list(dict.fromkeys(point["side"] for point in points))
-    for title, key in (("CPU ms a frame", "cpu"), ("GPU ms a frame", "gpu")):
+    for title, key in (("Python ms a frame", "python"), ("GPU ms a frame", "gpu")):
         shown = table(f"{title} by number of {name}", f">{name}", *(f">{side}" for side in sides))
         for count in dict.fromkeys(point["count"] for point in points):
             found = {point["side"]: point for point in points if point["count"] == count}
@@ -216,19 +226,19 @@ def show(made: dict[str, Any], to: Console) -> None:
 def sentences(made: dict[str, Any]) -> list[str]:
     """Return what a scale's figures say, as sentences."""
     name, points, found = made["name"], made["points"], made["ratios"]
-    said = []
+    side, said = found["side"], []
     for other, ratio in found["times"].items():
         said.append(
-            f"At {ratio['count']:,} {name}, {other} takes {ratio['cpu_ms']:.3g} times the CPU time of "
-            f"{found['side']} for a frame, and {ratio['record_ms']:.3g} times for recording alone."
+            f"At {ratio['count']:,} {name}, {other} takes {ratio['python_ms']:.3g} times the Python time of {side} "
+            f"for a frame, and {ratio['record_ms']:.3g} times for recording its draws."
         )
     if found["grown"]:
         most = max(found["grown"], key=int)
         furthest = max(found["grown"].values(), key=lambda ratio: abs(ratio - 1))
-        noise = max(p["cpu_noise_ms"] / p["cpu_ms"] for p in points if p["side"] == found["side"])
+        noise = max(p["python_noise_ms"] / p["python_ms"] for p in points if p["side"] == side)
         said.append(
-            f"From {found['from']:,} to {int(most):,} {name}, the CPU time of a frame with {found['side']} changes by "
-            f"at most {furthest - 1:+.1%}; single frames scatter by {noise:.1%}."
+            f"From {found['from']:,} to {int(most):,} {name}, the Python time of a frame with {side} changes by "
+            f"{furthest - 1:+.1%} at most; half of all frames lie within {noise:.1%} of the median."
         )
     worst = max(points, key=lambda point: (point["error"]["pixels_differ"], point["error"]["max_abs"]))
     if worst["error"]["pixels_differ"]:
@@ -252,14 +262,14 @@ def plot(axes: Any, below: Any, made: dict[str, Any]) -> None:
         found = [point for point in points if point["side"] == side]
         counts = [point["count"] for point in found]
         colour, mark = f"C{number}", "os^D"[number % 4]
-        for key, line, label in (("cpu", "-", side), ("gpu", ":", None)):
+        for key, line, label in (("python", "-", side), ("gpu", ":", None)):
             times = [point[f"{key}_ms"] for point in found]
             noise = [point[f"{key}_noise_ms"] for point in found]
             axes.errorbar(counts, times, noise, fmt=line + mark, color=colour, label=label, capsize=2, ms=4)
         below.plot(counts, [point["error"]["max_abs"] for point in found], mark, color=colour, ms=4)
     axes.set_xscale("log")
     axes.set_yscale("log")
-    axes.set_ylabel("ms a frame: solid CPU, dotted GPU")
+    axes.set_ylabel("ms a frame: solid Python, dotted GPU")
     axes.set_title(f"What {made['name']} cost", fontsize=10)
     axes.legend(fontsize=8)
     below.set_ylim(-1, max(1, 1.1 * max(point["error"]["max_abs"] for point in points)))

@@ -54,13 +54,13 @@ def crowd(draws: int, materials: int) -> Scene:
 def kinds() -> Scene:
     """Return one square for each of some kinds of material, for which renderers build different pipelines.
 
-    They have no texture, one, two and so on up to all five; the last two are masked and transparent. It is not every
-    kind there is: drivers in software compile each for most of a second.
+    They have no texture, one, and all five, and then these are masked and transparent too. It is not every kind there
+    is: drivers in software compile each for most of a second.
     """
     images = _images(len(TEXTURE_SIZES))
     roles = [field.name for field in fields(Material) if field.name.endswith("_texture")]
     made = []
-    for count in range(len(roles) + 1):
+    for count in (0, 1, len(roles)):
         used: dict[str, Any] = {
             role: TextureRef(one % len(images)) for one, role in enumerate(roles[:count])
         }

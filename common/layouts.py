@@ -222,26 +222,30 @@ def _matrices_of(
     pose: bytes, projection: Projection, aspect: float, jitter: tuple[float, float], origin: bytes
 ) -> dict[str, np.ndarray]:
     """Return the ten transposed matrices of a view by name; the previous view's are those of the frame before."""
-    world_from_view = translation(-np.frombuffer(origin)) @ np.frombuffer(pose).reshape(4, 4)
-    steady = projection.clip_from_view(aspect)
-    return {name: matrix.T for name, matrix in _frame_matrices(world_from_view, steady, jitter).items()}
-
-
-def _frame_matrices(
-    world_from_view: Float64, steady: Float64, jitter: tuple[float, float]
-) -> dict[str, Float64]:
-    """Return the ten matrices of one frame by name, float64."""
+    world_from_view = np.frombuffer(pose).reshape(4, 4).copy()
+    world_from_view[:3, 3] -= np.frombuffer(origin)
     view_from_world = invert_rigid(world_from_view)
-    drawn = steady.copy()
-    drawn[:2] += np.outer(jitter, steady[3])  # clip.xy += jitter * clip.w, for both kinds of projection
     matrices = {"view_from_world": view_from_world, "world_from_view": world_from_view}
-    for prefix, clip_from_view in (("", drawn), ("steady_", steady)):
-        view_from_clip = np.asarray(np.linalg.inv(clip_from_view), np.float64)
+    for prefix, (clip_from_view, view_from_clip) in _lens(projection, aspect, jitter).items():
         matrices[prefix + "clip_from_view"] = clip_from_view
         matrices[prefix + "view_from_clip"] = view_from_clip
         matrices[prefix + "clip_from_world"] = clip_from_view @ view_from_world
         matrices[prefix + "world_from_clip"] = world_from_view @ view_from_clip
-    return matrices
+    return {name: matrix.T for name, matrix in matrices.items()}
+
+
+@lru_cache(32)  # a sequence of jitters comes back to its first
+def _lens(
+    projection: Projection, aspect: float, jitter: tuple[float, float]
+) -> dict[str, tuple[Float64, Float64]]:
+    """Return clip_from_view and its inverse, with jitter and, under "steady_", without: what no camera's path moves."""
+    steady = projection.clip_from_view(aspect)
+    drawn = steady.copy()
+    drawn[:2] += np.outer(jitter, steady[3])  # clip.xy += jitter * clip.w, for both kinds of projection
+    return {
+        prefix: (matrix, np.asarray(np.linalg.inv(matrix), np.float64))
+        for prefix, matrix in (("", drawn), ("steady_", steady))
+    }
 
 
 def fill_instances(

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from enum import Flag, auto
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -316,7 +317,7 @@ class Scene:
         self.origin: Float64 = self.bounds.mean(axis=0)
         """(3,) float64; subtracted before anything becomes float32. Fixed for the life of the scene."""
 
-    @property
+    @cached_property
     def length_scale(self) -> float:
         """Half the diagonal of the bounds, metres: what constants that are lengths are multiplied with."""
         return float(np.linalg.norm(self.bounds[1] - self.bounds[0]) / 2) or 1.0

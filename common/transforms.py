@@ -26,6 +26,8 @@ Depth = Literal["reversed", "zero_to_one", "minus_one_to_one"]
 """Reversed-Z, as everywhere in Strata, and the literature's two: standard Vulkan's and OpenGL's."""
 
 
+_IDENTITY = np.eye(4)
+
 # --- vectors ------------------------------------------------------------------------------------------------
 
 
@@ -147,7 +149,8 @@ def slerp(a: ArrayLike, b: ArrayLike, t: ArrayLike) -> Float64:
 def translation(offset: ArrayLike) -> Float64:
     """Return the matrix (..., 4, 4) that moves points by `offset` (..., 3)."""
     offset = np.asarray(offset, np.float64)
-    matrix = np.broadcast_to(np.eye(4), (*offset.shape[:-1], 4, 4)).copy()
+    matrix = np.empty((*offset.shape[:-1], 4, 4))
+    matrix[...] = _IDENTITY
     matrix[..., :3, 3] = offset
     return matrix
 
@@ -189,7 +192,7 @@ def invert_rigid(matrix: ArrayLike) -> Float64:
     """Return the inverse of rotations with translation (..., 4, 4), exact to the last bit in the rotation."""
     matrix = np.asarray(matrix, np.float64)
     inverse = np.zeros_like(matrix)
-    inverse[..., :3, :3] = np.swapaxes(matrix[..., :3, :3], -1, -2)
+    inverse[..., :3, :3] = matrix[..., :3, :3].swapaxes(-1, -2)
     inverse[..., :3, 3] = -np.einsum("...ji,...j->...i", matrix[..., :3, :3], matrix[..., :3, 3])
     inverse[..., 3, 3] = 1.0
     return inverse
