@@ -7,25 +7,35 @@ import json
 import os
 import platform
 import subprocess
+from collections.abc import Callable, Collection, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-
 import chapters
-from chapters import bench_points, bench_prepared, bench_start, scenes
+from chapters import bench_pipelines, bench_points, bench_prepared, bench_scale, bench_start, scenes
 from chapters.bench_points import Effort, Subject
+from chapters.bench_report import can_plot, plot, show
 from chapters.console import Steps, err, out, say
 from chapters.record import STDOUT, naming
 from chapters.run import open_device
-from chapters.tables import table
 from common import stability
 from common.errors import UserError
+from common.names import suggest
 from common.paths import ROOT, write_whole
 
 FORMAT = 2
 """Of the record; readers refuse another."""
+
+PARTS = {
+    "settings": "time and error of presets and knobs",
+    "prepared": "what is made before the first frame",
+    "start": "from nothing to the first picture, cold and warm",
+    "stability": "how much the worst case changes the picture",
+    "scales": "what objects and materials cost",
+    "pipelines": "building pipelines cold and warm",
+}
+"""What a bench measures; a chapter may have no scales and no pipelines to build."""
 
 FOLDER = ROOT / "docs" / "benchmarks"
 PLOTS = (".png", ".svg", ".pdf")
@@ -40,13 +50,16 @@ def run(
     json_path: Path | None = None,
     plot_path: Path | None = None,
     record: bool = False,
+    only: Sequence[str] = (),
 ) -> int:
     """Measure a chapter or a fork and say what came out; return the exit code.
 
     `json_path` and `plot_path` get the record and its plot; `record` keeps both in `docs/benchmarks`, under the class
-    of the device. Raises UserError for a wrong argument, before anything is measured.
+    of the device. `only` names the PARTS that are measured, all by default. Raises UserError for a wrong argument,
+    before anything is measured.
     """
-    chapters.choose_backend(backend)
+    api = chapters.choose_backend(backend)
+    parts = parts_of(which, api, only)
     for path in (json_path, plot_path):
         if path is not None and (path.is_dir() or not path.absolute().parent.is_dir()):
             raise UserError(f"{path} cannot be written: name a file in a folder that exists.")
@@ -56,6 +69,8 @@ def run(
         raise UserError(f"--plot {plot_path}: write one of {', '.join(PLOTS)}.")
     if record and quick:
         raise UserError("A quick look is no record: leave out --quick, or --record.")
+    if record and only:
+        raise UserError("A part is no record: leave out --only, or --record.")
     if record and not isinstance(which, int):
         raise UserError(
             "--record keeps records of the project's own chapters: write that of a fork by --json FILE."
@@ -63,7 +78,8 @@ def run(
     if plot_path is not None and not can_plot():
         raise UserError("--plot needs the package matplotlib: run `pip install matplotlib`, or leave it out.")
     with Steps() as steps:
-        made = measure(which, backend, scene, size, bench_points.QUICK if quick else bench_points.FULL, steps)
+        effort = bench_points.QUICK if quick else bench_points.FULL
+        made = measure(which, backend, scene, size, effort, steps, parts)
     made["quick"] = quick
     if record:
         FOLDER.mkdir(parents=True, exist_ok=True)
@@ -108,33 +124,72 @@ def write_record(path: Path, made: dict[str, Any]) -> None:
         raise UserError(f"{path} cannot be written: {error.strerror or error}.") from None
 
 
+def parts_of(which: chapters.Whole, api: str, only: Sequence[str] = ()) -> tuple[str, ...]:
+    """Return the PARTS to measure of a chapter on a graphics API: those of `only`, or all that it has.
+
+    Raises UserError for a part that there is not.
+    """
+    settings_class, missing = chapters.settings_class(which), {}
+    spoken = f"chapter {which}" if isinstance(which, int) else f"the fork {which.path}"
+    for part, names in (("scales", "SCALES"), ("pipelines", "PIPELINES"), ("prepared", "PREPARED")):
+        if not hasattr(settings_class, names):
+            missing[part] = f"{spoken} names none in its settings ({names})"
+    if api != "vulkan":
+        missing.setdefault("pipelines", "OpenGL has no pipeline objects")
+    for part in only:
+        if part not in PARTS:
+            raise UserError(f"--only {part}: a bench has no such part{suggest(part, PARTS)}.")
+        if part in missing:
+            raise UserError(f"--only {part}: there is nothing to measure, since {missing[part]}.")
+    return tuple(part for part in PARTS if part not in missing and (not only or part in only))
+
+
 def measure(
-    which: chapters.Whole, backend: str, scene: str, size: tuple[int, int], effort: Effort, steps: Steps
+    which: chapters.Whole,
+    backend: str,
+    scene: str,
+    size: tuple[int, int],
+    effort: Effort,
+    steps: Steps,
+    parts: Collection[str] = tuple(PARTS),
 ) -> dict[str, Any]:
-    """Return the record of one bench."""
+    """Return the record of one bench of `parts`."""
     steps("load", 0.0)
     loaded = scenes.load(scene)
     load_before = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
-    defaults = vars(chapters.settings_class(which)())
-    steps("start, cold and warm", 0.05)
-    starts = bench_start.cold_and_warm(which, backend, scene, size, effort.starts)
+
+    def within(begin: float, end: float, what: str = "") -> Callable[[str, float], None]:
+        """Return how a part of the bench reports: its own 0 to 1 is `begin` to `end` of the whole."""
+        return lambda name, part: steps(f"{what} {name}".strip(), begin + (end - begin) * part)
+
+    starts, found, prepared, grown, pipelines, cases = {}, [], [], [], None, []
+    if "start" in parts:
+        steps("start, cold and warm", 0.02)
+        starts = bench_start.cold_and_warm(which, backend, scene, size, effort.starts)
+    if "pipelines" in parts:
+        pipelines = bench_pipelines.measure(which, size, effort, within(0.1, 0.2, "pipelines,"))
     with ExitStack() as stack:
         device = open_device(stack, backend)
         capabilities = device.capabilities
         subject = Subject(which, backend, loaded, size, device)
-        found = bench_points.sweep(subject, effort, lambda what, part: steps(what, 0.15 + 0.5 * part))
-        points = [point.record(defaults) for point in found]
-        for point in points:
-            point["front"] = bench_points.on_front(point, points)
-        prepared = bench_prepared.sweeps(
-            subject, effort, lambda what, part: steps(f"prepare {what}", 0.65 + 0.25 * part)
-        )
-        steps("stability", 0.9)
-        cases = bench_points.stability_cases(subject, effort)
-    return {
+        if "settings" in parts:
+            found = bench_points.sweep(subject, effort, within(0.2, 0.5))
+        if "prepared" in parts:
+            prepared = bench_prepared.sweeps(subject, effort, within(0.5, 0.7, "prepare"))
+        if "scales" in parts:
+            grown = bench_scale.scales(subject, effort, within(0.7, 0.9))
+        if "stability" in parts:
+            steps("stability", 0.9)
+            cases = bench_points.stability_cases(subject, effort)
+    defaults = vars(chapters.settings_class(which)())
+    points = [point.record(defaults) for point in found]
+    for point in points:
+        point["front"] = bench_points.on_front(point, points)
+    made = {
         "format": FORMAT,
         **naming(which),
         "title": chapters.title_of(which),
+        "parts": [part for part in PARTS if part in parts],
         "backend": capabilities.backend,
         "device": {
             "name": capabilities.device,
@@ -160,12 +215,14 @@ def measure(
         "points": points,
         "prepared": prepared,
         "start_s": starts,
-        "stability": {
-            "bound": stability.BOUND,
-            "worst": max(cases, key=lambda case: case["pixels_changed"]),
-            "cases": cases,
-        },
+        "scales": grown,
+        "pipelines": pipelines,
+        "stability": None,
     }
+    if cases:
+        worst = max(cases, key=lambda case: case["pixels_changed"])
+        made["stability"] = {"bound": stability.BOUND, "worst": worst, "cases": cases}
+    return made
 
 
 def commit() -> str:
@@ -183,111 +240,3 @@ def commit() -> str:
         return git("rev-parse", "--short=12", "HEAD") + ("+" if changed else "")
     except (OSError, subprocess.CalledProcessError):
         return os.environ.get("STRATA_COMMIT", "unknown")
-
-
-def show(made: dict[str, Any], to: Console = out) -> None:
-    """Print a record as tables."""
-    width, height = made["size"]
-    where = f"{made['scene']['name']}, {width}x{height}, {made['device']['name']}"
-    to.print(f"Errors are against the reference at {made['reference']['samples_per_pixel']} samples a pixel.")
-    name = f"Fork {Path(made['fork']).name}" if "fork" in made else f"Chapter {made['chapter']}"
-    _show_points(to, f"{name}: {where}", made["points"])
-    for one in made["prepared"]:
-        title = f"Before the first frame: {one['name']}, {one['scene']} in {one['environment']}"
-        _show_points(to, title, one["points"])
-    for state, times in made["start_s"].items():
-        parts = ", ".join(
-            f"{name} {value:.2f} s"
-            for name, value in times.items()
-            if name not in ("total", "shaders_compiled")
-        )
-        to.print(
-            f"Start, {state}: {times['total']:.2f} s to the picture ({parts}); "
-            f"{times['shaders_compiled']:.0f} shaders compiled.",
-            soft_wrap=True,
-        )
-    worst = made["stability"]["worst"]
-    to.print(
-        f"Stability: worst when {worst['case']}, {worst['pixels_changed']:.3%} of the pixels change "
-        f"(at most {made['stability']['bound']:.1%} may).",
-        soft_wrap=True,
-    )
-    if made["rounds"] < 2:
-        to.print(
-            "Each was measured in one round: what lies close together may be noise. Without --quick there are more.",
-            soft_wrap=True,
-        )
-        return
-    for points in (made["points"], *(one["points"] for one in made["prepared"])):
-        for name, better in bench_points.dominated(points):
-            to.print(f"The preset {name} is slower and less true than {better}.")
-
-
-def _show_points(to: Console, title: str, points: list[dict[str, Any]]) -> None:
-    """Print a table of points; a star marks those of the Pareto front, which no other beats in time and error."""
-    walls = "wall_ms" in points[0]
-    columns = ("setting", "", ">GPU ms", ">±", *([">wall ms"] if walls else []), ">rel. MSE", ">max", ">FLIP")
-    shown = table(title, *columns)
-    for point in points:
-        error = point["error"]
-        shown.add_row(
-            point["name"],
-            "*" if point["front"] else "",
-            f"{point['gpu_ms']:.2f}",
-            f"{point['noise_ms']:.2f}",
-            *([f"{point['wall_ms']:.2f}"] if walls else []),
-            f"{error['relative_mse']:.2g}",
-            f"{error['max_abs']:.3f}",
-            "-" if error["flip"] is None else f"{error['flip']:.4f}",
-        )
-    to.print(shown)
-
-
-def can_plot() -> bool:
-    """Whether matplotlib is there."""
-    from importlib.util import find_spec
-
-    return find_spec("matplotlib") is not None
-
-
-def plot(path: Path, made: dict[str, Any]) -> None:
-    """Draw time against error, with the Pareto front: of frames, and beside it of what is made before the first."""
-    from matplotlib.figure import Figure
-
-    count = 1 + len(made["prepared"])
-    figure = Figure(figsize=(1 + 6 * count, 4.8), layout="constrained")
-    panels = figure.subplots(1, count, squeeze=False)[0]
-    width, height = made["size"]
-    spp = made["reference"]["samples_per_pixel"]
-    _plot_points(panels[0], made["points"])
-    panels[0].set_xlabel(f"GPU time, ms a frame at {width}x{height}")
-    panels[0].set_ylabel(f"{panels[0].get_ylabel()} against the reference at {spp} samples a pixel")
-    panels[0].set_title(f"{made['scene']['name']}, {made['device']['name']}", fontsize=10)
-    for axes, one in zip(panels[1:], made["prepared"], strict=True):
-        _plot_points(axes, one["points"])
-        axes.set_xscale("log")
-        axes.set_yscale("log")
-        axes.set_xlabel(f"GPU time, ms once before the first frame ({one['name']})")
-        axes.set_title(f"{one['scene']} in {one['environment']}", fontsize=10)
-    try:
-        figure.savefig(path)
-    except (OSError, ValueError) as error:
-        raise UserError(f"--plot {path} cannot be written: {error}.") from None
-
-
-def _plot_points(axes: Any, points: list[dict[str, Any]]) -> None:
-    """Draw presets as dots, knobs turned alone as crosses, and the front that no setting lies below."""
-    measure_name = bench_points.measure_of(points)
-    front = sorted((p["gpu_ms"], p["error"][measure_name]) for p in points if p["front"])
-    axes.plot(*zip(*front, strict=True), "-", color="0.7", label="Pareto front", zorder=0)
-    for kind, mark in (("knob", "x"), ("preset", "o")):
-        chosen = [p for p in points if p["kind"] == kind]
-        times = [p["gpu_ms"] for p in chosen]
-        values = [p["error"][measure_name] for p in chosen]
-        noise = [p["noise_ms"] for p in chosen]
-        axes.errorbar(times, values, xerr=noise, fmt=mark, label=f"{kind}s", capsize=2)
-        for point, x, y in zip(chosen, times, values, strict=True):
-            size = 9 if kind == "preset" else 6
-            axes.annotate(point["name"], (x, y), textcoords="offset points", xytext=(5, 4), fontsize=size)
-    axes.set_ylabel("mean FLIP" if measure_name == "flip" else "relative MSE")
-    axes.legend()

@@ -1,4 +1,6 @@
-"""Building pipelines: cold, from a cache in memory, and from one on disk. `python -m chapters.bench_pipelines` is one start.
+"""What building pipelines takes: cold, from a cache in memory, and from one on disk.
+
+`python -m chapters.bench_pipelines N WxH` is one start, measured; a bench runs several.
 
 Times are those of the driver's own calls (vkCreateGraphicsPipelines, vkCreateComputePipelines), without compiling GLSL
 and without reading it. Each state is a process of its own, since drivers remember within one, and drivers' own caches
@@ -68,7 +70,10 @@ def measure(
             warm = _start(which, size, folder)
             for state, took in (("cold", cold["first"]), ("memory", cold["again"]), ("disk", warm["first"])):
                 times[state].append(took)
-        for state in ("cold", "warm"):  # apart: where drivers compile as late as they can, a picture takes seconds
+        for state in (
+            "cold",
+            "warm",
+        ):  # apart: where drivers compile as late as they can, a picture takes seconds
             step(f"picture, {state}", 0.9)
             if state == "cold":
                 shutil.rmtree(folder / "strata" / "pipelines", ignore_errors=True)

@@ -73,7 +73,7 @@ class _Run:
 
     def time_recording(self) -> None:
         """Let every pass tell how long it records."""
-        for made in self.renderer.passes:  # type: ignore[attr-defined]
+        for made in self.renderer.passes:
 
             def timed(*arguments: Any, record: Callable[..., None] = made.record) -> None:
                 began = _processor()
@@ -109,7 +109,7 @@ def _scale(
     runs: list[_Run] = []
     skipped: list[dict[str, Any]] = []
     with ExitStack() as stack:
-        devices = {(): subject.device}
+        devices: dict[tuple[str, ...], Any] = {(): subject.device}
         for number, count in enumerate(counts):
             scene = scale.scene(count)
             for side in scale.sides:
@@ -150,9 +150,7 @@ def _why_not(side: Side, count: int, device: Any) -> str:
     return f"this device has no {' and no '.join(lacking)} in any case" if lacking else ""
 
 
-def _open(
-    stack: ExitStack, subject: Subject, side: Side, count: int, scene: Scene, device: Any
-) -> _Run:
+def _open(stack: ExitStack, subject: Subject, side: Side, count: int, scene: Scene, device: Any) -> _Run:
     which = subject.chapter if side.chapter is None else side.chapter
     began = clock.perf_counter()
     renderer = stack.enter_context(

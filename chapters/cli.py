@@ -286,13 +286,22 @@ def bench(
         typer.Option(metavar="FILE", help="Write time against error as a picture.", show_default=False),
     ] = None,
     record: Annotated[bool, typer.Option("--record", help="Keep the record in docs/benchmarks.")] = False,
+    only: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="PART",
+            help="Measure that alone, repeatable: settings, prepared, start, stability, scales, pipelines.",
+            show_default=False,
+        ),
+    ] = None,
 ) -> int:
-    """Measure time, error and work of a chapter's presets and knobs."""
+    """Measure time, error and work of a chapter's presets and knobs, and what grows with the scene."""
     import chapters
     from chapters import bench as measuring
     from chapters import run as running
 
     options: dict[str, Any] = {"quick": quick, "json_path": json, "plot_path": plot, "record": record}
+    options["only"] = tuple(only or ())
     return measuring.run(
         chapters.parse_chapter(chapter),
         backend=backend,

@@ -18,7 +18,6 @@ from common.scene import (
     Light,
     Material,
     Nodes,
-    Sampler,
     Scene,
     SceneCamera,
     TextureRef,
@@ -61,9 +60,7 @@ def kinds() -> Scene:
     roles = [field.name for field in fields(Material) if field.name.endswith("_texture")]
     made = []
     for count in (0, 1, len(roles)):
-        used: dict[str, Any] = {
-            role: TextureRef(one % len(images)) for one, role in enumerate(roles[:count])
-        }
+        used: dict[str, Any] = {role: TextureRef(one % len(images)) for one, role in enumerate(roles[:count])}
         made.append(Material(f"{count} textures", emissive=(0.1, 0.1, 0.1), **used))
     made += [replace(made[-1], name="masked", alpha_mode="mask")]
     made += [replace(made[-1], name="transparent", alpha_mode="blend")]
@@ -104,8 +101,8 @@ def _grid(name: str, material: np.ndarray, materials: list[Material], images: li
         name=name,
         path=None,
         positions=np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], np.float32),
-        normals=np.tile(np.float32((0, 0, 1)), (4, 1)),
-        tangents=np.tile(np.float32((1, 0, 0, 1)), (4, 1)),
+        normals=np.array([(0, 0, 1)] * 4, np.float32),
+        tangents=np.array([(1, 0, 0, 1)] * 4, np.float32),
         uv0=np.array([(0, 1), (1, 1), (1, 0), (0, 0)], np.float32),
         uv1=None,
         colors=None,

@@ -14,7 +14,6 @@ from common.shading_environment import ENERGIES
 
 from .logic.views import CHOICES, PICTURE
 
-
 SIDES = (
     Side(chapter=1, most=10_000, why="where every draw is recorded anew, a frame takes a second"),
     Side(without=("bindless",)),
