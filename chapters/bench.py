@@ -37,6 +37,9 @@ PARTS = {
 }
 """What a bench measures; a chapter may have no scales and no pipelines to build."""
 
+DRAWN = {"settings", "prepared", "scales", "pipelines"}
+"""The parts that a plot has a panel for."""
+
 FOLDER = ROOT / "docs" / "benchmarks"
 PLOTS = (".png", ".svg", ".pdf")
 
@@ -75,6 +78,8 @@ def run(
         raise UserError(
             "--record keeps records of the project's own chapters: write that of a fork by --json FILE."
         )
+    if plot_path is not None and not DRAWN.intersection(parts):
+        raise UserError(f"--plot {plot_path}: of {' and '.join(parts)} there is nothing to draw.")
     if plot_path is not None and not can_plot():
         raise UserError("--plot needs the package matplotlib: run `pip install matplotlib`, or leave it out.")
     with Steps() as steps:

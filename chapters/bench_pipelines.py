@@ -247,6 +247,7 @@ def plot(axes: Any, made: dict[str, Any]) -> None:
     names = [SAID[state].replace(", ", ",\n") for state in STATES]
     bars = axes.bar(names, [one["ms"] for one in found], yerr=[one["noise_ms"] for one in found], capsize=3)
     axes.bar_label(bars, [f"{one['times_faster']:.1f}x" for one in found], padding=3)
+    axes.margins(y=0.15)
     axes.set_ylabel("ms in the driver")
     axes.set_title(f"Building {made['pipelines']} pipelines", fontsize=10)
 

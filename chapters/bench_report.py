@@ -105,8 +105,6 @@ def plot(path: Path, made: dict[str, Any]) -> None:
     panels += [partial(_plot_scale, one) for one in made.get("scales", ())]
     if made.get("pipelines"):
         panels.append(partial(_plot_pipelines, made["pipelines"]))
-    if not panels:
-        raise UserError(f"--plot {path}: of {' and '.join(made['parts'])} there is nothing to draw.")
     columns = min(len(panels), 3)
     rows = -(-len(panels) // columns)
     figure = Figure(figsize=(1 + 6 * columns, 4.8 * rows), layout="constrained")

@@ -5,9 +5,9 @@ moment of the machine hits none of them alone, and none always follows one that 
 moves from round to round, and the GPU is waited for after each frame, so that the next one's time holds no waiting.
 
 `cpu_ms` is how long `render` took. A driver in software draws on the same processors, and its threads interrupt
-Python's: so `python_ms` is the processor time that Python's own thread spent in it, and `record_ms` the part of that
-in which passes recorded their draws. Every point is held to the picture of the others at its count: it must be the
-same.
+Python's: so `python_ms` is the processor time that Python's own thread spent in it, with what the driver does within
+the calls, and `record_ms` the part of that in which passes recorded their draws. Every point is held to the picture of
+the others at its count: it must be the same.
 """
 
 from __future__ import annotations

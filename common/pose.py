@@ -23,7 +23,7 @@ def evaluate_pose(scene: Scene, time: float) -> Pose:
     still = scene.rest_pose
     revision = scene.revision[Change.TRANSFORMS]
     if still is not None and still[0] == revision:
-        return replace(still[1], time=time)
+        return still[1] if still[1].time == time else replace(still[1], time=time)
     nodes = scene.nodes
     parts = {
         "translation": nodes.translation.copy(),

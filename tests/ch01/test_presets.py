@@ -7,18 +7,23 @@ import pytest
 from backends.vulkan.instance import Instance, choose
 from chapters import bench, bench_points
 from common.errors import UnsupportedError
+from tests.support import snapshots
 
 
+@pytest.mark.every_chapter
 @pytest.mark.feature("tools/presets")
-def test_no_preset_is_slower_and_less_true_than_another_in_the_newest_record():
+def test_no_preset_is_slower_and_less_true_than_another_in_the_newest_record(request):
+    number = snapshots.tested(request.node).number
     try:
         with Instance() as instance:
             kind = choose(instance.devices()).kind
     except UnsupportedError as error:
         pytest.skip(f"no Vulkan: {error}")
-    path = bench.record_path(1, kind)
+    path = bench.record_path(number, kind)
     if not path.is_file():
-        pytest.skip(f"chapter 1 was not measured on a device of class {kind}: ./strata bench 1 --record")
+        pytest.skip(
+            f"chapter {number} was not measured on a device of class {kind}: ./strata bench {number} --record"
+        )
     record = bench.read_record(path)
     assert {point["name"] for point in record["points"]} >= {"low", "medium", "high", "reference"}
     assert bench_points.dominated(record["points"]) == []

@@ -1,0 +1,63 @@
+"""Scenes made to grow: as many squares, materials and textures as were asked for, and none touches another."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+
+from common.crowds import GAP, TEXTURE_SIZES, crowd, kinds
+
+
+@pytest.mark.parametrize(("draws", "materials", "used"), [(1, 1, 1), (1, 64, 1), (10, 4, 4), (1000, 64, 64)])
+def test_a_crowd_has_what_was_asked_for(draws, materials, used):
+    scene = crowd(draws, materials)
+    assert len(scene.instances) == draws
+    assert len(scene.materials) == len(scene.images) == used
+    drawn = scene.meshes["material"][scene.instances.mesh]
+    assert np.array_equal(np.unique(drawn), np.arange(used))
+    assert used == 1 or (drawn[1:] != drawn[:-1]).all()  # neighbours differ
+    assert [one.base_color_texture.image for one in scene.materials] == list(range(used))
+
+
+def test_no_two_textures_are_the_same_and_their_sizes_take_turns():
+    images = crowd(100, 100).images
+    assert len({image.pixels.tobytes() for image in images}) == 100
+    assert [image.pixels.shape[1::-1] for image in images[:3]] == list(TEXTURE_SIZES)
+
+
+def test_squares_lie_apart_in_one_plane():
+    local = crowd(37, 5).instances.local
+    centres = local[:, :3, 3]
+    far = np.abs(centres[:, None] - centres[None]).max(axis=-1) + np.eye(37) * 9
+    width = 2 * local[0, 0, 0]  # of a square from -1 to 1
+    assert far.min() * (1 - GAP) == pytest.approx(width)
+    assert (centres[:, 2] == 0).all()
+    assert np.abs(centres).max() + width / 2 < 1
+
+
+def test_kinds_are_all_different():
+    scene = kinds()
+    assert len(scene.materials) == len(scene.instances) == 5
+    found = {(tuple(one.textures()), one.alpha_mode) for one in scene.materials}
+    assert len(found) == 5
+    assert {mode for _, mode in found} == {"opaque", "mask", "blend"}
+
+
+def test_a_hundred_thousand_are_made_in_a_second():
+    best = min(timed(lambda: crowd(100_000, 4096)) for _ in range(3))
+    assert best < 1.0
+
+
+@pytest.mark.parametrize(("draws", "materials"), [(0, 1), (1, 0), (-1, 5)])
+def test_there_is_no_crowd_of_nothing(draws, materials):
+    with pytest.raises(ValueError, match="at least one square and one material"):
+        crowd(draws, materials)
+
+
+def timed(make):
+    """Return the seconds that `make` takes."""
+    began = time.perf_counter()
+    make()
+    return time.perf_counter() - began
