@@ -63,6 +63,7 @@ LESSON = Lesson(
         "shaders/material.glsl": "names textures by number; the record moved to scene.glsl, which all pipelines share",
         "shaders/sky.frag": "finds the environment's map in scene.glsl",
         "shaders/views.glsl": "asks for mip levels by a texture's number",
+        "settings.py": "names what a bench measures of this chapter: what things cost, and building pipelines",
         "graphics/textures.py": "is told by texture_reads.py what to keep, and makes narrow images",
         "logic/packing.py": "a material's record has the numbers of its textures",
         "logic/records.py": "says by a number when instances changed",
