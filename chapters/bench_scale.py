@@ -136,7 +136,7 @@ def _scale(
         for turn in range(rounds):
             step(f"frames with more and more {scale.name}", 0.6 + 0.4 * turn / rounds)
             for one in random.permutation(len(runs)):
-                runs[one].frame(_view(runs[one].renderer, turn))
+                runs[one].frame(_view(runs[one].renderer, turn + one / len(runs)))
     points = [run.point() for run in runs]
     made = {"name": scale.name, "frames": rounds, "skipped": skipped, "points": points}
     return {**made, "ratios": ratios(points, scale.sides[-1].name, scale.flat_from)}
@@ -168,8 +168,8 @@ def _open(stack: ExitStack, subject: Subject, side: Side, count: int, scene: Sce
     return _Run(side, count, renderer, clock.perf_counter() - began)
 
 
-def _view(renderer: Renderer, turn: int) -> View:
-    """Return the view of frame number `turn`."""
+def _view(renderer: Renderer, turn: float) -> View:
+    """Return the view of frame number `turn`; no two frames should have one, since matrices of a view are kept."""
     view, scene = chapters.view_of(renderer), renderer.scene
     moved = translation((STEP * scene.length_scale * turn, 0.0, 0.0))
     return replace(view, world_from_view=moved @ view.world_from_view)

@@ -33,7 +33,6 @@ from common.camera import View, exposure
 from common.errors import StaleFrameError
 from common.pose import evaluate_pose
 from common.scene import Sampler, Scene
-from common.transforms import translation
 
 from . import LESSON
 from .graphics.commands import Commands, Rendering
@@ -320,8 +319,7 @@ class Renderer(FrameStream):
             self._data.slots[slot.index], pose, exposure(view.ev100)
         )
         written += self._data.record_deformation(slot.commands, slot.index, pose)
-        view_from_origin = view.view_from_world() @ translation(scene.origin)
-        written += self._forward.prepare(slot.index, view_from_origin)
+        written += self._forward.prepare(slot.index, view)
         self._data.update_textures()
         self._last = self._state(view, time)
         return written

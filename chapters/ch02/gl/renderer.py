@@ -32,7 +32,6 @@ from common.camera import View, exposure
 from common.errors import StaleFrameError
 from common.pose import evaluate_pose
 from common.scene import Sampler, Scene
-from common.transforms import translation
 
 from .. import LESSON
 from ..logic.constants import frame_constants
@@ -253,8 +252,7 @@ class Renderer(FrameStream):
         written = constants.nbytes + data.records.write(data.slots[slot.index], pose, exposure(view.ev100))
         written += data.write_deformation(slot.index, pose)
         data.bind_frame(slot.index)
-        view_from_origin = view.view_from_world() @ translation(scene.origin)
-        written += self._forward.prepare(slot.index, view_from_origin)
+        written += self._forward.prepare(slot.index, view)
         self._last = self._state(view, time)
         return written
 

@@ -9,7 +9,9 @@ from typing import Any, Protocol
 import numpy as np
 
 from common import layouts
+from common.camera import View
 from common.scene import Change, Scene
+from common.transforms import translation
 
 from . import packing
 from .draw_lists import NOTHING, Batch, build_draw_lists
@@ -35,10 +37,10 @@ class Data(Protocol):
 
 @dataclass
 class _Slot:
-    """What was written to a slot: the transparent batches, and the view whose order they have."""
+    """What was written to a slot: the transparent batches, and from where they have their order."""
 
     transparent: Sequence[Batch] = ()
-    view: Any = None
+    seen_from: Any = None
 
 
 class SceneDraws:
@@ -61,7 +63,7 @@ class SceneDraws:
         """Make all lists anew: variants, pages or textures are other ones."""
         self._seen = self._key = None
 
-    def prepare(self, slot: int, view_from_world: np.ndarray) -> int:
+    def prepare(self, slot: int, view: View) -> int:
         """Choose what a frame of slot number `slot` draws, and write it; return the bytes written."""
         data, instances = self._data, self._data.records.instances
         visibility = self._scene.revision[Change.VISIBILITY]
@@ -82,12 +84,15 @@ class SceneDraws:
             written += data.write_commands(slot, lists.commands)
             self._slots[slot] = _Slot()
         held = self._slots[slot]
-        view = (data.records.revision, view_from_world.tobytes())
-        if len(lists.transparent) and view != held.view:
+        if not len(lists.transparent):
+            return written
+        seen_from = (data.records.revision, view.world_from_view.tobytes())
+        if seen_from != held.seen_from:
+            view_from_origin = view.view_from_world() @ translation(self._scene.origin)
             centers = instances["bounds_centre"][lists.transparent, :3]
-            commands, held.transparent = lists.in_order(packing.back_to_front(centers, view_from_world))
+            commands, held.transparent = lists.in_order(packing.back_to_front(centers, view_from_origin))
             written += data.write_commands(slot, commands, len(lists.commands) - len(commands))
-            held.view = view
+            held.seen_from = seen_from
         return written
 
     @property

@@ -6,6 +6,7 @@ import numpy as np
 
 from backends.contract import Access
 from backends.vulkan import api as vk
+from common.camera import View
 from common.scene import Scene
 
 from ..graphics.commands import Commands, DrawGroup
@@ -74,10 +75,10 @@ class ForwardPass:
         self._draws.forget()
         self._groups.clear()
 
-    def prepare(self, slot: int, view_from_world: np.ndarray) -> int:
+    def prepare(self, slot: int, view: View) -> int:
         """Choose what this frame draws and in which order, and write it to the slot; return the bytes written."""
         self.slot = slot
-        return self._draws.prepare(slot, view_from_world)
+        return self._draws.prepare(slot, view)
 
     @property
     def visible(self) -> int:
