@@ -122,7 +122,7 @@ class Uploader:
                     f"'{target.name}' wants {expected} {np.dtype(dtype)}, not {one.shape} {one.dtype}."
                 )
         row = target.width * texel
-        self._barrier(self._reserve(row, row)[0].commands, target, "undefined", "copy_target")
+        self._barrier(self._half().commands, target, "undefined", "copy_target")
         for number, one in enumerate(layers):
             rows = np.ascontiguousarray(one).view(np.uint8).reshape(target.height, row)
             self._copy_rows(target, number, rows)

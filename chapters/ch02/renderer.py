@@ -355,7 +355,7 @@ class Renderer(FrameStream):
             "lights": len(self.scene.lights) if self._data.lit else 0,
             "bytes_written": written,
             "pipelines": len(self._pipelines),
-            "descriptor_sets": self._descriptors.set_count,
+            "descriptor_sets": self._descriptors.set_count + self._data.bindless_sets,
             "textures": self._data.textures,
             "samplers": self._resources.counts["samplers"],
         }

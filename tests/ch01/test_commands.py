@@ -15,6 +15,7 @@ from chapters.ch01.graphics.commands import Rendering
 from chapters.ch01.renderer import OUTPUTS, Renderer
 from chapters.ch01.settings import Settings
 from common.scene import Image, Light, Material
+from tests.support.recorded import draws
 from tests.support.scenes import facing, nodes_at, quad_scene, texture, translated
 
 SIZE = (16, 16)
@@ -22,8 +23,8 @@ SUN = Light("directional", node=0, intensity=math.pi)
 IMAGES = tuple(Image(f"image {i}", np.full((2, 2, 4), 80 * i + 40, np.uint8)) for i in range(2))
 
 
-def recorded(device, scene, outputs=("color_linear",), settings=None):
-    """Return the calls of a frame whose slot is warm, and its work."""
+def recorded(device, scene, outputs=("color_linear",), settings=None, read=lambda made, log: log):
+    """Return the calls of a frame whose slot is warm, or what `read` makes of them, and its work."""
     log: list = []
     with Renderer(scene, SIZE, settings or Settings(), outputs=set(outputs), device=device) as made:
         made.render(facing())
@@ -31,7 +32,7 @@ def recorded(device, scene, outputs=("color_linear",), settings=None):
         device.fn.trace(log)
         work = made.render(facing()).work
         device.fn.trace(None)
-    return log, work
+        return read(made, log), work
 
 
 def row_of(materials, count):
@@ -109,7 +110,7 @@ def test_nothing_is_bound_twice_in_a_row(vulkan_device):
 
 
 def test_opaque_then_masked_then_glass_from_the_farthest(vulkan_device):
-    """The order of draws, by the instance that each pushes."""
+    """The order of draws, by their instances."""
     glass = Material(base_color=(1, 1, 1, 0.5), alpha_mode="blend")
     masked = Material(alpha_mode="mask")
     scene = quad_scene(
@@ -118,8 +119,8 @@ def test_opaque_then_masked_then_glass_from_the_farthest(vulkan_device):
         instance_materials=(0, 1, 0, 2, 0, 2),
         lights=(SUN,),
     )
-    log, _ = recorded(vulkan_device, scene)
-    order = [vk.ffi.cast("uint32_t *", a[5])[0] for name, a in log if name == "vkCmdPushConstants"]
+    (drawn,), _ = recorded(vulkan_device, scene, read=draws)
+    order = [one.instance for one in drawn]
     assert sorted(order[:2]) == [3, 5]
     assert order[2] == 1
     assert order[3:] == [0, 2, 4]
@@ -132,19 +133,11 @@ def test_culling_and_front_face_follow_material_and_mirror(vulkan_device):
         instance_materials=(0, 0, 1, 1),
         lights=(SUN,),
     )
-    log, _ = recorded(vulkan_device, scene)
-    state: dict = {}
-    seen = set()
-    for name, arguments in log:
-        if name in ("vkCmdSetCullMode", "vkCmdSetFrontFace"):
-            state[name] = arguments[1]
-        elif name == "vkCmdPushConstants":
-            state["instance"] = vk.ffi.cast("uint32_t *", arguments[5])[0]
-        elif name == "vkCmdDrawIndexed":
-            seen.add((state["instance"], state["vkCmdSetCullMode"], state["vkCmdSetFrontFace"]))
+    (drawn,), _ = recorded(vulkan_device, scene, read=draws)
+    seen = [(one.instance, one.cull, one.front) for one in drawn]
     back, none = vk.VK_CULL_MODE_BACK_BIT, vk.VK_CULL_MODE_NONE
     plain, turned = vk.VK_FRONT_FACE_COUNTER_CLOCKWISE, vk.VK_FRONT_FACE_CLOCKWISE
-    assert seen == {(0, back, plain), (1, back, turned), (2, none, plain), (3, none, turned)}
+    assert sorted(seen) == [(0, back, plain), (1, back, turned), (2, none, plain), (3, none, turned)]
 
 
 @pytest.mark.feature("device/debug-names-and-markers")
@@ -187,9 +180,9 @@ def test_hidden_and_empty_objects_are_not_drawn(vulkan_device):
     scene = row_of((Material(), Material(unlit=True)), 6)
     scene.instances.visible[2:4] = False
     scene.meshes["index_count"][1] = 0
-    log, work = recorded(vulkan_device, scene)
+    drawn, work = recorded(vulkan_device, scene, read=draws)
     assert work["draws"] == 2
-    assert sum(name == "vkCmdDrawIndexed" for name, _ in log) == 2
+    assert [one.instance for one in drawn[0]] == [0, 4]
 
 
 def test_attachments_are_cleared_or_kept_as_they_were_asked_for(vulkan_device):

@@ -16,6 +16,10 @@ from common.scene import Light, Material
 from common.transforms import pose_looking_at
 from tests.support.scenes import quad_scene, translated
 
+pytestmark = pytest.mark.until(
+    1, "lists that the GPU reads keep the order of the scene, whatever the camera does"
+)
+
 SIZE = (32, 32)
 DEPTHS = (-3.0, 1.0, -1.0, 2.5, 0.0)
 

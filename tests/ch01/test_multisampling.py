@@ -230,7 +230,8 @@ def test_one_sample_costs_nothing_of_it(opened):
             assert targets == {"color_msaa", "depth_msaa", "color_hdr", "color"}
     more = {key: work[4][key] - work[1][key] for key in work[1] if key != "descriptor_sets"}
     changed = {key: value for key, value in more.items() if value}
-    assert changed == {
+    calls = {"draw_calls": 1} if "draw_calls" in work[1] else {}  # where one may draw many objects
+    assert changed == calls | {
         "draws": 1,
         "triangles": 1,
         "pipeline_binds": 1,

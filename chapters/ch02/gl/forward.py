@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from backends.contract import Access
@@ -39,7 +41,7 @@ class ForwardPass:
         )
         self._sky = Sky(settings, data, pipelines) if Sky.needed(scene, settings) else None
         self._draws = SceneDraws(scene, data)
-        self._groups: dict[tuple[int, Batch], DrawGroup] = {}
+        self._groups: dict[tuple[int, int, bool, int, int], DrawGroup] = {}
         self.slot = 0
         self.used: list[int] = []
 
@@ -87,8 +89,8 @@ class ForwardPass:
         return [self._group(batch) for batch in self._draws.solid]
 
     def _group(self, batch: Batch) -> DrawGroup:
-        """Return a batch with everything that has to be bound for it; looked up, since batches last."""
-        key = (self.slot, batch)
+        """Return a batch with everything that has to be bound for it: the same for all batches of its state."""
+        key = (self.slot, batch.material, batch.mirrored, batch.page, batch.textures)
         if key not in self._groups:
             data = self._data
             variant = data.variants[batch.material]
@@ -102,7 +104,7 @@ class ForwardPass:
                 vertex_array=vertex_array,
                 textures=data.texture_set(batch.textures) if variant.roles else (),
             )
-        return self._groups[key]
+        return replace(self._groups[key], batch=batch)
 
     def record(self, commands: Commands) -> None:
         """Make the draws of this frame."""

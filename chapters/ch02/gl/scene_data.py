@@ -57,10 +57,11 @@ class SceneData:
         self.records = Records(scene, settings.light_cutoff)
         self._images: dict[ArrayTexture, Image] = {}
         self._samplers: dict[tuple[Sampler, float], int] = {}
-        self.empty_vertex_array = create_vertex_array(context, [], None, None, "no vertices")
         self._energy = settings.energy if environment.needed(scene, settings) else None
+        # These two refuse what cannot be drawn, before anything is made that would be left behind.
         self._choose_variants()
         self._upload_geometry()
+        self.empty_vertex_array = create_vertex_array(context, [], None, None, "no vertices")
         self._make_environment()
         self.slots = [self._make_slot(index) for index in range(SLOTS)]
         self._keep_textures()
@@ -170,7 +171,7 @@ class SceneData:
             self._context,
             shape.format,
             (shape.width, shape.height),
-            f"{len(made)} textures of {shape.width}x{shape.height}",
+            texels.array_name(made),
             shape="array",
             levels=shape.levels,
             layers=len(made),

@@ -189,7 +189,7 @@ class ArrayTextures:
             shape.format,
             (shape.width, shape.height),
             usage,
-            f"{len(made)} textures of {shape.width}x{shape.height}",
+            texels.array_name(made),
             levels=shape.levels,
             layers=len(made),
             array=True,

@@ -281,6 +281,11 @@ class SceneData:
         return self._textures.update()
 
     @property
+    def bindless_sets(self) -> int:
+        """Sets that hold all textures: one, or none where nothing is textured or without bindless."""
+        return len(self._textures.sets) if self.slot_count else 0
+
+    @property
     def textures(self) -> int:
         """Images that were uploaded."""
         return len(self._textures)

@@ -8,6 +8,7 @@ other, so that meshes that share vertices share them here too.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -58,9 +59,9 @@ def plan_pages(scene: Scene, streams: Sequence[str], page_bytes: int = PAGE_BYTE
                 pages.append(_page(streams, held, low, high))
             held, wider = [], (starts[mesh], ends[mesh])
             if _layout(streams, *wider)[1] > page_bytes:
-                size = _layout(streams, *wider)[1] / 2**20
+                size = math.ceil(_layout(streams, *wider)[1] / 2**20)
                 raise SceneError(
-                    f"Mesh {mesh} takes {size:.0f} MiB, and a page of geometry holds {page_bytes / 2**20:.0f}: "
+                    f"Mesh {mesh} takes {size} MiB, and a page of geometry holds {page_bytes // 2**20}: "
                     "split it into several."
                 )
         held.append(mesh)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -105,6 +106,12 @@ def texels_of(scene: Scene, role: str, key: Key, mended: bool = True) -> Texels:
         return Texels(image.name, half, shape.format, None, shape.levels, False)
     held = image.pixels[..., NARROW[channels][2]] if channels in NARROW else image.pixels
     return Texels(image.name, held, shape.format, shape.view_format, shape.levels, srgb, shape.swizzle)
+
+
+def array_name(layers: Sequence[Texels]) -> str:
+    """Return the name of an array texture: that of its first layer, and how many there are besides."""
+    more = len(layers) - 1
+    return layers[0].name + (f" and {more} more" if more else "")
 
 
 def half_texels(pixels: np.ndarray, srgb: bool, mended: bool = True) -> np.ndarray:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from backends.contract import Access
@@ -40,7 +42,7 @@ class ForwardPass:
         )
         self._sky = Sky(settings, pipelines) if Sky.needed(scene, settings) else None
         self._draws = SceneDraws(scene, data)
-        self._groups: dict[tuple[int, Batch], DrawGroup] = {}
+        self._groups: dict[tuple[int, int, bool, int, int], DrawGroup] = {}
         self.used: list[int] = []
         self.built: list[Built] = []
         self.slot = 0
@@ -91,8 +93,8 @@ class ForwardPass:
         return [self._group(batch) for batch in self._draws.solid]
 
     def _group(self, batch: Batch) -> DrawGroup:
-        """Return a batch with everything that has to be bound for it; looked up, since batches last."""
-        key = (self.slot, batch)
+        """Return a batch with everything that has to be bound for it: the same for all batches of its state."""
+        key = (self.slot, batch.material, batch.mirrored, batch.page, batch.textures)
         if key not in self._groups:
             data = self._data
             variant = data.variants[batch.material]
@@ -106,7 +108,7 @@ class ForwardPass:
                 index_buffer=index_buffer,
                 texture_set=data.texture_set(batch.textures) if variant.roles else None,
             )
-        return self._groups[key]
+        return replace(self._groups[key], batch=batch)
 
     def record(self, commands: Commands) -> None:
         """Record the draws of this frame."""
