@@ -47,6 +47,7 @@ OPTIONAL: dict[str, Requirement] = {
             (V12, "descriptorBindingSampledImageUpdateAfterBind"),
             (V12, "descriptorBindingStorageImageUpdateAfterBind"),
             (V12, "shaderSampledImageArrayNonUniformIndexing"),
+            (V12, "shaderStorageImageArrayNonUniformIndexing"),
             (CORE, "shaderStorageImageWriteWithoutFormat"),
         )
     ),

@@ -25,6 +25,9 @@ from .set_layouts import CAPACITY, Layouts, SetLayout
 
 SHADERS = Path(__file__).resolve().parents[1] / "shaders"
 
+BINDLESS = "bindless.glsl"
+"""The include that declares the array of all textures."""
+
 _ALL_CHANNELS = (
     vk.VK_COLOR_COMPONENT_R_BIT
     | vk.VK_COLOR_COMPONENT_G_BIT
@@ -52,9 +55,21 @@ class GraphicsPipeline:
     name: str = ""
 
 
-def extensions_of(defines: Sequence[tuple[str, int | float | str]]) -> tuple[str, ...]:
-    """Return the GLSL extensions that shaders with `defines` require: `nonuniformEXT` is one's word."""
-    return ("GL_EXT_nonuniform_qualifier",) if ("BINDLESS", 1) in defines else ()
+def source_of(file: str, defines: Sequence[tuple[str, int | float | str]]) -> shader_text.ShaderSource:
+    """Return one of the chapter's shaders, ready for the compiler.
+
+    One that reaches the array of all textures gets the GLSL extension to which the word `nonuniformEXT` belongs. It has
+    to stand before everything else, where an include cannot put it.
+    """
+
+    def build(*extensions: str) -> shader_text.ShaderSource:
+        return shader_text.build(
+            SHADERS / file, "vulkan", defines=dict(defines), extensions=extensions, snippets=SNIPPETS
+        )
+
+    source = build()
+    reaches = any(Path(one.name).name == BINDLESS for one in source.files)
+    return build("GL_EXT_nonuniform_qualifier") if reaches else source
 
 
 @dataclass(eq=False)
@@ -97,19 +112,7 @@ class Pipelines:
         return [self._built[described] for described in wanted]
 
     def _compile(self, wanted: Sequence[GraphicsPipeline], keep: bool = True) -> list[Stages]:
-        sources = [
-            [
-                shader_text.build(
-                    SHADERS / file,
-                    "vulkan",
-                    defines=dict(described.defines),
-                    extensions=extensions_of(described.defines),
-                    snippets=SNIPPETS,
-                )
-                for file in described.shaders
-            ]
-            for described in wanted
-        ]
+        sources = [[source_of(file, described.defines) for file in described.shaders] for described in wanted]
         return compile_stages(sources, keep)
 
     @property

@@ -92,7 +92,7 @@ class SceneData:
         self.slots = [self._make_slot(index) for index in range(SLOTS)]
         self._sets: list[Any] = []
         self._frame_sets: list[Any] = []
-        self._kinds = uses(scene, self.variants), list(self.variants)
+        self._kinds: Any = (uses(scene, self.variants), list(self.variants))
         self._materials_seen = scene.revision[Change.MATERIALS]
 
     # --- made once ---
@@ -231,11 +231,11 @@ class SceneData:
         if revision == self._materials_seen:
             return False
         self._choose_variants()
-        self._materials_seen = revision
         kinds = uses(self._scene, self.variants), list(self.variants)
         if kinds == self._kinds:
+            self._materials_seen = revision
             return False
-        self._kinds = kinds
+        self._kinds = None  # what follows may be refused halfway, and is then done anew, whatever mends it
         with Uploader(self._device) as uploader:
             if geometry.used_streams(self.variants) != self.streams:
                 for handle in [self._meshes, *(handle for copy in self._geometry for handle in copy)]:
@@ -249,6 +249,7 @@ class SceneData:
         for index, slot in enumerate(self.slots):
             if self.lit and slot.lights is None:
                 slot.lights = self._make_lights(index)
+        self._kinds, self._materials_seen = kinds, revision
         return True
 
     # --- what passes read ---
