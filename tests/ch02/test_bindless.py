@@ -218,7 +218,7 @@ def test_slots_are_the_lowest_that_no_frame_reads(vulkan_device):
     slots = Bindless(vulkan_device, resources, ROOM, Texture(vk.NULL, vk.NULL), 5, vk.NULL)
     rng = np.random.default_rng(3)
     room, used, leaving = {"texture": ROOM, "image": 5}, {"texture": {0}, "image": set()}, []
-    refused = 0
+    refused = waits = 0
     frame = 0
     for _ in range(1000):
         kind = ("texture", "image")[int(rng.integers(8)) == 0]
@@ -227,6 +227,10 @@ def test_slots_are_the_lowest_that_no_frame_reads(vulkan_device):
         if step < 0.5:
             free = sorted({*range(room[kind])} - busy)
             add = slots.add if kind == "texture" else slots.add_image
+            if not free:  # then all frames are waited for
+                leaving = []
+                free = sorted({*range(room[kind])} - used[kind])
+                waits += 1
             if free:
                 assert add(vk.NULL) == free[0]
                 used[kind].add(free[0])
@@ -244,7 +248,7 @@ def test_slots_are_the_lowest_that_no_frame_reads(vulkan_device):
             resources.collect(frame)
             leaving = [(one, slot, since) for one, slot, since in leaving if since + SLOTS > frame]
         assert len(slots) == sum(map(len, used.values())) + len(leaving)
-    assert refused > 10 and frame > 50
+    assert refused > 10 and waits > refused + 10 and frame > 50
     resources.close()
 
 

@@ -88,7 +88,8 @@ class Bindless:
     def add(self, view: Any, sampler: Any = None) -> int:
         """Return a slot in which shaders find `view`, read through `sampler`, or else through the dummy's.
 
-        It is written by the next `update`. Raises UnsupportedError when all slots are taken.
+        It is written by the next `update`. Where no slot is free, this waits for the frames that keep some of those
+        that were given up; it raises UnsupportedError when all are taken.
         """
         return self._add(
             "texture", Texture(view, self._dummy["texture"].sampler if sampler is None else sampler)
@@ -100,6 +101,11 @@ class Bindless:
 
     def _add(self, kind: str, held: Texture) -> int:
         slot = self._slots[kind].take()
+        if slot is None:
+            # What is left was perhaps given up, and frames in flight still read it: then they are waited for.
+            self._device.wait_idle()
+            self._resources.flush()
+            slot = self._slots[kind].take()
         if slot is None:
             raise UnsupportedError(_full(self._device, self._slots[kind].count, kind))
         self._queue[kind, slot] = held
