@@ -28,7 +28,7 @@ class InstanceIdPass:
 
     def __init__(self, forward: ForwardPass, data: SceneData, pipelines: Pipelines) -> None:
         self._forward, self._data, self._pipelines = forward, data, pipelines
-        self._made: dict[int, Built] = {}
+        self._made: dict[Variant, Built] = {}
         own_depth = forward.writes[1].resource != "depth"
         ids = Access("instance_id", "color", format="r32ui", clear=(0, 0, 0, 0))
         depth = Access("depth", "depth", format="d32f", clear=(0.0,))
@@ -52,15 +52,16 @@ class InstanceIdPass:
 
     def create(self) -> None:
         """Build the pipelines of solid materials that are drawn: one for all that are opaque."""
-        variants = self._data.variants
-        solid = [material for material in self._forward.used if variants[material].alpha_mode != "blend"]
-        made = self._pipelines.get([self._describe(variants[material]) for material in solid])
-        self._made = dict(zip(solid, made, strict=True))
+        kinds = dict.fromkeys(self._data.variants[material] for material in self._forward.used)
+        solid = [variant for variant in kinds if variant.alpha_mode != "blend"]
+        self._made = dict(
+            zip(solid, self._pipelines.get([self._describe(one) for one in solid]), strict=True)
+        )
 
     def _group(self, group: DrawGroup) -> DrawGroup:
-        material = group.batch.material
-        textures = group.textures if shape_alone(self._data.variants[material]).roles else ()
-        return replace(group, pipeline=self._made[material], textures=textures)
+        variant = self._data.variants[group.batch.material]
+        textures = group.textures if shape_alone(variant).roles else ()
+        return replace(group, pipeline=self._made[variant], textures=textures)
 
     def record(self, commands: Commands) -> None:
         """Make the forward pass's solid draws with the id's pipelines."""

@@ -27,7 +27,7 @@ from backends.gl.resources import (
 from backends.gl.upload import Uploader
 from common.scene import Change, Pose, Sampler, Scene
 
-from ..logic import environment, geometry, pages, records, texels, views
+from ..logic import environment, geometry, packing, pages, records, texels, views
 from ..logic.draw_lists import COMMAND
 from ..logic.environment import Sizes
 from ..logic.frame import SLOTS
@@ -71,9 +71,9 @@ class SceneData:
     # --- made once ---
 
     def _choose_variants(self) -> None:
-        texels.check_images(
-            self._scene
-        )  # first: an edit that cannot be followed says so until another one mends it
+        # First: an edit that cannot be followed says so until another one mends it.
+        packing.check_materials(self._scene)
+        texels.check_images(self._scene)
         self.variants = [
             views.variant_of(material, self._scene, self._settings, self._energy)
             for material in self._scene.materials

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from common import layouts
+from common.errors import SceneError
 from common.scene import Light, Material, Pose, Scene
 from common.shading_environment import ENERGIES
 
@@ -64,11 +65,12 @@ def material_variant(
     the two against each other. `energy` is how an environment's light is shared out, None without an environment.
     """
     shaded = everything or not material.unlit
-    roles = tuple(role for role in ROLES if role in material.textures() or everything)
+    textures = material.textures()
+    roles = tuple(role for role in ROLES if role in textures or everything)
     if material.unlit:
         shaded = False
         roles = tuple(role for role in roles if role == "base_color")
-    used = [material.textures()[role] for role in roles if role in material.textures()]
+    used = [textures[role] for role in roles if role in textures]
     flags = {
         "SHADED": shaded,
         "LIT": shaded and (everything or bool(scene.lights)),
@@ -105,25 +107,37 @@ def shape_alone(variant: Variant) -> Variant:
     return replace(variant, defines=tuple(needed), roles=("base_color",) if textured else ())
 
 
+def check_materials(scene: Scene) -> None:
+    """Raise SceneError if something that is drawn has a material that is not there."""
+    for mesh in np.unique(scene.instances.mesh).tolist():
+        material, count = int(scene.meshes["material"][mesh]), len(scene.materials)
+        if material >= count:
+            raise SceneError(
+                f"Mesh {mesh} has material {material}, but there are {count} materials, counted from 0: give the scene "
+                "that material, or the mesh another one."
+            )
+
+
 def pack_materials(materials: list[Material], maps: np.ndarray) -> np.ndarray:
     """Return (M,) MATERIAL records; `maps` (M, 8) uint32 says which texture each role samples, see textures.glsl."""
     records = np.zeros(len(materials), MATERIAL)
     records["maps"] = maps
-    for record, material in zip(records, materials, strict=True):
-        record["base_color"] = material.base_color
-        record["emissive"] = (*np.clip(material.emissive, 0.0, LARGEST), material.alpha_cutoff)
-        record["factors"] = (
-            material.metallic,
-            material.roughness,
-            material.normal_scale,
-            material.occlusion_strength,
-        )
-        textures = material.textures()
-        for role, name in enumerate(ROLES):
-            texture = textures.get(name)
-            rows = np.eye(2, 3) if texture is None else texture.matrix()
-            record["uv_rows"][2 * role : 2 * role + 2, :3] = rows
-            record["uv_rows"][2 * role, 3] = 0.0 if texture is None else texture.uv_set
+    rows = records["uv_rows"].reshape(-1, len(ROLES), 2, 4)
+    rows[..., :3] = np.eye(2, 3)
+    if not materials:
+        return records
+    records["base_color"] = [material.base_color for material in materials]
+    records["emissive"][:, :3] = np.clip([material.emissive for material in materials], 0.0, LARGEST)
+    records["emissive"][:, 3] = [material.alpha_cutoff for material in materials]
+    records["factors"] = [
+        (material.metallic, material.roughness, material.normal_scale, material.occlusion_strength)
+        for material in materials
+    ]
+    for number, material in enumerate(materials):
+        for name, texture in material.textures().items():
+            role = ROLES.index(name)
+            rows[number, role, :, :3] = texture.matrix()
+            rows[number, role, 0, 3] = texture.uv_set
     return records
 
 

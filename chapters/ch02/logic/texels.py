@@ -83,7 +83,7 @@ def key_of(role: str, texture: TextureRef | None) -> Key:
 
 
 def check_images(scene: Scene) -> None:
-    """Raise SceneError if a material reads an image that is not there."""
+    """Raise SceneError if a material reads an image that is not there, or one without pixels."""
     count = len(scene.images)
     for number, material in enumerate(scene.materials):
         for role, texture in material.textures().items():
@@ -91,6 +91,12 @@ def check_images(scene: Scene) -> None:
                 raise SceneError(
                     f"Material {number} reads image {texture.image} as its {role}, but there are {count} images, "
                     "counted from 0: name one of them in the edit."
+                )
+            height, width = scene.images[texture.image].pixels.shape[:2]
+            if not width or not height:
+                raise SceneError(
+                    f"Image {texture.image} ('{scene.images[texture.image].name}') has {width}x{height} pixels, and "
+                    f"material {number} reads it as its {role}: give it one pixel at least."
                 )
 
 

@@ -71,7 +71,8 @@ class ForwardPass:
     def create(self) -> None:
         """Build the pipelines of all materials that are drawn, and no other; again when one became another kind."""
         self.used = np.unique(self._scene.meshes["material"][self._scene.instances.mesh]).tolist()
-        self.built = self._pipelines.get([self.describe(self._data.variants[one]) for one in self.used])
+        kinds = dict.fromkeys(self._data.variants[material] for material in self.used)
+        self.built = self._pipelines.get([self.describe(variant) for variant in kinds])
         if self._sky is not None:
             self.built.append(self._sky.create())
         self._draws.forget()

@@ -28,7 +28,7 @@ class InstanceIdPass:
 
     def __init__(self, forward: ForwardPass, data: SceneData, pipelines: Pipelines) -> None:
         self._forward, self._data, self._pipelines = forward, data, pipelines
-        self._made: dict[int, Built] = {}
+        self._made: dict[Variant, Built] = {}
         self.built: list[Built] = []
         own_depth = forward.writes[1].resource != "depth"
         ids = Access("instance_id", "color", format="r32ui", clear=(0, 0, 0, 0))
@@ -54,15 +54,15 @@ class InstanceIdPass:
 
     def create(self) -> None:
         """Build the pipelines of solid materials that are drawn: one for all that are opaque."""
-        variants = self._data.variants
-        solid = [material for material in self._forward.used if variants[material].alpha_mode != "blend"]
-        self.built = self._pipelines.get([self._describe(variants[material]) for material in solid])
+        kinds = dict.fromkeys(self._data.variants[material] for material in self._forward.used)
+        solid = [variant for variant in kinds if variant.alpha_mode != "blend"]
+        self.built = self._pipelines.get([self._describe(variant) for variant in solid])
         self._made = dict(zip(solid, self.built, strict=True))
 
     def _group(self, group: DrawGroup) -> DrawGroup:
-        material = group.batch.material
-        textures = group.texture_set if shape_alone(self._data.variants[material]).roles else None
-        return replace(group, pipeline=self._made[material], texture_set=textures)
+        variant = self._data.variants[group.batch.material]
+        textures = group.texture_set if shape_alone(variant).roles else None
+        return replace(group, pipeline=self._made[variant], texture_set=textures)
 
     def record(self, commands: Commands) -> None:
         """Record the forward pass's solid draws with the id's pipelines."""
