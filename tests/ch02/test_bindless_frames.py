@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -11,7 +12,7 @@ import pytest
 from backends.vulkan import features as vf
 from backends.vulkan.device import capabilities
 from chapters.ch02.graphics import pipelines, scene_data
-from chapters.ch02.graphics.pipelines import source_of
+from chapters.ch02.graphics.pipelines import SHADERS, source_of
 from chapters.ch02.graphics.set_layouts import Layouts
 from chapters.ch02.settings import Settings
 from common.camera import UNIT_EV100
@@ -260,6 +261,19 @@ def test_the_extension_stands_once_in_shaders_that_use_it_and_in_no_other(file, 
     uses = "layout(set = 2, binding = 10" in source.text or "BIND(2, 10" in source.text
     assert uses == (kind.startswith("bindless") and file in ("forward.frag", "instance_id.frag"))
     assert source.text.count("GL_EXT_nonuniform_qualifier") == source.text.count(EXTENSION) == int(uses)
+
+
+@pytest.mark.feature("bindless/nonuniform-indexing")
+def test_every_index_into_the_set_is_marked_as_one_that_may_differ():
+    """In all shaders of the chapter: some drivers need the mark to be right, and the one in software does not tell."""
+    found = 0
+    for file in sorted(SHADERS.glob("*.*")):
+        for index in re.findall(
+            r"\b(?:textures_2d|textures_3d|textures_uint|images)\[([^\]]*)", file.read_text()
+        ):
+            assert not index or index.startswith("nonuniformEXT("), f"{file.name}: [{index}]"
+            found += bool(index)
+    assert found >= 6
 
 
 # --- neighbours ---
