@@ -156,36 +156,30 @@ class Bindless:
         vk.check(code, "vkAllocateDescriptorSets", allocate)
         self._device.name("VkDescriptorSet", out[0], "bindless")
         self.sets = out
-        self._write([(kind, 0, [self._dummy[kind]] * count) for kind, count in counts.items() if count])
+        self._write([(kind, 0, self._dummy[kind], count) for kind, count in counts.items() if count])
 
     def update(self) -> int:
         """Write what was queued, before a frame is recorded; return how many descriptors that were."""
         if self.sets is None or not self._queue:
             return 0
         queued, self._queue = self._queue, {}
-        self._write([(kind, slot, [held]) for (kind, slot), held in queued.items()])
+        self._write([(kind, slot, held, 1) for (kind, slot), held in queued.items()])
         self.written += len(queued)
         return len(queued)
 
-    def _write(self, runs: list[tuple[str, int, list[Texture]]]) -> None:
-        layouts = {
-            "texture": vk.VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL,
-            "image": vk.VK_IMAGE_LAYOUT_GENERAL,
-        }
+    def _write(self, runs: list[tuple[str, int, Texture, int]]) -> None:
+        """Write runs of slots: (kind, first slot, what all of them hold, how many there are)."""
         writes = [
             vk.new(
                 "VkWriteDescriptorSet",
                 dstSet=self.sets[0],
                 dstBinding=self._numbers[kind],
                 dstArrayElement=first,
-                descriptorCount=len(held),
+                descriptorCount=count,
                 descriptorType=_TEXTURE if kind == "texture" else _IMAGE,
-                pImageInfo=[
-                    {"sampler": one.sampler, "imageView": one.view, "imageLayout": layouts[kind]}
-                    for one in held
-                ],
+                pImageInfo=_repeated(kind, held, count),
             )
-            for kind, first, held in runs
+            for kind, first, held, count in runs
         ]
         array = vk.array("VkWriteDescriptorSet", writes)
         self._device.fn.vkUpdateDescriptorSets(self._device.handle, len(writes), array, 0, vk.NULL)
@@ -195,6 +189,17 @@ class Bindless:
         if self._pool is not None:
             self._device.destroy("VkDescriptorPool", self._pool)
             self._pool = self.sets = None
+
+
+def _repeated(kind: str, held: Texture, count: int) -> Any:
+    """Return an array of `count` equal descriptors, copied as bytes: there are thousands when a renderer starts."""
+    layouts = {"texture": vk.VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL, "image": vk.VK_IMAGE_LAYOUT_GENERAL}
+    one = vk.new(
+        "VkDescriptorImageInfo", sampler=held.sampler, imageView=held.view, imageLayout=layouts[kind]
+    )
+    array = vk.ffi.new("VkDescriptorImageInfo[]", count)
+    vk.ffi.buffer(array)[:] = bytes(vk.ffi.buffer(one)) * count
+    return array
 
 
 def _full(device: Device, room: int, kind: str) -> str:
