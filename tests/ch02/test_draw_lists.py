@@ -178,6 +178,7 @@ class Written:
         self.variants, self.page_of, self.first_index = case.variants, case.page_of, case.first_index
         self.textures_of = case.textures_of
         scene = case.scene
+        scene.origin = np.zeros(3)  # whole numbers stay whole, and what is equally far stays so
         instances = np.zeros(len(scene.instances), layouts.dtype("Instance"))
         instances["bounds_centre"][:, :3] = scene.nodes.matrix[:, :3, 3]
         instances["flags"] = np.where(case.mirrored, layouts.INSTANCE_MIRRORED, 0)
@@ -191,9 +192,9 @@ class Written:
         return int(commands.nbytes)
 
 
-def looking(x: float, y: float, z: float) -> np.ndarray:
-    """Return the matrix of a view from a place to the origin."""
-    return View(pose_looking_at((x, y, z), (0.0, 0.0, 0.0)), Orthographic(1.0, 0.1, 9.0)).view_from_world()
+def looking(x: float, y: float, z: float) -> View:
+    """Return a view from a place to the origin."""
+    return View(pose_looking_at((x, y, z), (0.0, 0.0, 0.0)), Orthographic(1.0, 0.1, 9.0))
 
 
 VIEWS = [looking(0, 0, 5), looking(5, 1, 0), looking(-2, 3, -4)]
@@ -214,7 +215,7 @@ def test_transparent_objects_are_drawn_from_the_farthest_on(seed):
             for b in batches
             for i in data.lists[slot]["first_instance"][b.first : b.first + b.count].tolist()
         ]
-        depth = packing.view_depth(case.scene.nodes.matrix[:, :3, 3], view)
+        depth = packing.view_depth(case.scene.nodes.matrix[:, :3, 3], view.view_from_world())
         assert ids == sorted(case.lists.transparent.tolist(), key=lambda i: (-depth[i], i))
         solid = [
             i for b in draws.solid for i in data.lists[slot]["first_instance"][b.first : b.first + b.count]
@@ -232,7 +233,7 @@ def test_records_are_written_when_they_change_and_once_per_slot():
     total, clear = len(case.lists.commands), len(case.lists.transparent)
     every, order = (0, total), (total - clear, clear)
 
-    def written(slot: int, view: np.ndarray) -> list[tuple[int, int]]:
+    def written(slot: int, view: View) -> list[tuple[int, int]]:
         data.writes.clear()
         amount = draws.prepare(slot, view)
         assert amount == sum(count for _, _, count in data.writes) * COMMAND.itemsize
