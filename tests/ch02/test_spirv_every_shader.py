@@ -31,6 +31,12 @@ GIVEN = {
     "PULLED": 1,
     "SHOWS": 0,
     "ARRAYS": 3,
+    "TEXTURES": 6,
+    "VOLUMES": 2,
+    "SIDE": 4,
+    "CELL": 8,
+    "ACROSS": 4,
+    "DOWN": 4,
 }
 VIEWS = 13
 OWN = ("GL_", "INCLUDED_", "VIEW_OF")  # macros that are not the host's
