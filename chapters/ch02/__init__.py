@@ -64,6 +64,7 @@ LESSON = Lesson(
         "shaders/sky.frag": "finds the environment's map in scene.glsl",
         "shaders/views.glsl": "asks for mip levels by a texture's number",
         "settings.py": "names what a bench measures of this chapter: what things cost, and building pipelines",
+        "graphics/environment.py": "asks its kernels' shaders what is bound to them",
         "graphics/textures.py": "is told by texture_reads.py what to keep, and makes narrow images",
         "logic/packing.py": "a material's record has the numbers of its textures",
         "logic/records.py": "says by a number when instances changed",

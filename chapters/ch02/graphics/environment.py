@@ -34,6 +34,7 @@ from backends.vulkan.resources import (
     destroy_buffer,
     destroy_image,
 )
+from backends.vulkan.shaders import compile_shader
 from backends.vulkan.upload import Uploader
 from common.environment import Environment
 from common.errors import UserError
@@ -41,6 +42,7 @@ from common.scene import Sampler
 
 from ..logic import environment as logic
 from ..logic.environment import PANORAMA, SMOOTH, Maps, Sizes
+from ..logic.spirv import parse
 
 _USAGE = (
     vk.VK_IMAGE_USAGE_SAMPLED_BIT
@@ -133,10 +135,13 @@ def cube_view(device: Device, image: Image, level: int = 0, levels: int | None =
 # --- made by compute ---
 
 
-def _kernel(device: Device, name: str, kinds: Sequence[Any], push_size: int, dispatches: int = 1) -> Kernel:
+def _kernel(device: Device, name: str, dispatches: int = 1) -> Kernel:
+    """Return a kernel; what is bound to it, and how many bytes are pushed, its shader says itself."""
     path = logic.SHADERS / f"{name}.comp"
     source = shader_text.build(path, "vulkan", defines={"FORMAT": logic.FORMAT})
-    return Kernel(device, source, kinds, push_size, dispatches)
+    declared = parse(compile_shader(source))
+    kinds: Any = [one.kind for one in sorted(declared.resources, key=lambda one: one.binding)]
+    return Kernel(device, source, kinds, declared.push.size if declared.push else 0, dispatches)
 
 
 def _make_maps(
@@ -163,8 +168,8 @@ def _make_maps(
             stack.callback(device.destroy, "VkSampler", handle)
             return handle
 
-        def kernel(name: str, dispatches: int, push_size: int = 16) -> Kernel:
-            made = _kernel(device, name, ("texture", "image"), push_size, dispatches)
+        def kernel(name: str, dispatches: int) -> Kernel:
+            made = _kernel(device, name, dispatches)
             stack.callback(made.close)
             return made
 
@@ -183,7 +188,7 @@ def _make_maps(
         to_cube = kernel("environment_cube", 2)
         to_mips = kernel("environment_mips", sizes.source_levels)
         to_irradiance = kernel("environment_irradiance", 1)
-        to_radiance = kernel("environment_prefilter", sizes.levels, push_size=32)
+        to_radiance = kernel("environment_prefilter", sizes.levels)
 
         def level_of(cube: Image, level: int) -> Sampled:
             return Sampled(cube_view(device, cube, level, 1))
@@ -222,7 +227,7 @@ def _make_maps(
 
 def _make_table(device: Device, sizes: Sizes, table: Image) -> tuple[np.ndarray, float]:
     """Run the table's kernel; return what it wrote and its milliseconds. The image ends in the state 'sampled'."""
-    kernel = _kernel(device, logic.TABLE_KERNEL, ("image",), 16)
+    kernel = _kernel(device, logic.TABLE_KERNEL)
     try:
         began = clock.perf_counter()
         with submit_once(device) as commands:
