@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from common.animation import sample
 from common.deform import Vertices, flat, morph, skin
-from common.scene import Change, Deformation, Float32, Float64, Pose, Scene
+from common.scene import Change, Deformation, Float32, Float64, Nodes, Pose, Scene
 from common.transforms import compose, translation
 
 
@@ -18,12 +19,24 @@ def evaluate_pose(scene: Scene, time: float) -> Pose:
     All clips play at once and loop, except those that would drive what an earlier clip drives already (see
     `common.animation.build_tracks`). Nothing in the scene changes. Without animation the arrays of the last
     pose are returned again until a transform is edited, so `is` tells that nothing moved; they cannot be
-    written to.
+    written to. After an edit only what hangs on the edited nodes is computed, to the same bits as everything
+    would be.
     """
     still = scene.rest_pose
     revision = scene.revision[Change.TRANSFORMS]
     if still is not None and still[0] == revision:
-        return still[1] if still[1].time == time else replace(still[1], time=time)
+        return replace(still[1], time=time)
+    edited, scene.edited_nodes = scene.edited_nodes, set()
+    pose = None if still is None else _pose_after(scene, still[1], edited, time)
+    pose = pose or _whole_pose(scene, time)
+    if not scene.tracks:
+        for array in (pose.world_from_node, pose.world_from_object):
+            array.flags.writeable = False
+        scene.rest_pose = (revision, pose)
+    return pose
+
+
+def _whole_pose(scene: Scene, time: float) -> Pose:
     nodes = scene.nodes
     parts = {
         "translation": nodes.translation.copy(),
@@ -37,9 +50,9 @@ def evaluate_pose(scene: Scene, time: float) -> Pose:
             weights.update(zip(track.nodes.tolist(), values, strict=True))
         else:
             parts[track.path][track.nodes] = values
-    local = compose(**parts)
-    local[nodes.has_matrix] = nodes.matrix[nodes.has_matrix]
-    world = compose_levels(scene, local)
+    world = compose(**parts)
+    world[nodes.has_matrix] = nodes.matrix[nodes.has_matrix]
+    nodes.ancestry.compose(world, nodes.ancestry.levels)
     world_from_object = world[scene.instances.node]
     if scene.instances.local is not None:
         world_from_object = world_from_object @ scene.instances.local
@@ -49,20 +62,46 @@ def evaluate_pose(scene: Scene, time: float) -> Pose:
             root = skin_root(deformation, world)
             world_from_object[scene.instances.mesh == deformation.mesh] = root
         vertices[deformation.mesh] = _deformed(scene, deformation, world, weights)
-    pose = Pose(time, world, world_from_object, vertices)
-    if not scene.tracks:
-        for array in (world, world_from_object):
-            array.flags.writeable = False
-        scene.rest_pose = (revision, pose)
-    return pose
+    return Pose(time, world, world_from_object, vertices)
 
 
-def compose_levels(scene: Scene, local: Float64) -> Float64:
-    """Return world_from_node (N, 4, 4) from parent_from_node (N, 4, 4): a product per level, not per node."""
-    world = local.copy()
-    for level in scene.nodes.levels[1:]:
-        world[level] = world[scene.nodes.parent[level]] @ local[level]
-    return world
+def _pose_after(scene: Scene, before: Pose, edited: set[int], time: float) -> Pose | None:
+    """Return the pose of a scene without animation after the transforms of the nodes `edited` changed.
+
+    The arrays of `before` stay what they are, since a renderer may need them as the previous frame's. None
+    where most nodes hang on the edited ones, so that picking them out would cost more than it saves.
+    """
+    nodes, instances = scene.nodes, scene.instances
+    levels = nodes.ancestry.levels_below(list(edited))
+    if 2 * sum(map(len, levels)) > len(nodes):
+        return None
+    world = before.world_from_node.copy()
+    moved = np.zeros(len(nodes), bool)
+    for level in levels:
+        moved[level] = True
+    touched = np.flatnonzero(moved)
+    world[touched] = local_matrices(nodes, touched)
+    nodes.ancestry.compose(world, levels)
+    world_from_object = before.world_from_object.copy()
+    drawn = np.flatnonzero(moved[instances.node])
+    matrices = world[instances.node[drawn]]
+    world_from_object[drawn] = matrices if instances.local is None else matrices @ instances.local[drawn]
+    vertices = dict(before.vertices)
+    for deformation in scene.deformations:  # one without joints moves as its instance does
+        if deformation.joints is not None:
+            root = skin_root(deformation, world)
+            world_from_object[instances.mesh == deformation.mesh] = root
+            if moved[deformation.joints].any():
+                vertices[deformation.mesh] = _deformed(scene, deformation, world, nodes.weights)
+    return Pose(time, world, world_from_object, vertices)
+
+
+def local_matrices(nodes: Nodes, rows: NDArray[np.intp] | slice = slice(None)) -> Float64:
+    """Return parent_from_node (K, 4, 4) of the nodes `rows` at rest."""
+    local = compose(nodes.translation[rows], nodes.rotation[rows], nodes.scale[rows])
+    chosen = nodes.has_matrix[rows]
+    local[chosen] = nodes.matrix[rows][chosen]
+    return local
 
 
 def skin_root(deformation: Deformation, world_from_node: Float64) -> Float64:

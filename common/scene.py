@@ -20,6 +20,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from common.ancestry import Ancestry
+
 if TYPE_CHECKING:
     from common.environment import Environment
 
@@ -221,18 +223,8 @@ class Nodes:
     extras: dict[int, dict[str, Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        # Every step doubles how far a node looks up, so a chain of a million nodes takes twenty. The extra
-        # last element stands above all roots.
-        count = len(self.parent)
-        ancestor = np.append(np.where(self.parent < 0, count, self.parent), count)
-        depth = (ancestor < count).astype(np.intp)
-        for _ in range(count.bit_length()):
-            depth += depth[ancestor]
-            ancestor = ancestor[ancestor]
-        depth = depth[:count]
-        order = np.argsort(depth, kind="stable")
-        self.levels: list[NDArray[np.intp]] = np.split(order, np.flatnonzero(np.diff(depth[order])) + 1)
-        """Nodes by distance from their root, roots first: all of a level can be computed at once."""
+        self.ancestry = Ancestry(self.parent)
+        """Who stands above whom: levels, subtrees, world matrices."""
 
     def __len__(self) -> int:
         return len(self.parent)
@@ -312,6 +304,8 @@ class Scene:
         """What plays: channels of the animations, grouped to be sampled together."""
         self.rest_pose: tuple[int, Pose] | None = None
         """The pose of a scene without animation and the revision of its transforms, kept by `evaluate_pose`."""
+        self.edited_nodes: set[int] = set()
+        """Nodes whose transforms were edited since that pose."""
         self.bounds: Float64 = pose_bounds(self, evaluate_pose(self, 0.0))
         """(2, 3) corners of the world-space box around everything visible at time 0, float64."""
         self.origin: Float64 = self.bounds.mean(axis=0)
@@ -353,8 +347,15 @@ class SceneEdit:
         scale: tuple[float, float, float] | None = None,
         matrix: Float64 | None = None,
     ) -> None:
-        """Set the local transform of a node: parts of its TRS, or a whole (4, 4) matrix."""
+        """Set the local transform of a node: parts of its TRS, or a whole (4, 4) matrix.
+
+        Raises:
+            IndexError: there is no such node.
+            ValueError: parts for a node that has a matrix.
+        """
         nodes = self.scene.nodes
+        if not 0 <= node < len(nodes):
+            raise IndexError(f"there is no node {node} among {len(nodes)}")
         if matrix is not None:
             nodes.matrix[node] = matrix
             nodes.has_matrix[node] = True
@@ -368,6 +369,7 @@ class SceneEdit:
             ):
                 if value is not None:
                     array[node] = value
+        self.scene.edited_nodes.add(node)
         self.changed |= Change.TRANSFORMS
 
     def set_material(self, index: int, material: Material) -> None:
