@@ -222,9 +222,10 @@ class Nodes:
     weights: dict[int, Float64] = field(default_factory=dict)  # morph weights of the rest pose, by node
     extras: dict[int, dict[str, Any]] = field(default_factory=dict)
 
-    def __post_init__(self) -> None:
-        self.ancestry = Ancestry(self.parent)
+    @cached_property
+    def ancestry(self) -> Ancestry:
         """Who stands above whom: levels, subtrees, world matrices."""
+        return Ancestry(self.parent)
 
     def __len__(self) -> int:
         return len(self.parent)

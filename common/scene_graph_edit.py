@@ -7,17 +7,15 @@ Both return a new graph and where each node went, so that whatever else is kept 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from common.scene_graph import SceneGraph, graph_from_arrays
+from common.scene_parts import Place, by_node, places_of
 
-Value = TypeVar("Value")
 
-
-def delete_nodes(graph: SceneGraph, nodes: ArrayLike) -> tuple[SceneGraph, NDArray[np.int32]]:
+def delete_nodes(graph: SceneGraph, nodes: ArrayLike) -> tuple[SceneGraph, Place]:
     """Return the graph without `nodes` (K,) and everything below them, and `place` (N,) of the old nodes.
 
     The others keep their order, their transforms and what they have; `update` computes the new graph's world.
@@ -25,23 +23,15 @@ def delete_nodes(graph: SceneGraph, nodes: ArrayLike) -> tuple[SceneGraph, NDArr
     Raises:
         IndexError: there is no such node.
     """
-    kept, place = kept_nodes(graph.links["parent"], graph.ancestry.subtrees(nodes))
+    kept = np.ones(len(graph), bool)
+    kept[graph.ancestry.subtrees(nodes)] = False
+    place = places_of(kept)
     parent = graph.links["parent"][kept]
     result = graph_from_arrays(np.where(parent < 0, -1, place[parent]), graph.local[kept])
-    result.meshes = _moved(graph.meshes, place)
-    result.materials = _moved(graph.materials, place)
-    result.names = _moved(graph.names, place)
+    result.meshes = by_node(graph.meshes, place)
+    result.materials = by_node(graph.materials, place)
+    result.names = by_node(graph.names, place)
     return result, place
-
-
-def kept_nodes(
-    parent: NDArray[np.int32], deleted: NDArray[np.intp]
-) -> tuple[NDArray[np.intp], NDArray[np.int32]]:
-    """Return the nodes that stay when `deleted` go, ascending, and the new number of each of all (-1: gone)."""
-    stays = np.ones(len(parent), bool)
-    stays[deleted] = False
-    place = np.where(stays, np.cumsum(stays) - 1, -1).astype(np.int32)
-    return np.flatnonzero(stays), place
 
 
 def merge_graphs(
@@ -51,7 +41,7 @@ def merge_graphs(
     mesh_counts: Sequence[int] | None = None,
     material_counts: Sequence[int] | None = None,
     name: str = "root",
-) -> tuple[SceneGraph, list[NDArray[np.int32]]]:
+) -> tuple[SceneGraph, list[Place]]:
     """Return all graphs below one new root, node 0, and for each the `place` (N,) of its nodes.
 
     `transforms` are (4, 4) matrices, one for each graph: its roots' matrices are multiplied by it from the left, so
@@ -72,14 +62,10 @@ def merge_graphs(
     result.names[0] = name
     first_mesh = first_material = 0
     for number, (graph, place) in enumerate(zip(graphs, places, strict=True)):
-        meshes, materials = _moved(graph.meshes, place), _moved(graph.materials, place)
+        meshes, materials = by_node(graph.meshes, place), by_node(graph.materials, place)
         result.meshes.update({node: mesh + first_mesh for node, mesh in meshes.items()})
         result.materials.update({node: material + first_material for node, material in materials.items()})
-        result.names.update(_moved(graph.names, place))
+        result.names.update(by_node(graph.names, place))
         first_mesh += mesh_counts[number] if mesh_counts else 0
         first_material += material_counts[number] if material_counts else 0
     return result, places
-
-
-def _moved(component: dict[int, Value], place: NDArray[np.int32]) -> dict[int, Value]:
-    return {int(place[node]): value for node, value in component.items() if place[node] >= 0}

@@ -8,54 +8,15 @@ import numpy as np
 import pytest
 
 from common.pose import evaluate_pose
-from common.scene import Deformation, Instances, Nodes, Scene
-from common.transforms import compose, normalize
-from tests.support.scenes import quad_scene
-
-
-def forest_scene(count: int, seed: int, copies: bool, deforming: bool) -> Scene:
-    """Return a random scene; its second mesh is skinned to three nodes if `deforming`."""
-    random = np.random.default_rng(seed)
-    parent = np.array([random.integers(-1, max(1, node)) if node else -1 for node in range(count)], np.int32)
-    nodes = Nodes(
-        parent=parent,
-        translation=random.normal(size=(count, 3)),
-        rotation=normalize(random.normal(size=(count, 4))),
-        scale=random.uniform(0.5, 2.0, (count, 3)),
-        matrix=compose(random.normal(size=(count, 3)), (0, 0, 0, 1), np.ones(3)),
-        has_matrix=random.random(count) < 0.3,
-        names=[str(node) for node in range(count)],
-    )
-    base = quad_scene()
-    mesh = np.zeros(50, np.int32)
-    mesh[7] = 1
-    deformation = Deformation(
-        mesh=1,
-        node=3,
-        joints=random.integers(0, count, 3).astype(np.int32),
-        inverse_bind=np.tile(np.eye(4), (3, 1, 1)),
-        vertex_joints=np.tile(np.int32((0, 1, 2, 0)), (4, 1)),
-        vertex_weights=np.tile((0.5, 0.25, 0.25, 0.0), (4, 1)),
-    )
-    return replace(
-        base,
-        meshes=base.meshes[[0, 0]],
-        mesh_names=["a", "b"],
-        nodes=nodes,
-        instances=Instances(
-            random.integers(0, count, 50).astype(np.int32),
-            mesh,
-            compose(random.normal(size=(50, 3)), (0, 0, 0, 1), (2, 1, 1)) if copies else None,
-        ),
-        deformations=[deformation] if deforming else [],
-    )
+from common.transforms import compose
+from tests.support.forests import forest_scene
 
 
 @pytest.mark.parametrize("deforming", [False, True])
 @pytest.mark.parametrize("copies", [False, True])
 @pytest.mark.parametrize("seed", range(3))
 def test_edits_give_the_bits_of_the_whole_composition(seed, copies, deforming):
-    scene = forest_scene(70, seed, copies, deforming)
+    scene = forest_scene(seed, 70, copies=copies, deforming=deforming)
     random = np.random.default_rng(seed + 100)
     for _ in range(15):
         before = evaluate_pose(scene, 0.0)
@@ -84,7 +45,7 @@ def test_edits_give_the_bits_of_the_whole_composition(seed, copies, deforming):
 
 def test_nodes_that_hang_on_no_edited_one_are_not_computed():
     """Their places are overwritten behind the scene's back: whoever composed them would see it."""
-    scene = forest_scene(70, 1, copies=False, deforming=False)
+    scene = forest_scene(1, 70)
     before = evaluate_pose(scene, 0.0)
     node = int(np.flatnonzero(scene.nodes.ancestry.sizes == 3)[0])
     below = scene.nodes.ancestry.subtrees([node])
@@ -96,10 +57,11 @@ def test_nodes_that_hang_on_no_edited_one_are_not_computed():
     assert np.array_equal(after.world_from_node[others], before.world_from_node[others])
     assert not np.array_equal(after.world_from_node[below], before.world_from_node[below])
     assert np.isfinite(after.world_from_object).all()
+    assert not scene.edited_nodes  # the next edit pays for its own nodes alone
 
 
 def test_a_pose_in_the_middle_of_an_edit_loses_nothing():
-    scene = forest_scene(70, 2, copies=False, deforming=False)
+    scene = forest_scene(2, 70)
     for matrix in (2 * np.eye(4), 3 * np.eye(4)):
         with scene.edit() as edit:
             edit.set_transform(5, matrix=matrix)
@@ -111,7 +73,7 @@ def test_a_pose_in_the_middle_of_an_edit_loses_nothing():
 
 
 def test_an_edit_names_a_node_that_is_there():
-    scene = forest_scene(5, 0, copies=False, deforming=False)
-    for node in (-1, 5):
-        with pytest.raises(IndexError, match=f"no node {node} among 5"), scene.edit() as edit:
+    scene = forest_scene(0, 6)
+    for node in (-1, 6):
+        with pytest.raises(IndexError, match=f"no node {node} among 6"), scene.edit() as edit:
             edit.set_transform(node, matrix=np.eye(4))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import struct
 
 import numpy as np
@@ -118,10 +119,8 @@ def test_a_file_cut_anywhere_or_with_any_byte_changed_never_raises_anything_else
         data = bytearray(whole)
         data[place] ^= 1 << int(random.integers(8))
         path.write_bytes(data)
-        try:
-            assert graph_bytes(load_graph(path)) is not None
-        except SceneError:
-            pass
+        with contextlib.suppress(SceneError):
+            graph_bytes(load_graph(path))
 
 
 def test_what_a_file_cannot_hold_is_not_written(tmp_path):
