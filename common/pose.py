@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from common.animation import sample
+from common.animation import Track, sample
 from common.deform import Vertices, flat, morph, skin
 from common.scene import Change, Deformation, Float32, Float64, Nodes, Pose, Scene
 from common.transforms import compose, translation
@@ -19,88 +20,109 @@ def evaluate_pose(scene: Scene, time: float) -> Pose:
     All clips play at once and loop, except those that would drive what an earlier clip drives already (see
     `common.animation.build_tracks`). Nothing in the scene changes. Without animation the arrays of the last
     pose are returned again until a transform is edited, so `is` tells that nothing moved; they cannot be
-    written to. After an edit only what hangs on the edited nodes is computed, to the same bits as everything
-    would be.
+    written to. After an edit only what hangs on the edited nodes is computed, and for a time only what hangs on
+    nodes that clips drive, to the same bits as everything would be.
     """
+    if scene.tracks and scene.driven_levels is None:
+        return _pose(scene, time, None, [])
+    rest = _rest_pose(scene)
+    if not scene.tracks:
+        return replace(rest, time=time)
+    return _pose(scene, time, rest, scene.driven_levels or [])
+
+
+def driven_levels(scene: Scene) -> list[NDArray[np.intp]] | None:
+    """Return the nodes that hang on those which clips move, by depth; None where these are most nodes."""
+    driven = [track.nodes for track in scene.tracks if track.path != "weights"]
+    return _unless_most(scene, np.concatenate(driven) if driven else ())
+
+
+def _unless_most(scene: Scene, nodes: ArrayLike) -> list[NDArray[np.intp]] | None:
+    """Return what hangs on `nodes`, or None where picking that out would cost more than it saves."""
+    levels = scene.nodes.ancestry.levels_below(nodes)
+    return levels if 2 * sum(map(len, levels)) <= len(scene.nodes) else None
+
+
+def _rest_pose(scene: Scene) -> Pose:
+    """Return the pose without clips, the last one as long as no transform is edited."""
     still = scene.rest_pose
     revision = scene.revision[Change.TRANSFORMS]
     if still is not None and still[0] == revision:
-        return replace(still[1], time=time)
+        return still[1]
     edited, scene.edited_nodes = scene.edited_nodes, set()
-    pose = None if still is None else _pose_after(scene, still[1], edited, time)
-    pose = pose or _whole_pose(scene, time)
-    if not scene.tracks:
-        for array in (pose.world_from_node, pose.world_from_object):
-            array.flags.writeable = False
-        scene.rest_pose = (revision, pose)
+    levels = None if still is None else _unless_most(scene, list(edited))
+    if still is None or levels is None:
+        pose = _pose(scene, None, None, [])
+    else:
+        pose = _pose(scene, None, still[1], levels)
+    for array in (pose.world_from_node, pose.world_from_object):
+        array.flags.writeable = False
+    scene.rest_pose = (revision, pose)
     return pose
 
 
-def _whole_pose(scene: Scene, time: float) -> Pose:
-    nodes = scene.nodes
-    parts = {
-        "translation": nodes.translation.copy(),
-        "rotation": nodes.rotation.copy(),
-        "scale": nodes.scale.copy(),
-    }
-    weights = dict(nodes.weights)
-    for track in scene.tracks:
-        values = sample(track, time)
-        if track.path == "weights":
-            weights.update(zip(track.nodes.tolist(), values, strict=True))
-        else:
-            parts[track.path][track.nodes] = values
-    world = compose(**parts)
-    world[nodes.has_matrix] = nodes.matrix[nodes.has_matrix]
-    nodes.ancestry.compose(world, nodes.ancestry.levels)
-    world_from_object = world[scene.instances.node]
-    if scene.instances.local is not None:
-        world_from_object = world_from_object @ scene.instances.local
-    vertices = {}
-    for deformation in scene.deformations:
-        if deformation.joints is not None:
-            root = skin_root(deformation, world)
-            world_from_object[scene.instances.mesh == deformation.mesh] = root
-        vertices[deformation.mesh] = _deformed(scene, deformation, world, weights)
-    return Pose(time, world, world_from_object, vertices)
+def _pose(scene: Scene, time: float | None, before: Pose | None, levels: list[NDArray[np.intp]]) -> Pose:
+    """Return the pose at `time`, at rest if that is None; `levels` of nodes are other than in `before`.
 
-
-def _pose_after(scene: Scene, before: Pose, edited: set[int], time: float) -> Pose | None:
-    """Return the pose of a scene without animation after the transforms of the nodes `edited` changed.
-
-    The arrays of `before` stay what they are, since a renderer may need them as the previous frame's. None
-    where most nodes hang on the edited ones, so that picking them out would cost more than it saves.
+    Without `before` all are. Its arrays stay what they are, since a renderer may need them as the previous
+    frame's.
     """
     nodes, instances = scene.nodes, scene.instances
-    levels = nodes.ancestry.levels_below(list(edited))
-    if 2 * sum(map(len, levels)) > len(nodes):
-        return None
-    world = before.world_from_node.copy()
-    moved = np.zeros(len(nodes), bool)
-    for level in levels:
-        moved[level] = True
-    touched = np.flatnonzero(moved)
-    world[touched] = local_matrices(nodes, touched)
-    nodes.ancestry.compose(world, levels)
-    world_from_object = before.world_from_object.copy()
-    drawn = np.flatnonzero(moved[instances.node])
-    matrices = world[instances.node[drawn]]
-    world_from_object[drawn] = matrices if instances.local is None else matrices @ instances.local[drawn]
-    vertices = dict(before.vertices)
-    for deformation in scene.deformations:  # one without joints moves as its instance does
-        if deformation.joints is not None:
-            root = skin_root(deformation, world)
-            world_from_object[instances.mesh == deformation.mesh] = root
-            if moved[deformation.joints].any():
-                vertices[deformation.mesh] = _deformed(scene, deformation, world, nodes.weights)
-    return Pose(time, world, world_from_object, vertices)
+    sampled = [] if time is None else [(track, sample(track, time)) for track in scene.tracks]
+    weights = dict(nodes.weights)
+    for track, values in sampled:
+        if track.path == "weights":
+            weights.update(zip(track.nodes.tolist(), values, strict=True))
+    if before is None:
+        world = local_matrices(nodes, sampled=sampled)
+        nodes.ancestry.compose(world, nodes.ancestry.levels)
+        world_from_object = world[instances.node]
+        if instances.local is not None:
+            world_from_object = world_from_object @ instances.local
+        moved, vertices = np.ones(len(nodes), bool), {}
+    else:
+        moved = np.zeros(len(nodes), bool)
+        for level in levels:
+            moved[level] = True
+        rows = np.flatnonzero(moved)
+        world = before.world_from_node.copy()
+        world[rows] = local_matrices(nodes, rows, sampled)
+        nodes.ancestry.compose(world, levels)
+        world_from_object = before.world_from_object.copy()
+        drawn = np.flatnonzero(moved[instances.node])
+        matrices = world[instances.node[drawn]]
+        world_from_object[drawn] = matrices if instances.local is None else matrices @ instances.local[drawn]
+        vertices = dict(before.vertices)
+    for deformation in scene.deformations:
+        joints, mesh = deformation.joints, deformation.mesh
+        if joints is not None:
+            world_from_object[instances.mesh == mesh] = skin_root(deformation, world)
+        bent = weights.get(deformation.node) is not nodes.weights.get(deformation.node)
+        if mesh not in vertices or bent or (joints is not None and moved[joints].any()):
+            vertices[mesh] = _deformed(scene, deformation, world, weights)
+    return Pose(time or 0.0, world, world_from_object, vertices)
 
 
-def local_matrices(nodes: Nodes, rows: NDArray[np.intp] | slice = slice(None)) -> Float64:
-    """Return parent_from_node (K, 4, 4) of the nodes `rows` at rest."""
-    local = compose(nodes.translation[rows], nodes.rotation[rows], nodes.scale[rows])
-    chosen = nodes.has_matrix[rows]
-    local[chosen] = nodes.matrix[rows][chosen]
+def local_matrices(
+    nodes: Nodes, rows: NDArray[np.intp] | None = None, sampled: Iterable[tuple[Track, Float64]] = ()
+) -> Float64:
+    """Return parent_from_node (K, 4, 4) of the nodes `rows`, ascending, or of all.
+
+    At rest, except for what clips drive: `sampled` are their tracks and values. A driven node must be in `rows`.
+    """
+    chosen = slice(None) if rows is None else rows
+    parts = {
+        "translation": np.array(nodes.translation[chosen]),
+        "rotation": np.array(nodes.rotation[chosen]),
+        "scale": np.array(nodes.scale[chosen]),
+    }
+    for track, values in sampled:
+        if track.path != "weights":
+            places = track.nodes if rows is None else np.searchsorted(rows, track.nodes)
+            parts[track.path][places] = values
+    local = compose(**parts)
+    fixed = nodes.has_matrix[chosen]
+    local[fixed] = nodes.matrix[chosen][fixed]
     return local
 
 

@@ -299,12 +299,14 @@ class Scene:
 
     def __post_init__(self) -> None:
         from common.animation import build_tracks
-        from common.pose import evaluate_pose, pose_bounds
+        from common.pose import driven_levels, evaluate_pose, pose_bounds
 
         self.tracks = build_tracks(self.animations)
         """What plays: channels of the animations, grouped to be sampled together."""
+        self.driven_levels = driven_levels(self)
+        """What hangs on nodes that clips move, by depth; None where these are most nodes."""
         self.rest_pose: tuple[int, Pose] | None = None
-        """The pose of a scene without animation and the revision of its transforms, kept by `evaluate_pose`."""
+        """The pose without animation and the revision of its transforms, kept by `evaluate_pose`."""
         self.edited_nodes: set[int] = set()
         """Nodes whose transforms were edited since that pose."""
         self.bounds: Float64 = pose_bounds(self, evaluate_pose(self, 0.0))

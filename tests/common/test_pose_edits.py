@@ -8,8 +8,18 @@ import numpy as np
 import pytest
 
 from common.pose import evaluate_pose
+from common.scene import Pose
 from common.transforms import compose
 from tests.support.forests import forest_scene
+
+
+def assert_same(pose: Pose, other: Pose) -> None:
+    """Assert that two poses have the same bits."""
+    assert np.array_equal(pose.world_from_node, other.world_from_node)
+    assert np.array_equal(pose.world_from_object, other.world_from_object)
+    assert pose.vertices.keys() == other.vertices.keys()
+    for mesh, parts in pose.vertices.items():
+        assert all(np.array_equal(a, b) for a, b in zip(parts, other.vertices[mesh], strict=True))
 
 
 @pytest.mark.parametrize("deforming", [False, True])
@@ -33,14 +43,38 @@ def test_edits_give_the_bits_of_the_whole_composition(seed, copies, deforming):
         after = evaluate_pose(scene, 1.5)
         whole = evaluate_pose(replace(scene), 1.5)  # a new scene has no earlier pose
         assert after.time == 1.5
-        assert np.array_equal(after.world_from_node, whole.world_from_node)
-        assert np.array_equal(after.world_from_object, whole.world_from_object)
-        assert after.vertices.keys() == whole.vertices.keys()
-        for mesh, parts in after.vertices.items():
-            assert all(np.array_equal(a, b) for a, b in zip(parts, whole.vertices[mesh], strict=True))
+        assert_same(after, whole)
         assert np.array_equal(before.world_from_node, kept[0])  # a renderer may still hold it
         assert np.array_equal(before.world_from_object, kept[1])
         assert not after.world_from_object.flags.writeable
+
+
+@pytest.mark.parametrize("deforming", ["", "skin", "morph"])
+@pytest.mark.parametrize("copies", [False, True])
+def test_a_time_gives_the_bits_of_the_whole_composition(copies, deforming):
+    """Clips drive some nodes, and edits come between the frames, of nodes that are driven too."""
+    compared = 0
+    for seed in range(6):
+        scene = forest_scene(seed, 70, copies=copies, deforming=bool(deforming), animated=True)
+        if deforming == "morph":
+            parts = dict.fromkeys(("joints", "inverse_bind", "vertex_joints", "vertex_weights"))
+            scene = replace(scene, deformations=[replace(scene.deformations[0], **parts)])
+        random = np.random.default_rng(seed)
+        for _ in range(5):
+            with scene.edit() as edit:
+                edit.set_transform(4, scale=tuple(random.uniform(1, 2, 3)))
+                edit.set_transform(
+                    int(random.integers(5, 70)),
+                    matrix=compose(random.normal(size=3), (0, 0, 0, 1), (2, 1, 1)),
+                )
+            time = float(random.random())
+            partly, whole = evaluate_pose(scene, time), replace(scene)
+            whole.driven_levels = None  # what a scene has whose clips move most of its nodes
+            rest = scene.nodes.translation.copy()
+            assert_same(partly, evaluate_pose(whole, time))
+            assert np.array_equal(scene.nodes.translation, rest)
+            compared += scene.driven_levels is not None
+    assert compared >= 10
 
 
 def test_nodes_that_hang_on_no_edited_one_are_not_computed():

@@ -39,7 +39,8 @@ def forest_scene(
 ) -> Scene:
     """Return a random scene of 5 meshes, 4 materials and 3 images; names tell scenes and things apart.
 
-    Mesh 1 is skinned to nodes 3 to 5 if `deforming`, and drawn by node 2 alone. Clips drive a root and node 4.
+    Mesh 1 is skinned to nodes 3 to 5 if `deforming`, and drawn by node 2 alone. A clip drives a root, node 4
+    and, where there is one, the morph target.
     Not `in_order`, parents may stand behind their children.
     """
     random = np.random.default_rng(seed)
@@ -74,6 +75,8 @@ def forest_scene(
         )
         for at, path in driven.items()
     ]
+    if animated and deforming:
+        channels.append(AnimationChannel(2, "weights", times, np.array([[0.0], [1.0]]), "linear"))
     vertices = 4 * MESHES
     meshes = np.zeros(MESHES, MESH_DTYPE)
     meshes["first_index"], meshes["index_count"] = 6 * np.arange(MESHES), 6
