@@ -154,7 +154,8 @@ def test_a_textured_mesh_looks_as_it_did(chapter, golden, name, time):
     texels[..., :3] = np.random.default_rng(8).integers(30, 226, (4, 4, 3))
     material = replace(MATTE, base_color_texture=texture())
     scene = turning_cube(material, images=(Image("texels", texels),), lights=(Light("directional", node=1),))
-    scene.nodes.rotation[1] = turn(-0.6, (0.6, -0.8, 0.0))
+    with scene.edit() as edit:
+        edit.set_transform(1, rotation=turn(-0.6, (0.6, -0.8, 0.0)))
     settings = Settings(anisotropy=1.0, ambient=0.3)
     with chapter.open(scene, SIZE, settings, outputs={"color", "instance_id"}) as made:
         frame = made.render(AROUND, time)
