@@ -1,4 +1,4 @@
-"""The panel in the window of `strata run N`: knobs, times, work, plan, camera and time of whatever chapter runs.
+"""The panel in the window of `strata run N`: knobs, times, nodes, work, plan, camera and time of whatever chapter runs.
 
 It knows neither backend nor window: `PanelState` says what is, `PanelActions` what the user wants changed, and
 `Panel.drawn` is the picture of it, for the backend's own renderer of draw lists. It needs the extra `ui`.
@@ -18,7 +18,9 @@ from backends.window import Event
 from chapters import panel_imgui
 from chapters.panel_error import show_error
 from chapters.panel_knobs import Knobs, Widget, widgets
+from chapters.panel_tree import Tree
 from common.draw_lists import DrawList
+from common.scene import Scene
 from common.settings import preset
 
 if TYPE_CHECKING:
@@ -44,6 +46,7 @@ class PanelState:
 
     settings: Any
     plan: Plan | None = None
+    scene: Scene | None = None
     device: str = ""
     quality: str = ""  # how the preset was chosen
     frame_rate: float = 0.0  # frames per second, 0 while nothing moves
@@ -145,6 +148,7 @@ class Panel:
         self.drawn: DrawList | None = None
         self.places: dict[str, tuple[float, float, float, float]] = {}
         self._knobs = Knobs(imgui, self._placed)
+        self._tree = Tree(imgui, self._placed)
         self._widgets: dict[type, list[Widget]] = {}  # of each class of settings
         self._ev: float | None = None  # while its slider moves
         self._speed: float | None = None
@@ -206,6 +210,9 @@ class Panel:
                 self._time(state, actions)
             if imgui.collapsing_header("GPU times", imgui.TreeNodeFlags_.default_open):
                 self._times()
+            if imgui.collapsing_header("Scene") and state.scene is not None:
+                self._tree.build(state.scene, state.time)
+            self._placed("Scene")
             if imgui.collapsing_header("Work"):
                 self._table("work", [(name, f"{count:,}") for name, count in state.work.items()])
             self._placed("Work")

@@ -217,6 +217,7 @@ class Loop:
         state = PanelState(
             settings=renderer.settings,
             plan=renderer.plan,
+            scene=renderer.scene,
             device=f"{renderer.capabilities.device}, {renderer.capabilities.backend}",
             quality=self._quality,
             frame_rate=self._rate if moving else 0.0,

@@ -1,0 +1,95 @@
+"""The tree of nodes in the panel, by a user's hand: branches unfold, a click chooses, a large scene costs no time."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from chapters.panel import open_panel
+from common.settings import knob
+from tests.support.panel import PanelUser, example
+from tests.support.scenes import nodes_at, quad_scene, translated
+
+
+@dataclass
+class Settings:
+    """As few as there can be."""
+
+    on: bool = knob(True, "whether it is on")
+
+
+@pytest.fixture
+def panel():
+    made = open_panel()
+    if made is None:
+        pytest.skip("the extra ui is not installed")
+    yield made
+    made.close()
+
+
+def house():
+    """Return a scene of a root with two branches, the first with two leaves."""
+    matrices = [translated(float(number)) for number in range(5)]
+    nodes = replace(nodes_at(*matrices), parent=np.array((-1, 0, 0, 1, 1), np.int32))
+    nodes.names[:] = ["house", "floor ##1", "roof", "table %s", ""]
+    return replace(quad_scene(), nodes=nodes)
+
+
+def opened(panel, scene) -> PanelUser:
+    user = PanelUser(panel, example(Settings(), scene=scene), (640, 1200))
+    assert not user.click(*user.place("Scene", 0.5))
+    return user
+
+
+def rows(user: PanelUser) -> list[int]:
+    return [int(name.split()[1]) for name in user.panel.places if name.startswith("node ")]
+
+
+@pytest.mark.feature("scene/tree-inspector")
+def test_branches_unfold_and_a_click_chooses_a_node(panel):
+    user = opened(panel, house())
+    assert rows(user) == [0, 1, 2], "a lone root is unfolded"
+    assert "transform" not in user.panel.places
+    left, middle = user.place("node 1", 0.0, 0.5)
+    arrow = (left + user.panel._imgui.get_tree_node_to_label_spacing() / 2, middle)
+    assert not user.click(*arrow)
+    assert rows(user) == [0, 1, 3, 4, 2]
+    assert user.panel._tree.chosen is None, "the arrow unfolds and chooses nothing"
+    assert not user.click(*user.place("node 4", 0.5))
+    assert user.panel._tree.chosen == 4
+    assert "transform" in user.panel.places
+    assert not user.click(*arrow)
+    assert rows(user) == [0, 1, 2] and user.panel._tree.chosen == 4
+    user.state = example(Settings(), scene=house())
+    user.wait()
+    assert user.panel._tree.chosen is None, "another scene has other nodes"
+
+
+def test_a_hundred_thousand_roots_are_listed_once_and_drawn_where_they_are_seen(panel):
+    count = 100_000
+    scene = replace(
+        quad_scene(),
+        nodes=replace(
+            nodes_at(np.eye(4)),
+            parent=np.full(count, -1, np.int32),
+            names=[""] * count,
+            translation=np.zeros((count, 3)),
+            rotation=np.tile((0.0, 0.0, 0.0, 1.0), (count, 1)),
+            scale=np.ones((count, 3)),
+            matrix=np.tile(np.eye(4), (count, 1, 1)),
+            has_matrix=np.ones(count, bool),
+        ),
+    )
+    user = opened(panel, scene)
+    assert 5 < len(rows(user)) < 40
+    began = time.perf_counter()
+    user.wait(10)
+    assert time.perf_counter() - began < 0.5, "ten frames; listing all rows ten times takes seconds"
+
+
+def test_without_a_scene_nothing_is_listed(panel):
+    user = opened(panel, None)
+    assert rows(user) == []
