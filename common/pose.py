@@ -13,6 +13,9 @@ from common.deform import Vertices, flat, morph, skin
 from common.scene import Change, Deformation, Float32, Float64, Nodes, Pose, Scene
 from common.transforms import compose, translation
 
+FEW = 256
+"""Nodes: fewer are all computed anew, since finding out which of them must be takes 0.1 ms."""
+
 
 def evaluate_pose(scene: Scene, time: float) -> Pose:
     """Return where every node, instance and deforming vertex of a scene is at `time` (seconds).
@@ -26,19 +29,24 @@ def evaluate_pose(scene: Scene, time: float) -> Pose:
     if scene.tracks and scene.driven_levels is None:
         return _pose(scene, time, None, [])
     rest = _rest_pose(scene)
-    if not scene.tracks:
-        return replace(rest, time=time)
-    return _pose(scene, time, rest, scene.driven_levels or [])
+    if scene.tracks:
+        return _pose(scene, time, rest, scene.driven_levels or [])
+    if rest.time != time:
+        rest = replace(rest, time=time)
+        scene.rest_pose = (scene.revision[Change.TRANSFORMS], rest)
+    return rest
 
 
 def driven_levels(scene: Scene) -> list[NDArray[np.intp]] | None:
-    """Return the nodes that hang on those which clips move, by depth; None where these are most nodes."""
+    """Return the nodes that hang on those which clips move, by depth; None where all are computed anew."""
     driven = [track.nodes for track in scene.tracks if track.path != "weights"]
     return _unless_most(scene, np.concatenate(driven) if driven else ())
 
 
 def _unless_most(scene: Scene, nodes: ArrayLike) -> list[NDArray[np.intp]] | None:
     """Return what hangs on `nodes`, or None where picking that out would cost more than it saves."""
+    if len(scene.nodes) < FEW:
+        return None
     levels = scene.nodes.ancestry.levels_below(nodes)
     return levels if 2 * sum(map(len, levels)) <= len(scene.nodes) else None
 

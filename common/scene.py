@@ -304,7 +304,7 @@ class Scene:
         self.tracks = build_tracks(self.animations)
         """What plays: channels of the animations, grouped to be sampled together."""
         self.driven_levels = driven_levels(self)
-        """What hangs on nodes that clips move, by depth; None where these are most nodes."""
+        """What hangs on nodes that clips move, by depth; None where that is most of them, or they are few."""
         self.rest_pose: tuple[int, Pose] | None = None
         """The pose without animation and the revision of its transforms, kept by `evaluate_pose`."""
         self.edited_nodes: set[int] = set()

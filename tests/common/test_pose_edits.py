@@ -7,10 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from common.pose import evaluate_pose
+from common.pose import FEW, evaluate_pose
 from common.scene import Pose
 from common.transforms import compose
 from tests.support.forests import forest_scene
+
+COUNT = FEW + 44
+"""Nodes: enough that not all are computed anew."""
 
 
 def assert_same(pose: Pose, other: Pose) -> None:
@@ -26,14 +29,14 @@ def assert_same(pose: Pose, other: Pose) -> None:
 @pytest.mark.parametrize("copies", [False, True])
 @pytest.mark.parametrize("seed", range(3))
 def test_edits_give_the_bits_of_the_whole_composition(seed, copies, deforming):
-    scene = forest_scene(seed, 70, copies=copies, deforming=deforming)
+    scene = forest_scene(seed, COUNT, copies=copies, deforming=deforming)
     random = np.random.default_rng(seed + 100)
     for _ in range(15):
         before = evaluate_pose(scene, 0.0)
         kept = before.world_from_node.copy(), before.world_from_object.copy()
         for _ in range(random.integers(1, 4)):
             with scene.edit() as edit:
-                for node in random.integers(0, 70, random.integers(0, 3)).tolist():
+                for node in random.integers(0, COUNT, random.integers(0, 3)).tolist():
                     if scene.nodes.has_matrix[node] or random.random() < 0.2:
                         edit.set_transform(
                             node, matrix=compose(random.normal(size=3), (0, 0, 0, 1), (1, 2, 1))
@@ -55,7 +58,7 @@ def test_a_time_gives_the_bits_of_the_whole_composition(copies, deforming):
     """Clips drive some nodes, and edits come between the frames, of nodes that are driven too."""
     compared = 0
     for seed in range(6):
-        scene = forest_scene(seed, 70, copies=copies, deforming=bool(deforming), animated=True)
+        scene = forest_scene(seed, COUNT, copies=copies, deforming=bool(deforming), animated=True)
         if deforming == "morph":
             parts = dict.fromkeys(("joints", "inverse_bind", "vertex_joints", "vertex_weights"))
             scene = replace(scene, deformations=[replace(scene.deformations[0], **parts)])
@@ -64,7 +67,7 @@ def test_a_time_gives_the_bits_of_the_whole_composition(copies, deforming):
             with scene.edit() as edit:
                 edit.set_transform(4, scale=tuple(random.uniform(1, 2, 3)))
                 edit.set_transform(
-                    int(random.integers(5, 70)),
+                    int(random.integers(5, COUNT)),
                     matrix=compose(random.normal(size=3), (0, 0, 0, 1), (2, 1, 1)),
                 )
             time = float(random.random())
@@ -79,11 +82,11 @@ def test_a_time_gives_the_bits_of_the_whole_composition(copies, deforming):
 
 def test_nodes_that_hang_on_no_edited_one_are_not_computed():
     """Their places are overwritten behind the scene's back: whoever composed them would see it."""
-    scene = forest_scene(1, 70)
+    scene = forest_scene(1, COUNT)
     before = evaluate_pose(scene, 0.0)
     node = int(np.flatnonzero(scene.nodes.ancestry.sizes == 3)[0])
     below = scene.nodes.ancestry.subtrees([node])
-    others = np.setdiff1d(np.arange(70), below)
+    others = np.setdiff1d(np.arange(COUNT), below)
     scene.nodes.translation[others] = scene.nodes.matrix[others] = np.nan
     with scene.edit() as edit:
         edit.set_transform(node, matrix=np.eye(4))
@@ -95,7 +98,7 @@ def test_nodes_that_hang_on_no_edited_one_are_not_computed():
 
 
 def test_a_pose_in_the_middle_of_an_edit_loses_nothing():
-    scene = forest_scene(2, 70)
+    scene = forest_scene(2, COUNT)
     for matrix in (2 * np.eye(4), 3 * np.eye(4)):
         with scene.edit() as edit:
             edit.set_transform(5, matrix=matrix)
