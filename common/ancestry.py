@@ -108,7 +108,7 @@ class Ancestry:
             return []
         order, rank, firsts = self._ranks
         ranks = np.sort(rank[found])  # sorts of plain numbers are many times as fast as those of places
-        parts = np.split(order[ranks], np.unique(np.searchsorted(ranks, firsts)))
+        parts = np.split(order[ranks], np.searchsorted(ranks, firsts))
         return [part for part in parts if len(part)]
 
     def links(self) -> np.ndarray:

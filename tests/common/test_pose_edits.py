@@ -30,13 +30,16 @@ def assert_same(pose: Pose, other: Pose) -> None:
 @pytest.mark.parametrize("seed", range(3))
 def test_edits_give_the_bits_of_the_whole_composition(seed, copies, deforming):
     scene = forest_scene(seed, COUNT, copies=copies, deforming=deforming)
+    joints = np.flatnonzero(scene.nodes.ancestry.sizes == 1)[:3].astype(np.int32)
+    scene = replace(scene, deformations=[replace(one, joints=joints) for one in scene.deformations])
     random = np.random.default_rng(seed + 100)
     for _ in range(15):
         before = evaluate_pose(scene, 0.0)
         kept = before.world_from_node.copy(), before.world_from_object.copy()
         for _ in range(random.integers(1, 4)):
             with scene.edit() as edit:
-                for node in random.integers(0, COUNT, random.integers(0, 3)).tolist():
+                chosen = random.integers(0, COUNT, random.integers(0, 3))
+                for node in [*chosen.tolist(), *joints[: random.integers(0, 2)].tolist()]:
                     if scene.nodes.has_matrix[node] or random.random() < 0.2:
                         edit.set_transform(
                             node, matrix=compose(random.normal(size=3), (0, 0, 0, 1), (1, 2, 1))
