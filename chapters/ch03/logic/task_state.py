@@ -5,11 +5,11 @@ All of it is the scheduler's, which changes it under its lock.
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from heapq import heappop, heappush
+from queue import SimpleQueue
 from typing import Any, Generic, TypeVar, cast
 
 T = TypeVar("T")
@@ -104,28 +104,42 @@ class Thread:
 
 
 @dataclass(eq=False)
-class Wait:
-    """A thread that waits for `target`. It runs tasks of `needed`, and no others."""
+class Post:
+    """Where threads wait for tasks: those that can begin, and an entry in `wake` for each of them (False: the end).
+
+    A queue, not a condition: Ctrl-C between two steps of Python's `Condition` would leave its lock in disorder, while
+    putting and getting are one step each.
+    """
+
+    pin: str | None = None
+    ready: Heap = field(default_factory=list)
+    wake: SimpleQueue[bool] = field(default_factory=SimpleQueue)
+
+    def offer(self, task: Task[Any]) -> None:
+        """Have a thread run a task that can begin."""
+        heappush(self.ready, task.place)
+        self.wake.put(True)
+
+
+@dataclass(eq=False, kw_only=True)
+class Wait(Post):
+    """The post of one thread, which waits for `target`. It runs tasks of `needed` meanwhile, and no others."""
 
     target: Task[Any]
-    pin: str | None
-    wake: threading.Condition
     needed: set[Task[Any]] = field(default_factory=set)
-    ready: Heap = field(default_factory=list)
 
     def need(self, tasks: Iterable[Task[Any]]) -> None:
         """Help with these tasks, too."""
-        for task in tasks:
-            if task not in self.needed:
-                self.needed.add(task)
-                if task.state is State.READY:
-                    self.offer(task)
+        new = [task for task in tasks if task not in self.needed]
+        self.needed.update(new)
+        for task in new:
+            if task.state is State.READY:
+                self.can_begin(task)
 
-    def offer(self, task: Task[Any]) -> None:
-        """Tell the thread of a task that can begin, if it may run it."""
-        if task.pin in (None, self.pin):
-            heappush(self.ready, task.place)
-            self.wake.notify()
+    def can_begin(self, task: Task[Any]) -> None:
+        """Offer a task to the thread that waits, if it helps to the end of the wait and may run there."""
+        if task in self.needed and task.pin in (None, self.pin):
+            self.offer(task)
 
 
 def inherit(task: Task[Any], before: Task[Any]) -> None:

@@ -36,8 +36,9 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from functools import partial
-from heapq import heappush
+from queue import Empty
 from types import TracebackType
 from typing import Any, TypeVar
 
@@ -46,7 +47,7 @@ from common.profiling import Record
 from .pinned_loop import PinnedLoop
 from .task_errors import TaskCancelledError, TaskError, error_from, error_of
 from .task_graph import RangeWork, TaskGraph
-from .task_state import Failure, Heap, State, Task, Thread, Wait, claim, inherit, needed_for, path_from
+from .task_state import Failure, Post, State, Task, Thread, Wait, claim, inherit, needed_for, path_from
 
 T = TypeVar("T")
 
@@ -94,18 +95,16 @@ class Scheduler:
         self._closing = False
         self._here = threading.local()
         self._here.thread = self._owner = Thread(0)
-        self._queues: dict[str | None, Heap] = {}
-        self._executors: dict[str | None, ThreadPoolExecutor] = {}
-        groups: list[tuple[str | None, int]] = [(None, workers)] if workers else []
-        free = itertools.count(1)
-        for pin, count in [*groups, *((name, 1) for name in names)]:
-            indices = [next(free) for _ in range(count)]
-            self._queues[pin] = []
-            self._executors[pin] = ThreadPoolExecutor(count, pin or "worker", self._enter, (pin, indices))
-
-    def _enter(self, pin: str | None, indices: list[int]) -> None:
-        """Give a new thread of an executor its index."""
-        self._here.thread = Thread(indices.pop(), pin)  # pop is one step, even without an interpreter lock
+        pins: list[str | None] = [*[None] * workers, *names]  # by index of the thread, from 1
+        self._posts = {pin: Post(pin) for pin in pins}
+        self._served = [self._posts[pin] for pin in pins]
+        self._executor = ThreadPoolExecutor(max(1, len(self._served)))
+        try:
+            for index, post in enumerate(self._served, 1):
+                self._executor.submit(self._serve, Thread(index, post.pin), post)
+        except BaseException:
+            self._shut_down()
+            raise
 
     # --- what there is to do ------------------------------------------------------------------------------------------
 
@@ -193,7 +192,7 @@ class Scheduler:
                     raise TaskCancelledError(
                         f"Task {task.name!r} cannot begin: its scheduler is closed.", task.name
                     )
-                if task.pin is not None and task.pin not in self._executors:
+                if task.pin is not None and task.pin not in self._posts:
                     raise ValueError(f"task {task.name!r} is pinned to {task.pin!r}: no thread is called so")
                 task.number = next(self._numbers)
                 self._live[task] = None
@@ -221,7 +220,7 @@ class Scheduler:
             self._live.pop(task, None)
             for wait in self._waits:
                 if wait.target is task:
-                    wait.wake.notify()
+                    wait.wake.put(True)
             for later in task.dependents:
                 inherit(later, task)
                 later.unmet -= 1
@@ -233,11 +232,9 @@ class Scheduler:
     def _make_ready(self, task: Task[Any]) -> None:
         task.state = State.READY
         for wait in self._waits:
-            if task in wait.needed:
-                wait.offer(task)
-        if task.pin in self._queues:
-            heappush(self._queues[task.pin], task.place)
-            self._executors[task.pin].submit(self._work, task.pin)
+            wait.can_begin(task)
+        if task.pin in self._posts:
+            self._posts[task.pin].offer(task)
 
     def _give_up(self, task: Task[Any], failure: Failure) -> None:
         """Cancel a task if it has not begun; it ends when what it comes after has."""
@@ -248,12 +245,15 @@ class Scheduler:
 
     # --- threads at work ----------------------------------------------------------------------------------------------
 
-    def _work(self, pin: str | None) -> None:
-        """Run one task of a queue. An executor is asked for this once per task; a thread that helps may be faster."""
-        with self._lock:
-            task = claim(self._queues[pin], self._here.thread)
-        if task is not None:
-            self._run(task, self._here.thread)
+    def _serve(self, thread: Thread, post: Post) -> None:
+        """Be one of the threads: run the tasks of a post, until the scheduler is closed."""
+        self._here.thread = thread
+        threading.current_thread().name = thread.pin or f"worker {thread.index}"
+        while post.wake.get():
+            with self._lock:
+                task = claim(post.ready, thread)
+            if task is not None:  # else a thread that helps was faster
+                self._run(task, thread)
 
     def _run(self, task: Task[Any], thread: Thread) -> None:
         """Do the work of a task that this thread has claimed, and end it."""
@@ -305,7 +305,7 @@ class Scheduler:
         """
         thread = self._current()
         waiting = thread.stack[-1] if thread.stack else None
-        wait = Wait(task, thread.pin, threading.Condition(self._lock))
+        wait = Wait(thread.pin, target=task)
         try:
             self._begin_wait(wait, waiting)
             while (ready := self._next_for(wait, thread)) is not None:
@@ -341,13 +341,15 @@ class Scheduler:
 
     def _next_for(self, wait: Wait, thread: Thread) -> Task[Any] | None:
         """Return a task to help with, or None when the wait is over; sleep until there is either."""
-        with self._lock:
-            while not wait.target.ended:
+        while True:
+            with self._lock:
+                if wait.target.ended:
+                    return None
                 task = claim(wait.ready, thread)
-                if task is not None:
-                    return task
-                wait.wake.wait(_PATIENCE_S)
-        return None
+            if task is not None:
+                return task
+            with suppress(Empty):
+                wait.wake.get(timeout=_PATIENCE_S)
 
     @property
     def thread(self) -> int:
@@ -418,8 +420,9 @@ class Scheduler:
                     self._give_up(task, Failure(task.name))
         for loop in self._loops:
             loop.stop()
-        for executor in self._executors.values():
-            executor.shutdown(wait=True, cancel_futures=True)
+        for post in self._served:
+            post.wake.put(False)
+        self._executor.shutdown()
 
     def __enter__(self) -> Scheduler:
         return self
