@@ -5,10 +5,10 @@ All of it is the scheduler's, which changes it under its lock.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from enum import Enum
-from heapq import heappop, heappush
+from heapq import heappush
 from queue import SimpleQueue
 from typing import Any, Generic, TypeVar, cast
 
@@ -140,43 +140,3 @@ class Wait(Post):
         """Offer a task to the thread that waits, if it helps to the end of the wait and may run there."""
         if task in self.needed and task.pin in (None, self.pin):
             self.offer(task)
-
-
-def inherit(task: Task[Any], before: Task[Any]) -> None:
-    """Let a task fail for what a task before it failed for."""
-    task.failures.extend(failure for failure in before.failures if failure not in task.failures)
-
-
-def claim(heap: Heap, thread: Thread) -> Task[Any] | None:
-    """Take the first task that can still begin; from then on it runs in this thread. Under the lock."""
-    while heap:
-        task = heappop(heap)[-1]
-        if task.state is State.READY:
-            task.state, task.thread = State.RUNNING, thread.index
-            return task
-    return None
-
-
-def needed_for(task: Task[Any]) -> dict[Task[Any], Task[Any] | None]:
-    """Return all that has to end before a task has, itself included, each with one that needs it. Under the lock."""
-    if task.ended:
-        return {}
-    needed: dict[Task[Any], Task[Any] | None] = {task: None}
-    open_ = [task]
-    while open_:
-        one = open_.pop()
-        for below in (*one.after, *((one.waits_for,) if one.waits_for else ())):
-            if not below.ended and below not in needed:
-                needed[below] = one
-                open_.append(below)
-    return needed
-
-
-def path_from(task: Task[Any], needed: Mapping[Task[Any], Task[Any] | None]) -> list[str]:
-    """Return the names that lead from a task to the one that `needed` was made for."""
-    names = []
-    step: Task[Any] | None = task
-    while step is not None:
-        names.append(step.name)
-        step = needed[step]
-    return names

@@ -29,11 +29,9 @@ all threads are joined.
 
 from __future__ import annotations
 
-import itertools
 import os
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
@@ -47,7 +45,8 @@ from common.profiling import Record
 from .pinned_loop import PinnedLoop
 from .task_errors import TaskCancelledError, TaskError, error_from, error_of
 from .task_graph import RangeWork, TaskGraph
-from .task_state import Failure, Post, State, Task, Thread, Wait, claim, inherit, needed_for, path_from
+from .task_order import Order, claim
+from .task_state import Failure, Post, State, Task, Thread, Wait
 
 T = TypeVar("T")
 
@@ -86,18 +85,15 @@ class Scheduler:
         self.records: list[Record] | None = [] if trace else None
         """What ran: name, start and length in ns, depth on the thread, index of the thread; by end."""
         self._origin_ns = time.perf_counter_ns()
-        self._lock = threading.Lock()
-        self._numbers = itertools.count()
-        self._live: dict[Task[Any], None] = {}  # what has not ended, oldest first
         self._unseen: dict[Failure, None] = {}  # errors that no one was told of
-        self._waits: list[Wait] = []
         self._loops: list[PinnedLoop] = []
         self._closing = False
         self._here = threading.local()
         self._here.thread = self._owner = Thread(0)
         pins: list[str | None] = [*[None] * workers, *names]  # by index of the thread, from 1
-        self._posts = {pin: Post(pin) for pin in pins}
-        self._served = [self._posts[pin] for pin in pins]
+        self._order = Order({pin: Post(pin) for pin in pins})
+        self._lock = self._order.lock
+        self._served = [self._order.posts[pin] for pin in pins]
         self._executor = ThreadPoolExecutor(max(1, len(self._served)))
         try:
             for index, post in enumerate(self._served, 1):
@@ -192,56 +188,9 @@ class Scheduler:
                     raise TaskCancelledError(
                         f"Task {task.name!r} cannot begin: its scheduler is closed.", task.name
                     )
-                if task.pin is not None and task.pin not in self._posts:
+                if task.pin is not None and task.pin not in self._order.posts:
                     raise ValueError(f"task {task.name!r} is pinned to {task.pin!r}: no thread is called so")
-                task.number = next(self._numbers)
-                self._live[task] = None
-                for before in task.after:
-                    if before.ended:
-                        inherit(task, before)
-                    else:
-                        before.dependents.append(task)
-                        task.unmet += 1
-                if task.unmet == 0:
-                    self._advance(task)
-
-    # --- how tasks begin and end; all of it under the lock ------------------------------------------------------------
-
-    def _advance(self, *tasks: Task[Any]) -> None:
-        """Let tasks begin for which nothing is left to wait, and end those that have run or cannot end well."""
-        open_ = deque(tasks)
-        while open_:
-            task = open_.popleft()
-            if not (task.begun or task.failures or task.joins):
-                self._make_ready(task)
-                continue
-            failed = (task.begun or task.joins) and any(failure.error for failure in task.failures)
-            task.state = State.FAILED if failed else State.CANCELLED if task.failures else State.DONE
-            self._live.pop(task, None)
-            for wait in self._waits:
-                if wait.target is task:
-                    wait.wake.put(True)
-            for later in task.dependents:
-                inherit(later, task)
-                later.unmet -= 1
-                if later.unmet == 0:
-                    open_.append(later)
-            # Who keeps a task for its result keeps neither what it was made of nor the tasks of frames long gone.
-            task.call, task.after, task.dependents, task.parts = None, (), [], []
-
-    def _make_ready(self, task: Task[Any]) -> None:
-        task.state = State.READY
-        for wait in self._waits:
-            wait.can_begin(task)
-        if task.pin in self._posts:
-            self._posts[task.pin].offer(task)
-
-    def _give_up(self, task: Task[Any], failure: Failure) -> None:
-        """Cancel a task if it has not begun; it ends when what it comes after has."""
-        if not task.begun:
-            task.failures.append(failure)
-            if task.unmet == 0:
-                self._advance(task)
+                self._order.add(task)
 
     # --- threads at work ----------------------------------------------------------------------------------------------
 
@@ -285,8 +234,8 @@ class Scheduler:
                 if failure.error is not None:
                     self._unseen[failure] = None
                 for other in task.parts:
-                    self._give_up(other, failure)
-            self._advance(task)
+                    self._order.give_up(other, failure)
+            self._order.advance(task)
         if interrupt is not None:
             raise interrupt
 
@@ -307,37 +256,19 @@ class Scheduler:
         waiting = thread.stack[-1] if thread.stack else None
         wait = Wait(thread.pin, target=task)
         try:
-            self._begin_wait(wait, waiting)
+            with self._lock:
+                self._order.begin_wait(wait, waiting)
             while (ready := self._next_for(wait, thread)) is not None:
                 self._run(ready, thread)
         finally:
             with self._lock:
-                self._waits = [one for one in self._waits if one is not wait]
-                if waiting is not None:
-                    waiting.waits_for = None
+                self._order.end_wait(wait, waiting)
         if task.failures:
             with self._lock:
                 for failure in task.failures:
                     self._unseen.pop(failure, None)
             raise error_of(task)
         return task.result
-
-    def _begin_wait(self, wait: Wait, waiting: Task[Any] | None) -> None:
-        with self._lock:
-            needed = needed_for(wait.target)
-            if waiting is not None:
-                if waiting in needed:
-                    path = " -> ".join([*path_from(waiting, needed), waiting.name])
-                    raise RuntimeError(
-                        f"task {waiting.name!r} waits for {wait.target.name!r}, which would never end: "
-                        f"each comes before the next in {path}"
-                    )
-                waiting.waits_for = wait.target
-                for other in self._waits:
-                    if waiting in other.needed:
-                        other.need(needed)
-            wait.need(needed)
-            self._waits.append(wait)
 
     def _next_for(self, wait: Wait, thread: Thread) -> Task[Any] | None:
         """Return a task to help with, or None when the wait is over; sleep until there is either."""
@@ -374,7 +305,7 @@ class Scheduler:
         with self._lock:
             failure = Failure(task.name)
             for one in (*task.parts, task):
-                self._give_up(one, failure)
+                self._order.give_up(one, failure)
             return task.state in (State.WAITING, State.CANCELLED)
 
     @property
@@ -409,15 +340,7 @@ class Scheduler:
     def _shut_down(self) -> None:
         with self._lock:
             self._closing = True
-            for task in list(self._live):
-                # Ctrl-C may have come between any two steps of this thread: a task that was claimed never ran,
-                # or one that ended has not yet told those that come after it.
-                task.unmet = sum(not before.ended for before in task.after)
-                if task.state is State.RUNNING and task.thread == self._owner.index:
-                    task.failures.append(Failure(task.name))
-                    self._advance(task)
-                else:
-                    self._give_up(task, Failure(task.name))
+            self._order.give_up_all(self._owner)
         for loop in self._loops:
             loop.stop()
         for post in self._served:
