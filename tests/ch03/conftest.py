@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import faulthandler
 import threading
 from collections.abc import Iterator
 
 import pytest
 
+HANGS_S = 60
+"""What takes longer never ends; a test takes a second at most."""
+
 
 @pytest.fixture
 def no_thread_left() -> Iterator[None]:
-    """Fail a test that leaves a thread behind."""
+    """Fail a test that leaves a thread behind; end the run, and tell where its threads are, if a test hangs."""
     before = set(threading.enumerate())
+    faulthandler.dump_traceback_later(HANGS_S, exit=True)
     yield
+    faulthandler.cancel_dump_traceback_later()
     left = [thread.name for thread in threading.enumerate() if thread not in before]
     assert not left

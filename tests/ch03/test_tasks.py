@@ -239,7 +239,12 @@ def test_who_waits_runs_what_it_waits_for_and_nothing_else():
             blocker = tasks.spawn("blocker", lambda: (begun.set(), go.wait(LIMIT_S)))
             begun.wait(LIMIT_S)  # the only worker is busy from now on
             other = tasks.spawn("other", lambda: ran.setdefault("other", tasks.thread))
-            first = tasks.spawn("first", lambda: ran.setdefault("first", tasks.thread))
+
+            def spawns():
+                tasks.spawn("late", lambda: ran.setdefault("late", tasks.thread), priority=1)
+                ran["first"] = tasks.thread
+
+            first = tasks.spawn("first", spawns)
             mine = tasks.spawn("mine", lambda: ran.setdefault("mine", tasks.thread), after=[first])
             assert tasks.wait(mine) == 0
             assert ran == {"first": 0, "mine": 0}
@@ -412,8 +417,10 @@ def test_a_loop_sleeps_until_it_is_woken_and_misses_nothing():
         assert not empty.is_set(), "it was called without being woken"
         for number in range(2000):
             queue.append(number)
-            loop.wake()
-        until = time.monotonic() + LIMIT_S
+            if number % 3 == 1:  # as `step` says that there is more, one call for all would do
+                loop.wake()
+        loop.wake()
+        until = time.monotonic() + LIMIT_S / 5
         while len(taken) < 2000 and time.monotonic() < until:
             time.sleep(1e-3)
         assert taken == list(range(2000))

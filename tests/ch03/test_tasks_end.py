@@ -13,6 +13,7 @@ import traceback
 
 import pytest
 
+from chapters.ch03.logic import task_order
 from chapters.ch03.logic.task_errors import TaskCancelledError, TaskError
 from chapters.ch03.logic.task_graph import TaskGraph
 from chapters.ch03.logic.task_state import State
@@ -397,3 +398,47 @@ def test_an_interrupt_at_any_time_leaves_nothing_running():
     assert done.returncode == 0, done.stderr
     # Python itself loses one that comes while it calls back for a weak reference.
     assert 110 <= int(done.stdout.split()[1]) <= 120
+
+
+@scheduler
+@pytest.mark.parametrize("place", ["before a task that it took has run", "before others are told of an end"])
+def test_an_interrupt_between_two_steps_leaves_nobody_waiting_for_ever(place, monkeypatch):
+    """A worker's task waits for `last`, which comes after `first`; the interrupt keeps `last` from ever beginning."""
+
+    def run():
+        tasks, owner, waits = Scheduler(1), threading.get_ident(), threading.Event()
+
+        def interrupted(function):
+            def wrapper(*arguments):
+                if threading.get_ident() == owner:
+                    raise KeyboardInterrupt
+                return function(*arguments)
+
+            return wrapper
+
+        def outer():
+            waits.set()
+            tasks.wait(last)
+
+        busy = threading.Event()
+        blocker = tasks.spawn("blocker", lambda: busy.wait(LIMIT_S))
+        while blocker.state is not State.RUNNING:
+            time.sleep(1e-3)
+        first = tasks.spawn("first", lambda: None)
+        last = tasks.spawn("last", lambda: None, after=[first])
+        whole = tasks.spawn("outer", outer, priority=1)
+        if place.startswith("before a task"):
+            monkeypatch.setattr(tasks, "_run", interrupted(tasks._run))
+        else:
+            monkeypatch.setattr(task_order, "_inherit", interrupted(task_order._inherit))
+        with pytest.raises(KeyboardInterrupt):
+            tasks.wait(last)
+        monkeypatch.undo()
+        busy.set()
+        waits.wait(LIMIT_S)
+        time.sleep(0.01)
+        assert not last.ended and not whole.ended
+        tasks.close()
+        assert last.state is whole.state is State.CANCELLED
+
+    within(LIMIT_S, run)
