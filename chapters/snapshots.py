@@ -71,10 +71,11 @@ class Chapter:
 
 
 def read_chapters(root: Path) -> list[Chapter]:
-    """Return the chapters of `root` in order."""
+    """Return the chapters of `root` in order; a folder without `__init__.py` is none yet."""
     return [
         Chapter(number, folder.name, lesson_of(folder), read_tree(folder, studies=True))
         for number, folder in numbers(root).items()
+        if (folder / "__init__.py").is_file()
     ]
 
 

@@ -176,12 +176,12 @@ class PhysicalDevice:
 
 
 def find_family(families: Sequence[QueueFamily], wanted: int, avoid: int = 0) -> int:
-    """Return the index of the first family with all flags of `wanted` and none of `avoid`; raise LookupError if none.
+    """Return the index of the first family with queues, all flags of `wanted` and none of `avoid`, or raise LookupError.
 
     Family 0 is a valid answer, so "none" cannot be a number.
     """
     for family in families:
-        if family.has(wanted) and not family.flags & avoid:
+        if family.count and family.has(wanted) and not family.flags & avoid:
             return family.index
     raise LookupError(f"no queue family has flags {wanted:#x} without {avoid:#x}")
 

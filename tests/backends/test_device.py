@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import pytest
 
 from backends.contract import FEATURES, check_without, resolve
@@ -87,6 +90,38 @@ def test_family_0_is_an_answer_and_none_is_an_error():
         find_family(found, SPARSE)
     with pytest.raises(LookupError):
         find_family(found[:1], COMPUTE, GRAPHICS)
+
+
+EXAMPLE = (GRAPHICS | COMPUTE | TRANSFER | SPARSE, COMPUTE | TRANSFER | SPARSE, TRANSFER | SPARSE)
+
+
+@pytest.mark.feature("tasks/queue-family-selection")
+@pytest.mark.parametrize(
+    ("flags", "main", "compute", "transfer"),
+    [
+        (EXAMPLE, 0, 1, 2),
+        (EXAMPLE[::-1], 2, 1, 0),
+        ((*EXAMPLE, *EXAMPLE), 0, 1, 2),  # the first, not the last
+        ((GRAPHICS, *EXAMPLE), 1, 2, 3),  # graphics alone is not enough: flags are compared as a whole
+        (EXAMPLE[:2], 0, 1, None),  # a family that computes is no engine for copies
+        (EXAMPLE[:1], 0, None, None),
+        ((GRAPHICS | COMPUTE,), 0, None, None),
+        ((GRAPHICS | COMPUTE, GRAPHICS | TRANSFER), 0, None, None),
+    ],
+)
+def test_queues_are_chosen_by_what_their_families_can_do(flags, main, compute, transfer):
+    """Where there is no family for copies alone, the main queue is the only one that is made, and uploads take it."""
+    physical = described(families=families(*flags))
+    device = SimpleNamespace(physical=physical, features=capabilities(physical).features)
+    made = Device._pick_families(device)
+    assert (device._graphics, device._compute, device._transfer) == (main, compute, transfer)
+    assert made == {main, compute, transfer} - {None}
+
+
+@pytest.mark.feature("tasks/queue-family-selection")
+def test_a_family_without_queues_is_passed_over():
+    empty = replace(families(TRANSFER)[0], count=0)
+    assert find_family([empty, *families(GRAPHICS, TRANSFER)[1:]], TRANSFER) == 1
 
 
 @pytest.mark.feature("device/bring-up")

@@ -66,6 +66,12 @@ def test_a_copy_keeps_all_rules(trees):
     assert trees.broken() == []
 
 
+def test_a_folder_that_does_not_say_what_it_is_is_no_chapter_yet(trees):
+    trees.write(3, "logic/tasks.py", '"""Made before the copy of chapter 2."""\n')
+    assert [chapter.number for chapter in snapshots.read_chapters(trees.root)] == [1, 2]
+    assert check(trees.root) == []
+
+
 def test_new_files_are_free(trees):
     trees.new(2)
     trees.write(2, "shaders/new.frag", "void main() {}\n")
