@@ -176,7 +176,7 @@ class PhysicalDevice:
 
 
 def find_family(families: Sequence[QueueFamily], wanted: int, avoid: int = 0) -> int:
-    """Return the index of the first family with queues, all flags of `wanted` and none of `avoid`, or raise LookupError.
+    """Return the index of the first family with queues, all of `wanted` and none of `avoid`; raise LookupError if none.
 
     Family 0 is a valid answer, so "none" cannot be a number.
     """
