@@ -366,17 +366,20 @@ for seed in range(120):
         _thread.interrupt_main()
 
     timer = threading.Thread(target=interrupt)
+    def work():
+        tasks.loop("load", lambda: False, "io")
+        def tree(depth):
+            for task in [tasks.spawn("t", lambda: tree(depth - 1)) for _ in range(2 if depth else 0)]:
+                tasks.wait(task)
+        until = time.perf_counter() + 0.05
+        while time.perf_counter() < until:
+            tasks.wait(tasks.spawn_range("range", lambda *_: tree(2), 3, after=[tasks.spawn("first", int)]))
+
     tasks = Scheduler(seed % 3, pinned=["io"])
     try:
         with tasks:
             timer.start()
-            tasks.loop("load", lambda: False, "io")
-            def tree(depth):
-                for task in [tasks.spawn("t", lambda: tree(depth - 1)) for _ in range(2 if depth else 0)]:
-                    tasks.wait(task)
-            until = time.perf_counter() + 0.05
-            while time.perf_counter() < until:
-                tasks.wait(tasks.spawn_range("range", lambda *_: tree(2), 3, after=[tasks.spawn("first", int)]))
+            work()
     except KeyboardInterrupt:
         stopped += 1
     timer.join()

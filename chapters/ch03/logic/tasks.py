@@ -72,6 +72,9 @@ class Scheduler:
     every time. A thread that waits helps, but only with what it waits for: a frame that waits for its commands never
     finds itself decoding a file, and since what is on top of a task is always needed by it, spawning and waiting may
     be nested as deep as Python's stack allows, on any number of threads.
+
+    Its threads wait for work until it is closed: use `with`, or call `close` in a `finally`. A program that does
+    neither does not end.
     """
 
     def __init__(self, workers: int, pinned: Iterable[str] = (), trace: bool = False) -> None:
