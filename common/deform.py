@@ -25,7 +25,7 @@ def morph(
         for part, offsets in zip(moved, (positions, normals, tangents), strict=True):
             if offsets is not None:
                 part[:, :3] += weights[target] * offsets[target]
-    return _tidy(moved[0], moved[1], moved[2])
+    return tidied(moved[0], moved[1], moved[2])
 
 
 def skin(vertices: Vertices, matrices: Float64, joints: NDArray[np.int32], weights: Float64) -> Vertices:
@@ -44,10 +44,10 @@ def skin(vertices: Vertices, matrices: Float64, joints: NDArray[np.int32], weigh
     normals = np.einsum("vij,vj->vi", normal_matrix(linear), vertices[1])
     tangents = vertices[2].copy()
     tangents[:, :3] = np.einsum("vij,vj->vi", linear, vertices[2][:, :3])
-    return _tidy(positions, normals, tangents)
+    return tidied(positions, normals, tangents)
 
 
-def _tidy(positions: Float64, normals: Float64, tangents: Float64) -> Vertices:
+def tidied(positions: Float64, normals: Float64, tangents: Float64) -> Vertices:
     """Make normals unit and tangents perpendicular to them; what has no direction becomes +z, or some tangent."""
     normals = normalize(normals)
     normals[~normals.any(axis=1)] = (0.0, 0.0, 1.0)
@@ -64,4 +64,4 @@ def flat(vertices: Vertices) -> Vertices:
     """Return vertices with the normals of their triangles, three unshared vertices each."""
     corners = vertices[0].reshape(-1, 3, 3)
     normals = normalize(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
-    return _tidy(vertices[0], np.repeat(normals, 3, axis=0), vertices[2])
+    return tidied(vertices[0], np.repeat(normals, 3, axis=0), vertices[2])

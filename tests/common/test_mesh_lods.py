@@ -1,0 +1,102 @@
+"""Levels of detail against their promises: counts, ranges, distances; sampled by other points than theirs."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from common.errors import UserError
+from common.mesh_lods import lod_chain, simplified
+from common.mesh_metrics import hausdorff
+from common.mesh_pools import mesh_indices, mesh_positions
+from common.scene import Scene
+from tests.support.meshes import grid, scene_of
+
+
+@pytest.fixture
+def scene() -> Scene:
+    pytest.importorskip("meshoptimizer")
+    return scene_of(grid(3, 3), grid(24, 24, height=0.15), drawn=(1,))
+
+
+@pytest.mark.feature("mesh/simplify")
+@pytest.mark.parametrize("ratio", [0.0, 0.2, 0.7, 1.0])
+def test_simplifying_ends_at_the_ratio_or_the_error(scene, ratio):
+    before = scene.indices.tobytes()
+    indices, error = simplified(scene, 1, ratio)
+    assert scene.indices.tobytes() == before
+    assert len(indices) % 3 == 0 and indices.max() < scene.meshes["vertex_count"][1]
+    assert error <= 1e-2
+    if ratio == 0:
+        # The target cannot be reached, so the error stops it: the next collapse would pass the bound.
+        assert len(indices) > 0 and error > 0.005
+    else:
+        assert len(indices) <= ratio * 3456
+        assert len(indices) > 0.9 * ratio * 3456
+
+
+@pytest.mark.feature("mesh/lod-chain")
+def test_levels_get_smaller_and_stay_near(scene):
+    levels = lod_chain(scene, 1, further=7, samples=300)
+    positions, original = mesh_positions(scene, 1), mesh_indices(scene, 1)
+    assert np.array_equal(levels[0].indices, original) and 3 <= len(levels) <= 8
+    counts = [len(level.indices) for level in levels]
+    assert counts == sorted(counts, reverse=True) and 1600 < counts[1] <= 1728
+    for level in levels[1:]:
+        assert len(level.indices) % 3 == 0 and level.indices.max() < len(positions)
+        apart = hausdorff(positions, original, positions, level.indices, samples=800, seed=77)
+        assert apart == pytest.approx(level.distance, rel=0.5)  # the extent of the mesh is 1
+        if not level.sloppy:
+            assert apart <= 0.02
+    assert not levels[1].sloppy
+
+
+def test_a_chain_is_as_long_as_was_asked_for(scene):
+    for further in (0, 1):
+        assert len(lod_chain(scene, 1, further, samples=100)) == 1 + further
+
+
+@pytest.mark.feature("mesh/lod-chain")
+def test_small_meshes_have_one_level_and_the_count_is_tested_before_it_is_halved(scene):
+    assert len(lod_chain(scene, 0)) == 1
+    flat = grid(10, 18, height=0)
+    for count, levels in ((1023, 1), (1026, 2)):
+        assert len(lod_chain(scene_of((flat[0], flat[1][:count])), 0)) == levels
+
+
+def test_a_bound_is_kept_where_quadrics_are_wrong(scene):
+    # The simplifier's own estimate stays below the bound in any case, and the distance would be twice that.
+    bound = 0.006
+    levels = lod_chain(scene, 1, distance=bound, samples=300)
+    positions, original = mesh_positions(scene, 1), mesh_indices(scene, 1)
+    true = [hausdorff(positions, original, positions, each.indices, samples=800) for each in levels]
+    assert all(apart <= bound or level.sloppy for apart, level in zip(true, levels, strict=True))
+    assert any(not level.sloppy for level in levels[1:])
+
+
+def test_tangents_of_every_triangle_are_no_seams(scene):
+    positions, indices = grid(20, 20)
+    apart = scene_of((positions[indices], np.arange(len(indices), dtype=np.uint32)))
+    turned = apart.tangents.copy()
+    turned[:, :3] += np.random.default_rng(0).normal(size=(len(turned), 3)).astype(np.float32) * 0.1
+    counts = [
+        len(simplified(replace(apart, tangents=tangents), 0)[0]) for tangents in (apart.tangents, turned)
+    ]
+    assert counts[0] == counts[1] <= 480
+
+
+def test_wrong_calls_and_a_missing_package(monkeypatch):
+    one = scene_of(grid(2, 2))
+    with pytest.raises(ValueError, match="0 to 7 further levels, not 8"):
+        lod_chain(one, 0, further=8)
+    with pytest.raises(ValueError, match=r"not 1\.5"):
+        simplified(one, 0, 1.5)
+    monkeypatch.setitem(sys.modules, "meshoptimizer", None)
+    for call in (simplified, lod_chain):
+        with pytest.raises(
+            UserError, match=r"^(simplifying a mesh|making levels of detail) needs the package mesh"
+        ):
+            call(one, 0)
