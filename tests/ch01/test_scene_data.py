@@ -412,6 +412,24 @@ def test_an_edit_that_cannot_be_followed_says_so_until_it_is_mended(chapter):
         assert np.array_equal(made.render(view).image("color_linear"), expected)
 
 
+def test_an_image_larger_than_the_device_takes_is_one_sentence(chapter):
+    """When it is opened and when it is edited; a driver need not notice."""
+    most = chapter.device.capabilities.limits["maxImageDimension2D"]
+    scene, view = lit_scene(images=(GREY, Image("long", np.zeros((1, most + 1, 4), np.uint8)))), facing()
+    said = rf"^Image 1 \('long'\) has {most + 1}x1 pixels, and material 0 .* no side longer than {most}\.$"
+    long = replace(MATTE, base_color_texture=texture(1))
+    alive = len(chapter.device.alive)
+    with chapter.open(scene, SIZE, EXACT) as made:
+        with scene.edit() as change:
+            change.set_material(0, long)
+        for _ in range(2):
+            with pytest.raises(SceneError, match=said):
+                made.render(view)
+    with pytest.raises(SceneError, match=said):
+        chapter.open(scene, SIZE, EXACT)
+    assert len(chapter.device.alive) == alive
+
+
 def test_a_skin_keeps_its_pose_when_its_material_reads_more(chapter):
     """New streams are a new buffer, at rest: the posed vertices must be copied into it, in both slots."""
     scene = skinned_scene()

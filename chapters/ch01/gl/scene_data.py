@@ -60,12 +60,12 @@ class SceneData:
         self.records = Records(scene, settings.light_cutoff)
         self._images: dict[texels.Key, Image] = {}
         self._samplers: dict[tuple[Sampler, float], int] = {}
+        self._energy = settings.energy if environment.needed(scene, settings) else None
+        self._choose_variants()  # it refuses what cannot be drawn, before anything is made that would be left behind
         rows = np.zeros((max(1, len(scene.instances)), PUSH_SIZE // 4), np.uint32)
         rows[:, 0] = np.arange(len(rows))
         self.push = PushTable(context, rows, "push constants")
         self.empty_vertex_array = create_vertex_array(context, [], None, None, "no vertices")
-        self._energy = settings.energy if environment.needed(scene, settings) else None
-        self._choose_variants()
         self._upload_geometry()
         self._make_environment()
         self.slots = [self._make_slot(index) for index in range(SLOTS)]
@@ -76,9 +76,8 @@ class SceneData:
     # --- made once ---
 
     def _choose_variants(self) -> None:
-        texels.check_images(
-            self._scene
-        )  # first: an edit that cannot be followed says so until another one mends it
+        # First: an edit that cannot be followed says so until another one mends it.
+        texels.check_images(self._scene, self._context.limits["maxImageDimension2D"])
         self.variants = [
             views.variant_of(material, self._scene, self._settings, self._energy)
             for material in self._scene.materials

@@ -78,9 +78,8 @@ class SceneData:
     # --- made once ---
 
     def _choose_variants(self) -> None:
-        texels.check_images(
-            self._scene
-        )  # first: an edit that cannot be followed says so until another one mends it
+        # First: an edit that cannot be followed says so until another one mends it.
+        texels.check_images(self._scene, int(self._device.limits.maxImageDimension2D))
         self.variants = [
             views.variant_of(material, self._scene, self._settings, self._energy)
             for material in self._scene.materials

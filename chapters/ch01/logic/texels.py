@@ -43,8 +43,8 @@ def key_of(role: str, texture: TextureRef | None) -> Key:
     return ("image", texture.image, role in ("base_color", "emissive"), texture.sampler.mipmap is not None)
 
 
-def check_images(scene: Scene) -> None:
-    """Raise SceneError if a material reads an image that is not there."""
+def check_images(scene: Scene, largest: int) -> None:
+    """Raise SceneError if a material reads an image that is not there, or one whose sides are not 1 to `largest`."""
     count = len(scene.images)
     for number, material in enumerate(scene.materials):
         for role, texture in material.textures().items():
@@ -52,6 +52,18 @@ def check_images(scene: Scene) -> None:
                 raise SceneError(
                     f"Material {number} reads image {texture.image} as its {role}, but there are {count} images, "
                     "counted from 0: name one of them in the edit."
+                )
+            image = scene.images[texture.image]
+            height, width = image.pixels.shape[:2]
+            if not 1 <= min(width, height) <= max(width, height) <= largest:
+                mend = (
+                    f"make it smaller: this device takes no side longer than {largest}"
+                    if min(width, height)
+                    else "give it one pixel at least"
+                )
+                raise SceneError(
+                    f"Image {texture.image} ('{image.name}') has {width}x{height} pixels, and material {number} reads "
+                    f"it as its {role}: {mend}."
                 )
 
 

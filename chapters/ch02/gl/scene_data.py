@@ -73,7 +73,7 @@ class SceneData:
     def _choose_variants(self) -> None:
         # First: an edit that cannot be followed says so until another one mends it.
         packing.check_materials(self._scene)
-        texels.check_images(self._scene)
+        texels.check_images(self._scene, self._context.limits["maxImageDimension2D"])
         self.variants = [
             views.variant_of(material, self._scene, self._settings, self._energy)
             for material in self._scene.materials
