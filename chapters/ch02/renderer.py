@@ -299,6 +299,7 @@ class Renderer(FrameStream):
                 if made in self.passes:
                     made.create()
             self._make_sets()
+            self._data.followed()
         previous = self._previous
         if reset:  # then the frame before says nothing: neither where the camera was nor where objects were
             previous = None

@@ -17,7 +17,7 @@ from chapters.ch01.settings import Settings
 from common import layouts
 from common.camera import UNIT_EV100, exposure
 from common.color import decode_srgb
-from common.errors import SceneError
+from common.errors import SceneError, ShaderError
 from common.scene import Deformation, Image, Instances, Light, Material, Sampler
 from tests.support.bounds import decoded_srgb
 from tests.support.chapter import building
@@ -410,6 +410,27 @@ def test_an_edit_that_cannot_be_followed_says_so_until_it_is_mended(chapter):
         with scene.edit() as change:
             change.set_material(0, MATTE)
         assert np.array_equal(made.render(view).image("color_linear"), expected)
+
+
+def test_an_edit_whose_pipelines_are_refused_is_done_anew(chapter, monkeypatch):
+    """As while a shader has a fault. The sets and textures are made by then, and frames must not draw half of it."""
+    scene, view = lit_scene(images=(GREY, GREY)), facing(ymag=2.0)
+
+    def refuse(*_):
+        raise ShaderError("no")
+
+    with chapter.open(scene, SIZE, EXACT, outputs={"color_linear", "instance_id"}) as made:
+        settled(made, view)
+        with scene.edit() as change:
+            more = replace(MATTE, base_color_texture=texture(0), normal_texture=texture(1), alpha_mode="mask")
+            change.set_material(0, more)
+        with monkeypatch.context() as patched:
+            patched.setattr(made._pipelines, "get", refuse)
+            for _ in range(2):
+                with pytest.raises(ShaderError, match="no"):
+                    made.render(view)
+        for _ in range(2):
+            assert np.array_equal(made.render(view).image("color_linear"), fresh(chapter, scene, view))
 
 
 def test_an_image_larger_than_the_device_takes_is_one_sentence(chapter):

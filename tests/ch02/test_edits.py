@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from chapters.ch02.logic import pages
 from chapters.ch02.settings import Settings
 from common.errors import SceneError
 from common.scene import Image, Instances, Light, Material, Sampler, Scene
@@ -200,3 +201,22 @@ def test_textures_may_come_to_a_scene_that_had_none(chapter):
             frame = made.render(facing())
             found = [frame.image(name) for name in OUTPUTS]
             assert all(np.array_equal(a, b) for a, b in zip(found, fresh(chapter, scene), strict=True))
+
+
+def test_an_edit_that_makes_a_mesh_too_large_for_a_page_changes_nothing(chapter, monkeypatch):
+    """Streams that a material reads in addition make geometry grow: refused until the edit is taken back."""
+    scene = pair(UNLIT, UNLIT)
+    monkeypatch.setattr(pages, "PAGE_BYTES", 300)  # four positions and six indices, each in 256 bytes
+    with chapter.open(scene, SIZE, EXACT, outputs={"color_linear"}) as made:
+        expected = made.render(facing()).image("color_linear")
+        for material in (textured(0), UNLIT):
+            with scene.edit() as change:
+                change.set_material(0, material)
+            for _ in range(2):
+                if material is UNLIT:
+                    assert np.array_equal(made.render(facing()).image("color_linear"), expected)
+                else:
+                    with pytest.raises(
+                        SceneError, match=r"^Mesh \d takes 1 MiB, and a page of geometry holds 0"
+                    ):
+                        made.render(facing())

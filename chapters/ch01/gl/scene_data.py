@@ -200,11 +200,12 @@ class SceneData:
         if revision == self._materials_seen:
             return False
         self._choose_variants()
-        self._materials_seen = revision
-        kinds = self._material_kinds()
-        if kinds == self._kinds:
+        if self._material_kinds() == self._kinds:
+            self._materials_seen = revision
             return False
-        self._kinds = kinds
+        self._kinds = (
+            None  # until `followed`: what is refused halfway is done anew by the next frame, from the start
+        )
         if geometry.used_streams(self.variants) != self.streams:
             self._free_geometry()
             self._upload_geometry()
@@ -218,6 +219,10 @@ class SceneData:
                 slot.lights = create_buffer(self._context, size, "upload", f"lights, slot {index}")
         self._keep_textures()
         return True
+
+    def followed(self) -> None:
+        """Note that pipelines were made, too, for what `follow_materials` made: only then is an edit done with."""
+        self._kinds, self._materials_seen = self._material_kinds(), self._scene.revision[Change.MATERIALS]
 
     # --- what passes read ---
 

@@ -220,11 +220,12 @@ class SceneData:
         if revision == self._materials_seen:
             return False
         self._choose_variants()
-        self._materials_seen = revision
-        kinds = self._material_kinds()
-        if kinds == self._kinds:
+        if self._material_kinds() == self._kinds:
+            self._materials_seen = revision
             return False
-        self._kinds = kinds
+        self._kinds = (
+            None  # until `followed`: what is refused halfway is done anew by the next frame, from the start
+        )
         resources, sets = self._resources, self._sets
         with Uploader(self._device) as uploader:
             if geometry.used_streams(self.variants) != self.streams:
@@ -242,6 +243,10 @@ class SceneData:
         resources.defer(lambda: self._descriptors.destroy(sets))
         self._make_sets()
         return True
+
+    def followed(self) -> None:
+        """Note that pipelines were made, too, for what `follow_materials` made: only then is an edit done with."""
+        self._kinds, self._materials_seen = self._material_kinds(), self._scene.revision[Change.MATERIALS]
 
     # --- what passes read ---
 

@@ -233,6 +233,7 @@ class Renderer(FrameStream):
             for made in (self._forward, self._instance_id):
                 if made in self.passes:
                     made.create()
+            data.followed()
         previous = self._previous
         if reset:  # then the frame before says nothing: neither where the camera was nor where objects were
             previous = None

@@ -7,6 +7,7 @@ what some material reads, and whatever the CPU writes from frame to frame once p
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -60,12 +61,13 @@ class SceneData:
         self._energy = settings.energy if environment.needed(scene, settings) else None
         # These two refuse what cannot be drawn, before anything is made that would be left behind.
         self._choose_variants()
+        self._plan_geometry()
         self._upload_geometry()
         self.empty_vertex_array = create_vertex_array(context, [], None, None, "no vertices")
         self._make_environment()
         self.slots = [self._make_slot(index) for index in range(SLOTS)]
         self._keep_textures()
-        self._kinds = uses(scene, self.variants), list(self.variants)
+        self._kinds: Any = self._material_kinds()
         self._materials_seen = scene.revision[Change.MATERIALS]
 
     # --- made once ---
@@ -80,11 +82,15 @@ class SceneData:
         ]
         self.lit = any(variant.has("LIT") for variant in self.variants)
 
+    def _plan_geometry(self) -> None:
+        """Choose streams and pages; where a mesh is too large for one, nothing has changed."""
+        streams = geometry.used_streams(self.variants)
+        largest = min(pages.PAGE_BYTES, self._context.limits["maxStorageBufferRange"])
+        self.pages = pages.plan_pages(self._scene, streams, largest)
+        self.streams = streams
+
     def _upload_geometry(self) -> None:
         scene, context = self._scene, self._context
-        self.streams = geometry.used_streams(self.variants)
-        largest = min(pages.PAGE_BYTES, context.limits["maxStorageBufferRange"])
-        self.pages = pages.plan_pages(scene, self.streams, largest)
         meshes, self.page_of, self.first_index = pages.mesh_records(scene, self.pages)
         # Deforming vertices are written for one frame while the GPU still draws the other: one copy per slot.
         copies = SLOTS if scene.deformations else 1
@@ -192,18 +198,24 @@ class SceneData:
 
     # --- made anew when a material becomes another kind ---
 
+    def _material_kinds(self) -> Any:
+        """Return all of the materials that is no number in their records: their variants, images and samplers."""
+        return uses(self._scene, self.variants), list(self.variants)
+
     def follow_materials(self) -> bool:
         """Make what edited materials need, give up what none needs; return whether any became another kind."""
         revision = self._scene.revision[Change.MATERIALS]
         if revision == self._materials_seen:
             return False
         self._choose_variants()
-        self._materials_seen = revision
-        kinds = uses(self._scene, self.variants), list(self.variants)
-        if kinds == self._kinds:
+        if self._material_kinds() == self._kinds:
+            self._materials_seen = revision
             return False
-        self._kinds = kinds
+        self._kinds = (
+            None  # until `followed`: what is refused halfway is done anew by the next frame, from the start
+        )
         if geometry.used_streams(self.variants) != self.streams:
+            self._plan_geometry()
             self._free_geometry()
             self._upload_geometry()
             for slot in self.slots:
@@ -214,6 +226,10 @@ class SceneData:
                 slot.lights = create_buffer(self._context, size, "upload", f"lights, slot {index}")
         self._keep_textures()
         return True
+
+    def followed(self) -> None:
+        """Note that pipelines were made, too, for what `follow_materials` made: only then is an edit done with."""
+        self._kinds, self._materials_seen = self._material_kinds(), self._scene.revision[Change.MATERIALS]
 
     # --- what passes read ---
 

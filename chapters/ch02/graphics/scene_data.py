@@ -83,6 +83,7 @@ class SceneData:
             self.slot_count = 0
             self._textures = ArrayTextures(device, scene, resources, descriptors, anisotropy, mended)
         self.records = Records(scene, settings.light_cutoff)
+        self._plan_geometry()
         with Uploader(device) as uploader:
             self._upload_geometry(uploader)
             self._textures.keep(uploader, self.variants)
@@ -92,7 +93,7 @@ class SceneData:
         self.slots = [self._make_slot(index) for index in range(SLOTS)]
         self._sets: list[Any] = []
         self._frame_sets: list[Any] = []
-        self._kinds: Any = (uses(scene, self.variants), list(self.variants))
+        self._kinds: Any = self._material_kinds()
         self._materials_seen = scene.revision[Change.MATERIALS]
 
     # --- made once ---
@@ -111,11 +112,15 @@ class SceneData:
                 f"{self._device.capabilities.device} gives fragments no number of their triangle: choose another view."
             )
 
+    def _plan_geometry(self) -> None:
+        """Choose streams and pages; where a mesh is too large for one, nothing has changed."""
+        streams = geometry.used_streams(self.variants)
+        largest = min(pages.PAGE_BYTES, int(self._device.limits.maxStorageBufferRange))
+        self.pages = pages.plan_pages(self._scene, streams, largest)
+        self.streams = streams
+
     def _upload_geometry(self, uploader: Uploader) -> None:
         scene = self._scene
-        self.streams = geometry.used_streams(self.variants)
-        largest = min(pages.PAGE_BYTES, int(self._device.limits.maxStorageBufferRange))
-        self.pages = pages.plan_pages(scene, self.streams, largest)
         meshes, self.page_of, self.first_index = pages.mesh_records(scene, self.pages)
         copied = vk.VK_BUFFER_USAGE_TRANSFER_DST_BIT
         storage = vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | copied
@@ -221,6 +226,10 @@ class SceneData:
 
     # --- made anew when a material becomes another kind ---
 
+    def _material_kinds(self) -> Any:
+        """Return all of the materials that is no number in their records: their variants, images and samplers."""
+        return uses(self._scene, self.variants), list(self.variants)
+
     def follow_materials(self) -> bool:
         """Make what edited materials need and give up what none needs any more; return whether any became another kind.
 
@@ -231,13 +240,15 @@ class SceneData:
         if revision == self._materials_seen:
             return False
         self._choose_variants()
-        kinds = uses(self._scene, self.variants), list(self.variants)
-        if kinds == self._kinds:
+        if self._material_kinds() == self._kinds:
             self._materials_seen = revision
             return False
-        self._kinds = None  # what follows may be refused halfway, and is then done anew, whatever mends it
+        self._kinds = (
+            None  # until `followed`: what is refused halfway is done anew by the next frame, from the start
+        )
         with Uploader(self._device) as uploader:
             if geometry.used_streams(self.variants) != self.streams:
+                self._plan_geometry()
                 for handle in [self._meshes, *(handle for copy in self._geometry for handle in copy)]:
                     self._resources.destroy_buffer(handle)
                 self._upload_geometry(uploader)
@@ -249,8 +260,11 @@ class SceneData:
         for index, slot in enumerate(self.slots):
             if self.lit and slot.lights is None:
                 slot.lights = self._make_lights(index)
-        self._kinds, self._materials_seen = kinds, revision
         return True
+
+    def followed(self) -> None:
+        """Note that pipelines were made, too, for what `follow_materials` made: only then is an edit done with."""
+        self._kinds, self._materials_seen = self._material_kinds(), self._scene.revision[Change.MATERIALS]
 
     # --- what passes read ---
 
