@@ -44,10 +44,14 @@ OWN = ("__init__.py", "README.md")
 
 @dataclass(frozen=True)
 class Repair:
-    """One place that a commit changed: lines `begin` to `end` of the file before it, counted from 0."""
+    """One place that a commit changed: lines `begin` to `end` of the file before it, counted from 0.
+
+    Where there are none, it `inserted` lines.
+    """
 
     begin: int
     end: int
+    inserted: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -132,8 +136,9 @@ def _lacking(
     faults = []
     for repair in sorted(left, key=lambda repair: repair.begin):
         line = there[repair]
-        inserted = repair.begin == repair.end
-        text = "lines are missing in front of it" if inserted else theirs[line].strip()
+        if _inserted_around(theirs, line, repair.inserted):
+            continue
+        text = "lines are missing in front of it" if repair.begin == repair.end else theirs[line].strip()
         faults.append(Fault(commit, chapter, later, path, line + 1, text))
     return faults
 
@@ -141,7 +146,11 @@ def _lacking(
 def repairs(old: Sequence[str], new: Sequence[str]) -> list[Repair]:
     """Return the places of `old` that `new` changed."""
     codes = SequenceMatcher(None, old, new, autojunk=False).get_opcodes()
-    return [Repair(begin, end) for kind, begin, end, _, _ in codes if kind != "equal"]
+    return [
+        Repair(begin, end, tuple(new[first:last]) if kind == "insert" else ())
+        for kind, begin, end, first, last in codes
+        if kind != "equal"
+    ]
 
 
 def places(old: Sequence[str], lines: Sequence[str], wanted: Collection[Repair]) -> dict[Repair, int]:
@@ -155,6 +164,17 @@ def places(old: Sequence[str], lines: Sequence[str], wanted: Collection[Repair])
             if i <= repair.begin and repair.end + 2 <= i + size:
                 found[repair] = j + repair.begin - i
     return found
+
+
+def _inserted_around(lines: Sequence[str], at: int, inserted: tuple[str, ...]) -> bool:
+    """Return whether `lines` have what was inserted before line `at`, or a few lines earlier.
+
+    A function put between two others begins after an empty line or ends with one: which of the two is the old one, no
+    alignment can say, and it may say otherwise for each chapter.
+    """
+    size = len(inserted)
+    starts = range(max(0, at - size), at + 1) if size else ()
+    return any(tuple(lines[start : start + size]) == inserted for start in starts)
 
 
 def _lines(content: bytes | None) -> list[str] | None:

@@ -131,6 +131,19 @@ def test_an_equal_line_elsewhere_is_none(clone):
     assert said(clone) == []
 
 
+def test_a_function_put_into_both_is_none_wherever_an_alignment_lets_it_begin(clone):
+    """With the empty line before it, or with the one after it: a lesson's next line decides which."""
+    for number in (3, 4):
+        clone.edit(f"ch{number:02d}/{FORWARD}", "line 5\nline 6\n", "return\n\n")
+    clone.edit(f"ch04/{FORWARD}", "line 7\n", "lesson\n")
+    clone.commit("lessons")
+    put = {"old": "return\n\n", "new": "return\n\ndef f\nbody\n\n"}
+    mend(clone, 3, **put)
+    assert said(clone) == [f"ch04/{FORWARD}:6 lines are missing in front of it"]
+    mend(clone, 4, **put)
+    assert said(clone) == []
+
+
 def test_a_repair_taken_back_is_none(clone):
     clone.edit(f"ch04/{FORWARD}", "line 15\n", "lesson\n")
     mend(clone, 3)

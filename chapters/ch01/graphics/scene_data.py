@@ -71,7 +71,7 @@ class SceneData:
         self._make_environment()
         self.slots = [self._make_slot(index) for index in range(SLOTS)]
         self._make_sets()
-        self._kinds = self._material_kinds()
+        self._kinds: Any = self._material_kinds()
         self._materials_seen = scene.revision[Change.MATERIALS]
         self.records = Records(scene, settings.light_cutoff)
 
@@ -202,7 +202,7 @@ class SceneData:
 
     # --- made anew when a material becomes another kind ---
 
-    def _material_kinds(self) -> list[Any]:
+    def _material_kinds(self) -> Any:
         """Return all of each material that is no number in its record: its variant, images and samplers."""
         kinds = []
         for material, variant in zip(self._scene.materials, self.variants, strict=True):
