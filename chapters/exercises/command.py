@@ -206,9 +206,11 @@ def show_solution(exercise: Exercise) -> None:
             out.print(f"{name} = {json.dumps(answer)}", markup=False, soft_wrap=True)
     else:
         both = states(exercise)
-        out.print(
-            Syntax(difference(both.start, both.solution), "diff", word_wrap=True, background_color="default")
-        )
+        patch = difference(both.start, both.solution)
+        if out.is_terminal:
+            out.print(Syntax(patch, "diff", word_wrap=True, background_color="default"))
+        else:  # a patch of which lines were broken is none
+            out.print(patch, markup=False, soft_wrap=True)
     out.print(on_one_line(exercise.lesson), markup=False, soft_wrap=True)
     show_reasons(exercise)
 

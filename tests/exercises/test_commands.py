@@ -9,7 +9,7 @@ import sys
 import pytest
 
 from chapters.exercises import answers, command, find, of_chapter
-from chapters.exercises.patches import files_of, states
+from chapters.exercises.patches import difference, files_of, states
 from chapters.folders import Folder
 from chapters.forks import is_fork, own_files, read_fork
 from chapters.trees import digest, read_tree
@@ -49,6 +49,13 @@ def test_the_way_through_a_repair(strata, tmp_path):
         del sys.modules[name]  # a check in another process would read the files anew
     code, out, err = strata("check", folder)
     assert (code, err) == (0, "") and out.startswith("All right. The opcode is the low half")
+
+
+def test_a_solution_that_is_piped_is_a_patch(strata, monkeypatch):
+    """However narrow the terminal is: no line of it may be broken."""
+    monkeypatch.setenv("COLUMNS", "40")
+    both = states(find(2, "set-table"))
+    assert difference(both.start, both.solution) in strata("exercise", 2, "set-table", "--solution")[1]
 
 
 def test_a_solution_can_be_shown_and_begun_with(strata, tmp_path):
