@@ -32,6 +32,11 @@ def say(text: str) -> None:
     err.print(shown(text), markup=False, soft_wrap=True)
 
 
+def quoted(text: str) -> str:
+    """Return a folder's name as it is typed in a command."""
+    return f'"{text}"' if " " in text else text
+
+
 def shown(text: str) -> str:
     """Return `text` with the bytes of file names that are no UTF-8 as \\xff: what can be printed anywhere."""
     return text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")

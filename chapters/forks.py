@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import chapters
-from chapters.console import out, say
+from chapters.console import out, quoted, say
 from chapters.history import History
 from chapters.trees import Tree, digest, numbers, put, read_tree
 from common.errors import UserError
@@ -68,8 +68,9 @@ def run(number: int, folder: Path, *, studies: bool = False) -> int:
     """Make a fork and say what can be done with it; return 0."""
     made = make_fork(number, folder, studies=studies)
     out.print(f"{made.folder} is chapter {number}, yours to change.", markup=False, soft_wrap=True)
-    say(f"`strata run {folder}` draws with it; change its files and look again.")
-    say(f"Later fixes of the chapter come by `strata fork --update {folder}`, and what you changed stays.")
+    typed = quoted(str(folder))
+    say(f"`strata run {typed}` draws with it; change its files and look again.")
+    say(f"Later fixes of the chapter come by `strata fork --update {typed}`, and what you changed stays.")
     return 0
 
 

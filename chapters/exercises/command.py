@@ -12,7 +12,7 @@ from rich.markup import escape
 from rich.syntax import Syntax
 
 from chapters import folders, forks
-from chapters.console import out, say
+from chapters.console import out, quoted, say
 from chapters.exercises import KINDS, Exercise, answers, checking, find, of_chapter
 from chapters.exercises.patches import difference, files_of, start_of, states
 from chapters.tables import table
@@ -90,11 +90,6 @@ def task_text(exercise: Exercise, folder: str = PLACE) -> str:
     """Return what an exercise asks, as Markdown, with its commands for `folder`."""
     task = exercise.task.strip().replace(PLACE, folder)
     return f"# {exercise.title}\n\n*Chapter {exercise.chapter}, {exercise.kind}*\n\n{task}\n"
-
-
-def quoted(text: str) -> str:
-    """Return a folder's name as it is typed in a command."""
-    return f'"{text}"' if " " in text else text
 
 
 def on_one_line(text: str) -> str:

@@ -48,6 +48,13 @@ def test_a_fork_that_nobody_changed_is_no_difference(root, tmp_path):
     assert difference(root / "ch01", made.folder).changed == ()
 
 
+def test_what_it_says_to_type_can_be_typed(strata, tmp_path):
+    """A folder with a space in its name stands in quotes."""
+    code, _, err = strata("fork", 1, "my copy")
+    assert code == 0 and (tmp_path / "my copy" / "renderer.py").is_file()
+    assert '`strata run "my copy"`' in err and '`strata fork --update "my copy"`' in err
+
+
 def test_studies_come_when_asked_for(root, tmp_path):
     assert "studies/one.py" in own_files(fork_of(root, tmp_path / "mine", studies=True))
 
