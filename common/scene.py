@@ -327,12 +327,17 @@ class Scene:
 
     @contextmanager
     def edit(self) -> Iterator[SceneEdit]:
-        """Change the scene; on leaving, what changed gets a new revision that every renderer sees."""
+        """Change the scene; on leaving, what changed gets a new revision that every renderer sees.
+
+        So it does where an error ends the edit: what was set before is in the scene already.
+        """
         change = SceneEdit(self)
-        yield change
-        for kind in Change:
-            if kind in change.changed:
-                self.revision[kind] += 1
+        try:
+            yield change
+        finally:
+            for kind in Change:
+                if kind in change.changed:
+                    self.revision[kind] += 1
 
 
 class SceneEdit:
