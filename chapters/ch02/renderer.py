@@ -30,7 +30,7 @@ from backends.vulkan.instance import Instance
 from backends.vulkan.readback import TO_HOST, Readback
 from backends.vulkan.resources import Image
 from common.camera import View, exposure
-from common.errors import StaleFrameError
+from common.errors import ShaderError, StaleFrameError
 from common.pose import evaluate_pose
 from common.scene import Sampler, Scene
 
@@ -149,10 +149,20 @@ class Renderer(FrameStream):
         self._create_targets()
 
     def _make_sets(self) -> None:
-        """Make the scene's descriptor sets, by the layouts that its pipelines' shaders told."""
+        """Make the scene's descriptor sets, by the layouts that its pipelines' shaders told.
+
+        One set serves them all. A pipeline that was made later than the others, from a file that was edited into
+        another layout and refused for those, would read it wrongly.
+        """
         layouts: dict[int, SetLayout] = {}
         for pipeline in (*self._forward.built, *self._instance_id.built):
-            layouts |= {number: one for number, one in enumerate(pipeline.sets) if one is not None}
+            for number, one in enumerate(pipeline.sets):
+                if one is not None and layouts.setdefault(number, one).handle != one.handle:
+                    raise ShaderError(
+                        f"The shaders of the scene disagree about set {number}: a file that a new pipeline needs was "
+                        "edited into other bindings; mend it, and open the scene again.",
+                        pipeline.stages.files,
+                    )
         self._data.make_sets(layouts)
 
     def _create_targets(self) -> None:

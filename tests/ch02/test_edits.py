@@ -9,7 +9,7 @@ import pytest
 
 from chapters.ch02.logic import pages
 from chapters.ch02.settings import Settings
-from common.errors import SceneError
+from common.errors import SceneError, ShaderError
 from common.scene import Image, Instances, Light, Material, Sampler, Scene
 from tests.support.scenes import NEAREST, facing, quad_scene, texture, translated
 
@@ -220,3 +220,15 @@ def test_an_edit_that_makes_a_mesh_too_large_for_a_page_changes_nothing(chapter,
                         SceneError, match=r"^Mesh \d takes 1 MiB, and a page of geometry holds 0"
                     ):
                         made.render(facing())
+
+
+@pytest.mark.variants("vulkan", "without-all")
+def test_pipelines_that_share_a_set_but_not_its_layout_are_refused(chapter):
+    """As one is that was made from a file which was edited since, and refused for those before it."""
+    with chapter.open(pair(UNLIT, textured(0)), SIZE, EXACT, outputs=OUTPUTS) as made:
+        made.render(facing())
+        first = made._forward.built[0]
+        other = replace(first.sets[0], handle=first.sets[1].handle)
+        made._forward.built.append(replace(first, sets=(other, *first.sets[1:])))
+        with pytest.raises(ShaderError, match="disagree about set 0"):
+            made._make_sets()
