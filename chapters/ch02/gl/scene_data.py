@@ -233,9 +233,9 @@ class SceneData:
 
     # --- what passes read ---
 
-    def texture_defines(self, roles: tuple[str, ...]) -> tuple[tuple[str, int], ...]:
+    def texture_defines(self, roles: tuple[str, ...]) -> tuple[tuple[str, int | str], ...]:
         """Return what the shaders of a variant with textures in `roles` are built with."""
-        return (("ARRAYS", self._plan.width),) if roles else ()
+        return self._plan.defines if roles else ()
 
     @property
     def textures_of(self) -> np.ndarray:

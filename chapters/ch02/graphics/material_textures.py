@@ -44,7 +44,7 @@ class MaterialTextures(Protocol):
     """Arrays of one descriptor set; empty where nothing is textured, or before `make_sets`."""
 
     @property
-    def define(self) -> tuple[str, int]:
+    def defines(self) -> tuple[tuple[str, int | str], ...]:
         """What the shaders of textured materials are built with."""
 
     def __len__(self) -> int:
@@ -92,9 +92,9 @@ class BindlessTextures:
         self.sets: list[Any] = []
 
     @property
-    def define(self) -> tuple[str, int]:
+    def defines(self) -> tuple[tuple[str, int | str], ...]:
         """One array of all textures."""
-        return ("BINDLESS", 1)
+        return (("BINDLESS", 1),)
 
     def __len__(self) -> int:
         return len(self._textures)
@@ -165,9 +165,9 @@ class ArrayTextures:
         return sum(len(array.layers) for array in self._images)
 
     @property
-    def define(self) -> tuple[str, int]:
-        """How many arrays a shader reaches: as many as the scene needs."""
-        return ("ARRAYS", 0 if self._plan is None else self._plan.width)
+    def defines(self) -> tuple[tuple[str, int | str], ...]:
+        """How many arrays a shader reaches, as many as the scene needs, and in which of them a role has textures."""
+        return () if self._plan is None else self._plan.defines
 
     def keep(self, uploader: Uploader, variants: Sequence[Variant]) -> None:
         """Make the arrays that are new: one with another layer is another array."""

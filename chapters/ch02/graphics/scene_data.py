@@ -268,9 +268,9 @@ class SceneData:
 
     # --- what passes read ---
 
-    def texture_defines(self, roles: tuple[str, ...]) -> tuple[tuple[str, int], ...]:
+    def texture_defines(self, roles: tuple[str, ...]) -> tuple[tuple[str, int | str], ...]:
         """Return what the shaders of a variant with textures in `roles` are built with."""
-        return (self._textures.define,) if roles else ()
+        return self._textures.defines if roles else ()
 
     @property
     def textures_of(self) -> np.ndarray:

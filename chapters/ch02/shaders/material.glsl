@@ -4,17 +4,23 @@
 #ifdef TEXTURED
 #include "textures.glsl"
 
-#define base_color_map material.maps[0].x
-#define metallic_roughness_map material.maps[0].y
-#define normal_map material.maps[0].z
-#define occlusion_map material.maps[0].w
-#define emissive_map material.maps[1].x
+// In which arrays the scene has textures of each role, a bit an array: a shader has no code for the others.
+#ifndef ROLE_ARRAYS
+#define ROLE_ARRAYS uint[5](~0u, ~0u, ~0u, ~0u, ~0u)
+#endif
+
+// Two arguments each: the texture's number in the material's record, and where to look for it.
+#define base_color_map material.maps[0].x, ROLE_ARRAYS[0]
+#define metallic_roughness_map material.maps[0].y, ROLE_ARRAYS[1]
+#define normal_map material.maps[0].z, ROLE_ARRAYS[2]
+#define occlusion_map material.maps[0].w, ROLE_ARRAYS[3]
+#define emissive_map material.maps[1].x, ROLE_ARRAYS[4]
 
 // A map at `uv`. Where uv does not change over the picture (a palette, a collapsed patch) there is no footprint to filter,
 // and an anisotropic filter divides zero by zero: some drivers then return NaN.
-vec4 sample_map(uint map, vec2 uv) {
-    vec4 filtered = sample_texture(map, uv);
-    return fwidth(uv) == vec2(0.0) ? sample_finest(map, uv) : filtered;
+vec4 sample_map(uint map, uint arrays, vec2 uv) {
+    vec4 filtered = sample_texture(map, arrays, uv);
+    return fwidth(uv) == vec2(0.0) ? sample_finest(map, arrays, uv) : filtered;
 }
 #endif
 
