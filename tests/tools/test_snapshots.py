@@ -103,13 +103,17 @@ def tree(pytester, tmp_path, monkeypatch):
     (tests / "test_ends.py").write_text(ENDS)
     pytester.makeconftest(CONFTEST)
     monkeypatch.setenv("CI", "")
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
     monkeypatch.setenv("STRATA_CACHE", str(tmp_path))  # the run within keeps its results there
     return pytester
 
 
 def outcomes(tree, *words: str) -> tuple[dict[str, str], str]:
-    """Run pytest in the tree; return {"file::chNN::test": "PASSED"} and all that it printed."""
-    done = tree.runpytest_inprocess("--import-mode=importlib", "-v", "-p", "no:cacheprovider", *words)
+    """Run pytest in the tree; return {"file::chNN::test": "PASSED"} and all that it printed.
+
+    In a process of its own: within this one it would collect the garbage that hundreds of drivers' tests left behind.
+    """
+    done = tree.runpytest_subprocess("--import-mode=importlib", "-v", "-p", "no:cacheprovider", *words)
     text = done.stdout.str() + done.stderr.str()
     return {m[1]: m[2] for m in re.finditer(r"^tests/ch01/(\S+) (PASSED|FAILED)", text, re.MULTILINE)}, text
 
