@@ -27,7 +27,7 @@ TEST_BUDGET_S = 5.0
 AREA_BUDGET_S = 25.0
 """For one test, and for the tests of one chapter in one variant. Tests marked `long` have none."""
 
-COLD_FACTOR = 2.5
+COLD_FACTOR = 3.0
 """How much more a run may take that finds no compiled shader: the driver then compiles at each pipeline's first draw,
 which is no test's own time, and it happens once per machine (chapter 1 on Vulkan in software: 24 s warm, 43 s cold)."""
 
