@@ -29,7 +29,7 @@ def model_files() -> dict[str, Path]:
 
 
 FILES = model_files()
-QUICK = ("cornell", "BoxVertexColors", "MultiUVTest", "SimpleInstancing", "SimpleSkin")
+QUICK = ("cornell", "BoxVertexColors", "MultiUVTest", "SimpleInstancing", "SimpleSkin", "TwoSidedPlane")
 """Scenes of every run, each with something of its own; the long one has all of them."""
 CASES = [
     name if name in QUICK else pytest.param(name, marks=pytest.mark.long) for name in (*assets.SCENES, *FILES)
