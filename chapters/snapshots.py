@@ -12,7 +12,7 @@
     moved       no code goes from one file to another
 
 Lines are those of Python and GLSL files. `__init__.py` and README.md are each chapter's own, and `studies/` is outside
-of all this. At most three chapters are excused from a rule, with the reasons in `exceptions.toml`.
+of all this. Exceptions, at most three in all chapters, stand with their reasons in `exceptions.toml`.
 """
 
 from __future__ import annotations
