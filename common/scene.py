@@ -21,6 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.ancestry import Ancestry
+from common.scene_images import EncodedImage as EncodedImage
+from common.scene_images import Image as Image
 
 if TYPE_CHECKING:
     from common.environment import Environment
@@ -42,18 +44,6 @@ MESH_DTYPE = np.dtype(
 )
 
 AlphaMode = Literal["opaque", "mask", "blend"]
-
-
-@dataclass(frozen=True)
-class Image:
-    """A decoded picture, `pixels` (H, W, 4) uint8, uint16 or float32, row 0 on top, straight alpha.
-
-    Whether integers are sRGB codes is decided by the use, not by the file: base colour and emission are, the
-    rest is linear (glTF 2.0, 3.9.2). Floats are always linear.
-    """
-
-    name: str
-    pixels: NDArray[np.uint8] | NDArray[np.uint16] | Float32
 
 
 @dataclass(frozen=True)

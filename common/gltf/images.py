@@ -1,4 +1,7 @@
-"""Pictures of a glTF file decoded with Pillow on threads, their size bounded before a pixel is unpacked."""
+"""Pictures of a glTF file decoded with Pillow on threads, their size bounded before a pixel is unpacked.
+
+Or decoded later, by whoever needs their pixels: then only headers are read here.
+"""
 
 from __future__ import annotations
 
@@ -6,15 +9,17 @@ import io
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
 from pathlib import PurePath
 
 import numpy as np
 from PIL import Image as Pillow
 
+from common.errors import SceneError
 from common.gltf.container import Bytes, read_uri
 from common.gltf.document import Document
 from common.gltf.refusal import Refusal, refuse
-from common.scene import Image
+from common.scene_images import EncodedImage, Image, Pixels
 
 MAX_SIDE = 16_384
 """Pixels along a side: what graphics cards take as a texture."""
@@ -34,9 +39,17 @@ class ImageDecoder:
     """
 
     def __init__(
-        self, document: Document, used: Sequence[int], progress: Callable[[], None] | None = None
+        self,
+        document: Document,
+        used: Sequence[int],
+        progress: Callable[[], None] | None = None,
+        later: Callable[[Refusal], SceneError] | None = None,
     ) -> None:
-        """`used` are image numbers of the file; `progress` is called from a thread after each image."""
+        """`used` are image numbers of the file; `progress` is called from a thread after each image.
+
+        With `later` nothing is decoded here: images are `EncodedImage`, and it makes of a refusal what they raise.
+        """
+        self._later, self._encoded = later, list[Image]()
         self._pool = ThreadPoolExecutor(min(8, os.cpu_count() or 1), thread_name_prefix="decode-image")
         self._futures: list[Future[Image]] = []
         total = 0
@@ -57,7 +70,16 @@ class ImageDecoder:
                     refuse(
                         place, f"brings the images of the scene above {MAX_TOTAL_BYTES >> 30} GiB", _SMALLER
                     )
-                self._futures.append(self._pool.submit(_decode, data, (width, height), name, place, progress))
+                decode = partial(_decode, data, (width, height), place)
+                if self._later is not None:
+                    dtype = np.uint16 if is_deep_grey(data) else np.uint8
+                    self._encoded.append(
+                        EncodedImage(
+                            name, (width, height), dtype, partial(_decode_later, decode, self._later)
+                        )
+                    )
+                    continue
+                self._futures.append(self._pool.submit(_decoded, decode, name, progress))
         except BaseException:
             self.close()
             raise
@@ -68,7 +90,7 @@ class ImageDecoder:
         Raises:
             Refusal: one is damaged; the first of them is named.
         """
-        return [future.result() for future in self._futures]
+        return [*self._encoded, *(future.result() for future in self._futures)]
 
     def close(self) -> None:
         """Drop what has not begun and wait for the rest."""
@@ -121,23 +143,38 @@ def _jpeg_size(data: Bytes, place: str) -> tuple[int, int]:
     return refuse(place, "is a damaged JPEG without a frame header", "save the image again")
 
 
-def _decode(
-    data: Bytes, size: tuple[int, int], name: str, place: str, progress: Callable[[], None] | None
-) -> Image:
+def is_deep_grey(data: Bytes) -> bool:
+    """Whether this is a PNG with 16 bits of grey: of all files only these have pixels of that type, see `_to_rgba`."""
+    head = data[:26].tobytes()
+    return head[:4] == b"\x89PNG" and head[24:26] == b"\x10\x00"
+
+
+def _decode(data: Bytes, size: tuple[int, int], place: str) -> Pixels:
     try:
         with Pillow.open(io.BytesIO(data.tobytes()), formats=("PNG", "JPEG")) as picture:
             if picture.size != size:
                 refuse(place, f"has two sizes, {size} and {picture.size}", "save the image again")
-            pixels = _to_rgba(picture)
+            return _to_rgba(picture)
     except Refusal:
         raise
     except Exception as error:  # Pillow's plugins let struct, zlib, syntax and index errors out
         raise Refusal(
             place, f"is damaged ({str(error) or type(error).__name__})", "save the image again"
         ) from error
+
+
+def _decoded(decode: Callable[[], Pixels], name: str, progress: Callable[[], None] | None) -> Image:
+    image = Image(name, decode())
     if progress is not None:
         progress()
-    return Image(name, pixels)
+    return image
+
+
+def _decode_later(decode: Callable[[], Pixels], later: Callable[[Refusal], SceneError]) -> Pixels:
+    try:
+        return decode()
+    except Refusal as refusal:
+        raise later(refusal) from None
 
 
 def _to_rgba(picture: Pillow.Image) -> np.ndarray:

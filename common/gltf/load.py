@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -27,11 +28,15 @@ Progress = Callable[[float, str], None]
 
 
 def load_scene(
-    path: str | os.PathLike[str], progress: Progress | None = None, use_library: bool | None = None
+    path: str | os.PathLike[str],
+    progress: Progress | None = None,
+    use_library: bool | None = None,
+    decode: bool = True,
 ) -> Scene:
     """Load the default scene of a glTF 2.0 file (.gltf with files or data URIs, or .glb).
 
-    `use_library` says whether pygltflib decodes the document; None leaves that to its size.
+    `use_library` says whether pygltflib decodes the document; None leaves that to its size. Without `decode` images are
+    `EncodedImage`: only their headers are read, and a damaged one raises SceneError when its pixels are asked for.
 
     Raises:
         SceneError: the file cannot be used. The text is one sentence that names the file, the place in it,
@@ -39,11 +44,15 @@ def load_scene(
     """
     path = Path(path)
     try:
-        return _load(path, progress or (lambda _part, _what: None), use_library)
+        return _load(path, progress or (lambda _part, _what: None), use_library, decode)
     except Refusal as refusal:
-        raise SceneError(_one_line(f"{path}: {refusal}")) from None
+        raise _refused(path, refusal) from None
     except MemoryError:
         raise SceneError(f"{path}: the scene does not fit into memory; load a smaller one.") from None
+
+
+def _refused(path: Path, refusal: Refusal) -> SceneError:
+    return SceneError(_one_line(f"{path}: {refusal}"))
 
 
 def _one_line(text: str) -> str:
@@ -52,7 +61,7 @@ def _one_line(text: str) -> str:
     return clean if len(clean) <= 600 else clean[:597] + "..."
 
 
-def _load(path: Path, progress: Progress, use_library: bool | None) -> Scene:
+def _load(path: Path, progress: Progress, use_library: bool | None, decode: bool) -> Scene:
     progress(0.0, "reading")
     document = read_document(path, use_library)
     forest = read_forest(document)
@@ -66,7 +75,8 @@ def _load(path: Path, progress: Progress, use_library: bool | None) -> Scene:
     )
     images = materials.images(_used_materials(document, drawn))
     steps = _Steps(progress, len(images) + 1)
-    decoder = ImageDecoder(document, images, lambda: steps.done("decoding images"))
+    later = None if decode else partial(_refused, path)
+    decoder = ImageDecoder(document, images, lambda: steps.done("decoding images"), later)
     try:
         scene = _assemble(path, document, forest, materials, decoder, steps)
     finally:

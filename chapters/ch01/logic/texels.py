@@ -54,7 +54,7 @@ def check_images(scene: Scene, largest: int) -> None:
                     "counted from 0: name one of them in the edit."
                 )
             image = scene.images[texture.image]
-            height, width = image.pixels.shape[:2]
+            height, width = image.height, image.width
             if not 1 <= min(width, height) <= max(width, height) <= largest:
                 mend = (
                     f"make it smaller: this device takes no side longer than {largest}"
@@ -74,8 +74,8 @@ def texels_of(scene: Scene, role: str, key: Key, mended: bool = True) -> Texels:
         return Texels(f"neutral {role}", pixels, "rgba16f", None, 1, False)
     _, number, srgb, mipmapped = key
     image = scene.images[number]
-    levels = max(image.pixels.shape[:2]).bit_length() if mipmapped else 1
-    if image.pixels.dtype != np.uint8:
+    levels = max(image.width, image.height).bit_length() if mipmapped else 1
+    if image.dtype != np.uint8:
         # Sixteen bits do not fit into eight; half precision keeps eleven of them and is filtered everywhere.
         return Texels(image.name, half_texels(image.pixels, srgb, mended), "rgba16f", None, levels, False)
     return Texels(image.name, image.pixels, "rgba8", "rgba8_srgb" if srgb else None, levels, srgb)

@@ -63,10 +63,10 @@ def shape_of(scene: Scene, key: Key) -> Shape:
     if key[0] == "neutral":
         return Shape(1, 1, "rgba16f", None, 1)
     _, number, srgb, mipmapped, channels = key
-    pixels = scene.images[number].pixels
-    height, width = pixels.shape[:2]
+    image = scene.images[number]
+    width, height = image.width, image.height
     levels = max(height, width).bit_length() if mipmapped else 1
-    if pixels.dtype != np.uint8:
+    if image.dtype != np.uint8:
         # Sixteen bits do not fit into eight; half precision keeps eleven of them and is filtered everywhere.
         return Shape(width, height, "rgba16f", None, levels)
     if channels in NARROW:
@@ -93,7 +93,7 @@ def check_images(scene: Scene, largest: int) -> None:
                     "counted from 0: name one of them in the edit."
                 )
             image = scene.images[texture.image]
-            height, width = image.pixels.shape[:2]
+            height, width = image.height, image.width
             if not 1 <= min(width, height) <= max(width, height) <= largest:
                 mend = (
                     f"make it smaller: this device takes no side longer than {largest}"
@@ -113,7 +113,7 @@ def texels_of(scene: Scene, role: str, key: Key, mended: bool = True) -> Texels:
         return Texels(f"neutral {role}", pixels, "rgba16f", None, 1, False)
     _, number, srgb, _, channels = key
     image, shape = scene.images[number], shape_of(scene, key)
-    if image.pixels.dtype != np.uint8:
+    if image.dtype != np.uint8:
         half = half_texels(image.pixels, srgb, mended)
         return Texels(image.name, half, shape.format, None, shape.levels, False)
     held = image.pixels[..., NARROW[channels][2]] if channels in NARROW else image.pixels

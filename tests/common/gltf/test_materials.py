@@ -18,7 +18,7 @@ from common.gltf import images as decoder
 from common.gltf import load_scene
 from common.gltf.images import MAX_SIDE
 from common.paths import asset_dir
-from common.scene import Sampler
+from common.scene import EncodedImage, Sampler
 from tests.common.gltf.builder import TRIANGLE, Gltf
 
 
@@ -190,6 +190,8 @@ def test_kinds_of_png(tmp_path, data, expected):
     image = load_scene(textured(data).write(tmp_path)).images[0]
     assert image.pixels.dtype == (np.uint16 if expected.max() > 255 else np.uint8)
     assert np.array_equal(image.pixels, expected)
+    later = load_scene(textured(data).write(tmp_path), decode=False).images[0]
+    assert (later.dtype, later.height, later.width) == (image.dtype, 5, 7)
 
 
 def test_palette_with_transparency(tmp_path):
@@ -294,14 +296,14 @@ def test_images_are_decoded_on_threads_and_keep_their_order(tmp_path, monkeypatc
     """The first image waits for the last, so that only a second thread can let the file load."""
     decode, last_done, names = decoder._decode, threading.Event(), []
 
-    def slow(data, size, name, place, progress):
+    def slow(data, size, place):
         if place == "images[0]":
             assert last_done.wait(5), "images are decoded one after another"
-        image = decode(data, size, name, place, progress)
+        pixels = decode(data, size, place)
         names.append(threading.current_thread().name)
         if place == "images[3]":
             last_done.set()
-        return image
+        return pixels
 
     monkeypatch.setattr(decoder, "_decode", slow)
     monkeypatch.setattr(decoder.os, "cpu_count", lambda: 4)
@@ -314,6 +316,34 @@ def test_images_are_decoded_on_threads_and_keep_their_order(tmp_path, monkeypatc
     images = load_scene(textured(*map(encoded, pictures), **uses).write(tmp_path)).images
     assert [int(image.pixels[0, 0, 0]) for image in images] == [10, 20, 30, 40]
     assert len(set(names)) > 1 and all(name.startswith("decode-image") for name in names)
+
+
+def test_images_decoded_later_are_the_same(tmp_path):
+    """Their size and type are known before, by the header alone, and nothing is decoded twice."""
+    both = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}, "emissiveTexture": {"index": 1}}
+    path = textured(encoded(RGBA), encoded(WIDE), **both).write(tmp_path)
+    now, later = load_scene(path).images, load_scene(path, decode=False).images
+    for decoded, image in zip(now, later, strict=True):
+        assert isinstance(image, EncodedImage)
+        assert (image.name, image.width, image.height, image.dtype) == (
+            decoded.name,
+            decoded.width,
+            decoded.height,
+            decoded.dtype,
+        )
+        assert image.decode() is not image.decode(), "kept by whoever asks, not here"
+        assert np.array_equal(image.decode(), decoded.pixels)
+        assert image.pixels is image.pixels and np.array_equal(image.pixels, decoded.pixels)
+
+
+def test_a_damaged_image_is_refused_in_the_same_words_when_it_is_decoded(tmp_path):
+    path = textured(encoded(RGBA)[:-30]).write(tmp_path)
+    with pytest.raises(SceneError) as now:
+        load_scene(path)
+    (image,) = load_scene(path, decode=False).images
+    with pytest.raises(SceneError) as later:
+        image.decode()
+    assert str(later.value) == str(now.value) and str(path) in str(now.value)
 
 
 def test_no_thread_stays_behind(tmp_path):
