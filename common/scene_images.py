@@ -17,7 +17,7 @@ Pixels = NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.float32]
 class Chain:
     """An image as the GPU takes it: all levels of its mip chain, made before.
 
-    `format` is how it is stored and `view_format` how it is sampled, if otherwise, by the names of the backends' formats;
+    `format` is how it is stored and `view_format` how it is sampled, if otherwise, by the names of the backends;
     `swizzle` says which channel of the format stands for red, green, blue and alpha. `levels` are, level 0 first,
     (rows, bytes of a row) uint8; of a block-compressed format rows are rows of blocks.
     """
