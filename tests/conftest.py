@@ -5,6 +5,7 @@ The tests of chapters run once per variant: on the device as it is, and with eve
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -39,13 +40,26 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Let the report watch the run."""
+    """Let the report watch the run, and software drivers compile quickly."""
+    compile_quickly(config.getoption("--long"))
     config.pluginmanager.register(Report(config), "strata-report")
     later = snapshots.Snapshots(
         snapshots.official(), snapshots.chosen(config.getoption("--chapter")), config.getoption("--long")
     )
     config.pluginmanager.register(later, "strata-snapshots")
     config.pluginmanager.register(goldens, "strata-goldens")
+
+
+def compile_quickly(long: bool) -> None:
+    """Have Mesa's software drivers leave out their compiler's optimisation, unless this is the long run.
+
+    Pictures are the same to the bit either way, since it keeps the order of every rounding: the long run, which leaves
+    the optimiser on, holds the same tests. At 64 pixels a shader takes far longer to compile than to run, and with
+    nothing compiled half of a run's time was the optimiser's (chapter 2 on OpenGL: 92 s with it, 43 s without). Other
+    drivers do not know this variable; the programs that tests start inherit it, and `strata run` and `bench` have none.
+    """
+    if not long:
+        os.environ.setdefault("GALLIVM_PERF", "nopt")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

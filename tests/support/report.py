@@ -210,7 +210,8 @@ class Report:
             return
         terminalreporter.section("strata", sep="=")
         cache = "shaders were compiled in this run" if self.cold else "compiled shaders were there"
-        terminalreporter.line(f"device: {self.device}; {cache}")
+        quick = ", quickly" if os.environ.get("GALLIVM_PERF") == "nopt" else ""
+        terminalreporter.line(f"device: {self.device}; {cache}{quick}")
         later: Any = self.config.pluginmanager.getplugin("strata-snapshots")
         for line in summary(list(self.outcomes.values())) + (later.summary() if later else []):
             terminalreporter.line(line)
