@@ -112,6 +112,23 @@ def test_every_use_finds_its_image_with_its_sampler(width, max_layers):
     assert several > 0
 
 
+def test_shaders_have_code_for_the_arrays_of_their_own_materials_alone():
+    """The masks of some materials are the bits of what their records say, whatever the rest of the scene samples."""
+    for seed in range(25):
+        scene = random_scene(seed)
+        found = reads(scene)
+        plan = plan_arrays(scene, found, 2048)
+        drawn = sorted({use.material for use in found})[:: 1 + seed % 3]
+        if not drawn:
+            continue
+        masks = [0] * len(ROLES)
+        for use in found:
+            if use.material in drawn:
+                masks[use.role] |= 1 << (int(plan.maps[use.material, use.role]) & 255)
+        expected = ", ".join(f"{mask}u" for mask in masks)
+        assert plan.defines(drawn) == (("ARRAYS", plan.width), ("ROLE_ARRAYS", f"uint[5]({expected})"))
+
+
 def test_a_scene_without_textures_has_no_arrays():
     scene = quad_scene()
     plan = plan_arrays(scene, reads(scene), 2048)
