@@ -56,7 +56,7 @@ class ForwardPass:
             shaders=("forward.vert", "forward.frag"),
             defines=(
                 *variant.defines,
-                *self._data.texture_defines(variant.roles),
+                *self._data.texture_defines(variant),
                 *coverage_defines(variant, self._settings),
             ),
             depth=views.depth_use(self._settings, variant),

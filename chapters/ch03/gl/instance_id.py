@@ -45,7 +45,7 @@ class InstanceIdPass:
         needed = shape_alone(variant)
         return GraphicsPipeline(
             shaders=("forward.vert", "instance_id.frag"),
-            defines=(*needed.defines, *self._data.texture_defines(needed.roles)),
+            defines=(*needed.defines, *self._data.texture_defines(needed, shape_alone)),
             depth=self._depth,
             name="instance id",
         )

@@ -6,6 +6,7 @@ what some material reads, and whatever the CPU writes from frame to frame once p
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -32,6 +33,7 @@ from ..logic import environment, geometry, packing, pages, records, texels, view
 from ..logic.draw_lists import COMMAND
 from ..logic.environment import Sizes
 from ..logic.frame import SLOTS
+from ..logic.packing import Variant
 from ..logic.records import Records
 from ..logic.texture_arrays import ArrayTexture, plan_arrays
 from ..logic.texture_reads import image_roles, uses
@@ -233,9 +235,14 @@ class SceneData:
 
     # --- what passes read ---
 
-    def texture_defines(self, roles: tuple[str, ...]) -> tuple[tuple[str, int | str], ...]:
-        """Return what the shaders of a variant with textures in `roles` are built with."""
-        return self._plan.defines if roles else ()
+    def texture_defines(
+        self, needed: Variant, of: Callable[[Variant], Variant] = lambda whole: whole
+    ) -> tuple[tuple[str, int | str], ...]:
+        """Return what the shaders of `needed` are built with, which `of` makes of a material's variant."""
+        if not needed.roles:
+            return ()
+        drawn = [number for number, one in enumerate(self.variants) if of(one).defines == needed.defines]
+        return self._plan.defines(drawn)
 
     @property
     def textures_of(self) -> np.ndarray:

@@ -43,9 +43,8 @@ class MaterialTextures(Protocol):
     sets: list[Any]
     """Arrays of one descriptor set; empty where nothing is textured, or before `make_sets`."""
 
-    @property
-    def defines(self) -> tuple[tuple[str, int | str], ...]:
-        """What the shaders of textured materials are built with."""
+    def defines(self, materials: Sequence[int]) -> tuple[tuple[str, int | str], ...]:
+        """What the shaders of these materials, which have textures, are built with."""
 
     def __len__(self) -> int:
         """Images that were uploaded."""
@@ -91,8 +90,7 @@ class BindlessTextures:
         self.set_of = np.zeros(len(scene.materials), np.int64)
         self.sets: list[Any] = []
 
-    @property
-    def defines(self) -> tuple[tuple[str, int | str], ...]:
+    def defines(self, materials: Sequence[int]) -> tuple[tuple[str, int | str], ...]:
         """One array of all textures."""
         return (("BINDLESS", 1),)
 
@@ -164,10 +162,9 @@ class ArrayTextures:
     def __len__(self) -> int:
         return sum(len(array.layers) for array in self._images)
 
-    @property
-    def defines(self) -> tuple[tuple[str, int | str], ...]:
+    def defines(self, materials: Sequence[int]) -> tuple[tuple[str, int | str], ...]:
         """How many arrays a shader reaches, as many as the scene needs, and in which of them a role has textures."""
-        return () if self._plan is None else self._plan.defines
+        return () if self._plan is None else self._plan.defines(materials)
 
     def keep(self, uploader: Uploader, variants: Sequence[Variant]) -> None:
         """Make the arrays that are new: one with another layer is another array."""

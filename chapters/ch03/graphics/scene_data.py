@@ -7,6 +7,7 @@ slot.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -26,6 +27,7 @@ from ..logic import environment, geometry, packing, pages, records, texels, view
 from ..logic.draw_lists import COMMAND
 from ..logic.environment import Sizes
 from ..logic.frame import SLOTS
+from ..logic.packing import Variant
 from ..logic.records import Records
 from ..logic.texture_reads import uses
 from ..settings import Settings
@@ -268,9 +270,14 @@ class SceneData:
 
     # --- what passes read ---
 
-    def texture_defines(self, roles: tuple[str, ...]) -> tuple[tuple[str, int | str], ...]:
-        """Return what the shaders of a variant with textures in `roles` are built with."""
-        return self._textures.defines if roles else ()
+    def texture_defines(
+        self, needed: Variant, of: Callable[[Variant], Variant] = lambda whole: whole
+    ) -> tuple[tuple[str, int | str], ...]:
+        """Return what the shaders of `needed` are built with, which `of` makes of a material's variant."""
+        if not needed.roles:
+            return ()
+        drawn = [number for number, one in enumerate(self.variants) if of(one).defines == needed.defines]
+        return self._textures.defines(drawn)
 
     @property
     def textures_of(self) -> np.ndarray:

@@ -38,25 +38,26 @@ class ArrayTexture:
 class ArrayPlan:
     """`sets` are numbers of `arrays`; `set_of` (M,) is the set of each material, `maps` what its record says.
 
-    `role_arrays` has for each role the bits of the arrays, as numbered in the sets, that some material samples in it.
+    `reached` (M, roles) uint32 has for each material and role the bit of the array, as numbered in the sets, that it
+    samples.
     """
 
     arrays: tuple[ArrayTexture, ...]
     sets: tuple[tuple[int, ...], ...]
     set_of: np.ndarray
     maps: np.ndarray
-    role_arrays: tuple[int, ...]
+    reached: np.ndarray
 
     @property
     def width(self) -> int:
         """Arrays of the largest set: how many the shaders are built for."""
         return max((len(held) for held in self.sets), default=0)
 
-    @property
-    def defines(self) -> tuple[tuple[str, int | str], ...]:
-        """What shaders that sample textures are built with: how many arrays there are, and which of them a role has."""
-        masks = ", ".join(f"{mask}u" for mask in self.role_arrays)
-        return ("ARRAYS", self.width), ("ROLE_ARRAYS", f"uint[{len(self.role_arrays)}]({masks})")
+    def defines(self, materials: Sequence[int]) -> tuple[tuple[str, int | str], ...]:
+        """What shaders of these materials are built with: how many arrays there are, which of them a role samples."""
+        bits = np.bitwise_or.reduce(self.reached[materials], axis=0).tolist()
+        masks = ", ".join(f"{mask}u" for mask in bits)
+        return ("ARRAYS", self.width), ("ROLE_ARRAYS", f"uint[{len(bits)}]({masks})")
 
 
 def plan_arrays(scene: Scene, found: Sequence[Use], max_layers: int, width: int = ARRAYS) -> ArrayPlan:
@@ -91,10 +92,10 @@ def plan_arrays(scene: Scene, found: Sequence[Use], max_layers: int, width: int 
         sets[number] += [array for array in dict.fromkeys(wanted) if array not in sets[number]]
         set_of[material] = number
     maps = empty_maps(len(scene.materials))
-    role_arrays = [0] * len(ROLES)
+    reached = np.zeros((len(scene.materials), len(ROLES)), np.uint32)
     for use in found:
         kind_part, layer = place[use.read]
         unit = sets[set_of[use.material]].index(numbers[kind_part])
         maps[use.material, use.role] = unit | layer << LAYER_SHIFT
-        role_arrays[use.role] |= 1 << unit
-    return ArrayPlan(arrays, tuple(tuple(held) for held in sets), set_of, maps, tuple(role_arrays))
+        reached[use.material, use.role] = 1 << unit
+    return ArrayPlan(arrays, tuple(tuple(held) for held in sets), set_of, maps, reached)

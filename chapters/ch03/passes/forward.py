@@ -58,7 +58,7 @@ class ForwardPass:
             shaders=("forward.vert", "forward.frag"),
             defines=(
                 *variant.defines,
-                *self._data.texture_defines(variant.roles),
+                *self._data.texture_defines(variant),
                 *coverage_defines(variant, self._settings),
             ),
             color=self._settings.color_format,

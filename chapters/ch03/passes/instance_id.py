@@ -46,7 +46,7 @@ class InstanceIdPass:
         needed = shape_alone(variant)
         return GraphicsPipeline(
             shaders=("forward.vert", "instance_id.frag"),
-            defines=(*needed.defines, *self._data.texture_defines(needed.roles)),
+            defines=(*needed.defines, *self._data.texture_defines(needed, shape_alone)),
             color="r32ui",
             depth=self._depth,
             name="instance id",

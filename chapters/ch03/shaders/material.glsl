@@ -4,7 +4,7 @@
 #ifdef TEXTURED
 #include "textures.glsl"
 
-// In which arrays the scene has textures of each role, a bit an array: a shader has no code for the others.
+// In which arrays its materials have textures of each role, a bit an array: a shader has no code for the others.
 #ifndef ROLE_ARRAYS
 #define ROLE_ARRAYS uint[5](~0u, ~0u, ~0u, ~0u, ~0u)
 #endif
