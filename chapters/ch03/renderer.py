@@ -35,7 +35,8 @@ from common.pose import evaluate_pose
 from common.scene import Sampler, Scene
 
 from . import LESSON
-from .graphics.commands import Commands, Rendering
+from .graphics.command_pools import CommandPools
+from .graphics.commands import Rendering
 from .graphics.descriptors import Descriptors, Sets, Texture
 from .graphics.frames import Frames, FrameSlot
 from .graphics.pipeline_cache import PipelineCache
@@ -43,6 +44,7 @@ from .graphics.pipelines import Pipelines
 from .graphics.profiler import Profiler
 from .graphics.resources import Resources, offered_samples
 from .graphics.scene_data import SceneData
+from .graphics.secondaries import open_commands
 from .graphics.set_layouts import CAPACITY, SetLayout
 from .logic.constants import frame_constants
 from .logic.default_light import DefaultLight
@@ -51,6 +53,7 @@ from .logic.frame import OUTPUTS, SLOTS, SOURCES, Frame, check_outputs, output_o
 from .logic.samples import choose_samples
 from .logic.stream import FrameStream
 from .logic.views import shown_exposure
+from .logic.workers import Workers
 from .passes.forward import ForwardPass
 from .passes.instance_id import InstanceIdPass
 from .passes.resolve import ResolvePass
@@ -123,7 +126,9 @@ class Renderer(FrameStream):
         self._descriptors = Descriptors(device)
         self._profiler = Profiler(device)
         self._begin_stream()
-        self._commands = Commands(device, self.plan.native("multi-draw"))
+        self._workers = Workers(settings.recording_threads)
+        self._pools = CommandPools(device, self._frames.slots, self._workers)
+        self._commands = open_commands(device, self._pools, self.plan.native("multi-draw"), settings)
         anisotropy = settings.anisotropy if self.plan.native("anisotropy") else 1.0
         bindless = self.plan.native("bindless")
         self._data = SceneData(
@@ -358,6 +363,8 @@ class Renderer(FrameStream):
 
     def _count(self, work: dict[str, int], written: int) -> dict[str, int]:
         return {
+            "recording_threads": 1,
+            "recorded_parts": 0,
             **work,
             "passes": len(self.passes),
             "passes_skipped": 4 - len(self.passes),
@@ -426,7 +433,9 @@ class Renderer(FrameStream):
             for readback in readbacks.values():
                 readback.close()
         for name in (
+            "_workers",
             "inspection",
+            "_pools",
             "_frames",
             "_profiler",
             "_pipelines",

@@ -177,4 +177,16 @@ class Settings:
     view: str = knob(
         PICTURE, "a quantity shown in place of the picture, with one sample a pixel", choices=CHOICES
     )
+    recording_threads: int = knob(
+        0,
+        "threads that record draws beside the renderer's own; in Python they are no faster, see bench 3",
+        minimum=0,
+        maximum=32,
+    )
+    draws_per_secondary: int = knob(
+        256,
+        "calls that each part of a pass has at least when threads record it: a part costs as much as a few of them",
+        minimum=1,
+        maximum=1_000_000,
+    )
     skip_unused: bool = knob(True, "whether what the scene does not need is left out of pipelines and sets")

@@ -46,6 +46,7 @@ class Rendering:
         clear_depth: float | None = None,
     ) -> None:
         self.size = size
+        self.images = (color, depth)
         attachments = None
         if color is not None:
             value: dict[str, Any] = {}
@@ -118,7 +119,11 @@ class Commands:
     def begin_rendering(self, rendering: Rendering) -> None:
         """Begin drawing to the attachments of `rendering`, over their whole size."""
         self._fn.vkCmdBeginRendering(self.handle, rendering.info)
-        viewport, scissor = self._viewport(rendering.size)
+        self.set_area(rendering.size)
+
+    def set_area(self, size: tuple[int, int]) -> None:
+        """Set viewport and scissor to the whole of attachments of this size."""
+        viewport, scissor = self._viewport(size)
         self._fn.vkCmdSetViewport(self.handle, 0, 1, viewport)
         self._fn.vkCmdSetScissor(self.handle, 0, 1, scissor)
 
