@@ -41,11 +41,13 @@ from ..logic.frame import OUTPUTS, SLOTS, SOURCES, Frame, check_outputs, output_
 from ..logic.samples import choose_samples
 from ..logic.stream import FrameStream
 from ..logic.views import shown_exposure
+from ..logic.workers import Workers
 from ..settings import Settings
-from .commands import Commands, Rendering, Textures
+from .commands import Rendering, Textures
 from .forward import ForwardPass
 from .frames import Frames, FrameSlot
 from .instance_id import InstanceIdPass
+from .parallel import open_commands
 from .pipelines import Pipelines
 from .resolve import ResolvePass
 from .scene_data import SceneData
@@ -113,7 +115,9 @@ class Renderer(FrameStream):
         self._begin_stream()
         anisotropy = settings.anisotropy if self.plan.native("anisotropy") else 1.0
         self._data = SceneData(context, scene, settings, anisotropy)
-        self._commands = Commands(context, self._pipelines, self.plan.native("multi-draw"))
+        self._workers = Workers(settings.recording_threads)
+        multi_draw = self.plan.native("multi-draw")
+        self._commands = open_commands(context, self._pipelines, multi_draw, self._workers, settings)
         self._forward = ForwardPass(scene, settings, self._data, self._pipelines)
         self._instance_id = InstanceIdPass(self._forward, self._data, self._pipelines)
         self._resolve = ResolvePass(settings, self._data, self._pipelines)
@@ -274,6 +278,8 @@ class Renderer(FrameStream):
 
     def _count(self, work: dict[str, int], written: int) -> dict[str, int]:
         return {
+            "recording_threads": 1,
+            "recorded_parts": 0,
             **work,
             "passes": len(self.passes),
             "passes_skipped": 4 - len(self.passes),
@@ -344,7 +350,7 @@ class Renderer(FrameStream):
         if hasattr(self, "_readbacks"):  # else it was never whole, and there are no frames
             self._let_go("its renderer was closed")
         self._destroy_targets()
-        for name in ("_data", "_frames", "_pipelines"):
+        for name in ("_workers", "_data", "_frames", "_pipelines"):
             held = getattr(self, name, None)
             if held is not None:
                 held.close()

@@ -15,7 +15,6 @@ from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 
 from ..logic.recording import pool_index
-from ..logic.tasks import Scheduler
 from ..logic.workers import Workers
 from .frames import FrameSlot
 
@@ -61,9 +60,9 @@ class CommandPools:
         self.pools: list[CommandPool] = []
         """By `pool_index`; none before `open`."""
 
-    def open(self) -> Scheduler:
-        """Return the threads that may take buffers; at the first time they start, and get their pools."""
-        device, tasks = self._device, self._workers.tasks
+    def open(self) -> Workers:
+        """Return the threads that may take buffers; they get their pools at the first time."""
+        device = self._device
         info = vk.new(
             "VkCommandPoolCreateInfo",
             flags=vk.VK_COMMAND_POOL_CREATE_TRANSIENT_BIT,
@@ -76,7 +75,7 @@ class CommandPools:
                 handle = device.create("vkCreateCommandPool", info, name)
                 self._own.append(handle)
             self.pools.append(CommandPool(device, handle, name))
-        return tasks
+        return self._workers
 
     def begin(self, slot: FrameSlot) -> None:
         """Reset the pools of a slot whose last frame the GPU has finished: `Frames.begin` has waited for it.

@@ -13,7 +13,6 @@ what helps is fewer calls: `vkCmdDrawIndexedIndirect` is one for any number of o
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from typing import Any
 
 from backends.vulkan import api as vk
@@ -21,7 +20,6 @@ from backends.vulkan.device import Device
 from backends.vulkan.resources import FORMATS, Buffer
 
 from ..logic.recording import DrawList, part_count
-from ..logic.task_errors import TaskError
 from ..logic.tasks import split
 from ..settings import Settings
 from .command_pools import CommandPools
@@ -109,7 +107,7 @@ class ParallelCommands(Commands):
 
     def _record_parts(self, parts: int) -> list[Any]:
         """Return the secondaries of this pass in the order of their draws."""
-        draws, pools, tasks = self._draws, self._pools, self._pools.open()
+        draws, pools = self._draws, self._pools
         begin, size = self._inherited(self._rendering), self._rendering.size
         recorded: dict[int, tuple[Any, dict[str, int]]] = {}
 
@@ -123,14 +121,7 @@ class ParallelCommands(Commands):
             vk.check(self._fn.vkEndCommandBuffer(buffer), "vkEndCommandBuffer")
             recorded[first] = buffer, commands.work
 
-        task = tasks.spawn_range(f"record {self._name}", record, draws.calls, parts=parts)
-        try:
-            tasks.wait(task)
-        except KeyboardInterrupt:
-            tasks.cancel(task)
-            with suppress(TaskError):
-                tasks.wait(task)  # parts that have begun end before their pools may be used again
-            raise
+        pools.open().share(f"record {self._name}", record, draws.calls, parts)
         ordered = [recorded[first] for first, _ in split(draws.calls, parts)]
         for _, work in ordered:
             self._count(work)

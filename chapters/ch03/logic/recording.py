@@ -57,7 +57,9 @@ def _cut(group: Any, begin: int, end: int) -> Any:
     """Return draws [begin, end) of a group. Its triangles count where its first draw is: their sum stays right."""
     batch = group.batch
     triangles = batch.triangles if begin == 0 else 0
-    return replace(group, batch=replace(batch, first=batch.first + begin, count=end - begin, triangles=triangles))
+    return replace(
+        group, batch=replace(batch, first=batch.first + begin, count=end - begin, triangles=triangles)
+    )
 
 
 class DrawList:

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from contextlib import suppress
 
+from .task_errors import TaskError
+from .task_graph import RangeWork
 from .tasks import Scheduler
 
 
@@ -29,10 +32,20 @@ class Workers:
             self._tasks = Scheduler(self.count, self._pinned)
         return self._tasks
 
-    @property
-    def started(self) -> bool:
-        """Whether there are threads."""
-        return self._tasks is not None
+    def share(self, name: str, work: RangeWork, count: int, parts: int) -> None:
+        """Do `work(first, last, thread)` for [0, count) in parts, by all workers and this thread; return when done.
+
+        When this raises nothing of it runs any more, also after Ctrl-C: what the parts use may be used again.
+        Raises TaskError if a part has failed.
+        """
+        task = self.tasks.spawn_range(name, work, count, parts=parts)
+        try:
+            self.tasks.wait(task)
+        except KeyboardInterrupt:
+            self.tasks.cancel(task)
+            with suppress(TaskError):
+                self.tasks.wait(task)
+            raise
 
     def close(self) -> None:
         """End the threads; a second time does nothing. Raises as `Scheduler.close` does, after they have ended."""
