@@ -95,9 +95,7 @@ def test_parts_put_together_are_the_whole_list(multi_draw):
             into.bind_set("sky", 0, "set")
             into.draw_fullscreen("triangle")
             into.draw_groups(groups_of(clear, sum(counts)), "set", "records") if clear else None
-        assert draws.calls == (
-            len(counts) + 1 + len(clear) if multi_draw else sum(counts) + 1 + sum(clear)
-        )
+        assert draws.calls == (len(counts) + 1 + len(clear) if multi_draw else sum(counts) + 1 + sum(clear))
         for parts in range(1, draws.calls + 1):
             pieces = []
             for first, last in split(draws.calls, parts):
