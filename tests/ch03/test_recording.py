@@ -265,6 +265,7 @@ def test_a_pool_has_one_thread_is_reset_once_a_frame_and_never_in_flight(chapter
     for (name, arguments), thread in zip(log, log.threads, strict=True):
         if name == "vkAllocateCommandBuffers":
             pool_of[key(arguments[2][0])] = key(arguments[1].commandPool)
+            begun.pop(key(arguments[2][0]), None)  # where one was that went with its pool
             users[key(arguments[1].commandPool)].add(thread)
         elif name in ("vkBeginCommandBuffer", "vkEndCommandBuffer") or name.startswith("vkCmd"):
             buffer = key(arguments[0])
