@@ -13,7 +13,15 @@ from pathlib import Path
 from typing import Any
 
 import chapters
-from chapters import bench_pipelines, bench_points, bench_prepared, bench_scale, bench_start, scenes
+from chapters import (
+    bench_pipelines,
+    bench_points,
+    bench_prepared,
+    bench_scale,
+    bench_start,
+    bench_threads,
+    scenes,
+)
 from chapters.bench_points import Effort, Subject
 from chapters.bench_report import can_plot, plot, show
 from chapters.console import Steps, err, out, say
@@ -34,8 +42,9 @@ PARTS = {
     "stability": "how much the worst case changes the picture",
     "scales": "what objects and materials cost",
     "pipelines": "building pipelines cold and warm",
+    "threads": "recording draws by several threads",
 }
-"""What a bench measures; a chapter may have no scales and no pipelines to build."""
+"""What a bench measures; a chapter may have no scales, no pipelines to build, no threads."""
 
 DRAWN = {"settings", "prepared", "scales", "pipelines"}
 """The parts that a plot has a panel for."""
@@ -136,7 +145,12 @@ def parts_of(which: chapters.Whole, api: str, only: Sequence[str] = ()) -> tuple
     """
     settings_class, missing = chapters.settings_class(which), {}
     spoken = f"chapter {which}" if isinstance(which, int) else f"the fork {which.path}"
-    for part, names in (("scales", "SCALES"), ("pipelines", "PIPELINES"), ("prepared", "PREPARED")):
+    for part, names in (
+        ("scales", "SCALES"),
+        ("pipelines", "PIPELINES"),
+        ("prepared", "PREPARED"),
+        ("threads", "THREADS"),
+    ):
         if not hasattr(settings_class, names):
             missing[part] = f"{spoken} names none in its settings ({names})"
     if api != "vulkan":
@@ -167,7 +181,7 @@ def measure(
         """Return how a part of the bench reports: its own 0 to 1 is `begin` to `end` of the whole."""
         return lambda name, part: steps(f"{what} {name}".strip(), begin + (end - begin) * part)
 
-    starts, found, prepared, grown, pipelines, cases = {}, [], [], [], None, []
+    starts, found, prepared, grown, pipelines, threads, cases = {}, [], [], [], None, None, []
     if "start" in parts:
         steps("start, cold and warm", 0.02)
         starts = bench_start.cold_and_warm(which, backend, scene, size, effort.starts)
@@ -182,7 +196,9 @@ def measure(
         if "prepared" in parts:
             prepared = bench_prepared.sweeps(subject, effort, within(0.5, 0.7, "prepare"))
         if "scales" in parts:
-            grown = bench_scale.scales(subject, effort, within(0.7, 0.9))
+            grown = bench_scale.scales(subject, effort, within(0.7, 0.85))
+        if "threads" in parts:
+            threads = bench_threads.measure(subject, effort, within(0.85, 0.9))
         if "stability" in parts:
             steps("stability", 0.9)
             cases = bench_points.stability_cases(subject, effort)
@@ -222,6 +238,7 @@ def measure(
         "start_s": starts,
         "scales": grown,
         "pipelines": pipelines,
+        "threads": threads,
         "stability": None,
     }
     if cases:

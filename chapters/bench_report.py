@@ -9,7 +9,7 @@ from typing import Any
 
 from rich.console import Console
 
-from chapters import bench_pipelines, bench_points, bench_scale
+from chapters import bench_pipelines, bench_points, bench_scale, bench_threads
 from chapters.console import out
 from chapters.tables import table
 from common.errors import UserError
@@ -34,6 +34,8 @@ def show(made: dict[str, Any], to: Console = out) -> None:
         bench_scale.show(one, to)
     if made.get("pipelines"):
         bench_pipelines.show(made["pipelines"], to)
+    if made.get("threads"):
+        bench_threads.show(made["threads"], to)
     _show_starts(to, made["start_s"])
     if made["stability"]:
         worst = made["stability"]["worst"]
