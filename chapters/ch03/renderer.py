@@ -35,7 +35,6 @@ from common.pose import evaluate_pose
 from common.scene import Sampler, Scene
 
 from . import LESSON
-from .graphics.command_pools import CommandPools
 from .graphics.commands import Rendering
 from .graphics.descriptors import Descriptors, Sets, Texture
 from .graphics.frames import Frames, FrameSlot
@@ -53,7 +52,7 @@ from .logic.frame import OUTPUTS, SLOTS, SOURCES, Frame, check_outputs, output_o
 from .logic.samples import choose_samples
 from .logic.stream import FrameStream
 from .logic.views import shown_exposure
-from .logic.workers import Workers
+from .logic.workers import ALONE, Workers
 from .passes.forward import ForwardPass
 from .passes.instance_id import InstanceIdPass
 from .passes.resolve import ResolvePass
@@ -127,8 +126,8 @@ class Renderer(FrameStream):
         self._profiler = Profiler(device)
         self._begin_stream()
         self._workers = Workers(settings.recording_threads)
-        self._pools = CommandPools(device, self._frames.slots, self._workers)
-        self._commands = open_commands(device, self._pools, self.plan.native("multi-draw"), settings)
+        multi_draw = self.plan.native("multi-draw")
+        self._commands = open_commands(device, self._frames, self._workers, multi_draw, settings)
         anisotropy = settings.anisotropy if self.plan.native("anisotropy") else 1.0
         bindless = self.plan.native("bindless")
         self._data = SceneData(
@@ -363,8 +362,7 @@ class Renderer(FrameStream):
 
     def _count(self, work: dict[str, int], written: int) -> dict[str, int]:
         return {
-            "recording_threads": 1,
-            "recorded_parts": 0,
+            **ALONE,
             **work,
             "passes": len(self.passes),
             "passes_skipped": 4 - len(self.passes),
@@ -435,7 +433,7 @@ class Renderer(FrameStream):
         for name in (
             "_workers",
             "inspection",
-            "_pools",
+            "_commands",
             "_frames",
             "_profiler",
             "_pipelines",

@@ -251,7 +251,7 @@ def test_a_pool_has_one_thread_is_reset_once_a_frame_and_never_in_flight(chapter
     with traced(chapter) as log, opened(chapter, knobs(threads - 1, 2), without=("multi-draw",)) as renderer:
         for _ in range(frames):
             renderer.render(facing())
-        pools = {key(pool.handle) for pool in renderer._pools.pools}
+        pools = {key(pool.handle) for pool in renderer._commands._pools.pools}
     assert len(pools) == SLOTS * threads
     counts = Counter(name for name, _ in log)
     assert counts["vkFreeCommandBuffers"] == counts["vkResetCommandBuffer"] == 0

@@ -15,7 +15,7 @@ from backends.gl.resources import Buffer
 
 from ..logic.recording import Groups, part_count
 from ..logic.tasks import split
-from ..logic.workers import Workers
+from ..logic.workers import ALONE, Workers
 from ..settings import Settings
 from .commands import Commands, DrawGroup
 from .frames import FrameSlot
@@ -77,7 +77,7 @@ class ParallelCommands(Commands):
     def begin(self, slot: FrameSlot) -> None:
         """Work for `slot` from here on, with all counters at zero."""
         super().begin(slot)
-        self.work |= {"recording_threads": 1, "recorded_parts": 0}
+        self.work |= ALONE
 
     def draw_groups(self, groups: Sequence[DrawGroup], records: Buffer) -> None:
         """Draw all of `groups` in order; with enough calls, lists of them are made by all threads before.

@@ -41,7 +41,7 @@ from ..logic.frame import OUTPUTS, SLOTS, SOURCES, Frame, check_outputs, output_
 from ..logic.samples import choose_samples
 from ..logic.stream import FrameStream
 from ..logic.views import shown_exposure
-from ..logic.workers import Workers
+from ..logic.workers import ALONE, Workers
 from ..settings import Settings
 from .commands import Rendering, Textures
 from .forward import ForwardPass
@@ -278,8 +278,7 @@ class Renderer(FrameStream):
 
     def _count(self, work: dict[str, int], written: int) -> dict[str, int]:
         return {
-            "recording_threads": 1,
-            "recorded_parts": 0,
+            **ALONE,
             **work,
             "passes": len(self.passes),
             "passes_skipped": 4 - len(self.passes),

@@ -97,6 +97,9 @@ class Commands:
         self.handle = slot.commands
         self.work = {"draws": 0, "draw_calls": 0, "triangles": 0, "pipeline_binds": 0, "descriptor_binds": 0}
 
+    def close(self) -> None:
+        """Free nothing: buffers go with their slots."""
+
     # --- around passes: the renderer's ---
 
     def barrier(self, dependency: Any) -> None:

@@ -21,19 +21,23 @@ from backends.vulkan.resources import FORMATS, Buffer
 
 from ..logic.recording import DrawList, part_count
 from ..logic.tasks import split
+from ..logic.workers import ALONE, Workers
 from ..settings import Settings
 from .command_pools import CommandPools
 from .commands import Commands, DrawGroup, Rendering
-from .frames import FrameSlot
+from .frames import Frames, FrameSlot
 from .pipelines import Built
 
 _DRAWS_IN_SECONDARIES = vk.VK_RENDERING_CONTENTS_SECONDARY_COMMAND_BUFFERS_BIT
 
 
-def open_commands(device: Device, pools: CommandPools, multi_draw: bool, settings: Settings) -> Commands:
+def open_commands(
+    device: Device, frames: Frames, workers: Workers, multi_draw: bool, settings: Settings
+) -> Commands:
     """Return what records the frames: in parallel where there are workers."""
-    if pools.threads == 1:
+    if workers.count == 0:
         return Commands(device, multi_draw)
+    pools = CommandPools(device, frames.slots, workers)
     return ParallelCommands(device, pools, multi_draw, settings.draws_per_secondary)
 
 
@@ -52,7 +56,7 @@ class ParallelCommands(Commands):
     def begin(self, slot: FrameSlot) -> None:
         """Record into `slot` from here on; the GPU has left it, and all its secondaries are free again."""
         super().begin(slot)
-        self.work |= {"recording_threads": 1, "recorded_parts": 0}
+        self.work |= ALONE
         self._pools.begin(slot)
 
     # --- what a pass asks for is written down until it has ended ---
@@ -151,3 +155,7 @@ class ParallelCommands(Commands):
     def _count(self, work: dict[str, int]) -> None:
         for name, number in work.items():
             self.work[name] += number
+
+    def close(self) -> None:
+        """Free the pools, after the GPU has left all slots and the threads have ended."""
+        self._pools.close()

@@ -9,6 +9,9 @@ from .task_errors import TaskError
 from .task_graph import RangeWork
 from .tasks import Scheduler
 
+ALONE = {"recording_threads": 1, "recorded_parts": 0}
+"""What a frame counts that no other thread had a part in."""
+
 
 class Workers:
     """A scheduler that is opened at its first use, by the thread that uses it, and closed by the same one.
