@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import pytest
 from rich.console import Console
 
-from backends.vulkan.instance import Instance
 from chapters import bench_threads
 from chapters.bench_points import Effort, Subject
 from chapters.ch03.settings import Settings

@@ -20,9 +20,9 @@ from .frames import FrameSlot
 
 
 class CommandPool:
-    """A pool with its secondary buffers, of which the first `used` are given out."""
+    """A pool with its buffers of one level, of which the first `used` are given out."""
 
-    def __init__(self, device: Device, handle: Any, name: str) -> None:
+    def __init__(self, device: Device, handle: Any, name: str, level: int) -> None:
         self.handle = handle
         self.used = 0
         self._device, self._name = device, name
@@ -30,18 +30,18 @@ class CommandPool:
         self._info = vk.new(
             "VkCommandBufferAllocateInfo",
             commandPool=handle,
-            level=vk.VK_COMMAND_BUFFER_LEVEL_SECONDARY,
+            level=level,
             commandBufferCount=1,
         )
 
     def take(self) -> Any:
-        """Return a secondary buffer that nobody has used since the pool was reset."""
+        """Return a buffer that nobody has used since the pool was reset."""
         if self.used == len(self._buffers):
             device, out = self._device, vk.ffi.new("VkCommandBuffer[1]")
             vk.check(
                 device.fn.vkAllocateCommandBuffers(device.handle, self._info, out), "vkAllocateCommandBuffers"
             )
-            device.name("VkCommandBuffer", out[0], f"{self._name}, secondary {self.used}")
+            device.name("VkCommandBuffer", out[0], f"{self._name}, buffer {self.used}")
             self._buffers.append(out[0])
         self.used += 1
         return self._buffers[self.used - 1]
@@ -53,7 +53,14 @@ class CommandPools:
     Thread 0, which records the frame itself, has that of the slot, where the primary buffer comes from, too.
     """
 
-    def __init__(self, device: Device, slots: Sequence[FrameSlot], workers: Workers) -> None:
+    def __init__(
+        self,
+        device: Device,
+        slots: Sequence[FrameSlot],
+        workers: Workers,
+        level: int = vk.VK_COMMAND_BUFFER_LEVEL_SECONDARY,
+    ) -> None:
+        self._level = level
         self._device, self._slots, self._workers = device, slots, workers
         self._own: list[Any] = []
         self.threads = 1 + workers.count
@@ -74,7 +81,7 @@ class CommandPools:
             if thread > 0:
                 handle = device.create("vkCreateCommandPool", info, name)
                 self._own.append(handle)
-            self.pools.append(CommandPool(device, handle, name))
+            self.pools.append(CommandPool(device, handle, name, self._level))
         return self._workers
 
     def begin(self, slot: FrameSlot) -> None:
@@ -90,7 +97,7 @@ class CommandPools:
             pool.used = 0
 
     def take(self, slot: FrameSlot) -> Any:
-        """Return a secondary buffer for this frame from the pool of the thread that asks.
+        """Return a buffer for this frame from the pool of the thread that asks.
 
         RuntimeError if it is none of the scheduler's, ValueError if it has no pool here (a pinned one).
         """
