@@ -45,7 +45,7 @@ PACKAGES = (
     "vulkan",
 )
 
-MESA_25 = FEATURES.keys() - {"async-compute", "async-transfer", "shading-rate"}
+MESA_25 = FEATURES.keys() - {"async-compute", "async-transfer", "etc2", "shading-rate"}
 """What the software driver of Mesa 25.0 offers, as found on Debian's 25.0.7."""
 
 CHILD = (sys.executable, "-P", "-m", "chapters.doctor_probe")

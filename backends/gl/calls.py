@@ -89,6 +89,8 @@ void glTextureSubImage3D(GLuint texture, GLint level, GLint xoffset, GLint yoffs
     GLsizei width, GLsizei height, GLsizei depth, GLenum format, GLenum type, const void *pixels);
 void glCompressedTextureSubImage2D(GLuint texture, GLint level, GLint xoffset, GLint yoffset, GLsizei
     width, GLsizei height, GLenum format, GLsizei imageSize, const void *data);
+void glCompressedTextureSubImage3D(GLuint texture, GLint level, GLint xoffset, GLint yoffset, GLint
+    zoffset, GLsizei width, GLsizei height, GLsizei depth, GLenum format, GLsizei imageSize, const void *data);
 void glGetTextureSubImage(GLuint texture, GLint level, GLint xoffset, GLint yoffset, GLint zoffset,
     GLsizei width, GLsizei height, GLsizei depth, GLenum format, GLenum type, GLsizei bufSize, void
     *pixels);

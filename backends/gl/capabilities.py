@@ -22,9 +22,13 @@ class Requirement:
 
 OPTIONAL: dict[str, Requirement] = {
     "anisotropy": Requirement(("GL_ARB_texture_filter_anisotropic", "GL_EXT_texture_filter_anisotropic")),
+    # Part of 4.5, as RGTC and BPTC.
+    "block-compression": Requirement(),
     "draw-indirect-count": Requirement(
         ("GL_ARB_indirect_parameters",), ("glMultiDrawElementsIndirectCountARB",)
     ),
+    # Part of 4.5 as well; but the GPUs of desktops cannot read it, and their drivers unpack it at the upload.
+    "etc2": Requirement(),
     "fp64": Requirement(),
     "int64": Requirement(("GL_ARB_gpu_shader_int64",)),
     "multi-draw": Requirement(),

@@ -13,11 +13,17 @@ import numpy as np
 
 from backends.gl import api as gl
 from backends.gl.context import Context
+from common import blocks
+from common.errors import UnsupportedError
 from common.scene import Sampler
 
 
 class Format(NamedTuple):
-    """OpenGL's name of a format, how pixels of it lie in the CPU's memory, and the same in numpy's words."""
+    """OpenGL's name of a format, how pixels of it lie in the CPU's memory, and the same in numpy's words.
+
+    Of the formats of `common.blocks`, `texel` is the bytes of a block of 4x4 texels; the rest says how they are read
+    back, unpacked.
+    """
 
     internal: int
     pixels: int
@@ -41,6 +47,12 @@ FORMATS: dict[str, Format] = {
     "rgba32f": Format(gl.GL_RGBA32F, gl.GL_RGBA, _FLOAT, 16, np.float32, 4),
     # moderngl's own depth textures have 24 bits, in which reversed z is worth nothing.
     "d32f": Format(gl.GL_DEPTH_COMPONENT32F, gl.GL_DEPTH_COMPONENT, _FLOAT, 4, np.float32, 1),
+    "bc4": Format(gl.GL_COMPRESSED_RED_RGTC1, gl.GL_RED, _BYTE, 8, np.uint8, 1),
+    "bc5": Format(gl.GL_COMPRESSED_RG_RGTC2, gl.GL_RG, _BYTE, 16, np.uint8, 2),
+    "bc7": Format(gl.GL_COMPRESSED_RGBA_BPTC_UNORM, gl.GL_RGBA, _BYTE, 16, np.uint8, 4),
+    "bc7_srgb": Format(gl.GL_COMPRESSED_SRGB_ALPHA_BPTC_UNORM, gl.GL_RGBA, _BYTE, 16, np.uint8, 4),
+    "etc2": Format(gl.GL_COMPRESSED_RGB8_ETC2, gl.GL_RGBA, _BYTE, 8, np.uint8, 4),
+    "etc2_srgb": Format(gl.GL_COMPRESSED_SRGB8_ETC2, gl.GL_RGBA, _BYTE, 8, np.uint8, 4),
 }
 """The short names of formats, as passes declare them: those of `backends.vulkan.resources.FORMATS`."""
 
@@ -208,8 +220,14 @@ def create_image(
 
     An image that is sampled as sRGB and written by compute is made as "rgba8" with the view "rgba8_srgb": image stores
     know no sRGB formats.
+
+    Raises UnsupportedError for a compressed format that the device lacks: `common.blocks.storage_of` chooses another.
     """
     width, height = size
+    if blocks.is_compressed(format) and not context.has(blocks.FEATURE[format]):
+        raise UnsupportedError(
+            f"'{name}' cannot be stored as {format}: the device lacks {blocks.FEATURE[format]}."
+        )
     if shape in ("cube", "cube_array"):
         layers = 6 if shape == "cube" else layers
         if width != height or layers % 6:

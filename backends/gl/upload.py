@@ -22,6 +22,7 @@ from backends.gl.resources import (
     level_size,
     write_image,
 )
+from common import blocks
 from common.paths import ROOT
 
 
@@ -62,6 +63,21 @@ class Uploader:
         if target.levels > 1:
             self.make_mips(target, srgb=srgb)
 
+    def chain(self, target: Image, layers: Sequence[Sequence[np.ndarray]]) -> None:
+        """Copy mip levels that were made before.
+
+        `layers` holds, for each layer, all levels of the image, the largest first: (rows, bytes of a row) uint8, where
+        rows are of blocks if the format is of blocks, and else of texels.
+        """
+        if target.shape == "3d" or len(layers) != target.layers:
+            raise ValueError(f"'{target.name}' has {target.layers} layers, and {len(layers)} were given.")
+        for number, levels in enumerate(layers):
+            if len(levels) != target.levels:
+                raise ValueError(f"'{target.name}' has {target.levels} levels, and {len(levels)} were given.")
+            for level, rows in enumerate(levels):
+                _write_level(self._context, target, rows, level=level, layer=number)
+                self.bytes += rows.nbytes
+
     def make_mips(self, image: Image, *, srgb: bool = False) -> None:
         """Make levels 1 and up of a "2d" or "array" image from level 0, by the box filter of `shaders/mips.comp`."""
         context, fn = self._context, self._context.fn
@@ -96,3 +112,31 @@ class Uploader:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def _write_level(context: Context, image: Image, rows: np.ndarray, *, level: int, layer: int) -> None:
+    """Copy a level of a layer as it is stored: (rows, bytes of a row) uint8, rows of blocks if the format has blocks.
+
+    ValueError for bytes of another shape than `common.blocks.stored_shape` says.
+    """
+    described = FORMATS[image.storage_format]
+    width, height = level_size(image, level)
+    expected = blocks.stored_shape(image.storage_format, width, height, described.texel)
+    if rows.shape != expected or rows.dtype != np.uint8:
+        raise ValueError(
+            f"Level {level} of '{image.name}' wants {expected} uint8, not {rows.shape} {rows.dtype}."
+        )
+    raw, fn = np.ascontiguousarray(rows), context.fn
+    flat = image.shape == "2d"
+    if not blocks.is_compressed(image.storage_format):
+        where = (described.pixels, described.component, gl.pointer(raw))
+        if flat:
+            fn.glTextureSubImage2D(image.handle, level, 0, 0, width, height, *where)
+        else:
+            fn.glTextureSubImage3D(image.handle, level, 0, 0, layer, width, height, 1, *where)
+        return
+    where = (described.internal, raw.size, gl.pointer(raw))
+    if flat:
+        fn.glCompressedTextureSubImage2D(image.handle, level, 0, 0, width, height, *where)
+    else:
+        fn.glCompressedTextureSubImage3D(image.handle, level, 0, 0, layer, width, height, 1, *where)

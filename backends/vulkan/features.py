@@ -51,7 +51,9 @@ OPTIONAL: dict[str, Requirement] = {
             (CORE, "shaderStorageImageWriteWithoutFormat"),
         )
     ),
+    "block-compression": Requirement(bits=((CORE, "textureCompressionBC"),)),
     "draw-indirect-count": Requirement(bits=((V12, "drawIndirectCount"), (CORE, "multiDrawIndirect"))),
+    "etc2": Requirement(bits=((CORE, "textureCompressionETC2"),)),
     "fp64": Requirement(bits=((CORE, "shaderFloat64"),)),
     "int64": Requirement(bits=((CORE, "shaderInt64"),)),
     "mesh-shader": Requirement(("VK_EXT_mesh_shader",), ((MESH, "taskShader"), (MESH, "meshShader"))),

@@ -10,9 +10,12 @@ import numpy as np
 from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 from backends.vulkan.memory import Allocation, MemoryUse
+from common import blocks
+from common.errors import UnsupportedError
 from common.scene import Sampler
 
-# Short names of formats, as passes declare them: (Vulkan's constant, bytes of a texel, numpy type, channels).
+# Short names of formats, as passes declare them: (Vulkan's constant, bytes of a texel, numpy type, channels);
+# of the formats of `common.blocks` the bytes are those of a block of 4x4 texels.
 FORMATS: dict[str, tuple[int, int, type, int]] = {
     "r8": (vk.VK_FORMAT_R8_UNORM, 1, np.uint8, 1),
     "rg8": (vk.VK_FORMAT_R8G8_UNORM, 2, np.uint8, 2),
@@ -24,6 +27,12 @@ FORMATS: dict[str, tuple[int, int, type, int]] = {
     "rgba16f": (vk.VK_FORMAT_R16G16B16A16_SFLOAT, 8, np.float16, 4),
     "rgba32f": (vk.VK_FORMAT_R32G32B32A32_SFLOAT, 16, np.float32, 4),
     "d32f": (vk.VK_FORMAT_D32_SFLOAT, 4, np.float32, 1),
+    "bc4": (vk.VK_FORMAT_BC4_UNORM_BLOCK, 8, np.uint8, 1),
+    "bc5": (vk.VK_FORMAT_BC5_UNORM_BLOCK, 16, np.uint8, 2),
+    "bc7": (vk.VK_FORMAT_BC7_UNORM_BLOCK, 16, np.uint8, 4),
+    "bc7_srgb": (vk.VK_FORMAT_BC7_SRGB_BLOCK, 16, np.uint8, 4),
+    "etc2": (vk.VK_FORMAT_ETC2_R8G8B8_UNORM_BLOCK, 8, np.uint8, 4),
+    "etc2_srgb": (vk.VK_FORMAT_ETC2_R8G8B8_SRGB_BLOCK, 8, np.uint8, 4),
 }
 
 
@@ -125,8 +134,14 @@ def create_image(
     image the view shows as red, green, blue and alpha: "0rg1" has the image's red in green.
 
     The view of an sRGB format is for sampling alone, so that the image itself can also be written by compute.
+
+    Raises UnsupportedError for a compressed format that the device lacks: `common.blocks.storage_of` chooses another.
     """
     width, height = size
+    if blocks.is_compressed(format) and not device.has(blocks.FEATURE[format]):
+        raise UnsupportedError(
+            f"'{name}' cannot be stored as {format}: the device lacks {blocks.FEATURE[format]}."
+        )
     plain = FORMATS[format][0]
     aspect = vk.VK_IMAGE_ASPECT_DEPTH_BIT if format == "d32f" else vk.VK_IMAGE_ASPECT_COLOR_BIT
     if view_format is not None and view_format != format:

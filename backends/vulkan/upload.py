@@ -17,13 +17,14 @@ from backends.vulkan.barriers import barriers, image_barrier
 from backends.vulkan.device import Device
 from backends.vulkan.resources import FORMATS, Buffer, Image, create_buffer, create_view, destroy_buffer
 from backends.vulkan.shaders import compile_shader
+from common import blocks
 from common.paths import ROOT
 
 HALF = 8 << 20
 """Bytes of one half of the ring."""
 
 ALIGNMENT = 16
-"""Offsets of copies: a multiple of every texel size that is used."""
+"""Offsets of copies: a multiple of the size of every texel and every block that is used."""
 
 SETS = 1024
 """Mip levels that may be made between two waits."""
@@ -125,7 +126,7 @@ class Uploader:
         self._barrier(self._half().commands, target, "undefined", "copy_target")
         for number, one in enumerate(layers):
             rows = np.ascontiguousarray(one).view(np.uint8).reshape(target.height, row)
-            self._copy_rows(target, number, rows)
+            self._copy_rows(target, number, 0, rows)
         commands = self._half().commands
         self._barrier(commands, target, "copy_target", "sampled", 0, 1)
         if target.levels > 1:
@@ -133,12 +134,38 @@ class Uploader:
                 raise ValueError(f"'{target.name}' has {target.levels} levels, and only one was given.")
             self._make_mips(target, srgb)
 
-    def _copy_rows(self, target: Image, layer: int, rows: np.ndarray) -> None:
-        """Copy (H, bytes of a row) to level 0 of a layer or slice, in as many pieces as the ring asks for."""
+    def chain(self, target: Image, layers: Sequence[Sequence[np.ndarray]]) -> None:
+        """Copy mip levels that were made before, and leave the image ready for sampling.
+
+        `layers` holds, for each layer, all levels of the image, the largest first: (rows, bytes of a row) uint8, where
+        rows are of blocks if the format is of blocks, and else of texels. A level that does not fit into the ring goes
+        up by rows.
+        """
+        if target.depth is not None or len(layers) != target.layers:
+            raise ValueError(f"'{target.name}' has {target.layers} layers, and {len(layers)} were given.")
+        for levels in layers:
+            if len(levels) != target.levels:
+                raise ValueError(f"'{target.name}' has {target.levels} levels, and {len(levels)} were given.")
+            for level, rows in enumerate(levels):
+                expected = stored_shape(target, level)
+                if rows.shape != expected or rows.dtype != np.uint8:
+                    raise ValueError(
+                        f"Level {level} of '{target.name}' wants {expected} uint8, not {rows.shape} {rows.dtype}."
+                    )
+        self._barrier(self._half().commands, target, "undefined", "copy_target")
+        for layer, levels in enumerate(layers):
+            for level, rows in enumerate(levels):
+                self._copy_rows(target, layer, level, rows)
+        self._barrier(self._half().commands, target, "copy_target", "sampled")
+
+    def _copy_rows(self, target: Image, layer: int, level: int, rows: np.ndarray) -> None:
+        """Copy (rows, bytes of a row) to a level of a layer or slice, in as many pieces as the ring asks for."""
         slice_ = layer if target.depth is not None else 0
+        width, height = max(1, target.width >> level), max(1, target.height >> level)
+        texels = blocks.BLOCK if blocks.is_compressed(target.format) else 1  # that a row is high
         done = 0
-        while done < target.height:
-            half, start, count = self._reserve((target.height - done) * rows.shape[1], rows.shape[1])
+        while done < len(rows):
+            half, start, count = self._reserve((len(rows) - done) * rows.shape[1], rows.shape[1])
             some = count // rows.shape[1]
             half.buffer.mapped[start : start + some * rows.shape[1]] = rows[done : done + some].reshape(-1)
             region = vk.new(
@@ -146,11 +173,16 @@ class Uploader:
                 bufferOffset=start,
                 imageSubresource={
                     "aspectMask": target.aspect,
+                    "mipLevel": level,
                     "baseArrayLayer": layer - slice_,
                     "layerCount": 1,
                 },
-                imageOffset={"x": 0, "y": done, "z": slice_},
-                imageExtent={"width": target.width, "height": some, "depth": 1},
+                imageOffset={"x": 0, "y": done * texels, "z": slice_},
+                imageExtent={
+                    "width": width,
+                    "height": min(some * texels, height - done * texels),  # the last blocks may reach beyond
+                    "depth": 1,
+                },
             )
             layout = vk.VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL
             fn = self._device.fn
@@ -243,6 +275,12 @@ class Uploader:
             half.close(self._device)
         for pipeline in self._mips.values():
             pipeline.close()
+
+
+def stored_shape(image: Image, level: int) -> tuple[int, int]:
+    """Return (rows, bytes of a row) of a level, as `Uploader.chain` takes it."""
+    width, height = max(1, image.width >> level), max(1, image.height >> level)
+    return blocks.stored_shape(image.format, width, height, FORMATS[image.format][1])
 
 
 class _MipPipeline:
