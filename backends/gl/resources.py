@@ -224,6 +224,10 @@ def create_image(
     Raises UnsupportedError for a compressed format that the device lacks: `common.blocks.storage_of` chooses another.
     """
     width, height = size
+    if format.startswith("etc2") and view_format not in (None, format):
+        raise ValueError(
+            f"'{name}': OpenGL has no views of ETC2 in another format; store it as {view_format}."
+        )
     if blocks.is_compressed(format) and not context.has(blocks.FEATURE[format]):
         raise UnsupportedError(
             f"'{name}' cannot be stored as {format}: the device lacks {blocks.FEATURE[format]}."
