@@ -28,6 +28,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from common import etc2
 from common.errors import UnsupportedError
 from common.names import suggest
 
@@ -133,6 +134,9 @@ def encode(pixels: Bytes, format: str, effort: Effort = "medium") -> Bytes:
             made = work(tile.tobytes(), tile.shape[1], tile.shape[0])
             place = encoded[y // BLOCK :, x // BLOCK :][:down, :across]
             place[:] = np.frombuffer(made, np.uint8).reshape(place.shape)
+    if family == "etc2":
+        texels = padded.reshape(rows, BLOCK, -1, BLOCK, 4).swapaxes(1, 2).reshape(-1, BLOCK * BLOCK, 4)
+        encoded = etc2.with_constants(encoded.reshape(-1, size), texels)
     return encoded.reshape(rows, row_bytes)
 
 

@@ -1,4 +1,4 @@
-"""ETC2 blocks unpacked in numpy: what each bit of the RGB8 format stands for, in all of its five modes.
+"""ETC2 blocks in numpy: what each bit of the RGB8 format stands for, in all of its five modes.
 
 A block is 64 bits, read as one big-endian number, for 4x4 texels without alpha. GPUs of phones read it, those of
 desktops mostly do not. The older format ETC1 has the first two modes; the other three are told apart by differences
@@ -11,10 +11,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from common.blocks import BLOCK, stored_shape
-
 Bytes = NDArray[np.uint8]
 Int = NDArray[np.int64]
+
+BLOCK = 4
+"""Texels of a block's side."""
 
 INDIVIDUAL, DIFFERENTIAL, T, H, PLANAR = range(5)
 """What `modes` returns."""
@@ -34,7 +35,7 @@ def decode(blocks: Bytes, width: int, height: int) -> Bytes:
 
     ValueError for bytes of another shape than such a picture has.
     """
-    rows, row = stored_shape("etc2", width, height)
+    rows, row = -(-height // BLOCK), -(-width // BLOCK) * 8
     if blocks.shape != (rows, row) or blocks.dtype != np.uint8:
         raise ValueError(
             f"{width}x{height} texels are {(rows, row)} uint8, not {blocks.shape} {blocks.dtype}."
@@ -52,6 +53,35 @@ def modes(blocks: Bytes) -> NDArray[np.uint8]:
     """Return the mode of each block of (rows of blocks, bytes of a row)."""
     words = np.ascontiguousarray(blocks).view(">u8").astype(np.uint64)
     return _modes(words)
+
+
+def with_constants(blocks: Bytes, pixels: Bytes) -> Bytes:
+    """Return (N, 8) blocks of (N, 16, 4) pixels, those of a single colour as a plane that does not rise.
+
+    Encoders write such a block with 5 bits a channel and a step of 2 added: etcpak is off by up to 9 codes. A plane has
+    6, 7 and 6 bits, and is off by 2.
+    """
+    constant = (pixels[..., :3] == pixels[:, :1, :3]).all(axis=(1, 2))
+    colors = pixels[constant, 0, :3].astype(np.int64)
+    red, green, blue = ((2 * colors[:, n] * top + 255) // 510 for n, top in enumerate((63, 127, 63)))
+    made = blocks.copy()
+    made[constant] = _plane(red, green, blue).astype(">u8").view(np.uint8).reshape(-1, 8)
+    return made
+
+
+def _plane(red: Int, green: Int, blue: Int) -> NDArray[np.uint64]:
+    """Return planar blocks whose three colours are one, of 6, 7 and 6 bits."""
+    word = red << 57 | green >> 6 << 56 | (green & 63) << 49
+    word |= blue >> 5 << 48 | (blue >> 3 & 3) << 43 | (blue & 7) << 39
+    word |= (
+        red >> 1 << 34 | 1 << 33 | (red & 1) << 32 | green << 25 | blue << 19 | red << 13 | green << 6 | blue
+    )
+    # Read as a differential block, red and green must stay in their range and blue must leave it. The free bits see to
+    # that: the upper end of a base whose step falls, and for blue the side to which its fixed bits lean.
+    word |= (word >> 50 & 1) << 55
+    above = (word >> 43 & 3) + (word >> 40 & 3) >= 4
+    word |= np.where(above, 7 << 45, 1 << 42)
+    return word.astype(np.uint64) | (word >> 58 & 1).astype(np.uint64) << np.uint64(63)
 
 
 def _bits(words: NDArray[np.uint64], high: int, low: int) -> Int:

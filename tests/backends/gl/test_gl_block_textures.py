@@ -22,6 +22,7 @@ from backends.gl.upload import Uploader
 from backends.shader_text import build_text
 from common.blocks import BLOCK_BYTES, PLAIN, storage_of
 from common.errors import UnsupportedError
+from common.ktx import Ktx, read_ktx, write_ktx
 from common.mips import mip_chain
 from tests.support.block_pictures import by_level, chains, check, pictures, sampling
 
@@ -60,6 +61,18 @@ def test_every_level_and_layer_is_sampled_as_it_decodes(gl_context, format, size
     for level, texels in enumerate(sampled(gl_context, format, size, layers)):
         for layer, picture in enumerate(texels):
             check(format, picture, layers[layer][level])
+
+
+@pytest.mark.feature("textures/etc2-ktx")
+def test_a_file_goes_up_as_it_was_read(gl_context, tmp_path):
+    """The levels of a KTX file are what an upload takes."""
+    write_ktx(tmp_path / "a.ktx", Ktx("etc2", 20, 12, tuple(map(tuple, chains("etc2", 20, 12, 5, 2)))))
+    texture = read_ktx(tmp_path / "a.ktx")
+    for level, texels in enumerate(
+        sampled(gl_context, texture.format, (texture.width, texture.height), texture.layers)
+    ):
+        for layer, picture in enumerate(texels):
+            check("etc2", picture, texture.layers[layer][level])
 
 
 def test_an_image_of_one_layer_takes_them_too(gl_context):
