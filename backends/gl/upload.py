@@ -47,6 +47,8 @@ class Uploader:
         `pixels` has the type and channels of the image's format, one array for each layer of an array; `srgb` says that
         colour is to be averaged as light.
         """
+        if blocks.is_compressed(target.storage_format):
+            raise ValueError(f"'{target.name}' holds blocks, not pixels: its levels go up by `chain`.")
         expected = (target.height, target.width)
         layers = [pixels] if isinstance(pixels, np.ndarray) else pixels
         if len(layers) != target.layers:

@@ -111,6 +111,8 @@ class Uploader:
         `pixels` has the type and channels of the image's format, one array for each layer of an array or slice of a 3D
         image; `srgb` says that colour is to be averaged as light.
         """
+        if blocks.is_compressed(target.format):
+            raise ValueError(f"'{target.name}' holds blocks, not pixels: its levels go up by `chain`.")
         _, texel, dtype, channels = FORMATS[target.format]
         expected = (target.height, target.width, channels)
         layers = [pixels] if isinstance(pixels, np.ndarray) else pixels

@@ -108,6 +108,10 @@ def test_wrong_levels_are_refused_by_name(vulkan_device):
             ValueError, match=r"Level 1 of 'picture' wants \(2, 8\) uint8, not \(2, 9\) uint8"
         ):
             uploader.chain(image, [[good[0], np.zeros((2, 9), np.uint8)]])
+        blocks = create_image(vulkan_device, "bc7", (4, 4), USAGE, "blocks")
+        with pytest.raises(ValueError, match="'blocks' holds blocks, not pixels"):
+            uploader.image(blocks, np.zeros((4, 4, 4), np.uint8))
+    destroy_image(vulkan_device, blocks)
     destroy_image(vulkan_device, image)
 
 

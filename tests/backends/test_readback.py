@@ -14,10 +14,12 @@ from backends.vulkan.once import submit_once
 from backends.vulkan.readback import TO_HOST, Readback, read_image
 from backends.vulkan.resources import FORMATS, create_buffer, create_image, destroy_buffer, destroy_image
 from backends.vulkan.upload import Uploader
+from common.blocks import BLOCK_BYTES
 
 USAGE = (
     vk.VK_IMAGE_USAGE_SAMPLED_BIT | vk.VK_IMAGE_USAGE_TRANSFER_DST_BIT | vk.VK_IMAGE_USAGE_TRANSFER_SRC_BIT
 )
+
 CACHED = vk.VK_MEMORY_PROPERTY_HOST_CACHED_BIT
 
 
@@ -79,7 +81,7 @@ def test_21_megabytes_come_back_whole_and_their_rate_is_told(vulkan_device, reco
     destroy_image(vulkan_device, image)
 
 
-@pytest.mark.parametrize("format", sorted(FORMATS))
+@pytest.mark.parametrize("format", sorted(FORMATS.keys() - BLOCK_BYTES.keys()))
 def test_every_format_comes_back_in_its_own_type_and_shape(vulkan_device, format):
     _, texel, dtype, channels = FORMATS[format]
     values = np.random.default_rng(2).integers(0, 200, (5, 7, channels)).astype(dtype)

@@ -130,6 +130,8 @@ def test_wrong_levels_are_refused_by_name(gl_context):
             ValueError, match=r"Level 0 of 'picture' wants \(1, 16\) uint8, not \(1, 8\) uint8"
         ):
             uploader.chain(image, [good[::-1]])
+        with pytest.raises(ValueError, match="'picture' holds blocks, not pixels"):
+            uploader.image(image, np.zeros((4, 5), np.uint8))
     destroy_image(gl_context, image)
 
 
