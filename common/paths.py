@@ -7,8 +7,9 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import BinaryIO
 
 ROOT = Path(__file__).resolve().parents[1]
 """The clone: `chapters/`, `shaders/`, `assets/` are beside each other here."""
@@ -81,19 +82,41 @@ def write_whole(path: Path, data: bytes) -> None:
     if path.exists() and not path.is_file() and not path.is_dir():
         path.write_bytes(data)
         return
-    path = written_file(path)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    _unfinished.add(temporary)
+    file = WholeFile(path)
     try:
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(data)
-        os.chmod(temporary, 0o666 & ~_umask())
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+        file.stream.write(data)
+        file.keep()
     finally:
-        _unfinished.discard(temporary)
+        file.drop()
+
+
+class WholeFile:
+    """A file written in steps to `stream`, which nobody sees before `keep` puts it in the place of `path`.
+
+    `drop` removes what was not kept, and does nothing otherwise. Both raise OSError, as writing to `stream` does.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = written_file(path)
+        handle, self._temporary = tempfile.mkstemp(dir=self.path.parent, prefix=f".{self.path.name}.")
+        _unfinished.add(self._temporary)
+        self.stream: BinaryIO = os.fdopen(handle, "wb")
+
+    def keep(self) -> None:
+        """Put the file in its place."""
+        self.stream.close()
+        os.chmod(self._temporary, 0o666 & ~_umask())
+        os.replace(self._temporary, self.path)
+        _unfinished.discard(self._temporary)
+
+    def drop(self) -> None:
+        """Remove the file unless it was kept."""
+        if self._temporary not in _unfinished:
+            return
+        with suppress(OSError):
+            self.stream.close()  # what was not written yet may still find the disk full
+        Path(self._temporary).unlink(missing_ok=True)
+        _unfinished.discard(self._temporary)
 
 
 @contextmanager
