@@ -43,3 +43,12 @@ Validate = Annotated[
     typer.Option("--validate", help="Check every call by the validation layers, as those of a fork are."),
 ]
 Unchecked = Annotated[bool, typer.Option("--no-validate", help="Check no call, not even those of a fork.")]
+Uncached = Annotated[
+    bool,
+    typer.Option(
+        "--no-cache", help="Load the scene from its file, and keep nothing of it; from chapter 3 on."
+    ),
+]
+Compress = Annotated[
+    bool, typer.Option("--compress", help="Keep textures block-compressed: less memory, not the same bits.")
+]

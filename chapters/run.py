@@ -19,6 +19,7 @@ from chapters import quality, studies
 from chapters.console import Steps, say
 from chapters.folders import Folder
 from chapters.live import Live
+from chapters.opening import Opening, open_scene
 from chapters.record import STDOUT, Log, triangles
 from chapters.stopping import prompt_stop
 from chapters.views import with_view
@@ -57,6 +58,8 @@ class Request:
     view: str | None = None
     without: tuple[str, ...] = ()
     validate: bool = False
+    cached: bool = True
+    compressed: bool = False
     json: Path | None = None
     time: float = 0.0
     fps: float = 60.0
@@ -173,15 +176,32 @@ def wants_window(request: Request) -> bool:
 
 def show(request: Request) -> int:
     """Draw in a window until it is closed, and write the record if one was asked for."""
+    with ExitStack() as stack:
+        with Steps() as steps:
+            opening = stack.enter_context(open_drawn(request, steps))
+            steps("measure the presets" if request.quality == "auto" else "open", 0.6)
+            preset_name, note = chosen_quality(request, opening.scene)
+        opening.start()
+        return show_opened(request, opening, preset_name, note)
+
+
+def open_drawn(request: Request, steps: Steps) -> Opening:
+    """Open the scene that was asked for, with its exposure, and say what is to be known about it."""
+    load = steps.of("load", 0.05, 0.5)
+    opening = open_scene(
+        request.chapter, request.scene, load, request.environment, request.cached, request.compressed
+    )
+    expose(opening.scene, request)
+    tell_warnings(opening.scene, request.verbose)
+    return opening
+
+
+def show_opened(request: Request, opening: Opening, preset_name: str, note: str) -> int:
+    """Draw an opened scene in a window until it is closed."""
     from chapters.panel import preset_of
     from chapters.window import HELP, panel_help, run_window
 
-    with Steps() as steps:
-        scene = studies.load(request.chapter, request.scene, steps.of("load", 0.05, 0.6), request.environment)  # type: ignore[arg-type]
-        expose(scene, request)
-        tell_warnings(scene, request.verbose)
-        steps("measure the presets" if request.quality == "auto" else "open", 0.6)
-        preset_name, note = chosen_quality(request, scene)
+    scene = opening.scene
     settings = settings_of(request, preset_name)
     logs: list[Log] = []
 
@@ -212,6 +232,7 @@ def show(request: Request) -> int:
     )
     for text in figures.messages:
         say(f"strata: {text}")
+    opening.report(request.verbose)
     if logs and logs[-1].frames:
         if request.json is not None:
             logs[-1].write(request.json)
@@ -263,10 +284,8 @@ def draw(request: Request, began: float) -> int:
     wants_default = request.quality == "auto" and not isinstance(request.chapter, str)
     preset_name = "medium" if wants_default else request.quality
     settings = settings_of(request, preset_name)
-    with Steps() as steps, Live() as live:
-        scene = studies.load(request.chapter, request.scene, steps.of("load", 0.05, 0.5), request.environment)  # type: ignore[arg-type]
-        expose(scene, request)
-        tell_warnings(scene, request.verbose)
+    with Steps() as steps, Live() as live, open_drawn(request, steps) as opening:
+        scene = opening.scene
         steps("create", 0.5)
         opener = partial(
             chapters.open,
@@ -288,10 +307,11 @@ def draw(request: Request, began: float) -> int:
                 view = chapters.view_of(renderer, request.camera, time)
                 frame = renderer.render(view, time)
                 log.add(frame)
-            steps("write", 1.0)
+            steps("write", 0.9)
             if request.out is None:
                 target.parent.mkdir(exist_ok=True)
             write_picture(target, frame)
+            opening.finish(steps.of("cache", 0.9, 1.0))
             steps.finish()
             log.start = {**steps.times, "total": clock.perf_counter() - began}
             log.pictures = [str(target)]
@@ -302,6 +322,7 @@ def draw(request: Request, began: float) -> int:
                 log.show()
             what = f"{studies.spoken(request.chapter)}, {scene.name}"
             say(f"{what}, {request.size[0]}x{request.size[1]}, {log.device}: wrote {target}")
+            opening.report(request.verbose)
             if request.watch:
                 watch(live, renderer, opener, view, time, partial(write_picture, target), target)
     return 1 if messages else 0

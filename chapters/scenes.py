@@ -75,13 +75,23 @@ def environment(text: str) -> Environment | None:
     return read_environment(path)
 
 
-def load(text: str, progress: Progress | None = None, around: str = "none") -> Scene:
-    """Load the scene meant by `text` in the environment meant by `around`; raises UserError where that fails."""
+def named(text: str, around: str = "none") -> tuple[Path, Environment | None]:
+    """Return the file meant by `text` and the environment meant by `around`; raises UserError."""
     if not text.strip():
         raise UserError("--scene needs a name or a path: ./strata list --scenes shows the names.")
-    path, far = find(text), environment(around)
-    scene = load_obj(path) if path.suffix.lower() == ".obj" else load_scene(path, progress)
+    return find(text), environment(around)
+
+
+def surrounded(scene: Scene, far: Environment | None) -> Scene:
+    """Return the scene after giving it an environment."""
     scene.environment = far
     if far is not None:
         scene.warnings.extend(far.warnings)
     return scene
+
+
+def load(text: str, progress: Progress | None = None, around: str = "none") -> Scene:
+    """Load the scene meant by `text` in the environment meant by `around`; raises UserError where that fails."""
+    path, far = named(text, around)
+    scene = load_obj(path) if path.suffix.lower() == ".obj" else load_scene(path, progress)
+    return surrounded(scene, far)
