@@ -97,11 +97,15 @@ class Source:
 
 
 class CachedImage(EncodedImage):
-    """A picture in a mapped cache. Where its bytes are damaged, `damaged` is told and the source has it."""
+    """A picture in a mapped cache. Where its bytes are damaged, `damaged` is told once and the source has it.
+
+    `chain` answers the same whenever it is asked: plans are made by what it says.
+    """
 
     _file: SectionFile
     _record: dict[str, Any]
     _damaged: Callable[[DamagedError], None]
+    _chains: dict[Use, Chain | None]
 
     def __init__(
         self,
@@ -119,24 +123,32 @@ class CachedImage(EncodedImage):
                     kept: Pixels = file.array(record["pixels"])
                     return kept
                 except DamagedError as error:
+                    record["pixels"] = None
                     damaged(error)
             return source.decode(number, size)
 
         super().__init__(record["name"], size, np.dtype(record["dtype"]).type, decoder)
-        for attribute, value in (("_file", file), ("_record", record), ("_damaged", damaged)):
+        held = {"_file": file, "_record": record, "_damaged": damaged, "_chains": {}}
+        for attribute, value in held.items():
             object.__setattr__(self, attribute, value)
 
     def chain(self, srgb: bool, mipmapped: bool, channels: str) -> Chain | None:
         """Return the mapped chain for a use, its bytes compared with their checksum, or None: then `pixels` has it."""
-        for use, format, view_format, swizzle, section, shapes in self._record["chains"]:
-            if use == [srgb, mipmapped, channels]:
+        use = (srgb, mipmapped, channels)
+        with self._lock:
+            if use not in self._chains:
+                self._chains[use] = self._read(use)
+            return self._chains[use]
+
+    def _read(self, use: Use) -> Chain | None:
+        for made_for, format, view_format, swizzle, section, shapes in self._record["chains"]:
+            if tuple(made_for) == use:
                 try:
                     data = self._file.array(section)
                 except DamagedError as error:
                     self._damaged(error)
                     return None
-                ends = np.cumsum([rows * row for rows, row in shapes])[:-1]
-                parts = np.split(data, ends)
+                parts = np.split(data, np.cumsum([rows * row for rows, row in shapes])[:-1])
                 levels = tuple(part.reshape(shape) for part, shape in zip(parts, shapes, strict=True))
                 return Chain(format, view_format, swizzle, levels)
         return None
