@@ -253,7 +253,8 @@ class Writer:
 
     def finish(self, progress: Progress | None = None) -> str:
         """Decode what nobody asked for yet, wait until the file is in its place, and return how that ended."""
-        left = sorted(self._unclaimed)
+        with self._lock:
+            left = sorted(self._unclaimed)
         if not self._missing:
             self._end()
 
@@ -266,8 +267,8 @@ class Writer:
         try:
             with ThreadPoolExecutor(min(8, os.cpu_count() or 1), thread_name_prefix="cache-image") as pool:
                 list(pool.map(one, left))
-        except SceneError as error:  # who draws the picture is told of it
-            self._fail(str(error), failed=False)
+        except (SceneError, MemoryError) as error:  # who draws the picture is told of it
+            self._fail(f"The scene is not cached: {error}", failed=False)
         self._over.wait()  # for what other threads have begun to write
         return self.told
 
