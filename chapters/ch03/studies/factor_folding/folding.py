@@ -58,7 +58,7 @@ class _Pool:
         pixels = self.source[texture.image].pixels
         if pixels.dtype == np.float32:
             return pixels.astype(np.float64)
-        values = pixels / float(np.iinfo(pixels.dtype).max)
+        values = pixels.astype(np.float64) / (255.0 if pixels.dtype == np.uint8 else 65535.0)
         if srgb:
             values[..., :3] = decode_srgb(values[..., :3])
         return values
