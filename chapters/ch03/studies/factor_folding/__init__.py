@@ -10,7 +10,7 @@ from ...settings import Settings as Settings
 STUDY = Study(
     title="factor folding",
     idea="A factor times a texture is a texture: multiplied before, it costs memory, and no shader reads a factor.",
-    order=1,
+    order=2,
     features=("scene-cache/factor-folding",),
     outputs=OUTPUTS,
     scene="cornell",
