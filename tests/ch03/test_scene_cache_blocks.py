@@ -7,10 +7,12 @@ import json
 import numpy as np
 import pytest
 
+from chapters.ch03.logic import scene_cache
 from chapters.ch03.logic.cached_images import image_uses
 from chapters.ch03.logic.scene_cache import cache_file, open_scene, read_cache
 from chapters.ch03.logic.sections import SectionFile
 from common import blocks
+from common.errors import UnsupportedError
 from common.gltf import load_scene
 from common.mips import mip_chain
 from tests.common.gltf.builder import QUAD, QUAD_INDICES, Gltf
@@ -31,6 +33,7 @@ def psnr(one, other):
 def cache(tmp_path, monkeypatch):
     """A cache of its own, empty."""
     monkeypatch.setenv("STRATA_CACHE", str(tmp_path / "cache"))
+    return tmp_path / "cache" / scene_cache.FOLDER
 
 
 @pytest.fixture
@@ -143,8 +146,27 @@ def test_a_damaged_chain_is_removed_and_its_picture_read_from_the_source(path):
     assert len(scene.warnings) == before + 1 and not target.exists()
 
 
-def test_without_an_encoder_pictures_are_kept_uncompressed(path, monkeypatch):
+def test_without_an_encoder_a_compressed_cache_can_be_read_and_not_made(path, monkeypatch):
+    cached(path)
     monkeypatch.setattr(blocks, "available", lambda: False)
-    scene = cached(path)
-    assert all(image.chain(True, True, "rgba") is None for image in scene.images)
-    assert difference(load_scene(path), scene) == ""
+    assert open_scene(path, compressed=True).writer is None
+    cache_file(path, True).unlink()
+    with pytest.raises(UnsupportedError, match="etcpak"):
+        open_scene(path, compressed=True)
+
+
+def test_compression_beside_a_window_ends_with_it(path, cache, no_thread_left):
+    opened = open_scene(path, compressed=True)
+    opened.writer.start()
+    opened.scene.images[0].decode()
+    opened.writer.stop()
+    assert opened.writer.told.startswith("It is cached") == cache_file(path, True).exists()
+    assert len(list(cache.iterdir())) == cache_file(path, True).exists()
+
+
+def test_compression_beside_a_window_can_be_waited_for(path, no_thread_left):
+    opened = open_scene(path, compressed=True)
+    opened.writer.start()
+    assert opened.writer.finish().startswith("It is cached")
+    opened.writer.stop()
+    assert read_cache(cache_file(path, True), path, compressed=True).images[0].chain(True, True, "rgba")

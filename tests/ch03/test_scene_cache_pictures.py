@@ -10,6 +10,7 @@ from chapters.ch03.logic.scene_cache import cache_file, open_scene, read_cache
 from common.camera import framed_view
 from common.gltf import load_scene
 from tests.common.gltf.builder import QUAD, QUAD_INDICES, Gltf
+from tests.support.block_pictures import pictures
 
 SIZE = (48, 36)
 
@@ -62,3 +63,29 @@ def test_textures_far_from_the_origin_are_the_same(chapter, tmp_path, far):
     plain = drawn(chapter, load_scene(path))
     assert (drawn(chapter, cached(path)) == plain).all()
     assert len(np.unique(plain)) > 20
+
+
+def test_a_compressed_cache_gives_nearly_the_same_picture(chapter, tmp_path):
+    """On a device that samples blocks; elsewhere its pictures are decoded, and the same."""
+    gltf = Gltf()
+    pixels = pictures(128, 128)["smooth"]
+    gltf.add("textures", {"source": gltf.image(pixels)})
+    gltf.add(
+        "materials",
+        {
+            "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}},
+            "extensions": {"KHR_materials_unlit": {}},
+        },
+    )
+    uv = np.array([(0, 1), (1, 1), (1, 0), (0, 0)], "f4")
+    gltf.draw(gltf.primitive(QUAD_INDICES, POSITION=QUAD, TEXCOORD_0=uv, material=0))
+    path = gltf.write(tmp_path)
+    plain = drawn(chapter, load_scene(path))
+    open_scene(path, compressed=True).writer.finish()
+    scene = read_cache(cache_file(path, True), path, compressed=True)
+    assert scene.images[0].chain(True, True, "rgba").format == "bc7_srgb"
+    error = np.square((drawn(chapter, scene) - plain.astype(float)) / 255.0).mean()
+    assert error <= 10 ** (-38 / 10)
+    device = chapter.device
+    if "block-compression" in device.capabilities.features - device.without:
+        assert error > 0.0  # else nothing was compressed

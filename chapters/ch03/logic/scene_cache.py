@@ -26,7 +26,7 @@ import numpy as np
 
 from common import blocks
 from common.disk_cache import mark_read, prune
-from common.errors import SceneError
+from common.errors import SceneError, UnsupportedError
 from common.gltf import load_scene
 from common.gltf.load import Progress
 from common.paths import ROOT, cache_dir, user_cache
@@ -83,7 +83,8 @@ def open_scene(
     """Open the scene of a .gltf or .glb file: from its cache where that is whole and fits, else from the file itself.
 
     Its images are decoded when they are asked for. `compressed` chooses a cache with block-compressed textures; not
-    `cached`, none is read or written. Raises SceneError as `load_scene` does; nothing that is wrong with a cache does.
+    `cached`, none is read or written. Raises SceneError as `load_scene` does, UnsupportedError where
+    nothing can compress; nothing that is wrong with a cache raises.
     """
     began = time.perf_counter()
     if not cached:
@@ -98,6 +99,11 @@ def open_scene(
         return Opened(scene, f"opened {path.name} {_since(began)} from its cache {target.name}")
     except CacheMiss as miss:
         why = str(miss)
+    if compressed and not blocks.available():
+        raise UnsupportedError(
+            "A compressed cache needs the package etcpak, which is not installed: run `pip install etcpak`, or cache "
+            "the scene uncompressed."
+        )
     states: dict[str, scene_sources.State] | None = None
     with contextlib.suppress(OSError, ValueError):  # what is wrong with the file, loading says
         names = scene_sources.source_names(path)
@@ -218,7 +224,7 @@ class Writer:
         """Write all but the images, and watch those. Raises OSError where that cannot be written."""
         self.told, self.failed = "", False
         self._target, self._folder, self._states = target, path.parent, states
-        self._compressed = compressed and blocks.available()
+        self._compressed = compressed
         self._lock, self._over = threading.Lock(), threading.Event()
         self._thread: threading.Thread | None = None
         self._plain = list(scene.images)
