@@ -148,7 +148,9 @@ class CachedImage(EncodedImage):
                 except DamagedError as error:
                     self._damaged(error)
                     return None
-                parts = np.split(data, np.cumsum([rows * row for rows, row in shapes])[:-1])
-                levels = tuple(part.reshape(shape) for part, shape in zip(parts, shapes, strict=True))
-                return Chain(format, view_format, swizzle, levels)
+                levels, end = [], 0
+                for rows, row in shapes:
+                    begin, end = end, end + rows * row
+                    levels.append(data[begin:end].reshape(rows, row))
+                return Chain(format, view_format, swizzle, tuple(levels))
         return None

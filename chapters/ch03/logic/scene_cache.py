@@ -140,7 +140,10 @@ def _place(path: Path) -> str:
 
 @cache
 def maker() -> str:
-    """Return a hash of the program that makes scenes and caches of them: a cache of another one is stale."""
+    """Return a hash of the program that makes scenes and caches of them: a cache of another one is stale.
+
+    Packages are not asked: what an older decoder or encoder made of a picture is not wrong by that.
+    """
     found = hashlib.sha256(str(VERSION).encode())
     here = [Path(__file__).with_name(f"{name}.py") for name in _PARTS]
     for file in [*here, *sorted(file for pattern in _MAKERS for file in ROOT.glob(pattern))]:
