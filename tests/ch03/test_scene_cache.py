@@ -196,12 +196,13 @@ def test_nothing_is_parsed_for_a_vertex_a_node_or_a_texel(tmp_path):
     assert calls(2000) <= calls(100) * 1.2
 
 
-def test_pictures_are_cached_by_those_who_decode_them(tmp_path):
+def test_pictures_are_cached_by_those_who_decode_them(tmp_path, no_thread_left):
     path = rich(tmp_path)
     opened = open_scene(path)
     for image in opened.scene.images:
         assert opened.writer.told == ""
         image.decode()
+    opened.writer.stop()  # which waits for what is whole
     assert cache_file(path).is_file() and opened.writer.told.startswith("It is cached")
 
 

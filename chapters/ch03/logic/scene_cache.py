@@ -230,6 +230,7 @@ class Writer:
         self._compressed = compressed
         self._lock, self._over = threading.Lock(), threading.Event()
         self._thread: threading.Thread | None = None
+        self._ending: threading.Thread | None = None
         self._plain = list(scene.images)
         self._uses = image_uses(scene)
         self._unclaimed, self._missing = set(self._uses), len(self._uses)
@@ -264,7 +265,7 @@ class Writer:
         """Decode what nobody asked for yet, wait until the file is in its place, and return how that ended."""
         with self._lock:
             left = sorted(self._unclaimed)
-        if not self._missing:
+        if not self._uses:
             self._end()
 
         def one(number: int) -> None:
@@ -279,6 +280,7 @@ class Writer:
         except (SceneError, MemoryError) as error:  # who draws the picture is told of it
             self._fail(f"The scene is not cached: {error}", failed=False)
         self._over.wait()  # for what other threads have begun to write
+        self._join_ending()
         return self.told
 
     def start(self) -> None:
@@ -288,10 +290,17 @@ class Writer:
             self._thread.start()
 
     def stop(self) -> None:
-        """Give up what is not whole yet, and wait for the thread."""
+        """Give up what is not whole yet, and wait for the threads."""
+        self._join_ending()
         self._fail("It was closed before all of its images were there, and is not cached.", failed=False)
         if self._thread is not None:
             self._thread.join()
+
+    def _join_ending(self) -> None:
+        with self._lock:
+            ending = self._ending
+        if ending is not None:
+            ending.join()
 
     def _decode(self, number: int) -> Pixels:
         """Decode an image for whoever asked, and keep what that gave."""
@@ -318,9 +327,10 @@ class Writer:
             return
         with self._lock:
             self._missing -= 1
-            last = not self._missing
-        if last:
-            self._end()
+            if not self._missing:
+                # Not here: the sources are hashed, and somebody waits for the pixels.
+                self._ending = threading.Thread(target=self._end, name="scene-cache-end", daemon=True)
+                self._ending.start()
 
     def _end(self) -> None:
         """Put the file in its place, if what it was made of is still there."""
@@ -333,7 +343,7 @@ class Writer:
                 size = self._file.keep(self._about | texts)
                 self.told = f"It is cached in {self._target}, {size / 1e6:.1f} MB."
                 self._over.set()
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, MemoryError) as error:
             self._fail(_not_written(error))
             return
         prune(self._target.parent, MOST_BYTES)
