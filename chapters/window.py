@@ -18,6 +18,7 @@ import numpy as np
 
 from backends.window import Window
 from chapters import panel_imgui
+from chapters.console import say
 from chapters.live import Live
 from chapters.panel import Panel, PanelActions, PanelState, open_panel
 from chapters.window_camera import camera_text, first_person, open_camera, orbit
@@ -121,6 +122,7 @@ class Loop:
         self._clock = FrameClock(timer_ns)
         self._since, self._frames_since, self._rate = 0.0, 0, 0.0
         self._ev100 = camera.ev100
+        self._warned = len(renderer.scene.warnings)
         self._unread: deque[Frame] = deque()  # frames whose figures the GPU may still be writing
         self._work: Mapping[str, int] = {}
         self._warm = False  # in a renderer's first frame drivers compile: its times would dwarf all others
@@ -191,6 +193,10 @@ class Loop:
         if frame is not None:
             self.figures.drawn += 1
             self._measure(frame, passed)
+            for warning in renderer.scene.warnings[self._warned :]:  # of textures that were loaded meanwhile
+                self.message = warning
+                say(f"strata: {renderer.scene.name}: {warning}")
+            self._warned = len(renderer.scene.warnings)
             if self._on_frame is not None:
                 self._on_frame(renderer, frame)
         if actions:

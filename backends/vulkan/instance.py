@@ -123,12 +123,16 @@ class Instance:
 
 @dataclass(frozen=True)
 class QueueFamily:
-    """One queue family: its flags and how many queues it has."""
+    """One queue family: its flags and how many queues it has.
+
+    `granularity` are the texels in whose multiples it copies parts of images; (0, 0, 0): whole mip levels only.
+    """
 
     index: int
     flags: int
     count: int
     timestamp_bits: int
+    granularity: tuple[int, int, int] = (1, 1, 1)
 
     def has(self, flags: int) -> bool:
         """Whether all `flags` are there. Graphics and compute families can copy, whether they say so or not."""
@@ -195,6 +199,11 @@ _KINDS: dict[int, Literal["discrete", "integrated", "virtual", "software", "othe
 _PREFERENCE = ("discrete", "integrated", "virtual", "other", "software")
 
 
+def _extent(family: Any) -> tuple[int, int, int]:
+    tile = family.minImageTransferGranularity
+    return int(tile.width), int(tile.height), int(tile.depth)
+
+
 def describe(instance: Instance, handle: Any) -> PhysicalDevice:
     """Ask the driver for everything that a choice depends on."""
     fn = instance.fn
@@ -229,7 +238,7 @@ def describe(instance: Instance, handle: Any) -> PhysicalDevice:
     raw = vk.ffi.new("VkQueueFamilyProperties[]", count[0])
     fn.vkGetPhysicalDeviceQueueFamilyProperties(handle, count, raw)
     families = tuple(
-        QueueFamily(i, raw[i].queueFlags, raw[i].queueCount, raw[i].timestampValidBits)
+        QueueFamily(i, raw[i].queueFlags, raw[i].queueCount, raw[i].timestampValidBits, _extent(raw[i]))
         for i in range(count[0])
     )
     plain = properties.properties

@@ -216,10 +216,12 @@ def create_view(
     *,
     level: int = 0,
     levels: int | None = None,
+    layer: int = 0,
+    layers: int | None = None,
     usage: int | None = None,
     swizzle: str = "rgba",
 ) -> Any:
-    """Return a view of `levels` mip levels from `level` on (all by default); it is freed with its image."""
+    """Return a view of some mip levels and layers from the given ones on (all by default), freed with its image."""
     narrowed = vk.new("VkImageViewUsageCreateInfo", usage=usage) if usage is not None else None
     kind = vk.VK_IMAGE_VIEW_TYPE_2D_ARRAY if image.array else vk.VK_IMAGE_VIEW_TYPE_2D
     info = vk.new(
@@ -237,7 +239,8 @@ def create_view(
             "aspectMask": image.aspect,
             "baseMipLevel": level,
             "levelCount": image.levels - level if levels is None else levels,
-            "layerCount": image.layers,
+            "baseArrayLayer": layer,
+            "layerCount": image.layers - layer if layers is None else layers,
         },
     )
     view = device.create("vkCreateImageView", info, f"{image.name} view")

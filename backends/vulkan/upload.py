@@ -69,7 +69,7 @@ class Uploader:
         self._device = device
         self._halves = [_Half(device, 0), _Half(device, 1)]
         self._current = 0
-        self._mips: dict[tuple[str, bool], _MipPipeline] = {}
+        self._mips: dict[tuple[str, bool], MipPipeline] = {}
         self._begin_info = vk.new(
             "VkCommandBufferBeginInfo", flags=vk.VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT
         )
@@ -202,7 +202,7 @@ class Uploader:
         key = (plain, image.array)
         pipeline = self._mips.get(key)
         if pipeline is None:
-            pipeline = self._mips[key] = _MipPipeline(self._device, *key)
+            pipeline = self._mips[key] = MipPipeline(self._device, *key)
         if self._half().set_count + image.levels > SETS:
             self.flush()
         half = self._half()
@@ -285,7 +285,7 @@ def stored_shape(image: Image, level: int) -> tuple[int, int]:
     return blocks.stored_shape(image.format, width, height, FORMATS[image.format][1])
 
 
-class _MipPipeline:
+class MipPipeline:
     """The compute pipeline of `shaders/mips.comp` for images of one format, or arrays of them."""
 
     def __init__(self, device: Device, format: str, layered: bool) -> None:
@@ -338,9 +338,24 @@ class _MipPipeline:
         info = vk.new("VkDescriptorPoolCreateInfo", maxSets=SETS, pPoolSizes=sizes)
         return self._device.create("vkCreateDescriptorPool", info, "mips")
 
-    def record(self, commands: Any, pool: Any, image: Image, format: str, srgb: bool, barrier: Any) -> None:
-        """Record the making of levels 1 and up from level 0, which is in state 'sampled'; all end in that state."""
+    def record(
+        self,
+        commands: Any,
+        pool: Any,
+        image: Image,
+        format: str,
+        srgb: bool,
+        barrier: Any,
+        layer: int = 0,
+        layers: int | None = None,
+    ) -> None:
+        """Record the making of levels 1 and up from level 0, which is in state 'sampled'; all end in that state.
+
+        Of an array, `layers` layers from `layer` on (all by default). `barrier(commands, image, before, after, level,
+        levels)` records those between the levels.
+        """
         fn = self._device.fn
+        layers = image.layers - layer if layers is None else layers
         count = image.levels - 1
         allocate = vk.new(
             "VkDescriptorSetAllocateInfo", descriptorPool=pool, pSetLayouts=[self._set_layout] * count
@@ -354,44 +369,44 @@ class _MipPipeline:
                 format,
                 level=level,
                 levels=1,
+                layer=layer,
+                layers=layers,
                 usage=vk.VK_IMAGE_USAGE_SAMPLED_BIT | vk.VK_IMAGE_USAGE_STORAGE_BIT,
             )
             for level in range(image.levels)
         ]
+        self._write_sets(sets, views)
         fn.vkCmdBindPipeline(commands, vk.VK_PIPELINE_BIND_POINT_COMPUTE, self._pipeline)
         for level in range(1, image.levels):
-            writes = [
-                {
-                    "dstSet": sets[level - 1],
-                    "dstBinding": binding,
-                    "descriptorType": kind,
-                    "pImageInfo": [{"sampler": sampler, "imageView": view, "imageLayout": layout}],
-                    "descriptorCount": 1,
-                }
-                for binding, kind, sampler, view, layout in (
-                    (
-                        0,
-                        vk.VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER,
-                        self._sampler,
-                        views[level - 1],
-                        vk.VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL,
-                    ),
-                    (1, vk.VK_DESCRIPTOR_TYPE_STORAGE_IMAGE, None, views[level], vk.VK_IMAGE_LAYOUT_GENERAL),
-                )
-            ]
-            fn.vkUpdateDescriptorSets(
-                self._device.handle, 2, vk.array("VkWriteDescriptorSet", writes), 0, vk.NULL
-            )
-            bound = vk.array("VkDescriptorSet", [sets[level - 1]])
             point = vk.VK_PIPELINE_BIND_POINT_COMPUTE
-            fn.vkCmdBindDescriptorSets(commands, point, self._layout, 0, 1, bound, 0, vk.NULL)
+            fn.vkCmdBindDescriptorSets(commands, point, self._layout, 0, 1, sets + level - 1, 0, vk.NULL)
             above = [max(1, image.width >> level - 1), max(1, image.height >> level - 1)]
             size = [max(1, image.width >> level), max(1, image.height >> level)]
             highest = 255 if FORMATS[format][2] is np.uint8 else 0
             push = vk.ffi.from_buffer(np.array([*size, *above, int(srgb), highest, 0, 0], np.uint32))
             fn.vkCmdPushConstants(commands, self._layout, vk.VK_SHADER_STAGE_COMPUTE_BIT, 0, 32, push)
-            fn.vkCmdDispatch(commands, (size[0] + 7) // 8, (size[1] + 7) // 8, image.layers)
+            fn.vkCmdDispatch(commands, (size[0] + 7) // 8, (size[1] + 7) // 8, layers)
             barrier(commands, image, "storage", "sampled", level, 1)
+
+    def _write_sets(self, sets: Any, views: list[Any]) -> None:
+        """Let each set read the view above its level and write its own: arrays at once, built field by field."""
+        sampled, stored = vk.VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL, vk.VK_IMAGE_LAYOUT_GENERAL
+        kinds = (vk.VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER, vk.VK_DESCRIPTOR_TYPE_STORAGE_IMAGE)
+        count = 2 * (len(views) - 1)
+        images = vk.ffi.new("VkDescriptorImageInfo[]", count)
+        writes = vk.ffi.new("VkWriteDescriptorSet[]", count)
+        for number in range(count):
+            level, binding = number // 2, number % 2
+            images[number].imageView = views[level + binding]
+            images[number].imageLayout = stored if binding else sampled
+            if not binding:
+                images[number].sampler = self._sampler
+            write = writes[number]
+            write.sType = vk.VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET
+            write.dstSet, write.dstBinding = sets[level], binding
+            write.descriptorCount, write.descriptorType = 1, kinds[binding]
+            write.pImageInfo = images + number
+        self._device.fn.vkUpdateDescriptorSets(self._device.handle, count, writes, 0, vk.NULL)
 
     def close(self) -> None:
         """Free the pipeline."""

@@ -49,6 +49,7 @@ from .logic.constants import frame_constants
 from .logic.default_light import DefaultLight
 from .logic.environment import files_at_start
 from .logic.frame import OUTPUTS, SLOTS, SOURCES, Frame, check_outputs, output_of, reset_by
+from .logic.loading import Loading
 from .logic.samples import choose_samples
 from .logic.stream import FrameStream
 from .logic.views import shown_exposure
@@ -85,6 +86,7 @@ class Renderer(FrameStream):
         self._handed_on = {*(SOURCES[name] for name in self.outputs), *(["color"] if presents else [])}
         self._owned: list[Any] = []
         self._closed = False
+        self._loading = Loading.of(self.settings, presents)
         if device is None:
             instance = Instance(validate)
             self._owned.append(instance)
@@ -131,7 +133,7 @@ class Renderer(FrameStream):
         anisotropy = settings.anisotropy if self.plan.native("anisotropy") else 1.0
         bindless = self.plan.native("bindless")
         self._data = SceneData(
-            device, scene, settings, anisotropy, self._resources, self._descriptors, bindless
+            device, scene, settings, anisotropy, self._resources, self._descriptors, bindless, self._loading
         )
         self._cache = PipelineCache.on_disk(device)
         self._pipelines = Pipelines(device, self._cache, self._data.slot_count or CAPACITY)
@@ -335,7 +337,7 @@ class Renderer(FrameStream):
         )
         written += self._data.record_deformation(slot.commands, slot.index, pose)
         written += self._forward.prepare(slot.index, view)
-        self._data.update_textures()
+        self._data.update_textures(slot.index, view)
         self._last = self._state(view, time)
         return written
 
@@ -373,6 +375,7 @@ class Renderer(FrameStream):
             "pipelines": len(self._pipelines),
             "descriptor_sets": self._descriptors.set_count + self._data.bindless_sets,
             "textures": self._data.textures,
+            **self._data.texture_work,
             "samplers": self._resources.counts["samplers"],
         }
 
@@ -432,6 +435,7 @@ class Renderer(FrameStream):
                 readback.close()
         for name in (
             "_workers",
+            "_loading",
             "inspection",
             "_commands",
             "_frames",

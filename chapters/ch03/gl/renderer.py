@@ -38,6 +38,7 @@ from ..logic.constants import frame_constants
 from ..logic.default_light import DefaultLight
 from ..logic.environment import files_at_start
 from ..logic.frame import OUTPUTS, SLOTS, SOURCES, Frame, check_outputs, output_of, reset_by
+from ..logic.loading import Loading
 from ..logic.samples import choose_samples
 from ..logic.stream import FrameStream
 from ..logic.views import shown_exposure
@@ -79,6 +80,7 @@ class Renderer(FrameStream):
         self._handed_on = {*(SOURCES[name] for name in self.outputs), *(["color"] if presents else [])}
         self._owned: list[Any] = []
         self._closed = False
+        self._loading = Loading.of(self.settings, presents)
         if device is None:
             device = Context(validate, without)
             self._owned.append(device)
@@ -114,7 +116,7 @@ class Renderer(FrameStream):
         self._pipelines = Pipelines(context)
         self._begin_stream()
         anisotropy = settings.anisotropy if self.plan.native("anisotropy") else 1.0
-        self._data = SceneData(context, scene, settings, anisotropy)
+        self._data = SceneData(context, scene, settings, anisotropy, self._loading)
         self._workers = Workers(settings.recording_threads)
         multi_draw = self.plan.native("multi-draw")
         self._commands = open_commands(context, self._pipelines, multi_draw, self._workers, settings)
@@ -256,6 +258,7 @@ class Renderer(FrameStream):
         data.write_frame(slot.index, constants)
         written = constants.nbytes + data.records.write(data.slots[slot.index], pose, exposure(view.ev100))
         written += data.write_deformation(slot.index, pose)
+        data.update_textures(slot.index, view)
         data.bind_frame(slot.index)
         written += self._forward.prepare(slot.index, view)
         self._last = self._state(view, time)
@@ -289,6 +292,7 @@ class Renderer(FrameStream):
             "pipelines": len(self._pipelines),
             "descriptor_sets": 0,  # OpenGL has none: textures and buffers are bound one by one
             "textures": self._data.textures,
+            **self._data.texture_work,
             "samplers": self._data.samplers,
         }
 
@@ -349,7 +353,7 @@ class Renderer(FrameStream):
         if hasattr(self, "_readbacks"):  # else it was never whole, and there are no frames
             self._let_go("its renderer was closed")
         self._destroy_targets()
-        for name in ("_workers", "_data", "_frames", "_pipelines"):
+        for name in ("_workers", "_loading", "_data", "_frames", "_pipelines"):
             held = getattr(self, name, None)
             if held is not None:
                 held.close()

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -25,21 +25,26 @@ from backends.gl.resources import (
     destroy_buffer,
     destroy_image,
     write_buffer,
+    write_image,
 )
-from backends.gl.upload import Uploader
+from common.camera import View
 from common.scene import Change, Pose, Sampler, Scene
 
-from ..logic import environment, geometry, packing, pages, records, texels, views
+from ..logic import environment, geometry, packing, pages, placeholders, records, texels, views
+from ..logic.array_arrivals import ArrayArrivals, array_name
 from ..logic.draw_lists import COMMAND
 from ..logic.environment import Sizes
 from ..logic.frame import SLOTS
+from ..logic.importance import material_sizes
+from ..logic.loading import Loading, Request, report_failures
 from ..logic.packing import Variant
 from ..logic.records import Records
-from ..logic.texture_arrays import ArrayTexture, plan_arrays
+from ..logic.texture_arrays import ArrayTexture
 from ..logic.texture_reads import image_roles, uses
 from ..settings import Settings
 from .commands import Textures
 from .environment import EnvironmentMaps, create_environment
+from .loader import Loader
 
 ENVIRONMENT_UNIT, ARRAY_UNIT = 0, 3
 """The first texture units of the environment's three maps, and of the arrays of textures (scene, textures.glsl)."""
@@ -55,10 +60,17 @@ class _Slot(records.Slot):
 class SceneData:
     """Everything that draws read: buffers, textures, samplers and vertex arrays."""
 
-    def __init__(self, context: Context, scene: Scene, settings: Settings, anisotropy: float) -> None:
+    def __init__(
+        self, context: Context, scene: Scene, settings: Settings, anisotropy: float, loading: Loading
+    ) -> None:
         self._context, self._scene, self._settings, self._anisotropy = context, scene, settings, anisotropy
         self.records = Records(scene, settings.light_cutoff)
         self._images: dict[ArrayTexture, Image] = {}
+        self._numbered: dict[int, Image] = {}  # the same by the numbers that OpenGL gave them
+        self._loading = loading
+        self._seen_from: View | None = None
+        self._arrivals = ArrayArrivals(scene, views.mends_texels(settings), loading.streams, context.features)
+        self._loader = Loader(context, self, loading)
         self._samplers: dict[tuple[Sampler, float], int] = {}
         self._energy = settings.energy if environment.needed(scene, settings) else None
         # These two refuse what cannot be drawn, before anything is made that would be left behind.
@@ -68,7 +80,11 @@ class SceneData:
         self.empty_vertex_array = create_vertex_array(context, [], None, None, "no vertices")
         self._make_environment()
         self.slots = [self._make_slot(index) for index in range(SLOTS)]
-        self._keep_textures()
+        try:
+            self._keep_textures()
+        except BaseException:
+            self.close()
+            raise
         self._kinds: Any = self._material_kinds()
         self._materials_seen = scene.revision[Change.MATERIALS]
 
@@ -153,15 +169,16 @@ class SceneData:
         """Make the arrays that are new, give up those that no material reads, and note what each set binds."""
         context = self._context
         found = uses(self._scene, self.variants)
-        self._plan = plan_arrays(self._scene, found, context.limits["maxImageArrayLayers"])
-        roles = image_roles(found)
-        with Uploader(context) as uploader:
-            for array in self._plan.arrays:
-                if array not in self._images:
-                    self._images[array] = self._upload(uploader, array, roles)
+        self._plan = self._arrivals.plan(found, context.limits["maxImageArrayLayers"])
+        for array in self._plan.arrays:
+            if array not in self._images:
+                self._images[array] = self._make(array)
+        self._numbered = {image.handle: image for image in self._images.values()}
+        ids = {array: image.handle for array, image in self._images.items()}
+        self._loader.want(self._arrivals.wanted(self._plan, found, image_roles(found), ids))
         for array in self._images.keys() - set(self._plan.arrays):
             destroy_image(context, self._images.pop(array))  # OpenGL itself waits for the GPU's use
-        self.records.maps = self._plan.maps
+        self.records.maps = self._arrivals.begin(self._loading.resident)
         held = [
             (self._images[array].view, self.sampler(array.sampler, self._anisotropy))
             for array in self._plan.arrays
@@ -171,23 +188,46 @@ class SceneData:
             for chosen in self._plan.sets
         ]
 
-    def _upload(self, uploader: Uploader, array: ArrayTexture, roles: dict[texels.Key, str]) -> Image:
-        mended = views.mends_texels(self._settings)
-        made = [texels.texels_of(self._scene, roles[key], key, mended) for key in array.layers]
+    def _make(self, array: ArrayTexture) -> Image:
         shape = array.shape
         image = create_image(
             self._context,
             shape.format,
             (shape.width, shape.height),
-            texels.array_name(made),
+            array_name(self._scene, array),
             shape="array",
             levels=shape.levels,
-            layers=len(made),
+            layers=len(array.layers),
             view_format=shape.view_format,
             swizzle=shape.swizzle,
         )
-        uploader.image(image, [one.pixels for one in made], srgb=made[0].srgb)
+        for number, key in enumerate(array.layers if array == placeholders.ARRAY else ()):
+            made = texels.texels_of(self._scene, "placeholder", key)
+            write_image(self._context, image, made.pixels, layer=number)
         return image
+
+    def place(self, request: Request) -> tuple[Image, int]:
+        """Return the array and the layer that a request asks for."""
+        number, layer = cast(tuple[int, int], request.key)
+        return self._numbered[number], layer
+
+    def update_textures(self, slot: int, view: View) -> None:
+        """Go on loading, most of all what `view` shows, and name to the slot's materials what has arrived."""
+        if self._loading.decoding and self._seen_from != view:
+            self._loading.prioritise(material_sizes(self._scene, self.records.instances, view))
+            self._seen_from = view
+        before = self._loader.bytes
+        for request in self._loader.advance(self._loading.budget):
+            self._arrivals.arrive(request.key)
+        self.texture_work = self._loading.counts() | {"bytes_uploaded": self._loader.bytes - before}
+        report_failures(self._loading, self._scene)
+        self.records.write_maps(self.slots[slot], self._arrivals.revision)
+
+    def load_textures(self) -> None:
+        """Wait until all textures are there."""
+        self._context.make_current()
+        for request in self._loader.finish():
+            self._arrivals.arrive(request.key)
 
     def sampler(self, described: Sampler, anisotropy: float) -> int:
         """Return the sampler of this description, made at its first use."""
@@ -314,6 +354,7 @@ class SceneData:
     def close(self) -> None:
         """Free everything."""
         context = self._context
+        self._loader.stop()
         for slot in self.slots:
             for buffer in (slot.frame, slot.instances, slot.materials, slot.lights, slot.commands):
                 if buffer is not None:

@@ -20,6 +20,7 @@ from backends.vulkan.device import Device
 from backends.vulkan.features import CORE
 from backends.vulkan.resources import Buffer
 from backends.vulkan.upload import Uploader
+from common.camera import View
 from common.errors import UnsupportedError
 from common.scene import Change, Pose, Scene
 
@@ -27,6 +28,8 @@ from ..logic import environment, geometry, packing, pages, records, texels, view
 from ..logic.draw_lists import COMMAND
 from ..logic.environment import Sizes
 from ..logic.frame import SLOTS
+from ..logic.importance import material_sizes
+from ..logic.loading import Loading, report_failures
 from ..logic.packing import Variant
 from ..logic.records import Records
 from ..logic.texture_reads import uses
@@ -71,6 +74,7 @@ class SceneData:
         resources: Resources,
         descriptors: Descriptors,
         bindless: bool,
+        loading: Loading,
     ) -> None:
         self._device, self._scene, self._settings = device, scene, settings
         self._resources, self._descriptors = resources, descriptors
@@ -80,16 +84,20 @@ class SceneData:
         self._textures: MaterialTextures
         if bindless:
             self.slot_count = slots_for(scene, self.variants)
-            self._textures = BindlessTextures(device, scene, resources, anisotropy, mended, self.slot_count)
+            self._textures = BindlessTextures(
+                device, scene, resources, anisotropy, mended, self.slot_count, loading
+            )
         else:
             self.slot_count = 0
-            self._textures = ArrayTextures(device, scene, resources, descriptors, anisotropy, mended)
+            self._textures = ArrayTextures(device, scene, resources, descriptors, anisotropy, mended, loading)
         self.records = Records(scene, settings.light_cutoff)
         self._plan_geometry()
         with Uploader(device) as uploader:
             self._upload_geometry(uploader)
             self._textures.keep(uploader, self.variants)
         self.records.maps = self._textures.maps
+        self._loading = loading
+        self._seen_from: View | None = None
         self.bytes_uploaded = uploader.bytes
         self._make_environment()
         self.slots = [self._make_slot(index) for index in range(SLOTS)]
@@ -298,9 +306,24 @@ class SceneData:
         handle = self._resources.buffers.get(self._geometry[copy][page]).handle
         return self._page_sets[copy * len(self.pages) + page], handle
 
-    def update_textures(self) -> int:
-        """Write the descriptors of textures that are new, before a frame is recorded; return how many that were."""
-        return self._textures.update()
+    def update_textures(self, slot: int, view: View) -> int:
+        """Go on loading, most of all what `view` shows, and name to the slot's materials what has arrived.
+
+        Descriptors of textures that are new are written, before a frame is recorded; returns how many that were.
+        """
+        if self._loading.decoding and self._seen_from != view:
+            self._loading.prioritise(material_sizes(self._scene, self.records.instances, view))
+            self._seen_from = view
+        before = self._textures.loader.bytes
+        count = self._textures.update(self._loading.budget)
+        self.texture_work = self._loading.counts() | {"bytes_uploaded": self._textures.loader.bytes - before}
+        report_failures(self._loading, self._scene)
+        self.records.write_maps(self.slots[slot], self._textures.revision)
+        return count
+
+    def load_textures(self) -> None:
+        """Wait until all textures are there."""
+        self._textures.update(None)
 
     @property
     def bindless_sets(self) -> int:

@@ -100,3 +100,9 @@ class Records:
             written += records.nbytes + 16
             slot.written["lights"] = light_key
         return written
+
+    def write_maps(self, slot: Slot, revision: int) -> None:
+        """Write the textures of the materials alone, if `revision` of `maps` is another one than the slot's."""
+        if slot.written.get("maps", 0) != revision:
+            slot.materials.view(packing.MATERIAL)["maps"][: len(self.maps)] = self.maps
+            slot.written["maps"] = revision

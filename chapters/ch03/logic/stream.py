@@ -12,6 +12,7 @@ from common.scene import Scene
 from ..settings import Settings
 from .environment import files_at_start
 from .frame import SLOTS, Frame
+from .loading import Loading
 
 
 class FrameStream:
@@ -25,6 +26,7 @@ class FrameStream:
     _frames: Any
     _data: Any
     _pipelines: Any
+    _loading: Loading
 
     def _begin_stream(self) -> None:
         self._index = 0
@@ -45,7 +47,13 @@ class FrameStream:
 
     def idle(self, view: View, time: float = 0.0) -> bool:
         """Whether a frame now would equal the last one: same view, same scene, and nothing that moves by itself."""
-        return bool(self._last == self._state(view, time))
+        return bool(self._last == self._state(view, time)) and not self._loading.busy
+
+    def wait_loaded(self) -> None:
+        """Wait until every texture has arrived or failed: the next frame is the final picture."""
+        if self._loading.busy:
+            self._data.load_textures()
+            self._last = None  # the same view makes another picture now
 
     def reset_history(self, reason: str) -> None:
         """Start again at frame 0. This chapter keeps nothing from frame to frame but the previous view and pose."""

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from common import blocks
 from common.color import decode_srgb
 from common.errors import SceneError
 from common.scene import Scene, TextureRef
+from common.scene_images import Chain, Image
 
 NEUTRAL = {
     # What a role without a texture would have to sample for the picture to stay the same.
@@ -58,13 +60,16 @@ class Shape(NamedTuple):
     swizzle: str = "rgba"
 
 
-def shape_of(scene: Scene, key: Key) -> Shape:
-    """Return the shape of the pixels that `texels_of` returns for `key`."""
+def shape_of(scene: Scene, key: Key, features: Collection[str] | None = None) -> Shape:
+    """Return the shape of the pixels that `texels_of` returns for `key`, or with `features` of its chain."""
     if key[0] == "neutral":
         return Shape(1, 1, "rgba16f", None, 1)
     _, number, srgb, mipmapped, channels = key
     image = scene.images[number]
     width, height = image.width, image.height
+    chain = chain_of(scene, key, features) if features is not None else None
+    if chain is not None:
+        return Shape(width, height, chain.format, chain.view_format, len(chain.levels), chain.swizzle)
     levels = max(height, width).bit_length() if mipmapped else 1
     if image.dtype != np.uint8:
         # Sixteen bits do not fit into eight; half precision keeps eleven of them and is filtered everywhere.
@@ -75,11 +80,29 @@ def shape_of(scene: Scene, key: Key) -> Shape:
     return Shape(width, height, "rgba8", "rgba8_srgb" if srgb else None, levels)
 
 
+def chain_of(scene: Scene, key: Key, features: Collection[str]) -> Chain | None:
+    """Return the mip levels that an image has ready for `key`; None where its pixels are to be decoded.
+
+    So they are where the device, whose optional `features` these are, cannot sample the chain's format.
+    """
+    if key[0] == "neutral":
+        return None
+    _, number, srgb, mipmapped, channels = key
+    chain = scene.images[number].chain(srgb, mipmapped, channels)
+    lacks = chain is not None and blocks.storage_of(chain.format, features) != chain.format
+    return None if lacks else chain
+
+
 def key_of(role: str, texture: TextureRef | None) -> Key:
     """Return what is uploaded for `texture` in `role`; without one, what leaves the picture as it is."""
     if texture is None:
         return ("neutral", NEUTRAL[role])
     return ("image", texture.image, role in ("base_color", "emissive"), texture.sampler.mipmap is not None)
+
+
+def name_of(scene: Scene, key: Key) -> str:
+    """Return how messages call what is uploaded for `key`."""
+    return "neutral" if key[0] == "neutral" else f"image {key[1]} ('{scene.images[key[1]].name}')"
 
 
 def check_images(scene: Scene, largest: int) -> None:
@@ -114,13 +137,13 @@ def texels_of(scene: Scene, role: str, key: Key, mended: bool = True) -> Texels:
     _, number, srgb, _, channels = key
     image, shape = scene.images[number], shape_of(scene, key)
     if image.dtype != np.uint8:
-        half = half_texels(image.pixels, srgb, mended)
+        half = half_texels(image.decode(), srgb, mended)
         return Texels(image.name, half, shape.format, None, shape.levels, False)
-    held = image.pixels[..., NARROW[channels][2]] if channels in NARROW else image.pixels
+    held = image.decode()[..., NARROW[channels][2]] if channels in NARROW else image.decode()
     return Texels(image.name, held, shape.format, shape.view_format, shape.levels, srgb, shape.swizzle)
 
 
-def array_name(layers: Sequence[Texels]) -> str:
+def array_name(layers: Sequence[Texels | Image]) -> str:
     """Return the name of an array texture: that of its first layer, and how many there are besides."""
     more = len(layers) - 1
     return layers[0].name + (f" and {more} more" if more else "")

@@ -6,7 +6,7 @@ own choice of arrays; draws are grouped by set. A material samples five textures
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,7 +60,9 @@ class ArrayPlan:
         return ("ARRAYS", self.width), ("ROLE_ARRAYS", f"uint[{len(bits)}]({masks})")
 
 
-def plan_arrays(scene: Scene, found: Sequence[Use], max_layers: int, width: int = ARRAYS) -> ArrayPlan:
+def plan_arrays(
+    scene: Scene, found: Sequence[Use], max_layers: int, width: int = ARRAYS, features: Collection[str] = ()
+) -> ArrayPlan:
     """Return which textures lie together; an array has at most `max_layers` layers, a set at most `width` arrays."""
     layers: dict[tuple[Shape, Sampler, int], list[Key]] = {}
     parts: dict[tuple[Shape, Sampler], int] = {}
@@ -68,7 +70,7 @@ def plan_arrays(scene: Scene, found: Sequence[Use], max_layers: int, width: int 
     for use in found:
         if use.read in place:
             continue
-        kind = (texels.shape_of(scene, use.read.key), use.read.sampler)
+        kind = (texels.shape_of(scene, use.read.key, features), use.read.sampler)
         part = parts.setdefault(kind, 0)
         if len(layers.get((*kind, part), ())) == max_layers:
             part = parts[kind] = part + 1
