@@ -11,10 +11,12 @@ import numpy as np
 import pytest
 
 from chapters.ch03.settings import Settings
+from common import blocks
 from common.camera import UNIT_EV100
 from common.errors import SceneError
+from common.mips import mip_chain
 from common.scene import Image, Light, Material
-from common.scene_images import EncodedImage
+from common.scene_images import Chain, EncodedImage
 from tests.support.scenes import NEAREST, facing, quad_scene, texture, translated
 
 pytestmark = pytest.mark.usefixtures("no_thread_left")
@@ -279,6 +281,32 @@ def test_closed_while_loading_leaves_nothing(chapter, gated, frames):
     renderer.close()
     later.join()
     assert threading.active_count() == threads and not blockless(chapter, before)
+
+
+# --- what an image has ready ---
+
+
+class Chained(Image):
+    """An image of one colour that has all its levels as blocks, for those who can sample them."""
+
+    def chain(self, srgb: bool, mipmapped: bool, channels: str) -> Chain:
+        levels = mip_chain(self.pixels, srgb) if mipmapped else (self.pixels,)
+        return Chain("bc7_srgb", None, "rgba", blocks.encode_chain(levels, "bc7_srgb", "fast"))
+
+
+@pytest.mark.skipif(not blocks.available(), reason="no encoder of blocks")
+@pytest.mark.parametrize("settings", [EXACT, replace(STREAM, upload_budget=1 / 64)])
+def test_levels_that_an_image_brings_are_copied_as_they_are(chapter, settings):
+    images = [Chained(str(color), plain(color, (150, 70 + n))) for n, color in enumerate(COLORS)]
+    refs = [texture(n, replace(NEAREST, mipmap="nearest")) for n in range(4)]
+    scene = row_of(images, tuple(replace(UNLIT, base_color_texture=ref) for ref in refs))
+    with open_(chapter, scene, settings, (32, 8)) as renderer, chapter.calls() as calls:
+        picture, _ = frames_until(renderer, loaded)[-1]
+        made = [name for name in calls if name in ("vkCmdDispatch", "glDispatchCompute")]
+    shown, truth = np.array(codes(picture[:, ::8])), np.array([color[:3] for color in COLORS])
+    assert np.abs(shown - truth).max() <= 3, "the encoder is off by a code"
+    if chapter.device.has("block-compression") and settings.loading == "stream":
+        assert not made, "the GPU makes none"
 
 
 # --- edits ---

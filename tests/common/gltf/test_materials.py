@@ -346,6 +346,16 @@ def test_a_damaged_image_is_refused_in_the_same_words_when_it_is_decoded(tmp_pat
     assert str(later.value) == str(now.value) and str(path) in str(now.value)
 
 
+def test_files_that_are_cut_short_before_images_are_decoded_end_nothing(tmp_path):
+    """Where a file is mapped, reading behind its end is a signal that ends the process."""
+    noise = np.random.default_rng(6).integers(0, 256, (96, 96, 4), np.uint8)
+    path = textured(encoded(noise)).write(tmp_path)
+    (image,) = load_scene(path, decode=False).images
+    for file in tmp_path.iterdir():
+        file.write_bytes(b"")
+    assert np.array_equal(image.decode(), noise)
+
+
 def test_no_thread_stays_behind(tmp_path):
     path = textured(*[encoded(RGBA)] * 4).write(tmp_path)
     load_scene(path)
