@@ -64,10 +64,10 @@ class ImageDecoder:
                     data = document.buffer_view(entry["bufferView"])
                 else:
                     refuse(place, "has neither uri nor bufferView")
-                if later is not None:
-                    data = (
-                        data.copy()
-                    )  # what is read from a mapped file after it was cut short ends the process
+                if (
+                    later is not None
+                ):  # by then the file may be shorter, and reading behind its end ends the process
+                    data = data.copy()
                 width, height = image_size(data, place)
                 total += width * height * 4
                 if total > MAX_TOTAL_BYTES:
