@@ -281,6 +281,28 @@ def traced_with(device, work, monkeypatch, done):
     return log
 
 
+def test_a_range_is_used_again_when_the_submission_that_copies_from_it_has_ended(
+    vulkan_device, opened, monkeypatch
+):
+    loader, loading, _ = opened(ring=3 * 4096)
+    requests, _ = wanted([("rgba8", (32, 32))] * 4)  # 4 KiB each
+    loader.want(requests)
+    while loading.decoding:
+        loading.wait()
+    loader.advance(4096)
+    loader.advance(4096)
+    ended = loader._copies._flying[0].fence
+    answer = {True: vk.VK_SUCCESS, False: vk.VK_NOT_READY}
+    monkeypatch.setitem(
+        vulkan_device.fn.__dict__, "vkGetFenceStatus", lambda _, fence: answer[fence == ended]
+    )
+    vulkan_device.wait_idle()
+    ring = loader._staging.ring
+    assert (ring.tail, ring.head) == (0, 2 * 4096)
+    loader.advance(4096)
+    assert (ring.tail, ring.head) == (4096, 3 * 4096), "the other one is still copied from"
+
+
 def test_each_frame_in_flight_has_its_pool_on_the_family_that_copies(vulkan_device, opened):
     loader, _, _ = opened()
     requests, _ = wanted(ODD)
