@@ -14,9 +14,11 @@ from typing import Any
 
 import chapters
 from chapters import (
+    bench_loads,
     bench_pipelines,
     bench_points,
     bench_prepared,
+    bench_readback,
     bench_scale,
     bench_start,
     bench_threads,
@@ -43,10 +45,12 @@ PARTS = {
     "scales": "what objects and materials cost",
     "pipelines": "building pipelines cold and warm",
     "threads": "recording draws by several threads",
+    "loads": "loading scenes, with their cache and without",
+    "readback": "reading what the GPU wrote, by the kind of memory",
 }
-"""What a bench measures; a chapter may have no scales, no pipelines to build, no threads."""
+"""What a bench measures; a chapter may lack any of the last five."""
 
-DRAWN = {"settings", "prepared", "scales", "pipelines"}
+DRAWN = {"settings", "prepared", "scales", "pipelines", "loads"}
 """The parts that a plot has a panel for."""
 
 FOLDER = ROOT / "docs" / "benchmarks"
@@ -150,11 +154,14 @@ def parts_of(which: chapters.Whole, api: str, only: Sequence[str] = ()) -> tuple
         ("pipelines", "PIPELINES"),
         ("prepared", "PREPARED"),
         ("threads", "THREADS"),
+        ("loads", "LOADS"),
+        ("readback", "LOADS"),
     ):
         if not hasattr(settings_class, names):
             missing[part] = f"{spoken} names none in its settings ({names})"
     if api != "vulkan":
         missing.setdefault("pipelines", "OpenGL has no pipeline objects")
+        missing.setdefault("readback", "OpenGL does not say where a buffer lies")
     for part in only:
         if part not in PARTS:
             raise UserError(f"--only {part}: a bench has no such part{suggest(part, PARTS)}.")
@@ -182,23 +189,29 @@ def measure(
         return lambda name, part: steps(f"{what} {name}".strip(), begin + (end - begin) * part)
 
     starts, found, prepared, grown, pipelines, threads, cases = {}, [], [], [], None, None, []
+    loads: list[dict[str, Any]] = []
+    readback: dict[str, Any] | None = None
     if "start" in parts:
         steps("start, cold and warm", 0.02)
         starts = bench_start.cold_and_warm(which, backend, scene, size, effort.starts)
     if "pipelines" in parts:
-        pipelines = bench_pipelines.measure(which, size, effort, within(0.1, 0.2, "pipelines,"))
+        pipelines = bench_pipelines.measure(which, size, effort, within(0.1, 0.15, "pipelines,"))
+    if "loads" in parts:
+        loads = bench_loads.measure(which, backend, size, effort, within(0.15, 0.25, "load"))
     with ExitStack() as stack:
         device = open_device(stack, backend)
         capabilities = device.capabilities
         subject = Subject(which, backend, loaded, size, device)
         if "settings" in parts:
-            found = bench_points.sweep(subject, effort, within(0.2, 0.5))
+            found = bench_points.sweep(subject, effort, within(0.25, 0.5))
         if "prepared" in parts:
             prepared = bench_prepared.sweeps(subject, effort, within(0.5, 0.7, "prepare"))
         if "scales" in parts:
             grown = bench_scale.scales(subject, effort, within(0.7, 0.85))
         if "threads" in parts:
             threads = bench_threads.measure(subject, effort, within(0.85, 0.9))
+        if "readback" in parts:
+            readback = bench_readback.measure(device, effort, within(0.89, 0.9, "read back"))
         if "stability" in parts:
             steps("stability", 0.9)
             cases = bench_points.stability_cases(subject, effort)
@@ -239,6 +252,8 @@ def measure(
         "scales": grown,
         "pipelines": pipelines,
         "threads": threads,
+        "loads": loads,
+        "readback": readback,
         "stability": None,
     }
     if cases:

@@ -9,7 +9,14 @@ from typing import Any
 
 from rich.console import Console
 
-from chapters import bench_pipelines, bench_points, bench_scale, bench_threads
+from chapters import (
+    bench_loads,
+    bench_pipelines,
+    bench_points,
+    bench_readback,
+    bench_scale,
+    bench_threads,
+)
 from chapters.console import out
 from chapters.tables import table
 from common.errors import UserError
@@ -36,6 +43,9 @@ def show(made: dict[str, Any], to: Console = out) -> None:
         bench_pipelines.show(made["pipelines"], to)
     if made.get("threads"):
         bench_threads.show(made["threads"], to)
+    bench_loads.show(made.get("loads", []), to)
+    if made.get("readback"):
+        bench_readback.show(made["readback"], to)
     _show_starts(to, made["start_s"])
     if made["stability"]:
         worst = made["stability"]["worst"]
@@ -107,6 +117,8 @@ def plot(path: Path, made: dict[str, Any]) -> None:
     panels += [partial(_plot_scale, one) for one in made.get("scales", ())]
     if made.get("pipelines"):
         panels.append(partial(_plot_pipelines, made["pipelines"]))
+    if any(one["ways"] for one in made.get("loads", ())):
+        panels.append(partial(_plot_loads, made["loads"]))
     columns = min(len(panels), 3)
     rows = -(-len(panels) // columns)
     figure = Figure(figsize=(1 + 6 * columns, 4.8 * rows), layout="constrained")
@@ -140,6 +152,10 @@ def _plot_prepared(one: dict[str, Any], figure: Any, cell: Any) -> None:
 
 def _plot_pipelines(one: dict[str, Any], figure: Any, cell: Any) -> None:
     bench_pipelines.plot(figure.add_subplot(cell), one)
+
+
+def _plot_loads(made: list[dict[str, Any]], figure: Any, cell: Any) -> None:
+    bench_loads.plot(figure.add_subplot(cell), made)
 
 
 def _plot_scale(one: dict[str, Any], figure: Any, cell: Any) -> None:
