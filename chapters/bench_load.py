@@ -1,0 +1,216 @@
+"""One load of a scene, measured: `python -m chapters.bench_load WHICH BACKEND SCENE WxH WAY [FILE.npz]` prints JSON.
+
+A bench runs several (see `chapters.bench_loads`, which says what the ways are), each in a process of its own.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import statistics
+import sys
+import time as clock
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import chapters
+from backends.vulkan.device import Device
+from chapters import bench_overlap
+from chapters.bench_overlap import Stamps, can_stamp
+from chapters.opening import open_scene
+from chapters.run import open_device
+from common.errors import DeviceError
+from common.scene import Image
+from common.settings import preset
+
+ONCE = ("write", "compress")
+"""Ways that are no second time the same: there is a cache after them."""
+
+OUTPUTS = frozenset({"color", "color_linear"})
+
+AFTER = 20
+"""Frames that are drawn when everything has arrived: what the longest frame before is compared with."""
+
+MOST_FRAMES = 100_000
+
+
+def once(
+    which: chapters.Whole,
+    backend: str,
+    path: Path,
+    size: tuple[int, int],
+    way: str,
+    picture: Path | None = None,
+) -> dict[str, Any]:
+    """Load a scene in one of the WAYS; return seconds and bytes. `picture` is an .npz that gets what is seen."""
+    if way == "pillow":
+        return _with_pillow(path)
+    settings: Any = preset(chapters.settings_class(which), "medium")
+    streams = way in ("stream", "overlap")
+    settings = replace(settings, loading="stream" if streams else "wait")
+    kept = way != "plain" and not streams
+    with ExitStack() as stack:
+        device = open_device(stack, backend)
+        stamps: Stamps | None = None
+        if way == "overlap" and isinstance(device, Device) and can_stamp(device):
+            stamps = Stamps(device)
+            stack.callback(stamps.close)
+        before = _peak_bytes()
+        began = clock.perf_counter()
+        opening = stack.enter_context(
+            open_scene(which, str(path), cached=kept, compressed=way in ("compress", "blocks"))
+        )
+        opened = clock.perf_counter()
+        renderer: Any = stack.enter_context(
+            chapters.open(
+                which,
+                backend,
+                scene=opening.scene,
+                size=size,
+                settings=settings,
+                outputs=OUTPUTS,
+                device=device,
+            )
+        )
+        made = clock.perf_counter()
+        frames = _frames(renderer) if streams else {}
+        if way in ONCE:
+            opening.finish()
+        overlap = None if stamps is None else bench_overlap.record(stamps.timeline())
+        done = clock.perf_counter()
+        grown = _peak_bytes() - before
+        if picture is not None:
+            frame = renderer.render(chapters.view_of(renderer))
+            np.savez(picture, **{name: frame.image(name) for name in OUTPUTS})
+        pipelines = _again(which, backend, opening.scene, size, settings, device) if not streams else 0.0
+        scene = opening.scene
+        decoded = sum(image.width * image.height * 4 * image.dtype.itemsize for image in scene.images)
+        arrays = (scene.positions, scene.normals, scene.tangents, scene.uv0, scene.indices)
+        return {
+            "scene_s": opened - began,
+            "open_s": made - opened,
+            "total_s": done - began,
+            "load_s": max(done - began - pipelines, 1e-6),
+            "pipelines_s": pipelines,
+            "peak_bytes": grown,
+            "textures": len(scene.images),
+            "decoded_bytes": decoded,
+            "bytes": decoded + sum(array.nbytes for array in arrays),
+            "overlap": overlap,
+            **frames,
+        }
+
+
+def _again(
+    which: chapters.Whole, backend: str, scene: Any, size: tuple[int, int], settings: Any, device: Any
+) -> float:
+    """Return the seconds that opening takes of all that is no load: textures of one texel, the same pipelines."""
+    pixel = np.full((1, 1, 4), 255, np.uint8)
+    small = replace(scene, images=[Image(image.name, pixel) for image in scene.images])
+    took = []
+    for _ in range(2):
+        began = clock.perf_counter()
+        with chapters.open(
+            which,
+            backend,
+            scene=small,
+            size=size,
+            settings=settings,
+            outputs=OUTPUTS,
+            device=device,
+        ):
+            took.append(clock.perf_counter() - began)
+    return min(took)
+
+
+def _frames(renderer: Any) -> dict[str, Any]:
+    """Draw until all textures have arrived, and some frames more; return how many that took, and the longest.
+
+    The GPU is waited for behind each frame: what a frame takes is then the renderer's own thread, without drawing.
+    """
+    view = chapters.view_of(renderer)
+    meanwhile: list[float] = []
+    whole: list[float] = []
+    after: list[tuple[float, float]] = []
+    first = complete = 0.0
+    began = clock.perf_counter()
+    while len(after) < AFTER:
+        start = clock.perf_counter()
+        frame = renderer.render(view)
+        sum(frame.timings.values())
+        end = clock.perf_counter()
+        first = first or end - began
+        if frame.work["textures_waiting"]:
+            meanwhile.append(frame.cpu_ms)
+            whole.append((end - start) * 1e3)
+            if len(meanwhile) > MOST_FRAMES:
+                raise DeviceError(f"{frame.work['textures_waiting']} textures never arrived.")
+        else:
+            complete = complete or end - began
+            after.append((frame.cpu_ms, (end - start) * 1e3))
+    steady = sorted(after[2:])
+    return {
+        "first_frame_s": first,
+        "complete_s": complete,
+        "frames": len(meanwhile),
+        "longest_ms": max(meanwhile, default=0.0),
+        "longest_frame_ms": max(whole, default=0.0),
+        "after_ms": statistics.median(own for own, _ in steady),
+        "after_frame_ms": statistics.median(frame for _, frame in steady),
+    }
+
+
+def _with_pillow(path: Path) -> dict[str, Any]:
+    """Read a document with pygltflib and decode its images with Pillow, on the threads that loading takes."""
+    from PIL import Image as Pillow
+    from pygltflib import GLTF2
+
+    began = clock.perf_counter()
+    document: Any = GLTF2().load(str(path))
+
+    def decode(image: Any) -> np.ndarray:
+        if image.uri:
+            raw = (path.parent / image.uri).read_bytes()
+        else:
+            view = document.bufferViews[image.bufferView]
+            start = view.byteOffset or 0
+            raw = document.binary_blob()[start : start + view.byteLength]
+        with Pillow.open(io.BytesIO(raw)) as picture:
+            return np.asarray(picture.convert("RGBA"))
+
+    for buffer in document.buffers or []:
+        if buffer.uri:
+            (path.parent / buffer.uri).read_bytes()
+    with ThreadPoolExecutor(min(8, os.cpu_count() or 1)) as pool:
+        decoded = list(pool.map(decode, document.images or []))
+    took = clock.perf_counter() - began
+    return {"load_s": took, "total_s": took, "decoded_bytes": sum(one.nbytes for one in decoded)}
+
+
+def _peak_bytes() -> int:
+    """Return the most memory that this process had so far; 0 where the system does not tell."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return 0
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else peak * 1024
+
+
+def main() -> None:
+    """Measure this process."""
+    chapter, backend, path, size, way, *picture = sys.argv[1:]
+    width, _, height = size.partition("x")
+    which = chapters.parse_chapter(chapter)
+    made = once(which, backend, Path(path), (int(width), int(height)), way, *map(Path, picture))
+    print(json.dumps(made))
+
+
+if __name__ == "__main__":
+    main()
