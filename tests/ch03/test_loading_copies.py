@@ -20,9 +20,10 @@ from backends.vulkan.resources import (
     mip_levels,
 )
 from backends.vulkan.upload import Uploader
+from chapters.ch03.graphics import loader as graphics_loader
 from chapters.ch03.graphics.loader import Loader, Target
 from chapters.ch03.graphics.material_textures import takes_narrow
-from chapters.ch03.graphics.upload_barriers import Part, after_copy, before_copy
+from chapters.ch03.graphics.upload_barriers import Part, after_copy, before_copy, part_barrier
 from chapters.ch03.logic.loading import Loading, Wanted
 from chapters.ch03.logic.texels import Shape
 from chapters.ch03.logic.uploads import Upload
@@ -429,3 +430,58 @@ def test_a_queue_of_its_own_hands_images_over(vulkan_device, opened):
     assert queues == {vulkan_device.transfer_queue.handle, vulkan_device.queue.handle}
     for number, one in pixels.items():
         assert np.array_equal(level_of(vulkan_device, owner.images[number]), rows_of(one))
+
+
+@pytest.mark.feature("async-loading/transfer-submission")
+@pytest.mark.parametrize("budget", [None, 9000, 700])
+def test_two_submissions_hand_each_image_over_once(vulkan_device, opened, monkeypatch, budget):
+    """The order of what two queues do, on one: the release is a barrier, the acquire another in a later submission.
+
+    With little to spend, levels are left to the frame after the one that copied the last row; only then is the image
+    given away.
+    """
+
+    def halves(part, giver, taker):
+        return after_copy(part, 0, 0)[0], part_barrier(part, "sampled", "sampled")
+
+    monkeypatch.setattr(graphics_loader, "after_copy", halves)
+    loader, loading, owner = opened(ring=8192, own_queue=False)
+    loader.one_family = False
+    requests, pixels = wanted([("rgba8", (16, 16)), ("rgba8", (40, 24)), ("rgba8", (33, 17))], mips=True)
+    loader.want(requests)
+    arrived = []
+    calls = traced(
+        vulkan_device,
+        lambda: arrived.extend(loader.finish() if budget is None else stepwise(loader, loading, budget)),
+    )
+    assert sorted(request.key for request in arrived) == [0, 1, 2], "each of them once"
+    handed = {
+        image.handle: [
+            (barrier.oldLayout, barrier.newLayout)
+            for name, arguments in calls
+            if name == "vkCmdPipelineBarrier2"
+            for barrier in arguments[1].pImageMemoryBarriers[0 : arguments[1].imageMemoryBarrierCount]
+            if barrier.image == image.handle and barrier.subresourceRange.baseMipLevel == 0
+        ]
+        for image in owner.images.values()
+    }
+    read = vk.VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL
+    for layouts in handed.values():
+        assert layouts[-2:] == [(vk.VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL, read), (read, read)]
+        assert layouts.count((read, read)) == 1
+    for number, one in pixels.items():
+        assert np.array_equal(level_of(vulkan_device, owner.images[number]), rows_of(one))
+
+
+def stepwise(loader, loading, budget):
+    """Advance frame by frame until everything has arrived; return what has."""
+    arrived = []
+    for _ in range(2000):
+        arrived += loader.advance(budget)
+        if not loading.busy:
+            return arrived
+        if loader._staging is None:
+            loading.wait()
+        else:
+            loader._copies.wait()
+    raise AssertionError("it never ends")

@@ -46,7 +46,10 @@ class Owner(Protocol):
 
 @dataclass(eq=False)
 class _Copy:
-    """A texture that is being copied, down to row `row` of level `level`; `flying` submissions copy parts of it."""
+    """A texture that is being copied, down to row `row` of level `level`; `flying` submissions work on it.
+
+    `ended` says that what follows the last copy is recorded, too; that may be a frame later.
+    """
 
     request: Request
     upload: Upload
@@ -55,6 +58,7 @@ class _Copy:
     row: int = 0
     flying: int = 0
     last: Submission | None = None
+    ended: bool = False
     cancelled: bool = False
 
     @property
@@ -193,7 +197,7 @@ class Loader:
                 continue
             if copy.cancelled:
                 self._owner.discard(copy.request)
-            elif copy.whole and not self.one_family:
+            elif copy.ended and not self.one_family:
                 self._copied.append(copy)
 
     def _copy(self, budget: int | None) -> list[Request]:
@@ -313,6 +317,7 @@ class Loader:
     def _end(self, one: Submission, copy: _Copy) -> bool:
         """Record what follows the last copy; return whether the texture has arrived with it."""
         self._touch(one, copy)
+        copy.ended = True
         release, acquire = after_copy(copy.part(), self._queue.family, self._device.queue.family)
         self._barrier(one, release)
         if acquire is not None:
