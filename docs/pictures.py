@@ -1,4 +1,4 @@
-"""Makes docs/pictures anew: `python docs/pictures.py [NAME...]` draws our scenes with chapter 1, and all studies.
+"""Makes docs/pictures anew: `python docs/pictures.py [NAME...]` draws our scenes with chapter 1, all studies, and loading.
 
 Nearly every picture is drawn twice as wide and high and averaged down in linear light, four samples to a pixel, so
 that edges are smooth without any method of a later chapter. Sheets of views and passes show values, and are left as
@@ -50,7 +50,7 @@ STUDIES_OF_PIXELS = {"dithered-alpha", "random-textures"}
 """Those about single pixels, which are not to be averaged."""
 STUDY_SETTINGS = {"texture-handles": {"way": "units"}}
 """Settings with which every driver can draw a study's picture."""
-WITH_STUDIES = (1, 2)
+WITH_STUDIES = (1, 2, 3)
 """The chapters that have studies."""
 
 
@@ -116,7 +116,32 @@ def frame_sheet() -> NDArray[Any]:
         return read_image(Path(folder) / "contact.png")
 
 
-SHEETS = {"views": sheet_of_views, "frame": frame_sheet}
+LOADING = 3
+"""The first chapter that draws while it loads."""
+
+
+def loading_sheet(cell: tuple[int, int] = (264, 198), share: float = 0.35) -> NDArray[Any]:
+    """Return (H, W, 3): the atrium when `share` of its textures have arrived, and beside it when all have."""
+    kind = chapters.settings_class(LOADING)
+    settings: Any = replace(preset(kind, "high"), loading="stream", decoding_threads=1, upload_budget=0.0625)
+    twice = (2 * cell[0], 2 * cell[1])
+    with chapters.open(
+        LOADING, "auto", scene=load_scene(locate("atrium"), decode=False), size=twice, settings=settings
+    ) as renderer:
+        view = chapters.view_of(renderer)
+        while True:
+            frame = renderer.render(view)
+            picture = frame.image("color")
+            work = frame.work
+            if work["textures_resident"] >= share * (work["textures_resident"] + work["textures_waiting"]):
+                break
+        opened: Any = renderer
+        opened.wait_loaded()
+        whole = renderer.render(view).image("color")
+    return np.concatenate([halved(picture), halved(whole)], axis=1)
+
+
+SHEETS = {"views": sheet_of_views, "frame": frame_sheet, "ch03-loading": loading_sheet}
 
 
 def picture_of(name: str) -> NDArray[Any]:
