@@ -40,6 +40,35 @@ CASES = {
         ),
         "the next frame writes it",
     ),
+    "a pool for each thread, whatever the frame": (
+        (3, "pool-of-another"),
+        ("graphics/command_pools.py", "pool_index(slot.index, self._workers", "pool_index(0, self._workers"),
+        "Two frame slots",
+    ),
+    "hashed every time": (
+        (3, "put-back-times"),
+        ("logic/scene_sources.py", "(found != state or racy)", "True"),
+        "read and hashed all the same",
+    ),
+    "refused unasked": (
+        (3, "put-back-times"),
+        (
+            "logic/scene_sources.py",
+            "        if found.size >= 0 and",
+            "        if found != state:\n            return False\n        if found.size >= 0 and",
+        ),
+        "of another time and the same content",
+    ),
+    "both the other way round": (
+        (3, "wrong-way-round"),
+        ("graphics/upload_barriers.py", "families = (giver, taker)", "families = (taker, giver)"),
+        "the release says",
+    ),
+    "equals by the last": (
+        (3, "critical-path"),
+        ("logic/critical_path.py", "max(step.after, key", "max(reversed(step.after), key"),
+        "named first",
+    ),
     "by the peak": (
         (1, "reinhard"),
         (
