@@ -1,4 +1,4 @@
-"""Makes docs/pictures anew: `python docs/pictures.py [NAME...]` draws our scenes with chapter 1, all studies, and loading.
+"""Makes docs/pictures anew: `python docs/pictures.py [NAME...]` draws scenes with chapter 1, all studies, and loading.
 
 Nearly every picture is drawn twice as wide and high and averaged down in linear light, four samples to a pixel, so
 that edges are smooth without any method of a later chapter. Sheets of views and passes show values, and are left as

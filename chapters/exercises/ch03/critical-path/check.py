@@ -32,7 +32,7 @@ def check(given: Given) -> None:
         total, path = found(graph, times)
         return total, list(path)
 
-    steps = {name: after for name, (_, after) in FRAME.items()}
+    steps = {name: list(after) for name, (_, after) in FRAME.items()}
     times = {name: time for name, (time, _) in FRAME.items()}
     total, path = answer(steps, times)
     given.need(
