@@ -92,7 +92,13 @@ def test_each_texture_is_handed_over_exactly_once_and_decoded_elsewhere(opened, 
     assert sorted(number for number, _ in decoded) == list(range(300))
     assert threading.get_ident() not in {ident for _, ident in decoded}
     assert loading.take() is None and loading.held_bytes == 0
-    assert loading.counts() == {"textures_resident": 300, "textures_waiting": 0, "textures_failed": 0}
+    assert loading.counts(0, 0) == {
+        "textures": 0,
+        "textures_resident": 300,
+        "textures_waiting": 0,
+        "textures_failed": 0,
+        "bytes_uploaded": 0,
+    }
 
 
 def test_nothing_that_is_there_is_asked_for_again(opened):
@@ -245,7 +251,8 @@ def test_a_decoder_that_raises_fails_alone_with_one_sentence(opened, error):
     loading = opened(2)
     loading.want(wanted(3, make=make))
     assert sorted(request.key for request in take_all(loading)) == [0, 2]
-    assert loading.counts() == {"textures_resident": 2, "textures_waiting": 0, "textures_failed": 1}
+    counts = loading.counts(2, 0)
+    assert (counts["textures_resident"], counts["textures_waiting"], counts["textures_failed"]) == (2, 0, 1)
     scene = quad_scene()
     report_failures(loading, scene)
     report_failures(loading, scene)
@@ -259,7 +266,7 @@ def test_a_decoder_that_raises_fails_alone_with_one_sentence(opened, error):
     assert isinstance(refusal(failed), SceneError) and sentence(failed, "x").count(".") <= 2
     loading.want(wanted(3))  # mended: it is tried once more
     assert [request.key for request in take_all(loading)] == [1]
-    assert loading.counts()["textures_failed"] == 0
+    assert loading.counts(0, 0)["textures_failed"] == 0
 
 
 @pytest.mark.parametrize("pause_s", [0.0, 0.002, 0.01])

@@ -21,7 +21,8 @@ from backends.vulkan.resources import (
 )
 from backends.vulkan.upload import Uploader
 from chapters.ch03.graphics import loader as graphics_loader
-from chapters.ch03.graphics.loader import Loader, Target
+from chapters.ch03.graphics.copies import Target
+from chapters.ch03.graphics.loader import Loader
 from chapters.ch03.graphics.material_textures import takes_narrow
 from chapters.ch03.graphics.upload_barriers import Part, after_copy, before_copy, part_barrier
 from chapters.ch03.logic.loading import Loading, Wanted

@@ -219,10 +219,7 @@ class SceneData:
         before = self._loader.bytes
         for request in self._loader.advance(self._loading.budget):
             self._arrivals.arrive(request.key)
-        self.texture_work = self._loading.counts() | {
-            "textures": self.textures,
-            "bytes_uploaded": self._loader.bytes - before,
-        }
+        self.texture_work = self._loading.counts(self.textures, self._loader.bytes - before)
         report_failures(self._loading, self._scene)
         self.records.write_maps(self.slots[slot], self._arrivals.revision)
 

@@ -9,8 +9,7 @@ after the copies comes after them. Mip levels are computed, and therefore made o
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Mapping
-from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 from backends.vulkan import api as vk
 from backends.vulkan.barriers import barriers
@@ -20,57 +19,10 @@ from backends.vulkan.upload import SETS, MipPipeline
 
 from ..logic.loading import Loading, Request, Wanted, refusal
 from ..logic.ring import rows_that_fit
-from ..logic.uploads import Upload, block_rows, cost, is_late
+from ..logic.uploads import block_rows, cost, is_late
+from .copies import Copy, Owner
 from .staging import RING, Staging, Submission, Submissions
-from .upload_barriers import Part, after_copy, before_copy, part_barrier
-
-
-@dataclass(frozen=True, eq=False)
-class Target:
-    """Where a texture is copied to: a layer of an image, which is `held` if frames have the image bound already."""
-
-    image: Image
-    layer: int = 0
-    held: bool = False
-
-
-class Owner(Protocol):
-    """Who has the images."""
-
-    def place(self, request: Request) -> Target:
-        """Return where a decoded texture goes."""
-
-    def discard(self, request: Request) -> None:
-        """Give up what `place` made: the request was cancelled, and no copy into it is under way."""
-
-
-@dataclass(eq=False)
-class _Copy:
-    """A texture that is being copied, down to row `row` of level `level`; `flying` submissions work on it.
-
-    `ended` says that what follows the last copy is recorded, too; that may be a frame later.
-    """
-
-    request: Request
-    upload: Upload
-    target: Target
-    level: int = 0
-    row: int = 0
-    flying: int = 0
-    last: Submission | None = None
-    ended: bool = False
-    cancelled: bool = False
-
-    @property
-    def whole(self) -> bool:
-        """Whether all of it was recorded."""
-        return self.level == len(self.upload.rows)
-
-    def part(self, first: int = 0, levels: int | None = None) -> Part:
-        """Return some levels of where it goes, by default those that are copied."""
-        image = self.target.image
-        count = len(self.upload.rows) if levels is None else levels
-        return Part(image.handle, image.aspect, first, count, self.target.layer)
+from .upload_barriers import after_copy, before_copy, part_barrier
 
 
 class Loader:
@@ -92,9 +44,9 @@ class Loader:
         self.one_family = other.family == device.queue.family
         self._staging: Staging | None = None
         self._mips: dict[tuple[str, bool], MipPipeline] = {}
-        self._current: _Copy | None = None
-        self._begun: dict[Request, _Copy] = {}  # placed, and not arrived
-        self._copied: list[_Copy] = []  # on the other queue, and not handed over
+        self._current: Copy | None = None
+        self._begun: dict[Request, Copy] = {}  # placed, and not arrived
+        self._copied: list[Copy] = []  # on the other queue, and not handed over
         self.bytes = 0
         """Bytes that were copied so far."""
         self.submissions = 0
@@ -237,17 +189,17 @@ class Loader:
         self.submissions += 1
         return arrived
 
-    def _next(self) -> _Copy | None:
+    def _next(self) -> Copy | None:
         """Return the texture to go on with."""
         if self._current is None:
             request = self._loading.take()
             if request is not None:
                 assert request.upload is not None, "what is decoded has pixels"
-                self._current = _Copy(request, request.upload, self._owner.place(request))
+                self._current = Copy(request, request.upload, self._owner.place(request))
                 self._begun[request] = self._current
         return self._current
 
-    def _reserve(self, copy: _Copy, left: int | None, first: bool) -> tuple[int, int] | None:
+    def _reserve(self, copy: Copy, left: int | None, first: bool) -> tuple[int, int] | None:
         """Return (offset in the ring, bytes) for as many rows as there is room for; None if for none."""
         assert self._staging is not None
         rows = copy.upload.rows[copy.level]
@@ -268,7 +220,7 @@ class Loader:
                 raise ValueError(f"{least} bytes do not fit into a staging ring of {ring.capacity}.")
         return place
 
-    def _record(self, one: Submission, copy: _Copy, offset: int, nbytes: int) -> int:
+    def _record(self, one: Submission, copy: Copy, offset: int, nbytes: int) -> int:
         """Write some rows to the ring and record their copy; return their bytes."""
         assert self._staging is not None
         self._touch(one, copy)
@@ -302,7 +254,7 @@ class Loader:
         self.bytes += nbytes
         return nbytes
 
-    def _touch(self, one: Submission, copy: _Copy) -> None:
+    def _touch(self, one: Submission, copy: Copy) -> None:
         """Let a submission work on a texture, whichever has before."""
         if copy.last is one:
             return
@@ -314,7 +266,7 @@ class Loader:
         copy.flying += 1
         one.uploads.append(copy)
 
-    def _end(self, one: Submission, copy: _Copy) -> bool:
+    def _end(self, one: Submission, copy: Copy) -> bool:
         """Record what follows the last copy; return whether the texture has arrived with it."""
         self._touch(one, copy)
         copy.ended = True
@@ -344,7 +296,7 @@ class Loader:
             self._takes.submit(one, wait=self._semaphore_info(self._ended_count))
         return taken
 
-    def _make_mips(self, one: Submission, copy: _Copy) -> None:
+    def _make_mips(self, one: Submission, copy: Copy) -> None:
         image, target, given = copy.target.image, copy.target, len(copy.upload.rows)
         if given == image.levels:
             return

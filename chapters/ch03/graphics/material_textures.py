@@ -27,8 +27,9 @@ from ..logic.packing import ROLES, Variant
 from ..logic.texture_arrays import ArrayPlan, ArrayTexture
 from ..logic.texture_reads import Read, Use, empty_maps, image_roles, uses
 from .bindless import DUMMY, FIRST_SLOTS, Bindless
+from .copies import Target
 from .descriptors import Descriptors, Sets, Texture
-from .loader import Loader, Target
+from .loader import Loader
 from .resources import Resources
 from .set_layouts import SetLayout
 from .textures import Textures
@@ -126,9 +127,9 @@ class BindlessTextures:
         """Give every texture that is sampled a slot, and take back those of the others."""
         found = uses(self._scene, variants, self._narrow)
         standing = [Use(0, ROLES.index(role), read) for role, read in placeholders.READS.items()]
-        read = [*found, *(standing if self._streams and found else ())]
-        self._textures.keep(uploader, image_roles(read), placeholders.readers(found))
-        wanted = {use.read: self._resources.sampler(use.read.sampler, self._anisotropy) for use in read}
+        sampled = [*found, *(standing if self._streams and found else ())]
+        self._textures.keep(uploader, image_roles(sampled), placeholders.readers(found))
+        wanted = {use.read: self._resources.sampler(use.read.sampler, self._anisotropy) for use in sampled}
         if self.bindless is None and wanted:
             handle = self._resources.image("rgba8", (2, 2), _USAGE, "dummy texture")
             dummy = self._resources.images.get(handle)
@@ -140,11 +141,11 @@ class BindlessTextures:
         self.maps = empty_maps(len(self._scene.materials))
         if self.bindless is None:
             return
-        for old in [old for old in self._slots if old not in wanted]:
-            self.bindless.free(self._slots.pop(old))
-        for one, sampler in wanted.items():
-            if one not in self._slots and one.key in self._textures:
-                self._slots[one] = self.bindless.add(self._textures.get(one.key).view, sampler)
+        for read in [read for read in self._slots if read not in wanted]:
+            self.bindless.free(self._slots.pop(read))
+        for read, sampler in wanted.items():
+            if read not in self._slots and read.key in self._textures:
+                self._slots[read] = self.bindless.add(self._textures.get(read.key).view, sampler)
         self._expected = {}
         for use in found:
             if use.read not in self._slots:

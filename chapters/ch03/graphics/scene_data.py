@@ -316,10 +316,7 @@ class SceneData:
             self._seen_from = view
         before = self._textures.loader.bytes
         count = self._textures.update(self._loading.budget)
-        self.texture_work = self._loading.counts() | {
-            "textures": self.textures,
-            "bytes_uploaded": self._textures.loader.bytes - before,
-        }
+        self.texture_work = self._loading.counts(self.textures, self._textures.loader.bytes - before)
         report_failures(self._loading, self._scene)
         self.records.write_maps(self.slots[slot], self._textures.revision)
         return count

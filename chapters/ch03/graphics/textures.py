@@ -15,7 +15,8 @@ from common.scene import Scene
 from ..logic import texels
 from ..logic.loading import Loading, Request, Wanted
 from ..logic.uploads import upload_bytes, upload_of
-from .loader import Loader, Target
+from .copies import Target
+from .loader import Loader
 from .resources import Resources
 
 _USAGE = (

@@ -264,12 +264,14 @@ class Loading:
         """Bytes that are decoded, or being decoded, and not yet copied."""
         return self._held_bytes
 
-    def counts(self) -> dict[str, int]:
-        """Return the counters of `Frame.work`: how many textures are there, on their way, and lost."""
+    def counts(self, textures: int, copied: int) -> dict[str, int]:
+        """Return the counters of `Frame.work`: `textures` on the GPU, those on their way or lost, bytes just copied."""
         return {
+            "textures": textures,
             "textures_resident": self._resident,
             "textures_waiting": len(self.requests) - self._resident - self._lost,
             "textures_failed": self._lost,
+            "bytes_uploaded": copied,
         }
 
     def wait(self) -> None:
