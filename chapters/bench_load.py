@@ -26,6 +26,7 @@ from chapters import bench_overlap
 from chapters.bench_overlap import Stamps, can_stamp
 from chapters.opening import open_scene
 from chapters.run import open_device
+from common.crowds import crowd
 from common.errors import DeviceError
 from common.scene import Image
 from common.settings import preset
@@ -62,7 +63,7 @@ def once(
         if way == "overlap" and isinstance(device, Device) and can_stamp(device):
             stamps = Stamps(device)
             stack.callback(stamps.close)
-        _import(which, backend)
+        _warm_up(which, backend, size, settings, device)
         before = _peak_bytes()
         began = clock.perf_counter()
         opening = stack.enter_context(
@@ -81,7 +82,7 @@ def once(
             )
         )
         made = clock.perf_counter()
-        frames = _frames(renderer) if streams else {}
+        frames = _frames(renderer, way == "stream") if streams else {}
         if way in ONCE:
             opening.finish()
         overlap = None if stamps is None else bench_overlap.record(stamps.timeline())
@@ -109,11 +110,14 @@ def once(
         }
 
 
-def _import(which: chapters.Whole, backend: str) -> None:
-    """Import what opening a scene imports: that takes the same for every scene."""
-    package = chapters.package_of(which)
-    for module in ("logic.scene_cache", "gl.renderer" if backend == "gl" else "renderer"):
-        import_module(f"{package}.{module}")
+def _warm_up(which: chapters.Whole, backend: str, size: tuple[int, int], settings: Any, device: Any) -> None:
+    """Import what opening imports, and open another scene: what the first of all costs is not a scene's own."""
+    import_module(f"{chapters.package_of(which)}.logic.scene_cache")
+    scene = crowd(4, 4)
+    with chapters.open(
+        which, backend, scene=scene, size=size, settings=settings, outputs=OUTPUTS, device=device
+    ) as renderer:
+        renderer.render(chapters.view_of(renderer)).image("color")
 
 
 def _again(
@@ -138,10 +142,11 @@ def _again(
     return min(took)
 
 
-def _frames(renderer: Any) -> dict[str, Any]:
+def _frames(renderer: Any, waits: bool) -> dict[str, Any]:
     """Draw until all textures have arrived, and some frames more; return how many that took, and the longest.
 
-    The GPU is waited for behind each frame: what a frame takes is then the renderer's own thread, without drawing.
+    If it `waits` for the GPU behind each frame, what a frame takes is the renderer's own thread, without drawing. Else
+    frames follow each other as in a window, and the GPU has always something to draw.
     """
     view = chapters.view_of(renderer)
     meanwhile: list[float] = []
@@ -152,7 +157,8 @@ def _frames(renderer: Any) -> dict[str, Any]:
     while len(after) < AFTER:
         start = clock.perf_counter()
         frame = renderer.render(view)
-        sum(frame.timings.values())
+        if waits:
+            sum(frame.timings.values())
         end = clock.perf_counter()
         first = first or end - began
         if frame.work["textures_waiting"]:

@@ -28,6 +28,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +36,7 @@ import numpy as np
 from rich.console import Console
 
 import chapters
-from chapters import bench_points, scenes
+from chapters import bench_points, bench_scene, scenes
 from chapters.bench_load import ONCE
 from chapters.bench_points import Effort
 from chapters.tables import table
@@ -51,6 +52,10 @@ WAYS = {
     "stream": "while frames are drawn",
     "pillow": "pygltflib and Pillow, no upload",
 }
+
+
+GENERATED = "generated"
+"""The scene of `chapters.bench_scene`, 0.5 GB of textures, which is written for the bench and removed after it."""
 
 
 def find(name: str) -> Path | None:
@@ -77,15 +82,21 @@ def measure(
     wanted = getattr(chapters.settings_class(which), "LOADS", ()) if names is None else names
     found = []
     for number, name in enumerate(wanted):
-        path = find(name)
-        if path is None:
-            found.append({"scene": name, "ways": {}})
-            continue
 
         def within(what: str, part: float, number: int = number, name: str = name) -> None:
             step(f"{name}, {what}", (number + part) / len(wanted))
 
-        found.append(_measure(which, backend, name, path, size, effort, within))
+        with ExitStack() as stack:
+            if name == GENERATED:
+                within("writing it", 0.0)
+                folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="strata-bench-"))
+                path: Path | None = bench_scene.write(Path(folder))
+            else:
+                path = find(name)
+            if path is None:
+                found.append({"scene": name, "ways": {}})
+            else:
+                found.append(_measure(which, backend, name, path, size, effort, within))
     return found
 
 

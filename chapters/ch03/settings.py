@@ -96,7 +96,7 @@ class Settings:
     )
     PIPELINES: ClassVar[Callable[[], Scene]] = kinds
     THREADS: ClassVar[tuple[int, ...]] = (0, 1, 2, 4)
-    LOADS: ClassVar[tuple[str, ...]] = ("FlightHelmet", "ToyCar", "atrium", "atrium:large")
+    LOADS: ClassVar[tuple[str, ...]] = ("FlightHelmet", "ToyCar", "atrium:large", "generated")
 
     anisotropy: float = knob(
         4.0, "texels averaged along the longer axis of a pixel's footprint", minimum=1, maximum=16

@@ -85,7 +85,9 @@ def test_a_compressed_cache_gives_nearly_the_same_picture(chapter, tmp_path):
     scene = read_cache(cache_file(path, True), path, compressed=True)
     assert scene.images[0].chain(True, True, "rgba").format == "bc7_srgb"
     error = np.square((drawn(chapter, scene) - plain.astype(float)) / 255.0).mean()
-    assert error <= 10 ** (-38 / 10)
+    # Measured: 38.3 dB on Mesa's software drivers, 35.5 dB on an NVIDIA H200.
+    least = 38 if chapter.device.capabilities.is_software else 34
+    assert error <= 10 ** (-least / 10)
     device = chapter.device
     if "block-compression" in device.capabilities.features - device.without:
         assert error > 0.0  # else nothing was compressed

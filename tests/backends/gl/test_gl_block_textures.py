@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from backends.gl import api as gl
-from backends.gl.context import Context
 from backends.gl.programs import Programs
 from backends.gl.resources import (
     bind_buffer,
@@ -20,11 +19,9 @@ from backends.gl.resources import (
 )
 from backends.gl.upload import Uploader
 from backends.shader_text import build_text
-from common.blocks import BLOCK_BYTES, PLAIN, storage_of
-from common.errors import UnsupportedError
+from common.blocks import BLOCK_BYTES
 from common.ktx import Ktx, read_ktx, write_ktx
-from common.mips import mip_chain
-from tests.support.block_pictures import by_level, chains, check, pictures, sampling
+from tests.support.block_pictures import by_level, chains, check, sampling
 
 
 def sampled(context, format, size, layers, **more):
@@ -133,23 +130,3 @@ def test_wrong_levels_are_refused_by_name(gl_context):
         with pytest.raises(ValueError, match="'picture' holds blocks, not pixels"):
             uploader.image(image, np.zeros((4, 5), np.uint8))
     destroy_image(gl_context, image)
-
-
-@pytest.mark.feature("textures/block-compression")
-@pytest.mark.feature("textures/etc2-ktx")
-def test_a_context_without_the_feature_stores_8_bits_a_channel(gl_context):
-    pixels = pictures(16, 8)["alpha"]
-    chain = [level.reshape(len(level), -1) for level in mip_chain(pixels, True)]
-    try:
-        with Context(validate=True, without={"block-compression", "etc2"}) as context:
-            for wanted, plain in PLAIN.items():
-                assert storage_of(wanted, context.features) == plain
-                feature = "etc2" if "etc2" in wanted else "block-compression"
-                with pytest.raises(
-                    UnsupportedError, match=f"'t' cannot be stored as {wanted}.* lacks {feature}"
-                ):
-                    create_image(context, wanted, (16, 8), "t")
-            found = sampled(context, storage_of("bc7", context.features), (16, 8), [chain])
-    finally:
-        gl_context.make_current()
-    assert np.array_equal(np.rint(found[0][0] * 255), pixels)
