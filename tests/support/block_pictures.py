@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from backends.contract import Capabilities
 from common.blocks import stored_shape
 from common.color import quantize
 from tests.support.bounds import decoded_srgb
@@ -118,18 +119,22 @@ def chains(format: str, width: int, height: int, levels: int, layers: int) -> li
     ]
 
 
-BC4_ROUNDING = 2.0
-"""Codes by which BC4 and BC5 may be off: the software driver mixes the ends in 8 bits, and is 1.6 off at most."""
+BC4_ROUNDING = {True: 2.0, False: 6.5}
+"""Codes by which BC4 and BC5 may be off, in software and on hardware.
+
+Mesa's software driver mixes the ends in 8 bits, and is 1.6 off at most. An NVIDIA H200 was 6.1 off at most, where four
+values lie between the ends: for 2/5 of the way it takes 0.373.
+"""
 
 
-def check(format: str, found: np.ndarray, rows: np.ndarray) -> None:
+def check(format: str, found: np.ndarray, rows: np.ndarray, capabilities: Capabilities) -> None:
     """Assert that a shader reads from `rows` the texels (H, W, 4) float32 that the format means, in [0, 1]."""
     height, width = found.shape[:2]
     if format in ("bc4", "bc5"):
         parts = [rows] if format == "bc4" else np.split(rows.reshape(len(rows), -1, 2, 8), 2, axis=2)
         for channel, part in enumerate(parts):
             truth = exact_bc4(part.reshape(len(rows), -1), width, height)
-            assert np.abs(found[..., channel] * 255 - truth).max() <= BC4_ROUNDING
+            assert np.abs(found[..., channel] * 255 - truth).max() <= BC4_ROUNDING[capabilities.is_software]
         assert (found[..., len(parts) : 3] == 0).all() and (found[..., 3] == 1).all()
         return
     truth = decoded(rows, format, width, height)

@@ -103,7 +103,9 @@ class Loading:
         """Return what the settings ask for; `presents`: whether there is a window, in which one can watch."""
         streams = settings.loading == "stream" or (settings.loading == "auto" and presents)
         threads = settings.decoding_threads or min(8, max(1, (os.cpu_count() or 2) - 1))
-        return cls(threads, streams, max(1, int(settings.upload_budget * 2**20)))
+        # Where nothing is drawn meanwhile all threads are to decode, and images may be large.
+        ahead = AHEAD if streams else 4 * AHEAD
+        return cls(threads, streams, max(1, int(settings.upload_budget * 2**20)), ahead)
 
     # --- what is wanted -----------------------------------------------------------------------------------------------
 
