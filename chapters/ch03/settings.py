@@ -180,10 +180,7 @@ class Settings:
         PICTURE, "a quantity shown in place of the picture, with one sample a pixel", choices=CHOICES
     )
     recording_threads: int = knob(
-        0,
-        "threads that record draws beside the renderer's own; in Python they are no faster, see bench 3",
-        minimum=0,
-        maximum=32,
+        0, "threads beside the renderer's own that record draws; in Python no gain", minimum=0, maximum=32
     )
     draws_per_secondary: int = knob(
         256,
