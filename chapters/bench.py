@@ -265,8 +265,10 @@ def measure(
 def commit() -> str:
     """Return the commit of the clone, with "+" after it if files differ from it.
 
-    A copy without history, as one carried to another machine, takes what the environment's STRATA_COMMIT says.
+    A copy without its own history, as one carried to another machine, takes what the environment's STRATA_COMMIT says.
     """
+    if said := os.environ.get("STRATA_COMMIT"):
+        return said
 
     def git(*words: str) -> str:
         run = subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True, check=True)
@@ -276,4 +278,4 @@ def commit() -> str:
         changed = git("status", "--porcelain", "--untracked-files=no")
         return git("rev-parse", "--short=12", "HEAD") + ("+" if changed else "")
     except (OSError, subprocess.CalledProcessError):
-        return os.environ.get("STRATA_COMMIT", "unknown")
+        return "unknown"
