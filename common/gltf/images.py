@@ -30,6 +30,9 @@ MAX_TOTAL_BYTES = 4 * 2**30
 
 _SMALLER = "make the image smaller"
 
+_BAND = 1 << 17
+"""Pixels that become an array at once. Decoding lets other threads run, this does not, and a renderer would wait."""
+
 
 class ImageDecoder:
     """Decodes the images that a scene uses while the caller works on its geometry.
@@ -195,4 +198,11 @@ def _to_rgba(picture: Pillow.Image) -> np.ndarray:
         return pixels
     if picture.mode == "CMYK":
         picture = picture.convert("RGB")
-    return np.asarray(picture if picture.mode == "RGBA" else picture.convert("RGBA"))
+    picture.load()
+    width, height = picture.size
+    pixels = np.empty((height, width, 4), np.uint8)
+    rows = max(1, _BAND // width)
+    for top in range(0, height, rows):
+        band = picture.crop((0, top, width, min(height, top + rows)))
+        pixels[top : top + rows] = np.asarray(band if band.mode == "RGBA" else band.convert("RGBA"))
+    return pixels
