@@ -259,6 +259,8 @@ def chosen_quality(request: Request, scene: Scene) -> tuple[str, str]:
 
         def measure(name: str) -> float:
             settings = settings_of(request, name)
+            if getattr(settings, "loading", "") == "auto":  # as in the window that waits for this
+                settings.loading = "stream"
             with chapters.open(
                 request.chapter,
                 request.backend,
@@ -285,7 +287,7 @@ def draw(request: Request, began: float) -> int:
     preset_name = "medium" if wants_default else request.quality
     settings = settings_of(request, preset_name)
     with Steps() as steps, Live() as live, open_drawn(request, steps) as opening:
-        scene = opening.scene
+        scene, told = opening.scene, len(opening.scene.warnings)
         steps("create", 0.5)
         opener = partial(
             chapters.open,
@@ -322,6 +324,7 @@ def draw(request: Request, began: float) -> int:
                 log.show()
             what = f"{studies.spoken(request.chapter)}, {scene.name}"
             say(f"{what}, {request.size[0]}x{request.size[1]}, {log.device}: wrote {target}")
+            tell_warnings(scene, request.verbose, told)  # of what was loaded meanwhile
             opening.report(request.verbose)
             if request.watch:
                 watch(live, renderer, opener, view, time, partial(write_picture, target), target)
@@ -377,13 +380,14 @@ def open_device(stack: ExitStack, backend: str, validate: bool = False, without:
     return stack.enter_context(Device(instance, without=without))
 
 
-def tell_warnings(scene: Scene, verbose: bool) -> None:
-    """Say what the file holds that was left out or put right: all of it with -v, else how much."""
-    shown = scene.warnings if verbose else scene.warnings[:3]
+def tell_warnings(scene: Scene, verbose: bool, first: int = 0) -> None:
+    """Say what the file holds that was left out or put right, from note `first` on: all with -v, else how much."""
+    found = scene.warnings[first:]
+    shown = found if verbose else found[:3]
     for warning in shown:
         say(f"strata: {scene.name}: {warning}")
-    if len(scene.warnings) > len(shown):
-        say(f"strata: {scene.name}: {len(scene.warnings) - len(shown)} more notes; -v shows them.")
+    if len(found) > len(shown):
+        say(f"strata: {scene.name}: {len(found) - len(shown)} more notes; -v shows them.")
 
 
 def report_messages(renderer: Renderer) -> int:

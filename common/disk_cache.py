@@ -20,18 +20,23 @@ def mark_read(path: Path) -> None:
 def prune(folder: Path, most_bytes: int) -> int:
     """Remove the entries that were needed longest ago until at most `most_bytes` are left; return how many went.
 
-    Entries of the last day stay: other processes may be about to read them. Whatever cannot be removed stays too.
+    Entries of the last day stay: other processes may be about to read them. Whatever cannot be removed stays too. What
+    begins with a dot was being written, and goes when nobody has written to it for a day: its program was killed.
     """
-    found = []
+    found, removed = [], 0
+    newest = time.time() - DAY_S
     with contextlib.suppress(OSError):
         for entry in os.scandir(folder):
             with contextlib.suppress(OSError):
                 if entry.is_file(follow_symlinks=False):
                     state = entry.stat(follow_symlinks=False)
+                    if entry.name.startswith("."):
+                        if state.st_mtime <= newest:
+                            os.unlink(entry.path)
+                            removed += 1
+                        continue
                     found.append((state.st_mtime, state.st_size, entry.path))
     total = sum(size for _, size, _ in found)
-    newest = time.time() - DAY_S
-    removed = 0
     for when, size, path in sorted(found):
         if total <= most_bytes or when > newest:
             break

@@ -87,15 +87,17 @@ class Uploader:
         for level in range(1, image.levels):
             above, size = level_size(image, level - 1), level_size(image, level)
             source = create_view(context, image, image.storage_format, level=level - 1, levels=1)
-            bind_texture(context, 0, source, 0)
-            bind_storage_image(context, 0, image, level=level)
-            highest = 255 if FORMATS[image.storage_format].dtype is np.uint8 else 0
-            context.push(np.array([*size, *above, int(srgb), highest, 0, 0], np.uint32))
-            fn.glDispatchCompute((size[0] + 7) // 8, (size[1] + 7) // 8, image.layers)
-            # The next level fetches what this one stored.
-            fn.glMemoryBarrier(gl.GL_TEXTURE_FETCH_BARRIER_BIT)
-            image.views.remove(source)
-            context.destroy("texture", source)
+            try:
+                bind_texture(context, 0, source, 0)
+                bind_storage_image(context, 0, image, level=level)
+                highest = 255 if FORMATS[image.storage_format].dtype is np.uint8 else 0
+                context.push(np.array([*size, *above, int(srgb), highest, 0, 0], np.uint32))
+                fn.glDispatchCompute((size[0] + 7) // 8, (size[1] + 7) // 8, image.layers)
+                # The next level fetches what this one stored.
+                fn.glMemoryBarrier(gl.GL_TEXTURE_FETCH_BARRIER_BIT)
+            finally:
+                image.views.remove(source)
+                context.destroy("texture", source)
         fn.glMemoryBarrier(gl.GL_TEXTURE_FETCH_BARRIER_BIT | gl.GL_TEXTURE_UPDATE_BARRIER_BIT)
 
     def _program(self, format: str, layered: bool) -> Program:

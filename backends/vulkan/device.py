@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -198,7 +199,9 @@ class Device:
         if not left:
             self.fn.vkDestroyDevice(self.handle, vk.NULL)
         self.handle = None
-        if left:
+        if left and not isinstance(
+            sys.exception(), KeyboardInterrupt
+        ):  # which may come between any two lines
             shown = ", ".join(left[:8]) + (", ..." if len(left) > 8 else "")
             raise DeviceError(f"{len(left)} objects outlived their device: {shown}.")
 

@@ -189,13 +189,17 @@ def create_image(
         depth,
     )
     sampled_only = view_format is not None and view_format != format
-    image.view = create_view(
-        device,
-        image,
-        image.format,
-        usage=vk.VK_IMAGE_USAGE_SAMPLED_BIT if sampled_only else None,
-        swizzle=swizzle,
-    )
+    try:
+        image.view = create_view(
+            device,
+            image,
+            image.format,
+            usage=vk.VK_IMAGE_USAGE_SAMPLED_BIT if sampled_only else None,
+            swizzle=swizzle,
+        )
+    except BaseException:
+        destroy_image(device, image)
+        raise
     return image
 
 

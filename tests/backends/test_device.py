@@ -10,6 +10,7 @@ import pytest
 from backends.contract import FEATURES, check_without, resolve
 from backends.vulkan import api as vk
 from backends.vulkan import features as vf
+from backends.vulkan import resources
 from backends.vulkan.device import Device, capabilities
 from backends.vulkan.instance import Instance, choose, find_family
 from common.errors import DeviceError, UnsupportedError, UserError
@@ -228,6 +229,37 @@ def test_what_outlives_its_device_is_named(vulkan_instance):
         destroy_fence(handle, one, vk.NULL)
     destroy(handle, vk.NULL)
     device.close()  # a second time does nothing
+
+
+@pytest.mark.feature("device/lifetime-and-leaks")
+def test_ctrl_c_stays_ctrl_c_where_it_left_something_alive(vulkan_instance):
+    """It may come between the making of an object and the note of who has it: that is no fault of the code."""
+    device = Device(vulkan_instance)
+    handle, destroy, destroy_fence = device.handle, device.fn.vkDestroyDevice, device.fn.vkDestroyFence
+    left = []
+
+    def interrupted():
+        with device:
+            left.append(fence(device, "forgotten"))
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert device.handle is None
+    destroy_fence(handle, left[0], vk.NULL)
+    destroy(handle, vk.NULL)
+
+
+def test_an_image_whose_view_cannot_be_made_is_given_back(vulkan_device, monkeypatch):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(resources, "create_view", interrupted)
+    before = dict(vulkan_device.alive)
+    with pytest.raises(KeyboardInterrupt):
+        resources.create_image(vulkan_device, "rgba8", (4, 4), vk.VK_IMAGE_USAGE_SAMPLED_BIT, "lost")
+    left = {key: name for key, name in vulkan_device.alive.items() if key not in before}
+    assert not [key for key in left if key[0] == "VkImage"], "memory stays, for others"
 
 
 @pytest.mark.feature("device/lifetime-and-leaks")

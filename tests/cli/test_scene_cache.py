@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import errno
+import io
 import os
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from chapters.ch03.logic import sections
 from chapters.ch03.logic.scene_cache import open_scene
 from chapters.opening import Opening
 from common.images import read_image
-from tests.common.gltf.builder import triangle
+from tests.common.gltf.builder import TRIANGLE, Gltf, triangle
 
 
 @pytest.fixture
@@ -90,3 +93,23 @@ def test_wavefront_files_are_loaded_plainly(strata, scene):
     code, _, err = strata("run", "3", "--scene", file, "--size", "32x24", "--out", "a.png", "-v")
     assert code == 0, err
     assert kept(scene) == []
+
+
+@pytest.mark.parametrize("backend", ["vulkan", "gl"])
+def test_a_texture_that_fails_while_frames_are_drawn_is_named_behind_them(
+    strata, tmp_path, monkeypatch, backend
+):
+    monkeypatch.setenv("STRATA_CACHE", str(tmp_path / "cache"))
+    stream = io.BytesIO()
+    Image.fromarray(np.random.default_rng(1).integers(0, 256, (9, 9, 4), np.uint8)).save(stream, "PNG")
+    gltf = Gltf()
+    view = gltf.view(stream.getvalue()[:-40])
+    gltf.add("textures", {"source": gltf.add("images", {"bufferView": view, "mimeType": "image/png"})})
+    gltf.add("materials", {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}})
+    gltf.draw(gltf.primitive(POSITION=TRIANGLE, material=0))
+    path = gltf.write(tmp_path)
+    words = ("--backend", backend, "--frames", "60", "--no-cache", "--set", "loading=stream")
+    _, told = run(strata, path, *words)
+    assert "images[0]" in told and "is drawn without its texture" in told
+    code, _, err = strata("run", "3", "--scene", path, "--size", "32x24", "--out", "b.png", "--no-cache")
+    assert code == 2 and "images[0]" in err and err.count("\n") == 1

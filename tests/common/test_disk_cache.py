@@ -32,6 +32,14 @@ def test_what_was_needed_today_stays_however_large(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["new"]
 
 
+def test_what_a_killed_program_was_writing_goes_a_day_later(tmp_path):
+    entry(tmp_path, ".abandoned.x1", 1.5)
+    entry(tmp_path, ".being-written.x2", 0.01)
+    entry(tmp_path, "entry", 30)
+    assert prune(tmp_path, 10**9) == 1
+    assert sorted(path.name for path in tmp_path.iterdir()) == [".being-written.x2", "entry"]
+
+
 def test_reading_keeps_an_entry(tmp_path):
     kept, lost = entry(tmp_path, "kept", 30), entry(tmp_path, "lost", 20)
     mark_read(kept)

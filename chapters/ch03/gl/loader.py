@@ -184,9 +184,11 @@ class Loader:
         image = copy.image
         alone = create_view(self._context, image, image.storage_format, layer=copy.layer, layers=1)
         layer = replace(image, handle=alone, view=alone, layers=1, views=[])
-        self._uploader.make_mips(layer, srgb=copy.upload.srgb)
-        image.views.remove(alone)
-        self._context.destroy("texture", alone)
+        try:
+            self._uploader.make_mips(layer, srgb=copy.upload.srgb)
+        finally:
+            image.views.remove(alone)
+            self._context.destroy("texture", alone)
 
     def _rest(self) -> None:
         """Free the threads, and what copies are made with, when nothing is left to load."""

@@ -292,6 +292,17 @@ def test_making_and_changing_objects_leaves_what_is_bound(gl_context):
 
 
 @pytest.mark.feature("device/lifetime-and-leaks")
+def test_ctrl_c_stays_ctrl_c_where_it_left_something_alive():
+    def interrupted():
+        with Context() as context:
+            create_buffer(context, 16, "device", "forgotten")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+
+
+@pytest.mark.feature("device/lifetime-and-leaks")
 def test_closing_names_what_was_forgotten():
     context = Context()
     create_buffer(context, 16, "device", "forgotten")
