@@ -271,8 +271,12 @@ class Uploader:
                 vk.check(code, "vkWaitForFences")
 
     def close(self) -> None:
-        """Free the ring."""
+        """Free the ring, when the GPU copies nothing from it any more."""
         self._device.wait_idle()
+        self.free()
+
+    def free(self) -> None:
+        """Free the ring at once: all copies have ended."""
         for half in self._halves:
             half.close(self._device)
         for pipeline in self._mips.values():

@@ -36,6 +36,7 @@ LESSON = Lesson(
         "logic/ring.py",
         "graphics/staging.py",
         "graphics/upload_barriers.py",
+        "graphics/geometry_copies.py",
         "graphics/copies.py",
         "graphics/loader.py",
         "graphics/textures.py",

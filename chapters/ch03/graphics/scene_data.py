@@ -36,6 +36,7 @@ from ..logic.texture_reads import uses
 from ..settings import Settings
 from .descriptors import Descriptors, Held, Texture
 from .environment import create_environment
+from .geometry_copies import GeometryCopies
 from .material_textures import ArrayTextures, BindlessTextures, MaterialTextures, slots_for
 from .resources import Resources
 from .set_layouts import SetLayout
@@ -92,7 +93,7 @@ class SceneData:
             self._textures = ArrayTextures(device, scene, resources, descriptors, anisotropy, mended, loading)
         self.records = Records(scene, settings.light_cutoff)
         self._plan_geometry()
-        with Uploader(device) as uploader:
+        with GeometryCopies(device, resources) as uploader:
             self._upload_geometry(uploader)
             self._textures.keep(uploader, self.variants)
         self.records.maps = self._textures.maps

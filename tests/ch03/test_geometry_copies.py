@@ -1,0 +1,96 @@
+"""Geometry goes to memory that is the GPU's alone, beside what the CPU does, and is not copied again by any frame."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from backends import shader_text
+from backends.gl import api as gl
+from backends.vulkan import api as vk
+from backends.vulkan.barriers import barriers
+from backends.vulkan.compute import Kernel
+from backends.vulkan.once import submit_once
+from backends.vulkan.readback import TO_HOST
+from backends.vulkan.resources import create_buffer, destroy_buffer
+from chapters.ch03.logic import pages
+from chapters.scenes import load
+from common.camera import UNIT_EV100
+from common.crowds import crowd
+from tests.support.scenes import facing
+
+COPY = """
+layout(local_size_x = 64) in;
+layout(std430, BIND(0, 0, 0)) readonly buffer Source { uint source[]; };
+layout(std430, BIND(0, 1, 1)) writeonly buffer Target { uint target[]; };
+void main() {
+    uint i = gl_GlobalInvocationID.x;
+    if (i < target.length()) {
+        target[i] = source[i];
+    }
+}
+"""
+
+
+def words_on_vulkan(device, buffer, size):
+    """Return what shaders find in a buffer, (size,) uint8."""
+    kernel = Kernel(
+        device, shader_text.build_text(COPY, "comp", "vulkan", name="copy"), ("storage", "storage")
+    )
+    target = create_buffer(device, size, vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT, "readback", "words")
+    with submit_once(device) as commands:
+        kernel.record(commands, (buffer, target), (size // 256 + 1, 1, 1))
+        stage, write = vk.VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT, vk.VK_ACCESS_2_SHADER_WRITE_BIT
+        device.fn.vkCmdPipelineBarrier2(commands, barriers(memory=(stage, write, *TO_HOST[2:])))
+    device.memory.invalidate(target.allocation)
+    found = target.mapped[:size].copy()
+    destroy_buffer(device, target)
+    kernel.close()
+    return found
+
+
+def words_on_gl(context, buffer, size):
+    found = np.zeros(size, np.uint8)
+    context.fn.glGetNamedBufferSubData(buffer.handle, 0, size, gl.pointer(found))
+    return found
+
+
+@pytest.mark.feature("async-loading/device-only-buffers")
+@pytest.mark.variants("vulkan", "gl")
+def test_pages_hold_the_bytes_of_the_scene_and_no_frame_copies_them_again(chapter):
+    scene = load("spheres")
+    device = chapter.device
+    with chapter.open(scene, (32, 32), outputs={"color"}) as made:
+        held = [name for name in device.alive.values() if name.startswith("upload ring")]
+        assert held or chapter.backend == "gl", "nobody waited for what is copied from it"
+        work = []
+        for turn in range(4):
+            frame = made.render(facing(distance=2.0 + 0.1 * turn, ev100=UNIT_EV100))
+            frame.image("color")
+            work.append(frame.work)
+        assert not [name for name in device.alive.values() if name.startswith("upload ring")]
+        geometry = sum(page.size for page in made._data.pages)
+        assert geometry > 10_000 and work[-1]["bytes_written"] == work[-2]["bytes_written"] < geometry
+        for number, page in enumerate(made._data.pages):
+            expected = np.zeros(page.size, np.uint8)
+            known = np.zeros(page.size, bool)
+            for offset, array in pages.page_arrays(scene, page):
+                raw = np.ascontiguousarray(array).view(np.uint8).reshape(-1)
+                expected[offset : offset + raw.size], known[offset : offset + raw.size] = raw, True
+            one = made._data._geometry[0][number]
+            if chapter.backend == "gl":
+                found = words_on_gl(device, one, page.size)
+            else:
+                found = words_on_vulkan(device, made._resources.buffers.get(one), page.size)
+            assert known.sum() > 0.9 * page.size
+            assert np.array_equal(found[known], expected[known])
+
+
+@pytest.mark.variants("vulkan")
+def test_a_renderer_that_never_draws_frees_what_it_copied_from(chapter):
+    before = dict(chapter.device.alive)
+    with chapter.open(crowd(10, 2), (16, 16)):
+        pass
+
+    assert not [name for name in chapter.device.alive.values() if "upload ring" in name]
+    assert {kind for kind, _ in chapter.device.alive.keys() - before.keys()} <= {"VkDeviceMemory"}
