@@ -284,9 +284,8 @@ class Context:
         self.fn.glDebugMessageCallback(gl.NULL, gl.NULL)  # the sink may be gone before the driver is
         let_go()
         self.mgl.release()
-        if left and not isinstance(
-            sys.exception(), KeyboardInterrupt
-        ):  # which may come between any two lines
+        # Ctrl-C may come between any two lines: what it left behind is no fault of the code.
+        if left and not isinstance(sys.exception(), KeyboardInterrupt):
             shown = ", ".join(left[:8]) + (", ..." if len(left) > 8 else "")
             raise DeviceError(f"{len(left)} objects outlived their context: {shown}.")
 

@@ -199,9 +199,8 @@ class Device:
         if not left:
             self.fn.vkDestroyDevice(self.handle, vk.NULL)
         self.handle = None
-        if left and not isinstance(
-            sys.exception(), KeyboardInterrupt
-        ):  # which may come between any two lines
+        # Ctrl-C may come between any two lines: what it left behind is no fault of the code.
+        if left and not isinstance(sys.exception(), KeyboardInterrupt):
             shown = ", ".join(left[:8]) + (", ..." if len(left) > 8 else "")
             raise DeviceError(f"{len(left)} objects outlived their device: {shown}.")
 

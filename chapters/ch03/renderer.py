@@ -1,6 +1,6 @@
 """A frame, from top to bottom.
 
-    update     constants, instances and lights of this frame are written into its slot
+    update     constants, instances and lights go into this frame's slot, textures that have arrived into theirs
     forward    every object is drawn once and lit while it is drawn     -> color_hdr, depth
     instance   which object is where, if somebody asks                  -> instance_id
     resolve    with several samples a pixel: one colour from theirs     -> color_hdr

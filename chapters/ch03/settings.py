@@ -183,10 +183,7 @@ class Settings:
         0, "threads beside the renderer's own that record draws; in Python no gain", minimum=0, maximum=32
     )
     draws_per_secondary: int = knob(
-        256,
-        "calls that each part of a pass has at least when threads record it: a part costs as much as a few of them",
-        minimum=1,
-        maximum=1_000_000,
+        256, "calls that a part of a pass has at least when threads record it", minimum=1, maximum=1_000_000
     )
     skip_unused: bool = knob(True, "whether what the scene does not need is left out of pipelines and sets")
     loading: str = knob(
