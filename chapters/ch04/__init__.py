@@ -6,6 +6,9 @@ LESSON = Lesson(
     number=4,
     title="The frame graph",
     adds=(),
-    needs=Needs(required=frozenset(), optional=frozenset({"anisotropy", "async-transfer", "bindless", "block-compression", "multi-draw"})),
+    needs=Needs(
+        required=frozenset(),
+        optional=frozenset({"anisotropy", "async-transfer", "bindless", "block-compression", "multi-draw"}),
+    ),
     reading=("renderer.py",),
 )

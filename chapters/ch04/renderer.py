@@ -7,7 +7,9 @@
     tonemap    light becomes a picture                                  -> color
     copy       the outputs that were asked for go to the CPU
 
-Between the passes stand barriers, written by hand here: an image must be finished as a target before it is read.
+Which passes there are, in which order, and what stands between them, follows from what they declare: the frame is a
+graph (logic/frame_graph.py), compiled when its structure changes. It is recorded once for each slot and submitted again
+while the recording is good, so that a frame in which only the camera moves costs a few writes and one call.
 """
 
 from __future__ import annotations
@@ -16,31 +18,32 @@ import time as clock
 import weakref
 from collections.abc import Collection, Iterable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from backends.contract import Reloaded, check_arguments, check_moment, check_names, check_size, resolve
-from backends.vulkan import api as vk
-from backends.vulkan.barriers import barriers, image_barrier
 from backends.vulkan.device import Device
 from backends.vulkan.inspection import Inspection
 from backends.vulkan.instance import Instance
-from backends.vulkan.readback import TO_HOST, Readback
-from backends.vulkan.resources import Image
+from backends.vulkan.resources import FORMATS, Image
 from common.camera import View, exposure
 from common.errors import ShaderError, StaleFrameError
 from common.pose import evaluate_pose
-from common.scene import Sampler, Scene
+from common.scene import Scene
 
 from . import LESSON
-from .graphics.commands import Rendering
-from .graphics.descriptors import Descriptors, Sets, Texture
-from .graphics.frames import Frames, FrameSlot
+from .graphics.copy_outputs import CopyOutputs
+from .graphics.descriptors import Descriptors
+from .graphics.frame_passes import make_passes
+from .graphics.graph_executor import GraphExecutor
+from .graphics.graph_images import GraphMemory
 from .graphics.pipeline_cache import PipelineCache
 from .graphics.pipelines import Pipelines
 from .graphics.profiler import Profiler
+from .graphics.recordings import RecordedSlot, Recordings
 from .graphics.resources import Resources, offered_samples
 from .graphics.scene_data import SceneData
 from .graphics.secondaries import open_commands
@@ -49,19 +52,18 @@ from .logic.constants import frame_constants
 from .logic.default_light import DefaultLight
 from .logic.environment import files_at_start
 from .logic.frame import OUTPUTS, SLOTS, SOURCES, Frame, check_outputs, output_of, reset_by
+from .logic.frame_plan import COPY, FramePlan
+from .logic.graph_json import graph_path, read_graph
+from .logic.graph_stream import GraphStream
+from .logic.graph_types import Graph
 from .logic.loading import Loading
 from .logic.samples import choose_samples
-from .logic.stream import FrameStream
 from .logic.views import shown_exposure
 from .logic.workers import ALONE, Workers
-from .passes.forward import ForwardPass
-from .passes.instance_id import InstanceIdPass
-from .passes.resolve import ResolvePass
-from .passes.tonemap import TonemapPass
 from .settings import Settings
 
 
-class Renderer(FrameStream):
+class Renderer(GraphStream):
     """The chapter on Vulkan: one stream of frames of one view of one scene."""
 
     def __init__(
@@ -122,13 +124,13 @@ class Renderer(FrameStream):
     def _create(self) -> None:
         device, scene = self.device, self.scene
         settings = replace(self.settings, msaa=self.samples)
-        self._frames = Frames(device)
+        self._frames: Recordings = Recordings(device)
         self._resources = Resources(device)
         self._descriptors = Descriptors(device)
         self._profiler = Profiler(device)
         self._begin_stream()
         self._workers = Workers(settings.recording_threads)
-        multi_draw = self.plan.native("multi-draw")
+        self._by_address = multi_draw = self.plan.native("multi-draw")
         self._commands = open_commands(device, self._frames, self._workers, multi_draw, settings)
         anisotropy = settings.anisotropy if self.plan.native("anisotropy") else 1.0
         bindless = self.plan.native("bindless")
@@ -137,20 +139,30 @@ class Renderer(FrameStream):
         )
         self._cache = PipelineCache.on_disk(device)
         self._pipelines = Pipelines(device, self._cache, self._data.slot_count or CAPACITY)
-        self._forward = ForwardPass(scene, settings, self._data, self._pipelines)
-        self._instance_id = InstanceIdPass(self._forward, self._data, self._pipelines)
-        self._resolve = ResolvePass(settings, self._pipelines)
-        self._tonemap = TonemapPass(settings, self._pipelines)
-        self.passes: list[Any] = [self._forward]
-        asked = {access.resource for access in self._instance_id.writes} & set(self.outputs)
-        if asked and InstanceIdPass.needed(scene, settings):
-            self.passes.append(self._instance_id)
-        if {"color", "color_hdr"} & self._handed_on and ResolvePass.needed(scene, settings):
-            self.passes.append(self._resolve)
-        if "color" in self._handed_on:
-            self.passes.append(self._tonemap)
-        for made in self.passes:
-            made.create()
+        made = make_passes(scene, settings, self._data, self._pipelines)
+        self._forward = made["forward"]
+        outputs = {name: SOURCES[name] for name in self.outputs}
+        self._plan = FramePlan(
+            read_graph(graph_path(settings.graph)), made, outputs, self._handed_on, FORMATS
+        )
+        self._plan.keeps_all = self._inspects
+        self._memory = GraphMemory(device, {"copy_source"} if self._inspects else ())
+        self._copies = CopyOutputs(device)
+        self._created: list[Any] = []
+        self._take(self._compiled())
+
+    def _compiled(self) -> Graph:
+        settings = self.settings
+        return self._plan.compile(self.size, self.scene, settings, self._memory.requirement, settings.alias)
+
+    def _take(self, graph: Graph) -> None:
+        """Make what a graph needs: the pipelines of its passes, its images, its sets."""
+        made = self._plan.implementations()
+        self.passes, self.graph = [made[step.name] for step in graph.steps if step.name != COPY], graph
+        for one in self.passes:
+            if one not in self._created:
+                one.create()
+                self._created.append(one)
         self._make_sets()
         self._create_targets()
 
@@ -161,7 +173,7 @@ class Renderer(FrameStream):
         another layout and refused for those, would read it wrongly.
         """
         layouts: dict[int, SetLayout] = {}
-        for pipeline in (*self._forward.built, *self._instance_id.built):
+        for pipeline in (one for made in self.passes for one in getattr(made, "built", ())):
             for number, one in enumerate(pipeline.sets):
                 if one is not None and layouts.setdefault(number, one).handle != one.handle:
                     raise ShaderError(
@@ -173,96 +185,30 @@ class Renderer(FrameStream):
 
     def _create_targets(self) -> None:
         """Make everything whose size is the picture's: targets, attachments, barriers, readback."""
-        self._targets: dict[str, Image] = {}
-        self._target_handles = []
-        self._source_sets: list[Sets] = []
-        for made in self.passes:
-            for access in made.writes:
-                handle = self._resources.target(access, self.size)
-                self._target_handles.append(handle)
-                self._targets[access.resource] = self._resources.images.get(handle)
-        target = self._targets
-        color, depth = (access.resource for access in self._forward.writes)
-        grey = self._forward.writes[0].clear
-        self._forward_rendering = Rendering(self.size, target[color], target[depth], grey, 0.0)
-        self._to_forward = barriers(self._start(color, "color"), self._start(depth, "depth"))
-        if self._instance_id in self.passes:
-            own_depth = depth != "depth"
-            self._id_rendering = Rendering(
-                self.size, target["instance_id"], target["depth"], (0, 0, 0, 0), 0.0 if own_depth else None
-            )
-            self._to_id = barriers(
-                self._start("instance_id", "color"),
-                self._start("depth", "depth")
-                if own_depth
-                else image_barrier(target["depth"].handle, target["depth"].aspect, "depth", "depth"),
-            )
-        if self._resolve in self.passes:
-            self._resolve_rendering = Rendering(self.size, target["color_hdr"], None)
-            many = target[color]
-            self._to_resolve = barriers(
-                image_barrier(many.handle, many.aspect, "color", "sampled"), self._start("color_hdr", "color")
-            )
-            self._resolve.source_set = self._source(self._resolve, many)
-        if self._tonemap in self.passes:
-            self._tonemap_rendering = Rendering(self.size, target["color"], None)
-            hdr = target["color_hdr"]
-            self._to_tonemap = barriers(
-                image_barrier(hdr.handle, hdr.aspect, "color", "sampled"), self._start("color", "color")
-            )
-            self._tonemap.source_set = self._source(self._tonemap, hdr)
-        self._create_readbacks()
-
-    def _source(self, made: ResolvePass | TonemapPass, image: Image) -> Any:
-        """Return an array of one set, through which a full-screen pass reads a target texel by texel."""
-        nearest = Sampler("nearest", "nearest", None, "clamp", "clamp")
-        texture = Texture(image.view, self._resources.sampler(nearest, 1.0))
-        layout, name = made.pipeline.sets[0], f"{made.name} source"
-        assert layout is not None, "a full-screen pass reads its source"
-        self._source_sets.append(self._descriptors.create([(layout, {0: texture}, name)]))
-        return vk.array("VkDescriptorSet", self._source_sets[-1].handles)
-
-    def _used_last(self, name: str) -> str:
-        """Return the state in which the passes leave target `name`."""
-        readers = {"color_hdr": self._tonemap, "color_msaa": self._resolve}
-        if readers.get(name) in self.passes:
-            return "sampled"
-        return "depth" if name.startswith("depth") else "color"
-
-    def _start(self, name: str, state: str) -> Any:
-        """Return the barrier that begins a target's frame: its content is given up, its last user waited for."""
-        image = self._targets[name]
-        last = "copy_source" if name in self._handed_on else self._used_last(name)
-        return image_barrier(image.handle, image.aspect, last, state, discard=True)
-
-    def _create_readbacks(self) -> None:
-        target = self._targets
-        available = [name for name in self.outputs if SOURCES[name] in target]
-        handed_on = [image for name, image in target.items() if name in self._handed_on]
-        self._to_copy = barriers(
-            *(image_barrier(i.handle, i.aspect, self._used_last(i.name), "copy_source") for i in handed_on)
+        self._frames.forget()
+        self._executor = GraphExecutor(
+            self.device,
+            self.graph,
+            self._plan.implementations() | {COPY: self._copies},
+            self._memory,
+            self._resources,
+            self._descriptors,
+            partial(self._copies.attach, self.graph),
         )
-        self._to_host = barriers(memory=TO_HOST)
-        self._readbacks = [
-            {name: Readback(self.device, target[SOURCES[name]], f"{name}, slot {slot}") for name in available}
-            for slot in range(SLOTS)
-        ]
-        self.inspection = Inspection(self.device, self.passes if self._inspects else [], target, SLOTS)
+        watched = self._plan.watched(self.graph) if self._inspects else []
+        self.inspection = Inspection(self.device, watched, self._executor.images.by_name(self.graph), SLOTS)
 
     def _destroy_targets(self) -> None:
         self.device.wait_idle()  # for the frames, and for what a window still copies from them
         self._let_go("the size of the picture has changed since")
-        for slot in self._readbacks:
-            for readback in slot.values():
-                readback.close()
-        self._readbacks = []
+        self._copies.close()
         self.inspection.close()
-        for handle in self._target_handles:
-            self._resources.destroy_image(handle)
-        self._target_handles = []
-        self._resources.flush()  # however often the size changes before the next frame, there is one set of targets
-        for sets in self._source_sets:
-            self._descriptors.destroy(sets)
+        self._executor.close()
+
+    def _rebuild(self) -> None:
+        graph = self._compiled()
+        self._destroy_targets()
+        self._take(graph)
 
     # --- every frame ---
 
@@ -279,42 +225,33 @@ class Renderer(FrameStream):
         self._resources.collect(slot.number)
         frame = Frame(self, slot, self._index, shown_exposure(self.settings, view))
         self._in_slot[slot.index] = weakref.ref(frame)
-        commands = self._commands
-        commands.begin(slot)
-        self._profiler.begin_frame(slot)
-
         frame.reset = self._reset or reset_by(view, time, self._previous)
         written = self._update(slot, view, time, frame.reset)
 
-        commands.barrier(self._to_forward)
-        self._run(self._forward, self._forward_rendering)
-        if self._instance_id in self.passes:
-            commands.barrier(self._to_id)
-            self._run(self._instance_id, self._id_rendering)
-        if self._resolve in self.passes:
-            commands.barrier(self._to_resolve)
-            self._run(self._resolve, self._resolve_rendering)
-        if self._tonemap in self.passes:
-            commands.barrier(self._to_tonemap)
-            self._run(self._tonemap, self._tonemap_rendering)
-        self._copy_outputs(slot)
-
+        key = self._forward.recorded(slot.index, self._by_address)
+        recorded = slot.key != key
+        if recorded:
+            self._record(slot, key)
         self._frames.submit(slot)
-        frame.work = self._count(commands.work, written) | {"history_resets": int(frame.reset != "")}
+        frame.work = self._count(slot.work, written) | {
+            "recorded": int(recorded),
+            "history_resets": int(frame.reset != ""),
+        }
         self._index += 1
         self._reset = ""
         self._previous = view, time
         frame.cpu_ms = (clock.perf_counter() - started) * 1e3
         return frame
 
-    def _update(self, slot: FrameSlot, view: View, time: float, reset: str) -> int:
+    def _update(self, slot: RecordedSlot, view: View, time: float, reset: str) -> int:
         """Write what this frame's shaders read; return the bytes written."""
         scene = self.scene
         if self._data.follow_materials():
-            for made in (self._forward, self._instance_id):
-                if made in self.passes:
+            for made in self._created:
+                if hasattr(made, "built"):
                     made.create()
             self._make_sets()
+            self._frames.forget()
             self._data.followed()
         previous = self._previous
         if reset:  # then the frame before says nothing: neither where the camera was nor where objects were
@@ -335,38 +272,26 @@ class Renderer(FrameStream):
         written = constants.nbytes + self._data.records.write(
             self._data.slots[slot.index], pose, exposure(view.ev100)
         )
-        written += self._data.record_deformation(slot.commands, slot.index, pose)
+        if scene.deformations:
+            written += self._data.record_deformation(self._frames.uploads(slot), slot.index, pose)
         written += self._forward.prepare(slot.index, view)
         self._data.update_textures(slot.index, view)
         self._last = self._state(view, time)
         return written
 
-    def _run(self, made: Any, rendering: Rendering) -> None:
-        """Record one pass between its label, its timestamps and its attachments."""
-        commands = self._commands
-        commands.begin_label(made.name)
-        self._profiler.begin(commands.slot, made.name)
-        commands.begin_rendering(rendering)
-        made.record(commands)
-        commands.end_rendering()
-        self._profiler.end(commands.slot)
-        commands.end_label()
-        self.inspection.record(commands.handle, commands.slot.index, made, commands.work)
-
-    def _copy_outputs(self, slot: FrameSlot) -> None:
-        if self._handed_on:
-            self._commands.begin_label("copy outputs")
-            self._commands.barrier(self._to_copy)
-            for readback in self._readbacks[slot.index].values():
-                readback.record(slot.commands)
-            self._commands.barrier(self._to_host)
-            self._commands.end_label()
+    def _record(self, slot: RecordedSlot, key: Any) -> None:
+        """Record the frame of a slot; it is submitted again and again while `key` stays the same."""
+        with self._frames.recording(slot, key):
+            self._commands.begin(slot)
+            self._profiler.begin_frame(slot)
+            self._executor.record(self._commands, slot.index, self._profiler, self.inspection)
+            slot.work = self._commands.work
 
     def _count(self, work: dict[str, int], written: int) -> dict[str, int]:
         return {
             **(ALONE | work | self._data.texture_work),
             "passes": len(self.passes),
-            "passes_skipped": 4 - len(self.passes),
+            "passes_skipped": len(self.graph.left_out),
             "samples": self.samples,
             "instances": self._forward.visible,
             "lights": len(self.scene.lights) if self._data.lit else 0,
@@ -383,19 +308,19 @@ class Renderer(FrameStream):
         """The finished picture on the GPU, for a window to copy from; see `backends.contract.Renderer`."""
         if "color" not in self._handed_on:
             raise StaleFrameError("This renderer has no picture for a window: open it with presents=True.")
-        return self._targets["color"]
+        return self._executor.images.image(0, self.graph.names["color"])
 
-    def read(self, slot: FrameSlot, name: str, exposed: float) -> np.ndarray:
+    def read(self, slot: RecordedSlot, name: str, exposed: float) -> np.ndarray:
         """Return an output of the slot's frame; see `Frame.image`."""
         inspected = self.inspection.readbacks[slot.index]
         check_outputs((*self.outputs, *inspected), OUTPUTS, name)
         self._frames.wait(slot)
-        readback = (self._readbacks[slot.index] | inspected).get(name)
+        readback = (self._copies.readbacks[slot.index] | inspected).get(name)
         if readback is None:  # an empty scene has no instances, and so no pass that would draw them
             return np.zeros(self.size[::-1], np.uint32 if name == "instance_id" else np.float32)
         return output_of(name, readback.read(), exposed)
 
-    def read_timings(self, slot: FrameSlot) -> dict[str, float]:
+    def read_timings(self, slot: RecordedSlot) -> dict[str, float]:
         """Return GPU milliseconds by pass of the slot's frame."""
         self._frames.wait(slot)
         return self._profiler.read(slot)
@@ -409,7 +334,7 @@ class Renderer(FrameStream):
             return
         self._destroy_targets()
         self.size = size
-        self._create_targets()
+        self._take(self._compiled())
         self.reset_history("resize")
 
     def reload_shaders(self, changed: Collection[Path]) -> Reloaded:
@@ -417,6 +342,7 @@ class Renderer(FrameStream):
         rebuilt = self._pipelines.reload(changed, self._resources.defer)
         if rebuilt:
             self._last = None  # the same view makes another picture now
+            self._frames.forget()
         return Reloaded(rebuilt, files_at_start(self.scene, self.settings).intersection(changed))
 
     def close(self) -> None:
@@ -425,15 +351,14 @@ class Renderer(FrameStream):
             return
         self._closed = True
         self.device.wait_idle()
-        if hasattr(self, "_readbacks"):  # else it was never whole, and there are no frames
+        if hasattr(self, "_executor"):  # else it was never whole, and there are no frames
             self._let_go("its renderer was closed")
-        for readbacks in getattr(self, "_readbacks", []):
-            for readback in readbacks.values():
-                readback.close()
         for name in (
             "_workers",
             "_loading",
             "inspection",
+            "_copies",
+            "_executor",
             "_commands",
             "_frames",
             "_profiler",

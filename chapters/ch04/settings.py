@@ -102,6 +102,8 @@ class Settings:
         4.0, "texels averaged along the longer axis of a pixel's footprint", minimum=1, maximum=16
     )
     color_format: str = knob("rgba16f", "format of the linear colour target", choices=("rgba16f", "rgba32f"))
+    graph: str = knob("forward", "passes and how they are connected: deferred, forward, or a file of JSON")
+    alias: bool = knob(True, "whether targets that are never needed at the same time share memory")
     msaa: int = knob(
         1,
         "places in a pixel at which triangles cover it or not; not every device has each",

@@ -46,7 +46,7 @@ class Rendering:
         clear_depth: float | None = None,
     ) -> None:
         self.size = size
-        self.images = (color, depth)
+        self.images: tuple[Image | None, ...] = (color, depth)
         attachments = None
         if color is not None:
             value: dict[str, Any] = {}

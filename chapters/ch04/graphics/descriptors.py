@@ -24,6 +24,7 @@ class Texture:
 
     view: Any
     sampler: Any
+    layout: int = vk.VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL
 
 
 Held = Buffer | Texture | Sequence[Texture]
@@ -107,7 +108,7 @@ class Descriptors:
             {
                 "sampler": one.sampler,
                 "imageView": one.view,
-                "imageLayout": vk.VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL,
+                "imageLayout": one.layout,
             }
             for one in ([held] if isinstance(held, Texture) else held)
         ]

@@ -133,7 +133,13 @@ class GraphImages:
         else:
             assert resource.format is not None and resource.size is not None, resource
             made = create_image(
-                self._device, resource.format, resource.size, usage, name, samples=resource.samples, place=place
+                self._device,
+                resource.format,
+                resource.size,
+                usage,
+                name,
+                samples=resource.samples,
+                place=place,
             )
         self._made.append(made)
         return made
@@ -143,6 +149,11 @@ class GraphImages:
         held = self.in_slot[slot][name]
         assert isinstance(held, Image), name
         return held
+
+    def by_name(self, graph: Graph) -> dict[str, Image]:
+        """Return the images of the first slot by every name that they have in the graph."""
+        held = {name: self.in_slot[0].get(of) for name, of in graph.names.items()}
+        return {name: image for name, image in held.items() if isinstance(image, Image)}
 
     def close(self) -> None:
         """Free what was made; no frame is in flight."""

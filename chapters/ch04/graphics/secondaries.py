@@ -146,8 +146,7 @@ class ParallelCommands(Commands):
             )
             self._begins[kind] = vk.new(
                 "VkCommandBufferBeginInfo",
-                flags=vk.VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT
-                | vk.VK_COMMAND_BUFFER_USAGE_RENDER_PASS_CONTINUE_BIT,
+                flags=vk.VK_COMMAND_BUFFER_USAGE_RENDER_PASS_CONTINUE_BIT,
                 pInheritanceInfo=vk.new("VkCommandBufferInheritanceInfo", pNext=attachments),
             )
         return self._begins[kind]

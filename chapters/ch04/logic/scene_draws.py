@@ -103,3 +103,11 @@ class SceneDraws:
     def transparent(self, slot: int) -> Sequence[Batch]:
         """The batches of what is transparent, farthest first, as they stand in the slot."""
         return self._slots[slot].transparent
+
+    def recorded(self, slot: int, by_address: bool) -> Any:
+        """Return what a recording of the slot's draws is good for, to be compared with what it was made from.
+
+        The GPU reads records `by_address` as they are when it draws; recorded one by one they are what they were.
+        """
+        held = self._slots[slot]
+        return self._lists.solid, held.transparent if by_address else (self._key, held.seen_from)
