@@ -146,7 +146,8 @@ class Renderer(GraphStream):
             read_graph(graph_path(settings.graph)), made, outputs, self._handed_on, FORMATS
         )
         self._plan.keeps_all = self._inspects
-        self._memory = GraphMemory(device, {"copy_source"} if self._inspects else ())
+        also = ["copy_source"] * self._inspects + ["copy_target"] * (settings.poison != "off")
+        self._memory = GraphMemory(device, also)
         self._copies = CopyOutputs(device)
         self._created: list[Any] = []
         self._take(self._compiled())
@@ -194,6 +195,7 @@ class Renderer(GraphStream):
             self._resources,
             self._descriptors,
             partial(self._copies.attach, self.graph),
+            self.settings.poison,
         )
         watched = self._plan.watched(self.graph) if self._inspects else []
         self.inspection = Inspection(self.device, watched, self._executor.images.by_name(self.graph), SLOTS)
@@ -229,7 +231,7 @@ class Renderer(GraphStream):
         written = self._update(slot, view, time, frame.reset)
 
         key = self._forward.recorded(slot.index, self._by_address)
-        recorded = slot.key != key
+        recorded = slot.key != key or not self.settings.resubmit
         if recorded:
             self._record(slot, key)
         self._frames.submit(slot)

@@ -12,6 +12,7 @@ from common.scene import Scene
 from common.settings import AtMost, Scale, Side, Sweep, knob
 from common.shading_environment import ENERGIES
 
+from .logic.frame_plan import POISONS
 from .logic.views import CHOICES, PICTURE
 
 SIDES = (
@@ -104,6 +105,14 @@ class Settings:
     color_format: str = knob("rgba16f", "format of the linear colour target", choices=("rgba16f", "rgba32f"))
     graph: str = knob("forward", "passes and how they are connected: deferred, forward, or a file of JSON")
     alias: bool = knob(True, "whether targets that are never needed at the same time share memory")
+    resubmit: bool = knob(
+        True, "whether a frame is recorded once, and submitted again until something changes"
+    )
+    poison: str = knob(
+        "off",
+        "what memory holds before its first use in a frame, to find who reads what nobody wrote: NaN and this depth",
+        choices=POISONS,
+    )
     msaa: int = knob(
         1,
         "places in a pixel at which triangles cover it or not; not every device has each",

@@ -24,6 +24,7 @@ from .commands import Commands
 from .descriptors import Descriptors, Sets, Texture
 from .graph_images import GraphImages, GraphMemory
 from .graph_sync import dependency, layout_of
+from .poison import Poison
 from .profiler import Profiler
 from .resources import Resources
 from .targets import Targets
@@ -36,6 +37,7 @@ class _Ready:
     step: Any  # a `Step`, which has what an inspection asks of a pass: its name
     barriers: Any
     targets: Targets | None
+    poison: Poison | None = None
     sources: Any = None
     """An array of one descriptor set, for a pass that samples what others drew."""
 
@@ -49,7 +51,8 @@ class _Slot:
 class GraphExecutor:
     """A graph with its images, ready to be recorded for each slot. Close it before another graph takes its place.
 
-    `passes` are by the names of the graph's nodes; `externals` the images and buffers of others, by slot.
+    `passes` are by the names of the graph's nodes; `externals` the images and buffers of others, by slot. `poison` is
+    the setting of that name.
     """
 
     def __init__(
@@ -61,6 +64,7 @@ class GraphExecutor:
         resources: Resources,
         descriptors: Descriptors,
         externals: Callable[[GraphImages], list[Mapping[str, Image | Buffer]]] | None = None,
+        poison: str = "off",
     ) -> None:
         self._device, self.graph, self._passes = device, graph, dict(passes)
         self._resources, self._descriptors = resources, descriptors
@@ -70,7 +74,7 @@ class GraphExecutor:
             if externals is not None:
                 for held, more in zip(self.images.in_slot, externals(self.images), strict=True):
                     held.update(more)
-            self._slots = [self._ready(slot) for slot in range(SLOTS)]
+            self._slots = [self._ready(slot, poison) for slot in range(SLOTS)]
             for step in graph.steps:
                 self._bind_sources(step)
             self._begin_lasting()
@@ -80,13 +84,14 @@ class GraphExecutor:
 
     # --- made once for a graph ---
 
-    def _ready(self, slot: int) -> _Slot:
-        held, graph = self.images.in_slot[slot], self.graph
+    def _ready(self, slot: int, poison: str) -> _Slot:
+        device, held, graph = self._device, self.images.in_slot[slot], self.graph
         steps = [
             _Ready(
                 step,
                 dependency(step.barriers, held),
                 Targets(step, held) if step.kind == "graphics" else None,
+                Poison(device, step.barriers, held, poison) if poison != "off" else None,
             )
             for step in graph.steps
         ]
@@ -145,7 +150,9 @@ class GraphExecutor:
         ready = self._slots[slot]
         for one in ready.steps:
             made, name = self._passes[one.step.name], one.step.name
-            if one.barriers is not None:
+            if one.poison is not None:
+                one.poison.record(commands)
+            elif one.barriers is not None:
                 commands.barrier(one.barriers)
             commands.begin_label(name)
             timed = one.step.kind != "copy"

@@ -26,6 +26,9 @@ COPY = "copy outputs"
 
 OFF = "switched off"
 
+POISONS = ("off", "depth 0", "depth 1")
+"""What memory can be filled with before its first use: nothing, or NaN, integers of all ones and this depth."""
+
 
 @dataclass(frozen=True)
 class Declared:
