@@ -233,6 +233,9 @@ class Renderer(Protocol):
     inspection: Any
     """`inspection.work.by_pass`: the counters of each pass of the last frame, if opened with `inspect=True`."""
 
+    graph: Any
+    """The compiled frame graph, `logic.graph_types.Graph`; before chapter 4 and in studies there is none."""
+
     @property
     def prepared_ms(self) -> dict[str, float]:
         """Milliseconds of GPU work before the first frame, by what was made; what came from a cache is left out."""

@@ -76,10 +76,10 @@ class _Drawing:
     def whole(self) -> str:
         graph = self.graph
         memory = graph.memory
-        self.line(self.title or f"A frame of {len(graph.steps)} passes", size=15, weight="bold")
+        self.line(self.title or "A frame", size=15, weight="bold")
         self.line(
             f"{graph.size[0]}x{graph.size[1]} pixels; transients take {shown_bytes(memory.size)}, each on its own "
-            f"{shown_bytes(memory.alone)}; W writes, R reads, X goes on",
+            f"{shown_bytes(memory.alone)}; W writes, R reads, X goes on; yellow computes",
             fill=_PALE,
         )
         self.net()

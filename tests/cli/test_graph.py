@@ -1,0 +1,107 @@
+"""`strata graph`: what is printed, drawn and written, and one sentence for chapters and files that do not fit."""
+
+from __future__ import annotations
+
+import json
+from types import SimpleNamespace
+from xml.etree import ElementTree
+
+import pytest
+
+import chapters
+from backends.contract import Access
+from chapters.ch04.logic.frame_graph import compile_graph
+from chapters.ch04.logic.graph_types import GraphError, Node
+from tests.common.gltf.builder import triangle
+
+
+@pytest.fixture
+def opened(monkeypatch):
+    """Have a stand-in opened in place of a chapter's renderer; return what it was asked for."""
+    asked = {}
+
+    class StandIn:
+        capabilities = SimpleNamespace(device="a stand-in")
+
+        def __init__(self, which, backend, **options):
+            asked.update(options, which=which, backend=backend)
+            nodes = [
+                Node("draw", (), (Access("hdr", "color", "rgba16f", clear=(0, 0, 0, 0)),)),
+                Node("glow", (), (Access("x", "color", "rgba8"),), "nothing glows"),
+                Node("tonemap", (Access("hdr", "sampled"),), (Access("color", "color", "rgba8"),)),
+            ]
+            self.graph = compile_graph(nodes, options["size"], options["outputs"])
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_):
+            asked["closed"] = True
+
+    monkeypatch.setattr(chapters, "open", StandIn)
+    return asked
+
+
+@pytest.fixture
+def box(tmp_path):
+    return triangle().write(tmp_path)
+
+
+def test_the_text_is_printed_and_files_are_written(strata, opened, tmp_path, box):
+    code, out, err = strata(
+        *("graph", "4", "--scene", box, "--size", "64x48", "--backend", "vulkan", "--set", "msaa=1"),
+        *("--without", "bindless", "--outputs", "color, hdr", "--json", "g.json", "--svg", "g.svg"),
+    )
+    assert code == 0, err
+    assert (opened["which"], opened["backend"], opened["size"]) == (4, "vulkan", (64, 48))
+    assert opened["without"] == ("bindless",) and opened["outputs"] == ("color", "hdr") and opened["closed"]
+    assert opened["settings"].msaa == 1
+    assert out.startswith("Chapter 4, ") and "2 passes at 64x48" in out
+    assert "   glow  nothing glows\n" in out and "\n 1 draw (graphics, 64x48)\n" in out
+    assert json.loads((tmp_path / "g.json").read_text())["left_out"] == {"glow": "nothing glows"}
+    assert ElementTree.fromstring((tmp_path / "g.svg").read_text()).get("width")
+    assert err.splitlines() == ["wrote g.json", "wrote g.svg"]
+
+
+def test_json_on_stdout_is_nothing_but_json(strata, opened, box):
+    code, out, err = strata("graph", "ch04", "--scene", box, "--json", "-")
+    assert code == 0
+    assert [step["name"] for step in json.loads(out)["steps"]] == ["draw", "tonemap"]
+    assert " 1 draw (graphics, 640x360)" in err
+
+
+def test_the_width_of_the_terminal_cuts_nothing(strata, opened, box, monkeypatch):
+    wide = strata("graph", "4", "--scene", box)[1]
+    monkeypatch.setenv("COLUMNS", "40")
+    assert strata("graph", "4", "--scene", box)[1] == wide
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("1",), "Chapter 1 has no frame graph, since its passes are put in order by hand: ./strata graph 4 shows"),
+        (("1/first-triangle",), "1/first-triangle is a study, and this is about whole chapters: write 1."),
+        (("99",), "There is no chapter 99"),
+        (("4", "--svg", "none/g.svg"), "--svg none/g.svg cannot be written: name a file in a folder that exists."),
+        (("4", "--svg", "."), "--svg . cannot be written"),
+        (("4", "--json", "none/g.json"), "--json none/g.json cannot be written"),
+        (("4", "--json", "g", "--svg", "g"), "--svg and --json both name g"),
+        (("4", "--size", "0x8"), "A picture of 0x8 pixels cannot be made"),
+        (("4", "--quality", "best"), "There is no quality 'best'"),
+        (("4", "--set", "nothing=1"), "'nothing'"),
+    ],
+)  # fmt: skip
+def test_what_does_not_fit_is_one_sentence(strata, words, says):
+    code, out, err = strata("graph", *words)
+    assert code == 2 and out == ""
+    assert says in err.replace("\\", "/") and err.count("\n") == 1
+
+
+def test_what_is_wrong_with_a_graph_is_said_as_it_is(strata, monkeypatch, box):
+    def refuse(*_, **__):
+        raise GraphError("g.json:3:9: passes[0].pass is 'x', and there is no such pass.")
+
+    monkeypatch.setattr(chapters, "open", refuse)
+    code, out, err = strata("graph", "4", "--scene", box)
+    assert (code, out) == (2, "")
+    assert err == "strata: g.json:3:9: passes[0].pass is 'x', and there is no such pass.\n"
