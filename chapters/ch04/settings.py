@@ -104,6 +104,17 @@ class Settings:
     color_format: str = knob("rgba16f", "format of the linear colour target", choices=("rgba16f", "rgba32f"))
     graph: str = knob("forward", "passes and how they are connected: deferred, forward, or a file of JSON")
     alias: bool = knob(True, "whether targets that are never needed at the same time share memory")
+    depth_prepass: bool = knob(False, "whether depth is drawn first, and then only what is visible is shaded")
+    gbuffer_format: str = knob(
+        "compact", "surfaces kept in few bits, or in 32 a channel", choices=("compact", "full")
+    )
+    aperture: float = knob(
+        0.0, "f-number of the lens: focal length by opening; 0: all is sharp", minimum=0, maximum=1000
+    )
+    focus_distance: float = knob(
+        0.0, "how far away all is sharp; 0: as what is in the middle", unit="m", minimum=0, maximum=1e9
+    )
+    bokeh_taps: int = knob(8, "samples along the radius of the largest blur", minimum=2, maximum=32)
     msaa: int = knob(
         1,
         "places in a pixel at which triangles cover it or not; not every device has each",

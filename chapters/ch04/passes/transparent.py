@@ -1,0 +1,40 @@
+"""The transparent pass: what lets light through, over what the lighting pass has lit."""
+
+from __future__ import annotations
+
+from backends.contract import Access
+from common.scene import Scene
+
+from ..graphics.commands import Commands
+from ..graphics.scene_data import SceneData
+from ..logic.deferred import has_transparent
+from ..settings import Settings
+from .gbuffer import GBufferPass
+
+
+class TransparentPass:
+    """Draws blended objects as the forward path does, farthest first, each one shaded while it is drawn.
+
+    A G-buffer has room for one surface at each pixel, so what lies over another one has to bring its light with it.
+    """
+
+    name = "transparent"
+
+    def __init__(self, gbuffer: GBufferPass, settings: Settings, data: SceneData) -> None:
+        self._gbuffer, self._data = gbuffer, data
+        self.reads = (Access("depth", "depth"),)
+        self.writes = (Access("color_hdr", "color", format=settings.color_format, of="color_lit"),)
+
+    @staticmethod
+    def needed(scene: Scene, settings: Settings) -> bool:
+        """Whether any object is transparent; else what was lit is the picture."""
+        return has_transparent(scene)
+
+    def create(self) -> None:
+        """Build nothing: the pipelines of all materials are the G-buffer pass's."""
+
+    def record(self, commands: Commands) -> None:
+        """Record the draws of what is transparent."""
+        slot = self._gbuffer.slot
+        frame_set, records = self._data.frame_set(slot), self._data.slots[slot].commands
+        commands.draw_groups(self._gbuffer.transparent, frame_set, records)
