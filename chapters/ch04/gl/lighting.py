@@ -7,51 +7,36 @@ from common.scene import Scene
 
 from ..logic.deferred import TARGETS, light_defines
 from ..settings import Settings
-from .commands import Commands, Textures
+from .fullscreen import FullscreenPass
 from .gbuffer import GBufferPass
 from .pipelines import GraphicsPipeline, Pipelines
-from .scene_data import ARRAY_UNIT, SceneData
-from .sky import Sky
+from .scene_data import SceneData
 
 
-class LightingPass:
-    """One triangle over the whole picture; where nothing was drawn it shows the sky, or the background's grey.
-
-    The environment's maps stay bound to the first units, so what it reads of other passes is behind them.
-    """
+class LightingPass(FullscreenPass):
+    """Lights each pixel once; where nothing was drawn it shows the sky, or the background's grey."""
 
     name = "lighting"
 
     def __init__(
-        self, scene: Scene, gbuffer: GBufferPass, settings: Settings, data: SceneData, pipelines: Pipelines
+        self, gbuffer: GBufferPass, settings: Settings, data: SceneData, pipelines: Pipelines
     ) -> None:
-        self._scene, self._gbuffer, self._settings = scene, gbuffer, settings
-        self._data, self._pipelines = data, pipelines
+        super().__init__(gbuffer, settings, data, pipelines)
+        self._gbuffer = gbuffer
         self.reads = tuple(Access(name, "sampled") for name in (*TARGETS, "depth"))
         self.writes = (Access("color_lit", "color", format=settings.color_format),)
-        self.source: Textures = ()
 
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:
         """Even an empty scene has a background."""
         return True
 
-    def create(self) -> None:
-        """Build the pipeline; again when another kind of material takes part."""
+    def describe(self) -> GraphicsPipeline:
+        """Return the pipeline, with the lights and the environment that any of the materials takes part in."""
         variants = [self._data.variants[material] for material in self._gbuffer.used]
-        sky = Sky.needed(self._scene, self._settings)
-        described = GraphicsPipeline(
+        return GraphicsPipeline(
             shaders=("fullscreen.vert", "lighting.frag"),
-            defines=light_defines(variants, sky, self._settings),
+            defines=light_defines(variants, self._gbuffer.sky, self._settings),
             depth=None,
             name="lighting",
         )
-        self._pipeline = self._pipelines.get([described])[0]
-
-    def record(self, commands: Commands) -> None:
-        """Draw the triangle."""
-        commands.bind_pipeline(self._pipeline, cull=False, front="counter_clockwise")
-        commands.bind_textures(
-            tuple((ARRAY_UNIT + unit, view, sampler) for unit, view, sampler in self.source)
-        )
-        commands.draw_fullscreen(self._data.empty_vertex_array)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Protocol
 
@@ -72,6 +72,12 @@ def light_defines(variants: Iterable[Variant], sky: bool, settings: Settings) ->
     found = {name: value for variant in variants for name, value in variant.defines if name in _LIGHT}
     behind: tuple[str, int | float | str] = ("BACKGROUND", background(settings, settings.background))
     return (*sorted(found.items()), ("SKY", 1) if sky else behind)
+
+
+def kinds(variants: Sequence[Variant], used: Iterable[int], transparent: bool) -> list[Variant]:
+    """Return the variants of the materials in `used` that are `transparent`, or that are not; each of them once."""
+    found = dict.fromkeys(variants[material] for material in used)
+    return [variant for variant in found if (variant.alpha_mode == "blend") == transparent]
 
 
 def has_transparent(scene: Scene) -> bool:

@@ -47,7 +47,7 @@ class ForwardPass:
         self._sky = Sky(settings, pipelines) if Sky.needed(scene, settings) else None
         self._draws = SceneDraws(scene, data)
         self._groups: dict[tuple[int, int, bool, int, int], DrawGroup] = {}
-        self.used: list[int] = []
+        self.used: list[int] = np.unique(scene.meshes["material"][scene.instances.mesh]).tolist()
         self.built: list[Built] = []
         self.slot = 0
 
@@ -74,7 +74,6 @@ class ForwardPass:
 
     def create(self) -> None:
         """Build the pipelines of all materials that are drawn, and no other; again when one became another kind."""
-        self.used = np.unique(self._scene.meshes["material"][self._scene.instances.mesh]).tolist()
         kinds = dict.fromkeys(self._data.variants[material] for material in self.used)
         self.built = self._pipelines.get([self.describe(variant) for variant in kinds])
         if self._sky is not None:

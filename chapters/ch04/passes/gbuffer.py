@@ -28,7 +28,8 @@ class GBufferPass(ForwardPass):
     def __init__(self, scene: Scene, settings: Settings, data: SceneData, pipelines: Pipelines) -> None:
         super().__init__(scene, settings, data, pipelines)
         self.writes = (*deferred.written(settings), *self.writes[1:])
-        self._sky = None  # behind all surfaces, and so the lighting pass's
+        self.sky = self._sky is not None
+        """Whether there is a sky behind all surfaces, for the lighting pass to draw."""
 
     def describe(self, variant: Variant) -> GraphicsPipeline:
         """Return the pipeline that draws materials of `variant`; a transparent one is shaded as it is drawn."""
@@ -43,6 +44,13 @@ class GBufferPass(ForwardPass):
             color=deferred.FORMATS[self._settings.gbuffer_format],
             name=f"G-buffer {' '.join(name.lower() for name, _ in surface.defines)}",
         )
+
+    def create(self) -> None:
+        """Build the pipelines of what is solid; again when a material became another kind."""
+        solid = deferred.kinds(self._data.variants, self.used, transparent=False)
+        self.built = self._pipelines.get([self.describe(variant) for variant in solid])
+        self._draws.forget()
+        self._groups.clear()
 
     def record(self, commands: Commands) -> None:
         """Record the draws of what is solid."""

@@ -6,8 +6,9 @@ from backends.contract import Access
 from common.scene import Scene
 
 from ..graphics.commands import Commands
+from ..graphics.pipelines import Built, Pipelines
 from ..graphics.scene_data import SceneData
-from ..logic.deferred import has_transparent
+from ..logic import deferred
 from ..settings import Settings
 from .gbuffer import GBufferPass
 
@@ -20,18 +21,23 @@ class TransparentPass:
 
     name = "transparent"
 
-    def __init__(self, gbuffer: GBufferPass, settings: Settings, data: SceneData) -> None:
-        self._gbuffer, self._data = gbuffer, data
+    def __init__(
+        self, gbuffer: GBufferPass, settings: Settings, data: SceneData, pipelines: Pipelines
+    ) -> None:
+        self._gbuffer, self._data, self._pipelines = gbuffer, data, pipelines
+        self.built: list[Built] = []
         self.reads = (Access("depth", "depth"),)
         self.writes = (Access("color_hdr", "color", format=settings.color_format, of="color_lit"),)
 
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:
         """Whether any object is transparent; else what was lit is the picture."""
-        return has_transparent(scene)
+        return deferred.has_transparent(scene)
 
     def create(self) -> None:
-        """Build nothing: the pipelines of all materials are the G-buffer pass's."""
+        """Build the pipelines of what is transparent; again when a material became another kind."""
+        kinds = deferred.kinds(self._data.variants, self._gbuffer.used, transparent=True)
+        self.built = self._pipelines.get([self._gbuffer.describe(variant) for variant in kinds])
 
     def record(self, commands: Commands) -> None:
         """Record the draws of what is transparent."""
