@@ -139,8 +139,9 @@ class Renderer(GraphStream):
         )
         self._cache = PipelineCache.on_disk(device)
         self._pipelines = Pipelines(device, self._cache, self._data.slot_count or CAPACITY)
-        made = make_passes(scene, settings, self._data, self._pipelines)
-        self._forward = made["forward"]
+        file = read_graph(graph_path(settings.graph))
+        made = make_passes(scene, settings, self._data, self._pipelines, file.passes.values())
+        self._forward = next(iter(made.values()))
         outputs = {name: SOURCES[name] for name in self.outputs}
         self._plan = FramePlan(
             read_graph(graph_path(settings.graph)), made, outputs, self._handed_on, FORMATS

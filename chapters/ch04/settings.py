@@ -113,6 +113,17 @@ class Settings:
         "what memory holds before its first use in a frame, to find who reads what nobody wrote: NaN and this depth",
         choices=POISONS,
     )
+    depth_prepass: bool = knob(False, "whether depth is drawn first, and then only what is visible is shaded")
+    gbuffer_format: str = knob(
+        "compact", "surfaces kept in few bits, or in 32 a channel", choices=("compact", "full")
+    )
+    aperture: float = knob(
+        0.0, "f-number of the lens: focal length by opening; 0: all is sharp", minimum=0, maximum=1000
+    )
+    focus_distance: float = knob(
+        0.0, "how far away all is sharp; 0: as what is in the middle", unit="m", minimum=0, maximum=1e9
+    )
+    bokeh_taps: int = knob(8, "samples along the radius of the largest blur", minimum=2, maximum=32)
     msaa: int = knob(
         1,
         "places in a pixel at which triangles cover it or not; not every device has each",

@@ -39,11 +39,14 @@ class ForwardPass:
             Access(color, "color", format=settings.color_format, clear=clear, samples=samples),
             Access(depth, "depth", format="d32f", clear=(0.0,), samples=samples),
         )
+        self.depth = depth
+        if views.has_prepass(settings):  # another pass has written it: here it is only compared with
+            self.reads, self.writes = (Access(depth, "depth", samples=samples),), self.writes[:1]
         self._sky = Sky(settings, data, pipelines) if Sky.needed(scene, settings) else None
         self._draws = SceneDraws(scene, data)
         self._groups: dict[tuple[int, int, bool, int, int], DrawGroup] = {}
         self.slot = 0
-        self.used: list[int] = []
+        self.used: list[int] = np.unique(scene.meshes["material"][scene.instances.mesh]).tolist()
 
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:
@@ -66,7 +69,6 @@ class ForwardPass:
 
     def create(self) -> None:
         """Build the pipelines of all materials that are drawn, and no other; again when one became another kind."""
-        self.used = np.unique(self._scene.meshes["material"][self._scene.instances.mesh]).tolist()
         kinds = dict.fromkeys(self._data.variants[material] for material in self.used)
         self._pipelines.get([self.describe(variant) for variant in kinds])
         if self._sky is not None:
@@ -88,6 +90,11 @@ class ForwardPass:
     def solid(self) -> list[DrawGroup]:
         """What this frame draws of opaque and masked objects."""
         return [self._group(batch) for batch in self._draws.solid]
+
+    @property
+    def transparent(self) -> list[DrawGroup]:
+        """What this frame draws of transparent objects, farthest first."""
+        return [self._group(batch) for batch in self._draws.transparent(self.slot)]
 
     def _group(self, batch: Batch) -> DrawGroup:
         """Return a batch with everything that has to be bound for it: the same for all batches of its state."""
@@ -113,4 +120,4 @@ class ForwardPass:
         commands.draw_groups(self.solid, records)
         if self._sky is not None:
             self._sky.record(commands)
-        commands.draw_groups([self._group(batch) for batch in self._draws.transparent(self.slot)], records)
+        commands.draw_groups(self.transparent, records)

@@ -29,7 +29,7 @@ class InstanceIdPass:
     def __init__(self, forward: ForwardPass, data: SceneData, pipelines: Pipelines) -> None:
         self._forward, self._data, self._pipelines = forward, data, pipelines
         self._made: dict[Variant, Built] = {}
-        own_depth = forward.writes[1].resource != "depth"
+        own_depth = forward.depth != "depth"
         ids = Access("instance_id", "color", format="r32ui", clear=(0, 0, 0, 0))
         depth = Access("depth", "depth", format="d32f", clear=(0.0,))
         self.reads = () if own_depth else (Access("depth", "depth"),)

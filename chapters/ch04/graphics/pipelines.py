@@ -41,18 +41,24 @@ class GraphicsPipeline:
     """What a pipeline is made of. What it reads, its shaders say themselves.
 
     `specialization` gives constants of theirs, by name or id, the values that they are compiled with. `dynamic` names
-    buffers whose offset comes with the bind.
+    buffers whose offset comes with the bind. Of several formats in `color`, each target has one, and all are blended
+    alike.
     """
 
     shaders: tuple[str, ...]
     defines: tuple[tuple[str, int | float | str], ...] = ()
     specialization: tuple[tuple[str | int, int | float | bool], ...] = ()
     dynamic: tuple[str, ...] = ()
-    color: str | None = "rgba16f"
+    color: str | tuple[str, ...] | None = "rgba16f"
     depth: Literal["write", "test", "equal"] | None = "write"
     blend: Literal["over", "add"] | None = None
     samples: int = 1
     name: str = ""
+
+    @property
+    def colors(self) -> tuple[str, ...]:
+        """The format of each colour target."""
+        return (self.color,) if isinstance(self.color, str) else self.color or ()
 
 
 def source_of(file: str, defines: Sequence[tuple[str, int | float | str]]) -> shader_text.ShaderSource:
@@ -185,7 +191,7 @@ class Pipelines:
         ]
         rendering = vk.new(
             "VkPipelineRenderingCreateInfo",
-            pColorAttachmentFormats=[FORMATS[described.color][0]] if described.color else None,
+            pColorAttachmentFormats=[FORMATS[name][0] for name in described.colors] or None,
             depthAttachmentFormat=FORMATS["d32f"][0] if described.depth else vk.VK_FORMAT_UNDEFINED,
         )
         info = vk.new(
@@ -226,7 +232,7 @@ class Pipelines:
 
     @staticmethod
     def _blend(described: GraphicsPipeline) -> Any:
-        if described.color is None:
+        if not described.colors:
             return vk.new("VkPipelineColorBlendStateCreateInfo")
         attachment: dict[str, Any] = {"colorWriteMask": _ALL_CHANNELS}
         if described.blend:
@@ -242,7 +248,9 @@ class Pipelines:
                 "dstAlphaBlendFactor": kept,
                 "alphaBlendOp": vk.VK_BLEND_OP_ADD,
             }
-        return vk.new("VkPipelineColorBlendStateCreateInfo", pAttachments=[attachment])
+        return vk.new(
+            "VkPipelineColorBlendStateCreateInfo", pAttachments=[attachment] * len(described.colors)
+        )
 
     def close(self) -> None:
         """Free every pipeline and layout."""

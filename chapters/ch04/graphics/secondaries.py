@@ -135,12 +135,12 @@ class ParallelCommands(Commands):
 
     def _inherited(self, rendering: Rendering) -> Any:
         """Return the VkCommandBufferBeginInfo of secondaries that draw to attachments of this kind."""
-        color, depth = rendering.images
+        *colors, depth = rendering.images
         kind = tuple((image.format, image.samples) if image else None for image in rendering.images)
         if kind not in self._begins:
             attachments = vk.new(
                 "VkCommandBufferInheritanceRenderingInfo",
-                pColorAttachmentFormats=[FORMATS[color.format][0]] if color else None,
+                pColorAttachmentFormats=[FORMATS[color.format][0] for color in colors if color] or None,
                 depthAttachmentFormat=FORMATS[depth.format][0] if depth else vk.VK_FORMAT_UNDEFINED,
                 rasterizationSamples=next(image.samples for image in rendering.images if image),
             )

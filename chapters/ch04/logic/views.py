@@ -28,6 +28,7 @@ class Settings(Protocol):
     msaa: int
     tone_curve: str
     skip_unused: bool
+    depth_prepass: bool
 
 
 @dataclass(frozen=True)
@@ -182,8 +183,15 @@ def mends_texels(settings: Settings) -> bool:
     return settings.view != "non-finite"
 
 
-def depth_use(settings: Settings, variant: Variant) -> Literal["write", "test"]:
+def has_prepass(settings: Settings) -> bool:
+    """Whether depth is drawn before anything is shaded; where all fragments are counted none must be left out."""
+    return settings.depth_prepass and settings.view != "overdraw"
+
+
+def depth_use(settings: Settings, variant: Variant) -> Literal["write", "test", "equal"]:
     """Return what a fragment does with depth; where all are counted none writes it, and so none hides another."""
+    if variant.alpha_mode != "blend" and has_prepass(settings):
+        return "equal"
     return "test" if variant.alpha_mode == "blend" or settings.view == "overdraw" else "write"
 
 

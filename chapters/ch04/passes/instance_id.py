@@ -30,7 +30,7 @@ class InstanceIdPass:
         self._forward, self._data, self._pipelines = forward, data, pipelines
         self._made: dict[Variant, Built] = {}
         self.built: list[Built] = []
-        own_depth = forward.writes[1].resource != "depth"
+        own_depth = forward.depth != "depth"
         ids = Access("instance_id", "color", format="r32ui", clear=(0, 0, 0, 0))
         depth = Access("depth", "depth", format="d32f", clear=(0.0,))
         self.reads = () if own_depth else (Access("depth", "depth"),)

@@ -32,7 +32,11 @@ layout(location = 5) in vec4 in_color;
 #endif
 layout(location = 6) flat in uint in_instance;
 
+#ifdef GBUFFER
+#include "gbuffer.glsl"
+#elif !defined(DEPTH_ALONE)
 layout(location = 0) out vec4 out_color;
+#endif
 
 #ifdef SHADED
 // The shading normal. `view` points to the eye. A back face of a double-sided material is shaded as if it were a front.
@@ -93,6 +97,7 @@ void main() {
     base.a = 1.0;
 #endif
 
+#ifndef DEPTH_ALONE
 #ifdef VIEW_OF_SURFACE
     out_color = vec4(shown(material, base.rgb, frame.eye.xyz - in_position), 1.0);
 #else
@@ -154,6 +159,13 @@ void main() {
 #ifdef VIEW
     color = shown_non_finite(material, base, color);
 #endif
+#if defined(GBUFFER) && defined(SHADED)
+    store_surface(base.rgb, n, occlusion, roughness, metallic, emissive * frame.exposure);
+#elif defined(GBUFFER)
+    store_unlit(base.rgb);
+#else
     out_color = vec4(finite_color(color), base.a);
+#endif
+#endif
 #endif
 }
