@@ -25,10 +25,25 @@ from tests.support.report import Report
 
 HERE = Path(__file__).parent
 NO_DEVICE = "no device was opened"
-VARIANTS = {"vulkan": frozenset[str](), "without-all": frozenset({"all"}), "gl": frozenset[str]()}
-"""Names of the variants, and what the devices of each do without; "gl" is for what draws with OpenGL."""
+VARIANTS = {
+    "vulkan": frozenset[str](),
+    "without-all": frozenset({"all"}),
+    "gl": frozenset[str](),
+    "deferred": frozenset[str](),
+}
+"""Names of the variants, and what the devices of each do without; "gl" is for what draws with OpenGL.
 
-USUAL = {"chapter": tuple(VARIANTS), "vulkan_device": ("vulkan", "without-all"), "gl_context": ("gl",)}
+"deferred" is for chapters that can light a frame after its surfaces were drawn: what the chapters before them are held
+to, on that path. Elsewhere tests of those take the forward path.
+"""
+
+TWO_PATHS = 4
+"""The first chapter with both paths."""
+
+DEFERRED_SAMPLE = ("test_materials.py", "test_skipping.py")
+"""The files of which the usual run takes that path, too; with --long all do."""
+
+USUAL = {"chapter": ("vulkan", "without-all", "gl"), "vulkan_device": ("vulkan", "without-all"), "gl_context": ("gl",)}
 """The variants of a test that uses this fixture, the first of these that it uses; the mark `variants` names others."""
 
 
@@ -80,7 +95,19 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     used = [names for fixture, names in USUAL.items() if fixture in metafunc.fixturenames]
     if used:
         mark = metafunc.definition.get_closest_marker("variants")
-        metafunc.parametrize("variant", mark.args if mark else used[0], indirect=True, scope="module")
+        names = mark.args if mark else used[0]
+        if "chapter" in metafunc.fixturenames and "vulkan" in names and _takes_both_paths(metafunc):
+            names = (*names, "deferred")
+        metafunc.parametrize("variant", names, indirect=True, scope="module")
+
+
+def _takes_both_paths(metafunc: pytest.Metafunc) -> bool:
+    """Whether a test of a chapter with one path runs for one with two, and is of those that take both of them."""
+    path = metafunc.definition.path
+    written_for, config = snapshots.first_chapter(path), metafunc.config
+    if written_for is None or written_for >= TWO_PATHS or snapshots.tested(metafunc.definition).number < TWO_PATHS:
+        return False
+    return bool(config.getoption("--long")) or path.name in DEFERRED_SAMPLE
 
 
 @pytest.fixture(scope="module")
@@ -149,7 +176,8 @@ def chapter(request: pytest.FixtureRequest, variant: str | None) -> Iterator[Cha
     """The chapter that the test runs for, on a device of the variant: `chapter.open(scene, size)`."""
     which = snapshots.tested(request.node).which
     with (_opengl if variant == "gl" else _vulkan)(request, variant) as device:
-        yield Chapter(which, "gl" if variant == "gl" else "vulkan", device)
+        backend, path = "gl" if variant == "gl" else "vulkan", "auto" if variant == "deferred" else "forward"
+        yield Chapter(which, backend, device, path)
 
 
 @pytest.fixture(autouse=True)

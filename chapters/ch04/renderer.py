@@ -52,7 +52,7 @@ from .logic.constants import frame_constants
 from .logic.default_light import DefaultLight
 from .logic.environment import files_at_start
 from .logic.frame import OUTPUTS, SLOTS, SOURCES, Frame, check_outputs, output_of, reset_by
-from .logic.frame_plan import COPY, FramePlan
+from .logic.frame_plan import COPY, FramePlan, check_samples, graph_name
 from .logic.graph_json import graph_path, read_graph
 from .logic.graph_stream import GraphStream
 from .logic.graph_types import Graph
@@ -139,12 +139,13 @@ class Renderer(GraphStream):
         )
         self._cache = PipelineCache.on_disk(device)
         self._pipelines = Pipelines(device, self._cache, self._data.slot_count or CAPACITY)
-        file = read_graph(graph_path(settings.graph))
+        file = read_graph(graph_path(graph_name(settings)))
+        check_samples(file, settings)
         made = make_passes(scene, settings, self._data, self._pipelines, file.passes.values())
         self._forward = next(iter(made.values()))
         outputs = {name: SOURCES[name] for name in self.outputs}
         self._plan = FramePlan(
-            read_graph(graph_path(settings.graph)), made, outputs, self._handed_on, FORMATS
+            file, made, outputs, self._handed_on, FORMATS
         )
         self._plan.keeps_all = self._inspects
         also = ["copy_source"] * self._inspects + ["copy_target"] * (settings.poison != "off")

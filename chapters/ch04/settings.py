@@ -103,7 +103,10 @@ class Settings:
         4.0, "texels averaged along the longer axis of a pixel's footprint", minimum=1, maximum=16
     )
     color_format: str = knob("rgba16f", "format of the linear colour target", choices=("rgba16f", "rgba32f"))
-    graph: str = knob("forward", "passes and how they are connected: deferred, forward, or a file of JSON")
+    graph: str = knob(
+        "auto",
+        "passes and how they are connected: deferred, forward, a file of JSON; auto: forward where a pixel has samples",
+    )
     alias: bool = knob(True, "whether targets that are never needed at the same time share memory")
     resubmit: bool = knob(
         True, "whether a frame is recorded once, and submitted again until something changes"

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import chapters
 from backends.contract import Renderer
 from common.scene import Scene
 from tests.support import gl_functions
+
+
+SURFACES: dict[str, dict[str, Any]] = {"auto": {"gbuffer_format": "full"}}
+"""What else is set for a path: what tests hold to the bits of a float, a G-buffer must not round."""
 
 
 @dataclass(frozen=True)
@@ -20,10 +24,15 @@ class Chapter:
     which: chapters.Whole
     backend: str
     device: Any
+    graph: str = "forward"
+    """The path that a frame takes, where the chapter has several and the test leaves it open."""
 
     def open(self, scene: Scene, size: tuple[int, int], settings: Any = None, **more: Any) -> Renderer:
         """Return a renderer, as `chapters.open` does; `outputs` are ("color",) unless they are given."""
         module = chapters.renderer_module(self.which, self.backend)
+        settings = module.Settings() if settings is None else settings
+        if getattr(settings, "graph", "") == "auto":
+            settings = replace(settings, graph=self.graph, **SURFACES.get(self.graph, {}))
         opened: Renderer = module.Renderer(scene, size, settings, device=self.device, **more)
         return opened
 

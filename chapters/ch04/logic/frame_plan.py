@@ -14,12 +14,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from backends.contract import Access
+from common.errors import UserError
 from common.names import suggest
 
 from .frame_graph import bytes_of, compile_graph
 from .graph_json import GraphFile
 from .graph_names import connect
 from .graph_types import External, Graph, GraphError, Node, Requirements, Touch
+from .views import PICTURE
 
 COPY = "copy outputs"
 """The step in which outputs go to the CPU, or are left as a window copies them."""
@@ -28,6 +30,25 @@ OFF = "switched off"
 
 POISONS = ("off", "depth 0", "depth 1")
 """What memory can be filled with before its first use: nothing, or NaN, integers of all ones and this depth."""
+
+
+def graph_name(settings: Any) -> str:
+    """Return the graph that settings mean: "auto" is deferred, where that can show what is asked for.
+
+    A G-buffer holds one surface a pixel, so several samples a pixel are the forward path's; and so are views, which
+    show a quantity of each surface while it is drawn.
+    """
+    if settings.view != PICTURE or (settings.graph == "auto" and settings.msaa > 1):
+        return "forward"
+    return "deferred" if settings.graph == "auto" else str(settings.graph)
+
+
+def check_samples(file: GraphFile, settings: Any) -> None:
+    """Raise UserError where a graph with a G-buffer is asked for several samples a pixel."""
+    if "gbuffer" in file.passes.values() and settings.msaa > 1:
+        raise UserError(
+            f"{file.path.name} has a G-buffer, which holds one sample a pixel: set msaa=1, or graph=forward."
+        )
 
 
 @dataclass(frozen=True)
