@@ -79,7 +79,7 @@ def test_the_text_goes_through_the_frame_from_top_to_bottom(graph):
         "waits    albedo: fragment shaders read what colour targets wrote, layout color -> read",
         "waits    lit: colour targets write on what colour targets wrote",
         "waits    lit: compute shaders read what colour targets wrote, layout color -> read",
-        "small: compute shaders write where ",
+        "small: compute shaders write where albedo lay, when fragment shaders are done, layout anything -> general",
         "draws to lit (rgba16f): cleared to 0 0 0 1, stored",
         "draws to lit (rgba16f): goes on, stored",
         "depth (d32f): goes on, tested only",

@@ -105,3 +105,65 @@ def test_what_is_wrong_with_a_graph_is_said_as_it_is(strata, monkeypatch, box):
     code, out, err = strata("graph", "4", "--scene", box)
     assert (code, out) == (2, "")
     assert err == "strata: g.json:3:9: passes[0].pass is 'x', and there is no such pass.\n"
+
+
+OWN = """{
+  "passes": [
+    {"pass": "forward"},
+    {"pass": "tonemap", "enabled": false},
+    {"pass": "tonemap", "name": "second", "reads": {"color_hdr": "%s"}}
+  ]
+}
+"""
+
+
+def test_the_graph_of_the_chapter_follows_a_file_of_ones_own(strata, tmp_path, box):
+    words = (
+        "graph",
+        "4",
+        "--scene",
+        box,
+        "--size",
+        "32x16",
+        "--backend",
+        "vulkan",
+        "--set",
+        "graph=own.json",
+    )
+    (tmp_path / "own.json").write_text(OWN % "color_hdr")
+    code, out, err = strata(*words, "--json", "g.json")
+    assert code == 0, err
+    made = json.loads((tmp_path / "g.json").read_text())
+    assert [step["name"] for step in made["steps"]][:2] == ["forward", "second"]
+    assert made["left_out"]["tonemap"] == "switched off in own.json:4"
+    assert "   tonemap  switched off in own.json:4\n" in out
+
+    (tmp_path / "own.json").write_text(OWN % "color_hdx")
+    code, out, err = strata(*words)
+    assert (code, out) == (2, "")
+    assert err == (
+        "strata: own.json:5:66: passes[2].reads.color_hdr is 'color_hdx', which no pass here writes; "
+        "did you mean 'color_hdr'?\n"
+    )
+
+
+@pytest.mark.parametrize("name", ["deferred", "forward"])
+def test_a_graph_of_the_chapter_has_every_pass_that_settings_ask_for(strata, box, name):
+    words = ("graph", "4", "--scene", box, "--size", "32x16", "--backend", "vulkan", "--set", f"graph={name}")
+    code, out, err = strata(
+        *words,
+        "--set",
+        "depth_prepass=on",
+        "--set",
+        "aperture=2",
+        "--outputs",
+        "color,instance_id",
+        "--json",
+        "-",
+    )
+    assert code == 0, err
+    made = json.loads(out)
+    own = {"deferred": {"gbuffer", "lighting"}, "forward": {"forward"}}[name]
+    always = {"depth_prepass", "instance_id", "circle_of_confusion", "bokeh", "depth_of_field", "tonemap"}
+    assert {step["name"] for step in made["steps"]} == own | always | {"copy outputs"}
+    assert set(made["left_out"]) == {"deferred": {"transparent"}, "forward": {"resolve"}}[name]

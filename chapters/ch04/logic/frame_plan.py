@@ -17,6 +17,7 @@ from backends.contract import Access
 from common.errors import UserError
 from common.names import suggest
 
+from .frame import OUTPUTS
 from .frame_graph import bytes_of, compile_graph
 from .graph_json import GraphFile
 from .graph_names import connect
@@ -153,7 +154,7 @@ class FramePlan:
             name: Declared(name, made.reads, made.writes, _why_not(made, scene, settings))
             for name, made in self._passes.items()
         }
-        nodes = self._file.nodes(declared, self._formats)
+        nodes = self._file.nodes(declared, self._formats, outputs=OUTPUTS)
         nodes += [
             Node(made.name, made.reads, made.writes, _why_not(made, scene, settings))
             for made in self._inserted.values()

@@ -24,6 +24,7 @@ _STAGES = {
     "compute": "compute shaders",
     "copy": "copies",
     "indirect": "indirect draws",
+    "host": "programs on the CPU",
 }
 
 
@@ -161,7 +162,7 @@ def sentence(barrier: Barrier) -> str:
     if not barrier.before.stages:
         says = f"{after} {does} it first" if after else "nobody used it before"
     elif barrier.instead_of:
-        says = f"{after} {does} where {before} {did} {_and(barrier.instead_of)}"
+        says = f"{after} {does} where {_and(barrier.instead_of)} lay, when {before} are done"
     elif barrier.discard:
         says = f"{after} {does} it anew, when {before} of the frame before {did} it"
     elif barrier.after.writes:
@@ -222,7 +223,7 @@ def described(resource: Resource) -> str:
     samples = f" x{resource.samples}" if resource.samples > 1 else ""
     names = f", then {', '.join(resource.names[1:])}" if resource.names[1:] else ""
     told = resource.bytes or (resource.format is not None and resource.size is not None)
-    takes = f", {shown_bytes(texels(resource).size)}" if told and resource.life != "external" else ""
+    takes = f", {shown_bytes(texels(resource).size)}" if told else ""
     return f"{resource.life} {resource.format or resource.kind}{samples}{size}{takes}{names}"
 
 

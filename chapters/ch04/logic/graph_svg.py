@@ -28,6 +28,7 @@ _CHARACTER = 7.3
 """Pixels of a character: monospaced, 12 pixels high."""
 
 _COLUMN, _ROW, _MARGIN = 34, 20, 16
+_KINDS = {"graphics": "#e4e4e7", "compute": "#fde68a", "copy": "#bae6fd"}
 _INK, _PALE, _LINE = "#18181b", "#71717a", "#d4d4d8"
 
 
@@ -79,9 +80,10 @@ class _Drawing:
         self.line(self.title or "A frame", size=15, weight="bold")
         self.line(
             f"{graph.size[0]}x{graph.size[1]} pixels; transients take {shown_bytes(memory.size)}, each on its own "
-            f"{shown_bytes(memory.alone)}; W writes, R reads, X goes on; yellow computes",
+            f"{shown_bytes(memory.alone)}",
             fill=_PALE,
         )
+        self.line("grey draws, yellow computes, blue copies; W writes, R reads, X goes on", fill=_PALE)
         self.net()
         self.heads()
         self.arcs()
@@ -164,9 +166,7 @@ class _Drawing:
         for number, step in enumerate(self.graph.steps):
             x = self.middle(number)
             about = f"{step.name} ({step.kind}), {len(step.barriers)} barriers"
-            circle = _tag(
-                "circle", cx=x, cy=self.y, r=11, fill="#e4e4e7" if step.kind == "graphics" else "#fde68a"
-            )
+            circle = _tag("circle", cx=x, cy=self.y, r=11, fill=_KINDS[step.kind])
             number_ = _tag("text", str(number + 1), x=x, y=self.y + 4, font_size=11, text_anchor="middle")
             self.parts.append(_tag("g", _tag("title", _text(about)) + circle + number_))
         self.y += 11
