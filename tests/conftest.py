@@ -43,7 +43,11 @@ TWO_PATHS = 4
 DEFERRED_SAMPLE = ("test_materials.py", "test_skipping.py")
 """The files of which the usual run takes that path, too; with --long all do."""
 
-USUAL = {"chapter": ("vulkan", "without-all", "gl"), "vulkan_device": ("vulkan", "without-all"), "gl_context": ("gl",)}
+USUAL = {
+    "chapter": ("vulkan", "without-all", "gl"),
+    "vulkan_device": ("vulkan", "without-all"),
+    "gl_context": ("gl",),
+}
 """The variants of a test that uses this fixture, the first of these that it uses; the mark `variants` names others."""
 
 
@@ -105,7 +109,11 @@ def _takes_both_paths(metafunc: pytest.Metafunc) -> bool:
     """Whether a test of a chapter with one path runs for one with two, and is of those that take both of them."""
     path = metafunc.definition.path
     written_for, config = snapshots.first_chapter(path), metafunc.config
-    if written_for is None or written_for >= TWO_PATHS or snapshots.tested(metafunc.definition).number < TWO_PATHS:
+    if (
+        written_for is None
+        or written_for >= TWO_PATHS
+        or snapshots.tested(metafunc.definition).number < TWO_PATHS
+    ):
         return False
     return bool(config.getoption("--long")) or path.name in DEFERRED_SAMPLE
 

@@ -144,9 +144,7 @@ class Renderer(GraphStream):
         made = make_passes(scene, settings, self._data, self._pipelines, file.passes.values())
         self._forward = next(iter(made.values()))
         outputs = {name: SOURCES[name] for name in self.outputs}
-        self._plan = FramePlan(
-            file, made, outputs, self._handed_on, FORMATS
-        )
+        self._plan = FramePlan(file, made, outputs, self._handed_on, FORMATS)
         self._plan.keeps_all = self._inspects
         also = ["copy_source"] * self._inspects + ["copy_target"] * (settings.poison != "off")
         self._memory = GraphMemory(device, also)
