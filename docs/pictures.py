@@ -50,7 +50,7 @@ STUDIES_OF_PIXELS = {"dithered-alpha", "random-textures"}
 """Those about single pixels, which are not to be averaged."""
 STUDY_SETTINGS = {"texture-handles": {"way": "units"}}
 """Settings with which every driver can draw a study's picture."""
-WITH_STUDIES = (1, 2, 3)
+WITH_STUDIES = (1, 2, 3, 4)
 """The chapters that have studies."""
 
 
