@@ -99,7 +99,7 @@ def buffer_requirements(device: Device, size: int, usage: int) -> tuple[int, int
 def create_buffer(
     device: Device, size: int, usage: int, use: MemoryUse, name: str, place: tuple[Any, int] | None = None
 ) -> Buffer:
-    """Return a buffer of `size` bytes, 4 at least; with `place`, (VkDeviceMemory, offset), in memory of the caller's."""
+    """Return a buffer of `size` bytes, 4 at least; with `place`, (VkDeviceMemory, offset), in the caller's memory."""
     info = _buffer_info(size, usage)
     handle = device.create("vkCreateBuffer", info, name)
     allocation = None

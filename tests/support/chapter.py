@@ -12,7 +12,6 @@ from backends.contract import Renderer
 from common.scene import Scene
 from tests.support import gl_functions
 
-
 SURFACES: dict[str, dict[str, Any]] = {"auto": {"gbuffer_format": "full"}}
 """What else is set for a path: what tests hold to the bits of a float, a G-buffer must not round."""
 
