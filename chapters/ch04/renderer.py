@@ -144,7 +144,7 @@ class Renderer(GraphStream):
         made = make_passes(scene, settings, self._data, self._pipelines, file.passes.values())
         self._forward = next(iter(made.values()))
         outputs = {name: SOURCES[name] for name in self.outputs}
-        self._plan = FramePlan(file, made, outputs, self._handed_on, FORMATS)
+        self._plan_frame(FramePlan(file, made, outputs, self._handed_on, FORMATS))
         self._plan.keeps_all = self._inspects
         also = ["copy_source"] * self._inspects + ["copy_target"] * (settings.poison != "off")
         self._memory = GraphMemory(device, also)
@@ -160,12 +160,16 @@ class Renderer(GraphStream):
         """Make what a graph needs: the pipelines of its passes, its images, its sets."""
         made = self._plan.implementations()
         self.passes, self.graph = [made[step.name] for step in graph.steps if step.name != COPY], graph
-        for one in self.passes:
-            if one not in self._created:
-                one.create()
-                self._created.append(one)
-        self._make_sets()
+        if not set(self.passes) <= set(self._created):
+            self._create_passes()
+        self._created = self.passes
         self._create_targets()
+
+    def _create_passes(self) -> None:
+        """Make the pipelines, and then the sets of the scene, which all that draw it hold on to."""
+        for made in self.passes:
+            made.create()
+        self._make_sets()
 
     def _make_sets(self) -> None:
         """Make the scene's descriptor sets, by the layouts that its pipelines' shaders told.
@@ -220,6 +224,7 @@ class Renderer(GraphStream):
             raise StaleFrameError("This renderer was closed and renders no more: open another one.")
         check_moment(view, time)
         started = clock.perf_counter()
+        self._follow_needs()
         slot = self._frames.begin()
         last = self._in_slot[slot.index]()
         if last is not None:
@@ -249,10 +254,7 @@ class Renderer(GraphStream):
         """Write what this frame's shaders read; return the bytes written."""
         scene = self.scene
         if self._data.follow_materials():
-            for made in self._created:
-                if hasattr(made, "built"):
-                    made.create()
-            self._make_sets()
+            self._create_passes()
             self._frames.forget()
             self._data.followed()
         previous = self._previous

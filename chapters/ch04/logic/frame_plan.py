@@ -141,6 +141,10 @@ class FramePlan:
 
     # --- compiled ---
 
+    def needs(self, scene: Any, settings: Any) -> dict[str, bool]:
+        """Return whether the scene and the settings give each pass anything to do."""
+        return {name: made.needed(scene, settings) for name, made in self.implementations().items()}
+
     def compile(
         self,
         size: tuple[int, int],

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from common.scene import Change
+
 from .frame_plan import FramePlan
 from .graph_types import Graph, GraphError
 from .stream import FrameStream
@@ -16,10 +18,27 @@ class GraphStream(FrameStream):
     graph: Graph
     """The frame as it is compiled now."""
     _plan: FramePlan
+    _materials_seen = 0
+    _needs: Mapping[str, bool]
+
+    def _plan_frame(self, plan: FramePlan) -> None:
+        """Draw what `plan` says from now on."""
+        self._plan, self._needs = plan, plan.needs(self.scene, self.settings)
+        self._materials_seen = self.scene.revision[Change.MATERIALS]
 
     def _rebuild(self) -> None:
         """Compile the graph, and take it in place of the one before; where it is refused, that one stays."""
         raise NotImplementedError
+
+    def _follow_needs(self) -> None:
+        """Take another graph where edited materials need a pass that they did not need, or no longer need one."""
+        revision = self.scene.revision[Change.MATERIALS]
+        if revision == self._materials_seen:
+            return
+        needs = self._plan.needs(self.scene, self.settings)
+        if needs != self._needs:
+            self._rebuild()
+        self._materials_seen, self._needs = revision, needs
 
     @property
     def switches(self) -> dict[str, bool]:
