@@ -191,6 +191,7 @@ class Renderer(GraphStream):
     def _create_targets(self) -> None:
         """Make everything whose size is the picture's: targets, attachments, barriers, readback."""
         self._frames.forget()
+        self._histories.forget()
         self._executor = GraphExecutor(
             self.device,
             self.graph,
@@ -240,6 +241,7 @@ class Renderer(GraphStream):
         if recorded:
             self._record(slot, key)
         self._frames.submit(slot)
+        self._histories.rendered(self.graph, slot.number)
         frame.work = self._count(slot.work, written) | {
             "recorded": int(recorded),
             "history_resets": int(frame.reset != ""),
@@ -272,6 +274,7 @@ class Renderer(GraphStream):
             ambient=self._light.ambient(),
             environment=self._data.environment,
         )
+        constants["valid_histories"] = self._histories.mask(self.graph, slot.number, reset)
         self._data.write_frame(slot.index, constants)
         written = constants.nbytes + self._data.records.write(
             self._data.slots[slot.index], pose, exposure(view.ev100)

@@ -9,6 +9,7 @@ from common.scene import Change
 
 from .frame_plan import FramePlan
 from .graph_types import Graph, GraphError
+from .histories import Histories
 from .stream import FrameStream
 
 
@@ -24,6 +25,7 @@ class GraphStream(FrameStream):
     def _plan_frame(self, plan: FramePlan) -> None:
         """Draw what `plan` says from now on."""
         self._plan, self._needs = plan, plan.needs(self.scene, self.settings)
+        self._histories = Histories()
         self._materials_seen = self.scene.revision[Change.MATERIALS]
 
     def _rebuild(self) -> None:
