@@ -147,13 +147,14 @@ class _Connector:
 
     def _live(self, outputs: Collection[str]) -> set[str]:
         """Return the passes that an output, the outside or the next frame needs."""
+        roots = self._roots([*self._nodes.values()])
         waiting = [self._writer[name] for name in outputs if name in self._writer]
         waiting += [node.name for node in self._nodes.values() if not node.writes]
         waiting += [
             node.name
             for node in self._nodes.values()
             for access in node.writes
-            if access.resource in self._externals or access.of in self._externals
+            if roots[access.resource] in self._externals
         ]
         live: set[str] = set()
         while waiting:
