@@ -13,7 +13,6 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from backends.contract import Access
 from common.names import suggest
 
 from .graph_types import Edge, External, GraphError, Node
@@ -48,10 +47,10 @@ def connect(
     return _Connector(nodes, externals).connect(outputs, keep)
 
 
-def inputs(node: Node) -> Iterator[Access]:
-    """Yield what `node` reads of this frame: what it declares to read, and what it goes on with."""
-    yield from (access for access in node.reads if not access.previous)
-    yield from (replace(access, resource=access.of) for access in node.writes if access.of)
+def inputs(node: Node) -> Iterator[str]:
+    """Yield the names that `node` reads of this frame: what it declares to read, and what it goes on with."""
+    yield from (access.resource for access in node.reads if not access.previous)
+    yield from (access.of for access in node.writes if access.of)
 
 
 class _Connector:
@@ -129,31 +128,30 @@ class _Connector:
     def _resolved(self, node: Node) -> Node:
         """Return the node with the names that there are; a name that is lost stays, until somebody needs it."""
         who = f"'{node.name}'"
-        reads = tuple(
-            replace(access, resource=self._resolve(access.resource, who) or access.resource)
-            for access in node.reads
-        )
-        writes = tuple(
-            replace(access, of=self._resolve(access.of, who) or access.of) if access.of else access
-            for access in node.writes
-        )
-        found = replace(node, reads=reads, writes=writes)
-        for access in inputs(found):
-            if self._writer.get(access.resource) == node.name:
-                raise GraphError(f"{who} reads '{access.resource}', which it writes itself.")
+        found = node
+        if any(access.resource not in self._writer for access in node.reads):
+            reads = (replace(a, resource=self._resolve(a.resource, who) or a.resource) for a in node.reads)
+            found = replace(found, reads=tuple(reads))
+        if any(access.of and access.of not in self._writer for access in node.writes):
+            writes = (replace(a, of=a.of and (self._resolve(a.of, who) or a.of)) for a in node.writes)
+            found = replace(found, writes=tuple(writes))
+        for name in inputs(found):
+            if self._writer.get(name) == node.name:
+                raise GraphError(f"{who} reads '{name}', which it writes itself.")
         return found
 
     # --- who is needed ---
 
     def _live(self, outputs: Collection[str]) -> set[str]:
         """Return the passes that an output, the outside or the next frame needs."""
+        roots = self._roots([*self._nodes.values()])
         waiting = [self._writer[name] for name in outputs if name in self._writer]
         waiting += [node.name for node in self._nodes.values() if not node.writes]
         waiting += [
             node.name
             for node in self._nodes.values()
             for access in node.writes
-            if access.resource in self._externals or access.of in self._externals
+            if roots[access.resource] in self._externals
         ]
         live: set[str] = set()
         while waiting:
@@ -163,12 +161,12 @@ class _Connector:
             live.add(name)
             node = self._nodes[name]
             # What the frame before wrote makes no edge, but its writer has to run in every frame.
-            for access in (*inputs(node), *(access for access in node.reads if access.previous)):
-                writer = self._writer.get(access.resource)
+            for read in (*inputs(node), *(access.resource for access in node.reads if access.previous)):
+                writer = self._writer.get(read)
                 if writer is not None:
                     waiting.append(writer)
-                elif access.resource not in self._externals:
-                    raise GraphError(self._lost(node, access.resource))
+                elif read not in self._externals:
+                    raise GraphError(self._lost(node, read))
         return live
 
     def _lost(self, node: Node, name: str) -> str:
@@ -187,7 +185,7 @@ class _Connector:
         readers: dict[str, list[str]] = {}
         goes_on: dict[str, str] = {}
         for node in nodes:
-            for name in dict.fromkeys(access.resource for access in inputs(node)):
+            for name in dict.fromkeys(inputs(node)):
                 readers.setdefault(name, []).append(node.name)
                 if name in self._writer:
                     yield Edge(self._writer[name], node.name, name, "reads")
@@ -215,7 +213,8 @@ class _Connector:
     def _roots(self, nodes: Sequence[Node]) -> dict[str, str]:
         """Return by name the first name of the same memory, for all that these nodes touch."""
         before = {access.resource: access.of for node in nodes for access in node.writes}
-        touched = [access.resource for node in nodes for access in (*inputs(node), *node.reads, *node.writes)]
+        touched = [name for node in nodes for name in inputs(node)]
+        touched += [access.resource for node in nodes for access in (*node.reads, *node.writes)]
         roots: dict[str, str] = {}
         for name in touched:
             chain = []

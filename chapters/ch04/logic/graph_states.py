@@ -59,3 +59,12 @@ def conflict(before: Touch, after: Touch) -> bool:
     """Whether something must happen between the two: a change of layout, or one of them writes."""
     touched = bool(before.stages)
     return before.layout != after.layout or (touched and (before.writes or after.writes))
+
+
+def covers(before: Touch, after: Touch) -> bool:
+    """Whether nothing must happen between a touch of one owner and that of another one.
+
+    What is read before is visible to those who read it, and to no other stage or access.
+    """
+    known = after.stages <= before.stages and after.access <= before.access
+    return not conflict(before, after) and (known or not before.stages)
