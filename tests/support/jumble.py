@@ -49,6 +49,6 @@ def jumble(seed: int, kinds: tuple[Material, ...] = KINDS, count: int = 14) -> S
         lights=(
             Light("point", node=count, intensity=60.0),
             Light("spot", node=count + 1, intensity=80.0, inner_cone=0.3, outer_cone=1.5),
-            Light("directional", node=0, intensity=2.0),
+            Light("directional", node=count + 1, intensity=2.0),
         ),
     )
