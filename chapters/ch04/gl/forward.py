@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -35,7 +36,7 @@ class ForwardPass:
         samples = settings.msaa
         color, depth = "color_hdr" if samples == 1 else "color_msaa", views.depth_target(settings)
         clear = (grey, grey, grey, 1.0)
-        self.writes = (
+        self.writes: tuple[Access, ...] = (
             Access(color, "color", format=settings.color_format, clear=clear, samples=samples),
             Access(depth, "depth", format="d32f", clear=(0.0,), samples=samples),
         )
@@ -43,7 +44,9 @@ class ForwardPass:
         if views.has_prepass(settings):  # another pass has written it: here it is only compared with
             self.reads, self.writes = (Access(depth, "depth", samples=samples),), self.writes[:1]
         self._sky = Sky(settings, data, pipelines) if Sky.needed(scene, settings) else None
+        self.has_sky = self._sky is not None
         self._draws = SceneDraws(scene, data)
+        self._made: Any = {}  # pipelines by variant; none where only other passes draw what is listed here
         self._groups: dict[tuple[int, int, bool, int, int], DrawGroup] = {}
         self.slot = 0
         self.used: list[int] = np.unique(scene.meshes["material"][scene.instances.mesh]).tolist()
@@ -70,9 +73,14 @@ class ForwardPass:
     def create(self) -> None:
         """Build the pipelines of all materials that are drawn, and no other; again when one became another kind."""
         kinds = dict.fromkeys(self._data.variants[material] for material in self.used)
-        self._pipelines.get([self.describe(variant) for variant in kinds])
+        built = self._pipelines.get([self.describe(variant) for variant in kinds])
+        self._made = dict(zip(kinds, built, strict=True))
         if self._sky is not None:
             self._sky.create()
+        self.forget()
+
+    def forget(self) -> None:
+        """Make the lists of draws anew, and what is bound for them."""
         self._draws.forget()
         self._groups.clear()
 
@@ -105,7 +113,7 @@ class ForwardPass:
             page, vertex_array = data.bound_page(self.slot, batch.page)
             self._groups[key] = DrawGroup(
                 batch=batch,
-                pipeline=self._pipelines.get([self.describe(variant)])[0],
+                pipeline=self._made.get(variant),
                 cull=not variant.double_sided,
                 front="clockwise" if batch.mirrored else "counter_clockwise",
                 page=page,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Protocol
 
@@ -12,7 +12,7 @@ from backends.contract import Access
 from common.scene import Scene
 
 from .packing import Variant
-from .views import background
+from .views import PICTURE, background
 
 Defines = tuple[tuple[str, int | float | str], ...]
 
@@ -49,6 +49,15 @@ class Settings(Protocol):
     depth_prepass: bool
 
 
+def possible(settings: Settings) -> bool:
+    """Whether a G-buffer can hold what is asked for: light, and one surface at each pixel.
+
+    A view shows what a surface has, which the forward pass knows in full; several samples a pixel would need as many
+    surfaces, all of them lit.
+    """
+    return settings.view == PICTURE and settings.msaa == 1
+
+
 def written(settings: Settings) -> tuple[Access, ...]:
     """Return the G-buffer as the pass declares it that writes it.
 
@@ -72,12 +81,6 @@ def light_defines(variants: Iterable[Variant], sky: bool, settings: Settings) ->
     found = {name: value for variant in variants for name, value in variant.defines if name in _LIGHT}
     behind: tuple[str, int | float | str] = ("BACKGROUND", background(settings, settings.background))
     return (*sorted(found.items()), ("SKY", 1) if sky else behind)
-
-
-def kinds(variants: Sequence[Variant], used: Iterable[int], transparent: bool) -> list[Variant]:
-    """Return the variants of the materials in `used` that are `transparent`, or that are not; each of them once."""
-    found = dict.fromkeys(variants[material] for material in used)
-    return [variant for variant in found if (variant.alpha_mode == "blend") == transparent]
 
 
 def has_transparent(scene: Scene) -> bool:

@@ -12,11 +12,11 @@ from ..logic.samples import coverage_defines
 from ..logic.views import has_prepass
 from ..settings import Settings
 from .forward import ForwardPass
-from .instance_id import InstanceIdPass
+from .objects import ObjectsPass
 
 
-class DepthPrepass(InstanceIdPass):
-    """Draws the solid objects without colour; like the ids' pass, with one pipeline for all that are opaque.
+class DepthPrepass(ObjectsPass):
+    """Draws the solid objects without colour, with one pipeline for all that are opaque.
 
     The pass that shades tests for equal depth then, and so shades each pixel once, however many surfaces lie behind one
     another. That pays where shading is dear and overdraw is high: all vertices are transformed twice. An opaque surface
@@ -30,8 +30,7 @@ class DepthPrepass(InstanceIdPass):
     def __init__(
         self, forward: ForwardPass, settings: Settings, data: SceneData, pipelines: Pipelines
     ) -> None:
-        super().__init__(forward, data, pipelines)
-        self._settings = settings
+        super().__init__(forward, settings, data, pipelines)
         self.reads = ()
         self.writes = (Access(forward.depth, "depth", format="d32f", clear=(0.0,), samples=settings.msaa),)
 
@@ -40,14 +39,19 @@ class DepthPrepass(InstanceIdPass):
         """Whether it is asked for; a scene with nothing in it has a depth, too."""
         return has_prepass(settings)
 
-    def _describe(self, variant: Variant) -> GraphicsPipeline:
-        needed = shape_alone(variant)
-        masked = needed.has("ALPHA_MASK")
+    def part_of(self, variant: Variant) -> Variant:
+        """Return what says where a surface is."""
+        return shape_alone(variant)
+
+    def describe(self, variant: Variant) -> GraphicsPipeline:
+        """Return the pipeline: without a fragment shader, unless a mask decides."""
+        shape = shape_alone(variant)
+        masked = shape.has("ALPHA_MASK")
         return GraphicsPipeline(
             shaders=("forward.vert", "forward.frag") if masked else ("forward.vert",),
             defines=(
-                *needed.defines,
-                *self._data.texture_defines(needed, shape_alone),
+                *shape.defines,
+                *self._data.texture_defines(shape, shape_alone),
                 *coverage_defines(variant, self._settings),
                 *((("DEPTH_ALONE", 1),) if masked else ()),
             ),

@@ -6,16 +6,16 @@ from dataclasses import replace
 
 from common.scene import Scene
 
-from ..graphics.commands import Commands
 from ..graphics.pipelines import GraphicsPipeline, Pipelines
 from ..graphics.scene_data import SceneData
 from ..logic import deferred
 from ..logic.packing import Variant
 from ..settings import Settings
 from .forward import ForwardPass
+from .objects import ObjectsPass
 
 
-class GBufferPass(ForwardPass):
+class GBufferPass(ObjectsPass):
     """The forward pass up to where light comes in: its solid draws, by the same shader, which stores the surface.
 
     What a surface costs no longer depends on the number of lights, and what light costs no longer on the number of
@@ -25,34 +25,29 @@ class GBufferPass(ForwardPass):
 
     name = "gbuffer"
 
-    def __init__(self, scene: Scene, settings: Settings, data: SceneData, pipelines: Pipelines) -> None:
-        super().__init__(scene, settings, data, pipelines)
-        self.writes = (*deferred.written(settings), *self.writes[1:])
-        self.sky = self._sky is not None
-        """Whether there is a sky behind all surfaces, for the lighting pass to draw."""
+    def __init__(
+        self, forward: ForwardPass, settings: Settings, data: SceneData, pipelines: Pipelines
+    ) -> None:
+        super().__init__(forward, settings, data, pipelines)
+        self.reads = forward.reads
+        self.writes = (*deferred.written(settings), *forward.writes[1:])  # and depth, if nobody has before
+
+    @staticmethod
+    def needed(scene: Scene, settings: Settings) -> bool:
+        """Even an empty scene has a background, where depth says that nothing was drawn."""
+        return deferred.possible(settings)
+
+    def part_of(self, variant: Variant) -> Variant:
+        """Return what says what a surface is."""
+        return deferred.surface_alone(variant)
 
     def describe(self, variant: Variant) -> GraphicsPipeline:
-        """Return the pipeline that draws materials of `variant`; a transparent one is shaded as it is drawn."""
-        described = super().describe(variant)
-        if variant.alpha_mode == "blend":
-            return described
+        """Return the pipeline: the forward pass's, without light and with other targets."""
         surface = deferred.surface_alone(variant)
         textures = self._data.texture_defines(surface, deferred.surface_alone)
         return replace(
-            described,
+            self._forward.describe(variant),
             defines=(*surface.defines, *textures, ("GBUFFER", 1)),
             color=deferred.FORMATS[self._settings.gbuffer_format],
             name=f"G-buffer {' '.join(name.lower() for name, _ in surface.defines)}",
         )
-
-    def create(self) -> None:
-        """Build the pipelines of what is solid; again when a material became another kind."""
-        solid = deferred.kinds(self._data.variants, self.used, transparent=False)
-        self.built = self._pipelines.get([self.describe(variant) for variant in solid])
-        self._draws.forget()
-        self._groups.clear()
-
-    def record(self, commands: Commands) -> None:
-        """Record the draws of what is solid."""
-        slot = self._data.slots[self.slot]
-        commands.draw_groups(self.solid, self._data.frame_set(self.slot), slot.commands)

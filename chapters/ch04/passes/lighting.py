@@ -9,8 +9,8 @@ from ..graphics.pipelines import GraphicsPipeline, Pipelines
 from ..graphics.scene_data import SceneData
 from ..logic.deferred import TARGETS, light_defines
 from ..settings import Settings
+from .forward import ForwardPass
 from .fullscreen import FullscreenPass
-from .gbuffer import GBufferPass
 
 
 class LightingPass(FullscreenPass):
@@ -19,10 +19,9 @@ class LightingPass(FullscreenPass):
     name = "lighting"
 
     def __init__(
-        self, gbuffer: GBufferPass, settings: Settings, data: SceneData, pipelines: Pipelines
+        self, forward: ForwardPass, settings: Settings, data: SceneData, pipelines: Pipelines
     ) -> None:
-        super().__init__(gbuffer, settings, data, pipelines)
-        self._gbuffer = gbuffer
+        super().__init__(forward, settings, data, pipelines)
         self.reads = tuple(Access(name, "sampled") for name in (*TARGETS, "depth"))
         self.writes = (Access("color_lit", "color", format=settings.color_format),)
 
@@ -33,10 +32,10 @@ class LightingPass(FullscreenPass):
 
     def describe(self) -> GraphicsPipeline:
         """Return the pipeline, with the lights and the environment that any of the materials takes part in."""
-        variants = [self._data.variants[material] for material in self._gbuffer.used]
+        variants = [self._data.variants[material] for material in self._forward.used]
         return GraphicsPipeline(
             shaders=("fullscreen.vert", "lighting.frag"),
-            defines=light_defines(variants, self._gbuffer.sky, self._settings),
+            defines=light_defines(variants, self._forward.has_sky, self._settings),
             color=self._settings.color_format,
             depth=None,
             name="lighting",

@@ -5,42 +5,36 @@ from __future__ import annotations
 from backends.contract import Access
 from common.scene import Scene
 
-from ..graphics.commands import Commands
-from ..graphics.pipelines import Built, Pipelines
+from ..graphics.pipelines import GraphicsPipeline, Pipelines
 from ..graphics.scene_data import SceneData
-from ..logic import deferred
+from ..logic.deferred import has_transparent
+from ..logic.packing import Variant
 from ..settings import Settings
-from .gbuffer import GBufferPass
+from .forward import ForwardPass
+from .objects import ObjectsPass
 
 
-class TransparentPass:
+class TransparentPass(ObjectsPass):
     """Draws blended objects as the forward path does, farthest first, each one shaded while it is drawn.
 
     A G-buffer has room for one surface at each pixel, so what lies over another one has to bring its light with it.
     """
 
     name = "transparent"
+    transparent = True
 
     def __init__(
-        self, gbuffer: GBufferPass, settings: Settings, data: SceneData, pipelines: Pipelines
+        self, forward: ForwardPass, settings: Settings, data: SceneData, pipelines: Pipelines
     ) -> None:
-        self._gbuffer, self._data, self._pipelines = gbuffer, data, pipelines
-        self.built: list[Built] = []
+        super().__init__(forward, settings, data, pipelines)
         self.reads = (Access("depth", "depth"),)
         self.writes = (Access("color_hdr", "color", format=settings.color_format, of="color_lit"),)
 
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:
         """Whether any object is transparent; else what was lit is the picture."""
-        return deferred.has_transparent(scene)
+        return has_transparent(scene)
 
-    def create(self) -> None:
-        """Build the pipelines of what is transparent; again when a material became another kind."""
-        kinds = deferred.kinds(self._data.variants, self._gbuffer.used, transparent=True)
-        self.built = self._pipelines.get([self._gbuffer.describe(variant) for variant in kinds])
-
-    def record(self, commands: Commands) -> None:
-        """Record the draws of what is transparent."""
-        slot = self._gbuffer.slot
-        frame_set, records = self._data.frame_set(slot), self._data.slots[slot].commands
-        commands.draw_groups(self._gbuffer.transparent, frame_set, records)
+    def describe(self, variant: Variant) -> GraphicsPipeline:
+        """Return the forward pass's pipeline."""
+        return self._forward.describe(variant)
