@@ -41,6 +41,7 @@ class _Slot:
 
     transparent: Sequence[Batch] = ()
     seen_from: Any = None
+    in_order: bytes = b""
 
 
 class SceneDraws:
@@ -92,6 +93,7 @@ class SceneDraws:
             centers = instances["bounds_centre"][lists.transparent, :3]
             commands, held.transparent = lists.in_order(packing.back_to_front(centers, view_from_origin))
             written += data.write_commands(slot, commands, len(lists.commands) - len(commands))
+            held.in_order = commands.tobytes()
             held.seen_from = seen_from
         return written
 
@@ -110,4 +112,5 @@ class SceneDraws:
         The GPU reads records `by_address` as they are when it draws; recorded one by one they are what they were.
         """
         held = self._slots[slot]
-        return self._lists.solid, held.transparent if by_address else (self._key, held.seen_from)
+        batches = (self._lists.solid, held.transparent)
+        return batches if by_address else (*batches, self._key, held.in_order)
