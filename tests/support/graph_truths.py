@@ -6,9 +6,8 @@ pass that continues it (`of`) makes another value of the same resource. All pass
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from itertools import groupby
 from typing import Any
 
 from backends.contract import Access
@@ -209,29 +208,50 @@ def _merged(parts: list[Use]) -> Use:
 
 # --- orders -----------------------------------------------------------------------------------------------------------
 
+Layouts = tuple[tuple[str, str], ...]
 
-def orders(names: Collection[str], edges: Collection[tuple[str, str]]) -> Iterator[tuple[str, ...]]:
-    """Every order of `names` in which each edge (before, after) points forward; none where there is a cycle."""
-    behind = {name: {a for a, b in edges if b == name} for name in names}
 
-    def extend(order: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
-        if len(order) == len(behind):
-            yield order
-        for name in sorted(behind):
-            if name not in order and behind[name] <= {*order}:
-                yield from extend((*order, name))
-
-    return extend(())
+def _changed(truth: Truth, name: str, layouts: Layouts) -> tuple[int, Layouts]:
+    """How many images change layout for a pass, and all layouts behind it."""
+    now = dict(layouts)
+    wanted = {use.resource: use.layout for use in truth.uses(name) if use.layout}
+    return sum(now.get(image) != layout for image, layout in wanted.items()), tuple(
+        sorted((now | wanted).items())
+    )
 
 
 def transitions(truth: Truth, order: Sequence[str]) -> int:
-    """How often images change layout in one frame of this order, the giving up of old content included."""
-    layouts: dict[str, list[str]] = {}
+    """How often images change layout in one frame of this order, into the layout of their first use included."""
+    count, layouts = 0, _entered(truth)
     for name in order:
-        for use in truth.uses(name):
-            if truth.is_image(use.resource):
-                layouts.setdefault(use.resource, []).append(use.layout)
-    return sum(len([*groupby(row)]) for row in layouts.values())
+        more, layouts = _changed(truth, name, layouts)
+        count += more
+    return count
+
+
+def fewest_transitions(truth: Truth) -> int:
+    """The least of `transitions` over all orders that the edges allow; RuntimeError where there is none.
+
+    All orders are walked; those that came to the same passes and the same layouts go on as one.
+    """
+    behind = {name: {before for before, after, _ in truth.edges if after == name} for name in truth.alive}
+    best: dict[tuple[frozenset[str], Layouts], int] = {(frozenset(), _entered(truth)): 0}
+    for _ in behind:
+        longer: dict[tuple[frozenset[str], Layouts], int] = {}
+        for (done, layouts), count in best.items():
+            for name in behind.keys() - done:
+                if behind[name] <= done:
+                    more, later = _changed(truth, name, layouts)
+                    key = done | {name}, later
+                    longer[key] = min(count + more, longer.get(key, count + more))
+        best = longer
+    if not best:
+        raise RuntimeError("the passes wait for each other")
+    return min(best.values())
+
+
+def _entered(truth: Truth) -> Layouts:
+    return tuple(sorted((name, external.enters.layout) for name, external in truth.externals.items()))
 
 
 # --- events -----------------------------------------------------------------------------------------------------------

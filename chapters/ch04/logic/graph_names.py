@@ -144,14 +144,14 @@ class _Connector:
 
     def _live(self, outputs: Collection[str]) -> set[str]:
         """Return the passes that an output, the outside or the next frame needs."""
-        roots = self._roots([*self._nodes.values()])
+        roots = self._roots([*self._nodes.values()]) if self._externals else {}
         waiting = [self._writer[name] for name in outputs if name in self._writer]
         waiting += [node.name for node in self._nodes.values() if not node.writes]
         waiting += [
             node.name
             for node in self._nodes.values()
             for access in node.writes
-            if roots[access.resource] in self._externals
+            if roots.get(access.resource) in self._externals
         ]
         live: set[str] = set()
         while waiting:
