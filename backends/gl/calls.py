@@ -118,6 +118,8 @@ void glNamedFramebufferTextureLayer(GLuint framebuffer, GLenum attachment, GLuin
 void glNamedFramebufferDrawBuffers(GLuint framebuffer, GLsizei n, const GLenum *bufs);
 void glNamedFramebufferReadBuffer(GLuint framebuffer, GLenum src);
 GLenum glCheckNamedFramebufferStatus(GLuint framebuffer, GLenum target);
+void glInvalidateNamedFramebufferData(GLuint framebuffer, GLsizei numAttachments, const GLenum
+    *attachments);
 void glBindFramebuffer(GLenum target, GLuint framebuffer);
 void glClearNamedFramebufferfv(GLuint framebuffer, GLenum buffer, GLint drawbuffer, const GLfloat
     *value);

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -80,6 +81,10 @@ class ForwardPass:
         """Choose what this frame draws and in which order, and write it to the slot; return the bytes written."""
         self.slot = slot
         return self._draws.prepare(slot, view)
+
+    def recorded(self, slot: int, by_address: bool) -> Any:
+        """Return what a recording of this slot's draws follows from; see `SceneDraws.recorded`."""
+        return self._draws.recorded(slot, by_address)
 
     @property
     def visible(self) -> int:
