@@ -21,6 +21,7 @@ from ..logic.graph_types import Graph, Step
 from .commands import Commands, Textures
 from .graph_images import GraphImages
 from .graph_sync import memory_barriers
+from .poison import Poison
 from .recordings import CallRecorder
 from .targets import Framebuffers, Targets
 
@@ -32,6 +33,7 @@ class _Ready:
     step: Any  # a `Step`, which has what an inspection asks of a pass: its name
     barrier: int
     targets: Targets | None
+    poison: Poison | None = None
     sources: Textures | None = None
     """For a pass that samples what others drew."""
 
@@ -40,7 +42,7 @@ class GraphExecutor:
     """A graph with its images, ready to be recorded for each slot. Close it before another graph takes its place.
 
     `passes` are by the names of the graph's nodes; `sampler` makes samplers; `externals` gives the images and buffers
-    of others, by slot; `alias` is the setting of that name.
+    of others, by slot; `alias` and `poison` are the settings of these names.
     """
 
     def __init__(
@@ -51,6 +53,7 @@ class GraphExecutor:
         sampler: Callable[[Sampler, float], int],
         externals: Callable[[GraphImages], list[Mapping[str, Image | Buffer]]] | None = None,
         alias: bool = True,
+        poison: str = "off",
     ) -> None:
         self._context, self.graph, self._passes = context, graph, dict(passes)
         self._sampler = sampler
@@ -62,7 +65,7 @@ class GraphExecutor:
                     held.update(more)
             self.barriers = memory_barriers(graph, self._passes, self.images.in_slot)
             """By step the bits of the glMemoryBarrier in front of it, 0 for none."""
-            self._slots = [self._ready(slot) for slot in range(SLOTS)]
+            self._slots = [self._ready(slot, poison) for slot in range(SLOTS)]
             for step in graph.steps:
                 self._bind_sources(step)
         except BaseException:
@@ -71,7 +74,7 @@ class GraphExecutor:
 
     # --- made once for a graph ---
 
-    def _ready(self, slot: int) -> list[_Ready]:
+    def _ready(self, slot: int, poison: str) -> list[_Ready]:
         context, held = self._context, self.images.in_slot[slot]
         return [
             _Ready(
@@ -80,6 +83,7 @@ class GraphExecutor:
                 Targets(context, self._framebuffers.get(step, held), step)
                 if step.kind == "graphics"
                 else None,
+                Poison(context, step.barriers, held, poison) if poison != "off" else None,
             )
             for step, barrier in zip(self.graph.steps, self.barriers, strict=True)
         ]
@@ -119,6 +123,8 @@ class GraphExecutor:
         context, labels = self._context, self._context.sink.labels
         for one in self._slots[slot]:
             made, name = self._passes[one.step.name], one.step.name
+            if one.poison is not None:
+                one.poison.record()
             if one.barrier:
                 context.fn.glMemoryBarrier(one.barrier)
             timed = one.step.kind != "copy"

@@ -158,6 +158,7 @@ class Renderer(GraphStream):
             self._data.sampler,
             partial(self._copies.attach, self.graph),
             self.settings.alias,
+            self.settings.poison,
         )
         watched = self._plan.watched(self.graph) if self._inspects else []
         self.inspection = Inspection(self.device, watched, self._executor.images.by_name(self.graph), SLOTS)
