@@ -41,7 +41,7 @@ from ..logic.constants import frame_constants
 from ..logic.default_light import DefaultLight
 from ..logic.environment import files_at_start
 from ..logic.frame import OUTPUTS, SLOTS, SOURCES, Frame, check_outputs, output_of, reset_by
-from ..logic.frame_plan import COPY, FramePlan
+from ..logic.frame_plan import COPY, FramePlan, check_samples, graph_name
 from ..logic.graph_json import graph_path, read_graph
 from ..logic.graph_stream import GraphStream
 from ..logic.graph_types import Graph
@@ -124,11 +124,12 @@ class Renderer(GraphStream):
         self._workers = Workers(settings.recording_threads)
         multi_draw = self.plan.native("multi-draw")
         self._commands = open_commands(context, self._pipelines, multi_draw, self._workers, settings)
-        file = read_graph(graph_path(settings.graph))
+        file = read_graph(graph_path(graph_name(settings)))
+        check_samples(file, settings)
         made = make_passes(scene, settings, self._data, self._pipelines, file.passes.values())
         self._forward = next(iter(made.values()))
         outputs = {name: SOURCES[name] for name in self.outputs}
-        self._plan = FramePlan(file, made, outputs, self._handed_on, FORMATS)
+        self._plan_frame(FramePlan(file, made, outputs, self._handed_on, FORMATS))
         self._plan.keeps_all = self._inspects
         self._copies = CopyOutputs(context)
         self._created: list[Any] = []
@@ -142,11 +143,15 @@ class Renderer(GraphStream):
         """Make what a graph needs: the pipelines of its passes, its images."""
         made = self._plan.implementations()
         self.passes, self.graph = [made[step.name] for step in graph.steps if step.name != COPY], graph
-        for one in self.passes:
-            if one not in self._created:
-                one.create()
-                self._created.append(one)
+        if not set(self.passes) <= set(self._created):
+            self._create_passes()
+        self._created = self.passes
         self._create_targets()
+
+    def _create_passes(self) -> None:
+        """Make the pipelines."""
+        for made in self.passes:
+            made.create()
 
     def _create_targets(self) -> None:
         """Make everything whose size is the picture's: targets, framebuffers, readback."""
@@ -184,6 +189,7 @@ class Renderer(GraphStream):
         check_moment(view, time)
         started = clock.perf_counter()
         self.device.make_current()
+        self._follow_needs()
         slot = self._frames.begin()
         last = self._in_slot[slot.index]()
         if last is not None:
@@ -212,8 +218,7 @@ class Renderer(GraphStream):
         """Write what this frame's shaders read; return the bytes written."""
         scene, data = self.scene, self._data
         if data.follow_materials():
-            for made in self._created:
-                made.create()
+            self._create_passes()
             self._frames.forget()
             data.followed()
         previous = self._previous
