@@ -64,10 +64,15 @@ class Readback:
         fn = self._context.fn
         # What shaders stored to the image is not in order with copies by itself, nor are copies with mapped memory.
         fn.glMemoryBarrier(gl.GL_TEXTURE_UPDATE_BARRIER_BIT | gl.GL_FRAMEBUFFER_BARRIER_BIT)
+        self.copy()
+        fn.glMemoryBarrier(gl.GL_CLIENT_MAPPED_BUFFER_BARRIER_BIT)
+
+    def copy(self) -> None:
+        """Do so without barriers: where it is known that no shader stored to the image, or one stands in front."""
+        fn = self._context.fn
         fn.glBindBuffer(gl.GL_PIXEL_PACK_BUFFER, self.buffer.handle)
         _copy(self._context, self._image, 0, 0, gl.NULL, self.buffer.size)
         fn.glBindBuffer(gl.GL_PIXEL_PACK_BUFFER, 0)
-        fn.glMemoryBarrier(gl.GL_CLIENT_MAPPED_BUFFER_BARRIER_BIT)
 
     def read(self) -> np.ndarray:
         """Return a copy of the image as (H, W) or (H, W, C), row 0 on top; a fence after `record` must be reached."""

@@ -40,7 +40,7 @@ class Rendering:
     """A framebuffer, and what its attachments start from; None keeps what is there."""
 
     target: Framebuffer
-    clear_color: Sequence[float] | Sequence[int] | None = None
+    clear_colors: Sequence[Sequence[float] | None] = ()
     clear_depth: float | None = None
 
 
@@ -61,7 +61,7 @@ class Commands:
 
     def begin_rendering(self, rendering: Rendering) -> None:
         """Begin drawing to a framebuffer, over its whole size."""
-        begin(self._context, rendering.target, (rendering.clear_color,), rendering.clear_depth)
+        begin(self._context, rendering.target, rendering.clear_colors, rendering.clear_depth)
 
     # --- within passes ---
 

@@ -89,6 +89,10 @@ class ForwardPass:
         self.slot = slot
         return self._draws.prepare(slot, view)
 
+    def recorded(self, slot: int, by_address: bool) -> Any:
+        """Return what a recording of this slot's draws follows from; see `SceneDraws.recorded`."""
+        return self._draws.recorded(slot, by_address)
+
     @property
     def visible(self) -> int:
         """How many instances of the scene are visible."""

@@ -9,6 +9,9 @@
 
 The driver finds out by itself that a pass must wait for what it reads. That is comfortable, and it is work that the
 driver does for each call of each frame: what Vulkan's barriers say once, OpenGL guesses again and again.
+
+Passes and their order come from the graph, as on Vulkan. The calls of a frame are found once for each slot, and made
+from a list while they are good.
 """
 
 from __future__ import annotations
@@ -17,6 +20,7 @@ import time as clock
 import weakref
 from collections.abc import Collection, Iterable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,37 +29,37 @@ import numpy as np
 from backends.contract import Reloaded, check_arguments, check_moment, check_names, check_size, resolve
 from backends.gl.context import Context
 from backends.gl.inspection import Inspection
-from backends.gl.readback import Readback
-from backends.gl.resources import Image, create_image, destroy_image, sample_counts
-from backends.gl.targets import Framebuffer, create_framebuffer, destroy_framebuffer
+from backends.gl.resources import FORMATS, sample_counts
+from backends.gl.targets import Framebuffer
 from common.camera import View, exposure
 from common.errors import StaleFrameError
 from common.pose import evaluate_pose
-from common.scene import Sampler, Scene
+from common.scene import Scene
 
 from .. import LESSON
 from ..logic.constants import frame_constants
 from ..logic.default_light import DefaultLight
 from ..logic.environment import files_at_start
 from ..logic.frame import OUTPUTS, SLOTS, SOURCES, Frame, check_outputs, output_of, reset_by
+from ..logic.frame_plan import COPY, FramePlan, check_samples, graph_name
+from ..logic.graph_json import graph_path, read_graph
+from ..logic.graph_stream import GraphStream
+from ..logic.graph_types import Graph
 from ..logic.loading import Loading
 from ..logic.samples import choose_samples
-from ..logic.stream import FrameStream
 from ..logic.views import shown_exposure
 from ..logic.workers import ALONE, Workers
 from ..settings import Settings
-from .commands import Rendering, Textures
-from .forward import ForwardPass
-from .frames import Frames, FrameSlot
-from .instance_id import InstanceIdPass
+from .copy_outputs import CopyOutputs
+from .frame_passes import make_passes
+from .graph_executor import GraphExecutor
 from .parallel import open_commands
 from .pipelines import Pipelines
-from .resolve import ResolvePass
+from .recordings import RecordedSlot, Recordings
 from .scene_data import SceneData
-from .tonemap import TonemapPass
 
 
-class Renderer(FrameStream):
+class Renderer(GraphStream):
     """The chapter on OpenGL: one stream of frames of one view of one scene."""
 
     def __init__(
@@ -112,7 +116,7 @@ class Renderer(FrameStream):
     def _create(self) -> None:
         context, scene = self.device, self.scene
         settings = replace(self.settings, msaa=self.samples)
-        self._frames = Frames(context)
+        self._frames: Recordings = Recordings(context)
         self._pipelines = Pipelines(context)
         self._begin_stream()
         anisotropy = settings.anisotropy if self.plan.native("anisotropy") else 1.0
@@ -120,78 +124,61 @@ class Renderer(FrameStream):
         self._workers = Workers(settings.recording_threads)
         multi_draw = self.plan.native("multi-draw")
         self._commands = open_commands(context, self._pipelines, multi_draw, self._workers, settings)
-        self._forward = ForwardPass(scene, settings, self._data, self._pipelines)
-        self._instance_id = InstanceIdPass(self._forward, self._data, self._pipelines)
-        self._resolve = ResolvePass(settings, self._data, self._pipelines)
-        self._tonemap = TonemapPass(settings, self._data, self._pipelines)
-        self.passes: list[Any] = [self._forward]
-        asked = {access.resource for access in self._instance_id.writes} & set(self.outputs)
-        if asked and InstanceIdPass.needed(scene, settings):
-            self.passes.append(self._instance_id)
-        if {"color", "color_hdr"} & self._handed_on and ResolvePass.needed(scene, settings):
-            self.passes.append(self._resolve)
-        if "color" in self._handed_on:
-            self.passes.append(self._tonemap)
+        file = read_graph(graph_path(graph_name(settings)))
+        check_samples(file, settings)
+        made = make_passes(scene, settings, self._data, self._pipelines, file.passes.values())
+        self._forward = next(iter(made.values()))
+        outputs = {name: SOURCES[name] for name in self.outputs}
+        self._plan_frame(FramePlan(file, made, outputs, self._handed_on, FORMATS))
+        self._plan.keeps_all = self._inspects
+        self._copies = CopyOutputs(context)
+        self._created: list[Any] = []
+        self._take(self._compiled())
+
+    def _compiled(self) -> Graph:
+        settings = replace(self.settings, msaa=self.samples)
+        return self._plan.compile(self.size, self.scene, settings, alias=settings.alias)
+
+    def _take(self, graph: Graph) -> None:
+        """Make what a graph needs: the pipelines of its passes, its images."""
+        made = self._plan.implementations()
+        self.passes, self.graph = [made[step.name] for step in graph.steps if step.name != COPY], graph
+        if not set(self.passes) <= set(self._created):
+            self._create_passes()
+        self._created = self.passes
+        self._create_targets()
+
+    def _create_passes(self) -> None:
+        """Make the pipelines."""
         for made in self.passes:
             made.create()
-        self._create_targets()
 
     def _create_targets(self) -> None:
         """Make everything whose size is the picture's: targets, framebuffers, readback."""
-        context = self.device
-        self._targets: dict[str, Image] = {}
-        for made in self.passes:
-            for access in made.writes:
-                image = create_image(
-                    context, access.format, self.size, access.resource, samples=access.samples
-                )
-                self._targets[access.resource] = image
-        target = self._targets
-        self._framebuffers: list[Framebuffer] = []
-        color, depth = (access.resource for access in self._forward.writes)
-        grey = self._forward.writes[0].clear
-        forward = self._framebuffer([target[color]], target[depth], "forward")
-        self._forward_rendering = Rendering(forward, grey, 0.0)
-        if self._instance_id in self.passes:
-            framebuffer = self._framebuffer([target["instance_id"]], target["depth"], "instance_id")
-            self._id_rendering = Rendering(framebuffer, (0, 0, 0, 0), None if depth == "depth" else 0.0)
-        if self._resolve in self.passes:
-            self._resolve_rendering = Rendering(self._framebuffer([target["color_hdr"]], None, "resolve"))
-            self._resolve.source = self._source(target[color])
-        if self._tonemap in self.passes:
-            self._picture = self._framebuffer([target["color"]], None, "tonemap")
-            self._tonemap_rendering = Rendering(self._picture)
-            self._tonemap.source = self._source(target["color_hdr"])
-        available = [name for name in self.outputs if SOURCES[name] in target]
-        self._readbacks = [
-            {name: Readback(context, target[SOURCES[name]], f"{name}, slot {slot}") for name in available}
-            for slot in range(SLOTS)
-        ]
-        watched = self.passes if self._inspects else []
-        self.inspection = Inspection(context, watched, target, SLOTS)
-
-    def _source(self, image: Image) -> Textures:
-        """Return what a full-screen pass binds to read a target texel by texel."""
-        nearest = self._data.sampler(Sampler("nearest", "nearest", None, "clamp", "clamp"), 1.0)
-        return ((0, image.view, nearest),)
-
-    def _framebuffer(self, colors: list[Image], depth: Image | None, name: str) -> Framebuffer:
-        self._framebuffers.append(create_framebuffer(self.device, colors, depth, name))
-        return self._framebuffers[-1]
+        self._frames.forget()
+        self._executor = GraphExecutor(
+            self.device,
+            self.graph,
+            self._plan.implementations() | {COPY: self._copies},
+            self._data.sampler,
+            partial(self._copies.attach, self.graph),
+            self.settings.alias,
+            self.settings.poison,
+        )
+        watched = self._plan.watched(self.graph) if self._inspects else []
+        self.inspection = Inspection(self.device, watched, self._executor.images.by_name(self.graph), SLOTS)
 
     def _destroy_targets(self) -> None:
-        if hasattr(self, "inspection"):
-            self.inspection.close()
-        for slot in getattr(self, "_readbacks", []):
-            for readback in slot.values():
-                readback.close()
-        self._readbacks = []
-        for framebuffer in getattr(self, "_framebuffers", []):
-            destroy_framebuffer(self.device, framebuffer)
-        self._framebuffers = []
-        for image in getattr(self, "_targets", {}).values():
-            destroy_image(self.device, image)
-        self._targets = {}
+        self.device.make_current()
+        self._let_go("the size of the picture has changed since")
+        self._copies.close()
+        self.inspection.close()
+        self._executor.close()
+
+    def _rebuild(self) -> None:
+        graph = self._compiled()
+        self._destroy_targets()
+        self._take(graph)
 
     # --- every frame ---
 
@@ -202,43 +189,37 @@ class Renderer(FrameStream):
         check_moment(view, time)
         started = clock.perf_counter()
         self.device.make_current()
+        self._follow_needs()
         slot = self._frames.begin()
         last = self._in_slot[slot.index]()
         if last is not None:
             last.let_go(f"its slot was used again by frame {slot.number}")
-        slot.timestamps.begin_frame()
         frame = Frame(self, slot, self._index, shown_exposure(self.settings, view))
-        commands = self._commands
-        commands.begin(slot)
-
         frame.reset = self._reset or reset_by(view, time, self._previous)
         written = self._update(slot, view, time, frame.reset)
 
-        self._run(self._forward, self._forward_rendering)
-        if self._instance_id in self.passes:
-            self._run(self._instance_id, self._id_rendering)
-        if self._resolve in self.passes:
-            self._run(self._resolve, self._resolve_rendering)
-        if self._tonemap in self.passes:
-            self._run(self._tonemap, self._tonemap_rendering)
-        self._copy_outputs(slot)
-
+        key = self._forward.recorded(slot.index, by_address=True)
+        recorded = slot.key != key or not self.settings.resubmit
+        if recorded:
+            self._record(slot, key)
         self._frames.submit(slot)
         self._in_slot[slot.index] = weakref.ref(frame)  # not before: a frame that failed has no times to keep
-        frame.work = self._count(commands.work, written) | {"history_resets": int(frame.reset != "")}
+        frame.work = self._count(slot.work, written) | {
+            "recorded": int(recorded),
+            "history_resets": int(frame.reset != ""),
+        }
         self._index += 1
         self._reset = ""
         self._previous = view, time
         frame.cpu_ms = (clock.perf_counter() - started) * 1e3
         return frame
 
-    def _update(self, slot: FrameSlot, view: View, time: float, reset: str) -> int:
+    def _update(self, slot: RecordedSlot, view: View, time: float, reset: str) -> int:
         """Write what this frame's shaders read; return the bytes written."""
         scene, data = self.scene, self._data
         if data.follow_materials():
-            for made in (self._forward, self._instance_id):
-                if made in self.passes:
-                    made.create()
+            self._create_passes()
+            self._frames.forget()
             data.followed()
         previous = self._previous
         if reset:  # then the frame before says nothing: neither where the camera was nor where objects were
@@ -259,31 +240,24 @@ class Renderer(FrameStream):
         written = constants.nbytes + data.records.write(data.slots[slot.index], pose, exposure(view.ev100))
         written += data.write_deformation(slot.index, pose)
         data.update_textures(slot.index, view)
-        data.bind_frame(slot.index)
         written += self._forward.prepare(slot.index, view)
         self._last = self._state(view, time)
         return written
 
-    def _run(self, made: Any, rendering: Rendering) -> None:
-        """Make the calls of one pass between its label, its timestamps and its framebuffer."""
-        commands = self._commands
-        with self.device.label(made.name):
-            commands.slot.timestamps.begin(made.name)
-            commands.begin_rendering(rendering)
-            made.record(commands)
-            commands.slot.timestamps.end()
-        self.inspection.record(commands.slot.index, made, commands.work)
-
-    def _copy_outputs(self, slot: FrameSlot) -> None:
-        with self.device.label("copy outputs"):
-            for readback in self._readbacks[slot.index].values():
-                readback.record()
+    def _record(self, slot: RecordedSlot, key: Any) -> None:
+        """Find the calls of a slot's frame; they are made again and again while `key` stays the same."""
+        with self._frames.recording(slot, key) as calls:
+            self._commands.begin(slot)
+            slot.timestamps.begin_frame()
+            self._data.bind_frame(slot.index)
+            self._executor.record(self._commands, slot.index, calls, self.inspection)
+            slot.work = self._commands.work
 
     def _count(self, work: dict[str, int], written: int) -> dict[str, int]:
         return {
             **(ALONE | work | self._data.texture_work),
             "passes": len(self.passes),
-            "passes_skipped": 4 - len(self.passes),
+            "passes_skipped": len(self.graph.left_out),
             "samples": self.samples,
             "instances": self._forward.visible,
             "lights": len(self.scene.lights) if self._data.lit else 0,
@@ -300,20 +274,21 @@ class Renderer(FrameStream):
         """The finished picture on the GPU, for a window to copy from; see `backends.contract.Renderer`."""
         if "color" not in self._handed_on:
             raise StaleFrameError("This renderer has no picture for a window: open it with presents=True.")
-        return self._picture
+        assert self._copies.picture is not None, "a picture is handed on"
+        return self._copies.picture
 
-    def read(self, slot: FrameSlot, name: str, exposed: float) -> np.ndarray:
+    def read(self, slot: RecordedSlot, name: str, exposed: float) -> np.ndarray:
         """Return an output of the slot's frame; see `Frame.image`."""
         inspected = self.inspection.readbacks[slot.index]
         check_outputs((*self.outputs, *inspected), OUTPUTS, name)
         self.device.make_current()
         self._frames.wait(slot)
-        readback = (self._readbacks[slot.index] | inspected).get(name)
+        readback = (self._copies.readbacks[slot.index] | inspected).get(name)
         if readback is None:  # an empty scene has no instances, and so no pass that would draw them
             return np.zeros(self.size[::-1], np.uint32 if name == "instance_id" else np.float32)
         return output_of(name, readback.read(), exposed)
 
-    def read_timings(self, slot: FrameSlot) -> dict[str, float]:
+    def read_timings(self, slot: RecordedSlot) -> dict[str, float]:
         """Return GPU milliseconds by pass of the slot's frame."""
         self.device.make_current()
         self._frames.wait(slot)
@@ -326,11 +301,9 @@ class Renderer(FrameStream):
         size = check_size(size, self.capabilities.limits["maxImageDimension2D"])
         if size == self.size:
             return
-        self.device.make_current()
-        self._let_go("the size of the picture has changed since")
         self._destroy_targets()
         self.size = size
-        self._create_targets()
+        self._take(self._compiled())
         self.reset_history("resize")
 
     def reload_shaders(self, changed: Collection[Path]) -> Reloaded:
@@ -339,6 +312,7 @@ class Renderer(FrameStream):
         rebuilt = self._pipelines.reload(changed)
         if rebuilt:
             self._last = None  # the same view makes another picture now
+            self._frames.forget()
         return Reloaded(rebuilt, files_at_start(self.scene, self.settings).intersection(changed))
 
     def close(self) -> None:
@@ -347,10 +321,18 @@ class Renderer(FrameStream):
             return
         self._closed = True
         self.device.make_current()
-        if hasattr(self, "_readbacks"):  # else it was never whole, and there are no frames
+        if hasattr(self, "_executor"):  # else it was never whole, and there are no frames
             self._let_go("its renderer was closed")
-        self._destroy_targets()
-        for name in ("_workers", "_loading", "_data", "_frames", "_pipelines"):
+        for name in (
+            "_workers",
+            "_loading",
+            "inspection",
+            "_copies",
+            "_executor",
+            "_data",
+            "_frames",
+            "_pipelines",
+        ):
             held = getattr(self, name, None)
             if held is not None:
                 held.close()
