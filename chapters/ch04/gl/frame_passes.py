@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from typing import Any
 
 from common.scene import Scene
@@ -23,28 +22,20 @@ from .tonemap import TonemapPass
 from .transparent import TransparentPass
 
 
-def make_passes(
-    scene: Scene, settings: Settings, data: SceneData, pipelines: Pipelines, wanted: Collection[str]
-) -> dict[str, Any]:
+def make_passes(scene: Scene, settings: Settings, data: SceneData, pipelines: Pipelines) -> dict[str, Any]:
     """Return the passes; nothing is on the GPU before `create` is called, and for those left out it never is.
 
-    The first one is that which chooses what is drawn: the G-buffer's if it is `wanted`, else the forward path's.
+    The forward pass chooses what is drawn, for all the others: a renderer prepares it in each frame, whether or not it
+    is a step of the graph.
     """
-    gbuffer = GBufferPass(scene, settings, data, pipelines)
     forward = ForwardPass(scene, settings, data, pipelines)
-    first: ForwardPass = gbuffer if gbuffer.name in wanted else forward
+    drawn = (DepthPrepass, GBufferPass, LightingPass, TransparentPass)
+    lens = (CircleOfConfusionPass, BokehPass, DepthOfFieldPass)
     passes = (
-        first,
-        gbuffer,
         forward,
-        DepthPrepass(first, settings, data, pipelines),
-        LightingPass(gbuffer, settings, data, pipelines),
-        TransparentPass(gbuffer, settings, data, pipelines),
-        InstanceIdPass(first, data, pipelines),
+        *(kind(forward, settings, data, pipelines) for kind in (*drawn, *lens)),
+        InstanceIdPass(forward, data, pipelines),
         ResolvePass(settings, data, pipelines),
-        CircleOfConfusionPass(first, settings, data, pipelines),
-        BokehPass(first, settings, data, pipelines),
-        DepthOfFieldPass(first, settings, data, pipelines),
         TonemapPass(settings, data, pipelines),
     )
     return {made.name: made for made in passes}

@@ -126,8 +126,8 @@ class Renderer(GraphStream):
         self._commands = open_commands(context, self._pipelines, multi_draw, self._workers, settings)
         file = read_graph(graph_path(graph_name(settings)))
         check_samples(file, settings)
-        made = make_passes(scene, settings, self._data, self._pipelines, file.passes.values())
-        self._forward = next(iter(made.values()))
+        made = make_passes(scene, settings, self._data, self._pipelines)
+        self._forward = made["forward"]
         outputs = {name: SOURCES[name] for name in self.outputs}
         self._plan_frame(FramePlan(file, made, outputs, self._handed_on, FORMATS))
         self._plan.keeps_all = self._inspects
