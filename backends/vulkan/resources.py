@@ -21,6 +21,7 @@ FORMATS: dict[str, tuple[int, int, type, int]] = {
     "rg8": (vk.VK_FORMAT_R8G8_UNORM, 2, np.uint8, 2),
     "rgba8": (vk.VK_FORMAT_R8G8B8A8_UNORM, 4, np.uint8, 4),
     "rgba8_srgb": (vk.VK_FORMAT_R8G8B8A8_SRGB, 4, np.uint8, 4),
+    "rgb10a2": (vk.VK_FORMAT_A2B10G10R10_UNORM_PACK32, 4, np.uint32, 1),
     "r32ui": (vk.VK_FORMAT_R32_UINT, 4, np.uint32, 1),
     "r32f": (vk.VK_FORMAT_R32_SFLOAT, 4, np.float32, 1),
     "rg16f": (vk.VK_FORMAT_R16G16_SFLOAT, 4, np.float16, 2),

@@ -118,7 +118,9 @@ class Settings:
     )
     depth_prepass: bool = knob(False, "whether depth is drawn first, and then only what is visible is shaded")
     gbuffer_format: str = knob(
-        "compact", "surfaces kept in few bits, or in 32 a channel", choices=("compact", "full")
+        "compact",
+        "surfaces kept in few bits, with normals of ten bits or of halves; or in 32 bits a channel",
+        choices=("compact", "half", "full"),
     )
     aperture: float = knob(
         0.0, "f-number of the lens: focal length by opening; 0: all is sharp", minimum=0, maximum=1000

@@ -44,7 +44,7 @@ def surfaces(frame, view, settings, size, scene) -> Surfaces:
         name: frame.image(f"gbuffer/gbuffer_{name}").astype(np.float64)
         for name in ("base_color", "normal", "material", "emissive")
     }
-    if settings.gbuffer_format == "compact":
+    if settings.gbuffer_format == "half":
         stored["base_color"] = decode_srgb(stored["base_color"] / 255)
         stored["material"] /= 255
     depth = frame.image("gbuffer/depth").astype(np.float64)
@@ -139,12 +139,12 @@ def test_in_full_precision_both_paths_differ_by_the_rounding_of_a_place(chapter,
 @pytest.mark.feature("deferred/forward-and-deferred")
 def test_lighting_is_that_of_the_formulas_on_what_was_stored(chapter):
     scene = jumble(3, SOLID)
-    for kind in ("full", "compact"):
+    for kind in ("full", "half"):
         settings = replace(FULL, gbuffer_format=kind)
         deferred, held = frame_of(chapter, scene, settings, "deferred", inspect=True)
         there = held["there"]
         bound = rounding(held, scene, settings)
-        if kind == "compact":  # a texture unit may decode a code of colour as half a code beside it
+        if kind == "half":  # a texture unit may decode a code of colour as half a code beside it
             half = {"base_color": lambda x: 0.5 / 255 * 2.4 / 1.055 * np.maximum(x, 1e-3) ** (1.4 / 2.4)}
             bound = bound + spread(held, scene, settings, half)
         off = np.abs(deferred - lit(held, scene, settings))
@@ -156,7 +156,7 @@ def test_lighting_is_that_of_the_formulas_on_what_was_stored(chapter):
 def test_in_few_bits_both_paths_differ_by_the_steps_of_the_formats(chapter):
     """Half a code of 8 bits, of a colour as of a factor, and 2^-12 of a normal's component: all at their worst."""
     scene = jumble(4, SOLID)
-    settings = replace(FULL, gbuffer_format="compact")
+    settings = replace(FULL, gbuffer_format="half")
     forward = frame_of(chapter, scene, settings, "forward")
     deferred, held = frame_of(chapter, scene, settings, "deferred", inspect=True)
     code = 0.6 / 255

@@ -16,7 +16,7 @@ from tests.support.bounds import codes_off
 from tests.support.scenes import facing, quad_scene, texture
 
 SIZE = (16, 16)
-DEFERRED = Settings(color_format="rgba32f", graph="deferred")
+DEFERRED = Settings(color_format="rgba32f", graph="deferred", gbuffer_format="half")
 BASE, ROUGHNESS, METALLIC, EMISSIVE = (0.2, 0.5, 0.031), 0.37, 0.62, (3.0, 0.4, 0.01)
 SURFACE = Material(base_color=(*BASE, 1.0), roughness=ROUGHNESS, metallic=METALLIC, emissive=EMISSIVE)
 
@@ -42,7 +42,8 @@ def buffers(chapter, scene, settings, view=None):
 @pytest.mark.parametrize("kind", FORMATS)
 def test_targets_stand_in_the_order_and_formats_of_the_table(chapter, kind):
     table = {
-        "compact": ("rgba8_srgb", "rgba16f", "rgba8", "rgba16f"),
+        "compact": ("rgba8_srgb", "rgb10a2", "rgba8", "rgba16f"),
+        "half": ("rgba8_srgb", "rgba16f", "rgba8", "rgba16f"),
         "full": ("rgba32f", "rgba32f", "rgba32f", "rgba32f"),
     }
     names = ("gbuffer_base_color", "gbuffer_normal", "gbuffer_material", "gbuffer_emissive")
@@ -74,6 +75,22 @@ def test_what_is_read_back_is_the_surface_to_half_a_step_of_each_format(chapter)
     assert np.abs(got["gbuffer_normal"][..., :3].astype(np.float64) - normal).max() <= step
     sent = np.array(EMISSIVE) * exposure(2.0)
     assert (np.abs(got["gbuffer_emissive"][..., :3].astype(np.float64) - sent) <= 2 * step * sent).all()
+
+
+@pytest.mark.feature("gbuffer/layout")
+def test_a_normal_of_ten_bits_is_half_a_step_off_and_exact_where_it_is_upright(chapter):
+    """Codes are 512 + 511 n, of 1023: half a step is 1/1022, and 0 and 1 are codes."""
+    matrix, normal = tilted()
+    for turned, truth, bound in (
+        (matrix, normal, codes_off(chapter.device) / 511 + 1e-5),
+        (np.eye(4), (0, 0, 1), 1e-6),
+    ):
+        scene = quad_scene(SURFACE, matrices=(turned,))
+        stored = buffers(chapter, scene, replace(DEFERRED, gbuffer_format="compact"), facing())[
+            "gbuffer_normal"
+        ]
+        found = (stored[4:12, 4:12, :3].astype(np.float64) * 1023 - 512) / 511
+        assert np.abs(found - truth).max() <= bound
 
 
 def test_in_full_precision_it_is_the_surface_itself(chapter):

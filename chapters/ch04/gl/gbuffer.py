@@ -47,6 +47,6 @@ class GBufferPass(ObjectsPass):
         textures = self._data.texture_defines(surface, deferred.surface_alone)
         return replace(
             self._forward.describe(variant),
-            defines=(*surface.defines, *textures, ("GBUFFER", 1)),
+            defines=(*surface.defines, *textures, ("GBUFFER", 1), *deferred.normal_defines(self._settings)),
             name=f"G-buffer {' '.join(name.lower() for name, _ in surface.defines)}",
         )

@@ -20,15 +20,17 @@ TARGETS = ("gbuffer_base_color", "gbuffer_normal", "gbuffer_material", "gbuffer_
 """The G-buffer, in the order of its locations in shaders/gbuffer.glsl, which says what is in which channel."""
 
 FORMATS: dict[str, tuple[str, ...]] = {
-    "compact": ("rgba8_srgb", "rgba16f", "rgba8", "rgba16f"),
+    "compact": ("rgba8_srgb", "rgb10a2", "rgba8", "rgba16f"),
+    "half": ("rgba8_srgb", "rgba16f", "rgba8", "rgba16f"),
     "full": ("rgba32f",) * len(TARGETS),
 }
 """Formats of the targets by the setting `gbuffer_format`.
 
 Base colour: 8 bits in the code of sRGB, as its textures have them. Eight bits of linear light have steps of 1/255,
 which is a fifth of a dark wood's 0.02; those of the code are 1 to 2 % of a colour anywhere above 0.02.
-Normal: a mirror shows a turn of its normal doubled. Halves keep a component within 2^-12 of its value, 0.014 degrees
-of turn; 8 bits would be off by 0.3 degrees, and a highlight's edge would show the steps.
+Normal: a mirror shows a turn of its normal doubled. Ten bits keep a component within 1/1022, at most 0.1 degrees of
+turn, and what is upright exactly; halves within 2^-12 of its value, 0.014 degrees, in twice the memory. 8 bits would be
+off by 0.4 degrees, and a highlight's edge would show the steps.
 Material: occlusion, roughness and metalness come from textures of 8 bits, which stay exact.
 Emission: has no upper end, and arrives exposed: halves, as in the picture itself.
 """
@@ -71,6 +73,11 @@ def written(settings: Settings) -> tuple[Access, ...]:
     )
 
 
+def normal_defines(settings: Settings) -> Defines:
+    """Return what tells the shaders that write normals and those that read them how they are stored."""
+    return (("NORMAL_CODED", 1),) if FORMATS[settings.gbuffer_format][1] == "rgb10a2" else ()
+
+
 def surface_alone(variant: Variant) -> Variant:
     """Return the variant that finds out what a surface is, and lights nothing."""
     return replace(variant, defines=tuple(one for one in variant.defines if one[0] not in _LIGHT))
@@ -80,7 +87,7 @@ def light_defines(variants: Iterable[Variant], sky: bool, settings: Settings) ->
     """Return what lighting.frag is built with for surfaces of these variants, with or without a `sky` behind them."""
     found = {name: value for variant in variants for name, value in variant.defines if name in _LIGHT}
     behind: tuple[str, int | float | str] = ("BACKGROUND", background(settings, settings.background))
-    return (*sorted(found.items()), ("SKY", 1) if sky else behind)
+    return (*sorted(found.items()), *normal_defines(settings), ("SKY", 1) if sky else behind)
 
 
 def has_transparent(scene: Scene) -> bool:

@@ -47,7 +47,7 @@ class GBufferPass(ObjectsPass):
         textures = self._data.texture_defines(surface, deferred.surface_alone)
         return replace(
             self._forward.describe(variant),
-            defines=(*surface.defines, *textures, ("GBUFFER", 1)),
+            defines=(*surface.defines, *textures, ("GBUFFER", 1), *deferred.normal_defines(self._settings)),
             color=deferred.FORMATS[self._settings.gbuffer_format],
             name=f"G-buffer {' '.join(name.lower() for name, _ in surface.defines)}",
         )

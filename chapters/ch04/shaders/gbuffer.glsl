@@ -8,6 +8,8 @@
 // A position is not kept: depth and the pixel say where it is. Nor is anything of a material that is folded in before:
 // factors, textures, vertex colours, normal scale, occlusion strength, the side that is seen.
 
+#include "normal_code.glsl"
+
 layout(location = 0) out vec4 out_base_color;
 layout(location = 1) out vec4 out_normal;
 layout(location = 2) out vec4 out_material;
@@ -15,7 +17,11 @@ layout(location = 3) out vec4 out_emission;
 
 void store_surface(vec3 base_color, vec3 n, float occlusion, float roughness, float metallic, vec3 emission) {
     out_base_color = vec4(finite_color(base_color), 1.0);
+#ifdef NORMAL_CODED
+    out_normal = vec4(coded_normal(n), 0.0);
+#else
     out_normal = vec4(n, 0.0);
+#endif
     out_material = vec4(occlusion, roughness, metallic, 1.0);
     out_emission = vec4(finite_color(emission), 0.0);
 }

@@ -6,6 +6,7 @@
 #include "scene.glsl"
 #include "brdf.glsl"
 #include "finite.glsl"
+#include "normal_code.glsl"
 #ifdef ENVIRONMENT
 #include "ibl.glsl"
 #endif
@@ -54,7 +55,11 @@ void main() {
         float alpha = max(roughness * roughness, ALPHA_MIN);
         vec3 to_eye = frame.orthographic != 0u ? frame.world_from_view[2].xyz : frame.eye.xyz - position;
         vec3 view = to_eye * inversesqrt(max(dot(to_eye, to_eye), 1e-30));
-        vec3 n = normalize(texelFetch(gbuffer_normal, pixel, 0).xyz);
+        vec3 stored = texelFetch(gbuffer_normal, pixel, 0).xyz;
+#ifdef NORMAL_CODED
+        stored = decoded_normal(stored);
+#endif
+        vec3 n = normalize(stored);
 #ifdef LIT
         float smallest = 1e-6 * frame.eye.w;
         for (uint i = 0u; i < light_count.x; ++i) {
