@@ -143,7 +143,7 @@ class GraphExecutor:
                     one.targets.end()
                 if timed:
                     commands.slot.timestamps.end()
-            calls.add(labels.pop)
+                calls.add(labels.pop)
             if inspection is not None and timed:
                 inspection.record(slot, one.step, commands.work)
 
