@@ -59,7 +59,7 @@ def test_none_is_missing_where_resources_keep_memory_of_their_own():
 
 @barriers
 def test_each_barrier_of_random_frames_is_missed():
-    assert check_random(range(200, 235), removing=True) > 250
+    assert check_random(range(120, 150), removing=True) > 250
 
 
 @barriers
