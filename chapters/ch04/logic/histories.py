@@ -21,6 +21,7 @@ class Histories:
 
     def __init__(self) -> None:
         self._written: dict[str, tuple[int, Any]] = {}
+        self._of: tuple[Graph | None, dict[str, Any]] = (None, {})
 
     def valid(self, graph: Graph, number: int, reset: str) -> frozenset[str]:
         """Return the histories that frame `number` of a renderer's life may use; none where it was `reset`."""
@@ -39,17 +40,20 @@ class Histories:
 
     def rendered(self, graph: Graph, number: int) -> None:
         """Note that frame `number` was drawn by `graph`: it wrote the histories that are in it."""
-        self._written = {name: (number, shape) for name, shape in _histories(graph).items()}
+        self._written = {name: (number, shape) for name, shape in self._shapes(graph).items()}
 
     def forget(self) -> None:
         """Note that the images are other ones."""
         self._written.clear()
 
-
-def _histories(graph: Graph) -> dict[str, Any]:
-    written = {name for step in graph.steps for name in step.writes}
-    return {
-        name: (one.format, one.size, one.bytes)
-        for name, one in graph.resources.items()
-        if one.life == "history" and name in written
-    }
+    def _shapes(self, graph: Graph) -> dict[str, Any]:
+        """Return how each history looks that a graph writes; it is the same graph for many frames."""
+        if self._of[0] is not graph:
+            written = {name for step in graph.steps for name in step.writes}
+            shapes = {
+                name: (one.format, one.size, one.bytes)
+                for name, one in graph.resources.items()
+                if one.life == "history" and name in written
+            }
+            self._of = graph, shapes
+        return self._of[1]
