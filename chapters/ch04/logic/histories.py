@@ -29,7 +29,7 @@ class Histories:
             return frozenset()
         return frozenset(
             name
-            for name, shape in _histories(graph).items()
+            for name, shape in self._shapes(graph).items()
             if self._written.get(name) == (number - 1, shape)
         )
 
