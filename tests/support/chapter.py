@@ -11,6 +11,8 @@ import chapters
 from backends.contract import Renderer
 from common.scene import Scene
 from tests.support import gl_functions
+from tests.support.graph_truths import Truth, events_of, places_of
+from tests.support.hazards import find_hazards
 
 SURFACES: dict[str, dict[str, Any]] = {"auto": {"gbuffer_format": "full"}}
 """What else is set for a path: what tests hold to the bits of a float, a G-buffer must not round."""
@@ -33,6 +35,12 @@ class Chapter:
         if getattr(settings, "graph", "") == "auto":
             settings = replace(settings, graph=self.graph, **SURFACES.get(self.graph, {}))
         opened: Renderer = module.Renderer(scene, size, settings, device=self.device, **more)
+        if getattr(opened, "graph", None) is not None:
+            try:
+                hold_to_hazards(opened)
+            except BaseException:
+                opened.close()
+                raise
         return opened
 
     @contextmanager
@@ -50,6 +58,27 @@ class Chapter:
         finally:
             self.device.fn.trace(None)
             made += [name for name, _ in log]
+
+
+_SAFE: set[Any] = set()
+
+
+def hold_to_hazards(renderer: Any) -> None:
+    """Fail where three frames of a renderer's graph have a hazard on a simulated GPU; a frame is looked at once."""
+    graph, plan = renderer.graph, renderer._plan
+    if graph.steps in _SAFE:
+        return
+    truth = graph_truth(renderer)
+    hazards = find_hazards(events_of(truth, graph), places_of(graph))
+    assert not hazards, f"{plan.title}: " + "; ".join(map(str, hazards))
+    _SAFE.add(graph.steps)
+
+
+def graph_truth(renderer: Any) -> Truth:
+    """Return what the passes of a renderer's frame mean, found without its compiler."""
+    plan = renderer._plan
+    outputs = [plan.read_from[name] for name in renderer.graph.outputs]
+    return Truth(list(plan.nodes.values()), outputs, plan.externals, plan.kept)
 
 
 BUILDING = (

@@ -78,12 +78,13 @@ class FramePlan:
         formats: Collection[str],
     ) -> None:
         self._file, self._passes, self._formats = file, dict(passes), formats
-        self._outputs, self._handed_on = {**outputs}, {*handed_on}
+        self.title = file.title
+        self.read_from, self._handed_on = {**outputs}, {*handed_on}
         for output, name in file.outputs.items():
             if output in outputs:
                 self._handed_on.discard(outputs[output])
                 self._handed_on.add(name)
-                self._outputs[output] = name
+                self.read_from[output] = name
         self._off: dict[str, str] = {}
         self._inserted: dict[str, Any] = {}
         self._readers: dict[str, Mapping[str, Mapping[str, str]]] = {}
@@ -92,6 +93,9 @@ class FramePlan:
         self.keep: set[str] = set()
         """Names that are looked at: they share memory with nobody."""
         self.keeps_all = False
+        self.kept: set[str] = set()
+        self.externals: dict[str, External] = {}
+        """What they were compiled with."""
 
     # --- what can be changed while frames are drawn ---
 
@@ -169,8 +173,9 @@ class FramePlan:
         there, copied = self._copied(nodes, size)
         nodes.append(copied[0])
         self.nodes = {node.name: node for node in nodes}
-        keep = {access.resource for node in nodes for access in node.writes} if self.keeps_all else self.keep
-        return compile_graph(nodes, size, there, copied[1], requirements, alias, keep)
+        self.externals = copied[1]
+        self.kept = {a.resource for node in nodes for a in node.writes} if self.keeps_all else {*self.keep}
+        return compile_graph(nodes, size, there, self.externals, requirements, alias, self.kept)
 
     def watched(self, graph: Graph) -> list[Any]:
         """Return the passes of a graph that draw, in its order, with the names of this graph (see `Inspection`)."""
@@ -180,9 +185,9 @@ class FramePlan:
         self, nodes: Sequence[Node], size: tuple[int, int]
     ) -> tuple[dict[str, str], tuple[Node, dict[str, External]]]:
         """Return the outputs that there are, and the step that hands them on, with the buffers that it fills."""
-        wiring = connect(nodes, self._outputs | {f"for {name}": name for name in self._handed_on}, {})
+        wiring = connect(nodes, self.read_from | {f"for {name}": name for name in self._handed_on}, {})
         missing = set(wiring.missing)
-        there = {output: name for output, name in self._outputs.items() if output not in missing}
+        there = {output: name for output, name in self.read_from.items() if output not in missing}
         names = sorted({name for name in self._handed_on if f"for {name}" not in missing})
         made = {access.resource: access for node in nodes for access in node.writes}
         externals = {}
