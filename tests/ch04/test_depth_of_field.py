@@ -14,6 +14,8 @@ from common.scene import Image, Material
 from common.transforms import pose_looking_at
 from tests.support.scenes import facing, quad_scene, texture, translated
 
+pytestmark = pytest.mark.variants("vulkan", "gl")
+
 SIDE = 96
 SIZE = (SIDE, SIDE)
 EXACT = Settings(
@@ -125,8 +127,8 @@ def test_a_point_becomes_a_disc_of_the_right_size_and_loses_no_light(chapter, di
     assert got.sum() == pytest.approx(4 * strength, rel=0.02)
     x = np.arange(SIDE) + 0.5 - SIDE / 2
     squared = x[None, :] ** 2 + x[:, None] ** 2
-    # The mean square distance in a disc of radius r whose rim fades over a pixel, in pixels of the half-size picture. To
-    # that the square itself adds 2 * 2^2 / 12, halving the picture as much again, enlarging it between pixels 2 * 2^2 / 6.
+    # The mean square distance in a disc of radius r whose rim fades over a pixel, in pixels of the half-size picture.
+    # To that the square itself adds 2 * 2^2 / 12, halving the picture as much again, and enlarging it 2 * 2^2 / 6.
     r = radius / 2
     disc = (r**4 + r**2 / 2 + 1 / 80) / (2 * (r**2 + 1 / 12))
     assert (got * squared).sum() / got.sum() == pytest.approx(4 * disc + 2 / 3 + 2 / 3 + 4 / 3, rel=0.04)
