@@ -174,6 +174,36 @@ def test_what_is_sharp_does_not_bleed_into_what_is_blurred_behind_it(chapter, co
     assert np.abs(got - sharp).max() <= 1e-3
 
 
+def test_what_is_less_blurred_hides_the_discs_of_what_lies_behind_it(chapter):
+    """A black square, a little out of focus, before a bright ground with discs of 5 pixels: they stay outside.
+
+    Something black before the focus lies over its edge, so that pixels around there look as far as its discs reach.
+    """
+    scene = scene_of(
+        (WHITE, place(0, 0, 40.0, 9000, 9000)),
+        (BLACK, place(0, 0, 4.8, 40, 40)),
+        (BLACK, place(20, 0, 2.2, 10, 20)),
+    )
+    lens = lens_for(5.0, 40.0, EYE)
+    blur = 5.0 * (1 / EYE - 1 / 4.8) / (1 / EYE - 1 / 40.0)
+    assert 0.8 < blur < 1.2
+    got, _ = picture(chapter, scene, lens)
+    x = np.abs(np.arange(SIDE) + 0.5 - SIDE / 2)
+    # As far as its own disc, and the two pixels over which the half-size picture averages.
+    inside = np.maximum(x[None, :], x[:, None]) < 20 - blur - 2
+    assert got[inside].max() < 0.02
+
+
+def test_fewer_samples_than_pixels_cover_as_much(chapter):
+    """An edge before the focus in a larger picture: 3 samples along a radius of 5 pixels of the half-size picture."""
+    radius = 5.0
+    scene = scene_of((BLACK, place(0, 0, EYE, 400, 400)), (WHITE, place(-200, 0, 3.0, 400, 400)))
+    lens = lens_for(radius, 3.0, EYE) | {"bokeh_taps": 3}
+    got, _ = picture(chapter, scene, lens, size=(2 * SIDE, SIDE * 2))
+    x = (np.arange(2 * SIDE) + 0.5) / 2 - SIDE / 2
+    assert np.abs(got[SIDE] - covered(x, radius)).max() < 0.15
+
+
 def test_no_disc_is_larger_than_the_largest(chapter):
     """A point so near that its disc would fill the picture spreads over the largest one, with all its light."""
     scene = scene_of(
