@@ -13,7 +13,13 @@ CAMERA = View(pose_looking_at((1.0, 2.0, 4.0), (0.0, 0.0, 0.0)), Perspective(0.7
 """A view of all of it."""
 
 KINDS = (
-    Material(base_color=(0.7, 0.4, 0.2, 1), roughness=0.6, metallic=0.0, double_sided=True),
+    Material(
+        base_color=(0.7, 0.4, 0.2, 1),
+        occlusion_texture=texture(),
+        roughness=0.6,
+        metallic=0.0,
+        double_sided=True,
+    ),
     Material(
         base_color_texture=texture(),
         alpha_mode="mask",

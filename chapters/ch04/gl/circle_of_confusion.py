@@ -16,7 +16,10 @@ class CircleOfConfusionPass(FullscreenPass):
 
     name = "circle_of_confusion"
     reads = (Access("color_hdr", "sampled"), Access("depth", "sampled"))
-    writes = (Access("dof_half", "color", format=lens.FORMAT, scale=0.5),)
+    writes = (
+        Access("dof_half", "color", format=lens.FORMAT, scale=0.5),
+        Access("dof_part", "color", format=lens.PART_FORMAT, scale=0.5),
+    )
 
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:

@@ -17,7 +17,10 @@ LARGEST_RADIUS = 0.06
 """Radius at most of a circle of confusion, in heights of the picture: its cost grows with the square."""
 
 FORMAT = "rgba16f"
-"""Of everything that is blurred. A radius of 64 pixels, more than there are in 2000 rows, is kept to 1/32 of one."""
+"""Of everything that is blurred. A radius of 64 pixels, more than there are in 1000 rows, is kept to 1/32 of one."""
+
+PART_FORMAT = "r8"
+"""Of the part of a pixel that is covered: quarters, where nothing is between two radii."""
 
 
 class Settings(Protocol):

@@ -15,7 +15,7 @@ class BokehPass(FullscreenPass):
     """The second of the lens's three passes, at half the size: what is behind the focus, and what is before it."""
 
     name = "bokeh"
-    reads = (Access("dof_half", "sampled"),)
+    reads = (Access("dof_half", "sampled"), Access("dof_part", "sampled"))
     writes = (
         Access("dof_blurred", "color", format=lens.FORMAT, scale=0.5),
         Access("dof_near", "color", format=lens.FORMAT, scale=0.5),

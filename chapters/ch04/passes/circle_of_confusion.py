@@ -16,7 +16,10 @@ class CircleOfConfusionPass(FullscreenPass):
 
     name = "circle_of_confusion"
     reads = (Access("color_hdr", "sampled"), Access("depth", "sampled"))
-    writes = (Access("dof_half", "color", format=lens.FORMAT, scale=0.5),)
+    writes = (
+        Access("dof_half", "color", format=lens.FORMAT, scale=0.5),
+        Access("dof_part", "color", format=lens.PART_FORMAT, scale=0.5),
+    )
 
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:
@@ -28,7 +31,7 @@ class CircleOfConfusionPass(FullscreenPass):
         return GraphicsPipeline(
             shaders=("fullscreen.vert", "circle_of_confusion.frag"),
             defines=lens.lens_defines(self._settings),
-            color=lens.FORMAT,
+            color=(lens.FORMAT, lens.PART_FORMAT),
             depth=None,
             name="circle of confusion",
         )

@@ -12,6 +12,7 @@
 const float PI = 3.14159265358979;
 
 layout(BIND(0, 0, 3)) uniform sampler2D dof_half;
+layout(BIND(0, 1, 4)) uniform sampler2D dof_part;
 
 layout(location = 0) out vec4 out_far;   // rgb: light of what lies in the focus or behind it, a: the pixel's own radius
 layout(location = 1) out vec4 out_near;  // rgb: light of what lies before the focus, a: the part that it covers
@@ -22,6 +23,7 @@ float share(float radius, float distance) {
     return clamp(radius - distance + 0.5, 0.0, 1.0) / (PI * (radius * radius + 1.0 / 12.0));
 }
 
+// Beyond the picture lies more of what is at its rim.
 vec4 tap(ivec2 pixel, ivec2 last) {
     return texelFetch(dof_half, clamp(pixel, ivec2(0), last), 0);
 }
@@ -57,7 +59,8 @@ void main() {
             vec4 found = tap(pixel + offset, last);
             float radius = 0.5 * abs(found.a);
             if (found.a < 0.0) {
-                near += share(radius, distance) * blurred_part(found.a) * vec4(found.rgb, 1.0);
+                float part = texelFetch(dof_part, clamp(pixel + offset, ivec2(0), last), 0).r;
+                near += part * blurred_part(found.a) * share(radius, distance) * vec4(found.rgb, 1.0);
             } else {
                 // This pixel's surface hides part of a disc that lies farther away; behind one that is transparent at its
                 // rim, since it is before the focus, what is seen is guessed from around.

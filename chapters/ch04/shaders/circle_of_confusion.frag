@@ -8,7 +8,8 @@
 layout(BIND(1, 0, 3)) uniform sampler2D color_hdr;
 layout(BIND(1, 1, 4)) uniform sampler2D depth;
 
-layout(location = 0) out vec4 out_half;  // rgb: light, a: signed radius in pixels of the full picture
+layout(location = 0) out vec4 out_half;   // rgb: light, a: signed radius in pixels of the full picture
+layout(location = 1) out float out_part;  // the part of this pixel that what has the radius covers
 
 void main() {
     ivec2 last = textureSize(depth, 0) - 1;
@@ -28,4 +29,5 @@ void main() {
         sum += max(1.0 - abs(radii[i] - widest), 0.0) * vec4(colors[i], 1.0);
     }
     out_half = vec4(sum.rgb / sum.a, widest);
+    out_part = 0.25 * sum.a;
 }
