@@ -209,6 +209,29 @@ def test_a_call_that_fails_leaves_no_label_open(chapter):
         assert np.array_equal(renderer.render(facing()).image("color"), first)
 
 
+@pytest.mark.parametrize("failing", ["forward", "tonemap"])
+def test_a_pass_that_fails_while_it_is_recorded_leaves_the_next_frame_whole(chapter, monkeypatch, failing):
+    """As Ctrl-C would: nothing of the half list is kept, and calls are made at once again."""
+
+    def interrupted(commands):
+        raise KeyboardInterrupt
+
+    with Renderer(scene_of(), SIZE, SETTINGS, device=chapter.device) as renderer:
+        first = renderer.render(facing()).image("color")
+        kept, fn = renderer.render(facing()), chapter.device.fn
+        renderer._frames.forget()
+        with monkeypatch.context() as patch:
+            patch.setattr(next(one for one in renderer.passes if one.name == failing), "record", interrupted)
+            with pytest.raises(KeyboardInterrupt):
+                renderer.render(moved(0.1))
+        assert chapter.device.fn is fn
+        assert np.array_equal(kept.image("color"), first)
+        for _ in range(3):
+            frame = renderer.render(facing())
+            assert np.array_equal(frame.image("color"), first)
+            assert list(frame.timings) == ["forward", "tonemap"]
+
+
 @pytest.fixture
 def plain_context():
     """A context whose calls are not checked: that costs more than what is measured."""
