@@ -55,9 +55,9 @@ class _Value:
     shape: tuple[float, tuple[int, int] | None] = (1.0, None)
     samples: int = 1
     bytes: int = 0
-    attachable: bool = True
     continued: bool = False
     keepable: bool = True
+    """Whether it is the frame's own: what is somebody else's is no output, and has no history."""
 
 
 @dataclass
@@ -114,7 +114,6 @@ class _Maker:
             )
             enters = self.one([ready[0], _touch(touch, "", "compute", "storage_write")])
             self._external("counters", None, enters, leaves, bytes=64)
-
         if self.chance(0.5):
             enters = self.one(
                 [touch("undefined", frozenset(), frozenset()), touch("read", frozenset(), frozenset())]
@@ -177,7 +176,6 @@ class _Maker:
             value = _Value(
                 access.resource, access.resource, access.format, shape, access.samples, access.bytes
             )
-            value.attachable = access.use in ("color", "depth") or value.samples == 1
         self.names[access.resource] = value
         self.recent.append(access.resource)
 
@@ -203,7 +201,7 @@ class _Maker:
             begun = self.names[self.one(found)]
             shape, samples = begun.shape, begun.samples
         fits = lambda value: _pixels(value.shape) == _pixels(shape) and value.samples == samples  # noqa: E731
-        depth = self.one(("none", "new", "on top", "tested"))
+        depth = self.one(("none", "new", "on top", "tested", "tested", "tested"))
         found = self.live(taken, lambda value: value.format == "d32f" and fits(value))
         if depth == "new" or (depth == "on top" and not found):
             clear = (0.0,) if self.chance(0.8) else None
