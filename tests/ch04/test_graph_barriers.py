@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
+import numpy as np
 import pytest
 
 from backends.contract import Access
+from chapters.ch04.logic import frame_plan
 from chapters.ch04.logic import graph_types as words
+from chapters.ch04.logic.frame import OUTPUTS
 from chapters.ch04.logic.frame_graph import compile_graph
-from chapters.ch04.logic.graph_types import External, Node, Touch
+from chapters.ch04.logic.graph_types import External, GraphError, Node, Touch
+from chapters.ch04.settings import Settings
+from common.scene import Material
 from tests.support.graph_truths import Truth, events_of, places_of
 from tests.support.hazards import find_hazards, is_safe
 from tests.support.random_graphs import random_graph
+from tests.support.scenes import quad_scene, translated
 
 barriers = pytest.mark.feature("frame-graph/barriers")
 
@@ -72,6 +80,38 @@ def test_no_barrier_is_missing_nor_in_vain_in_10_000_random_frames():
 @pytest.mark.long
 def test_no_barrier_is_missing_in_large_frames():
     check_random(range(20), removing=False, count=100)
+
+
+@barriers
+@pytest.mark.variants("vulkan")
+@pytest.mark.parametrize("graph", ["deferred", "forward"])
+def test_the_frames_of_the_chapter_miss_no_barrier_and_have_none_in_vain(chapter, graph, monkeypatch):
+    """As the renderer compiles them for its device with all that it can hand on, and with each pass switched off."""
+    compiled = []
+
+    def watched(nodes, size, outputs=(), externals=None, requirements=None, alias=True, keep=()):
+        found = compile_graph(nodes, size, outputs, externals, requirements, alias, keep)
+        compiled.append((Truth(nodes, set(dict(outputs).values()), externals, keep), found))
+        return found
+
+    monkeypatch.setattr(frame_plan, "compile_graph", watched)
+    glass = Material(base_color=(0.2, 0.6, 0.9, 0.5), alpha_mode="blend")
+    scene = quad_scene(
+        materials=(glass, Material()), instance_materials=(0, 1), matrices=(np.eye(4), translated(0, 0, 1))
+    )
+    settings = Settings(graph=graph, aperture=0.5)
+    with chapter.open(scene, (32, 16), settings, outputs=set(OUTPUTS), presents=True) as renderer:
+        plan = renderer._plan
+        for name in plan.switches:
+            plan.switch(name, False)
+            with suppress(GraphError):  # somebody needs it
+                plan.compile((32, 16), scene, settings)
+            plan.switch(name, True)
+    assert len(compiled) > len(plan.switches) // 2
+    drawn, *switched = compiled
+    assert check_barriers(*drawn, removing=True) > 10
+    for one in switched:
+        check_barriers(*one, removing=False)
 
 
 # --- by hand ----------------------------------------------------------------------------------------------------------

@@ -55,9 +55,9 @@ class _Value:
     shape: tuple[float, tuple[int, int] | None] = (1.0, None)
     samples: int = 1
     bytes: int = 0
-    attachable: bool = True
     continued: bool = False
     keepable: bool = True
+    """Whether it is the frame's own: what is somebody else's is no output, and has no history."""
 
 
 @dataclass
@@ -71,6 +71,8 @@ class _Maker:
     nodes: list[Any] = field(default_factory=list)
     externals: dict[str, Any] = field(default_factory=dict)
     recent: list[str] = field(default_factory=list)
+    screens: dict[str, _Value] = field(default_factory=dict)
+    """Externals that wait for somebody to write them, by their own names."""
 
     def chance(self, share: float) -> bool:
         return bool(self.random.random() < share)
@@ -112,6 +114,13 @@ class _Maker:
             )
             enters = self.one([ready[0], _touch(touch, "", "compute", "storage_write")])
             self._external("counters", None, enters, leaves, bytes=64)
+        if self.chance(0.5):
+            enters = self.one(
+                [touch("undefined", frozenset(), frozenset()), touch("read", frozenset(), frozenset())]
+            )
+            leaves = self.one([None, _touch(touch, "copy_source", "copy", "copy_read")])
+            self._external("screen", "rgba8", enters, leaves)
+            self.screens["screen"] = self.names.pop(self.recent.pop())
 
     def _external(self, name: str, format: str | None, enters: Any, leaves: Any, bytes: int = 0) -> None:
         shape = self.one(SIZES)
@@ -129,20 +138,36 @@ class _Maker:
         taken: set[str] = set()
         kind = self.one(("graphics", "graphics", "compute", "compute", "copy"))
         made = {"graphics": self._graphics, "compute": self._compute, "copy": self._copy}[kind](name, taken)
-        if made is None:
-            made = self._graphics(name, taken)
-        reads, writes = made
+        reads, writes = made or self._graphics(name, taken)
         if left_out:
             writes = [self._leave_out(access) for access in writes]
         else:
+            writes += self._to_screen(writes)
             for access in writes:
                 self._publish(access)
         order = self.random.permutation(len(reads))
         reason = "nothing to do" if left_out else ""
         self.nodes.append(self.words.Node(name, tuple(reads[i] for i in order), tuple(writes), reason))
 
+    def _to_screen(self, writes: list[Access]) -> list[Access]:
+        """What a pass writes besides `writes`: an external by its own name, if it can."""
+        use = next((access.use for access in writes if access.use != "storage"), "storage")
+        for name, value in self.screens.items():
+            if use in ("storage", "copy"):
+                return [Access(name, use)] if self.chance(0.3) else []
+            shapes = [
+                (self.names[access.of].shape if access.of else (access.scale, access.size), access.samples)
+                for access in writes
+                if access.use in ("color", "depth")
+            ]
+            if all(_pixels(shape) == _pixels(value.shape) and samples == 1 for shape, samples in shapes):
+                return [Access(name, "color", clear=self.one([None, (0.0, 0.0, 0.0, 1.0)]))]
+        return []
+
     def _publish(self, access: Access) -> None:
-        if access.of:
+        if access.resource in self.screens:
+            value = self.screens.pop(access.resource)
+        elif access.of:
             before = self.names[access.of]
             before.continued = True
             value = replace(before, name=access.resource, continued=False)
@@ -151,7 +176,6 @@ class _Maker:
             value = _Value(
                 access.resource, access.resource, access.format, shape, access.samples, access.bytes
             )
-            value.attachable = access.use in ("color", "depth") or value.samples == 1
         self.names[access.resource] = value
         self.recent.append(access.resource)
 
@@ -177,7 +201,7 @@ class _Maker:
             begun = self.names[self.one(found)]
             shape, samples = begun.shape, begun.samples
         fits = lambda value: _pixels(value.shape) == _pixels(shape) and value.samples == samples  # noqa: E731
-        depth = self.one(("none", "new", "on top", "tested"))
+        depth = self.one(("none", "new", "on top", "tested", "tested", "tested"))
         found = self.live(taken, lambda value: value.format == "d32f" and fits(value))
         if depth == "new" or (depth == "on top" and not found):
             clear = (0.0,) if self.chance(0.8) else None
