@@ -153,7 +153,7 @@ class Renderer(GraphStream):
         self._take(self._compiled())
 
     def _compiled(self) -> Graph:
-        settings = self.settings
+        settings = replace(self.settings, msaa=self.samples)
         return self._plan.compile(self.size, self.scene, settings, self._memory.requirement, settings.alias)
 
     def _take(self, graph: Graph) -> None:

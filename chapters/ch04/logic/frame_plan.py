@@ -170,10 +170,10 @@ class FramePlan:
         for readers in self._readers.values():
             nodes = [_reconnected(node, readers.get(node.name, {})) for node in nodes]
         nodes = [replace(node, why_not=self._off.get(node.name, node.why_not)) for node in nodes]
-        there, copied = self._copied(nodes, size)
-        nodes.append(copied[0])
+        there, copy, self.externals = self._copied(nodes, size)
+        if copy.reads:  # else nobody wants anything of this frame
+            nodes.append(copy)
         self.nodes = {node.name: node for node in nodes}
-        self.externals = copied[1]
         self.kept = {a.resource for node in nodes for a in node.writes} if self.keeps_all else {*self.keep}
         return compile_graph(nodes, size, there, self.externals, requirements, alias, self.kept)
 
@@ -183,7 +183,7 @@ class FramePlan:
 
     def _copied(
         self, nodes: Sequence[Node], size: tuple[int, int]
-    ) -> tuple[dict[str, str], tuple[Node, dict[str, External]]]:
+    ) -> tuple[dict[str, str], Node, dict[str, External]]:
         """Return the outputs that there are, and the step that hands them on, with the buffers that it fills."""
         wiring = connect(nodes, self.read_from | {f"for {name}": name for name in self._handed_on}, {})
         missing = set(wiring.missing)
@@ -198,14 +198,12 @@ class FramePlan:
             width, height = access.size or (round(size[0] * access.scale), round(size[1] * access.scale))
             texel = bytes_of(access.format or "rgba8")
             externals[on_cpu(output)] = External(None, None, _HOST_IDLE, _HOST_READS, width * height * texel)
-        return there, (
-            Node(
-                COPY,
-                tuple(Access(name, "copy") for name in names),
-                tuple(Access(name, "copy", bytes=held.bytes) for name, held in externals.items()),
-            ),
-            externals,
+        copy = Node(
+            COPY,
+            tuple(Access(name, "copy") for name in names),
+            tuple(Access(name, "copy", bytes=held.bytes) for name, held in externals.items()),
         )
+        return there, copy, externals
 
     def where(self, error: GraphError) -> GraphError:
         """Return the error with the place in the file of the first pass that it names."""
