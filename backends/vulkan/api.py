@@ -178,6 +178,15 @@ def new(struct: str, /, **fields: Any) -> Any:
     """
     described = _struct_type(struct)
     kept: list[Any] = []
+    pointer = ffi.new(described.pointer, _members(described, fields, kept))
+    if kept:
+        # By the struct rather than by the pointer: `new(...)[0]` drops the pointer.
+        keep(pointer[0], *kept)
+    return pointer
+
+
+def _members(described: _StructType, fields: dict[str, Any], kept: list[Any]) -> dict[str, Any]:
+    """Return what cffi fills a struct with; see `new`."""
     init: dict[str, Any] = {}
     if described.stype is not None:
         init["sType"] = described.stype
@@ -187,7 +196,10 @@ def new(struct: str, /, **fields: Any) -> Any:
         try:
             ctype = described.fields[name]
         except KeyError:
-            raise AttributeError(f"{struct} has no member {name}") from None
+            raise AttributeError(f"{described.name} has no member {name}") from None
+        if type(value) is int:  # most are, and cffi refuses one where it is none
+            init[name] = value
+            continue
         init[name] = _convert(ctype, value, kept)
         if isinstance(value, (list, tuple, np.ndarray)) and ctype.kind == "pointer":
             count = described.counts.get(name)
@@ -195,12 +207,10 @@ def new(struct: str, /, **fields: Any) -> Any:
                 init[count] = value.size if isinstance(value, np.ndarray) else len(value)
             elif count is None and described.counted and not any(map(_counts, fields)):
                 # A count left at zero would have the driver ignore the array, or read past it.
-                raise TypeError(f"{struct}: give the count of {name}, whose member has a name of its own")
-    pointer = ffi.new(described.pointer, init)
-    if kept:
-        # By the struct rather than by the pointer: `new(...)[0]` drops the pointer.
-        keep(pointer[0], *kept)
-    return pointer
+                raise TypeError(
+                    f"{described.name}: give the count of {name}, whose member has a name of its own"
+                )
+    return init
 
 
 def array(item: str, values: Iterable[Any]) -> Any:
@@ -248,7 +258,7 @@ def _convert(ctype: Any, value: Any, keep: list[Any]) -> Any:
             if kind == "union":
                 fields = dict(ctype.fields)
                 return {name: _convert(fields[name].type, item, keep) for name, item in value.items()}
-            value = new(_plain(ctype), **value)
+            return _members(_struct_type(_plain(ctype)), value, keep)
         if isinstance(value, ffi.CData) and ffi.typeof(value).kind == "pointer":
             keep.append(value)
             return value[0]
