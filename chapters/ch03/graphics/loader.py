@@ -43,6 +43,9 @@ class Loader:
         self._queue, self._step = other, tile[1]
         self.one_family = other.family == device.queue.family
         self._staging: Staging | None = None
+        # Written anew for each copy: a scene has hundreds, and this is quicker than a struct for each.
+        extent = {"width": 1, "height": 1, "depth": 1}
+        self._region = vk.new("VkBufferImageCopy", imageSubresource={"layerCount": 1}, imageExtent=extent)
         self._mips: dict[tuple[str, bool], MipPipeline] = {}
         self._current: Copy | None = None
         self._begun: dict[Request, Copy] = {}  # placed, and not arrived
@@ -228,23 +231,11 @@ class Loader:
         count, block = nbytes // rows.shape[1], block_rows(copy.upload)
         self._staging.write(rows[copy.row : copy.row + count].reshape(-1), offset)
         image, y = copy.target.image, copy.row * block
-        height = max(1, image.height >> copy.level)
-        region = vk.new(
-            "VkBufferImageCopy",
-            bufferOffset=offset,
-            imageSubresource={
-                "aspectMask": image.aspect,
-                "mipLevel": copy.level,
-                "baseArrayLayer": copy.target.layer,
-                "layerCount": 1,
-            },
-            imageOffset={"y": y},
-            imageExtent={
-                "width": max(1, image.width >> copy.level),
-                "height": min(count * block, height - y),
-                "depth": 1,
-            },
-        )
+        region, level = self._region, self._region.imageSubresource
+        region.bufferOffset, region.imageOffset.y = offset, y
+        level.aspectMask, level.mipLevel, level.baseArrayLayer = image.aspect, copy.level, copy.target.layer
+        region.imageExtent.width = max(1, image.width >> copy.level)
+        region.imageExtent.height = min(count * block, max(1, image.height >> copy.level) - y)
         layout, fn = vk.VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL, self._device.fn
         handle = self._staging.buffer.handle
         fn.vkCmdCopyBufferToImage(one.commands, handle, image.handle, layout, 1, region)
