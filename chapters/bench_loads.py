@@ -11,9 +11,10 @@ before warm. The ways:
     stream     frames are drawn while textures arrive from the file
     overlap    the same, with a stamp on the GPU before and after every submission (Vulkan)
 
-A load ends with the last byte on the device. Its time is that of opening the scene and uploading it, without what is
-the same for every scene: starting Python, opening a device, building pipelines (which are built for each, and measured
-apart). Memory is what the process grew by at its peak, over a process that has opened the device.
+A load ends with the last byte on the device. Its time is that of opening the scene and uploading it, with everything
+that takes but starting Python, opening a device, and shaders: pipelines are built during each load, and their time is
+taken in that load and shown apart (`chapters.bench_load` says it all). Memory is what the process grew by at its peak,
+over a process that has opened the device and the same scene with tiny textures.
 
 Beside them, `pillow` is what a program takes that reads the document with pygltflib and decodes the images with Pillow
 on as many threads, and uploads nothing.
