@@ -262,6 +262,12 @@ class Loading:
         return self._resident + self._lost < len(self.requests)
 
     @property
+    def wanted_bytes(self) -> int:
+        """About how many bytes are still to be copied of all that is wanted."""
+        left = (State.WAITING, State.DECODING, State.DECODED, State.UPLOADING)
+        return sum(one.wanted.nbytes for one in self.requests.values() if one.state in left)
+
+    @property
     def held_bytes(self) -> int:
         """Bytes that are decoded, or being decoded, and not yet copied."""
         return self._held_bytes
