@@ -5,8 +5,9 @@ A bench runs several (see `chapters.bench_loads`, which says what the ways are),
 What counts as loading: opening the scene's file or cache, all that is made of it on the CPU, its buffers, images and
 descriptors, every copy, until the last byte is on the device. What does not, of a plain load as little as of a cached
 one: Python, imports and the device, which are there; shaders, which are warm (`_building` takes out the time in which
-pipelines are built, from the text of a shader to the driver's object, during this very load); and what a driver does
-at the first use of a format in a process, which `_warm_up` has it do before.
+pipelines are built, from the text of a shader to the driver's object, during this very load); what a driver does at
+the first use of a format in a process, which `_warm_up` has it do before; and what a renderer makes for any scene, as
+its targets (`_alone`).
 """
 
 from __future__ import annotations
@@ -34,7 +35,9 @@ from chapters import bench_overlap
 from chapters.bench_overlap import Stamps, can_stamp
 from chapters.opening import open_scene
 from chapters.run import open_device
+from common.crowds import crowd
 from common.errors import DeviceError
+from common.scene import Material
 from common.scene_images import Chain, Image
 from common.settings import preset
 
@@ -99,6 +102,7 @@ def once(
         if picture is not None:
             frame = renderer.render(chapters.view_of(renderer))
             np.savez(picture, **{name: frame.image(name) for name in OUTPUTS})
+        alone = _alone(which, backend, size, settings, device, building) if not streams else 0.0
         scene = opening.scene
         decoded = sum(image.width * image.height * 4 * image.dtype.itemsize for image in scene.images)
         arrays = (scene.positions, scene.normals, scene.tangents, scene.uv0, scene.indices)
@@ -106,8 +110,9 @@ def once(
             "scene_s": opened - began,
             "open_s": made - opened,
             "total_s": done - began,
-            "load_s": max(done - began - pipelines, 1e-6),
+            "load_s": max(done - began - pipelines - alone, 1e-6),
             "pipelines_s": pipelines,
+            "renderer_s": alone,
             "peak_bytes": grown,
             "textures": len(scene.images),
             "decoded_bytes": decoded,
@@ -145,6 +150,27 @@ def _warm_up(
             which, backend, scene=scene, size=size, settings=settings, outputs=OUTPUTS, device=device
         ) as renderer:
             renderer.render(chapters.view_of(renderer)).image("color")
+
+
+def _alone(
+    which: chapters.Whole,
+    backend: str,
+    size: tuple[int, int],
+    settings: Any,
+    device: Any,
+    building: list[float],
+) -> float:
+    """Return the seconds that a renderer takes to open for one square without a texture, but for its pipelines."""
+    scene = replace(crowd(1, 1), materials=[Material()], images=[])
+    took = []
+    for _ in range(3):
+        building.clear()
+        began = clock.perf_counter()
+        with chapters.open(
+            which, backend, scene=scene, size=size, settings=settings, outputs=OUTPUTS, device=device
+        ):
+            took.append(clock.perf_counter() - began - sum(building))
+    return min(took)
 
 
 @dataclass(frozen=True)
