@@ -7,9 +7,10 @@ shaders are edited goes on with the texts it began with, until `refreshed` lets 
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -29,20 +30,32 @@ class State(NamedTuple):
     inode: int
 
 
+class Part(NamedTuple):
+    """Some lines without a directive, what a compiler makes something of among them, and the directive behind them.
+
+    That is None at the end of a file; `own` is what a compiler sees of its line, `number` is its line's, from 1.
+    """
+
+    lines: tuple[str, ...]
+    code: tuple[str, ...]
+    directive: re.Match[str] | None
+    own: str
+    number: int
+
+
 @dataclass(frozen=True)
 class File:
     """A file before expansion; `folder` is None for text that lies nowhere on disk.
 
-    `identity` tells files apart, however a path leads to them; `directives` has, for each line, the match of
-    a directive outside comments, or None, and `code` what a compiler makes something of, "" where that is nothing.
+    `identity` tells files apart, however a path leads to them; `parts` are cut where a directive stands outside
+    comments, since a shader's text is put together from whole parts.
     """
 
     name: str
     folder: Path | None
     identity: str
     lines: tuple[str, ...] = field(repr=False)
-    directives: tuple[re.Match[str] | None, ...] = field(repr=False)
-    code: tuple[str, ...] = field(repr=False)
+    parts: tuple[Part, ...] = field(repr=False)
 
 
 _Read = tuple[State, File]
@@ -135,6 +148,7 @@ def load(path: Path) -> File:
     return read[1]
 
 
+@lru_cache(64)
 def in_memory(name: str, text: str) -> File:
     """Return text that lies nowhere on disk as a file called `name`."""
     return _split(name, text, None, name)
@@ -143,7 +157,20 @@ def in_memory(name: str, text: str) -> File:
 def _split(name: str, text: str, folder: Path | None, identity: str) -> File:
     lines = lines_of(text)
     bare = _without_comments(lines)
-    return File(name, folder, identity, lines, tuple(map(_DIRECTIVE.match, bare)), tuple(_code(lines, bare)))
+    directives, code = map(_DIRECTIVE.match, bare), tuple(_code(lines, bare))
+    return File(name, folder, identity, lines, tuple(_parts(lines, code, directives)))
+
+
+def _parts(
+    lines: Sequence[str], code: Sequence[str], directives: Iterable[re.Match[str] | None]
+) -> Iterator[Part]:
+    begin = 0
+    for place, directive in enumerate((*directives, None)):
+        if directive is not None or place == len(lines):
+            own = code[place] if directive is not None else ""
+            said = tuple(filter(None, code[begin:place]))
+            yield Part(tuple(lines[begin:place]), said, directive, own, place + 1)
+            begin = place + 1
 
 
 def _code(lines: Sequence[str], bare: Sequence[str]) -> Iterator[str]:
