@@ -6,8 +6,8 @@ from backends.contract import Access
 from common.scene import Scene
 
 from ..logic.packing import Variant, shape_alone
+from ..logic.prepass import has_prepass
 from ..logic.samples import coverage_defines
-from ..logic.views import has_prepass
 from ..settings import Settings
 from .forward import ForwardPass
 from .objects import ObjectsPass

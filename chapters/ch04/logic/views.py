@@ -13,6 +13,7 @@ from common.camera import View, exposure
 from common.scene import Material, Scene
 
 from .packing import Variant, material_variant, shape_alone
+from .prepass import has_prepass
 
 PICTURE = "picture"
 """What the setting `view` is called where none is asked for."""
@@ -181,11 +182,6 @@ def is_lit(settings: Settings) -> bool:
 def mends_texels(settings: Settings) -> bool:
     """Whether texels that are NaN or infinite are replaced before the GPU sees them."""
     return settings.view != "non-finite"
-
-
-def has_prepass(settings: Settings) -> bool:
-    """Whether depth is drawn before anything is shaded; where all fragments are counted none must be left out."""
-    return settings.depth_prepass and settings.view != "overdraw"
 
 
 def depth_use(settings: Settings, variant: Variant) -> Literal["write", "test", "equal"]:

@@ -8,8 +8,8 @@ from common.scene import Scene
 from ..graphics.pipelines import GraphicsPipeline, Pipelines
 from ..graphics.scene_data import SceneData
 from ..logic.packing import Variant, shape_alone
+from ..logic.prepass import has_prepass
 from ..logic.samples import coverage_defines
-from ..logic.views import has_prepass
 from ..settings import Settings
 from .forward import ForwardPass
 from .objects import ObjectsPass

@@ -18,6 +18,7 @@ from ..graphics.scene_data import SceneData
 from ..logic import views
 from ..logic.draw_lists import Batch
 from ..logic.packing import Variant
+from ..logic.prepass import has_prepass
 from ..logic.samples import coverage_defines
 from ..logic.scene_draws import SceneDraws
 from ..settings import Settings
@@ -42,7 +43,7 @@ class ForwardPass:
             Access(depth, "depth", format="d32f", clear=(0.0,), samples=samples),
         )
         self.depth = depth
-        if views.has_prepass(settings):  # another pass has written it: here it is only compared with
+        if has_prepass(settings):  # another pass has written it: here it is only compared with
             self.reads, self.writes = (Access(depth, "depth", samples=samples),), self.writes[:1]
         self._sky = Sky(settings, pipelines) if Sky.needed(scene, settings) else None
         self.has_sky = self._sky is not None
