@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from copy import copy
+from copy import copy as shallow
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -113,7 +113,7 @@ class FramePlan:
     @contextmanager
     def changing(self) -> Iterator[None]:
         """Within, the plan may be changed; an exception leaves it as it was before."""
-        before = {name: copy(value) for name, value in vars(self).items()}
+        before = {name: shallow(value) for name, value in vars(self).items()}
         try:
             yield
         except BaseException:
