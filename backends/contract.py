@@ -192,7 +192,8 @@ class Frame(Protocol):
     def image(self, name: str) -> np.ndarray:
         """Wait for the frame and return an output as (H, W) or (H, W, C), row 0 on top.
 
-        Of a renderer opened with `inspect=True`, "pass/resource" is the resource as that pass left it, as it is stored.
+        Of a renderer opened with `inspect=True`, "pass/resource" is the resource as that pass left it, as it is stored;
+        where there is a frame graph, also without that for the resource that `show_resource` names.
 
         Raises StaleFrameError when the slot was used again or `name` was not in `outputs`.
         """
@@ -211,11 +212,13 @@ class Reloaded:
     """What a renderer did for files of shaders that were edited.
 
     `pipelines` are the names of those built anew; `at_start` are files whose shaders ran when the renderer was opened
-    and run no more, so that the edit is seen when it is opened again.
+    and run no more, so that the edit is seen when it is opened again; `graph` says whether the file of its frame graph
+    was among them, and the frame now is what that says.
     """
 
     pipelines: tuple[str, ...]
     at_start: frozenset[Path] = frozenset()
+    graph: bool = False
 
 
 class Renderer(Protocol):

@@ -7,12 +7,12 @@ shaders are edited goes on with the texts it began with, until `refreshed` lets 
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from common.errors import ShaderError
 from common.paths import ROOT
@@ -58,12 +58,14 @@ class File:
     parts: tuple[Part, ...] = field(repr=False)
 
 
-_Read = tuple[State, File]
+_Read = tuple[State, Any]
 _analysed: dict[Path, _Read] = {}
 """Each file as it was last read: a chapter's shaders include the same ones over and over."""
 
 _pinned: dict[Path, _Read | None] | None = None
 """Within `pinned`: what every shader is built from, whatever lies on disk by now; None where no file was."""
+
+T = TypeVar("T")
 
 
 @contextmanager
@@ -101,7 +103,7 @@ def state_of(path: Path) -> State | None:
     """Return the state of a file on disk; None where there is none, or none that can be looked at."""
     try:
         found = path.stat()
-    except OSError:
+    except (OSError, ValueError):  # ValueError: a zero byte in the name
         return None
     return State(found.st_mtime_ns, found.st_ctime_ns, found.st_size, found.st_ino)
 
@@ -131,7 +133,8 @@ def is_there(path: Path) -> bool:
 def load(path: Path) -> File:
     """Return a file; raise ShaderError where it cannot be read or is no text."""
     if _pinned is not None and (held := _pinned.get(path)) is not None:
-        return held[1]
+        shader: File = held[1]
+        return shader
     try:
         found = path.stat()
     except OSError as error:
@@ -145,7 +148,20 @@ def load(path: Path) -> File:
         _analysed[path] = read
     if _pinned is not None:
         _pinned[path] = read
-    return read[1]
+    text: File = read[1]
+    return text
+
+
+def held(path: Path, read: Callable[[Path], T]) -> T:
+    """Return what `read` makes of a file that is no shader and is edited like one: within `pinned`, once."""
+    if _pinned is not None and (known := _pinned.get(path)) is not None:
+        before: T = known[1]
+        return before
+    state = state_of(path)  # before it is read: an edit that comes meanwhile is then noticed
+    found = read(path)
+    if _pinned is not None and state is not None:
+        _pinned[path] = state, found
+    return found
 
 
 @lru_cache(64)

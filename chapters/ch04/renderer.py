@@ -146,24 +146,15 @@ class Renderer(GraphStream):
         outputs = {name: SOURCES[name] for name in self.outputs}
         self._plan_frame(FramePlan(file, made, outputs, self._handed_on, FORMATS))
         self._plan.keeps_all = self._inspects
-        also = ["copy_source"] * self._inspects + ["copy_target"] * (settings.poison != "off")
-        self._memory = GraphMemory(device, also)
+        self._memory = GraphMemory(device, ["copy_target"] * (settings.poison != "off"))
         self._copies = CopyOutputs(device)
         self._created: list[Any] = []
-        self._take(self._compiled())
+        self._adopt(self._compiled())
+        self._create_targets()
 
     def _compiled(self) -> Graph:
         settings = replace(self.settings, msaa=self.samples)
         return self._plan.compile(self.size, self.scene, settings, self._memory.requirement, settings.alias)
-
-    def _take(self, graph: Graph) -> None:
-        """Make what a graph needs: the pipelines of its passes, its images, its sets."""
-        made = self._plan.implementations()
-        self.passes, self.graph = [made[step.name] for step in graph.steps if step.name != COPY], graph
-        if not set(self.passes) <= set(self._created):
-            self._create_passes()
-        self._created = self.passes
-        self._create_targets()
 
     def _create_passes(self) -> None:
         """Make the pipelines, and then the sets of the scene, which all that draw it hold on to."""
@@ -202,7 +193,7 @@ class Renderer(GraphStream):
             partial(self._copies.attach, self.graph),
             self.settings.poison,
         )
-        watched = self._plan.watched(self.graph) if self._inspects else []
+        watched = self._plan.watched(self.graph)
         self.inspection = Inspection(self.device, watched, self._executor.images.by_name(self.graph), SLOTS)
 
     def _destroy_targets(self) -> None:
@@ -211,11 +202,6 @@ class Renderer(GraphStream):
         self._copies.close()
         self.inspection.close()
         self._executor.close()
-
-    def _rebuild(self) -> None:
-        graph = self._compiled()
-        self._destroy_targets()
-        self._take(graph)
 
     # --- every frame ---
 
@@ -297,8 +283,7 @@ class Renderer(GraphStream):
     def _count(self, work: dict[str, int], written: int) -> dict[str, int]:
         return {
             **(ALONE | work | self._data.texture_work),
-            "passes": len(self.passes),
-            "passes_skipped": len(self.graph.left_out),
+            **self.graph_work,
             "samples": self.samples,
             "instances": self._forward.visible,
             "lights": len(self.scene.lights) if self._data.lit else 0,
@@ -341,16 +326,18 @@ class Renderer(GraphStream):
             return
         self._destroy_targets()
         self.size = size
-        self._take(self._compiled())
+        self._adopt(self._compiled())
+        self._create_targets()
         self.reset_history("resize")
 
     def reload_shaders(self, changed: Collection[Path]) -> Reloaded:
         """Build anew the pipelines that use one of these files; view, time and the number of the frame go on."""
+        graph = self._reload_graph(changed)
         rebuilt = self._pipelines.reload(changed, self._resources.defer)
         if rebuilt:
             self._last = None  # the same view makes another picture now
             self._frames.forget()
-        return Reloaded(rebuilt, files_at_start(self.scene, self.settings).intersection(changed))
+        return Reloaded(rebuilt, files_at_start(self.scene, self.settings).intersection(changed), graph)
 
     def close(self) -> None:
         """Free everything on the GPU; a second time does nothing."""

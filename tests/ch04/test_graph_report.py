@@ -127,7 +127,7 @@ def test_the_text_says_whose_memory_is_whose(graph):
     ]
     figures = counts(graph)
     assert (figures["transient_bytes"], figures["transient_bytes_alone"]) == (40 * 1024, 48 * 1024)
-    assert (figures["passes"], figures["passes_left_out"]) == (6, 1)
+    assert (figures["passes"], figures["passes_skipped"]) == (6, 1)
     # One for each of the five resources' first writing; reading depth, albedo, lit and small; and going on with lit.
     assert (figures["barriers"], figures["transitions"]) == (10, 9)
 

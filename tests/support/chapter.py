@@ -18,6 +18,13 @@ SURFACES: dict[str, dict[str, Any]] = {"auto": {"gbuffer_format": "full"}}
 """What else is set for a path: what tests hold to the bits of a float, a G-buffer must not round."""
 
 
+def on_path(settings: Any, graph: str = "forward") -> Any:
+    """Return settings that take a path through the frame, where the chapter has several and they leave it open."""
+    if getattr(settings, "graph", "") != "auto":
+        return settings
+    return replace(settings, graph=graph, **SURFACES.get(graph, {}))
+
+
 @dataclass(frozen=True)
 class Chapter:
     """Opens a chapter's renderers on one device, which the tests of a module share."""
@@ -31,9 +38,7 @@ class Chapter:
     def open(self, scene: Scene, size: tuple[int, int], settings: Any = None, **more: Any) -> Renderer:
         """Return a renderer, as `chapters.open` does; `outputs` are ("color",) unless they are given."""
         module = chapters.renderer_module(self.which, self.backend)
-        settings = module.Settings() if settings is None else settings
-        if getattr(settings, "graph", "") == "auto":
-            settings = replace(settings, graph=self.graph, **SURFACES.get(self.graph, {}))
+        settings = on_path(module.Settings() if settings is None else settings, self.graph)
         opened: Renderer = module.Renderer(scene, size, settings, device=self.device, **more)
         if getattr(opened, "graph", None) is not None:
             try:

@@ -133,20 +133,12 @@ class Renderer(GraphStream):
         self._plan.keeps_all = self._inspects
         self._copies = CopyOutputs(context)
         self._created: list[Any] = []
-        self._take(self._compiled())
+        self._adopt(self._compiled())
+        self._create_targets()
 
     def _compiled(self) -> Graph:
         settings = replace(self.settings, msaa=self.samples)
         return self._plan.compile(self.size, self.scene, settings, alias=settings.alias)
-
-    def _take(self, graph: Graph) -> None:
-        """Make what a graph needs: the pipelines of its passes, its images."""
-        made = self._plan.implementations()
-        self.passes, self.graph = [made[step.name] for step in graph.steps if step.name != COPY], graph
-        if not set(self.passes) <= set(self._created):
-            self._create_passes()
-        self._created = self.passes
-        self._create_targets()
 
     def _create_passes(self) -> None:
         """Make the pipelines."""
@@ -165,7 +157,7 @@ class Renderer(GraphStream):
             self.settings.alias,
             self.settings.poison,
         )
-        watched = self._plan.watched(self.graph) if self._inspects else []
+        watched = self._plan.watched(self.graph)
         self.inspection = Inspection(self.device, watched, self._executor.images.by_name(self.graph), SLOTS)
 
     def _destroy_targets(self) -> None:
@@ -175,10 +167,8 @@ class Renderer(GraphStream):
         self.inspection.close()
         self._executor.close()
 
-    def _rebuild(self) -> None:
-        graph = self._compiled()
-        self._destroy_targets()
-        self._take(graph)
+    def _begin_change(self) -> None:
+        self.device.make_current()
 
     # --- every frame ---
 
@@ -256,8 +246,7 @@ class Renderer(GraphStream):
     def _count(self, work: dict[str, int], written: int) -> dict[str, int]:
         return {
             **(ALONE | work | self._data.texture_work),
-            "passes": len(self.passes),
-            "passes_skipped": len(self.graph.left_out),
+            **self.graph_work,
             "samples": self.samples,
             "instances": self._forward.visible,
             "lights": len(self.scene.lights) if self._data.lit else 0,
@@ -303,17 +292,19 @@ class Renderer(GraphStream):
             return
         self._destroy_targets()
         self.size = size
-        self._take(self._compiled())
+        self._adopt(self._compiled())
+        self._create_targets()
         self.reset_history("resize")
 
     def reload_shaders(self, changed: Collection[Path]) -> Reloaded:
         """Build anew the pipelines that use one of these files; view, time and the number of the frame go on."""
         self.device.make_current()
+        graph = self._reload_graph(changed)
         rebuilt = self._pipelines.reload(changed)
         if rebuilt:
             self._last = None  # the same view makes another picture now
             self._frames.forget()
-        return Reloaded(rebuilt, files_at_start(self.scene, self.settings).intersection(changed))
+        return Reloaded(rebuilt, files_at_start(self.scene, self.settings).intersection(changed), graph)
 
     def close(self) -> None:
         """Free everything on the GPU; a second time does nothing."""

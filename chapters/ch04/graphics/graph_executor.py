@@ -68,7 +68,7 @@ class GraphExecutor:
     ) -> None:
         self._device, self.graph, self._passes = device, graph, dict(passes)
         self._resources, self._descriptors = resources, descriptors
-        self._sets: list[Sets] = []
+        self._sets: dict[str, Sets] = {}
         self.images = GraphImages(device, graph, memory, {})
         try:
             if externals is not None:
@@ -128,10 +128,13 @@ class GraphExecutor:
                 for binding, image in enumerate(images)
             }
             wanted.append((layout, held, f"{step.name} sources, slot {slot}"))
-        self._sets.append(self._descriptors.create(wanted))
-        for mine, handle in zip(self._slots, self._sets[-1].handles, strict=True):
-            ready = next(one for one in mine.steps if one.step.name == step.name)
+        self._sets[step.name] = self._descriptors.create(wanted)
+        for ready, handle in zip(self._of(step.name), self._sets[step.name].handles, strict=True):
             ready.sources = vk.array("VkDescriptorSet", [handle])
+
+    def _of(self, name: str) -> list[_Ready]:
+        """Return a step as it is in each slot."""
+        return [next(one for one in mine.steps if one.step.name == name) for mine in self._slots]
 
     def swap(self, name: str, made: Any) -> None:
         """Let another implementation draw step `name`: the graph stays as it is, the recordings do not.
@@ -139,6 +142,10 @@ class GraphExecutor:
         It declares the same reads and writes; no frame is in flight.
         """
         self._passes[name] = made
+        if name in self._sets:
+            self._descriptors.destroy(self._sets.pop(name))
+        for ready in self._of(name):
+            ready.sources = None
         self._bind_sources(next(step for step in self.graph.steps if step.name == name))
 
     # --- recorded ---
@@ -177,7 +184,7 @@ class GraphExecutor:
 
     def close(self) -> None:
         """Free images and sets; no frame is in flight."""
-        for sets in self._sets:
+        for sets in self._sets.values():
             self._descriptors.destroy(sets)
-        self._sets = []
+        self._sets = {}
         self.images.close()

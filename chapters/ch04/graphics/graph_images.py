@@ -47,7 +47,7 @@ _BUFFER_USAGE: dict[str, int] = {
 class GraphMemory:
     """Tells the compiler what resources ask for, and makes them where it put them.
 
-    `also` are uses beyond those that passes declare: what a tool copies from, or a test writes to.
+    `also` are uses beyond those that passes declare: what a test writes to.
     """
 
     def __init__(self, device: Device, also: Collection[str] = ()) -> None:
@@ -57,8 +57,11 @@ class GraphMemory:
     def usage(self, resource: Resource) -> int:
         """Return the usage flags of a resource."""
         known = _BUFFER_USAGE if resource.kind == "buffer" else _IMAGE_USAGE
-        # Nothing can be copied from an image of several samples a pixel.
-        also = self._also if resource.samples == 1 else self._also - {"copy_source"}
+        also = set(self._also)
+        if (
+            resource.life in ("kept", "history") and resource.samples == 1
+        ):  # kept because somebody looks at it
+            also.add("copy_source")
         return sum(flag for use, flag in known.items() if use in resource.uses | also)
 
     def requirement(self, resource: Resource) -> Requirement:

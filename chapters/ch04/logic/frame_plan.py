@@ -9,7 +9,9 @@ The plan belongs to no backend: either one's passes declare the same, so the sam
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from copy import copy as shallow
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -77,45 +79,69 @@ class FramePlan:
         handed_on: Collection[str],
         formats: Collection[str],
     ) -> None:
-        self._file, self._passes, self._formats = file, dict(passes), formats
-        self.title = file.title
+        self._formats, self._asked = formats, (dict(outputs), frozenset(handed_on))
+        self._off: dict[str, str] = {}
+        self._on: set[str] = set()  # although the file switches them off
+        self._inserted: dict[str, Any] = {}
+        self._swapped: dict[str, Any] = {}
+        self._readers: dict[str, Mapping[str, Mapping[str, str]]] = {}
+        self.nodes: dict[str, Node] = {}
+        """The passes as they were compiled last, by the names of their steps."""
+        self.shown = ""
+        """A name that is looked at: it shares memory with nobody."""
+        self.keeps_all = False
+        self.kept: set[str] = set()
+        self.externals: dict[str, External] = {}
+        """What they were compiled with."""
+        self.passes = dict(passes)
+        self.follow(file)
+
+    def follow(self, file: GraphFile) -> None:
+        """Have `file` describe the frame from now on; what was inserted, swapped and switched off stays so."""
+        outputs, handed_on = self._asked
+        self.file, self.title = file, file.title
+        self._on.clear()
         self.read_from, self._handed_on = {**outputs}, {*handed_on}
         for output, name in file.outputs.items():
             if output in outputs:
                 self._handed_on.discard(outputs[output])
                 self._handed_on.add(name)
                 self.read_from[output] = name
-        self._off: dict[str, str] = {}
-        self._inserted: dict[str, Any] = {}
-        self._readers: dict[str, Mapping[str, Mapping[str, str]]] = {}
-        self.nodes: dict[str, Node] = {}
-        """The passes as they were compiled last, by the names of their steps."""
-        self.keep: set[str] = set()
-        """Names that are looked at: they share memory with nobody."""
-        self.keeps_all = False
-        self.kept: set[str] = set()
-        self.externals: dict[str, External] = {}
-        """What they were compiled with."""
 
     # --- what can be changed while frames are drawn ---
+
+    @contextmanager
+    def changing(self) -> Iterator[None]:
+        """Within, the plan may be changed; an exception leaves it as it was before."""
+        before = {name: shallow(value) for name, value in vars(self).items()}
+        try:
+            yield
+        except BaseException:
+            vars(self).update(before)
+            raise
 
     @property
     def switches(self) -> dict[str, bool]:
         """Each pass of the file and what was inserted, and whether it is switched on."""
-        return {name: name not in self._off for name in (*self._file.passes, *self._inserted)}
+        off = self._off.keys() | (self.file.off - self._on)
+        return {name: name not in off for name in (*self.file.passes, *self._inserted)}
 
     def switch(self, name: str, on: bool) -> None:
         """Switch a pass on or off; GraphError where there is none of this name."""
         if name not in self.switches:
             raise GraphError(f"There is no pass '{name}'{suggest(name, self.switches)}")
         self._off.pop(name, None)
-        if not on:
+        self._on.discard(name)
+        if on:
+            self._on.add(name)
+        else:
             self._off[name] = OFF
 
     def insert(self, made: Any, readers: Mapping[str, Mapping[str, str]] | None = None) -> None:
         """Add a pass that the file does not name; where it runs follows from what it reads and writes.
 
-        `readers` says which passes read something else from now on: {"tonemap": {"color_focused": "color_sharp"}}.
+        `readers` says, by the names of the graph, which passes read something else from now on:
+        {"tonemap": {"color_focused": "color_sharp"}}.
         """
         if made.name in self.switches:
             raise GraphError(f"There is a pass '{made.name}' already: give the new one another name.")
@@ -127,21 +153,28 @@ class FramePlan:
 
     def remove(self, name: str) -> None:
         """Take out a pass that was inserted, and connect those that read it as they were."""
+        if name not in self._inserted:
+            raise GraphError(f"No pass '{name}' was inserted{suggest(name, self._inserted)}")
         del self._inserted[name], self._readers[name]
+        self._swapped.pop(name, None)
 
     def implementations(self) -> dict[str, Any]:
         """Return what draws, by the names of the steps."""
-        return {name: self._passes[of] for name, of in self._file.passes.items()} | self._inserted
+        own = {name: self.passes[of] for name, of in self.file.passes.items()} | self._inserted
+        return own | {name: made for name, made in self._swapped.items() if name in own}
 
     def swap(self, name: str, made: Any) -> None:
-        """Let `made` draw in place of pass `name`; it declares the same."""
+        """Let `made` draw in place of pass `name`; it declares the same, and whether it is needed stays as it is."""
+        if name not in self.switches:
+            raise GraphError(f"There is no pass '{name}'{suggest(name, self.switches)}")
         now = self.implementations()[name]
-        if (made.reads, made.writes) != (now.reads, now.writes):
-            raise GraphError(f"What takes the place of '{name}' has to read and write the same as that.")
-        if name in self._inserted:
-            self._inserted[name] = made
-        else:
-            self._passes[self._file.passes[name]] = made
+        for what in ("reads", "writes"):
+            if getattr(made, what) != getattr(now, what):
+                declared = [", ".join(one.resource for one in getattr(each, what)) for each in (now, made)]
+                was, now_ = (text or "nothing" for text in declared)
+                other = f"not {now_}" if was != now_ else "in the same way"
+                raise GraphError(f"What takes the place of '{name}' has to {what[:-1]} {was}, {other}.")
+        self._swapped[name] = made
 
     # --- compiled ---
 
@@ -158,11 +191,21 @@ class FramePlan:
         alias: bool = True,
     ) -> Graph:
         """Compile the frame for a picture of `size` pixels; `nodes` are then those of its steps."""
+        try:
+            nodes, graph = self._compile(size, scene, settings, requirements, alias)
+        except GraphError as error:
+            raise self._where(error) from None
+        self.nodes = {node.name: node for node in nodes}
+        return graph
+
+    def _compile(
+        self, size: tuple[int, int], scene: Any, settings: Any, requirements: Requirements | None, alias: bool
+    ) -> tuple[list[Node], Graph]:
         declared = {
             name: Declared(name, made.reads, made.writes, _why_not(made, scene, settings))
-            for name, made in self._passes.items()
+            for name, made in self.passes.items()
         }
-        nodes = self._file.nodes(declared, self._formats, outputs=OUTPUTS)
+        nodes = self.file.nodes(declared, self._formats, outputs=OUTPUTS, on=self._on)
         nodes += [
             Node(made.name, made.reads, made.writes, _why_not(made, scene, settings))
             for made in self._inserted.values()
@@ -170,26 +213,54 @@ class FramePlan:
         for readers in self._readers.values():
             nodes = [_reconnected(node, readers.get(node.name, {})) for node in nodes]
         nodes = [replace(node, why_not=self._off.get(node.name, node.why_not)) for node in nodes]
-        there, copy, self.externals = self._copied(nodes, size)
+        there, copy, externals = self._copied(nodes, size)
         if copy.reads:  # else nobody wants anything of this frame
             nodes.append(copy)
-        self.nodes = {node.name: node for node in nodes}
-        self.kept = {a.resource for node in nodes for a in node.writes} if self.keeps_all else {*self.keep}
-        return compile_graph(nodes, size, there, self.externals, requirements, alias, self.kept)
+        kept = {a.resource for node in nodes for a in node.writes} if self.keeps_all else {self.shown}
+        graph = compile_graph(nodes, size, there, externals, requirements, alias, kept)
+        self.kept, self.externals = kept, externals
+        return nodes, graph
 
-    def watched(self, graph: Graph) -> list[Any]:
-        """Return the passes of a graph that draw, in its order, with the names of this graph (see `Inspection`)."""
-        return [self.nodes[step.name] for step in graph.steps if step.kind == "graphics"]
+    def watched(self, graph: Graph) -> list[Node]:
+        """Return the passes that write what is looked at, in the order of the frame (see `Inspection`)."""
+        found = []
+        for step in graph.steps:
+            writes = self.nodes[step.name].writes if step.kind == "graphics" else ()
+            writes = tuple(one for one in writes if self.keeps_all or one.resource == self.shown)
+            if writes:
+                found.append(replace(self.nodes[step.name], writes=writes))
+        return found
+
+    def drawn(self, graph: Graph) -> list[Node]:
+        """Return the passes of a frame in their order; who reads a pass that is left out reads what he gets instead."""
+        instead = {
+            access.resource: access.instead or access.of
+            for name in graph.left_out
+            for access in self.nodes[name].writes
+        }
+
+        def there(access: Access) -> Access:
+            name = access.resource
+            while instead.get(name):
+                name = instead[name]
+            return replace(access, resource=name)
+
+        nodes = (self.nodes[step.name] for step in graph.steps if step.name != COPY)
+        return [replace(node, reads=tuple(map(there, node.reads))) for node in nodes]
 
     def _copied(
         self, nodes: Sequence[Node], size: tuple[int, int]
     ) -> tuple[dict[str, str], Node, dict[str, External]]:
         """Return the outputs that there are, and the step that hands them on, with the buffers that it fills."""
-        wiring = connect(nodes, self.read_from | {f"for {name}": name for name in self._handed_on}, {})
-        missing = set(wiring.missing)
-        there = {output: name for output, name in self.read_from.items() if output not in missing}
-        names = sorted({name for name in self._handed_on if f"for {name}" not in missing})
         made = {access.resource: access for node in nodes for access in node.writes}
+        asked = self.read_from | {f"for {name}": name for name in self._handed_on}
+        if self.keeps_all:  # whoever looks at everything takes what there is
+            asked = {output: name for output, name in asked.items() if name in made}
+        wiring = connect(nodes, asked, {})
+        for output in () if self.keeps_all else wiring.missing:
+            self._check_missing(asked[output], nodes)
+        there = {output: name for output, name in self.read_from.items() if output in wiring.outputs}
+        names = sorted({name for name in self._handed_on if f"for {name}" in wiring.outputs})
         externals = {}
         for output in there:
             access = made[wiring.outputs[output]]
@@ -205,11 +276,19 @@ class FramePlan:
         )
         return there, copy, externals
 
-    def where(self, error: GraphError) -> GraphError:
+    def _check_missing(self, name: str, nodes: Sequence[Node]) -> None:
+        """Raise GraphError where somebody switched off what writes an output; else it just has nothing to show."""
+        for node in nodes:
+            if name in {access.resource for access in node.writes} and not self.switches[node.name]:
+                raise GraphError(
+                    f"Nobody would write '{name}', which is asked for: '{node.name}' is {node.why_not}."
+                )
+
+    def _where(self, error: GraphError) -> GraphError:
         """Return the error with the place in the file of the first pass that it names."""
-        for name in self._file.passes:
-            if f"'{name}'" in str(error) and str(self._file.path) not in str(error):
-                return GraphError(f"{self._file.where(name)}: {error}")
+        for name in self.file.passes:
+            if f"'{name}'" in str(error) and str(self.file.path) not in str(error):
+                return GraphError(f"{self.file.where(name)}: {error}")
         return error
 
 
@@ -219,9 +298,13 @@ def on_cpu(output: str) -> str:
 
 
 def _reconnected(node: Node, names: Mapping[str, str]) -> Node:
-    """Return a node that reads other names."""
+    """Return a node that reads other names; GraphError where it does not read one of them."""
     if not names:
         return node
+    known = [name for one in (*node.reads, *node.writes) for name in (one.resource, one.of) if name]
+    for name in names:
+        if name not in known:
+            raise GraphError(f"'{node.name}' reads nothing called '{name}'{suggest(name, known)}")
     reads = tuple(
         replace(access, resource=names.get(access.resource, access.resource)) for access in node.reads
     )

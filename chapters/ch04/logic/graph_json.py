@@ -29,6 +29,7 @@ from pathlib import Path
 from typing import Protocol
 
 from backends.contract import Access
+from common import shader_files
 from common.names import suggest
 
 from .graph_fields import Field
@@ -89,6 +90,11 @@ class GraphFile:
         """The pass behind each node: another one than its name where the file gives it one."""
         return {use.name: use.of.word() for use in self.uses}
 
+    @property
+    def off(self) -> frozenset[str]:
+        """The nodes that the file switches off."""
+        return frozenset(use.name for use in self.uses if use.enabled is not None and not use.enabled.flag())
+
     def where(self, name: str) -> str:
         """Return "file:line" of the node `name`; KeyError if there is none."""
         for use in self.uses:
@@ -102,14 +108,16 @@ class GraphFile:
         formats: Collection[str],
         externals: Collection[str] = (),
         outputs: Collection[str] | None = None,
+        on: Collection[str] = (),
     ) -> list[Node]:
         """Return the passes as the graph sees them, in the order of the file.
 
         `declared` are the chapter's passes by name, `formats` those that images can have, `externals` the resources
-        that somebody else makes, and `outputs` what a frame can be asked for (None: that is not looked at). Raises
-        GraphError for everything of the file that does not fit these.
+        that somebody else makes, and `outputs` what a frame can be asked for (None: that is not looked at). Nodes in
+        `on` run although the file switches them off. Raises GraphError for everything of the file that does not fit.
         """
-        nodes = [_node(use, declared, formats, externals) for use in self.uses]
+        off = self.off.difference(on)
+        nodes = [_node(use, declared, formats, externals, use.name in off) for use in self.uses]
         _check_producers(self.uses, nodes, declared)
         _check_sources(self.uses, nodes, declared, externals)
         known = _known(nodes, externals)
@@ -133,7 +141,14 @@ def graph_path(text: str) -> Path:
 
 
 def read_graph(path: Path) -> GraphFile:
-    """Read a file. Raises GraphError for what cannot be read, what is no JSON, and what is no graph."""
+    """Read a file, as shaders are read: it may be edited while frames are drawn (common/shader_files.py).
+
+    Raises GraphError for what cannot be read, what is no JSON, and what is no graph.
+    """
+    return shader_files.held(path, _read)
+
+
+def _read(path: Path) -> GraphFile:
     text = _text_of(path)
     try:
         whole = Field(path, text, "", parse(text))
@@ -208,7 +223,11 @@ def _use(entry: Field) -> Use:
 
 
 def _node(
-    use: Use, declared: Mapping[str, Declared], formats: Collection[str], externals: Collection[str]
+    use: Use,
+    declared: Mapping[str, Declared],
+    formats: Collection[str],
+    externals: Collection[str],
+    off: bool,
 ) -> Node:
     name = use.of.word()
     if name not in declared:
@@ -223,7 +242,7 @@ def _node(
     writes = {key: field.word() for key, field in use.writes.items()}
     reads = writes | {key: field.word() for key, field in use.reads.items()}
     why_not = made.why_not
-    if use.enabled is not None and not use.enabled.flag():
+    if off and use.enabled is not None:
         why_not = f"switched off in {use.enabled.file}:{use.enabled.line}"
     return Node(
         use.name,

@@ -62,13 +62,17 @@ class _Connector:
         self._instead: dict[
             str, tuple[str, str]
         ] = {}  # name: (its writer, which is left out; what readers get)
+        self._absent: dict[str, list[str]] = {}  # all that would write a name
         for node in sorted(nodes, key=lambda node: node.name):
             if node.name in self._nodes or node.name in self._left_out:
                 raise GraphError(f"Two passes are called '{node.name}': give one of them another name.")
             if node.why_not:
                 self._left_out[node.name] = node.why_not
                 for access in node.writes:
-                    self._instead[access.resource] = (node.name, access.instead or access.of)
+                    self._absent.setdefault(access.resource, []).append(node.name)
+                    stands_in = access.instead or access.of
+                    if stands_in or access.resource not in self._instead:
+                        self._instead[access.resource] = (node.name, stands_in)
                 continue
             self._nodes[node.name] = node
             for access in node.writes:
@@ -145,7 +149,7 @@ class _Connector:
     def _live(self, outputs: Collection[str]) -> set[str]:
         """Return the passes that an output, the outside or the next frame needs."""
         roots = self._roots([*self._nodes.values()]) if self._externals else {}
-        waiting = [self._writer[name] for name in outputs if name in self._writer]
+        waiting = [self._writer[name] for name in sorted(outputs) if name in self._writer]
         waiting += [node.name for node in self._nodes.values() if not node.writes]
         waiting += [
             node.name
@@ -173,11 +177,10 @@ class _Connector:
         absent = name
         while self._instead[absent][1] in self._instead:
             absent = self._instead[absent][1]
-        writer = self._instead[absent][0]
-        return (
-            f"'{node.name}' reads '{name}', which nobody writes: '{writer}' is left out ({self._left_out[writer]}), "
-            "with nothing in its place."
+        writers = " and ".join(
+            f"'{writer}' is left out ({self._left_out[writer]})" for writer in self._absent[absent]
         )
+        return f"'{node.name}' reads '{name}', which nobody writes: {writers}, with nothing in its place."
 
     # --- edges ---
 

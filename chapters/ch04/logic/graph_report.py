@@ -82,11 +82,15 @@ def sharing(graph: Graph, name: str) -> list[str]:
 
 
 def counts(graph: Graph) -> dict[str, int]:
-    """Return the figures of a graph by name, as `frame.work` has them: bytes, barriers, passes."""
+    """Return the figures of a graph by name, as `frame.work` has them.
+
+    "passes" draw or compute; what only copies is none. "transitions" are the barriers that change a layout or give up a
+    content; "transient_bytes" is what the heaps take, "transient_bytes_alone" what they would without sharing.
+    """
     barriers = [barrier for step in graph.steps for barrier in step.barriers] + [*graph.epilogue]
     return {
-        "passes": len(graph.steps),
-        "passes_left_out": len(graph.left_out),
+        "passes": sum(step.kind != "copy" for step in graph.steps),
+        "passes_skipped": len(graph.left_out),
         "barriers": len(barriers),
         "transitions": sum(one.before.layout != one.after.layout or one.discard for one in barriers),
         "transient_bytes": graph.memory.size,
@@ -106,8 +110,10 @@ def text(graph: Graph) -> str:
 def _summary(graph: Graph) -> Iterator[str]:
     waiting = sum(bool(step.barriers) for step in graph.steps)
     figures = counts(graph)
+    copies = len(graph.steps) - figures["passes"]
     yield (
-        f"{_number(len(graph.steps), 'pass', 'passes')} at {graph.size[0]}x{graph.size[1]}, "
+        f"{_number(figures['passes'], 'pass', 'passes')}"
+        f"{' and ' + _number(copies, 'copy', 'copies') if copies else ''} at {graph.size[0]}x{graph.size[1]}, "
         f"{_number(len(graph.resources), 'resource')}, {_number(figures['barriers'], 'barrier')} "
         f"({_number(figures['transitions'], 'transition')}) in front of {_number(waiting, 'pass', 'passes')}"
     )
