@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import statistics
 import time as clock
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from itertools import islice
@@ -219,6 +219,14 @@ def difference(image: Array, other: Array) -> dict[str, float]:
     """Return how far two pictures of linear light (H, W, 3) float32 are apart, which should be the same to the bit."""
     differ = (image.view(np.uint32) != other.view(np.uint32)).any(axis=-1)
     return {"max_abs": metrics.max_abs(image, other), "pixels_differ": int(differ.sum())}
+
+
+def middle(values: Sequence[float]) -> tuple[float, float]:
+    """Return the median, and half the distance of the quartiles; NaN where there are no values."""
+    if not values:
+        return float("nan"), float("nan")
+    low, median, high = np.percentile(values, (25, 50, 75))
+    return float(median), float(high - low) / 2
 
 
 def sweep(subject: Subject, effort: Effort, step: Callable[[str, float], None]) -> list[Point]:

@@ -124,7 +124,7 @@ def _scale(
         truths: dict[int, np.ndarray] = {}
         for run in runs:  # every slot is filled and every pipeline compiled before a time counts
             for turn in range(max(effort.warm_up, 2)):
-                frame = run.frame(_view(run.renderer, turn))
+                frame = run.frame(moved_view(run.renderer, turn))
             picture = frame.image("color_linear")
             truth = truths.setdefault(run.count, picture)
             run.error = difference(picture, truth)
@@ -136,7 +136,7 @@ def _scale(
         for turn in range(rounds):
             step(f"frames with more and more {scale.name}", 0.6 + 0.4 * turn / rounds)
             for one in random.permutation(len(runs)):
-                runs[one].frame(_view(runs[one].renderer, turn + one / len(runs)))
+                runs[one].frame(moved_view(runs[one].renderer, turn + one / len(runs)))
     points = [run.point() for run in runs]
     made = {"name": scale.name, "frames": rounds, "skipped": skipped, "points": points}
     return {**made, "ratios": ratios(points, scale.sides[-1].name, scale.flat_from)}
@@ -168,7 +168,7 @@ def _open(stack: ExitStack, subject: Subject, side: Side, count: int, scene: Sce
     return _Run(side, count, renderer, clock.perf_counter() - began)
 
 
-def _view(renderer: Renderer, turn: float) -> View:
+def moved_view(renderer: Renderer, turn: float) -> View:
     """Return the view of frame number `turn`; no two frames should have one, since matrices of a view are kept."""
     view, scene = chapters.view_of(renderer), renderer.scene
     moved = translation((STEP * scene.length_scale * turn, 0.0, 0.0))
