@@ -1,12 +1,12 @@
-"""What a frame graph costs and spares: memory of its transients, barriers, compiling it, recording it, sending it again.
+"""What a frame graph costs and spares: memory and barriers, compiling it, recording a frame, sending one again.
 
 Compiling happens when the structure of a frame changes, recording when something in it is another one; in all other
 frames what was recorded is sent once more. So each of the three has a time of its own here. Passes are added by putting
 the chapter's tone curve between itself and what it reads, again and again: small passes that cost the GPU little.
 
 Of `render`, from its call to its return, the driver's part is told apart: on Vulkan that is vkQueueSubmit2, on OpenGL
-all calls of the frame, which are made anew in each. The GPU is idle before each call. These frames show a scene in which
-nothing moves: evaluating animations takes its time with any frame, graph or not.
+all calls of the frame, which are made anew in each. The GPU is idle before each call. These frames show a scene in
+which nothing moves: evaluating animations takes its time with any frame, graph or not.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from chapters import scenes
 from chapters.bench_points import Effort, Subject, middle
 from chapters.bench_scale import moved_view
 from chapters.tables import table
+from common.camera import View
 from common.settings import preset
 
 CHAINS = (20, 100, 1000)
@@ -49,8 +50,9 @@ WAYS = {
 REPEATED = "tonemap"
 """The pass that is repeated to have more of them."""
 
-FRAMES = 20
-"""CPU times taken where a sweep draws one frame."""
+ROUNDS, IN_A_ROW = 3, 8
+"""Rounds where a sweep has one frame, and frames that a renderer draws in each: the first one, which finds the
+processor's caches full of what the renderer before it used, does not count."""
 
 
 def measure(
@@ -130,10 +132,11 @@ def _timed(call: Callable[[], Any], times: int) -> list[float]:
 
 
 def _named(name: str, seconds: Sequence[float], factor: float) -> dict[str, float]:
-    """Return the median in `name`, and half the distance of the quartiles beside it."""
+    """Return the median in `name`, and beside it half the distance of the quartiles, and the least."""
     what, _, unit = name.rpartition("_")
-    median, noise = middle([factor * one for one in seconds])
-    return {name: median, f"{what}_noise_{unit}": noise}
+    scaled = [factor * one for one in seconds]
+    median, noise = middle(scaled)
+    return {name: median, f"{what}_noise_{unit}": noise, f"{what}_least_{unit}": min(scaled, default=median)}
 
 
 # --- frames -----------------------------------------------------------------------------------------------------------
@@ -146,18 +149,19 @@ class _Run:
     passes: int
     way: str
     renderer: Renderer
+    view: View
     whole: list[float] = field(default_factory=list)
     driver: list[float] = field(default_factory=list)
 
-    def frame(self, turn: float) -> None:
-        """Draw a frame that is over, and keep its times where it did what this run is for."""
+    def frame(self, turn: float, counts: bool = True) -> None:
+        """Draw a frame until it is over, and keep its times where it `counts` and did what this run is for."""
         again, moves = WAYS[self.way]
-        view = moved_view(self.renderer, turn if moves else 0.0)
+        view = moved_view(self.renderer, turn) if moves else self.view
         with _driver(self.renderer) as driver:
             began = clock.perf_counter()
             frame = self.renderer.render(view)
             took = clock.perf_counter() - began
-        if frame.work["recorded"] != again:
+        if counts and frame.work["recorded"] != again:
             self.whole.append(took)
             self.driver.append(sum(driver))
         sum(frame.timings.values())  # waits for the GPU
@@ -208,21 +212,26 @@ def _frames(
                 step(f"frames of {count} passes", 0.5 * len(runs) / (len(WAYS) * len(passes)))
                 renderer = stack.enter_context(still.open(_settings(subject, {"resubmit": again}), {"color"}))
                 repeat(renderer, count)
-                runs.append(_Run(len(renderer.passes), way, renderer))
+                runs.append(_Run(len(renderer.passes), way, renderer, chapters.view_of(renderer)))
         for run in runs:  # each slot is recorded, and the driver compiles what it draws first
             for turn in range(4):
                 run.frame(turn / 4)
             run.whole.clear()
             run.driver.clear()
         random = np.random.default_rng(1)
-        rounds = FRAMES * max(effort.frames, 1)
+        rounds = ROUNDS * max(effort.frames, 1)
         for turn in range(rounds):
-            if turn % FRAMES == 0:
-                step("frames, recorded and sent again", 0.5 + 0.5 * turn / rounds)
+            step("frames, recorded and sent again", 0.5 + 0.5 * turn / rounds)
             for one in random.permutation(len(runs)):
-                runs[one].frame(1 + turn + one / len(runs))
+                for number in range(IN_A_ROW):
+                    runs[one].frame(1 + turn + number / IN_A_ROW, counts=number > 0)
         points = [run.point() for run in runs]
-    return {"scene": SCENE, "size": list(SIZE), "backend": subject.device.capabilities.backend, "frames": points}
+    return {
+        "scene": SCENE,
+        "size": list(SIZE),
+        "backend": subject.device.capabilities.backend,
+        "frames": points,
+    }
 
 
 def repeat(renderer: Any, count: int) -> None:
@@ -246,26 +255,19 @@ def show(made: dict[str, Any], to: Console) -> None:
     """Print the record as tables, and what it says."""
     shown = table(
         "Frame graphs: memory of what lives within a frame",
-        *("frame", ">passes", ">left out", ">barriers", ">transitions", ">MB alone", ">MB", ">MB least"),
-        *(">compile ms", ">±"),
+        *("frame", ">passes", ">left out", ">barriers", ">transitions", ">MB alone", ">MB", ">least"),
     )
     for one in made["graphs"]:
         shown.add_row(
             one["name"],
             *(str(one[name]) for name in ("passes", "passes_left_out", "barriers", "transitions")),
             *(f"{one[f'transient_bytes{end}'] / 1e6:.2f}" for end in ("_alone", "", "_bound")),
-            f"{one['compile_ms']:.2f}",
-            f"{one['compile_noise_ms']:.2f}",
         )
-    for one in made["chains"]:
-        rest = [""] * 6
-        shown.add_row(
-            f"a chain of {one['passes']:,}",
-            f"{one['passes']:,}",
-            *rest,
-            f"{one['compile_ms']:.2f}",
-            f"{one['compile_noise_ms']:.2f}",
-        )
+    to.print(shown)
+    shown = table("Compiling a graph", "graph", ">passes", ">ms", ">±")
+    for one in (*made["graphs"], *made["chains"]):
+        times = (f"{one[name]:.2f}" for name in ("compile_ms", "compile_noise_ms"))
+        shown.add_row(one.get("name", "a chain"), f"{one['passes']:,}", *times)
     to.print(shown)
     shown = table(
         "From the call of render to its return, us",

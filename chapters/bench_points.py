@@ -10,7 +10,7 @@ import statistics
 import time as clock
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from itertools import islice
 from typing import Any
 
@@ -219,6 +219,11 @@ def difference(image: Array, other: Array) -> dict[str, float]:
     """Return how far two pictures of linear light (H, W, 3) float32 are apart, which should be the same to the bit."""
     differ = (image.view(np.uint32) != other.view(np.uint32)).any(axis=-1)
     return {"max_abs": metrics.max_abs(image, other), "pixels_differ": int(differ.sum())}
+
+
+def recorded_anew(settings: Any) -> Any:
+    """Return settings with which every frame is recorded, in chapters that can send one again, too."""
+    return replace(settings, resubmit=False) if hasattr(settings, "resubmit") else settings
 
 
 def middle(values: Sequence[float]) -> tuple[float, float]:

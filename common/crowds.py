@@ -83,7 +83,12 @@ def layers(count: int, lights: int = 32) -> Scene:
         raise ValueError(f"there is at least one layer, not {count}")
     images = _images(2)
     made = [
-        Material(name=f"layer {number}", metallic=0.0, roughness=0.5, base_color_texture=TextureRef(number, scale=(9, 9)))
+        Material(
+            name=f"layer {number}",
+            metallic=0.0,
+            roughness=0.5,
+            base_color_texture=TextureRef(number, scale=(9, 9)),
+        )
         for number in range(2)
     ]
     depth = np.arange(count)[::-1] * 0.25  # m behind the nearest

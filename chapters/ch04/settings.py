@@ -55,7 +55,12 @@ class Settings:
             "msaa": AtMost(8),
         },
     }
-    SWEEP: ClassVar[dict[str, tuple[Any, ...]]] = {"msaa": (1, 4)}  # the numbers that every device has
+    SWEEP: ClassVar[dict[str, tuple[Any, ...]]] = {
+        "msaa": (1, 4),  # the numbers that every device has
+        "graph": ("forward",),
+        "depth_prepass": (True,),
+        "gbuffer_format": ("full",),
+    }
     PREPARED: ClassVar[tuple[Sweep, ...]] = (
         Sweep(
             "environment",
@@ -104,7 +109,10 @@ class Settings:
         "forward": {"graph": "forward"},
     }
     LAYERS: ClassVar[tuple[int, ...]] = (1, 2, 4, 8, 16)  # of overdraw, for the depth pre-pass
-    SURFACES: ClassVar[dict[str, str]] = {"spheres": "sky", "cornell": "none"}  # seen through the G-buffer's formats
+    SURFACES: ClassVar[dict[str, str]] = {
+        "spheres": "sky",
+        "cornell": "none",
+    }  # seen through the G-buffer's formats
 
     anisotropy: float = knob(
         4.0, "texels averaged along the longer axis of a pixel's footprint", minimum=1, maximum=16
