@@ -255,7 +255,7 @@ def show(made: dict[str, Any], to: Console) -> None:
     """Print the record as tables, and what it says."""
     shown = table(
         "Frame graphs: memory of what lives within a frame",
-        *("frame", ">passes", ">left out", ">barriers", ">transitions", ">MB alone", ">MB", ">least"),
+        *("frame", ">passes", ">left out", ">barriers", ">layouts", ">MB alone", ">MB", ">least"),
     )
     for one in made["graphs"]:
         shown.add_row(

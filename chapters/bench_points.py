@@ -177,14 +177,17 @@ class Subject:
         """
         width, height = self.size
         with self.open(settings, {"color", "color_linear"}, (width * samples, height * samples)) as renderer:
-            frame = settled(renderer, chapters.view_of(renderer))
-            linear, shown = frame.image("color_linear"), frame.image("color")
-        shown = shown[..., :3].astype(np.float32) / np.float32(255)
+            linear, shown = picture(settled(renderer, chapters.view_of(renderer)))
         if samples == 1:
             return linear, shown
         return _averaged(linear, samples), encode_srgb(_averaged(decode_srgb(shown), samples)).astype(
             np.float32
         )
+
+
+def picture(frame: Frame) -> tuple[Array, Array]:
+    """Return what a frame shows as `errors` takes it: linear light (H, W, 3) float32, and codes (H, W, 3) of 0..1."""
+    return frame.image("color_linear"), frame.image("color")[..., :3].astype(np.float32) / np.float32(255)
 
 
 def settled(renderer: Renderer, view: Any, most: int = 64) -> Frame:

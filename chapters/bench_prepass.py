@@ -187,16 +187,13 @@ def show(made: dict[str, Any], to: Console) -> None:
     """Print the record as a table, and what it says."""
     shown = table(
         f"Depth pre-pass against overdraw, {made['lamps']} lamps, GPU ms a frame",
-        *("path", ">layers", ">without", ">±", ">with", ">±", ">depth", ">gain", ">shaded", ">with"),
+        *("path", ">layers", ">without", ">with", ">depth", ">gain", ">shaded", ">with"),
     )
     for without, within in _pairs(made):
         shown.add_row(
             without["path"],
             str(without["layers"]),
-            f"{without['gpu_ms']:.2f}",
-            f"{without['noise_ms']:.2f}",
-            f"{within['gpu_ms']:.2f}",
-            f"{within['noise_ms']:.2f}",
+            *(f"{one['gpu_ms']:.2f} ±{one['noise_ms']:.2f}" for one in (without, within)),
             f"{within['passes_ms'].get(PREPASS, 0.0):.2f}",
             f"{_gain(without, within):.2f}",
             *(f"{one['shaded'] / made['pixels']:.2f}" for one in (without, within)),

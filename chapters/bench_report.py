@@ -24,6 +24,9 @@ from chapters.console import out
 from chapters.tables import table
 from common.errors import UserError
 
+FRAME_PARTS: dict[str, Any] = {"graph": bench_graph, "prepass": bench_prepass, "gbuffer": bench_gbuffer}
+"""What shows and draws the parts of chapters whose frame is a graph."""
+
 
 def show(made: dict[str, Any], to: Console = out) -> None:
     """Print a record: tables of all that was measured."""
@@ -49,7 +52,7 @@ def show(made: dict[str, Any], to: Console = out) -> None:
     bench_loads.show(made.get("loads", []), to)
     if made.get("readback"):
         bench_readback.show(made["readback"], to)
-    for part, shown in (("graph", bench_graph), ("prepass", bench_prepass), ("gbuffer", bench_gbuffer)):
+    for part, shown in FRAME_PARTS.items():
         if made.get(part):
             shown.show(made[part], to)
     _show_starts(to, made["start_s"])
@@ -125,13 +128,9 @@ def plot(path: Path, made: dict[str, Any]) -> None:
         panels.append(partial(_plot_pipelines, made["pipelines"]))
     if any(one["ways"] for one in made.get("loads", ())):
         panels.append(partial(_plot_loads, made["loads"]))
-    for part, draw in (
-        ("graph", bench_graph.plot),
-        ("prepass", bench_prepass.plot),
-        ("gbuffer", bench_gbuffer.plot),
-    ):
+    for part, shown in FRAME_PARTS.items():
         if made.get(part):
-            panels.append(partial(_plot_alone, draw, made[part]))
+            panels.append(partial(_plot_alone, shown.plot, made[part]))
     columns = min(len(panels), 3)
     rows = -(-len(panels) // columns)
     figure = Figure(figsize=(1 + 6 * columns, 4.8 * rows), layout="constrained")

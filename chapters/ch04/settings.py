@@ -59,7 +59,7 @@ class Settings:
         "msaa": (1, 4),  # the numbers that every device has
         "graph": ("forward",),
         "depth_prepass": (True,),
-        "gbuffer_format": ("full",),
+        "gbuffer_format": ("half", "full"),
     }
     PREPARED: ClassVar[tuple[Sweep, ...]] = (
         Sweep(
