@@ -233,9 +233,9 @@ def sentences(made: dict[str, Any]) -> list[str]:
             f"At {ratio['count']:,} {name}, {other} takes {ratio['python_ms']:.3g} times the Python time of {side} "
             "for a frame, and "
             + (
-                "sends it again as it was recorded once."
-                if ratio["record_ms"] is None
-                else f"{ratio['record_ms']:.3g} times for recording its draws."
+                f"{ratio['record_ms']:.3g} times for recording its draws."
+                if ratio["record_ms"] is not None
+                else f"records its draws for it; {side} sends again what it recorded once."
             )
         )
     if found["grown"]:
