@@ -298,7 +298,8 @@ def bench(
         list[str] | None,
         typer.Option(
             metavar="PART",
-            help="Measure that alone, repeatable: settings, prepared, start, stability, scales, pipelines.",
+            help="Measure that alone, repeatable: settings, prepared, start, stability, scales, pipelines, "
+            "threads, loads, readback, graph, prepass, gbuffer.",
             show_default=False,
         ),
     ] = None,
