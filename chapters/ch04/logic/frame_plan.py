@@ -221,7 +221,7 @@ class FramePlan:
         self.kept, self.externals = kept, externals
         return nodes, graph
 
-    def watched(self, graph: Graph) -> list[Node]:
+    def watched(self, graph: Graph) -> list[Any]:
         """Return the passes that write what is looked at, in the order of the frame (see `Inspection`)."""
         found = []
         for step in graph.steps:
