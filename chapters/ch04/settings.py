@@ -133,16 +133,10 @@ class Settings:
     )
     depth_prepass: bool = knob(False, "whether depth is drawn first, and then only what is visible is shaded")
     gbuffer_format: str = knob(
-        "compact",
-        "surfaces kept in few bits, with normals of ten bits or of halves; or in 32 bits a channel",
-        choices=("compact", "half", "full"),
+        "compact", "surfaces in few bits, with finer normals, or in full", choices=("compact", "half", "full")
     )
-    aperture: float = knob(
-        0.0, "f-number of the lens: focal length by opening; 0: all is sharp", minimum=0, maximum=1000
-    )
-    focus_distance: float = knob(
-        0.0, "how far away all is sharp; 0: as what is in the middle", unit="m", minimum=0, maximum=1e9
-    )
+    aperture: float = knob(0.0, "f-number of the lens; 0: a pinhole, all is sharp", minimum=0, maximum=1000)
+    focus_distance: float = knob(0.0, "of what is sharp; 0: the middle's", unit="m", minimum=0, maximum=1e9)
     bokeh_taps: int = knob(8, "samples along the radius of the largest blur", minimum=2, maximum=32)
     msaa: int = knob(
         1,

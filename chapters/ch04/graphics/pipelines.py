@@ -41,8 +41,7 @@ class GraphicsPipeline:
     """What a pipeline is made of. What it reads, its shaders say themselves.
 
     `specialization` gives constants of theirs, by name or id, the values that they are compiled with. `dynamic` names
-    buffers whose offset comes with the bind. Of several formats in `color`, each target has one, and all are blended
-    alike.
+    buffers whose offset comes with the bind. `color` may be several formats: of as many targets, blended alike.
     """
 
     shaders: tuple[str, ...]
@@ -226,7 +225,7 @@ class Pipelines:
 
     @staticmethod
     def _blend(described: GraphicsPipeline) -> Any:
-        if not described.colors:
+        if described.color is None:
             return vk.new("VkPipelineColorBlendStateCreateInfo")
         attachment: dict[str, Any] = {"colorWriteMask": _ALL_CHANNELS}
         if described.blend:
@@ -242,9 +241,8 @@ class Pipelines:
                 "dstAlphaBlendFactor": kept,
                 "alphaBlendOp": vk.VK_BLEND_OP_ADD,
             }
-        return vk.new(
-            "VkPipelineColorBlendStateCreateInfo", pAttachments=[attachment] * len(described.colors)
-        )
+        attachments = [attachment] * len(described.colors)
+        return vk.new("VkPipelineColorBlendStateCreateInfo", pAttachments=attachments)
 
     def close(self) -> None:
         """Free every pipeline and layout."""
