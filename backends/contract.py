@@ -414,7 +414,8 @@ class Access:
     was there is kept. When the writer is left out of a frame, readers get the name in `instead`, or else that in `of`.
 
     `previous` reads what the frame before wrote. `stages` are those of the shaders that read or write, where it is not
-    the fragment shader of a pass that draws, or the compute shader of one that does not.
+    the fragment shader of a pass that draws (of what is "uniform" also the vertex shader), or the compute shader of one
+    that does not.
     """
 
     resource: str
