@@ -130,7 +130,7 @@ def test_what_is_sent_again_as_it_was_takes_no_time_to_record():
     assert found["times"]["old"] == {"count": 10, "python_ms": 4.0, "record_ms": None, "gpu_ms": 1.0}
     said = bench_scale.sentences({"name": "draws", "points": points, "ratios": found})[0]
     assert "old takes 4 times the Python time of new" in said
-    assert said.endswith("records its draws for it; new sends again what it recorded once.")
+    assert said.endswith("new does not record its draws, but sends again what it recorded once.")
 
 
 def test_figures_become_sentences():
