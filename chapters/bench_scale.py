@@ -228,16 +228,15 @@ def sentences(made: dict[str, Any]) -> list[str]:
     """Return what a scale's figures say, as sentences."""
     name, points, found = made["name"], made["points"], made["ratios"]
     side, said = found["side"], []
+    again = any(ratio["record_ms"] is None for ratio in found["times"].values())
     for other, ratio in found["times"].items():
         said.append(
             f"At {ratio['count']:,} {name}, {other} takes {ratio['python_ms']:.3g} times the Python time of {side} "
             "for a frame"
-            + (
-                f", and {ratio['record_ms']:.3g} times for recording its draws."
-                if ratio["record_ms"] is not None
-                else f"; {side} does not record its draws, but sends again what it recorded once."
-            )
+            + ("." if again else f", and {ratio['record_ms']:.3g} times for recording its draws.")
         )
+    if again:
+        said.append(f"With {side} no draw is recorded in these frames: what was recorded once is sent again.")
     if found["grown"]:
         most = max(found["grown"], key=int)
         furthest = max(found["grown"].values(), key=lambda ratio: abs(ratio - 1))
