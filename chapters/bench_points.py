@@ -229,6 +229,11 @@ def recorded_anew(settings: Any) -> Any:
     return replace(settings, resubmit=False) if hasattr(settings, "resubmit") else settings
 
 
+def forward_path(settings: Any) -> Any:
+    """Return settings that light objects while they are drawn: what every chapter can, with the same picture."""
+    return replace(settings, graph="forward") if hasattr(settings, "graph") else settings
+
+
 def middle(values: Sequence[float]) -> tuple[float, float]:
     """Return the median, and half the distance of the quartiles; NaN where there are no values."""
     if not values:

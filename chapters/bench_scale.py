@@ -25,7 +25,7 @@ from rich.console import Console
 
 import chapters
 from backends.contract import Frame, Renderer
-from chapters.bench_points import Effort, Subject, difference
+from chapters.bench_points import Effort, Subject, difference, forward_path
 from chapters.run import open_device
 from chapters.tables import table
 from common.camera import View
@@ -159,7 +159,7 @@ def _open(stack: ExitStack, subject: Subject, side: Side, count: int, scene: Sce
             subject.backend,
             scene=scene,
             size=subject.size,
-            settings=preset(chapters.settings_class(which), "medium"),
+            settings=forward_path(preset(chapters.settings_class(which), "medium")),
             without=side.without,
             outputs={"color", "color_linear"},
             device=device,
@@ -228,16 +228,15 @@ def sentences(made: dict[str, Any]) -> list[str]:
     """Return what a scale's figures say, as sentences."""
     name, points, found = made["name"], made["points"], made["ratios"]
     side, said = found["side"], []
+    again = any(ratio["record_ms"] is None for ratio in found["times"].values())
     for other, ratio in found["times"].items():
         said.append(
             f"At {ratio['count']:,} {name}, {other} takes {ratio['python_ms']:.3g} times the Python time of {side} "
-            "for a frame, and "
-            + (
-                f"{ratio['record_ms']:.3g} times for recording its draws."
-                if ratio["record_ms"] is not None
-                else f"records its draws for it; {side} sends again what it recorded once."
-            )
+            "for a frame"
+            + ("." if again else f", and {ratio['record_ms']:.3g} times for recording its draws.")
         )
+    if again:
+        said.append(f"With {side} no draw is recorded in these frames: what was recorded once is sent again.")
     if found["grown"]:
         most = max(found["grown"], key=int)
         furthest = max(found["grown"].values(), key=lambda ratio: abs(ratio - 1))

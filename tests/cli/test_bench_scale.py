@@ -128,9 +128,9 @@ def test_what_is_sent_again_as_it_was_takes_no_time_to_record():
     points = [point("old", 10, 8.0, record=6.0), point("new", 10, 2.0, record=0.0)]
     found = bench_scale.ratios(points, "new", 10)
     assert found["times"]["old"] == {"count": 10, "python_ms": 4.0, "record_ms": None, "gpu_ms": 1.0}
-    said = bench_scale.sentences({"name": "draws", "points": points, "ratios": found})[0]
-    assert "old takes 4 times the Python time of new" in said
-    assert said.endswith("records its draws for it; new sends again what it recorded once.")
+    first, second, *_ = bench_scale.sentences({"name": "draws", "points": points, "ratios": found})
+    assert first == "At 10 draws, old takes 4 times the Python time of new for a frame."
+    assert second == "With new no draw is recorded in these frames: what was recorded once is sent again."
 
 
 def test_figures_become_sentences():
