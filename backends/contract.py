@@ -237,7 +237,13 @@ class Renderer(Protocol):
     """`inspection.work.by_pass`: the counters of each pass of the last frame, if opened with `inspect=True`."""
 
     graph: Any
-    """The compiled frame graph, `logic.graph_types.Graph`; before chapter 4 and in studies there is none."""
+    """The compiled frame graph, `logic.graph_types.Graph`; before chapter 4 and in studies there is none.
+
+    A renderer that has one can change it between two frames (`logic/graph_stream.py` of its chapter): `switches`,
+    `switch_pass`, `insert_pass`, `swap_pass`, `show_resource`."""
+
+    nodes: Sequence[Any]
+    """Beside `passes`, what they read and write under the names of the graph; where there is none, there are none."""
 
     @property
     def prepared_ms(self) -> dict[str, float]:

@@ -7,7 +7,6 @@ import os
 import re
 import statistics
 import sys
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from importlib import import_module
 from pathlib import Path
@@ -25,6 +24,7 @@ from chapters.record import STDOUT, naming
 from chapters.stopping import prompt_stop
 from chapters.tables import table
 from chapters.views import stored_as
+from chapters.window_stop import nodes_of
 from common.errors import UserError
 from common.frame_pictures import picture_of
 from common.images import write_image
@@ -183,11 +183,6 @@ def last_pass(renderer: Renderer, after: str | None) -> int:
         near = suggest(after, names)
         raise UserError(f"This frame has no pass {after!r}{near}" + ("" if near.endswith("?") else "."))
     return names.index(after) + 1
-
-
-def nodes_of(renderer: Renderer) -> Sequence[Any]:
-    """Return the passes of a frame with what they read and write: where there is a graph, under its names."""
-    return getattr(renderer, "nodes", renderer.passes)
 
 
 def take_apart(
