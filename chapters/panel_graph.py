@@ -123,11 +123,13 @@ class GraphSection:
 
         `time_of` gives the GPU milliseconds of a pass by name, NaN where they are not known.
         """
+        self._imgui.push_id("frame graph")  # settings have labels of passes
         actions = self._choose(state, settings)
         self._passes(state, time_of, actions)
         if state.error:
             self._colored(RED, state.error)
         self._resources(state, actions)
+        self._imgui.pop_id()
         return actions
 
     def _choose(self, state: GraphState, settings: Any) -> dict[str, Any]:
@@ -173,6 +175,8 @@ class GraphSection:
         imgui.text_wrapped(state.memory)
         if not imgui.begin_table("resources", 3):
             return
+        for column, share in (("name", 1.4), ("what", 1.0), ("memory", 1.1)):
+            imgui.table_setup_column(column, imgui.TableColumnFlags_.width_stretch, share)
         for row in state.resources:
             imgui.table_next_row()
             imgui.table_next_column()

@@ -167,3 +167,30 @@ def test_a_graph_of_the_chapter_has_every_pass_that_settings_ask_for(strata, box
     always = {"depth_prepass", "instance_id", "circle_of_confusion", "bokeh", "depth_of_field", "tonemap"}
     assert {step["name"] for step in made["steps"]} == own | always | {"copy outputs"}
     assert set(made["left_out"]) == {"deferred": {"transparent"}, "forward": {"resolve"}}[name]
+
+
+CIRCLE = """{"passes": [{"pass": "forward"},
+ {"pass": "tonemap", "name": "a", "reads": {"color_hdr": "cb"}, "writes": {"color": "ca"}},
+ {"pass": "tonemap", "name": "b", "reads": {"color_hdr": "ca"}, "writes": {"color": "cb"}},
+ {"pass": "tonemap", "reads": {"color_hdr": "cb"}}]}"""
+
+
+@pytest.mark.parametrize(
+    "command",
+    [("run", "4", "--headless"), ("frame", "4"), ("graph", "4"), ("compare", "4")],
+    ids=lambda words: words[0],
+)
+def test_a_graph_that_cannot_be_is_one_sentence_wherever_it_is_named(strata, tmp_path, box, command):
+    (tmp_path / "circle.json").write_text(CIRCLE)
+    (tmp_path / "broken.json").write_text('{"passes": [')
+    (tmp_path / "unknown.json").write_text('{"passes": [{"pass": "gbufer"}]}')
+    for name, says in (
+        ("none/x.json", "There is no graph none"),
+        ("broken.json", "broken.json:1:13: this is no JSON"),
+        ("unknown.json", "there is no such pass; did you mean 'gbuffer'?"),
+        ("circle.json", "circle.json:2: The passes wait for each other in a circle: 'a' -> 'b'"),
+    ):
+        chosen = (f"4:graph={name}",) if command[0] == "compare" else ("--set", f"graph={name}")
+        code, out, err = strata(*command, *chosen, "--scene", box, "--size", "16x16")
+        assert (code, out) == (2, ""), (name, err)
+        assert says in err and err.count("\n") == 1, err

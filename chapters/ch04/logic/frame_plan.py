@@ -180,7 +180,7 @@ class FramePlan:
 
     def needs(self, scene: Any, settings: Any) -> dict[str, bool]:
         """Return whether the scene and the settings give each pass anything to do."""
-        return {name: made.needed(scene, settings) for name, made in self.implementations().items()}
+        return {name: made.needed(scene, settings) for name, made in (self.passes | self._inserted).items()}
 
     def compile(
         self,
@@ -287,7 +287,7 @@ class FramePlan:
     def _where(self, error: GraphError) -> GraphError:
         """Return the error with the place in the file of the first pass that it names."""
         for name in self.file.passes:
-            if f"'{name}'" in str(error) and str(self.file.path) not in str(error):
+            if f"'{name}'" in str(error) and self.file.shown not in str(error):
                 return GraphError(f"{self.file.where(name)}: {error}")
         return error
 

@@ -31,6 +31,7 @@ from typing import Protocol
 from backends.contract import Access
 from common import shader_files
 from common.names import suggest
+from common.paths import ROOT
 
 from .graph_fields import Field
 from .graph_types import GraphError, Node
@@ -95,11 +96,16 @@ class GraphFile:
         """The nodes that the file switches off."""
         return frozenset(use.name for use in self.uses if use.enabled is not None and not use.enabled.flag())
 
+    @property
+    def shown(self) -> str:
+        """The path for a message: of the chapter's own graphs from the root of the repository."""
+        return self.path.relative_to(ROOT).as_posix() if self.path.is_relative_to(ROOT) else str(self.path)
+
     def where(self, name: str) -> str:
         """Return "file:line" of the node `name`; KeyError if there is none."""
         for use in self.uses:
             if use.name == name:
-                return f"{self.path}:{use.entry.line}"
+                return f"{self.shown}:{use.entry.line}"
         raise KeyError(name)
 
     def nodes(
