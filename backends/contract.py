@@ -192,8 +192,7 @@ class Frame(Protocol):
     def image(self, name: str) -> np.ndarray:
         """Wait for the frame and return an output as (H, W) or (H, W, C), row 0 on top.
 
-        Of a renderer opened with `inspect=True`, "pass/resource" is the resource as that pass left it, as it is stored;
-        where there is a frame graph, also without that for the resource that `show_resource` names.
+        Of a renderer opened with `inspect=True`, "pass/resource" is the resource as that pass left it, as it is stored.
 
         Raises StaleFrameError when the slot was used again or `name` was not in `outputs`.
         """
@@ -211,9 +210,8 @@ class Frame(Protocol):
 class Reloaded:
     """What a renderer did for files of shaders that were edited.
 
-    `pipelines` are the names of those built anew; `at_start` are files whose shaders ran when the renderer was opened
-    and run no more, so that the edit is seen when it is opened again; `graph` says whether the file of its frame graph
-    was among them, and the frame now is what that says.
+    `pipelines` are the names of those built anew, `graph` whether the frame graph is; `at_start` are files whose
+    shaders ran when the renderer was opened and run no more, so that the edit is seen when it is opened again.
     """
 
     pipelines: tuple[str, ...]
@@ -237,13 +235,11 @@ class Renderer(Protocol):
     """`inspection.work.by_pass`: the counters of each pass of the last frame, if opened with `inspect=True`."""
 
     graph: Any
-    """The compiled frame graph, `logic.graph_types.Graph`; before chapter 4 and in studies there is none.
+    """The compiled frame graph, `logic.graph_types.Graph`, changed by `logic.graph_stream`; from chapter 4 on."""
 
-    A renderer that has one can change it between two frames (`logic/graph_stream.py` of its chapter): `switches`,
-    `switch_pass`, `insert_pass`, `swap_pass`, `show_resource`."""
-
-    nodes: Sequence[Any]
-    """Beside `passes`, what they read and write under the names of the graph; where there is none, there are none."""
+    nodes: Sequence[
+        Any
+    ]  # beside `passes`, what they read and write under the names of the graph, if there is one
 
     @property
     def prepared_ms(self) -> dict[str, float]:

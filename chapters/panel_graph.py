@@ -92,7 +92,7 @@ def graph_of(renderer: Renderer) -> GraphState | None:
         tuple(resources),
         renderer.settings.graph,
         ("auto", *own),
-        f"shared memory: {report.shown_bytes(memory.size)}; alone {report.shown_bytes(memory.alone)}{less}",
+        f"transients: {report.shown_bytes(memory.size)}; each alone {report.shown_bytes(memory.alone)}{less}",
     )
 
 
