@@ -237,9 +237,7 @@ class Renderer(Protocol):
     graph: Any
     """The compiled frame graph, `logic.graph_types.Graph`, changed by `logic.graph_stream`; from chapter 4 on."""
 
-    nodes: Sequence[
-        Any
-    ]  # beside `passes`, what they read and write under the names of the graph, if there is one
+    nodes: Sequence[Any]  # beside `passes`, what they read and write, by the graph's names
 
     @property
     def prepared_ms(self) -> dict[str, float]:
