@@ -150,27 +150,21 @@ def show(made: list[dict[str, Any]], to: Console) -> None:
 
 
 def plot(axes: Any, made: list[dict[str, Any]]) -> None:
-    """Draw GPU time against the error to the forward path, a mark for each format and scene."""
+    """Draw the error to the forward path against the bytes of a pixel, and dotted beside it the GPU's time."""
+    times = axes.twinx()
     for number, one in enumerate(made):
-        points = one["points"]
-        times = [point["gpu_ms"] for point in points]
+        points = sorted(one["points"], key=lambda point: int(point["bytes"]))
+        sizes = [point["bytes"] for point in points]
         # A logarithm has no zero: what is equal stands at the lower edge.
         values = [max(point["error"][FORWARD]["relative_mse"], 1e-12) for point in points]
-        axes.errorbar(
-            times,
-            values,
-            xerr=[point["noise_ms"] for point in points],
-            fmt="o-",
-            color=f"C{number}",
-            label=one["scene"],
-            capsize=2,
-            ms=4,
-        )
-        for point, x, y in zip(points, times, values, strict=True):
-            text = f"{point['format']}, {point['bytes']} B"
-            axes.annotate(text, (x, y), textcoords="offset points", xytext=(5, 4), fontsize=8)
+        axes.plot(sizes, values, "o-", color=f"C{number}", label=one["scene"], ms=4)
+        took, noise = ([point[name] for point in points] for name in ("gpu_ms", "noise_ms"))
+        times.errorbar(sizes, took, noise, fmt="s:", color=f"C{number}", capsize=2, ms=3)
+    named = {point["bytes"]: point["format"] for one in made for point in one["points"]}
+    axes.set_xticks(list(named), [f"{name}\n{size} bytes" for size, name in named.items()], fontsize=8)
     axes.set_yscale("log")
-    axes.set_xlabel(f"GPU ms of {' and '.join(PASSES)}")
     axes.set_ylabel(f"relative MSE against the {FORWARD} path")
+    times.set_ylim(bottom=0)
+    times.set_ylabel(f"dotted: GPU ms of {' and '.join(PASSES)}")
     axes.set_title("Formats of the G-buffer", fontsize=10)
     axes.legend(fontsize=8)
