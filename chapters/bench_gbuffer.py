@@ -21,6 +21,9 @@ from chapters.tables import table
 from common.settings import knobs, preset
 
 KNOB, FINEST, FORWARD = "gbuffer_format", "full", "forward"
+SCENES = {"spheres": "sky", "cornell": "none"}
+"""What is drawn beside the bench's own scene, and the environments: mirrors of a sky, and a closed box."""
+
 PASSES = ("gbuffer", "lighting")
 """Those that write the G-buffer and read it."""
 
@@ -81,13 +84,12 @@ def _error(got: Any, truth: Any) -> dict[str, float | None]:
 def measure(
     subject: Subject, effort: Effort, step: Callable[[str, float], None], name: str
 ) -> list[dict[str, Any]]:
-    """Return a record for the bench's scene, called `name`, and for each of `Settings.SURFACES`; [] without those."""
+    """Return a record for the bench's scene, called `name`, and for each of SCENES; [] where there is no G-buffer."""
     settings_class = chapters.settings_class(subject.chapter)
-    wanted: dict[str, str] = getattr(settings_class, "SURFACES", {})
-    if not wanted:
+    if KNOB not in knobs(settings_class):
         return []
     held = {name: ("none", subject)}
-    for other, around in wanted.items() if effort.everything else ():
+    for other, around in SCENES.items() if effort.everything else ():
         if other != name:
             scene = scenes.load(other, around=around)
             held[other] = (

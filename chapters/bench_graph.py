@@ -31,7 +31,17 @@ from chapters.bench_points import Effort, Subject, middle
 from chapters.bench_scale import moved_view
 from chapters.tables import table
 from common.camera import View
-from common.settings import preset
+from common.settings import knobs, preset
+
+KNOB = "graph"
+"""The setting that chooses the passes of a frame; a chapter without it has no frame graph."""
+
+GRAPHS: dict[str, dict[str, Any]] = {
+    "deferred with a lens": {"graph": "deferred", "aperture": 2.8},
+    "deferred": {"graph": "deferred"},
+    "forward": {"graph": "forward"},
+}
+"""Frames whose graphs are looked at, and the settings that make them."""
 
 CHAINS = (20, 100, 1000)
 """Passes of graphs that are compiled without being drawn: each reads what the one before it wrote."""
@@ -63,13 +73,12 @@ def measure(
     chains: Sequence[int] = CHAINS,
     passes: Sequence[int] = PASSES,
 ) -> dict[str, Any] | None:
-    """Return the record of the frames in `Settings.GRAPHS`; None where there are none."""
-    wanted: dict[str, dict[str, Any]] = getattr(chapters.settings_class(subject.chapter), "GRAPHS", {})
-    if not wanted:
+    """Return the record of a chapter whose frame is a graph; None for others."""
+    if KNOB not in knobs(chapters.settings_class(subject.chapter)):
         return None
     graphs = []
-    for number, (name, values) in enumerate(wanted.items()):
-        step(f"graph of {name}", 0.3 * number / len(wanted))
+    for number, (name, values) in enumerate(GRAPHS.items()):
+        step(f"graph of {name}", 0.3 * number / len(GRAPHS))
         graphs.append(_graph(subject, effort, name, values))
     compiled = []
     for number, count in enumerate(chains):

@@ -52,7 +52,7 @@ def graph(subject):
 
 @pytest.mark.feature("tools/bench")
 def test_memory_of_each_frame_is_told_with_sharing_and_without(graph):
-    assert [one["name"] for one in graph["graphs"]] == list(Settings.GRAPHS)
+    assert [one["name"] for one in graph["graphs"]] == list(bench_graph.GRAPHS)
     for one in graph["graphs"]:
         assert 0 < one["transient_bytes_bound"] <= one["transient_bytes"] <= one["transient_bytes_alone"]
         assert 0 < one["transitions"] <= one["barriers"]
@@ -94,7 +94,7 @@ def test_added_passes_are_drawn_between_the_curve_and_what_it_reads(subject):
 
 @pytest.mark.feature("tools/bench")
 def test_the_prepass_shades_each_pixel_once_and_changes_no_bit(subject, monkeypatch):
-    monkeypatch.setattr(Settings, "LAYERS", (1, 3))
+    monkeypatch.setattr(bench_prepass, "LAYERS", (1, 3))
     monkeypatch.setattr(bench_prepass, "LEAST_FRAMES", 2)
     made = strict(bench_prepass.measure(subject, SMALL, nothing, lamps=2))
     pixels = made["pixels"] = SIZE[0] * SIZE[1]
@@ -139,7 +139,7 @@ def test_every_format_has_its_bytes_and_errors_of_its_own(subject):
 def test_a_chapter_without_a_graph_has_none_of_these_parts(subject):
     parts = {"graph", "prepass", "gbuffer"}
     assert parts <= set(bench.parts_of(4, "gl")) and not parts & set(bench.parts_of(3, "vulkan"))
-    with pytest.raises(UserError, match=r"chapter 3 names none in its settings \(LAYERS\)"):
+    with pytest.raises(UserError, match=r"chapter 3 names none in its settings \(depth_prepass\)"):
         bench.parts_of(3, "vulkan", ["prepass"])
     older = Subject(3, "vulkan", subject.scene, SIZE, subject.device)
     assert bench_graph.measure(older, SMALL, nothing) is None
