@@ -152,18 +152,16 @@ def show(made: list[dict[str, Any]], to: Console) -> None:
 
 
 def plot(axes: Any, made: list[dict[str, Any]]) -> None:
-    """Draw the error to the forward path against the bytes of a pixel, and dotted beside it the GPU's time."""
+    """Draw the error to the forward path by format, the smallest first, and dotted beside it the GPU's time."""
     times = axes.twinx()
     for number, one in enumerate(made):
         points = sorted(one["points"], key=lambda point: int(point["bytes"]))
-        sizes = [point["bytes"] for point in points]
+        named = [f"{point['format']}, {point['bytes']} bytes" for point in points]
         # A logarithm has no zero: what is equal stands at the lower edge.
         values = [max(point["error"][FORWARD]["relative_mse"], 1e-12) for point in points]
-        axes.plot(sizes, values, "o-", color=f"C{number}", label=one["scene"], ms=4)
+        axes.plot(named, values, "o-", color=f"C{number}", label=one["scene"], ms=4)
         took, noise = ([point[name] for point in points] for name in ("gpu_ms", "noise_ms"))
-        times.errorbar(sizes, took, noise, fmt="s:", color=f"C{number}", capsize=2, ms=3)
-    named = {point["bytes"]: point["format"] for one in made for point in one["points"]}
-    axes.set_xticks(list(named), [f"{name}\n{size} bytes" for size, name in named.items()], fontsize=8)
+        times.errorbar(named, took, noise, fmt="s:", color=f"C{number}", capsize=2, ms=3)
     axes.set_yscale("log")
     axes.set_ylabel(f"relative MSE against the {FORWARD} path")
     times.set_ylim(bottom=0)
