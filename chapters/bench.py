@@ -162,9 +162,9 @@ def parts_of(which: chapters.Whole, api: str, only: Sequence[str] = ()) -> tuple
         ("threads", "THREADS"),
         ("loads", "LOADS"),
         ("readback", "LOADS"),
-        ("graph", "GRAPHS"),
-        ("prepass", "LAYERS"),
-        ("gbuffer", "SURFACES"),
+        ("graph", bench_graph.KNOB),
+        ("prepass", bench_prepass.PREPASS),
+        ("gbuffer", bench_gbuffer.KNOB),
     ):
         if not hasattr(settings_class, names):
             missing[part] = f"{spoken} names none in its settings ({names})"

@@ -21,6 +21,9 @@ from chapters.tables import table
 from common.settings import knobs, preset
 
 KNOB, FINEST, FORWARD = "gbuffer_format", "full", "forward"
+SCENES = {"spheres": "sky", "cornell": "none"}
+"""What is drawn beside the bench's own scene, and the environments: mirrors of a sky, and a closed box."""
+
 PASSES = ("gbuffer", "lighting")
 """Those that write the G-buffer and read it."""
 
@@ -81,13 +84,12 @@ def _error(got: Any, truth: Any) -> dict[str, float | None]:
 def measure(
     subject: Subject, effort: Effort, step: Callable[[str, float], None], name: str
 ) -> list[dict[str, Any]]:
-    """Return a record for the bench's scene, called `name`, and for each of `Settings.SURFACES`; [] without those."""
+    """Return a record for the bench's scene, called `name`, and for each of SCENES; [] where there is no G-buffer."""
     settings_class = chapters.settings_class(subject.chapter)
-    wanted: dict[str, str] = getattr(settings_class, "SURFACES", {})
-    if not wanted:
+    if KNOB not in knobs(settings_class):
         return []
     held = {name: ("none", subject)}
-    for other, around in wanted.items() if effort.everything else ():
+    for other, around in SCENES.items() if effort.everything else ():
         if other != name:
             scene = scenes.load(other, around=around)
             held[other] = (
@@ -150,27 +152,19 @@ def show(made: list[dict[str, Any]], to: Console) -> None:
 
 
 def plot(axes: Any, made: list[dict[str, Any]]) -> None:
-    """Draw GPU time against the error to the forward path, a mark for each format and scene."""
+    """Draw the error to the forward path by format, the smallest first, and dotted beside it the GPU's time."""
+    times = axes.twinx()
     for number, one in enumerate(made):
-        points = one["points"]
-        times = [point["gpu_ms"] for point in points]
+        points = sorted(one["points"], key=lambda point: int(point["bytes"]))
+        named = [f"{point['format']}, {point['bytes']} bytes" for point in points]
         # A logarithm has no zero: what is equal stands at the lower edge.
         values = [max(point["error"][FORWARD]["relative_mse"], 1e-12) for point in points]
-        axes.errorbar(
-            times,
-            values,
-            xerr=[point["noise_ms"] for point in points],
-            fmt="o-",
-            color=f"C{number}",
-            label=one["scene"],
-            capsize=2,
-            ms=4,
-        )
-        for point, x, y in zip(points, times, values, strict=True):
-            text = f"{point['format']}, {point['bytes']} B"
-            axes.annotate(text, (x, y), textcoords="offset points", xytext=(5, 4), fontsize=8)
+        axes.plot(named, values, "o-", color=f"C{number}", label=one["scene"], ms=4)
+        took, noise = ([point[name] for point in points] for name in ("gpu_ms", "noise_ms"))
+        times.errorbar(named, took, noise, fmt="s:", color=f"C{number}", capsize=2, ms=3)
     axes.set_yscale("log")
-    axes.set_xlabel(f"GPU ms of {' and '.join(PASSES)}")
     axes.set_ylabel(f"relative MSE against the {FORWARD} path")
+    times.set_ylim(bottom=0)
+    times.set_ylabel(f"dotted: GPU ms of {' and '.join(PASSES)}")
     axes.set_title("Formats of the G-buffer", fontsize=10)
     axes.legend(fontsize=8)

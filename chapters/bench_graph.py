@@ -5,8 +5,10 @@ frames what was recorded is sent once more. So each of the three has a time of i
 the chapter's tone curve between itself and what it reads, again and again: small passes that cost the GPU little.
 
 Of `render`, from its call to its return, the driver's part is told apart: on Vulkan that is vkQueueSubmit2, on OpenGL
-all calls of the frame, which are made anew in each. The GPU is idle before each call. These frames show a scene in
-which nothing moves: evaluating animations takes its time with any frame, graph or not.
+all calls of the frame, which are made anew in each. The GPU is idle before each call, and the last that the processor
+did is the same for all: a frame of another renderer. Else a long frame, which it waits for with caches that others use
+meanwhile, would make the call after it a slow one. These frames show a scene in which nothing moves: evaluating
+animations takes its time with any frame, graph or not.
 """
 
 from __future__ import annotations
@@ -29,7 +31,17 @@ from chapters.bench_points import Effort, Subject, middle
 from chapters.bench_scale import moved_view
 from chapters.tables import table
 from common.camera import View
-from common.settings import preset
+from common.settings import knobs, preset
+
+KNOB = "graph"
+"""The setting that chooses the passes of a frame; a chapter without it has no frame graph."""
+
+GRAPHS: dict[str, dict[str, Any]] = {
+    "deferred with a lens": {"graph": "deferred", "aperture": 2.8},
+    "deferred": {"graph": "deferred"},
+    "forward": {"graph": "forward"},
+}
+"""Frames whose graphs are looked at, and the settings that make them."""
 
 CHAINS = (20, 100, 1000)
 """Passes of graphs that are compiled without being drawn: each reads what the one before it wrote."""
@@ -50,9 +62,8 @@ WAYS = {
 REPEATED = "tonemap"
 """The pass that is repeated to have more of them."""
 
-ROUNDS, IN_A_ROW = 3, 8
-"""Rounds where a sweep has one frame, and frames that a renderer draws in each: the first one, which finds the
-processor's caches full of what the renderer before it used, does not count."""
+ROUNDS = 20
+"""Frames of each kind where a sweep has one frame."""
 
 
 def measure(
@@ -62,13 +73,12 @@ def measure(
     chains: Sequence[int] = CHAINS,
     passes: Sequence[int] = PASSES,
 ) -> dict[str, Any] | None:
-    """Return the record of the frames in `Settings.GRAPHS`; None where there are none."""
-    wanted: dict[str, dict[str, Any]] = getattr(chapters.settings_class(subject.chapter), "GRAPHS", {})
-    if not wanted:
+    """Return the record of a chapter whose frame is a graph; None for others."""
+    if KNOB not in knobs(chapters.settings_class(subject.chapter)):
         return None
     graphs = []
-    for number, (name, values) in enumerate(wanted.items()):
-        step(f"graph of {name}", 0.3 * number / len(wanted))
+    for number, (name, values) in enumerate(GRAPHS.items()):
+        step(f"graph of {name}", 0.3 * number / len(GRAPHS))
         graphs.append(_graph(subject, effort, name, values))
     compiled = []
     for number, count in enumerate(chains):
@@ -153,15 +163,15 @@ class _Run:
     whole: list[float] = field(default_factory=list)
     driver: list[float] = field(default_factory=list)
 
-    def frame(self, turn: float, counts: bool = True) -> None:
-        """Draw a frame until it is over, and keep its times where it `counts` and did what this run is for."""
+    def frame(self, turn: float) -> None:
+        """Draw a frame until it is over, and keep its times where it did what this run is for."""
         again, moves = WAYS[self.way]
         view = moved_view(self.renderer, turn) if moves else self.view
         with _driver(self.renderer) as driver:
             began = clock.perf_counter()
             frame = self.renderer.render(view)
             took = clock.perf_counter() - began
-        if counts and frame.work["recorded"] != again:
+        if frame.work["recorded"] != again:
             self.whole.append(took)
             self.driver.append(sum(driver))
         sum(frame.timings.values())  # waits for the GPU
@@ -213,7 +223,10 @@ def _frames(
                 renderer = stack.enter_context(still.open(_settings(subject, {"resubmit": again}), {"color"}))
                 repeat(renderer, count)
                 runs.append(_Run(len(renderer.passes), way, renderer, chapters.view_of(renderer)))
-        for run in runs:  # each slot is recorded, and the driver compiles what it draws first
+        view = chapters.view_of(runs[0].renderer)
+        drawn = stack.enter_context(still.open(_settings(subject, {}), {"color"}))
+        before = _Run(len(drawn.passes), "sent again", drawn, view)
+        for run in (*runs, before):  # each slot is recorded, and the driver compiles what it draws first
             for turn in range(4):
                 run.frame(turn / 4)
             run.whole.clear()
@@ -221,10 +234,11 @@ def _frames(
         random = np.random.default_rng(1)
         rounds = ROUNDS * max(effort.frames, 1)
         for turn in range(rounds):
-            step("frames, recorded and sent again", 0.5 + 0.5 * turn / rounds)
+            if turn % ROUNDS == 0:
+                step("frames, recorded and sent again", 0.5 + 0.5 * turn / rounds)
             for one in random.permutation(len(runs)):
-                for number in range(IN_A_ROW):
-                    runs[one].frame(1 + turn + number / IN_A_ROW, counts=number > 0)
+                before.frame(0.0)
+                runs[one].frame(1.0 + turn)
         points = [run.point() for run in runs]
     return {
         "scene": SCENE,
@@ -260,7 +274,7 @@ def show(made: dict[str, Any], to: Console) -> None:
     for one in made["graphs"]:
         shown.add_row(
             one["name"],
-            *(str(one[name]) for name in ("passes", "passes_left_out", "barriers", "transitions")),
+            *(str(one[name]) for name in ("passes", "passes_skipped", "barriers", "transitions")),
             *(f"{one[f'transient_bytes{end}'] / 1e6:.2f}" for end in ("_alone", "", "_bound")),
         )
     to.print(shown)

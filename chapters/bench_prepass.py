@@ -24,12 +24,15 @@ from backends.contract import Renderer
 from chapters.bench_points import Effort, Subject, difference, middle
 from chapters.tables import table
 from common.crowds import layers
-from common.settings import preset
+from common.settings import knobs, preset
 
 PATHS = {"forward": "forward", "deferred": "gbuffer"}
 """The graphs that are measured, and the pass of each that shades the layers."""
 
 PREPASS = "depth_prepass"
+"""The setting, which is called as the pass that it asks for; a chapter without it has none."""
+
+LAYERS = (1, 2, 4, 8, 16)
 
 LEAST_FRAMES = 5
 """Of a point, also in a quick look."""
@@ -73,13 +76,11 @@ class _Run:
 def measure(
     subject: Subject, effort: Effort, step: Callable[[str, float], None], lamps: int = 32
 ) -> dict[str, Any] | None:
-    """Return the record of the numbers of layers in `Settings.LAYERS`, lit by `lamps`; None where there are none."""
+    """Return the record of LAYERS lit by `lamps`, of a chapter that has a depth pre-pass; None for others."""
     settings_class = chapters.settings_class(subject.chapter)
-    counts: tuple[int, ...] = getattr(settings_class, "LAYERS", ())
-    if not counts:
+    if PREPASS not in knobs(settings_class):
         return None
-    if not effort.everything:
-        counts = (counts[0], counts[len(counts) // 2])
+    counts = LAYERS if effort.everything else (LAYERS[0], LAYERS[len(LAYERS) // 2])
     medium: Any = preset(settings_class, "medium")
     runs: list[_Run] = []
     with ExitStack() as stack:

@@ -55,12 +55,7 @@ class Settings:
             "msaa": AtMost(8),
         },
     }
-    SWEEP: ClassVar[dict[str, tuple[Any, ...]]] = {
-        "msaa": (1, 4),  # the numbers that every device has
-        "graph": ("forward",),
-        "depth_prepass": (True,),
-        "gbuffer_format": ("half", "full"),
-    }
+    SWEEP: ClassVar[dict[str, tuple[Any, ...]]] = {"msaa": (1, 4)}  # the numbers that every device has
     PREPARED: ClassVar[tuple[Sweep, ...]] = (
         Sweep(
             "environment",
@@ -103,16 +98,6 @@ class Settings:
     PIPELINES: ClassVar[Callable[[], Scene]] = kinds
     THREADS: ClassVar[tuple[int, ...]] = (0, 1, 2, 4)
     LOADS: ClassVar[tuple[str, ...]] = ("FlightHelmet", "ToyCar", "atrium:large", "generated")
-    GRAPHS: ClassVar[dict[str, dict[str, Any]]] = {
-        "deferred with a lens": {"graph": "deferred", "aperture": 2.8},
-        "deferred": {"graph": "deferred"},
-        "forward": {"graph": "forward"},
-    }
-    LAYERS: ClassVar[tuple[int, ...]] = (1, 2, 4, 8, 16)  # of overdraw, for the depth pre-pass
-    SURFACES: ClassVar[dict[str, str]] = {
-        "spheres": "sky",
-        "cornell": "none",
-    }  # seen through the G-buffer's formats
 
     anisotropy: float = knob(
         4.0, "texels averaged along the longer axis of a pixel's footprint", minimum=1, maximum=16
