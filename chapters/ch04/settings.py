@@ -103,23 +103,12 @@ class Settings:
         4.0, "texels averaged along the longer axis of a pixel's footprint", minimum=1, maximum=16
     )
     color_format: str = knob("rgba16f", "format of the linear colour target", choices=("rgba16f", "rgba32f"))
-    graph: str = knob(
-        "auto",
-        "passes and how they are connected: deferred, forward, a file of JSON; auto: forward where a pixel has samples",
-    )
+    graph: str = knob("auto", "deferred, forward or a file of JSON; auto: deferred, but forward with msaa")
     alias: bool = knob(True, "whether targets that are never needed at the same time share memory")
-    resubmit: bool = knob(
-        True, "whether a frame is recorded once, and submitted again until something changes"
-    )
-    poison: str = knob(
-        "off",
-        "what memory holds before its first use in a frame, to find who reads what nobody wrote: NaN and this depth",
-        choices=POISONS,
-    )
+    resubmit: bool = knob(True, "whether frames are recorded once and sent again until something changes")
+    poison: str = knob("off", "what fills memory before its first use: NaN and this depth", choices=POISONS)
     depth_prepass: bool = knob(False, "whether depth is drawn first, and then only what is visible is shaded")
-    gbuffer_format: str = knob(
-        "compact", "surfaces in few bits, with finer normals, or in full", choices=("compact", "half", "full")
-    )
+    gbuffer_format: str = knob("compact", "how surfaces are kept", choices=("compact", "half", "full"))
     aperture: float = knob(0.0, "f-number of the lens; 0: a pinhole, all is sharp", minimum=0, maximum=1000)
     focus_distance: float = knob(0.0, "of what is sharp; 0: the middle's", unit="m", minimum=0, maximum=1e9)
     bokeh_taps: int = knob(8, "samples along the radius of the largest blur", minimum=2, maximum=32)

@@ -135,7 +135,8 @@ def test_in_full_precision_both_paths_differ_by_the_rounding_of_a_place(chapter,
     bound = np.where(held["there"][..., None], rounding(held, scene, FULL), 4 * EPS)
     assert held["there"].mean() > 0.2
     assert (bound < 1e-3 * (1.0 + forward)).mean() > 0.95, "a bound that holds nothing"
-    assert (np.abs(deferred - forward) <= bound + 4 * EPS * forward).all()
+    ratio = (np.abs(deferred - forward) / (bound + 4 * EPS * forward)).max()
+    assert ratio <= 1.0, ratio
 
 
 @pytest.mark.feature("deferred/forward-and-deferred")

@@ -47,6 +47,7 @@ class ForwardPass:
         self._sky = Sky(settings, data, pipelines) if Sky.needed(scene, settings) else None
         self.has_sky = self._sky is not None
         self._draws = SceneDraws(scene, data)
+        self.recorded = self._draws.recorded
         self._made: Any = {}  # pipelines by variant; none where only other passes draw what is listed here
         self._groups: dict[tuple[int, int, bool, int, int], DrawGroup] = {}
         self.slot = 0
@@ -89,10 +90,6 @@ class ForwardPass:
         """Choose what this frame draws and in which order, and write it to the slot; return the bytes written."""
         self.slot = slot
         return self._draws.prepare(slot, view)
-
-    def recorded(self, slot: int, by_address: bool) -> Any:
-        """Return what a recording of this slot's draws follows from; see `SceneDraws.recorded`."""
-        return self._draws.recorded(slot, by_address)
 
     @property
     def visible(self) -> int:

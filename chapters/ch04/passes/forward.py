@@ -48,6 +48,7 @@ class ForwardPass:
         self._sky = Sky(settings, pipelines) if Sky.needed(scene, settings) else None
         self.has_sky = self._sky is not None
         self._draws = SceneDraws(scene, data)
+        self.recorded = self._draws.recorded
         self._made: Any = {}  # pipelines by variant; none where only other passes draw what is listed here
         self._groups: dict[tuple[int, int, bool, int, int], DrawGroup] = {}
         self.used: list[int] = np.unique(scene.meshes["material"][scene.instances.mesh]).tolist()
@@ -93,10 +94,6 @@ class ForwardPass:
         """Choose what this frame draws and in which order, and write it to the slot; return the bytes written."""
         self.slot = slot
         return self._draws.prepare(slot, view)
-
-    def recorded(self, slot: int, by_address: bool) -> Any:
-        """Return what a recording of this slot's draws follows from; see `SceneDraws.recorded`."""
-        return self._draws.recorded(slot, by_address)
 
     @property
     def visible(self) -> int:

@@ -62,13 +62,13 @@ void main() {
             float distance = length(vec2(offset));
             vec4 found = tap(pixel + offset, last);
             float radius = 0.5 * abs(found.a);
-            if (found.a < 0.0) {
+            if (found.a < -0.5) {  // what is sharp may be a rounding before the focus
                 float part = texelFetch(dof_part, clamp(pixel + offset, ivec2(0), last), 0).r;
                 near += part * blurred_part(found.a) * share(radius, distance) * vec4(found.rgb, 1.0);
             } else {
                 // This pixel's surface hides part of a disc that lies farther away; behind one that is transparent at its
                 // rim, since it is before the focus, what is seen is guessed from around.
-                radius = own.a < 0.0 ? max(radius, own_radius) : min(radius, own_radius);
+                radius = own.a < -0.5 ? max(radius, own_radius) : min(radius, own_radius);
                 far += share(radius, distance) * vec4(found.rgb, 1.0);
             }
         }
