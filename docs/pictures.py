@@ -148,7 +148,7 @@ SURFACE = ("base_color", "normal", "material", "emissive")
 """The targets of the G-buffer, as the sheet shows them; depth is beside them, and then the light."""
 
 
-def gbuffer_sheet(cell: tuple[int, int] = (240, 135)) -> NDArray[Any]:
+def gbuffer_sheet(cell: tuple[int, int] = (224, 126)) -> NDArray[Any]:
     """Return (H, W, 3): the G-buffer of the atrium, target by target, its depth, and what lighting makes of it."""
     request = Request(GRAPH, scene="atrium", size=(2 * cell[0], 2 * cell[1]), headless=True)
     shown = [f"gbuffer-gbuffer_{name}" for name in SURFACE] + ["gbuffer-depth", "tonemap-color"]

@@ -202,6 +202,7 @@ class Renderer(GraphStream):
         self._copies.close()
         self.inspection.close()
         self._executor.close()
+        self._resources.flush()  # however often the size changes before the next frame, there is one set of targets
 
     # --- every frame ---
 

@@ -185,6 +185,7 @@ def test_hidden_and_empty_objects_are_not_drawn(vulkan_device):
     assert [one.instance for one in drawn[0]] == [0, 4]
 
 
+@pytest.mark.until(3, "what attachments begin and end with, the frame graph says")
 def test_attachments_are_cleared_or_kept_as_they_were_asked_for(vulkan_device):
     with Renderer(quad_scene(), SIZE, outputs=OUTPUTS, device=vulkan_device) as made:
         targets = made._targets

@@ -65,6 +65,14 @@ class Chapter:
             made += [name for name, _ in log]
 
 
+def targets_of(renderer: Any) -> set[str]:
+    """Return the names of what a renderer's passes draw to."""
+    graph = getattr(renderer, "graph", None)
+    if graph is None:
+        return set(renderer._targets)
+    return {name for name, one in graph.resources.items() if one.kind == "attachment"}
+
+
 _SAFE: set[Any] = set()
 
 
