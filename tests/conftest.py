@@ -53,7 +53,6 @@ FORWARD_ALONE = {
     "test_chapter_1_draws_the_same_bits",
     "test_a_frame_makes_the_same_calls_for_any_number_of_objects",
     "test_without_multi_draw_a_call_for_each_object_draws_the_same_bits",
-    "test_narrow_images_are_fewer_bytes_on_the_device",
     "test_forced_off_is_the_same_picture_by_another_path",
 }
 """Tests that count draws, pipelines and sets of the forward path or name its passes, or hold it to a picture of its

@@ -23,7 +23,7 @@ from common.errors import UserError
 from common.scene import Image, Material, Sampler, Scene
 from common.settings import preset
 from common.transforms import matrix_from_quaternion, pose_looking_at
-from tests.support.chapter import targets_of
+from tests.support.chapter import on_path, targets_of
 from tests.support.scenes import facing, quad_scene, texture, translated
 
 pytestmark = pytest.mark.variants("gl")
@@ -38,7 +38,9 @@ WHITE = Material(unlit=True)
 def opened(request, vulkan_device, gl_context):
     """What opens a renderer on one backend after the other."""
     kind, device = {"vulkan": (Vulkan, vulkan_device), "gl": (OpenGL, gl_context)}[request.param]
-    return lambda scene, settings, size=SIZE, **more: kind(scene, size, settings, device=device, **more)
+    return lambda scene, settings, size=SIZE, **more: kind(
+        scene, size, on_path(settings), device=device, **more
+    )
 
 
 def turned(degrees: float) -> np.ndarray:
@@ -280,7 +282,7 @@ def test_a_preset_takes_what_the_device_has(opened):
     ):
         choose_samples(Settings(msaa=8), {4, 2, 1}, "Toaster")
     with opened(quad_scene(WHITE), wish) as made:
-        assert made.settings == wish  # the panel still shows the preset
+        assert made.settings == on_path(wish)  # the panel still shows the preset
         assert made.samples == made.render(facing()).work["samples"] == max(made._offered() & {1, 2, 4, 8})
         short = [one.path for one in made.plan.choices if one.feature == "msaa"]
         assert short == ([] if made.samples == 8 else [f"{made.samples} samples a pixel"])

@@ -65,6 +65,12 @@ class Chapter:
             made += [name for name, _ in log]
 
 
+def record_anew(renderer: Any) -> None:
+    """Have the next frame recorded, also where what was recorded would be sent again."""
+    if hasattr(renderer._frames, "forget"):
+        renderer._frames.forget()
+
+
 def targets_of(renderer: Any) -> set[str]:
     """Return the names of what a renderer's passes draw to."""
     graph = getattr(renderer, "graph", None)
