@@ -288,7 +288,7 @@ class Renderer(GraphStream):
     def resize(self, size: tuple[int, int]) -> None:
         """Change the picture to (width, height) pixels."""
         size = check_size(size, self.capabilities.limits["maxImageDimension2D"])
-        if size == self.size:
+        if size == self.size or self._closed:
             return
         self._destroy_targets()
         self.size = size

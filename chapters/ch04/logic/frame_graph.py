@@ -204,6 +204,11 @@ def _touches(node: Node, wiring: Wiring, resources: Mapping[str, Resource]) -> d
         ):
             what = "a buffer" if buffer else "an image"
             raise GraphError(f"'{node.name}' uses '{access.resource}' as '{access.use}', but it is {what}.")
+        whole = (resources[name].format or "").endswith("ui")
+        if access.use == "sampled" and whole and not (access.format or "").endswith("ui"):
+            raise GraphError(
+                f"'{node.name}' samples '{access.resource}', which holds whole numbers, and does not say so."
+            )
         touch = touch_of(access, node.kind, writes, buffer)
         name += PREVIOUS * access.previous
         both = merged(found[name], touch) if name in found else touch

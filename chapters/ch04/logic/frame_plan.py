@@ -21,6 +21,7 @@ from common.names import suggest
 
 from .frame import OUTPUTS
 from .frame_graph import bytes_of, compile_graph
+from .graph_checks import check_name, check_output, check_pass, check_readers
 from .graph_json import GraphFile
 from .graph_names import connect
 from .graph_types import External, Graph, GraphError, Node, Requirements, Touch
@@ -128,8 +129,7 @@ class FramePlan:
 
     def switch(self, name: str, on: bool) -> None:
         """Switch a pass on or off; GraphError where there is none of this name."""
-        if name not in self.switches:
-            raise GraphError(f"There is no pass '{name}'{suggest(name, self.switches)}")
+        check_name(name, self.switches)
         self._off.pop(name, None)
         self._on.discard(name)
         if on:
@@ -143,18 +143,18 @@ class FramePlan:
         `readers` says, by the names of the graph, which passes read something else from now on:
         {"tonemap": {"color_focused": "color_sharp"}}.
         """
+        check_pass(made, self._formats)
         if made.name in self.switches:
             raise GraphError(f"There is a pass '{made.name}' already: give the new one another name.")
-        for reader in readers or {}:
-            if reader not in self.switches:
-                raise GraphError(f"There is no pass '{reader}'{suggest(reader, self.switches)}")
+        check_readers(readers or {}, self.switches)
         self._inserted[made.name] = made
         self._readers[made.name] = readers or {}
 
     def remove(self, name: str) -> None:
         """Take out a pass that was inserted, and connect those that read it as they were."""
+        check_name(name, self.switches)
         if name not in self._inserted:
-            raise GraphError(f"No pass '{name}' was inserted{suggest(name, self._inserted)}")
+            raise GraphError(f"No pass '{name}' was inserted: what is the file's own is switched off.")
         del self._inserted[name], self._readers[name]
         self._swapped.pop(name, None)
 
@@ -165,8 +165,8 @@ class FramePlan:
 
     def swap(self, name: str, made: Any) -> None:
         """Let `made` draw in place of pass `name`; it declares the same, and whether it is needed stays as it is."""
-        if name not in self.switches:
-            raise GraphError(f"There is no pass '{name}'{suggest(name, self.switches)}")
+        check_name(name, self.switches)
+        check_pass(made, self._formats)
         now = self.implementations()[name]
         for what in ("reads", "writes"):
             if getattr(made, what) != getattr(now, what):
@@ -266,7 +266,8 @@ class FramePlan:
             access = made[wiring.outputs[output]]
             while access.of:
                 access = made[access.of]
-            width, height = access.size or (round(size[0] * access.scale), round(size[1] * access.scale))
+            check_output(output, self.read_from[output], access, size)
+            width, height = size
             texel = bytes_of(access.format or "rgba8")
             externals[on_cpu(output)] = External(None, None, _HOST_IDLE, _HOST_READS, width * height * texel)
         copy = Node(
@@ -289,7 +290,11 @@ class FramePlan:
         for name in self.file.passes:
             if f"'{name}'" in str(error) and self.file.shown not in str(error):
                 return GraphError(f"{self.file.where(name)}: {error}")
-        return error
+        return (
+            error
+            if self._inserted or self.file.shown in str(error)
+            else GraphError(f"{self.file.shown}: {error}")
+        )
 
 
 def on_cpu(output: str) -> str:

@@ -77,10 +77,16 @@ class GraphStream(FrameStream):
     def _rebuild(self) -> None:
         """Compile the graph, and take it in place of the one before; where that is refused, that one stays."""
         self._begin_change()
+        before = self.graph, self.passes, self.graph_work
         self._adopt(self._compiled())
         self._let_go("the frame is made of other passes since")
         self._destroy_targets()
-        self._create_targets()
+        try:
+            self._create_targets()
+        except BaseException:  # the device has no such image, or no memory for it
+            self.graph, self.passes, self.graph_work = before
+            self._create_targets()
+            raise
 
     def _follow_needs(self) -> None:
         """Take another graph where edited materials need a pass that they did not need, or no longer need one."""
