@@ -210,12 +210,13 @@ class Frame(Protocol):
 class Reloaded:
     """What a renderer did for files of shaders that were edited.
 
-    `pipelines` are the names of those built anew; `at_start` are files whose shaders ran when the renderer was opened
-    and run no more, so that the edit is seen when it is opened again.
+    `pipelines` are the names of those built anew, `graph` whether the frame graph is; `at_start` are files whose
+    shaders ran when the renderer was opened and run no more, so that the edit is seen when it is opened again.
     """
 
     pipelines: tuple[str, ...]
     at_start: frozenset[Path] = frozenset()
+    graph: bool = False
 
 
 class Renderer(Protocol):
@@ -232,6 +233,11 @@ class Renderer(Protocol):
 
     inspection: Any
     """`inspection.work.by_pass`: the counters of each pass of the last frame, if opened with `inspect=True`."""
+
+    graph: Any
+    """The compiled frame graph, `logic.graph_types.Graph`, changed by `logic.graph_stream`; from chapter 4 on."""
+
+    nodes: Sequence[Any]  # beside `passes`, what they read and write, by the graph's names
 
     @property
     def prepared_ms(self) -> dict[str, float]:
@@ -399,9 +405,17 @@ Use = Literal["color", "depth", "sampled", "storage", "copy", "uniform", "indire
 class Access:
     """What a pass reads or writes: the resource's name, the kind of use, and for images format and size.
 
-    `format` is a short name such as 'rgba16f'; None leaves it to the renderer. `scale` is relative to the output.
-    `clear` is the value an attachment starts from; None keeps what an earlier pass of the frame wrote.
-    `samples` are those of each pixel of an attachment.
+    `format` is a short name such as 'rgba16f'; None leaves it to the renderer. `scale` is relative to the output, and
+    `size` is absolute, in its place. `clear` is the value an attachment starts from. `samples` are those of each pixel
+    of an attachment. A buffer has `bytes`, and neither format nor size.
+
+    A name stands for what one pass wrote. One that draws on top of another's result writes a name of its own, `of`
+    which other it is the continuation: same memory, another moment. Without `of` and without `clear` nothing of what
+    was there is kept. When the writer is left out of a frame, readers get the name in `instead`, or else that in `of`.
+
+    `previous` reads what the frame before wrote. `stages` are those of the shaders that read or write, where it is not
+    the fragment shader of a pass that draws (of what is "uniform" also the vertex shader), or the compute shader of one
+    that does not.
     """
 
     resource: str
@@ -410,6 +424,12 @@ class Access:
     scale: float = 1.0
     clear: tuple[float, ...] | None = None
     samples: int = 1
+    size: tuple[int, int] | None = None
+    bytes: int = 0
+    of: str = ""
+    instead: str = ""
+    previous: bool = False
+    stages: tuple[str, ...] = ()
 
 
 class Pass(Protocol):

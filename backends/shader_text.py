@@ -18,6 +18,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Literal
 
 from common.errors import ShaderError
@@ -106,16 +107,18 @@ def build(
     roots: Sequence[Path] = (),
     defines: Mapping[str, Constant] | None = None,
     extensions: Sequence[str] = (),
+    extensions_with: Mapping[str, str] | None = None,
     snippets: Mapping[str, str] | None = None,
 ) -> ShaderSource:
     """Return the shader in file `path`, expanded for `backend`; its stage is that of the suffix unless given.
 
     `defines` become macros: integers and floats with all their digits, bools as 1 and 0, strings as they are.
-    `extensions` are required by the text; files may require more of their own. Raises ShaderError with the
+    `extensions` are required by the text, those of `extensions_with` only where it includes the file of that name;
+    files may require more of their own, but not before the first line that is code. Raises ShaderError with the
     place of the include that is missing, part of a cycle, or malformed.
     """
     builder = _Builder(backend, stage or stage_of(path), roots, snippets or {})
-    return builder.build_file(path, defines or {}, extensions)
+    return builder.build_file(path, defines or {}, extensions, extensions_with or {})
 
 
 def build_text(
@@ -161,6 +164,10 @@ def literal(value: Any) -> str:
 # --- expansion ----------------------------------------------------------------------------------------------
 
 _QUOTED = re.compile(r'"([^"]+)"\s*$')
+_NAME = re.compile(r"\w*")
+_DEFINED = re.compile(r"^#define (\w+)", re.M)
+_COMPILERS = re.compile(r"GL_|__|VULKAN$")
+"""Macros of the compiler's own."""
 
 
 @dataclass
@@ -189,21 +196,36 @@ class _Builder:
         self.macros: dict[str, bool] = {}  # that were defined so far: whether they certainly still are
 
     def build_file(
-        self, path: Path, defines: Mapping[str, Constant], extensions: Sequence[str]
+        self,
+        path: Path,
+        defines: Mapping[str, Constant],
+        extensions: Sequence[str],
+        extensions_with: Mapping[str, str],
     ) -> ShaderSource:
         """Return the shader in a file; an error says which files it depends upon."""
         self.paths.add(path)
         try:
-            return self.build(load(path), defines, extensions)
+            return self.build(load(path), defines, extensions, extensions_with)
         except ShaderError as error:
             error.files |= self.paths
             raise
 
-    def build(self, main: File, defines: Mapping[str, Constant], extensions: Sequence[str]) -> ShaderSource:
+    def build(
+        self,
+        main: File,
+        defines: Mapping[str, Constant],
+        extensions: Sequence[str],
+        extensions_with: Mapping[str, str] = MappingProxyType({}),
+    ) -> ShaderSource:
         prelude = self._prelude(defines, extensions)
-        self.macros = dict.fromkeys(re.findall(r"^#define (\w+)", prelude, re.M), True)
+        self.macros = dict.fromkeys(_DEFINED.findall(prelude), True)
         self.files.append(SourceFile("<prelude>", lines_of(prelude)))
         self._expand(main, None, (), 0)
+        included = {Path(file.name).name for file in self.files}
+        more = [name for file, name in extensions_with.items() if file in included]
+        if more:  # now that it is known what is included: they stand before everything else, and define nothing here
+            prelude = self._prelude(defines, (*extensions, *more))
+            self.files[0] = SourceFile("<prelude>", lines_of(prelude))
         text = prelude + "\n".join(self.output) + "\n"
         placed = "__LINE__" in text or "__FILE__" in text
         code = text if placed else prelude + "\n".join(self.code)
@@ -233,14 +255,13 @@ class _Builder:
         self.files.append(SourceFile(file.name, file.lines, origin))
         self.output.append(f"#line 1 {index}")
         groups: list[_Group] = []
-        rows = zip(file.lines, file.code, file.directives, strict=True)
-        for number, (line, code, directive) in enumerate(rows, start=1):
+        for lines, code, directive, own, number in file.parts:
             dead = any(group.dead for group in groups)
+            self.output += lines
+            if not dead:
+                self.code += code
             if directive is None:
-                self.output.append(line)
-                if code and not dead:
-                    self.code.append(code)
-                continue
+                break
             kind, rest = directive.groups()
             if kind == "include":
                 if dead:
@@ -255,11 +276,11 @@ class _Builder:
                 raise self._error(
                     (index, number), "the prelude of the backend sets the version; leave this line out"
                 )
-            self.output.append(line)
-            self.code.append(code)
+            self.output.append(file.lines[number - 1])
+            self.code.append(own)
             if kind in ("define", "undef"):
                 # Under a condition nobody knows here; only what the prelude says is certain.
-                self.macros[re.split(r"\W", rest, maxsplit=1)[0]] = False
+                self.macros[_first_name(rest)] = False
                 continue
             if kind.startswith("if"):
                 groups.append(self._group(kind, rest))
@@ -277,8 +298,8 @@ class _Builder:
 
     def _group(self, kind: str, rest: str) -> _Group:
         """Return what an #if begins. What is certainly left out includes nothing: the shader does not use it."""
-        name = re.split(r"\W", rest, maxsplit=1)[0]
-        if kind == "if" or re.match(r"GL_|__|VULKAN$", name):  # macros of the compiler's own
+        name = _first_name(rest)
+        if kind == "if" or _COMPILERS.match(name):
             return _Group()
         certain = self.macros.get(name)
         defined = certain is True
@@ -325,6 +346,13 @@ class _Builder:
 
     def _error(self, place: tuple[int, int], message: str) -> ShaderError:
         return ShaderError(_located(self.files, *place, None, f"error: {message}"))
+
+
+def _first_name(rest: str) -> str:
+    """Return the name at the beginning of what stands behind a directive, "" where there is none."""
+    found = _NAME.match(rest)
+    assert found is not None, "it takes no letter"
+    return found[0]
 
 
 # --- messages -----------------------------------------------------------------------------------------------

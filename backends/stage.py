@@ -72,6 +72,7 @@ class Stage(ABC):
         self.has_picture = presents or "color" in outputs
         self._owned: list[Any] = []
         self._kept: list[Callable[[], None]] = []
+        self._kept_sized: list[Callable[[], None]] = []
         self._closed = False
         self.device = self._open(validate, without) if device is None else device
         self.capabilities = self.device.capabilities
@@ -101,6 +102,9 @@ class Stage(ABC):
     def create(self) -> None:  # noqa: B027  # there may be nothing to make
         """Make what lives as long as the study: pipelines, buffers, textures."""
 
+    def create_sized(self) -> None:  # noqa: B027
+        """Make what has the picture's size, after the picture: targets of the study's own, and what refers to them."""
+
     @abstractmethod
     def draw(self, commands: Any, view: View, time: float) -> None:
         """Draw one frame to the picture."""
@@ -111,6 +115,11 @@ class Stage(ABC):
     def keep(self, made: Made, free: Callable[[Made], None]) -> Made:
         """Return what was made; `free(made)` is called when the study closes, for the last made first."""
         self._kept.append(lambda: free(made))
+        return made
+
+    def keep_sized(self, made: Made, free: Callable[[Made], None]) -> Made:
+        """Return what was made; `free(made)` is called as by `keep`, or before, when the picture changes its size."""
+        self._kept_sized.append(lambda: free(made))
         return made
 
     # --- what a backend writes ---
@@ -129,7 +138,7 @@ class Stage(ABC):
 
     @abstractmethod
     def _destroy_targets(self) -> None:
-        """Free it; it may have been made halfway, or not at all."""
+        """Free what `keep_sized` does not; it may have been made halfway, or not at all."""
 
     @abstractmethod
     def _begin(self) -> Any:
@@ -202,7 +211,7 @@ class Stage(ABC):
         size = check_size(size, self.capabilities.limits["maxImageDimension2D"])
         if size != self.size:
             self._let_go("the size of the picture has changed since")
-            self._destroy_targets()
+            self._free_sized()
             self.size = size
             self._create_targets()
             self.reset_history("resize")
@@ -232,13 +241,18 @@ class Stage(ABC):
             if frame is not None:
                 frame.let_go(why)
 
+    def _free_sized(self) -> None:
+        while self._kept_sized:
+            self._kept_sized.pop()()
+        self._destroy_targets()
+
     def close(self) -> None:
         """Free everything on the GPU; a second time does nothing."""
         if self._closed:
             return
         self._let_go("its renderer was closed")
         self._closed = True
-        self._destroy_targets()
+        self._free_sized()
         self.destroy()
         for free in reversed(self._kept):
             free()

@@ -14,10 +14,13 @@ from typing import Any
 
 import chapters
 from chapters import (
+    bench_gbuffer,
+    bench_graph,
     bench_loads,
     bench_pipelines,
     bench_points,
     bench_prepared,
+    bench_prepass,
     bench_readback,
     bench_scale,
     bench_start,
@@ -47,10 +50,13 @@ PARTS = {
     "threads": "recording draws by several threads",
     "loads": "loading scenes, with their cache and without",
     "readback": "reading what the GPU wrote, by the kind of memory",
+    "graph": "what a frame graph costs and spares",
+    "prepass": "the depth pre-pass against overdraw",
+    "gbuffer": "formats of the G-buffer against their error",
 }
-"""What a bench measures; a chapter may lack any of the last five."""
+"""What a bench measures; a chapter may lack any of those that come after `stability`, and `prepared`."""
 
-DRAWN = {"settings", "prepared", "scales", "pipelines", "loads"}
+DRAWN = {"settings", "prepared", "scales", "pipelines", "loads", "graph", "prepass", "gbuffer"}
 """The parts that a plot has a panel for."""
 
 FOLDER = ROOT / "docs" / "benchmarks"
@@ -156,6 +162,9 @@ def parts_of(which: chapters.Whole, api: str, only: Sequence[str] = ()) -> tuple
         ("threads", "THREADS"),
         ("loads", "LOADS"),
         ("readback", "LOADS"),
+        ("graph", bench_graph.KNOB),
+        ("prepass", bench_prepass.PREPASS),
+        ("gbuffer", bench_gbuffer.KNOB),
     ):
         if not hasattr(settings_class, names):
             missing[part] = f"{spoken} names none in its settings ({names})"
@@ -191,6 +200,7 @@ def measure(
     starts, found, prepared, grown, pipelines, threads, cases = {}, [], [], [], None, None, []
     loads: list[dict[str, Any]] = []
     readback: dict[str, Any] | None = None
+    framed: dict[str, Any] = {}
     if "start" in parts:
         steps("start, cold and warm", 0.02)
         starts = bench_start.cold_and_warm(which, backend, scene, size, effort.starts)
@@ -203,15 +213,21 @@ def measure(
         capabilities = device.capabilities
         subject = Subject(which, backend, loaded, size, device)
         if "settings" in parts:
-            found = bench_points.sweep(subject, effort, within(0.25, 0.5))
+            found = bench_points.sweep(subject, effort, within(0.25, 0.4))
         if "prepared" in parts:
-            prepared = bench_prepared.sweeps(subject, effort, within(0.5, 0.7, "prepare"))
+            prepared = bench_prepared.sweeps(subject, effort, within(0.4, 0.6, "prepare"))
         if "scales" in parts:
-            grown = bench_scale.scales(subject, effort, within(0.7, 0.85))
+            grown = bench_scale.scales(subject, effort, within(0.6, 0.7))
         if "threads" in parts:
-            threads = bench_threads.measure(subject, effort, within(0.85, 0.9))
+            threads = bench_threads.measure(subject, effort, within(0.7, 0.75))
         if "readback" in parts:
-            readback = bench_readback.measure(device, effort, within(0.89, 0.9, "read back"))
+            readback = bench_readback.measure(device, effort, within(0.75, 0.76, "read back"))
+        if "graph" in parts:
+            framed["graph"] = bench_graph.measure(subject, effort, within(0.76, 0.8))
+        if "prepass" in parts:
+            framed["prepass"] = bench_prepass.measure(subject, effort, within(0.8, 0.85, "pre-pass,"))
+        if "gbuffer" in parts:
+            framed["gbuffer"] = bench_gbuffer.measure(subject, effort, within(0.85, 0.9, "G-buffer,"), scene)
         if "stability" in parts:
             steps("stability", 0.9)
             cases = bench_points.stability_cases(subject, effort)
@@ -254,6 +270,7 @@ def measure(
         "threads": threads,
         "loads": loads,
         "readback": readback,
+        **framed,
         "stability": None,
     }
     if cases:

@@ -1,6 +1,13 @@
 """One load of a scene, measured: `python -m chapters.bench_load WHICH BACKEND SCENE WxH WAY [FILE.npz]` prints JSON.
 
 A bench runs several (see `chapters.bench_loads`, which says what the ways are), each in a process of its own.
+
+What counts as loading: opening the scene's file or cache, all that is made of it on the CPU, its buffers, images and
+descriptors, every copy, until the last byte is on the device. What does not, of a plain load as little as of a cached
+one: Python, imports and the device, which are there; shaders, which are warm (`_building` takes out the time in which
+pipelines are built, from the text of a shader to the driver's object, during this very load); what a driver does at
+the first use of a format in a process, which `_warm_up` has it do before; and what a renderer makes for any scene, as
+its targets (`_alone`).
 """
 
 from __future__ import annotations
@@ -11,9 +18,10 @@ import os
 import statistics
 import sys
 import time as clock
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack
-from dataclasses import replace
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -22,13 +30,15 @@ import numpy as np
 
 import chapters
 from backends.vulkan.device import Device
+from backends.vulkan.upload import MipPipeline
 from chapters import bench_overlap
 from chapters.bench_overlap import Stamps, can_stamp
 from chapters.opening import open_scene
 from chapters.run import open_device
 from common.crowds import crowd
 from common.errors import DeviceError
-from common.scene import Image
+from common.scene import Material
+from common.scene_images import Chain, Image
 from common.settings import preset
 
 ONCE = ("write", "compress")
@@ -56,6 +66,10 @@ def once(
     settings: Any = preset(chapters.settings_class(which), "medium")
     streams = way in ("stream", "overlap")
     settings = replace(settings, loading="stream" if streams else "wait")
+    if way == "overlap":
+        from chapters.bench_points import recorded_anew
+
+        settings = recorded_anew(settings)  # stamps are part of what is recorded: each frame has its own
     kept = way != "plain" and not streams
     with ExitStack() as stack:
         device = open_device(stack, backend)
@@ -63,7 +77,8 @@ def once(
         if way == "overlap" and isinstance(device, Device) and can_stamp(device):
             stamps = Stamps(device)
             stack.callback(stamps.close)
-        _warm_up(which, backend, size, settings, device)
+        _warm_up(which, backend, path, size, settings, device, way)
+        building = stack.enter_context(_building(which, backend))
         before = _peak_bytes()
         began = clock.perf_counter()
         opening = stack.enter_context(
@@ -81,7 +96,7 @@ def once(
                 device=device,
             )
         )
-        made = clock.perf_counter()
+        made, pipelines = clock.perf_counter(), sum(building)
         frames = _frames(renderer, way == "stream") if streams else {}
         if way in ONCE:
             opening.finish()
@@ -91,7 +106,7 @@ def once(
         if picture is not None:
             frame = renderer.render(chapters.view_of(renderer))
             np.savez(picture, **{name: frame.image(name) for name in OUTPUTS})
-        pipelines = _again(which, backend, opening.scene, size, settings, device) if not streams else 0.0
+        alone = _alone(which, backend, size, settings, device, building) if not streams else 0.0
         scene = opening.scene
         decoded = sum(image.width * image.height * 4 * image.dtype.itemsize for image in scene.images)
         arrays = (scene.positions, scene.normals, scene.tangents, scene.uv0, scene.indices)
@@ -99,8 +114,9 @@ def once(
             "scene_s": opened - began,
             "open_s": made - opened,
             "total_s": done - began,
-            "load_s": max(done - began - pipelines, 1e-6),
+            "load_s": max(done - began - pipelines - alone, 1e-6),
             "pipelines_s": pipelines,
+            "renderer_s": alone,
             "peak_bytes": grown,
             "textures": len(scene.images),
             "decoded_bytes": decoded,
@@ -110,36 +126,95 @@ def once(
         }
 
 
-def _warm_up(which: chapters.Whole, backend: str, size: tuple[int, int], settings: Any, device: Any) -> None:
-    """Import what opening imports, and open another scene: what the first of all costs is not a scene's own."""
-    import_module(f"{chapters.package_of(which)}.logic.scene_cache")
-    scene = crowd(4, 4)
-    with chapters.open(
-        which, backend, scene=scene, size=size, settings=settings, outputs=OUTPUTS, device=device
-    ) as renderer:
-        renderer.render(chapters.view_of(renderer)).image("color")
+def _warm_up(
+    which: chapters.Whole,
+    backend: str,
+    path: Path,
+    size: tuple[int, int],
+    settings: Any,
+    device: Any,
+    way: str,
+) -> None:
+    """Open the scene once with textures of a few texels, always from its file: what the first of all costs goes here.
+
+    Textures are stored as the measured load will store them, since a driver may compile code for each format. Nothing
+    of a cache is touched, and no texture of the file is decoded.
+    """
+    logic = f"{chapters.package_of(which)}.logic"
+    cached = import_module(f"{logic}.cached_images")
+    import_module(f"{logic}.scene_cache")
+    in_blocks = way in ("blocks", "compress")
+    with open_scene(which, str(path), cached=False) as opening:
+        images: list[Image] = []
+        for image in opening.scene.images:
+            compress = cached.compress if in_blocks and cached.is_compressible(image) else None
+            images.append(_Small(image.name, np.full((4, 4, 4), 255, image.dtype), compress))
+        scene = replace(opening.scene, images=images)
+        with chapters.open(
+            which, backend, scene=scene, size=size, settings=settings, outputs=OUTPUTS, device=device
+        ) as renderer:
+            renderer.render(chapters.view_of(renderer)).image("color")
 
 
-def _again(
-    which: chapters.Whole, backend: str, scene: Any, size: tuple[int, int], settings: Any, device: Any
+def _alone(
+    which: chapters.Whole,
+    backend: str,
+    size: tuple[int, int],
+    settings: Any,
+    device: Any,
+    building: list[float],
 ) -> float:
-    """Return the seconds that opening takes of all that is no load: textures of one texel, the same pipelines."""
-    pixel = np.full((1, 1, 4), 255, np.uint8)
-    small = replace(scene, images=[Image(image.name, pixel) for image in scene.images])
+    """Return the seconds that a renderer takes to open for one square without a texture, but for its pipelines."""
+    scene = replace(crowd(1, 1), materials=[Material()], images=[])
     took = []
-    for _ in range(2):
+    for _ in range(3):
+        building.clear()
         began = clock.perf_counter()
         with chapters.open(
-            which,
-            backend,
-            scene=small,
-            size=size,
-            settings=settings,
-            outputs=OUTPUTS,
-            device=device,
+            which, backend, scene=scene, size=size, settings=settings, outputs=OUTPUTS, device=device
         ):
-            took.append(clock.perf_counter() - began)
+            took.append(clock.perf_counter() - began - sum(building))
     return min(took)
+
+
+@dataclass(frozen=True)
+class _Small(Image):
+    """A few texels in the place of a picture, and as blocks if `compress` makes them."""
+
+    compress: Callable[[Any, tuple[bool, bool, str]], Chain] | None = None
+
+    def chain(self, srgb: bool, mipmapped: bool, channels: str) -> Chain | None:
+        """Return the blocks."""
+        return self.compress(self.pixels, (srgb, mipmapped, channels)) if self.compress else None
+
+
+@contextmanager
+def _building(which: chapters.Whole, backend: str) -> Iterator[list[float]]:
+    """Yield a list that gets the seconds of each call that builds pipelines: texts, SPIR-V, reflection, driver."""
+    part = "gl" if backend == "gl" else "graphics"
+    pipelines = import_module(f"{chapters.package_of(which)}.{part}.pipelines").Pipelines
+    took: list[float] = []
+
+    def timed(call: Callable[..., Any]) -> Callable[..., Any]:
+        def run(*arguments: Any, **more: Any) -> Any:
+            began = clock.perf_counter()
+            try:
+                return call(*arguments, **more)
+            finally:
+                took.append(clock.perf_counter() - began)
+
+        return run
+
+    before = [
+        (owner, name, getattr(owner, name)) for owner, name in ((pipelines, "get"), (MipPipeline, "__init__"))
+    ]
+    for owner, name, call in before:
+        setattr(owner, name, timed(call))
+    try:
+        yield took
+    finally:
+        for owner, name, call in before:
+            setattr(owner, name, call)
 
 
 def _frames(renderer: Any, waits: bool) -> dict[str, Any]:

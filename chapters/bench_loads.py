@@ -11,9 +11,11 @@ before warm. The ways:
     stream     frames are drawn while textures arrive from the file
     overlap    the same, with a stamp on the GPU before and after every submission (Vulkan)
 
-A load ends with the last byte on the device. Its time is that of opening the scene and uploading it, without what is
-the same for every scene: starting Python, opening a device, building pipelines (which are built for each, and measured
-apart). Memory is what the process grew by at its peak, over a process that has opened the device.
+A load ends with the last byte on the device. Its time is that of opening the scene and uploading it, with everything
+that takes but starting Python, opening a device, and what is no scene's own: pipelines are built during each load, and
+their time is taken in that load and shown apart, as is that of a renderer without a scene (`chapters.bench_load`).
+Memory is what the process grew by at its peak, over a process that has opened the device and the same scene with tiny
+textures.
 
 Beside them, `pillow` is what a program takes that reads the document with pygltflib and decodes the images with Pillow
 on as many threads, and uploads nothing.
@@ -197,6 +199,7 @@ def show(made: list[dict[str, Any]], to: Console) -> None:
             ">s",
             ">of it, scene",
             ">pipelines apart",
+            ">renderer apart",
             ">peak / scene",
         )
         for way, found in one["ways"].items():
@@ -208,6 +211,7 @@ def show(made: list[dict[str, Any]], to: Console) -> None:
                 f"{found['load_s']:.3f}",
                 f"{found['scene_s']:.3f}" if "scene_s" in found else "",
                 f"{found['pipelines_s']:.3f}" if "pipelines_s" in found else "",
+                f"{found['renderer_s']:.3f}" if "renderer_s" in found else "",
                 f"{peak:.2f}" if peak else "",
             )
         to.print(shown)

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import statistics
 import time as clock
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from itertools import islice
 from typing import Any
 
@@ -177,14 +177,17 @@ class Subject:
         """
         width, height = self.size
         with self.open(settings, {"color", "color_linear"}, (width * samples, height * samples)) as renderer:
-            frame = settled(renderer, chapters.view_of(renderer))
-            linear, shown = frame.image("color_linear"), frame.image("color")
-        shown = shown[..., :3].astype(np.float32) / np.float32(255)
+            linear, shown = picture(settled(renderer, chapters.view_of(renderer)))
         if samples == 1:
             return linear, shown
         return _averaged(linear, samples), encode_srgb(_averaged(decode_srgb(shown), samples)).astype(
             np.float32
         )
+
+
+def picture(frame: Frame) -> tuple[Array, Array]:
+    """Return what a frame shows as `errors` takes it: linear light (H, W, 3) float32, and codes (H, W, 3) of 0..1."""
+    return frame.image("color_linear"), frame.image("color")[..., :3].astype(np.float32) / np.float32(255)
 
 
 def settled(renderer: Renderer, view: Any, most: int = 64) -> Frame:
@@ -219,6 +222,24 @@ def difference(image: Array, other: Array) -> dict[str, float]:
     """Return how far two pictures of linear light (H, W, 3) float32 are apart, which should be the same to the bit."""
     differ = (image.view(np.uint32) != other.view(np.uint32)).any(axis=-1)
     return {"max_abs": metrics.max_abs(image, other), "pixels_differ": int(differ.sum())}
+
+
+def recorded_anew(settings: Any) -> Any:
+    """Return settings with which every frame is recorded, in chapters that can send one again, too."""
+    return replace(settings, resubmit=False) if hasattr(settings, "resubmit") else settings
+
+
+def forward_path(settings: Any) -> Any:
+    """Return settings that light objects while they are drawn: what every chapter can, with the same picture."""
+    return replace(settings, graph="forward") if hasattr(settings, "graph") else settings
+
+
+def middle(values: Sequence[float]) -> tuple[float, float]:
+    """Return the median, and half the distance of the quartiles; NaN where there are no values."""
+    if not values:
+        return float("nan"), float("nan")
+    low, median, high = np.percentile(values, (25, 50, 75))
+    return float(median), float(high - low) / 2
 
 
 def sweep(subject: Subject, effort: Effort, step: Callable[[str, float], None]) -> list[Point]:

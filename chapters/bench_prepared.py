@@ -20,7 +20,7 @@ import numpy as np
 
 import chapters
 from chapters import scenes
-from chapters.bench_points import Effort, Subject, errors, on_front
+from chapters.bench_points import Effort, Subject, errors, on_front, picture
 from common.settings import Sweep, preset
 
 
@@ -103,9 +103,7 @@ def _made(subject: Subject, settings: Any, forget: Callable[[], None]) -> tuple[
     """Return the picture (as `errors` takes it) of a renderer that made everything anew, and what that took."""
     forget()
     with subject.open(settings, {"color", "color_linear"}) as renderer:
-        frame = renderer.render(chapters.view_of(renderer))
-        linear, shown = frame.image("color_linear"), frame.image("color")
-        return (linear, shown[..., :3].astype(np.float32) / np.float32(255)), dict(renderer.prepared_ms)
+        return picture(renderer.render(chapters.view_of(renderer))), dict(renderer.prepared_ms)
 
 
 @contextmanager

@@ -10,9 +10,12 @@ from typing import Any
 from rich.console import Console
 
 from chapters import (
+    bench_gbuffer,
+    bench_graph,
     bench_loads,
     bench_pipelines,
     bench_points,
+    bench_prepass,
     bench_readback,
     bench_scale,
     bench_threads,
@@ -20,6 +23,9 @@ from chapters import (
 from chapters.console import out
 from chapters.tables import table
 from common.errors import UserError
+
+FRAME_PARTS: dict[str, Any] = {"graph": bench_graph, "prepass": bench_prepass, "gbuffer": bench_gbuffer}
+"""What shows and draws the parts of chapters whose frame is a graph."""
 
 
 def show(made: dict[str, Any], to: Console = out) -> None:
@@ -46,6 +52,9 @@ def show(made: dict[str, Any], to: Console = out) -> None:
     bench_loads.show(made.get("loads", []), to)
     if made.get("readback"):
         bench_readback.show(made["readback"], to)
+    for part, shown in FRAME_PARTS.items():
+        if made.get(part):
+            shown.show(made[part], to)
     _show_starts(to, made["start_s"])
     if made["stability"]:
         worst = made["stability"]["worst"]
@@ -119,6 +128,9 @@ def plot(path: Path, made: dict[str, Any]) -> None:
         panels.append(partial(_plot_pipelines, made["pipelines"]))
     if any(one["ways"] for one in made.get("loads", ())):
         panels.append(partial(_plot_loads, made["loads"]))
+    for part, shown in FRAME_PARTS.items():
+        if made.get(part):
+            panels.append(partial(_plot_alone, shown.plot, made[part]))
     columns = min(len(panels), 3)
     rows = -(-len(panels) // columns)
     figure = Figure(figsize=(1 + 6 * columns, 4.8 * rows), layout="constrained")
@@ -156,6 +168,10 @@ def _plot_pipelines(one: dict[str, Any], figure: Any, cell: Any) -> None:
 
 def _plot_loads(made: list[dict[str, Any]], figure: Any, cell: Any) -> None:
     bench_loads.plot(figure.add_subplot(cell), made)
+
+
+def _plot_alone(draw: Callable[[Any, Any], None], one: Any, figure: Any, cell: Any) -> None:
+    draw(figure.add_subplot(cell), one)
 
 
 def _plot_scale(one: dict[str, Any], figure: Any, cell: Any) -> None:

@@ -25,7 +25,7 @@ from rich.console import Console
 
 import chapters
 from backends.contract import Frame, Renderer
-from chapters.bench_points import Effort, Subject, difference
+from chapters.bench_points import Effort, Subject, difference, forward_path
 from chapters.run import open_device
 from chapters.tables import table
 from common.camera import View
@@ -124,7 +124,7 @@ def _scale(
         truths: dict[int, np.ndarray] = {}
         for run in runs:  # every slot is filled and every pipeline compiled before a time counts
             for turn in range(max(effort.warm_up, 2)):
-                frame = run.frame(_view(run.renderer, turn))
+                frame = run.frame(moved_view(run.renderer, turn))
             picture = frame.image("color_linear")
             truth = truths.setdefault(run.count, picture)
             run.error = difference(picture, truth)
@@ -136,7 +136,7 @@ def _scale(
         for turn in range(rounds):
             step(f"frames with more and more {scale.name}", 0.6 + 0.4 * turn / rounds)
             for one in random.permutation(len(runs)):
-                runs[one].frame(_view(runs[one].renderer, turn + one / len(runs)))
+                runs[one].frame(moved_view(runs[one].renderer, turn + one / len(runs)))
     points = [run.point() for run in runs]
     made = {"name": scale.name, "frames": rounds, "skipped": skipped, "points": points}
     return {**made, "ratios": ratios(points, scale.sides[-1].name, scale.flat_from)}
@@ -159,7 +159,7 @@ def _open(stack: ExitStack, subject: Subject, side: Side, count: int, scene: Sce
             subject.backend,
             scene=scene,
             size=subject.size,
-            settings=preset(chapters.settings_class(which), "medium"),
+            settings=forward_path(preset(chapters.settings_class(which), "medium")),
             without=side.without,
             outputs={"color", "color_linear"},
             device=device,
@@ -168,7 +168,7 @@ def _open(stack: ExitStack, subject: Subject, side: Side, count: int, scene: Sce
     return _Run(side, count, renderer, clock.perf_counter() - began)
 
 
-def _view(renderer: Renderer, turn: float) -> View:
+def moved_view(renderer: Renderer, turn: float) -> View:
     """Return the view of frame number `turn`; no two frames should have one, since matrices of a view are kept."""
     view, scene = chapters.view_of(renderer), renderer.scene
     moved = translation((STEP * scene.length_scale * turn, 0.0, 0.0))
@@ -182,17 +182,20 @@ def ratios(points: list[dict[str, Any]], side: str, flat_from: int) -> dict[str,
     """Return how the time of `side` compares: with that of the others, and at most things with that at few.
 
     `times` says, at the largest count that another was measured at, how many times the time of `side` it takes: for all
-    that Python does for a frame, for recording alone, and on the GPU. `grown` is the Python time of `side` at each
+    that Python does for a frame, for recording alone (None where `side` sends what it once recorded again), and on the
+    GPU. `grown` is the Python time of `side` at each
     count above `flat_from` by that at the least of them.
     """
     own = {point["count"]: point for point in points if point["side"] == side}
-    times: dict[str, dict[str, float]] = {}
+    times: dict[str, dict[str, float | None]] = {}
     for point in points:  # later ones have more of it
         if point["side"] != side and point["count"] in own:
             beside = own[point["count"]]
             times[point["side"]] = {"count": point["count"]} | {
                 name: _by(point[name], beside[name]) for name in ("python_ms", "record_ms", "gpu_ms")
             }
+            if not beside["record_ms"]:
+                times[point["side"]]["record_ms"] = None
     few, *more = [count for count in sorted(own) if count >= flat_from] or [0]
     grown = {str(count): _by(own[count]["python_ms"], own[few]["python_ms"]) for count in more}
     return {"side": side, "times": times, "from": few, "grown": grown}
@@ -225,11 +228,15 @@ def sentences(made: dict[str, Any]) -> list[str]:
     """Return what a scale's figures say, as sentences."""
     name, points, found = made["name"], made["points"], made["ratios"]
     side, said = found["side"], []
+    again = any(ratio["record_ms"] is None for ratio in found["times"].values())
     for other, ratio in found["times"].items():
         said.append(
             f"At {ratio['count']:,} {name}, {other} takes {ratio['python_ms']:.3g} times the Python time of {side} "
-            f"for a frame, and {ratio['record_ms']:.3g} times for recording its draws."
+            "for a frame"
+            + ("." if again else f", and {ratio['record_ms']:.3g} times for recording its draws.")
         )
+    if again:
+        said.append(f"With {side} no draw is recorded in these frames: what was recorded once is sent again.")
     if found["grown"]:
         most = max(found["grown"], key=int)
         furthest = max(found["grown"].values(), key=lambda ratio: abs(ratio - 1))

@@ -19,6 +19,7 @@ from rich.console import Console
 
 import chapters
 from backends.contract import Renderer
+from chapters import bench_points
 from chapters.bench_points import Effort, Subject, difference
 from chapters.run import open_device
 from chapters.tables import table
@@ -47,14 +48,17 @@ class _Run:
     def time_recording(self) -> None:
         """Let the renderer tell how long its passes take to be recorded, from label to label."""
         renderer: Any = self.renderer
-        run = renderer._run
+        # Where a frame is a graph, its executor goes through all passes; else the renderer runs each of them.
+        graph = hasattr(renderer, "graph")
+        owner, name = (renderer._executor, "record") if graph else (renderer, "_run")
+        run = getattr(owner, name)
 
         def timed(*arguments: Any) -> None:
             began = clock.perf_counter()
             run(*arguments)
             self.recording += (clock.perf_counter() - began) * 1e3
 
-        renderer._run = timed
+        setattr(owner, name, timed)
 
     def frame(self) -> Any:
         """Return a frame that is over, and keep what it took."""
@@ -87,6 +91,7 @@ def measure(
     wanted: tuple[int, ...] = getattr(settings_class, "THREADS", ())
     if not wanted:
         return None
+    anew = bench_points.recorded_anew(preset(settings_class, "medium"))
     runs: list[_Run] = []
     with ExitStack() as stack:
         device = open_device(stack, subject.backend, without=WITHOUT)
@@ -100,7 +105,7 @@ def measure(
                         subject.backend,
                         scene=scene,
                         size=subject.size,
-                        settings=replace(preset(settings_class, "medium"), recording_threads=threads),
+                        settings=replace(anew, recording_threads=threads),
                         without=WITHOUT,
                         outputs={"color", "color_linear"},
                         device=device,

@@ -11,6 +11,7 @@ from typer.core import TyperCommand, TyperGroup
 from chapters.cli_diff import diff
 from chapters.cli_exercises import check, exercise
 from chapters.cli_frame import frame
+from chapters.cli_graph import graph
 from chapters.cli_options import (
     Backend,
     Camera,
@@ -216,6 +217,7 @@ def run(
 
 
 app.command(cls=Command)(frame)
+app.command(cls=Command)(graph)
 
 
 @app.command(name="list", cls=Command)
@@ -296,7 +298,8 @@ def bench(
         list[str] | None,
         typer.Option(
             metavar="PART",
-            help="Measure that alone, repeatable: settings, prepared, start, stability, scales, pipelines.",
+            help="Measure that alone, repeatable: settings, prepared, start, stability, scales, pipelines, "
+            "threads, loads, readback, graph, prepass, gbuffer.",
             show_default=False,
         ),
     ] = None,

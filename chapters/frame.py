@@ -8,6 +8,7 @@ import re
 import statistics
 import sys
 from dataclasses import asdict, dataclass, field
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +24,7 @@ from chapters.record import STDOUT, naming
 from chapters.stopping import prompt_stop
 from chapters.tables import table
 from chapters.views import stored_as
+from chapters.window_stop import nodes_of
 from common.errors import UserError
 from common.frame_pictures import picture_of
 from common.images import write_image
@@ -73,6 +75,23 @@ class Step:
     writes: list[Output]
 
 
+@dataclass(frozen=True)
+class Held:
+    """An image or a buffer of a frame graph: what it is, and from which pass to which it is alive.
+
+    `names` are what it is called from pass to pass, its own first; `size` is None for a buffer.
+    """
+
+    names: list[str]
+    life: str
+    format: str
+    size: tuple[int, int] | None
+    samples: int
+    bytes: int
+    first: str
+    last: str
+
+
 @dataclass
 class Frame:
     """All of a frame, as the page and the JSON have it."""
@@ -88,6 +107,10 @@ class Frame:
     work: dict[str, int]
     cpu_ms: float
     left_out: list[str] = field(default_factory=list)
+    skipped: dict[str, str] = field(default_factory=dict)
+    """Passes that the frame graph leaves out, and why; before there was a graph, this is empty."""
+    resources: list[Held] = field(default_factory=list)
+    """What the graph's passes write and read, in the order of the first use."""
     steps: list[Step] = field(default_factory=list)
     fork: str | None = None
     """Where the fork is, if one was drawn with; `chapter` is then the one that it is a copy of."""
@@ -153,7 +176,7 @@ def folder_for(request: run.Request, folder: Path | None) -> Path:
 
 def last_pass(renderer: Renderer, after: str | None) -> int:
     """Return how many passes to show; raise UserError if the frame has no pass `after`."""
-    names = [made.name for made in renderer.passes]
+    names = [made.name for made in nodes_of(renderer)]
     if after is None:
         return len(names)
     if after not in names:
@@ -188,29 +211,33 @@ def take_apart(
         },
         work=dict(drawn.work),
         cpu_ms=statistics.median(each["cpu"] for each in measured),
-        left_out=[one.name for one in renderer.passes[count:]],
+        left_out=[one.name for one in nodes_of(renderer)[count:]],
     )
+    graph = getattr(renderer, "graph", None)
+    if graph is not None:
+        made.skipped, made.resources = dict(graph.left_out), held_by(renderer)
     pictures: dict[str, np.ndarray] = {}
     written: dict[str, tuple[Access, str]] = {}
-    for place, one in enumerate(renderer.passes[:count], start=1):
-        reads = [described(access, written.get(access.resource), renderer.size) for access in one.reads]
+    drawn_by = list(zip(nodes_of(renderer), renderer.passes, strict=True))[:count]
+    for place, (one, draws) in enumerate(drawn_by, start=1):
+        reads = [described(access, written.get(access.resource), renderer) for access in one.reads]
         writes = []
         for access in one.writes:
             written[access.resource] = access, one.name
             values = drawn.image(f"{one.name}/{access.resource}")
-            shown, mapping = picture_of(values, access.resource, access.format or "", view, stored)
-            if access.samples > 1:
+            known = described(access, (access, one.name), renderer)
+            shown, mapping = picture_of(values, access.resource, known.format, view, stored)
+            if known.samples > 1:
                 of = "one" if access.use == "depth" else "the mean"
-                mapping += f"; {of} of {access.samples} samples a pixel"
+                mapping += f"; {of} of {known.samples} samples a pixel"
             file = f"{place}-{one.name}-{access.resource}.png"
             pictures[file] = shown
-            known = described(access, (access, one.name), renderer.size)
             writes.append(Output(**asdict(known), file=file, mapping=mapping))
         made.steps.append(
             Step(
                 place,
                 one.name,
-                sentence_of(one),
+                sentence_of(draws),
                 statistics.median(each[one.name] for each in measured),
                 dict(renderer.inspection.work.by_pass[one.name]),
                 reads,
@@ -220,18 +247,34 @@ def take_apart(
     return made, pictures
 
 
-def described(access: Access, written: tuple[Access, str] | None, size: tuple[int, int]) -> Resource:
+def described(access: Access, written: tuple[Access, str] | None, renderer: Renderer) -> Resource:
     """Return what is known of a resource: a reader leaves format and samples to the pass that wrote it."""
-    origin = written[0] if written else access
-    scaled = (max(1, round(size[0] * origin.scale)), max(1, round(size[1] * origin.scale)))
-    return Resource(
-        access.resource,
-        access.use,
-        origin.format or "",
-        scaled,
-        origin.samples,
-        written[1] if written else "",
-    )
+    origin, by = written or (access, "")
+    graph = getattr(renderer, "graph", None)
+    if graph is not None:  # there the image is that of the first of its names
+        image = graph.resources[graph.names[access.resource]]
+        size = image.size or (image.bytes, 1)
+        return Resource(access.resource, access.use, image.format or image.kind, size, image.samples, by)
+    width, height = renderer.size
+    scaled = (max(1, round(width * origin.scale)), max(1, round(height * origin.scale)))
+    return Resource(access.resource, access.use, origin.format or "", scaled, origin.samples, by)
+
+
+def held_by(renderer: Renderer) -> list[Held]:
+    """Return the images and buffers of a renderer's frame graph."""
+    package = type(renderer.settings).__module__.rpartition(".")[0]
+    report = import_module(f"{package}.logic.graph_report")
+    found, graph = [], renderer.graph
+    for row in report.rows(graph):
+        one = row.resource
+        if row.name == one.name:  # else it is what the frame before left of it
+            used = sorted(row.signs)
+            ends = graph.steps[used[0]].name, graph.steps[used[-1]].name
+            taken = report.texels(one).size
+            found.append(
+                Held([*one.names], one.life, one.format or one.kind, one.size, one.samples, taken, *ends)
+            )
+    return found
 
 
 def sentence_of(made: Any) -> str:
@@ -307,3 +350,8 @@ def show(made: Frame, to: Console) -> None:
             ", ".join(f"{one.name} ({one.format})" for one in step.writes),
         )
     to.print(printed)
+    if made.skipped:
+        skipped = table("Left out", "pass", "why")
+        for name, why in made.skipped.items():
+            skipped.add_row(name, why)
+        to.print(skipped)

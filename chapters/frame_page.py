@@ -51,6 +51,8 @@ def page(frame: Frame) -> str:
         f"<h1>{escape(title)}</h1>",
         "".join(f'<p class="soft">{escape(fact)}.</p>' for fact in facts),
         _overview(frame),
+        *([_skipped(frame)] if frame.skipped else []),
+        *([_resources(frame)] if frame.resources else []),
         *(_section(step) for step in frame.steps),
         '<section><h2>All of it</h2><p><a href="contact.png"><img src="contact.png" alt="contact sheet of every'
         ' output"></a></p>',
@@ -70,6 +72,36 @@ def _overview(frame: Frame) -> str:
     numbers = "".join(f'<th class="number">{name}</th>' for name in ("GPU ms", "draws"))
     head = f"<tr><th>pass</th>{numbers}<th>reads</th><th>writes</th></tr>"
     return f"<table><thead>{head}</thead><tbody>{''.join(rows)}</tbody></table>"
+
+
+def _skipped(frame: Frame) -> str:
+    rows = "".join(
+        f"<tr><td>{escape(name)}</td><td>{escape(why)}</td></tr>" for name, why in frame.skipped.items()
+    )
+    return f"<h2>Left out of this frame</h2><table><tbody>{rows}</tbody></table>"
+
+
+def _resources(frame: Frame) -> str:
+    """The images and buffers of the frame graph, in the order in which they come to life."""
+    rows = []
+    for one in frame.resources:
+        size = f"{one.size[0]}x{one.size[1]}" if one.size else ""
+        samples = f", {one.samples} samples a pixel" if one.samples > 1 else ""
+        rows.append(
+            f"<tr><td>{escape(', then '.join(one.names))}</td><td>{escape(one.life)}</td>"
+            f'<td>{escape(one.format + samples)}</td><td class="number">{size}</td>'
+            f'<td class="number">{one.bytes / 1024:,.1f}</td><td>{escape(one.first)}</td>'
+            f"<td>{escape(one.last)}</td></tr>"
+        )
+    head = (
+        '<tr><th>name</th><th>life</th><th>format</th><th class="number">size</th><th class="number">KiB</th>'
+        "<th>from</th><th>to</th></tr>"
+    )
+    return (
+        f"<h2>Resources</h2><table><thead>{head}</thead><tbody>{''.join(rows)}</tbody></table>"
+        '<p class="soft">Here each has memory of its own, since all of them are looked at: '
+        f"<code>strata graph {frame.chapter}</code> shows which share it otherwise.</p>"
+    )
 
 
 def _links(resources: list[Resource] | list[Output]) -> str:

@@ -8,7 +8,7 @@
             renderer.render(view, time)
 
 A shader that is wrong changes nothing: the renderer goes on with the last good ones, and so does every pipeline and
-every renderer that is made meanwhile (`common.shader_files.pinned`).
+every renderer that is made meanwhile (`common.shader_files.pinned`). The file of a frame graph is followed like them.
 """
 
 from __future__ import annotations
@@ -94,7 +94,8 @@ class Watcher:
 
 
 class Live:
-    """Follows the shader files of one renderer after the other. A context manager: opened before the first renderer."""
+    """Follows the shaders and the graph of one renderer after the other, as files. A context manager: opened before the
+    first renderer."""
 
     def __init__(
         self, timer: Callable[[], float] = clock.monotonic, tell: Callable[[str], None] = say
@@ -110,7 +111,7 @@ class Live:
         self.message = ""
         """What became of the last change."""
         self.rebuilt = 0
-        """Pipelines that were built anew for it."""
+        """Pipelines that were built anew for it, and 1 more for another graph."""
         self.renderer: Renderer
         """The one to draw with after a change."""
         self.renew: Callable[[], Renderer] | None = None
@@ -147,11 +148,12 @@ class Live:
             self._waiting = tried
             self._needed = error.files if isinstance(error, ShaderError) else frozenset()
             self.error = str(error)
-            self.message = "The picture is that of the last good shaders."
-            self._tell(f"strata: {error}\nstrata: the picture stays that of the last good shaders.")
+            kind = "shaders" if isinstance(error, ShaderError) else "graph"
+            self.message = f"The picture is that of the last good {kind}."
+            self._tell(f"strata: {error}\nstrata: the picture stays that of the last good {kind}.")
         else:
             self._waiting = self._needed = frozenset()
-            self.error, self.rebuilt = "", len(done.pipelines)
+            self.error, self.rebuilt = "", len(done.pipelines) + done.graph
             self.message = _said(done, changed, clock.perf_counter() - began)
             if self.message:
                 self._tell(f"strata: {self.message}")
@@ -189,12 +191,14 @@ def _said(done: Reloaded, changed: Collection[Path], seconds: float) -> str:
     """Return what a reload did, in a sentence or two."""
     parts = []
     names = ", ".join(sorted({path.name for path in changed}))
+    if done.graph:
+        parts.append(f"{names}: another graph in {seconds * 1e3:.0f} ms.")
     if done.pipelines:
         count = len(done.pipelines)
         built = "1 pipeline" if count == 1 else f"{count} pipelines"
         built = "all pipelines" if done.pipelines is ALL else built
         parts.append(f"{names}: {built} built anew in {seconds * 1e3:.0f} ms.")
-    elif not done.at_start:
+    elif not done.at_start and not done.graph:
         parts.append(f"{names}: the code of every pipeline is the same.")
     if done.at_start:
         names = ", ".join(shown_path(path) for path in sorted(done.at_start))

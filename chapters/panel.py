@@ -17,6 +17,7 @@ import numpy as np
 from backends.window import Event
 from chapters import panel_imgui
 from chapters.panel_error import show_error
+from chapters.panel_graph import GraphSection, GraphState
 from chapters.panel_knobs import Knobs, Widget, widgets
 from chapters.panel_tree import Tree
 from common.draw_lists import DrawList
@@ -62,6 +63,7 @@ class PanelState:
     passes: tuple[str, ...] = ()
     stop_after: str = ""  # the pass whose output is shown, "" for the finished picture
     stopped: str = ""  # what that is, in words
+    graph: GraphState | None = None  # before chapter 4 there is none
 
 
 @dataclass(frozen=True)
@@ -76,6 +78,8 @@ class PanelActions:
     step: bool = False  # one frame further while time stands still
     screenshot: bool = False
     stop_after: str | None = None  # "": after none
+    switch: tuple[str, bool] | None = None  # a pass on or off
+    show: str | None = None  # a resource of the graph, "": the finished picture
     copy: str = ""  # text for the clipboard
 
     def __bool__(self) -> bool:
@@ -149,6 +153,7 @@ class Panel:
         self.places: dict[str, tuple[float, float, float, float]] = {}
         self._knobs = Knobs(imgui, self._placed)
         self._tree = Tree(imgui, self._placed)
+        self._graph = GraphSection(imgui, self._placed)
         self._widgets: dict[type, list[Widget]] = {}  # of each class of settings
         self._ev: float | None = None  # while its slider moves
         self._speed: float | None = None
@@ -203,6 +208,11 @@ class Panel:
         if open_:
             imgui.push_item_width(imgui.get_content_region_avail().x * 0.5)
             self._head(state, actions)
+            if state.graph is not None:
+                unfolded = imgui.collapsing_header("Frame graph")
+                self._placed("Frame graph")
+                if unfolded:
+                    actions |= self._graph.build(state.graph, state.settings, self._time_of)
             if imgui.collapsing_header("Settings", imgui.TreeNodeFlags_.default_open):
                 self._settings(state, actions)
             if imgui.collapsing_header("Camera and time", imgui.TreeNodeFlags_.default_open):
@@ -321,6 +331,9 @@ class Panel:
         rows = [(name, f"{history.median(name):.3f} ms") for name in names]
         total = sum(value for name in names if math.isfinite(value := history.median(name)))
         self._table("times", [*rows, ("all passes", f"{total:.3f} ms")], colored=True)
+
+    def _time_of(self, name: str) -> float:
+        return self.history.median(name) if name in self.history.names() else math.nan
 
     def _plot(self, names: Sequence[str], low: float, high: float) -> None:
         """Draw a line for each series over the last frames, on one scale."""

@@ -1,4 +1,4 @@
-"""What the panel shows of a shader that is wrong: the compiler's words, with every caret below its character."""
+"""What the panel shows of a file that is wrong: the compiler's words, with every caret below its character."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def show_error(imgui: Any, text: str, size: tuple[int, int], scale: float) -> No
     flags = imgui.WindowFlags_
     kept = flags.always_auto_resize | flags.no_saved_settings | flags.no_collapse | flags.horizontal_scrollbar
     open_, _ = imgui.begin(
-        "The picture is that of the last good shaders", None, kept | flags.no_focus_on_appearing
+        "The picture is that of the last good files", None, kept | flags.no_focus_on_appearing
     )
     if open_:
         first, _, rest = text.partition("\n")

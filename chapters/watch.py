@@ -1,4 +1,4 @@
-"""`strata run N --watch`: a picture on disk that is written anew whenever a shader is saved, until Ctrl-C."""
+"""`strata run N --watch`: a picture on disk that is written anew when a shader or a graph is saved, until Ctrl-C."""
 
 from __future__ import annotations
 
@@ -44,7 +44,12 @@ def watch(
 
     live.renew = renew
     count = sum(path.is_file() for path in live.files(renderer))
-    say(f"Watching {count} shader files: {target} is written anew when one is saved. Ctrl-C ends.")
+    what = (
+        f"{count - 1} shader files and a graph"
+        if hasattr(renderer, "graph_file")
+        else f"{count} shader files"
+    )
+    say(f"Watching {what}: {target} is written anew when one is saved. Ctrl-C ends.")
     owed = False  # the picture could not be written
     try:
         while True:

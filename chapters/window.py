@@ -22,8 +22,9 @@ from chapters.console import say
 from chapters.live import Live
 from chapters.panel import Panel, PanelActions, PanelState, open_panel
 from chapters.window_camera import camera_text, first_person, open_camera, orbit
+from chapters.window_graph import WindowGraph
 from chapters.window_open import Opened, Refused, open_screen
-from chapters.window_stop import Stop
+from chapters.window_stop import Stop, nodes_of
 from common import images
 from common.camera import Camera
 from common.clock import FrameClock
@@ -117,6 +118,7 @@ class Loop:
         self.figures = Figures()
         self.panel, self.message = panel, ""
         self.stop = Stop()
+        self._graph = WindowGraph(self.stop)
         self._title, self._told, self._on_frame, self._reopen = title, "", on_frame, reopen
         self._name, self._quality, self._live = name, quality, live
         self._clock = FrameClock(timer_ns)
@@ -236,9 +238,10 @@ class Loop:
             speed=self.speed,
             message=self.message,
             error=self._live.error if self._live is not None else "",
-            passes=tuple(one.name for one in renderer.passes),
+            passes=tuple(one.name for one in nodes_of(renderer)),
             stop_after=self.stop.after,
             stopped=self.stop.told,
+            graph=self._graph.state(renderer),
         )
         actions = panel.frame(state, self.window.size, passed)
         self._lay(panel.drawn)
@@ -266,7 +269,10 @@ class Loop:
             self.message = self._screenshot()
         if actions.settings is not None:
             self._change_settings(actions.settings)
-        if actions.stop_after is not None:
+        if self._graph.apply(self.renderer, actions):
+            self._panel_due = True
+            self._clock.tick()  # the time that this took is none of the scene's
+        elif actions.stop_after is not None:
             before, self._panel_due = bool(self.stop.after), True
             self.stop.choose(actions.stop_after)
             if before != bool(actions.stop_after):
@@ -279,12 +285,14 @@ class Loop:
         self._unread.clear()
         self._warm = False
         self.message = ""
+        off = self._graph.off(self.renderer)
         try:
             self.renderer = self._reopen(settings, **options)
         except Refused as error:
             self.renderer, self.message = error.renderer, str(error)
             if options:
                 self.stop.choose("")
+        self._graph.restore(self.renderer, off)
         self._clock.tick()  # the time that this took is none of the scene's
 
     def _follow_shaders(self) -> None:
@@ -292,6 +300,7 @@ class Loop:
         live = self._live
         if live is None or not live.follow(self.renderer):
             return
+        self._graph.refused = ""
         if live.renderer is not self.renderer:
             self.renderer, self._warm = live.renderer, False
             self._unread.clear()

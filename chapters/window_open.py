@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from backends.window import Window
 from common.errors import StrataError
+from common.shader_files import refreshed
 
 if TYPE_CHECKING:
     from backends.contract import Renderer
@@ -49,7 +50,10 @@ class Opened:
         size, before = self.renderer.size, self.renderer.settings
         self.renderer.close()  # first: two of them may not fit into memory
         try:
-            self.renderer = self._open(size=size, **self._options, settings=settings)
+            with refreshed(
+                ()
+            ):  # files that are read only for a renderer which cannot be are read again next time
+                self.renderer = self._open(size=size, **self._options, settings=settings)
         except StrataError as error:
             self._options = others
             self.renderer = self._open(size=size, **self._options, settings=before)

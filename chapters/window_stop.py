@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,15 +21,23 @@ TEXTURE = 1
 """The number of the picture's texture, beside those of the panel's glyphs."""
 
 
+def nodes_of(renderer: Renderer) -> Sequence[Any]:
+    """Return the passes of a frame with what they read and write: where there is a graph, under its names."""
+    return getattr(renderer, "nodes", renderer.passes)
+
+
 class Stop:
     """After which pass the window stops, "" for none, and the picture of what that pass wrote.
 
     The frame is drawn to its end all the same, by a renderer that was opened with `inspect=True`; its pictures come
-    over the CPU, which is slow and shows every number there is.
+    over the CPU, which is slow and shows every number there is. Where there is a frame graph, any `resource` of it can
+    be chosen while the renderer runs (`follow`).
     """
 
     def __init__(self) -> None:
         self.after = ""
+        self.resource = ""
+        """What of a frame graph is shown; "" for nothing, and before there are graphs."""
         self.due = False  # another pass was chosen since the last look
         self.told = ""
         """What is seen, in words."""
@@ -37,23 +46,40 @@ class Stop:
 
     def choose(self, name: str) -> None:
         """Stop after pass `name` from the next frame on."""
-        self.after, self.due = name, True
+        self.after, self.due, self.resource = name, True, ""
         self.picture, self.told = None, ""
+
+    def follow(self, renderer: Any, resource: str) -> None:
+        """Show a resource of the frame graph of `renderer` from the next frame on, "" for the finished picture.
+
+        Raises GraphError, with nothing changed, where no pass draws it.
+        """
+        key = renderer.show_resource(resource or None)
+        self.choose(key.partition("/")[0])
+        self.resource = resource
 
     def look(self, renderer: Renderer, frame: Frame, view: View) -> None:
         """Take the picture of a frame; a pass that it does not have leaves the finished picture."""
         self.due, self.picture, self.told = False, None, ""
         if not self.after:
             return
-        made = next((one for one in renderer.passes if one.name == self.after), None)
-        if made is None:
-            self.told = f"this frame has no pass {self.after}"
-            return
-        access = made.writes[0]
-        values = frame.image(f"{made.name}/{access.resource}")
+        if self.resource:
+            name = self.resource
+            key = next((key for key in renderer.inspection.names if key.endswith(f"/{name}")), "")
+            if not key:
+                self.told = f"no pass of this frame draws {name}"
+                return
+            format_ = renderer.graph.resources[renderer.graph.names[name]].format
+        else:
+            made = next((one for one in renderer.passes if one.name == self.after), None)
+            if made is None:
+                self.told = f"this frame has no pass {self.after}"
+                return
+            name, format_ = made.writes[0].resource, made.writes[0].format
+            key = f"{made.name}/{name}"
         kind = stored_as(renderer.settings)
-        self.picture, mapping = picture_of(values, access.resource, access.format or "", view, kind)
-        self.told = f"{access.resource} ({access.format}): {mapping}"
+        self.picture, mapping = picture_of(frame.image(key), name, format_ or "", view, kind)
+        self.told = f"{name} ({format_}): {mapping}"
         self._fresh = True
 
     def under(self, drawn: DrawList | None, size: tuple[int, int]) -> DrawList | None:

@@ -34,7 +34,7 @@ def picture_of(values: NDArray[Any], name: str, format: str, view: View, stored:
     if values.dtype == np.uint8:
         return _codes(_channels(values) / 255.0), "as stored: codes that a screen shows"
     if "normal" in name:
-        return of_directions(values)
+        return of_directions(2 * values - 1 if format == "rgb10a2" else values)
     if "motion" in name:
         return of_motion(values)
     if "color" in name and stored != "light":

@@ -7,11 +7,12 @@ shaders are edited goes on with the texts it began with, until `refreshed` lets 
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from common.errors import ShaderError
 from common.paths import ROOT
@@ -29,28 +30,42 @@ class State(NamedTuple):
     inode: int
 
 
+class Part(NamedTuple):
+    """Some lines without a directive, what a compiler makes something of among them, and the directive behind them.
+
+    That is None at the end of a file; `own` is what a compiler sees of its line, `number` is its line's, from 1.
+    """
+
+    lines: tuple[str, ...]
+    code: tuple[str, ...]
+    directive: re.Match[str] | None
+    own: str
+    number: int
+
+
 @dataclass(frozen=True)
 class File:
     """A file before expansion; `folder` is None for text that lies nowhere on disk.
 
-    `identity` tells files apart, however a path leads to them; `directives` has, for each line, the match of
-    a directive outside comments, or None, and `code` what a compiler makes something of, "" where that is nothing.
+    `identity` tells files apart, however a path leads to them; `parts` are cut where a directive stands outside
+    comments, since a shader's text is put together from whole parts.
     """
 
     name: str
     folder: Path | None
     identity: str
     lines: tuple[str, ...] = field(repr=False)
-    directives: tuple[re.Match[str] | None, ...] = field(repr=False)
-    code: tuple[str, ...] = field(repr=False)
+    parts: tuple[Part, ...] = field(repr=False)
 
 
-_Read = tuple[State, File]
+_Read = tuple[State, Any]
 _analysed: dict[Path, _Read] = {}
 """Each file as it was last read: a chapter's shaders include the same ones over and over."""
 
 _pinned: dict[Path, _Read | None] | None = None
 """Within `pinned`: what every shader is built from, whatever lies on disk by now; None where no file was."""
+
+T = TypeVar("T")
 
 
 @contextmanager
@@ -88,7 +103,7 @@ def state_of(path: Path) -> State | None:
     """Return the state of a file on disk; None where there is none, or none that can be looked at."""
     try:
         found = path.stat()
-    except OSError:
+    except (OSError, ValueError):  # ValueError: a zero byte in the name
         return None
     return State(found.st_mtime_ns, found.st_ctime_ns, found.st_size, found.st_ino)
 
@@ -118,7 +133,8 @@ def is_there(path: Path) -> bool:
 def load(path: Path) -> File:
     """Return a file; raise ShaderError where it cannot be read or is no text."""
     if _pinned is not None and (held := _pinned.get(path)) is not None:
-        return held[1]
+        shader: File = held[1]
+        return shader
     try:
         found = path.stat()
     except OSError as error:
@@ -132,9 +148,23 @@ def load(path: Path) -> File:
         _analysed[path] = read
     if _pinned is not None:
         _pinned[path] = read
-    return read[1]
+    text: File = read[1]
+    return text
 
 
+def held(path: Path, read: Callable[[Path], T]) -> T:
+    """Return what `read` makes of a file that is no shader and is edited like one: within `pinned`, once."""
+    if _pinned is not None and (known := _pinned.get(path)) is not None:
+        before: T = known[1]
+        return before
+    state = state_of(path)  # before it is read: an edit that comes meanwhile is then noticed
+    found = read(path)
+    if _pinned is not None and state is not None:
+        _pinned[path] = state, found
+    return found
+
+
+@lru_cache(64)
 def in_memory(name: str, text: str) -> File:
     """Return text that lies nowhere on disk as a file called `name`."""
     return _split(name, text, None, name)
@@ -143,7 +173,20 @@ def in_memory(name: str, text: str) -> File:
 def _split(name: str, text: str, folder: Path | None, identity: str) -> File:
     lines = lines_of(text)
     bare = _without_comments(lines)
-    return File(name, folder, identity, lines, tuple(map(_DIRECTIVE.match, bare)), tuple(_code(lines, bare)))
+    directives, code = map(_DIRECTIVE.match, bare), tuple(_code(lines, bare))
+    return File(name, folder, identity, lines, tuple(_parts(lines, code, directives)))
+
+
+def _parts(
+    lines: Sequence[str], code: Sequence[str], directives: Iterable[re.Match[str] | None]
+) -> Iterator[Part]:
+    begin = 0
+    for place, directive in enumerate((*directives, None)):
+        if directive is not None or place == len(lines):
+            own = code[place] if directive is not None else ""
+            said = tuple(filter(None, code[begin:place]))
+            yield Part(tuple(lines[begin:place]), said, directive, own, place + 1)
+            begin = place + 1
 
 
 def _code(lines: Sequence[str], bare: Sequence[str]) -> Iterator[str]:

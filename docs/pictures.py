@@ -50,7 +50,7 @@ STUDIES_OF_PIXELS = {"dithered-alpha", "random-textures"}
 """Those about single pixels, which are not to be averaged."""
 STUDY_SETTINGS = {"texture-handles": {"way": "units"}}
 """Settings with which every driver can draw a study's picture."""
-WITH_STUDIES = (1, 2, 3)
+WITH_STUDIES = (1, 2, 3, 4)
 """The chapters that have studies."""
 
 
@@ -141,7 +141,47 @@ def loading_sheet(cell: tuple[int, int] = (264, 198), share: float = 0.35) -> ND
     return np.concatenate([halved(picture), halved(whole)], axis=1)
 
 
-SHEETS = {"views": sheet_of_views, "frame": frame_sheet, "ch03-loading": loading_sheet}
+GRAPH = 4
+"""The first chapter whose frame is a graph, with a G-buffer and a lens in it."""
+
+SURFACE = ("base_color", "normal", "material", "emissive")
+"""The targets of the G-buffer, as the sheet shows them; depth is beside them, and then the light."""
+
+
+def gbuffer_sheet(cell: tuple[int, int] = (224, 126)) -> NDArray[Any]:
+    """Return (H, W, 3): the G-buffer of the atrium, target by target, its depth, and what lighting makes of it."""
+    request = Request(GRAPH, scene="atrium", size=(2 * cell[0], 2 * cell[1]), headless=True)
+    shown = [f"gbuffer-gbuffer_{name}" for name in SURFACE] + ["gbuffer-depth", "tonemap-color"]
+    with TemporaryDirectory() as folder:
+        step_through(request, folder=Path(folder))
+        files = [next(Path(folder).glob(f"*{name}.png")) for name in shown]
+        cells = [halved(read_image(file)) for file in files]
+    rows = [np.concatenate(cells[first : first + 3], axis=1) for first in range(0, len(cells), 3)]
+    return np.concatenate(rows)
+
+
+def lens_sheet(cell: tuple[int, int] = (320, 180)) -> NDArray[Any]:
+    """Return (H, W, 3): the atrium's fountain through a pinhole, and through a lens of f/0.5 focused on its middle.
+
+    No shop has such a lens; in so small a picture a usual one would blur by a pixel.
+    """
+    scene, cells = load_scene(locate("atrium")), []
+    for aperture in (0.0, 0.5):
+        settings: Any = replace(preset(chapters.settings_class(GRAPH), "medium"), aperture=aperture)
+        size = (2 * cell[0], 2 * cell[1])
+        with chapters.open(GRAPH, "auto", scene=scene, size=size, settings=settings) as renderer:
+            view = chapters.view_of(renderer, "fountain")
+            cells.append(halved(renderer.render(view).image("color")))
+    return np.concatenate(cells, axis=1)
+
+
+SHEETS = {
+    "views": sheet_of_views,
+    "frame": frame_sheet,
+    "ch03-loading": loading_sheet,
+    "ch04-gbuffer": gbuffer_sheet,
+    "ch04-lens": lens_sheet,
+}
 
 
 def picture_of(name: str) -> NDArray[Any]:

@@ -25,10 +25,47 @@ from tests.support.report import Report
 
 HERE = Path(__file__).parent
 NO_DEVICE = "no device was opened"
-VARIANTS = {"vulkan": frozenset[str](), "without-all": frozenset({"all"}), "gl": frozenset[str]()}
-"""Names of the variants, and what the devices of each do without; "gl" is for what draws with OpenGL."""
+VARIANTS = {
+    "vulkan": frozenset[str](),
+    "without-all": frozenset({"all"}),
+    "gl": frozenset[str](),
+    "deferred": frozenset[str](),
+}
+"""Names of the variants, and what the devices of each do without; "gl" is for what draws with OpenGL.
 
-USUAL = {"chapter": tuple(VARIANTS), "vulkan_device": ("vulkan", "without-all"), "gl_context": ("gl",)}
+"deferred" is for chapters that can light a frame after its surfaces were drawn: what the chapters before them are held
+to, on that path. Elsewhere tests of those take the forward path.
+"""
+
+TWO_PATHS = 4
+"""The first chapter with both paths."""
+
+FORWARD_ALONE = {
+    "test_timings_name_the_passes_in_order",
+    "test_an_edit_is_seen_in_the_next_frame_and_costs_what_it_touched",
+    "test_work_and_timings_stay_when_the_picture_is_gone",
+    "test_a_frame_that_fails_leaves_the_next_one_whole",
+    "test_a_scene_of_nothing_is_its_background",
+    "test_a_scene_without_textures_has_no_texture_sampler_or_material_set",
+    "test_pipelines_are_those_of_materials_that_are_drawn",
+    "test_triangles_side_by_side_each_show_their_own_texture",
+    "test_pipelines_that_share_a_set_but_not_its_layout_are_refused",
+    "test_chapter_1_draws_the_same_bits",
+    "test_a_frame_makes_the_same_calls_for_any_number_of_objects",
+    "test_without_multi_draw_a_call_for_each_object_draws_the_same_bits",
+    "test_forced_off_is_the_same_picture_by_another_path",
+}
+"""Tests that count draws, pipelines and sets of the forward path or name its passes, or hold it to a picture of its
+own: on the other path the numbers are others, and tests/ch04 holds that both give the same light."""
+
+DEFERRED_SAMPLE = ("test_materials.py", "test_skipping.py")
+"""The files of which the usual run takes that path, too; with --long all do."""
+
+USUAL = {
+    "chapter": ("vulkan", "without-all", "gl"),
+    "vulkan_device": ("vulkan", "without-all"),
+    "gl_context": ("gl",),
+}
 """The variants of a test that uses this fixture, the first of these that it uses; the mark `variants` names others."""
 
 
@@ -80,7 +117,24 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     used = [names for fixture, names in USUAL.items() if fixture in metafunc.fixturenames]
     if used:
         mark = metafunc.definition.get_closest_marker("variants")
-        metafunc.parametrize("variant", mark.args if mark else used[0], indirect=True, scope="module")
+        names = mark.args if mark else used[0]
+        if "chapter" in metafunc.fixturenames and "vulkan" in names and _takes_both_paths(metafunc):
+            names = (*names, "deferred")
+        metafunc.parametrize("variant", names, indirect=True, scope="module")
+
+
+def _takes_both_paths(metafunc: pytest.Metafunc) -> bool:
+    """Whether a test of a chapter with one path runs for one with two, and is of those that take both of them."""
+    path = metafunc.definition.path
+    written_for, config = snapshots.first_chapter(path), metafunc.config
+    if (
+        metafunc.function.__name__ in FORWARD_ALONE
+        or written_for is None
+        or written_for >= TWO_PATHS
+        or snapshots.tested(metafunc.definition).number < TWO_PATHS
+    ):
+        return False
+    return bool(config.getoption("--long")) or path.name in DEFERRED_SAMPLE
 
 
 @pytest.fixture(scope="module")
@@ -149,7 +203,8 @@ def chapter(request: pytest.FixtureRequest, variant: str | None) -> Iterator[Cha
     """The chapter that the test runs for, on a device of the variant: `chapter.open(scene, size)`."""
     which = snapshots.tested(request.node).which
     with (_opengl if variant == "gl" else _vulkan)(request, variant) as device:
-        yield Chapter(which, "gl" if variant == "gl" else "vulkan", device)
+        backend, path = "gl" if variant == "gl" else "vulkan", "auto" if variant == "deferred" else "forward"
+        yield Chapter(which, backend, device, path)
 
 
 @pytest.fixture(autouse=True)

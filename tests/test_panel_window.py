@@ -350,7 +350,7 @@ def display():
 class Session:
     """One run in a window, in which a script (a generator) acts as the user: it goes on after each look for events."""
 
-    def __init__(self, display, backend, script, monkeypatch, panel=True, settings=None):
+    def __init__(self, display, backend, script, monkeypatch, panel=True, settings=None, chapter=1):
         self.display, self.windows, self.loops, self.user = display, [], [], None
         for place in (module, present):
             monkeypatch.setattr(place, "Window", self._window(place.Window))
@@ -359,7 +359,7 @@ class Session:
         sun = Light("directional", node=0, intensity=np.pi)
         scene = quad_scene(Material(metallic=0.0, roughness=1.0), lights=(sun,))
         opener = partial(
-            chapters.open, 1, backend, scene=scene, **({"settings": settings} if settings else {})
+            chapters.open, chapter, backend, scene=scene, **({"settings": settings} if settings else {})
         )
         self._script = script(self)
         try:
@@ -589,3 +589,44 @@ def test_the_window_stops_after_any_pass(session, tmp_path, monkeypatch):
         yield "end"
 
     session(script)
+
+
+@pytest.mark.feature("tools/frame", "frame-graph/node-enable")
+def test_passes_are_switched_resources_shown_and_the_graphs_file_followed(session, tmp_path):
+    file = tmp_path / "own.json"
+    file.write_text('{"passes": [{"pass": "gbuffer"}, {"pass": "lighting"}, {"pass": "transparent"}, '
+                    '{"pass": "tonemap"}]}')  # fmt: skip
+    settings = chapters.settings_class(4)(graph=str(file), anisotropy=1.0)
+
+    def script(run):
+        yield from run.rest()
+        picture, renderer = run.picture(), run.loop.renderer
+        yield from run.click(*run.at("Frame graph"))
+        yield from run.rest()
+        yield from run.click(*run.at("resource gbuffer_base_color"))
+        yield from run.rest()
+        assert run.loop.renderer is renderer, "nothing is opened anew for it"
+        shown = run.loop.stop.picture
+        assert np.array_equal(run.seen[BESIDE], shown[BESIDE]) and not np.array_equal(shown, picture)
+        yield from run.click(*run.at("resource gbuffer_base_color"))
+        run.user.move(5, 5)  # a tooltip would lie over the picture
+        yield from run.rest()
+        assert run.loop.stop.resource == "" and np.array_equal(run.seen[BESIDE], picture[BESIDE])
+        yield from run.click(*run.at("pass lighting", 0.05))
+        yield from run.rest()
+        assert "'lighting'" in run.loop._graph.refused and run.loop.renderer.switches["lighting"]
+        file.write_text('{"passes": [{"pass": "forward"}, {"pass": "tonemap"}]}')
+        began = time.monotonic()
+        while [one.name for one in renderer.passes] != ["forward", "tonemap"]:
+            yield
+        assert time.monotonic() - began < 1.0 and "own.json: another graph in" in run.loop.message
+        file.write_text("{")
+        while not run.loop._live.error:
+            yield
+        assert "own.json:1:2: this is no JSON" in run.loop._live.error
+        # Other settings go on with the graph that was good.
+        run.loop._change_settings(dataclasses.replace(settings, ambient=0.5))
+        assert [one.name for one in run.loop.renderer.passes] == ["forward", "tonemap"]
+        yield "end"
+
+    session(script, settings=settings, chapter=4)

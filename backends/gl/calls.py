@@ -91,6 +91,7 @@ void glCompressedTextureSubImage2D(GLuint texture, GLint level, GLint xoffset, G
     width, GLsizei height, GLenum format, GLsizei imageSize, const void *data);
 void glCompressedTextureSubImage3D(GLuint texture, GLint level, GLint xoffset, GLint yoffset, GLint
     zoffset, GLsizei width, GLsizei height, GLsizei depth, GLenum format, GLsizei imageSize, const void *data);
+void glClearTexImage(GLuint texture, GLint level, GLenum format, GLenum type, const void *data);
 void glGetTextureSubImage(GLuint texture, GLint level, GLint xoffset, GLint yoffset, GLint zoffset,
     GLsizei width, GLsizei height, GLsizei depth, GLenum format, GLenum type, GLsizei bufSize, void
     *pixels);
@@ -118,6 +119,8 @@ void glNamedFramebufferTextureLayer(GLuint framebuffer, GLenum attachment, GLuin
 void glNamedFramebufferDrawBuffers(GLuint framebuffer, GLsizei n, const GLenum *bufs);
 void glNamedFramebufferReadBuffer(GLuint framebuffer, GLenum src);
 GLenum glCheckNamedFramebufferStatus(GLuint framebuffer, GLenum target);
+void glInvalidateNamedFramebufferData(GLuint framebuffer, GLsizei numAttachments, const GLenum
+    *attachments);
 void glBindFramebuffer(GLenum target, GLuint framebuffer);
 void glClearNamedFramebufferfv(GLuint framebuffer, GLenum buffer, GLint drawbuffer, const GLfloat
     *value);

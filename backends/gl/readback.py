@@ -10,6 +10,7 @@ from backends.gl import api as gl
 from backends.gl.context import Context
 from backends.gl.resources import FORMATS, Image, create_buffer, destroy_buffer, level_size
 from common.errors import DeviceError
+from common.packed import unpacked
 
 
 class Fence:
@@ -64,16 +65,22 @@ class Readback:
         fn = self._context.fn
         # What shaders stored to the image is not in order with copies by itself, nor are copies with mapped memory.
         fn.glMemoryBarrier(gl.GL_TEXTURE_UPDATE_BARRIER_BIT | gl.GL_FRAMEBUFFER_BARRIER_BIT)
+        self.copy()
+        fn.glMemoryBarrier(gl.GL_CLIENT_MAPPED_BUFFER_BARRIER_BIT)
+
+    def copy(self) -> None:
+        """Do so without barriers: where it is known that no shader stored to the image, or one stands in front."""
+        fn = self._context.fn
         fn.glBindBuffer(gl.GL_PIXEL_PACK_BUFFER, self.buffer.handle)
         _copy(self._context, self._image, 0, 0, gl.NULL, self.buffer.size)
         fn.glBindBuffer(gl.GL_PIXEL_PACK_BUFFER, 0)
-        fn.glMemoryBarrier(gl.GL_CLIENT_MAPPED_BUFFER_BARRIER_BIT)
 
     def read(self) -> np.ndarray:
         """Return a copy of the image as (H, W) or (H, W, C), row 0 on top; a fence after `record` must be reached."""
         count = self._shape[0] * self._shape[1] * self._format.channels
         values = self.buffer.view(self._format.dtype)[:count]
-        return values.reshape(_shaped(self._shape, self._format.channels)).copy()
+        pixels = values.reshape(_shaped(self._shape, self._format.channels)).copy()
+        return unpacked(pixels, self._image.format)
 
     def close(self) -> None:
         """Free the buffer."""
@@ -87,7 +94,7 @@ def read_image(context: Context, image: Image, *, level: int = 0, layer: int = 0
     values: np.ndarray = np.empty(_shaped((height, width), described.channels), described.dtype)
     context.fn.glMemoryBarrier(gl.GL_TEXTURE_UPDATE_BARRIER_BIT | gl.GL_FRAMEBUFFER_BARRIER_BIT)
     _copy(context, image, level, layer, gl.pointer(values), values.nbytes)
-    return values
+    return unpacked(values, image.format)
 
 
 def _copy(context: Context, image: Image, level: int, layer: int, where: Any, size: int) -> None:

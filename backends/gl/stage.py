@@ -42,6 +42,8 @@ class Stage(AnyStage):
 
     graphics: Graphics
     device: Context
+    picture: Image
+    depth: Image | None
     framebuffer: Framebuffer
     background = (0.05, 0.05, 0.06, 1.0)
 
@@ -62,15 +64,36 @@ class Stage(AnyStage):
         return buffer
 
     def texture(
-        self, pixels: np.ndarray, shape: Literal["2d", "array", "3d"], name: str, format: str = "rgba8"
+        self,
+        pixels: np.ndarray,
+        shape: Literal["2d", "array", "3d"],
+        name: str,
+        format: str = "rgba8",
+        sized: bool = False,
     ) -> Image:
-        """Return an image of pixels (H, W, C), or of layers or slices (N, H, W, C)."""
+        """Return an image of pixels (H, W, C), or of layers or slices (N, H, W, C).
+
+        One that is `sized` is made by `create_sized` and goes when the picture's size changes.
+        """
         slices = pixels if shape != "2d" else pixels[None]
         size = slices.shape[2], slices.shape[1]
         image = create_image(self.device, format, size, name, shape=shape, layers=len(slices))
-        self.keep(image, lambda one: destroy_image(self.device, one))
+        (self.keep_sized if sized else self.keep)(image, lambda one: destroy_image(self.device, one))
         write_image(self.device, image, pixels)
         return image
+
+    def target(self, name: str, format: str, output: str = "") -> Image:
+        """Return an image of the picture's size to draw to, freed when that changes; frames can read an `output`."""
+        image = create_image(self.device, format, self.size, name)
+        self.keep_sized(image, lambda one: destroy_image(self.device, one))
+        if output:
+            self._targets[output] = image
+        return image
+
+    def framebuffer_of(self, color: Image, depth: Image | None, name: str) -> Framebuffer:
+        """Return what draws to targets, freed when the picture's size changes."""
+        made = create_framebuffer(self.device, [color], depth, name)
+        return self.keep_sized(made, lambda one: destroy_framebuffer(self.device, one))
 
     def sampler(self, how: Sampler, name: str) -> int:
         """Return a sampler."""
@@ -98,12 +121,11 @@ class Stage(AnyStage):
     def _create_targets(self) -> None:
         context = self.device
         context.make_current()
-        self._targets: dict[str, Image] = {"color": create_image(context, "rgba8", self.size, "picture")}
-        if self.has_depth:
-            self._targets["depth"] = create_image(context, "d32f", self.size, "depth")
-        self.framebuffer = create_framebuffer(
-            context, [self._targets["color"]], self._targets.get("depth"), "picture"
-        )
+        self._targets: dict[str, Image] = {}
+        self.picture = self.target("picture", "rgba8", "color")
+        self.depth = self.target("depth", "d32f", "depth") if self.has_depth else None
+        self.framebuffer = self.framebuffer_of(self.picture, self.depth, "picture")
+        self.create_sized()
         self._readbacks = [
             {name: Readback(context, self._targets[name], f"{name}, slot {slot}") for name in self.outputs}
             for slot in range(self.frame_logic.SLOTS)
@@ -114,12 +136,7 @@ class Stage(AnyStage):
         for slot in getattr(self, "_readbacks", ()):
             for readback in slot.values():
                 readback.close()
-        if hasattr(self, "framebuffer"):
-            destroy_framebuffer(self.device, self.framebuffer)
-            del self.framebuffer
-        for image in getattr(self, "_targets", {}).values():
-            destroy_image(self.device, image)
-        self._readbacks, self._targets = [], {}
+        self._readbacks = []
 
     def _begin(self) -> Any:
         self.device.make_current()

@@ -101,7 +101,6 @@ _STYPES = {
     for name, value in ffi.typeof("VkStructureType").relements.items()
 }
 
-
 _PLURALS = {"ies": "y", "ices": "ex", "sses": "ss", "Names": ""}
 
 _COUNTS = {
@@ -163,7 +162,8 @@ def _struct_type(name: str) -> _StructType:
     found = _TYPES.get(name)
     if found is None:
         try:
-            found = _TYPES[name] = _StructType(name)
+            # As the specification writes it: cffi calls some of them `struct VkX`.
+            found = _TYPES[name] = _StructType(name.removeprefix("struct ").removeprefix("union "))
         except (ffi.error, KeyError, AttributeError):
             raise AttributeError(f"{name} is not a struct of Vulkan 1.3.275") from None
     return found
@@ -178,16 +178,25 @@ def new(struct: str, /, **fields: Any) -> Any:
     """
     described = _struct_type(struct)
     kept: list[Any] = []
-    init: dict[str, Any] = {}
-    if described.stype is not None:
-        init["sType"] = described.stype
+    pointer = ffi.new(described.pointer, _members(described, fields, kept))
+    if kept:
+        # By the struct rather than by the pointer: `new(...)[0]` drops the pointer.
+        keep(pointer[0], *kept)
+    return pointer
+
+
+def _members(described: _StructType, fields: dict[str, Any], kept: list[Any]) -> dict[str, Any]:
+    """Return what cffi fills a struct with; see `new`."""
+    init: dict[str, Any] = {} if described.stype is None else {"sType": described.stype}
     for name, value in fields.items():
         if value is None:
             continue
-        try:
-            ctype = described.fields[name]
-        except KeyError:
-            raise AttributeError(f"{struct} has no member {name}") from None
+        ctype = described.fields.get(name)
+        if ctype is None:
+            raise AttributeError(f"{described.name} has no member {name}")
+        if type(value) is int:  # most are, and cffi refuses one where it is none
+            init[name] = value
+            continue
         init[name] = _convert(ctype, value, kept)
         if isinstance(value, (list, tuple, np.ndarray)) and ctype.kind == "pointer":
             count = described.counts.get(name)
@@ -195,12 +204,8 @@ def new(struct: str, /, **fields: Any) -> Any:
                 init[count] = value.size if isinstance(value, np.ndarray) else len(value)
             elif count is None and described.counted and not any(map(_counts, fields)):
                 # A count left at zero would have the driver ignore the array, or read past it.
-                raise TypeError(f"{struct}: give the count of {name}, whose member has a name of its own")
-    pointer = ffi.new(described.pointer, init)
-    if kept:
-        # By the struct rather than by the pointer: `new(...)[0]` drops the pointer.
-        keep(pointer[0], *kept)
-    return pointer
+                raise TypeError(f"{described.name}: give the count of {name}, a member of another name")
+    return init
 
 
 def array(item: str, values: Iterable[Any]) -> Any:
@@ -226,11 +231,6 @@ def keep(owner: Any, *things: Any) -> Any:
     return owner
 
 
-def _plain(ctype: Any) -> str:
-    """Return a struct's name as the specification writes it; cffi calls some of them `struct VkX`."""
-    return ctype.cname.removeprefix("struct ").removeprefix("union ")
-
-
 def _array(item: Any, values: list[Any], keep: list[Any]) -> Any:
     return ffi.new(
         f"{item.cname}[]" if item.kind != "pointer" else ffi.getctype(item, "[]"),
@@ -248,7 +248,7 @@ def _convert(ctype: Any, value: Any, keep: list[Any]) -> Any:
             if kind == "union":
                 fields = dict(ctype.fields)
                 return {name: _convert(fields[name].type, item, keep) for name, item in value.items()}
-            value = new(_plain(ctype), **value)
+            return _members(_struct_type(ctype.cname), value, keep)
         if isinstance(value, ffi.CData) and ffi.typeof(value).kind == "pointer":
             keep.append(value)
             return value[0]
@@ -281,7 +281,7 @@ def _convert_pointer(ctype: Any, value: Any, keep: list[Any]) -> Any:
     if isinstance(value, str):
         made = ffi.new("char[]", value.encode())
     elif isinstance(value, dict) and item.kind != "void":
-        made = new(_plain(item), **value)
+        made = new(item.cname, **value)
     elif isinstance(value, np.ndarray):
         if not _fits(value.dtype, item):
             raise TypeError(f"an array of {value.dtype} was given for {ctype.cname}")

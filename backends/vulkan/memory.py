@@ -169,9 +169,9 @@ class MemoryAllocator:
             blocks.remove(block)
             self._release(block)
 
-    def invalidate(self, allocation: Allocation) -> None:
-        """Make what the GPU wrote visible to the CPU; free of cost where the memory is coherent."""
-        if allocation.coherent:
+    def invalidate(self, allocation: Allocation | None) -> None:
+        """Make what the GPU wrote visible to the CPU; free of cost where the memory is coherent or nobody's here."""
+        if allocation is None or allocation.coherent:
             return
         ranges = vk.array("VkMappedMemoryRange", [{"memory": allocation.memory, "size": vk.VK_WHOLE_SIZE}])
         code = self._device.fn.vkInvalidateMappedMemoryRanges(self._device.handle, 1, ranges)

@@ -9,6 +9,7 @@ import numpy as np
 from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 from backends.vulkan.resources import FORMATS, Buffer, Image, create_buffer, destroy_buffer
+from common.packed import unpacked
 
 
 class Readback:
@@ -36,11 +37,14 @@ class Readback:
         fn.vkCmdCopyImageToBuffer(commands, self._image.handle, layout, self.buffer.handle, 1, self._region)
 
     def read(self) -> np.ndarray:
-        """Return a copy of the image as (H, W) or (H, W, C), row 0 on top; the GPU must have finished the copy."""
+        """Return a copy of the image as (H, W) or (H, W, C), row 0 on top; the GPU must have finished the copy.
+
+        Channels that share a word are unpacked.
+        """
         self._device.memory.invalidate(self.buffer.allocation)
         values = self.buffer.view(self._dtype)[: self._shape[0] * self._shape[1] * self._channels]
         shape = self._shape if self._channels == 1 else (*self._shape, self._channels)
-        return values.reshape(shape).copy()
+        return unpacked(values.reshape(shape).copy(), self._image.format)
 
     def close(self) -> None:
         """Free the buffer."""

@@ -21,6 +21,7 @@ FORMATS: dict[str, tuple[int, int, type, int]] = {
     "rg8": (vk.VK_FORMAT_R8G8_UNORM, 2, np.uint8, 2),
     "rgba8": (vk.VK_FORMAT_R8G8B8A8_UNORM, 4, np.uint8, 4),
     "rgba8_srgb": (vk.VK_FORMAT_R8G8B8A8_SRGB, 4, np.uint8, 4),
+    "rgb10a2": (vk.VK_FORMAT_A2B10G10R10_UNORM_PACK32, 4, np.uint32, 1),
     "r32ui": (vk.VK_FORMAT_R32_UINT, 4, np.uint32, 1),
     "r32f": (vk.VK_FORMAT_R32_SFLOAT, 4, np.float32, 1),
     "rg16f": (vk.VK_FORMAT_R16G16_SFLOAT, 4, np.float16, 2),
@@ -42,13 +43,13 @@ class Buffer:
 
     handle: Any
     size: int
-    allocation: Allocation
+    allocation: Allocation | None  # None: the memory is somebody else's
     name: str
 
     @property
     def mapped(self) -> np.ndarray:
         """The buffer's bytes; ValueError for memory that only the GPU reaches."""
-        if self.allocation.mapped is None:
+        if self.allocation is None or self.allocation.mapped is None:
             raise ValueError(f"The buffer '{self.name}' is in memory that the CPU cannot map.")
         return self.allocation.mapped[: self.size]
 
@@ -70,7 +71,7 @@ class Image:
     levels: int
     layers: int
     aspect: int
-    allocation: Allocation
+    allocation: Allocation | None  # None: the memory is somebody else's
     name: str
     samples: int = 1
     array: bool = False
@@ -78,27 +79,49 @@ class Image:
     views: list[Any] = field(default_factory=list)
 
 
-def create_buffer(device: Device, size: int, usage: int, use: MemoryUse, name: str) -> Buffer:
-    """Return a buffer of `size` bytes (at least 4: Vulkan has no empty buffers)."""
-    size = max(int(size), 4)
-    info = vk.new("VkBufferCreateInfo", size=size, usage=usage, sharingMode=vk.VK_SHARING_MODE_EXCLUSIVE)
+def _buffer_info(size: int, usage: int) -> Any:
+    return vk.new(
+        "VkBufferCreateInfo",
+        size=max(int(size), 4),  # Vulkan has no empty buffers
+        usage=usage,
+        sharingMode=vk.VK_SHARING_MODE_EXCLUSIVE,
+    )
+
+
+def buffer_requirements(device: Device, size: int, usage: int) -> tuple[int, int, int]:
+    """Return (bytes, alignment, mask of memory types) of a buffer that does not exist yet."""
+    info = vk.new("VkDeviceBufferMemoryRequirements", pCreateInfo=_buffer_info(size, usage))
+    out = vk.new("VkMemoryRequirements2")
+    device.fn.vkGetDeviceBufferMemoryRequirements(device.handle, info, out)
+    found = out.memoryRequirements
+    return int(found.size), int(found.alignment), int(found.memoryTypeBits)
+
+
+def create_buffer(
+    device: Device, size: int, usage: int, use: MemoryUse, name: str, place: tuple[Any, int] | None = None
+) -> Buffer:
+    """Return a buffer of `size` bytes, 4 at least; with `place`, (VkDeviceMemory, offset), in the caller's memory."""
+    info = _buffer_info(size, usage)
     handle = device.create("vkCreateBuffer", info, name)
-    requirements = vk.new("VkMemoryRequirements")
-    device.fn.vkGetBufferMemoryRequirements(device.handle, handle, requirements)
+    allocation = None
     try:
-        allocation = device.memory.allocate(requirements, use, linear=True)
+        if place is None:
+            requirements = vk.new("VkMemoryRequirements")
+            device.fn.vkGetBufferMemoryRequirements(device.handle, handle, requirements)
+            allocation = device.memory.allocate(requirements, use, linear=True)
+            place = allocation.memory, allocation.offset
     except Exception:
         device.destroy("VkBuffer", handle)
         raise
-    code = device.fn.vkBindBufferMemory(device.handle, handle, allocation.memory, allocation.offset)
-    vk.check(code, "vkBindBufferMemory", handle)
-    return Buffer(handle, size, allocation, name)
+    vk.check(device.fn.vkBindBufferMemory(device.handle, handle, *place), "vkBindBufferMemory", handle)
+    return Buffer(handle, int(info.size), allocation, name)
 
 
 def destroy_buffer(device: Device, buffer: Buffer) -> None:
     """Free a buffer that no submitted work uses."""
     device.destroy("VkBuffer", buffer.handle)
-    device.memory.free(buffer.allocation)
+    if buffer.allocation is not None:
+        device.memory.free(buffer.allocation)
 
 
 def buffer_address(device: Device, buffer: Buffer) -> int:
@@ -109,6 +132,45 @@ def buffer_address(device: Device, buffer: Buffer) -> int:
 
 DEDICATED_SIZE = 16 << 20
 """Bytes from which an image gets memory of its own: render targets come and go with the window's size."""
+
+
+def _image_info(
+    format: str,
+    size: tuple[int, int],
+    usage: int,
+    levels: int = 1,
+    layers: int = 1,
+    flags: int = 0,
+    samples: int = 1,
+    depth: int | None = None,
+) -> Any:
+    return vk.new(
+        "VkImageCreateInfo",
+        flags=flags,
+        imageType=vk.VK_IMAGE_TYPE_2D if depth is None else vk.VK_IMAGE_TYPE_3D,
+        format=FORMATS[format][0],
+        extent={"width": size[0], "height": size[1], "depth": depth or 1},
+        mipLevels=levels,
+        arrayLayers=layers,
+        samples=samples,  # the bit of a count is the count itself
+        tiling=vk.VK_IMAGE_TILING_OPTIMAL,
+        usage=usage,
+        sharingMode=vk.VK_SHARING_MODE_EXCLUSIVE,
+        initialLayout=vk.VK_IMAGE_LAYOUT_UNDEFINED,
+    )
+
+
+def image_requirements(
+    device: Device, format: str, size: tuple[int, int], usage: int, samples: int = 1
+) -> tuple[int, int, int]:
+    """Return (bytes, alignment, mask of memory types) of an image that does not exist yet."""
+    info = vk.new(
+        "VkDeviceImageMemoryRequirements", pCreateInfo=_image_info(format, size, usage, samples=samples)
+    )
+    out = vk.new("VkMemoryRequirements2")
+    device.fn.vkGetDeviceImageMemoryRequirements(device.handle, info, out)
+    found = out.memoryRequirements
+    return int(found.size), int(found.alignment), int(found.memoryTypeBits)
 
 
 def create_image(
@@ -126,8 +188,12 @@ def create_image(
     depth: int | None = None,
     view_format: str | None = None,
     swizzle: str = "rgba",
+    place: tuple[Any, int] | None = None,
 ) -> Image:
     """Return a 2D image of (width, height) and a view of all its levels; `view_format` is the view's, if another.
+
+    It gets memory of its own, or with `place`, (VkDeviceMemory, offset), lies where the caller says: several images may
+    lie in the same place, if only one of them is used at a time (see `image_requirements`).
 
     With several layers, or as an `array` of one, it is seen as an array texture; with a `depth` it is a 3D image of as
     many slices. `swizzle` says which channels of the
@@ -138,41 +204,24 @@ def create_image(
     Raises UnsupportedError for a compressed format that the device lacks: `common.blocks.storage_of` chooses another.
     """
     width, height = size
+    allocation = None
     if blocks.is_compressed(format) and not device.has(blocks.FEATURE[format]):
         raise UnsupportedError(
             f"'{name}' cannot be stored as {format}: the device lacks {blocks.FEATURE[format]}."
         )
-    plain = FORMATS[format][0]
     aspect = vk.VK_IMAGE_ASPECT_DEPTH_BIT if format == "d32f" else vk.VK_IMAGE_ASPECT_COLOR_BIT
     if view_format is not None and view_format != format:
         flags |= vk.VK_IMAGE_CREATE_MUTABLE_FORMAT_BIT
-    info = vk.new(
-        "VkImageCreateInfo",
-        flags=flags,
-        imageType=vk.VK_IMAGE_TYPE_2D if depth is None else vk.VK_IMAGE_TYPE_3D,
-        format=plain,
-        extent={"width": width, "height": height, "depth": depth or 1},
-        mipLevels=levels,
-        arrayLayers=layers,
-        samples=samples,  # the bit of a count is the count itself
-        tiling=vk.VK_IMAGE_TILING_OPTIMAL,
-        usage=usage,
-        sharingMode=vk.VK_SHARING_MODE_EXCLUSIVE,
-        initialLayout=vk.VK_IMAGE_LAYOUT_UNDEFINED,
-    )
+    info = _image_info(format, size, usage, levels, layers, flags, samples, depth)
     handle = device.create("vkCreateImage", info, name)
-    requirements = vk.new("VkMemoryRequirements")
-    device.fn.vkGetImageMemoryRequirements(device.handle, handle, requirements)
-    owner = None
-    if requirements.size >= DEDICATED_SIZE:
-        owner = vk.new("VkMemoryDedicatedAllocateInfo", image=handle)
     try:
-        allocation = device.memory.allocate(requirements, "device", linear=False, owner=owner)
+        if place is None:
+            allocation = _own_memory(device, handle)
+            place = allocation.memory, allocation.offset
     except Exception:
         device.destroy("VkImage", handle)
         raise
-    code = device.fn.vkBindImageMemory(device.handle, handle, allocation.memory, allocation.offset)
-    vk.check(code, "vkBindImageMemory", handle)
+    vk.check(device.fn.vkBindImageMemory(device.handle, handle, *place), "vkBindImageMemory", handle)
     image = Image(
         handle,
         None,
@@ -201,6 +250,15 @@ def create_image(
         destroy_image(device, image)
         raise
     return image
+
+
+def _own_memory(device: Device, handle: Any) -> Allocation:
+    requirements = vk.new("VkMemoryRequirements")
+    device.fn.vkGetImageMemoryRequirements(device.handle, handle, requirements)
+    owner = None
+    if requirements.size >= DEDICATED_SIZE:
+        owner = vk.new("VkMemoryDedicatedAllocateInfo", image=handle)
+    return device.memory.allocate(requirements, "device", linear=False, owner=owner)
 
 
 _SWIZZLES = {
@@ -276,7 +334,8 @@ def destroy_image(device: Device, image: Image) -> None:
         device.destroy("VkImageView", view)
     image.views.clear()
     device.destroy("VkImage", image.handle)
-    device.memory.free(image.allocation)
+    if image.allocation is not None:
+        device.memory.free(image.allocation)
 
 
 _FILTERS = {"nearest": vk.VK_FILTER_NEAREST, "linear": vk.VK_FILTER_LINEAR}

@@ -52,13 +52,14 @@ class Graphics(NamedTuple):
 
 
 class Stage(AnyStage):
-    """A study on Vulkan. `draw` finds `picture` in no known state and leaves it as a finished colour target."""
+    """A study on Vulkan. `draw` finds `picture` in no known state and leaves it in the state `leaves`."""
 
     graphics: Graphics
     device: Device
     picture: Image
     depth: Image | None = None
     background = (0.05, 0.05, 0.06, 1.0)
+    leaves = "color"  # of `backends.vulkan.barriers.STATES`
 
     def begin(self, commands: Any) -> None:
         """Begin drawing to the picture, and to the depth where there is one, both cleared."""
@@ -87,9 +88,17 @@ class Stage(AnyStage):
         return buffer
 
     def texture(
-        self, pixels: np.ndarray, shape: Literal["2d", "array", "3d"], name: str, format: str = "rgba8"
+        self,
+        pixels: np.ndarray,
+        shape: Literal["2d", "array", "3d"],
+        name: str,
+        format: str = "rgba8",
+        sized: bool = False,
     ) -> Image:
-        """Return an image of pixels (H, W, C), or of layers or slices (N, H, W, C), ready to be sampled."""
+        """Return an image of pixels (H, W, C), or of layers or slices (N, H, W, C), ready to be sampled.
+
+        One that is `sized` is made by `create_sized` and goes when the picture's size changes.
+        """
         slices = pixels if shape != "2d" else pixels[None]
         usage = vk.VK_IMAGE_USAGE_SAMPLED_BIT | vk.VK_IMAGE_USAGE_TRANSFER_DST_BIT
         image = create_image(
@@ -102,9 +111,23 @@ class Stage(AnyStage):
             array=shape == "array",
             depth=len(slices) if shape == "3d" else None,
         )
-        self.keep(image, lambda one: destroy_image(self.device, one))
+        (self.keep_sized if sized else self.keep)(image, lambda one: destroy_image(self.device, one))
         with Uploader(self.device) as uploader:
             uploader.image(image, list(slices))
+        return image
+
+    def target(self, name: str, format: str, output: str = "", leaves: str = "color") -> Image:
+        """Return an image of the picture's size to draw to, freed when that changes.
+
+        As an `output` it can be read from frames; `leaves` is the state in which `draw` leaves it, as of the picture it
+        finds it in none.
+        """
+        use = "depth" if format == "d32f" else "color"
+        usage = self.graphics.target_usage(use, 1)
+        image = create_image(self.device, format, self.size, usage, name)
+        self.keep_sized(image, lambda one: destroy_image(self.device, one))
+        if output:
+            self._targets[output] = (image, leaves)
         return image
 
     def sampler(self, how: Sampler, name: str) -> Any:
@@ -136,16 +159,16 @@ class Stage(AnyStage):
         self.commands = self.graphics.commands(self.device)
 
     def _create_targets(self) -> None:
-        device, target_usage = self.device, self.graphics.target_usage
-        self.picture = create_image(device, "rgba8", self.size, target_usage("color", 1), "picture")
-        self._targets = {"color": (self.picture, "color")}
+        device = self.device
+        self._targets: dict[str, tuple[Image, str]] = {}
+        self.picture = self.target("picture", "rgba8", "color", self.leaves)
         starts = [self._start(self.picture, "color")]
         if self.has_depth:
-            self.depth = create_image(device, "d32f", self.size, target_usage("depth", 1), "depth")
-            self._targets["depth"] = (self.depth, "depth")
+            self.depth = self.target("depth", "d32f", "depth", "depth")
             starts.append(self._start(self.depth, "depth"))
         self._to_draw = barriers(*starts)
         self._rendering = self.graphics.rendering(self.size, self.picture, self.depth, self.background, 0.0)
+        self.create_sized()
         self._to_copy = barriers(
             *(image_barrier(i.handle, i.aspect, state, "copy_source") for i, state in self._targets.values())
         )
@@ -164,9 +187,7 @@ class Stage(AnyStage):
         for slot in getattr(self, "_readbacks", ()):
             for readback in slot.values():
                 readback.close()
-        for image, _ in getattr(self, "_targets", {}).values():
-            destroy_image(self.device, image)
-        self._readbacks, self._targets = [], {}
+        self._readbacks = []
 
     def _begin(self) -> Any:
         return self._frames.begin()

@@ -30,6 +30,7 @@ LESSON = Lesson(
         "logic/pinned_loop.py",
         "logic/workers.py",
         "logic/loading.py",
+        "logic/switching.py",
         "logic/importance.py",
         "logic/placeholders.py",
         "logic/uploads.py",

@@ -274,6 +274,28 @@ def test_whatever_the_compiler_sees_changes_the_key() -> None:
     assert key() == key(name="another")
 
 
+def test_an_extension_stands_before_everything_where_the_file_that_needs_it_is_included(
+    tmp_path: Path,
+) -> None:
+    write(
+        tmp_path,
+        lib__far="int far;",
+        near='#include "lib/far.glsl"',
+        main='#include "near.glsl"',
+        alone="int a;",
+    )
+    needs = {"far.glsl": "GL_EXT_nonuniform_qualifier"}
+
+    def made(name: str, extensions: tuple[str, ...] = (), **more: object) -> ShaderSource:
+        return build(tmp_path / f"{name}.glsl", "vulkan", stage="frag", extensions=extensions, **more)  # type: ignore[arg-type]
+
+    found = made("main", extensions_with=needs)
+    assert found == made("main", ("GL_EXT_nonuniform_qualifier",))
+    assert found.text.split("\n")[1] == "#extension GL_EXT_nonuniform_qualifier : require"
+    assert found.files[0].lines[1] == found.text.split("\n")[1]  # what messages show of the prelude
+    assert made("alone", extensions_with=needs) == made("alone")
+
+
 def test_a_source_cannot_be_changed() -> None:
     source = build_text("void main() {}", "frag", "vulkan")
     with pytest.raises(dataclasses.FrozenInstanceError):

@@ -27,12 +27,13 @@ from chapters.ch01.settings import Settings
 from common.metrics import flip_mean
 from common.paths import asset_dir
 from common.scene import Light, Material
+from tests.support.chapter import on_path
 from tests.support.scenes import facing, quad_scene, translated
 
 pytestmark = [pytest.mark.every_chapter, pytest.mark.variants("gl")]
 
 SIZE = (64, 48)
-EXACT = Settings(color_format="rgba32f")
+EXACT = on_path(Settings(color_format="rgba32f"))
 COMPARED = (
     "draws",
     "triangles",
@@ -217,7 +218,7 @@ def test_a_closed_or_stale_frame_says_so_on_opengl(gl_context):
     from common.errors import StaleFrameError
 
     scene = quad_scene(Material(), lights=(Light("directional", node=0, intensity=3.0),))
-    with OpenGL(scene, (16, 16), outputs={"color"}, device=gl_context) as made:
+    with OpenGL(scene, (16, 16), on_path(Settings()), outputs={"color"}, device=gl_context) as made:
         first = made.render(facing())
         picture = first.image("color")
         assert picture.shape == (16, 16, 3) and picture.std() >= 0

@@ -15,6 +15,7 @@ from chapters.ch01.graphics.commands import Rendering
 from chapters.ch01.renderer import OUTPUTS, Renderer
 from chapters.ch01.settings import Settings
 from common.scene import Image, Light, Material
+from tests.support.chapter import on_path, record_anew
 from tests.support.recorded import draws
 from tests.support.scenes import facing, nodes_at, quad_scene, texture, translated
 
@@ -26,9 +27,10 @@ IMAGES = tuple(Image(f"image {i}", np.full((2, 2, 4), 80 * i + 40, np.uint8)) fo
 def recorded(device, scene, outputs=("color_linear",), settings=None, read=lambda made, log: log):
     """Return the calls of a frame whose slot is warm, or what `read` makes of them, and its work."""
     log: list = []
-    with Renderer(scene, SIZE, settings or Settings(), outputs=set(outputs), device=device) as made:
+    with Renderer(scene, SIZE, on_path(settings or Settings()), outputs=set(outputs), device=device) as made:
         made.render(facing())
         made.render(facing())
+        record_anew(made)
         device.fn.trace(log)
         work = made.render(facing()).work
         device.fn.trace(None)
@@ -185,6 +187,7 @@ def test_hidden_and_empty_objects_are_not_drawn(vulkan_device):
     assert [one.instance for one in drawn[0]] == [0, 4]
 
 
+@pytest.mark.until(3, "what attachments begin and end with, the frame graph says")
 def test_attachments_are_cleared_or_kept_as_they_were_asked_for(vulkan_device):
     with Renderer(quad_scene(), SIZE, outputs=OUTPUTS, device=vulkan_device) as made:
         targets = made._targets

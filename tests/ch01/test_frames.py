@@ -14,6 +14,7 @@ from backends.vulkan import api as vk
 from chapters.ch01.graphics.frames import SLOTS, Frames
 from common.errors import StaleFrameError
 from common.scene import Light, Material
+from tests.support.chapter import record_anew, targets_of
 from tests.support.scenes import facing, quad_scene, translated
 
 on_vulkan = pytest.mark.variants("vulkan", "without-all")
@@ -172,6 +173,7 @@ def test_a_frame_that_fails_leaves_the_next_one_whole(chapter, monkeypatch, fail
         with monkeypatch.context() as patch:
             (one,) = (found for found in made.passes if found.name == failing)
             patch.setattr(one, "record", interrupted)
+            record_anew(made)
             with pytest.raises(KeyboardInterrupt):
                 made.render(facing(distance=1.0))
         assert np.array_equal(kept.image("color"), expected)
@@ -195,6 +197,7 @@ def test_a_renderer_that_closes_because_a_frame_failed_hides_no_reason(chapter):
     assert caught.value.__context__ is None
 
 
+@pytest.mark.until(3, "of a frame of which nobody reads anything no pass is left")
 def test_a_renderer_that_nobody_reads_draws_all_the_same(chapter):
     with chapter.open(lit_quad(), SIZE, outputs=()) as made:
         frames = [made.render(facing()) for _ in range(3)]
@@ -234,7 +237,7 @@ def test_resizing_leaves_nothing_behind(chapter):
         for width in range(20, 40):
             made.resize((width, 20))
         made.render(facing())
-        assert len(chapter.device.alive) <= alive + 2 * len(made._targets)
+        assert len(chapter.device.alive) <= alive + 2 * len(targets_of(made))
 
 
 @pytest.mark.feature("device/viewport-resize")

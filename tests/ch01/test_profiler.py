@@ -11,7 +11,9 @@ import pytest
 from backends.vulkan import api as vk
 from chapters.ch01.graphics.profiler import Profiler
 from chapters.ch01.renderer import OUTPUTS, Renderer
+from chapters.ch01.settings import Settings
 from common.scene import Light, Material
+from tests.support.chapter import on_path, record_anew
 from tests.support.scenes import facing, quad_scene
 
 SUN = Light("directional", node=0, intensity=math.pi)
@@ -21,8 +23,9 @@ SUN = Light("directional", node=0, intensity=math.pi)
 def test_stamps_rise_through_the_frame_and_every_pass_takes_time(vulkan_device):
     """The raw ticks: begin <= end within a pass, and no pass begins before the one before it ended."""
     scene = quad_scene(Material(metallic=0.0), lights=(SUN,))
-    with Renderer(scene, (256, 256), outputs=OUTPUTS, device=vulkan_device) as made:
+    with Renderer(scene, (256, 256), on_path(Settings()), outputs=OUTPUTS, device=vulkan_device) as made:
         made.render(facing())
+        record_anew(made)
         log: list = []
         vulkan_device.fn.trace(log)
         frame = made.render(facing())
@@ -56,7 +59,7 @@ def test_more_pixels_take_longer(vulkan_device):
     """64 times the pixels: whatever else the machine does, the best of five is slower than the best of five."""
     scene = quad_scene(Material(metallic=0.0), lights=(SUN,))
     best = {}
-    with Renderer(scene, (64, 64), device=vulkan_device) as made:
+    with Renderer(scene, (64, 64), on_path(Settings()), device=vulkan_device) as made:
         for size in ((64, 64), (512, 512)):
             made.resize(size)
             best[size] = min(made.render(facing()).timings["forward"] for _ in range(5))

@@ -168,6 +168,20 @@ def test_the_cases_hold_what_they_are_about():
     }
 
 
+def test_a_solid_batch_is_named_after_a_solid_material():
+    """Under a view a transparent material is built as an opaque one is; passes of solid objects know it not."""
+    scene = quad_scene(
+        materials=(Material(alpha_mode="blend"), Material()),
+        matrices=(np.eye(4), np.eye(4)),
+        instance_materials=(0, 1),
+    )
+    alike = [replace(material_variant(one, scene), defines=(("VIEW", 1),)) for one in scene.materials]
+    nothing = np.zeros(2, np.int64)
+    lists = build_draw_lists(scene, alike, nothing.astype(bool), nothing, nothing, nothing)
+    assert [batch.material for batch in lists.solid] == [1]
+    assert lists.states[:, 0].tolist() == [0]
+
+
 # --- which records are written ---
 
 

@@ -37,6 +37,12 @@ GIVEN = {
     "CELL": 8,
     "ACROSS": 4,
     "DOWN": 4,
+    "TAPS": 8,
+    "LARGEST_RADIUS": 0.05,
+    "F_NUMBER": 2.0,
+    "FOCUS_DISTANCE": 3.0,
+    "SENSOR_HEIGHT": 0.024,
+    "BACKGROUND": 0.02,
 }
 VIEWS = 13
 OWN = ("GL_", "INCLUDED_", "VIEW_OF")  # macros that are not the host's

@@ -24,10 +24,11 @@ from chapters.ch03.graphics import loader as graphics_loader
 from chapters.ch03.graphics.copies import Target
 from chapters.ch03.graphics.loader import Loader
 from chapters.ch03.graphics.material_textures import takes_narrow
+from chapters.ch03.graphics.staging import LEAST_RING, RING, ring_bytes
 from chapters.ch03.graphics.upload_barriers import Part, after_copy, before_copy, part_barrier
 from chapters.ch03.logic.loading import Loading, Wanted
 from chapters.ch03.logic.texels import Shape
-from chapters.ch03.logic.uploads import Upload
+from chapters.ch03.logic.uploads import Upload, level_places
 from common.errors import SceneError
 
 pytestmark = pytest.mark.usefixtures("no_thread_left")
@@ -176,6 +177,52 @@ def test_every_byte_of_odd_sizes_arrives_and_more_than_the_ring_holds(vulkan_dev
         assert max(copied) <= budget
     if budget == 1:  # a row at a time, where the budget is less than one
         assert max(copied) == 64 * 4, "the longest row"
+
+
+@pytest.mark.parametrize(
+    ("ring", "budget", "calls"), [(1 << 16, None, 1), (1 << 16, 1000, 3), (1500, None, 3)]
+)
+def test_all_levels_of_a_chain_are_copied_at_once_where_there_is_room(
+    vulkan_device, opened, ring, budget, calls
+):
+    loader, loading, owner = opened(ring=ring)
+    levels = [random_pixels("rgba8", (20 >> level, 19 >> level), level) for level in range(3)]
+    whole = Upload("chain", Shape(20, 19, "rgba8", None, 3), False, tuple(map(rows_of, levels)))
+    loader.want({0: Wanted("chain", whole.nbytes, lambda: whole)})
+    log = traced(vulkan_device, lambda: frames(loader, loading, budget))
+    copies = [arguments for name, arguments in log if name == "vkCmdCopyBufferToImage"]
+    assert len(copies) >= calls and (calls > 1 or (len(copies) == 1 and copies[0][4] == 3))
+    assert loader.bytes == whole.nbytes
+    for number, level in enumerate(levels):
+        found = level_of(vulkan_device, owner.images[0], number)
+        assert np.array_equal(found, rows_of(level)), number
+
+
+def test_levels_lie_behind_each_other_where_copies_may_begin():
+    levels = [np.zeros((4, 10), np.uint8), np.zeros((3, 1), np.uint8), np.zeros((1, 64), np.uint8)]
+    assert level_places(levels, 16) == ([0, 48, 64], 128)
+    assert level_places(levels[1:2], 16) == ([0], 3)
+
+
+def test_the_ring_is_as_large_as_what_is_loaded_within_bounds(vulkan_device, opened):
+    assert [ring_bytes(wanted) for wanted in (0, LEAST_RING + 1, RING + 1)] == [
+        LEAST_RING,
+        LEAST_RING + 1,
+        RING,
+    ]
+    loader, loading, _ = opened(ring=RING)
+    small = Upload(
+        "small", Shape(4, 4, "rgba8", None, 1), False, (rows_of(random_pixels("rgba8", (4, 4), 1)),)
+    )
+    made = {n: Wanted(f"{n}", LEAST_RING, lambda: small) for n in range(3)}
+    loader.want(made)
+    assert loading.wanted_bytes == 3 * LEAST_RING
+    while loading.busy:
+        loader.advance()
+        if loader._staging is not None:
+            assert loader._staging.ring.capacity == 3 * LEAST_RING
+        loading.wait()
+    assert loading.wanted_bytes == 0
 
 
 @pytest.mark.feature("async-loading/staging-buffer")

@@ -2,30 +2,35 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
+
+import pytest
 from rich.console import Console
 
+import chapters
 from chapters import bench_threads
 from chapters.bench_points import Effort, Subject
-from chapters.ch03.settings import Settings
 from chapters.run import open_device
 
 SMALL = Effort(1, 1, 1, 1, 1, everything=False)
 
 
-def test_every_number_of_threads_is_measured_and_draws_the_same(vulkan_instance, monkeypatch):
-    from contextlib import ExitStack
-
-    monkeypatch.setattr(Settings, "THREADS", (0, 2))
+@pytest.mark.parametrize(("chapter", "fullscreen"), [(3, 1), (4, 2)])
+def test_every_number_of_threads_is_measured_and_draws_the_same(
+    vulkan_instance, monkeypatch, chapter, fullscreen
+):
+    """Chapter 3 runs its passes one by one; in chapter 4 a graph does, and would send its frames again."""
+    monkeypatch.setattr(chapters.settings_class(chapter), "THREADS", (0, 2))
     monkeypatch.setattr(bench_threads, "LEAST_FRAMES", 2)
     with ExitStack() as stack:
         device = open_device(stack, "vulkan")
-        subject = Subject(3, "vulkan", None, (16, 16), device)  # type: ignore[arg-type]
+        subject = Subject(chapter, "vulkan", None, (16, 16), device)  # type: ignore[arg-type]
         made = bench_threads.measure(subject, SMALL, lambda what, part: None, draws=(600,))
     assert made is not None and made["frames"] >= 2
     alone, shared = made["points"]
     assert (alone["threads"], alone["parts"]) == (0, 0)
     assert (shared["threads"], shared["parts"]) == (2, 600 // 256)
-    assert alone["draw_calls"] == shared["draw_calls"] == 601
+    assert alone["draw_calls"] == shared["draw_calls"] == 600 + fullscreen
     for point in made["points"]:
         assert 0 < point["record_ms"] < point["cpu_ms"] and point["error"]["pixels_differ"] == 0
 

@@ -69,6 +69,41 @@ CASES = {
         ("logic/critical_path.py", "max(step.after, key", "max(reversed(step.after), key"),
         "named first",
     ),
+    "shared with nobody": (
+        (4, "one-step-short"),
+        ("logic/graph_memory.py", "if lives[other][1] >= first", "if lives[other][1] >= 0"),
+        "512 bytes do",
+    ),
+    "black behind everything": (
+        (4, "empty-sky"),
+        ("shaders/lighting.frag", "        sky();", "        out_color = vec4(0.0);"),
+        "With background=0.25",
+    ),
+    "who reads what was written is no writer": (
+        (4, "no-new-layout"),
+        ("logic/graph_barriers.py", "both is None or both.writes", "both is None or touch.writes"),
+        "visible to the first reader",
+    ),
+    "squared": (
+        (4, "natural-vignette"),
+        ("shaders/vignette.frag", "pow(cosine, 4.0)", "pow(cosine, 2.0)"),
+        "of the light is left",
+    ),
+    "darker without an angle": (
+        (4, "natural-vignette"),
+        ("shaders/vignette.frag", "frame.orthographic != 0u ? 1.0 : ", ""),
+        "parallel rays",
+    ),
+    "there without being asked for": (
+        (4, "natural-vignette"),
+        ("passes/vignette.py", "settings.vignette and ", ""),
+        "runs all the same",
+    ),
+    "by name alone": (
+        (4, "fewest-bytes"),
+        ("logic/order_bytes.py", "(sum(behind(name).values()), name)", "name"),
+        "One branch",
+    ),
     "by the peak": (
         (1, "reinhard"),
         (

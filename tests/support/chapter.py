@@ -4,13 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import chapters
 from backends.contract import Renderer
 from common.scene import Scene
 from tests.support import gl_functions
+from tests.support.graph_truths import Truth, events_of, places_of
+from tests.support.hazards import find_hazards
+
+SURFACES: dict[str, dict[str, Any]] = {"auto": {"gbuffer_format": "full"}}
+"""What else is set for a path: what tests hold to the bits of a float, a G-buffer must not round."""
+
+
+def on_path(settings: Any, graph: str = "forward") -> Any:
+    """Return settings that take a path through the frame, where the chapter has several and they leave it open."""
+    if getattr(settings, "graph", "") != "auto":
+        return settings
+    return replace(settings, graph=graph, **SURFACES.get(graph, {}))
 
 
 @dataclass(frozen=True)
@@ -20,11 +32,20 @@ class Chapter:
     which: chapters.Whole
     backend: str
     device: Any
+    graph: str = "forward"
+    """The path that a frame takes, where the chapter has several and the test leaves it open."""
 
     def open(self, scene: Scene, size: tuple[int, int], settings: Any = None, **more: Any) -> Renderer:
         """Return a renderer, as `chapters.open` does; `outputs` are ("color",) unless they are given."""
         module = chapters.renderer_module(self.which, self.backend)
+        settings = on_path(module.Settings() if settings is None else settings, self.graph)
         opened: Renderer = module.Renderer(scene, size, settings, device=self.device, **more)
+        if getattr(opened, "graph", None) is not None:
+            try:
+                hold_to_hazards(opened)
+            except BaseException:
+                opened.close()
+                raise
         return opened
 
     @contextmanager
@@ -42,6 +63,41 @@ class Chapter:
         finally:
             self.device.fn.trace(None)
             made += [name for name, _ in log]
+
+
+def record_anew(renderer: Any) -> None:
+    """Have the next frame recorded, also where what was recorded would be sent again."""
+    if hasattr(renderer._frames, "forget"):
+        renderer._frames.forget()
+
+
+def targets_of(renderer: Any) -> set[str]:
+    """Return the names of what a renderer's passes draw to."""
+    graph = getattr(renderer, "graph", None)
+    if graph is None:
+        return set(renderer._targets)
+    return {name for name, one in graph.resources.items() if one.kind == "attachment"}
+
+
+_SAFE: set[Any] = set()
+
+
+def hold_to_hazards(renderer: Any) -> None:
+    """Fail where three frames of a renderer's graph have a hazard on a simulated GPU; a frame is looked at once."""
+    graph, plan = renderer.graph, renderer._plan
+    if graph.steps in _SAFE:
+        return
+    truth = graph_truth(renderer)
+    hazards = find_hazards(events_of(truth, graph), places_of(graph))
+    assert not hazards, f"{plan.title}: " + "; ".join(map(str, hazards))
+    _SAFE.add(graph.steps)
+
+
+def graph_truth(renderer: Any) -> Truth:
+    """Return what the passes of a renderer's frame mean, found without its compiler."""
+    plan = renderer._plan
+    outputs = [plan.read_from[name] for name in renderer.graph.outputs]
+    return Truth(list(plan.nodes.values()), outputs, plan.externals, plan.kept)
 
 
 BUILDING = (

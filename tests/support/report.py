@@ -57,7 +57,7 @@ class Outcome:
         name = parts[2] if parts[1] == "stability" else parts[1]
         later = LATER.search(self.nodeid)
         self.area = later[1] if later else name.removeprefix("test_").removesuffix(".py")
-        found = re.search(r"\[(vulkan|without-all|gl)\b", self.nodeid)
+        found = re.search(r"\[(vulkan|without-all|gl|deferred)\b", self.nodeid)
         self.variant = found[1] if found else "-"
 
 

@@ -192,3 +192,37 @@ def test_what_is_wrong_is_said_in_one_sentence(strata, tmp_path):
         assert said in err and err.count("\n") == 1, err
     assert strata("frame", "99")[0] == 2
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.feature("tools/frame")
+@pytest.mark.parametrize("graph", ["deferred", "forward"])
+def test_a_frame_of_a_graph_is_shown_as_the_graph_connects_it(strata, tmp_path, graph):
+    scene = triangle().write(tmp_path)
+    draw = ("frame", "4", "--scene", scene, "--size", "16x12", "--set", f"graph={graph}", "--out", "here")
+    code, out, err = strata(*draw, "--set", "aperture=2", "--json", "frame.json", "--validate")
+    assert code == 0, err
+    made = json.loads((tmp_path / "frame.json").read_text())
+    steps = {step["name"]: step for step in made["steps"]}
+    assert [*steps][-4:] == ["circle_of_confusion", "bokeh", "depth_of_field", "tonemap"]
+    (read,) = steps["tonemap"]["reads"]
+    assert (read["name"], read["written_by"], read["format"]) == (
+        "color_focused",
+        "depth_of_field",
+        "rgba16f",
+    )
+    half = next(one for one in steps["bokeh"]["writes"] if one["name"] == "dof_blurred")
+    assert half["size"] == [8, 6] and read_image(tmp_path / "here" / half["file"]).shape == (6, 8, 3)
+    assert "depth_prepass" in made["skipped"] and "depth_prepass" in out
+    held = {name: one for one in made["resources"] for name in one["names"]}
+    assert {one["name"] for step in made["steps"] for one in step["writes"]} <= {*held}
+    assert held["dof_half"]["first"] == "circle_of_confusion" and held["dof_half"]["bytes"] == 8 * 6 * 8
+    page = (tmp_path / "here" / "index.html").read_text()
+    assert made["skipped"]["depth_prepass"] in page and "dof_half" in page
+    # Without a lens its passes are left out, and who read them reads what there is.
+    code, _, err = strata(*draw, "--without", "all", "--json", "frame.json")
+    assert code == 0, err
+    made = json.loads((tmp_path / "frame.json").read_text())
+    assert {"circle_of_confusion", "bokeh", "depth_of_field"} <= made["skipped"].keys()
+    (read,) = made["steps"][-1]["reads"]
+    lit = {"deferred": ("color_lit", "lighting"), "forward": ("color_hdr", "forward")}[graph]
+    assert (read["name"], read["written_by"]) == lit

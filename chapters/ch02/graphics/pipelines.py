@@ -25,8 +25,8 @@ from .set_layouts import CAPACITY, Layouts, SetLayout
 
 SHADERS = Path(__file__).resolve().parents[1] / "shaders"
 
-BINDLESS = "bindless.glsl"
-"""The include that declares the array of all textures."""
+BINDLESS = {"bindless.glsl": "GL_EXT_nonuniform_qualifier"}
+"""The include that declares the array of all textures, and the extension which that takes."""
 
 _ALL_CHANNELS = (
     vk.VK_COLOR_COMPONENT_R_BIT
@@ -61,15 +61,9 @@ def source_of(file: str, defines: Sequence[tuple[str, int | float | str]]) -> sh
     One that reaches the array of all textures gets the GLSL extension to which the word `nonuniformEXT` belongs. It has
     to stand before everything else, where an include cannot put it.
     """
-
-    def build(*extensions: str) -> shader_text.ShaderSource:
-        return shader_text.build(
-            SHADERS / file, "vulkan", defines=dict(defines), extensions=extensions, snippets=SNIPPETS
-        )
-
-    source = build()
-    reaches = any(Path(one.name).name == BINDLESS for one in source.files)
-    return build("GL_EXT_nonuniform_qualifier") if reaches else source
+    return shader_text.build(
+        SHADERS / file, "vulkan", defines=dict(defines), extensions_with=BINDLESS, snippets=SNIPPETS
+    )
 
 
 @dataclass(eq=False)

@@ -7,6 +7,8 @@ may use: when the first frames are over, the copies before them are, too.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from backends.vulkan.device import Device
 from backends.vulkan.upload import Uploader
 
@@ -14,15 +16,19 @@ from .resources import Resources
 
 
 class GeometryCopies(Uploader):
-    """An uploader that is left to itself: its copies are submitted at the end of `with`, and its memory freed later."""
+    """An uploader that is left to itself: its copies are submitted at the end of `with`, and its memory freed later.
 
-    def __init__(self, device: Device, resources: Resources) -> None:
+    `undo` is called if what stands within fails: nobody else could free then what was begun there.
+    """
+
+    def __init__(self, device: Device, resources: Resources, undo: Callable[[], None]) -> None:
         super().__init__(device)
-        self._resources = resources
+        self._resources, self._undo = resources, undo
 
     def __exit__(self, kind: object, *_: object) -> None:
         if kind is not None:
             self.close()
+            self._undo()
             return
         self.flush()
         self._resources.defer(self.free)

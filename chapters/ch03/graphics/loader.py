@@ -8,7 +8,7 @@ after the copies comes after them. Mip levels are computed, and therefore made o
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Mapping
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from typing import Any
 
 from backends.vulkan import api as vk
@@ -19,9 +19,9 @@ from backends.vulkan.upload import SETS, MipPipeline
 
 from ..logic.loading import Loading, Request, Wanted, refusal
 from ..logic.ring import rows_that_fit
-from ..logic.uploads import block_rows, cost, is_late
+from ..logic.uploads import MOST_LEVELS, block_rows, cost, is_late, level_places
 from .copies import Copy, Owner
-from .staging import RING, Staging, Submission, Submissions
+from .staging import RING, Staging, Submission, Submissions, ring_bytes
 from .upload_barriers import after_copy, before_copy, part_barrier
 
 
@@ -43,6 +43,9 @@ class Loader:
         self._queue, self._step = other, tile[1]
         self.one_family = other.family == device.queue.family
         self._staging: Staging | None = None
+        # Written anew for each copy: a scene has hundreds, and this is quicker than a struct for each.
+        region = {"imageSubresource": {"layerCount": 1}, "imageExtent": {"depth": 1}}
+        self._regions = vk.array("VkBufferImageCopy", [region] * MOST_LEVELS)
         self._mips: dict[tuple[str, bool], MipPipeline] = {}
         self._current: Copy | None = None
         self._begun: dict[Request, Copy] = {}  # placed, and not arrived
@@ -164,11 +167,11 @@ class Loader:
             if left is not None and left <= 0:
                 break
             if not copy.whole:
-                place = self._reserve(copy, left, spent == 0)
-                if place is None:
+                places = self._reserve(copy, left, spent == 0)
+                if not places:
                     break
                 one = one or self._copies.begin()
-                spent += self._record(one, copy, *place)
+                spent += self._record(one, copy, places)
             if copy.whole:
                 if is_late(copy.upload, spent, budget):
                     break
@@ -199,60 +202,60 @@ class Loader:
                 self._begun[request] = self._current
         return self._current
 
-    def _reserve(self, copy: Copy, left: int | None, first: bool) -> tuple[int, int] | None:
-        """Return (offset in the ring, bytes) for as many rows as there is room for; None if for none."""
+    def _reserve(self, copy: Copy, left: int | None, first: bool) -> list[tuple[int, int]]:
+        """Return (offset in the ring, rows) for each level that is left, or for some rows of one; [] if for none."""
         assert self._staging is not None
-        rows = copy.upload.rows[copy.level]
-        count, row_bytes = rows.shape[0] - copy.row, rows.shape[1]
+        levels, ring = copy.upload.rows[copy.level :], self._staging.ring
+        count, row_bytes = levels[0].shape[0] - copy.row, levels[0].shape[1]
         width = max(1, copy.upload.shape.width >> copy.level)
         alignment = self._staging.alignment(row_bytes // -(-width // block_rows(copy.upload)))
+        starts, end = level_places(levels, alignment)
+        if not copy.row and (left is None or end <= left):
+            place = ring.take(lambda room: end if end <= room else 0, alignment)
+            if place is not None:
+                return [
+                    (place[0] + start, level.shape[0]) for start, level in zip(starts, levels, strict=True)
+                ]
 
         def wanted(room: int, most: int | None) -> int:
             fits = room if most is None else min(room, most)
             return rows_that_fit(count, row_bytes, self._step, fits) * row_bytes
 
-        ring = self._staging.ring
         place = ring.take(lambda room: wanted(room, left), alignment)
         if place is None and first:  # the budget is less than a row: then it is one
             least = min(count, self._step) * row_bytes
             place = ring.take(lambda room: wanted(room, least), alignment)
             if place is None and not ring.used:
                 raise ValueError(f"{least} bytes do not fit into a staging ring of {ring.capacity}.")
-        return place
+        return [] if place is None else [(place[0], place[1] // row_bytes)]
 
-    def _record(self, one: Submission, copy: Copy, offset: int, nbytes: int) -> int:
-        """Write some rows to the ring and record their copy; return their bytes."""
+    def _record(self, one: Submission, copy: Copy, places: Sequence[tuple[int, int]]) -> int:
+        """Write rows to their places in the ring, as `_reserve` says, and record their copy; return their bytes."""
         assert self._staging is not None
         self._touch(one, copy)
-        rows = copy.upload.rows[copy.level]
-        count, block = nbytes // rows.shape[1], block_rows(copy.upload)
-        self._staging.write(rows[copy.row : copy.row + count].reshape(-1), offset)
-        image, y = copy.target.image, copy.row * block
-        height = max(1, image.height >> copy.level)
-        region = vk.new(
-            "VkBufferImageCopy",
-            bufferOffset=offset,
-            imageSubresource={
-                "aspectMask": image.aspect,
-                "mipLevel": copy.level,
-                "baseArrayLayer": copy.target.layer,
-                "layerCount": 1,
-            },
-            imageOffset={"y": y},
-            imageExtent={
-                "width": max(1, image.width >> copy.level),
-                "height": min(count * block, height - y),
-                "depth": 1,
-            },
-        )
+        image, block, spent = copy.target.image, block_rows(copy.upload), 0
+        for (offset, count), region in zip(places, self._regions, strict=False):
+            rows, y = copy.upload.rows[copy.level], copy.row * block
+            part = rows[copy.row : copy.row + count].reshape(-1)
+            self._staging.write(part, offset)
+            level = region.imageSubresource
+            region.bufferOffset, region.imageOffset.y = offset, y
+            level.aspectMask, level.mipLevel, level.baseArrayLayer = (
+                image.aspect,
+                copy.level,
+                copy.target.layer,
+            )
+            region.imageExtent.width = max(1, image.width >> copy.level)
+            region.imageExtent.height = min(count * block, max(1, image.height >> copy.level) - y)
+            copy.row += count
+            if copy.row == rows.shape[0]:
+                copy.level, copy.row = copy.level + 1, 0
+            spent += part.size
         layout, fn = vk.VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL, self._device.fn
         handle = self._staging.buffer.handle
-        fn.vkCmdCopyBufferToImage(one.commands, handle, image.handle, layout, 1, region)
-        copy.row += count
-        if copy.row == rows.shape[0]:
-            copy.level, copy.row = copy.level + 1, 0
-        self.bytes += nbytes
-        return nbytes
+        fn.vkCmdCopyBufferToImage(one.commands, handle, image.handle, layout, len(places), self._regions)
+        self.bytes += spent
+        return spent
 
     def _touch(self, one: Submission, copy: Copy) -> None:
         """Let a submission work on a texture, whichever has before."""
@@ -333,7 +336,7 @@ class Loader:
         """Make the ring, the submissions and, between two queues, the semaphore that counts those with copies."""
         if self._staging is not None:
             return
-        self._staging = Staging(self._device, self._ring_size)
+        self._staging = Staging(self._device, min(self._ring_size, ring_bytes(self._loading.wanted_bytes)))
         self._copies = Submissions(self._device, self._queue, "texture copies")
         self._takes, self._semaphore, self._ended_count = self._copies, None, 0
         if not self.one_family:

@@ -23,7 +23,15 @@ from ..logic.ring import Ring
 from .frames import FOREVER
 
 RING = 64 << 20
-"""Bytes of the staging buffer. What is larger goes up in parts."""
+"""Bytes of the staging buffer at most. What is larger goes up in parts."""
+
+LEAST_RING = 8 << 20
+"""Bytes of it at least: some rows of any image fit, and several small images of a later edit."""
+
+
+def ring_bytes(wanted: int) -> int:
+    """Return how large a ring is that copies `wanted` bytes: drivers take long for memory that both sides can reach."""
+    return min(RING, max(LEAST_RING, wanted))
 
 
 class Staging:

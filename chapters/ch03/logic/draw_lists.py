@@ -109,11 +109,12 @@ def build_draw_lists(
     return DrawLists(commands[np.r_[solid, clear]], tuple(batches), drawn[clear], states[clear])
 
 
-_Alike = tuple[bool, tuple[tuple[str, int], ...], bool]
+_Alike = tuple[bool, tuple[tuple[str, int], ...], bool, bool]
 
 
 def _alike(variant: Variant) -> _Alike:
-    return variant.alpha_mode == "mask", variant.defines, variant.double_sided
+    # Under a view, what is transparent may be drawn as what is opaque is, and yet be left out of a pass.
+    return variant.alpha_mode == "mask", variant.defines, variant.double_sided, variant.alpha_mode == "blend"
 
 
 def _batches(commands: np.ndarray, states: np.ndarray, offset: int) -> list[Batch]:

@@ -28,6 +28,7 @@ from common.errors import SceneError, StrataError
 from common.scene import Scene
 
 from ..settings import Settings
+from .switching import QuickTurns
 from .task_errors import TaskCancelledError
 from .task_state import Task
 from .uploads import Upload
@@ -86,6 +87,7 @@ class Loading:
         self._workers, self._ahead = Workers(threads), ahead
         self.streams, self.budget = streams, budget
         self._working = False  # whether there are threads
+        self._turns = QuickTurns()
         self._lock = threading.Lock()
         # Behind the lock: what tasks change, too.
         self._waiting: list[Request] = []  # the most important last
@@ -162,6 +164,8 @@ class Loading:
         with self._lock:
             if self._waiting:
                 self._working = True
+                if self.streams:
+                    self._turns.begin()
                 self._feed(self._workers.tasks.spawn)
 
     def _feed(self, spawn: Callable[..., Task[None]]) -> None:
@@ -262,6 +266,12 @@ class Loading:
         return self._resident + self._lost < len(self.requests)
 
     @property
+    def wanted_bytes(self) -> int:
+        """About how many bytes are still to be copied of all that is wanted."""
+        left = (State.WAITING, State.DECODING, State.DECODED, State.UPLOADING)
+        return sum(one.wanted.nbytes for one in self.requests.values() if one.state in left)
+
+    @property
     def held_bytes(self) -> int:
         """Bytes that are decoded, or being decoded, and not yet copied."""
         return self._held_bytes
@@ -297,7 +307,10 @@ class Loading:
         return stopped
 
     def _join(self) -> None:
-        self._workers.close()
+        try:
+            self._workers.close()
+        finally:
+            self._turns.end()
         self._workers, self._working = Workers(self._workers.count), False
         for request in self._running:  # tasks that never began
             self._release(request)

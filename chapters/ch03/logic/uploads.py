@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from common import blocks
+from common.allocators import align_up
 from common.scene import Scene
 
 from . import texels
@@ -36,6 +37,19 @@ class Upload:
 def block_rows(upload: Upload) -> int:
     """Return how many rows of texels one row of bytes holds."""
     return blocks.BLOCK if blocks.is_compressed(upload.shape.format) else 1
+
+
+MOST_LEVELS = 16
+"""Of an image: no device takes a side of more than 32768 texels."""
+
+
+def level_places(levels: Sequence[NDArray[np.uint8]], alignment: int) -> tuple[list[int], int]:
+    """Return where each level begins when they are written one behind the other, and where the last one ends."""
+    starts, end = [], 0
+    for level in levels:
+        starts.append(align_up(end, alignment))
+        end = starts[-1] + level.nbytes
+    return starts, end
 
 
 LEVEL_COST = 128 << 10
