@@ -1,10 +1,9 @@
 """A frame, from top to bottom.
 
     update     constants, instances and lights go into this frame's slot, textures that have arrived into theirs
-    forward    every object is drawn once and lit while it is drawn     -> color_hdr, depth
-    instance   which object is where, if somebody asks                  -> instance_id
-    resolve    with several samples a pixel: one colour from theirs     -> color_hdr
-    tonemap    light becomes a picture                                  -> color
+    passes     what the graph says, in its order (graphs/*.json). Deferred: gbuffer, lighting, transparent -> color_hdr,
+               depth; forward: the one pass of that name, and resolve with several samples a pixel. Then three for a
+               lens -> color_focused; tonemap -> color; and instance_id, if somebody asks
     copy       the outputs that were asked for go to the CPU
 
 Which passes there are, in which order, and what stands between them, follows from what they declare: the frame is a

@@ -149,3 +149,20 @@ def test_a_closed_renderer_has_no_size_to_change(chapter):
     made.close()
     made.resize((3, 3))
     assert made.size == (16, 12)
+
+
+@pytest.mark.variants("vulkan", "gl")
+def test_what_a_pass_that_is_off_would_write_says_nothing_of_an_output(chapter, tmp_path):
+    """A spare pass, switched off, would write the output's name at half the size; the one that does is whole."""
+    settings = Settings(graph="deferred", aperture=1.0)
+    spare = {"pass": "bokeh", "name": "spare", "enabled": False, "writes": {"dof_blurred": "color_focused"}}
+    file = json.loads(graph_path("deferred").read_text(encoding="utf-8"))
+    file["passes"].append(spare)
+    path = tmp_path / "spare.json"
+    path.write_text(json.dumps(file), encoding="utf-8")
+    pictures = []
+    for graph in ("deferred", str(path)):
+        opened = replace(settings, graph=graph)
+        with chapter.open(quad_scene(), (16, 12), opened, outputs={"color", "color_linear"}) as made:
+            pictures.append(made.render(facing()).image("color_linear"))
+    assert np.array_equal(*pictures)

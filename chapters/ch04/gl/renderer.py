@@ -1,10 +1,9 @@
 """A frame on OpenGL, from top to bottom; compare ../renderer.py.
 
     update     constants, instances and lights of this frame are written into its slot
-    forward    every object is drawn once and lit while it is drawn     -> color_hdr, depth
-    instance   which object is where, if somebody asks                  -> instance_id
-    resolve    with several samples a pixel: one colour from theirs     -> color_hdr
-    tonemap    light becomes a picture                                  -> color
+    passes     what the graph says, in its order (graphs/*.json). Deferred: gbuffer, lighting, transparent -> color_hdr,
+               depth; forward: the one pass of that name, and resolve with several samples a pixel. Then three for a
+               lens -> color_focused; tonemap -> color; and instance_id, if somebody asks
     copy       the outputs that were asked for go to the CPU
 
 The driver finds out by itself that a pass must wait for what it reads. That is comfortable, and it is work that the

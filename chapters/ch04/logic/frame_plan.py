@@ -1,8 +1,8 @@
 """Which passes make a frame: those that a graph file names, less what the scene does not need and what is switched off.
 
-    plan = FramePlan(file, passes, scene, settings)
+    plan = FramePlan(file, passes, outputs, handed_on, formats)
     plan.switch("depth_of_field", False)
-    graph = plan.compile(size, memory.requirement)
+    graph = plan.compile(size, scene, settings, memory.requirement)
 
 The plan belongs to no backend: either one's passes declare the same, so the same file gives the same graph.
 """
@@ -252,7 +252,10 @@ class FramePlan:
         self, nodes: Sequence[Node], size: tuple[int, int]
     ) -> tuple[dict[str, str], Node, dict[str, External]]:
         """Return the outputs that there are, and the step that hands them on, with the buffers that it fills."""
-        made = {access.resource: access for node in nodes for access in node.writes}
+        wanted_last = sorted(
+            nodes, key=lambda node: not node.why_not
+        )  # who is left out says nothing of a name
+        made = {access.resource: access for node in wanted_last for access in node.writes}
         asked = self.read_from | {f"for {name}": name for name in self._handed_on}
         if self.keeps_all:  # whoever looks at everything takes what there is
             asked = {output: name for output, name in asked.items() if name in made}
