@@ -166,6 +166,7 @@ void glFlush(void);
 void glFinish(void);
 
 // Programs
+void glGetProgramiv(GLuint program, GLenum pname, GLint *params);
 void glGetProgramInterfaceiv(GLuint program, GLenum programInterface, GLenum pname, GLint *params);
 void glGetProgramResourceiv(GLuint program, GLenum programInterface, GLuint index, GLsizei propCount,
     const GLenum *props, GLsizei count, GLsizei *length, GLint *params);

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from backends.contract import Access, Pass, PassWork
+from backends.gl import api as gl
 from backends.gl.context import Context
 from backends.gl.readback import Readback
 from backends.gl.resources import Image, create_image, destroy_image
@@ -17,9 +18,13 @@ from backends.gl.targets import Framebuffer, copy, create_framebuffer, destroy_f
 
 @dataclass
 class _Tap:
-    """One output of one pass, with one buffer per slot; of many samples (`many`) one is made first (`one`)."""
+    """One output of one pass, with one buffer per slot; of many samples (`many`) one is made first (`one`).
+
+    `stored` is what a shader stored, which is there for a copy behind a barrier alone.
+    """
 
     depth: bool
+    stored: bool
     many: Framebuffer | None
     one: Framebuffer | None
     readbacks: list[Readback]
@@ -64,7 +69,7 @@ class Inspection:
         ]
         for held, readback in zip(self.readbacks, taken, strict=True):
             held[f"{name}/{access.resource}"] = readback
-        return _Tap(depth, many, one, taken)
+        return _Tap(depth, access.use == "storage", many, one, taken)
 
     def _framebuffer(self, image: Image, depth: bool) -> Framebuffer:
         colors, deep = ([], image) if depth else ([image], None)
@@ -77,6 +82,8 @@ class Inspection:
             return
         self.work.add(made.name, work)
         for tap in self._taps.get(made.name, ()):
+            if tap.stored:
+                self._context.fn.glMemoryBarrier(gl.GL_TEXTURE_UPDATE_BARRIER_BIT)
             if tap.many is not None and tap.one is not None:
                 copy(self._context, tap.many, tap.one, depth=tap.depth)
             tap.readbacks[slot].record()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -79,18 +80,21 @@ class Image:
     views: list[Any] = field(default_factory=list)
 
 
-def _buffer_info(size: int, usage: int) -> Any:
+def _buffer_info(size: int, usage: int, families: Sequence[int] = ()) -> Any:
     return vk.new(
         "VkBufferCreateInfo",
         size=max(int(size), 4),  # Vulkan has no empty buffers
         usage=usage,
-        sharingMode=vk.VK_SHARING_MODE_EXCLUSIVE,
+        sharingMode=vk.VK_SHARING_MODE_CONCURRENT if families else vk.VK_SHARING_MODE_EXCLUSIVE,
+        pQueueFamilyIndices=list(families) or None,
     )
 
 
-def buffer_requirements(device: Device, size: int, usage: int) -> tuple[int, int, int]:
-    """Return (bytes, alignment, mask of memory types) of a buffer that does not exist yet."""
-    info = vk.new("VkDeviceBufferMemoryRequirements", pCreateInfo=_buffer_info(size, usage))
+def buffer_requirements(
+    device: Device, size: int, usage: int, families: Sequence[int] = ()
+) -> tuple[int, int, int]:
+    """Return (bytes, alignment, mask of memory types) of a buffer that does not exist yet; see `create_buffer`."""
+    info = vk.new("VkDeviceBufferMemoryRequirements", pCreateInfo=_buffer_info(size, usage, families))
     out = vk.new("VkMemoryRequirements2")
     device.fn.vkGetDeviceBufferMemoryRequirements(device.handle, info, out)
     found = out.memoryRequirements
@@ -98,10 +102,19 @@ def buffer_requirements(device: Device, size: int, usage: int) -> tuple[int, int
 
 
 def create_buffer(
-    device: Device, size: int, usage: int, use: MemoryUse, name: str, place: tuple[Any, int] | None = None
+    device: Device,
+    size: int,
+    usage: int,
+    use: MemoryUse,
+    name: str,
+    place: tuple[Any, int] | None = None,
+    families: Sequence[int] = (),
 ) -> Buffer:
-    """Return a buffer of `size` bytes, 4 at least; with `place`, (VkDeviceMemory, offset), in the caller's memory."""
-    info = _buffer_info(size, usage)
+    """Return a buffer of `size` bytes, 4 at least; with `place`, (VkDeviceMemory, offset), in the caller's memory.
+
+    `families` are the queue families that use it, where they are several: else it belongs to one at a time.
+    """
+    info = _buffer_info(size, usage, families)
     handle = device.create("vkCreateBuffer", info, name)
     allocation = None
     try:
@@ -284,9 +297,38 @@ def create_view(
     swizzle: str = "rgba",
 ) -> Any:
     """Return a view of some mip levels and layers from the given ones on (all by default), freed with its image."""
+    info = _view_info(image, format, level, levels, layer, layers, usage, swizzle)
+    view = device.create("vkCreateImageView", info, f"{image.name} view")
+    image.views.append(view)
+    return view
+
+
+def create_level_views(
+    device: Device, image: Image, format: str, *, layer: int, layers: int, usage: int
+) -> list[Any]:
+    """Return a view of each mip level alone, freed with its image."""
+    info = _view_info(image, format, 0, 1, layer, layers, usage, "rgba")
+    views = []
+    for level in range(image.levels):
+        info.subresourceRange.baseMipLevel = level  # filling a struct takes longer than making a view
+        views.append(device.create("vkCreateImageView", info, f"{image.name} view"))
+        image.views.append(views[-1])
+    return views
+
+
+def _view_info(
+    image: Image,
+    format: str,
+    level: int,
+    levels: int | None,
+    layer: int,
+    layers: int | None,
+    usage: int | None,
+    swizzle: str,
+) -> Any:
     narrowed = vk.new("VkImageViewUsageCreateInfo", usage=usage) if usage is not None else None
     kind = vk.VK_IMAGE_VIEW_TYPE_2D_ARRAY if image.array else vk.VK_IMAGE_VIEW_TYPE_2D
-    info = vk.new(
+    return vk.new(
         "VkImageViewCreateInfo",
         pNext=narrowed,
         image=image.handle,
@@ -305,9 +347,6 @@ def create_view(
             "layerCount": image.layers - layer if layers is None else layers,
         },
     )
-    view = device.create("vkCreateImageView", info, f"{image.name} view")
-    image.views.append(view)
-    return view
 
 
 def sample_counts(device: Device, format: str, usage: int) -> tuple[int, ...]:

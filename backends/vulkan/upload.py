@@ -15,7 +15,14 @@ from backends import shader_text
 from backends.vulkan import api as vk
 from backends.vulkan.barriers import barriers, image_barrier
 from backends.vulkan.device import Device
-from backends.vulkan.resources import FORMATS, Buffer, Image, create_buffer, create_view, destroy_buffer
+from backends.vulkan.resources import (
+    FORMATS,
+    Buffer,
+    Image,
+    create_buffer,
+    create_level_views,
+    destroy_buffer,
+)
 from backends.vulkan.shaders import compile_shader
 from common import blocks
 from common.paths import ROOT
@@ -209,7 +216,7 @@ class Uploader:
         if half.sets is None:
             half.sets = pipeline.create_pool()
         self._barrier(half.commands, image, "copy_target", "storage", 1)
-        pipeline.record(half.commands, half.sets, image, plain, srgb, self._barrier)
+        pipeline.record(half.commands, half.sets, image, plain, srgb)
         half.set_count += image.levels - 1
 
     def _half(self) -> _Half:
@@ -349,14 +356,12 @@ class MipPipeline:
         image: Image,
         format: str,
         srgb: bool,
-        barrier: Any,
         layer: int = 0,
         layers: int | None = None,
     ) -> None:
-        """Record the making of levels 1 and up from level 0, which is in state 'sampled'; all end in that state.
+        """Record the making of levels 1 and up, in state 'storage', from level 0, 'sampled'; all end as that.
 
-        Of an array, `layers` layers from `layer` on (all by default). `barrier(commands, image, before, after, level,
-        levels)` records those between the levels.
+        Of an array, `layers` layers from `layer` on (all by default).
         """
         fn = self._device.fn
         layers = image.layers - layer if layers is None else layers
@@ -366,20 +371,12 @@ class MipPipeline:
         )
         sets = vk.ffi.new("VkDescriptorSet[]", count)
         vk.check(fn.vkAllocateDescriptorSets(self._device.handle, allocate, sets), "vkAllocateDescriptorSets")
-        views = [
-            create_view(
-                self._device,
-                image,
-                format,
-                level=level,
-                levels=1,
-                layer=layer,
-                layers=layers,
-                usage=vk.VK_IMAGE_USAGE_SAMPLED_BIT | vk.VK_IMAGE_USAGE_STORAGE_BIT,
-            )
-            for level in range(image.levels)
-        ]
+        usage = vk.VK_IMAGE_USAGE_SAMPLED_BIT | vk.VK_IMAGE_USAGE_STORAGE_BIT
+        views = create_level_views(self._device, image, format, layer=layer, layers=layers, usage=usage)
         self._write_sets(sets, views)
+        made = barriers(image_barrier(image.handle, image.aspect, "storage", "sampled", levels=1))
+        written = made.pImageMemoryBarriers[0].subresourceRange
+        written.baseArrayLayer, written.layerCount = layer, layers
         fn.vkCmdBindPipeline(commands, vk.VK_PIPELINE_BIND_POINT_COMPUTE, self._pipeline)
         for level in range(1, image.levels):
             point = vk.VK_PIPELINE_BIND_POINT_COMPUTE
@@ -390,7 +387,8 @@ class MipPipeline:
             push = vk.ffi.from_buffer(np.array([*size, *above, int(srgb), highest, 0, 0], np.uint32))
             fn.vkCmdPushConstants(commands, self._layout, vk.VK_SHADER_STAGE_COMPUTE_BIT, 0, 32, push)
             fn.vkCmdDispatch(commands, (size[0] + 7) // 8, (size[1] + 7) // 8, layers)
-            barrier(commands, image, "storage", "sampled", level, 1)
+            written.baseMipLevel = level
+            fn.vkCmdPipelineBarrier2(commands, made)
 
     def _write_sets(self, sets: Any, views: list[Any]) -> None:
         """Let each set read the view above its level and write its own: arrays at once, built field by field."""

@@ -71,3 +71,14 @@ def test_doubles_on_vulkan(vulkan_device):
 @pytest.mark.feature("device/fp64-shaders")
 def test_doubles_on_opengl(gl_context):
     check(gl_functions.evaluate, gl_context)
+
+
+@pytest.mark.feature("device/fp64-shaders")
+def test_floats_would_not_pass():
+    """The same sums and roots in single precision: a device that took floats for doubles is noticed."""
+    x, y = operands()
+    for found, truth in (
+        (np.float32(x) + np.float32(y), x + y),
+        (np.sqrt(np.float32(x)), np.sqrt(x)),
+    ):
+        assert ulps(found.astype(np.float64), truth).max() > 1000 * 1024

@@ -279,6 +279,8 @@ def test_making_and_changing_objects_leaves_what_is_bound(gl_context):
     readback.record()
     read_image(gl_context, image)
     assert [integer(gl_context, name) for name in names] == before
+    gl_context.fn.glBindBuffer(gl.GL_ARRAY_BUFFER, buffer.handle)
+    assert [integer(gl_context, name) for name in names] != before, "a binding that changes is noticed"
     readback.close()
     destroy_framebuffer(gl_context, framebuffer)
     gl_context.destroy("vertex array", array)

@@ -81,3 +81,23 @@ def test_one_module_gives_the_same_output_on_both_apis(vulkan_device, gl_context
         assert np.array_equal(found, truth)
     else:
         assert np.allclose(found, truth, rtol=1e-5)
+
+
+@pytest.mark.feature("device/spirv-in-gl")
+def test_a_module_is_refused_where_it_has_no_such_function(gl_context):
+    if "GL_ARB_gl_spirv" not in extensions(gl_context.fn):
+        pytest.skip("spirv-in-gl: the driver lacks GL_ARB_gl_spirv")
+    code = compile_shader(
+        shader_text.build_text("layout(local_size_x = 1) in;\nvoid main() {}", "comp", "vulkan")
+    )
+    calls = {name: gl.ffi.cast(kind, gl_context.fn._resolve(name)) for name, kind in CALLS.items()}
+    compiled = {}
+    for entry in (b"main", b"nobody"):
+        shader = calls["glCreateShader"](COMPUTE_SHADER)
+        calls["glShaderBinary"](1, gl.ffi.new("GLuint[1]", [shader]), SPIR_V, code, len(code))
+        calls["glSpecializeShaderARB"](shader, entry, 0, gl.NULL, gl.NULL)
+        compiled[entry] = state(calls["glGetShaderiv"], shader, COMPILE_STATUS)
+        calls["glDeleteShader"](shader)
+    assert compiled[b"main"] and not compiled[b"nobody"]
+    assert gl_context.fn.glGetError() != gl.GL_NO_ERROR
+    gl_context.sink.messages.clear()
