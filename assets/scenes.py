@@ -61,6 +61,13 @@ _ALL = (
         "Everything a frame can hold: all texture maps, alpha mask and blend, instances, cloth, animation, lights.",
     ),
     SceneInfo(
+        "cloth",
+        "assets.cloth",
+        {"medium": 5542, "small": 1782, "large": 68902},
+        "Fabric that falls over a ball and a box, and that hangs: nodes say what is cloth and what is in its way.",
+        binary=True,
+    ),
+    SceneInfo(
         "cornell",
         "assets.cornell",
         {"medium": 82},

@@ -27,19 +27,26 @@ class Track:
     values: Float64
 
 
-def build_tracks(animations: Iterable[Animation]) -> list[Track]:
-    """Return the tracks of all clips that can play together.
+def playing(animations: Iterable[Animation]) -> list[Animation]:
+    """Return the clips that can play together.
 
     A file either has alternative clips for the same nodes (walk, run) or one clip for every object. Both come
     out right by one rule: a clip that drives a property which an earlier clip drives already is left out.
     """
     taken: set[tuple[int, str]] = set()
-    tracks = []
+    together = []
     for animation in animations:
         driven = {(channel.node, channel.path) for channel in animation.channels}
-        if driven & taken:
-            continue
-        taken |= driven
+        if not driven & taken:
+            taken |= driven
+            together.append(animation)
+    return together
+
+
+def build_tracks(animations: Iterable[Animation]) -> list[Track]:
+    """Return the tracks of all clips that can play together."""
+    tracks = []
+    for animation in playing(animations):
         # A property named twice in one clip follows the last channel.
         channels = {(channel.node, channel.path): channel for channel in animation.channels}.values()
         groups: dict[tuple[object, ...], list[AnimationChannel]] = {}

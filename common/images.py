@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as PillowImage
+from PIL.PngImagePlugin import PngInfo
 
 from common.errors import UserError
 from common.paths import temporary_folder, write_whole, written_file
@@ -56,7 +57,7 @@ def write_image(path: str | Path, image: Array) -> None:
     if image.ndim != 3 or 0 in image.shape:
         raise ValueError(f"a picture has the shape (H, W, C), not {image.shape}")
     suffix = path.suffix.lower()
-    data = {".png": _encode_png, ".exr": _encode_exr_image, ".hdr": _encode_hdr}[suffix](image)
+    data = {".png": encode_png, ".exr": _encode_exr_image, ".hdr": _encode_hdr}[suffix](image)
     _write(path, data)
 
 
@@ -155,7 +156,11 @@ def _in_order(parts: dict[str, Array]) -> list[Array]:
     return [parts[name] for name in sorted(parts, key=lambda name: ("RGBAXYZW".find(name[:1].upper()), name))]
 
 
-def _encode_png(image: Array) -> bytes:
+def encode_png(image: Array, srgb: bool = False) -> bytes:
+    """Return (H, W, C) as a PNG; with `srgb` it says that its bytes are codes of sRGB, as programs mostly take them.
+
+    Raises ValueError for an array that a PNG cannot hold.
+    """
     if image.dtype not in (np.uint8, np.uint16) or image.shape[2] > 4:
         raise ValueError(
             f"a PNG holds uint8 or uint16 in 1 to 4 channels, not {image.dtype} in {image.shape[2]}"
@@ -164,7 +169,10 @@ def _encode_png(image: Array) -> bytes:
         return encode_png16(image)
     pillow = PillowImage.fromarray(np.ascontiguousarray(image[..., 0] if image.shape[2] == 1 else image))
     stream = io.BytesIO()
-    pillow.save(stream, "PNG", compress_level=6)
+    told = PngInfo()
+    if srgb:
+        told.add(b"sRGB", b"\0")  # "perceptual", of which only profiles that convert take notice
+    pillow.save(stream, "PNG", compress_level=6, pnginfo=told)
     return stream.getvalue()
 
 

@@ -35,13 +35,17 @@ class Merge:
 def mergeable(scene: Scene) -> NDArray[np.bool_]:
     """Return (I,) which instances may become part of a merged mesh: visible, never moving, not deforming, no blend.
 
-    Blended surfaces are drawn from back to front by instance, and an order within a mesh would be lost.
+    Blended surfaces are drawn from back to front by instance, and an order within a mesh would be lost. So would
+    which vertices `extras.strata` of a node means: those of cloth, and of what is in its way.
     """
     moving = np.zeros(len(scene.nodes), bool)
     for track in scene.tracks:
         moving[track.nodes] = True
     for level in scene.nodes.ancestry.levels[1:]:
         moving[level] |= moving[scene.nodes.parent[level]]
+    for node, extras in scene.nodes.extras.items():
+        said = extras.get("strata")
+        moving[node] |= isinstance(said, dict) and not said.keys().isdisjoint(("cloth", "collider"))
     deforming = np.isin(scene.instances.mesh, [each.mesh for each in scene.deformations])
     blended = np.array([material.alpha_mode == "blend" for material in scene.materials], bool)
     materials = scene.meshes["material"][scene.instances.mesh]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from itertools import takewhile
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -57,8 +58,12 @@ def _rest_pose(scene: Scene) -> Pose:
     revision = scene.revision[Change.TRANSFORMS]
     if still is not None and still[0] == revision:
         return still[1]
-    edited, scene.edited_nodes = scene.edited_nodes, set()
-    levels = None if still is None else _unless_most(scene, list(edited))
+    levels = None
+    if (
+        still is not None
+    ):  # views of a scene share its nodes, and each has a pose of its own to bring up to date
+        since = takewhile(lambda entry: entry[1] > still[0], reversed(scene.nodes.edited.items()))
+        levels = _unless_most(scene, [node for node, _ in since])
     if still is None or levels is None:
         pose = _pose(scene, None, None, [])
     else:

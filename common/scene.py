@@ -211,6 +211,9 @@ class Nodes:
     names: list[str]
     weights: dict[int, Float64] = field(default_factory=dict)  # morph weights of the rest pose, by node
     extras: dict[int, dict[str, Any]] = field(default_factory=dict)
+    edited: dict[int, int] = field(
+        default_factory=dict
+    )  # revision of transforms at a node's last edit, latest last
 
     @cached_property
     def ancestry(self) -> Ancestry:
@@ -297,8 +300,6 @@ class Scene:
         """What hangs on nodes that clips move, by depth; None where that is most of them, or they are few."""
         self.rest_pose: tuple[int, Pose] | None = None
         """The pose without animation and the revision of its transforms, kept by `evaluate_pose`."""
-        self.edited_nodes: set[int] = set()
-        """Nodes whose transforms were edited since that pose."""
         self.bounds: Float64 = pose_bounds(self, evaluate_pose(self, 0.0))
         """(2, 3) corners of the world-space box around everything visible at time 0, float64."""
         self.origin: Float64 = self.bounds.mean(axis=0)
@@ -367,7 +368,8 @@ class SceneEdit:
             ):
                 if value is not None:
                     array[node] = value
-        self.scene.edited_nodes.add(node)
+        nodes.edited.pop(node, None)
+        nodes.edited[node] = self.scene.revision[Change.TRANSFORMS] + 1
         self.changed |= Change.TRANSFORMS
 
     def set_material(self, index: int, material: Material) -> None:

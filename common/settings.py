@@ -43,7 +43,10 @@ _BOOLS = {
 
 @dataclasses.dataclass(frozen=True)
 class Knob:
-    """What is known about one setting; `reference` is the value that gives the truest picture."""
+    """What is known about one setting; `reference` is the value that gives the truest picture.
+
+    A `live` one is read in every frame: it can be set in the settings of a renderer that is open.
+    """
 
     default: Value
     doc: str
@@ -52,6 +55,7 @@ class Knob:
     maximum: float | None = None
     choices: tuple[Value, ...] | None = None
     reference: Value | None = None
+    live: bool = False
 
     def range_text(self) -> str:
         """Return the values allowed, for a table and for messages."""
@@ -135,12 +139,13 @@ def knob(
     maximum: float | None = None,
     choices: Sequence[Value] | None = None,
     reference: Any = None,
+    live: bool = False,
 ) -> Any:
     """Return a dataclass field with a documented value; raises ValueError if its own default is out of range.
 
     Returns Any, as `dataclasses.field` does for a type checker: the annotation of the field says the type.
     """
-    record = Knob(default, doc, unit, minimum, maximum, tuple(choices) if choices else None, reference)
+    record = Knob(default, doc, unit, minimum, maximum, tuple(choices) if choices else None, reference, live)
     for value in (default, reference):
         problem = None if value is None else _problem(record, value)
         if problem:
@@ -152,6 +157,17 @@ def knobs(settings: Any) -> dict[str, Knob]:
     """Return the knobs of a settings class or instance, by name, in their order."""
     found = {field.name: field.metadata.get("knob") for field in dataclasses.fields(settings)}
     return {name: record for name, record in found.items() if isinstance(record, Knob)}
+
+
+def set_live(settings: S, wanted: S) -> bool:
+    """Take the values of `wanted` over where some differ, and all that do are `live`; return whether that was so."""
+    known = knobs(settings)
+    others = {name for name in vars(wanted) if getattr(wanted, name) != getattr(settings, name)}
+    if not others or not all(name in known and known[name].live for name in others):
+        return False
+    for name in others:
+        setattr(settings, name, getattr(wanted, name))
+    return True
 
 
 def apply_overrides(settings: S, overrides: Iterable[str]) -> S:

@@ -1,9 +1,9 @@
 """A parsed and checked glTF document: one dictionary, its buffers, and what the user should be told about it.
 
-Small files go through pygltflib, whose classes know the standard's defaults. It decodes every object into a
-dataclass, which costs about 1.2 ms per mesh, so a file with more than `LIBRARY_LIMIT` objects is taken as the
-standard library's json gives it. Both ways end in the same `Document`, and a test holds that they give equal
-scenes.
+A file is taken as the standard library's json gives it. pygltflib, whose classes know the standard's defaults,
+decodes every object into a dataclass, which costs about 1.2 ms per mesh, as much as all else that a model of a few
+meshes takes but its pictures. It is the second opinion: asked for, it ends in the same `Document`, and a test holds
+that both give equal scenes.
 """
 
 from __future__ import annotations
@@ -15,10 +15,7 @@ from typing import Any
 
 from common.gltf.container import Bytes, Container, open_container, read_uri
 from common.gltf.refusal import Refusal, refuse
-from common.gltf.schema import LISTS, check_document
-
-LIBRARY_LIMIT = 200
-"""Objects (meshes, nodes, accessors, ...) up to which pygltflib decodes a file."""
+from common.gltf.schema import check_document
 
 SUPPORTED = frozenset(
     {
@@ -31,7 +28,7 @@ SUPPORTED = frozenset(
     }
 )
 
-_REQUIRED_ADVICE = {
+REQUIRED_ADVICE = {
     "KHR_draco_mesh_compression": "export it without Draco compression",
     "EXT_meshopt_compression": "export it without meshopt compression",
     "KHR_texture_basisu": "export it with PNG or JPEG images",
@@ -107,10 +104,10 @@ class Document:
         return self._views[index]
 
 
-def read_document(path: Path, use_library: bool | None = None) -> Document:
+def read_document(path: Path, use_library: bool = False) -> Document:
     """Open, parse and check a .gltf or .glb file.
 
-    `use_library` chooses pygltflib (True) or plain json (False); None decides by the number of objects.
+    `use_library` has pygltflib decode it.
 
     Raises:
         Refusal: anything that is wrong with the file, its JSON or its shape, or an extension that it requires
@@ -123,10 +120,8 @@ def read_document(path: Path, use_library: bool | None = None) -> Document:
     _check_version(root["asset"])
     for name in root.get("extensionsRequired") or []:
         if name not in SUPPORTED:
-            advice = _REQUIRED_ADVICE.get(name, "export it without this extension")
+            advice = REQUIRED_ADVICE.get(name, "export it without this extension")
             refuse("extensionsRequired", f"names {name[:80]}, which Strata does not support", advice)
-    if use_library is None:
-        use_library = sum(len(root.get(name) or []) for name in LISTS) <= LIBRARY_LIMIT
     document = Document(_through_library(text, root) if use_library else root, container)
     for name in root.get("extensionsUsed") or []:
         if name not in SUPPORTED:
@@ -178,7 +173,7 @@ def _through_library(text: str, root: Object) -> Object:
     cannot decode a document that has passed our check (say, extras nested deeper than its recursion goes), or
     drops what the check asks for (an empty list of joints), the plain document is used: both say the same.
     """
-    import pygltflib  # 0.1 s, not needed for large files
+    import pygltflib  # 0.1 s, not needed otherwise
 
     try:
         with warnings.catch_warnings():

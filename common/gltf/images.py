@@ -7,13 +7,17 @@ from __future__ import annotations
 
 import io
 import os
+import zlib
+from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
 from pathlib import PurePath
+from typing import IO, cast
 
 import numpy as np
 from PIL import Image as Pillow
+from PIL.ImageFile import ImageFile
 
 from common.errors import SceneError
 from common.gltf.container import Bytes, read_uri
@@ -29,6 +33,9 @@ MAX_TOTAL_BYTES = 4 * 2**30
 """Decoded bytes of all images of a scene together."""
 
 _SMALLER = "make the image smaller"
+
+_BLOCK = 1 << 18
+"""Bytes of a file that Pillow takes at once: copied while no other thread runs Python, and so neither many nor few."""
 
 _BAND = 1 << 17
 """Pixels that become an array at once. Decoding lets other threads run, this does not, and a renderer would wait."""
@@ -47,15 +54,19 @@ class ImageDecoder:
         used: Sequence[int],
         progress: Callable[[], None] | None = None,
         later: Callable[[Refusal], SceneError] | None = None,
+        ahead: int = 0,
     ) -> None:
         """`used` are image numbers of the file; `progress` is called from a thread after each image.
 
-        With `later` nothing is decoded here: images are `EncodedImage`, and it makes of a refusal what they raise.
+        With `later` nobody waits for pixels here: images are `EncodedImage`, and it makes of a refusal what they raise.
+        The first of them, up to `ahead` bytes of pixels, are begun all the same.
         """
         self._later, self._encoded = later, list[Image]()
+        self._copies: list[Future[None]] = []
         self._pool = ThreadPoolExecutor(min(8, os.cpu_count() or 1), thread_name_prefix="decode-image")
         self._futures: list[Future[Image]] = []
-        total = 0
+        total = begun = 0
+        makers: list[_Maker] = []
         try:
             for index in used:
                 place = f"images[{index}]"
@@ -67,26 +78,27 @@ class ImageDecoder:
                     data = document.buffer_view(entry["bufferView"])
                 else:
                     refuse(place, "has neither uri nor bufferView")
-                if (
-                    later is not None
-                ):  # by then the file may be shorter, and reading behind its end ends the process
-                    data = data.copy()
                 width, height = image_size(data, place)
                 total += width * height * 4
                 if total > MAX_TOTAL_BYTES:
                     refuse(
                         place, f"brings the images of the scene above {MAX_TOTAL_BYTES >> 30} GiB", _SMALLER
                     )
-                decode = partial(_decode, data, (width, height), place)
                 if self._later is not None:
                     dtype = np.uint16 if is_deep_grey(data) else np.uint8
-                    self._encoded.append(
-                        EncodedImage(
-                            name, (width, height), dtype, partial(_decode_later, decode, self._later)
-                        )
-                    )
+                    # By then the file may be shorter, and reading behind its end ends the process.
+                    kept = np.empty_like(data)
+                    self._copies.append(self._pool.submit(np.copyto, kept, data))
+                    decode = partial(_decode, kept, (width, height), place)
+                    makers.append(_Maker(partial(_decode_later, decode, self._later)))
+                    self._encoded.append(EncodedImage(name, (width, height), dtype, makers[-1]))
+                    if total <= ahead:
+                        begun = len(makers)
                     continue
+                decode = partial(_decode, data, (width, height), place)
                 self._futures.append(self._pool.submit(_decoded, decode, name, progress))
+            for maker, copied in zip(makers[:begun], self._copies, strict=False):
+                maker.begin(self._pool, copied)
         except BaseException:
             self.close()
             raise
@@ -97,11 +109,38 @@ class ImageDecoder:
         Raises:
             Refusal: one is damaged; the first of them is named.
         """
+        for copied in self._copies:
+            copied.result()
         return [*self._encoded, *(future.result() for future in self._futures)]
 
     def close(self) -> None:
-        """Drop what has not begun and wait for the rest."""
-        self._pool.shutdown(wait=True, cancel_futures=True)
+        """Drop what has not begun and wait for the rest; whoever asks for an image waits for what is decoded ahead."""
+        self._pool.shutdown(wait=self._later is None, cancel_futures=True)
+
+
+class _Maker:
+    """Decodes an image whenever it is called. The first call takes what was begun before, if it was."""
+
+    def __init__(self, decode: Callable[[], Pixels]) -> None:
+        self._decode = decode
+        self._begun = deque[Future[Pixels]]()  # whose `pop` only one thread is given
+
+    def begin(self, pool: ThreadPoolExecutor, copied: Future[None]) -> None:
+        """Have it decoded by a thread of `pool`, when its bytes have been `copied`."""
+
+        def decode() -> Pixels:
+            copied.result()
+            return self._decode()
+
+        self._begun.append(pool.submit(decode))
+
+    def __call__(self) -> Pixels:
+        """Return the pixels, each time others. Raises what decoding raises."""
+        try:
+            begun = self._begun.pop()
+        except IndexError:
+            return self._decode()
+        return self._decode() if begun.cancel() else begun.result()
 
 
 def _file_name(uri: str) -> str:
@@ -156,9 +195,59 @@ def is_deep_grey(data: Bytes) -> bool:
     return head[:4] == b"\x89PNG" and head[24:26] == b"\x10\x00"
 
 
+class _File:
+    """Bytes as a file that Pillow reads from. `io.BytesIO` would copy them first, while no other thread runs Python."""
+
+    def __init__(self, data: Bytes) -> None:
+        self._data, self._at = data.data, 0
+
+    def read(self, count: int = -1) -> bytes:
+        begin, self._at = self._at, len(self._data) if count < 0 else min(self._at + count, len(self._data))
+        return bytes(self._data[begin : self._at])
+
+    def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
+        base = {io.SEEK_SET: 0, io.SEEK_CUR: self._at, io.SEEK_END: len(self._data)}[whence]
+        self._at = min(max(base + offset, 0), len(self._data))
+        return self._at
+
+    def tell(self) -> int:
+        return self._at
+
+
+def _joined(data: Bytes) -> Bytes:
+    """Return a PNG with its compressed pixels in one chunk; anything else, and what is cut short, as it is.
+
+    Most programs write chunks of 8 KiB. Pillow, which is Python between them, would take the interpreter lock for each:
+    several threads that decode, and one that draws, then mostly wait for each other.
+    """
+    if data[:8].tobytes() != b"\x89PNG\r\n\x1a\n":
+        return data
+    places, at = list[tuple[int, int]](), 8
+    while at + 12 <= len(data):
+        head = data[at : at + 8].tobytes()
+        end = at + 12 + int.from_bytes(head[:4], "big")
+        if head[4:] == b"IDAT" and end <= len(data):
+            places.append((at, end))
+        elif places:
+            break
+        at = end
+    if len(places) < 2 or at > len(data):
+        return data
+    first, last = places[0][0], places[-1][1]
+    stream = [data[begin + 8 : end - 4] for begin, end in places]
+    check = zlib.crc32(b"IDAT")
+    for part in stream:
+        check = zlib.crc32(part.data, check)
+    length = sum(part.size for part in stream)
+    around = [np.frombuffer(number.to_bytes(4, "big"), np.uint8) for number in (length, check)]
+    kind = np.frombuffer(b"IDAT", np.uint8)
+    return np.concatenate([data[:first], around[0], kind, *stream, around[1], data[last:]])
+
+
 def _decode(data: Bytes, size: tuple[int, int], place: str) -> Pixels:
     try:
-        with Pillow.open(io.BytesIO(data.tobytes()), formats=("PNG", "JPEG")) as picture:
+        with Pillow.open(cast(IO[bytes], _File(_joined(data))), formats=("PNG", "JPEG")) as picture:
+            picture.decodermaxblock = _BLOCK
             if picture.size != size:
                 refuse(place, f"has two sizes, {size} and {picture.size}", "save the image again")
             return _to_rgba(picture)
@@ -198,11 +287,28 @@ def _to_rgba(picture: Pillow.Image) -> np.ndarray:
         return pixels
     if picture.mode == "CMYK":
         picture = picture.convert("RGB")
-    picture.load()
-    width, height = picture.size
-    pixels = np.empty((height, width, 4), np.uint8)
-    rows = max(1, _BAND // width)
-    for top in range(0, height, rows):
-        band = picture.crop((0, top, width, min(height, top + rows)))
-        pixels[top : top + rows] = np.asarray(band if band.mode == "RGBA" else band.convert("RGBA"))
+    pixels = np.zeros((picture.height, picture.width, 4), np.uint8)
+    if _decode_into(picture, pixels):
+        return pixels
+    rows = max(1, _BAND // picture.width)
+    for top in range(0, picture.height, rows):
+        band = picture.crop((0, top, picture.width, min(picture.height, top + rows)))
+        pixels[top : top + rows] = np.asarray(band.convert("RGBA"))
     return pixels
+
+
+def _decode_into(picture: Pillow.Image, pixels: np.ndarray) -> bool:
+    """Decode a picture; return whether into `pixels`: not where it has other modes, a colour that stands for none.
+
+    Pillow holds red, green and blue in four bytes, the last of them 255. Out of an image of its own they would be
+    copied twice, while no other thread runs Python: a renderer that draws meanwhile would wait.
+    """
+    mode = {"RGB": "RGBX", "RGBA": "RGBA"}.get(picture.mode)
+    held = None
+    if mode is not None and isinstance(picture, ImageFile) and "transparency" not in picture.info:
+        held = Pillow.frombuffer(mode, picture.size, pixels, "raw", mode, 0, 1).im
+        picture.im = held
+    picture.load()
+    return (
+        held is not None and picture.im is held
+    )  # some versions decode into an image of their own all the same

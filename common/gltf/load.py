@@ -30,13 +30,15 @@ Progress = Callable[[float, str], None]
 def load_scene(
     path: str | os.PathLike[str],
     progress: Progress | None = None,
-    use_library: bool | None = None,
+    use_library: bool = False,
     decode: bool = True,
+    ahead: int = 0,
 ) -> Scene:
     """Load the default scene of a glTF 2.0 file (.gltf with files or data URIs, or .glb).
 
-    `use_library` says whether pygltflib decodes the document; None leaves that to its size. Without `decode` images are
+    `use_library` says whether pygltflib decodes the document, as a second opinion. Without `decode` images are
     `EncodedImage`: only their headers are read, and a damaged one raises SceneError when its pixels are asked for.
+    Threads then decode up to `ahead` bytes of them beside what else there is to read, for who asks first.
 
     Raises:
         SceneError: the file cannot be used. The text is one sentence that names the file, the place in it,
@@ -44,7 +46,7 @@ def load_scene(
     """
     path = Path(path)
     try:
-        return _load(path, progress or (lambda _part, _what: None), use_library, decode)
+        return _load(path, progress or (lambda _part, _what: None), use_library, decode, ahead)
     except Refusal as refusal:
         raise _refused(path, refusal) from None
     except MemoryError:
@@ -61,7 +63,7 @@ def _one_line(text: str) -> str:
     return clean if len(clean) <= 600 else clean[:597] + "..."
 
 
-def _load(path: Path, progress: Progress, use_library: bool | None, decode: bool) -> Scene:
+def _load(path: Path, progress: Progress, use_library: bool, decode: bool, ahead: int) -> Scene:
     progress(0.0, "reading")
     document = read_document(path, use_library)
     forest = read_forest(document)
@@ -76,7 +78,7 @@ def _load(path: Path, progress: Progress, use_library: bool | None, decode: bool
     images = materials.images(_used_materials(document, drawn))
     steps = _Steps(progress, len(images) + 1)
     later = None if decode else partial(_refused, path)
-    decoder = ImageDecoder(document, images, lambda: steps.done("decoding images"), later)
+    decoder = ImageDecoder(document, images, lambda: steps.done("decoding images"), later, ahead)
     try:
         scene = _assemble(path, document, forest, materials, decoder, steps)
     finally:

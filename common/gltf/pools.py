@@ -104,10 +104,12 @@ class Pools:
                 uv1[place] = block.uv1
             if colors is not None and block.colors is not None:
                 colors[place] = block.colors
-        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-        if not given.all():
+        normals /= _lengths(normals)
+        if given.all():
+            tangents[:, :3] /= _lengths(tangents[:, :3])
+        else:
             tangents[~given] = any_tangents(normals[~given])
-        tangents[given, :3] /= np.linalg.norm(tangents[given, :3], axis=1, keepdims=True)
+            tangents[given, :3] /= _lengths(tangents[given, :3])
         tangents[:, 3] = np.where(tangents[:, 3] < 0, np.float32(-1), np.float32(1))
         return {
             "positions": positions,
@@ -123,12 +125,18 @@ class Pools:
         return np.concatenate(self.index_blocks) if self.index_blocks else np.zeros(0, np.uint32)
 
 
+def _lengths(vectors: Float32) -> Float32:
+    """Return (V, 1) the lengths of vectors (V, 3)."""
+    return np.sqrt(np.einsum("ij,ij->i", vectors, vectors))[:, None]
+
+
 def _drawn_bounds(positions: Float32, indices: UInt32) -> tuple[Float32, Float32]:
     """Return the corners of the box round the vertices that triangles use; others may lie anywhere."""
-    if len(indices) <= 4 * len(positions):
+    if len(indices) < len(positions):
         drawn = positions[indices]
-        return drawn.min(axis=0), drawn.max(axis=0)
-    used = np.zeros(len(positions), bool)
-    used[indices] = True
-    drawn = positions if used.all() else positions[used]
-    return drawn.min(axis=0), drawn.max(axis=0)
+    else:
+        used = np.zeros(len(positions), bool)
+        used[indices] = True
+        drawn = positions if used.all() else positions[used]
+    columns = np.ascontiguousarray(drawn.T)  # along which numpy finds extremes ten times as fast
+    return columns.min(axis=1), columns.max(axis=1)

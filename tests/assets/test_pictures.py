@@ -48,5 +48,5 @@ def test_averaging_keeps_light():
 
 def test_a_wrong_name_is_told_before_anything_is_written(tmp_path, capsys):
     assert SCRIPT["main"](["atrum", "--out", str(tmp_path / "new")]) == 2
-    assert 'did you mean "atrium"?' in capsys.readouterr().err
+    assert "did you mean 'atrium'?" in capsys.readouterr().err
     assert not (tmp_path / "new").exists()

@@ -26,6 +26,21 @@ def test_the_hash_is_the_same_in_every_process():
 
 
 @pytest.mark.feature("core/stable-name-hash")
+def test_pythons_own_hash_is_another_in_every_process():
+    """So that the test above is seen to notice one that differs."""
+    found = [
+        subprocess.run(
+            [sys.executable, "-c", "print(hash('albedo'))"],
+            env={**os.environ, "PYTHONHASHSEED": seed},
+            capture_output=True,
+            check=True,
+        ).stdout
+        for seed in ("1", "2")
+    ]
+    assert found[0] != found[1]
+
+
+@pytest.mark.feature("core/stable-name-hash")
 def test_hashed_names_behave_as_plain_strings_in_a_dict():
     names = [f"node_{i // 7}/mesh.{i % 7}_é{i}" for i in range(100_000)]
     plain = {name: i for i, name in enumerate(names)}

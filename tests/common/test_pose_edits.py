@@ -97,7 +97,21 @@ def test_nodes_that_hang_on_no_edited_one_are_not_computed():
     assert np.array_equal(after.world_from_node[others], before.world_from_node[others])
     assert not np.array_equal(after.world_from_node[below], before.world_from_node[below])
     assert np.isfinite(after.world_from_object).all()
-    assert not scene.edited_nodes  # the next edit pays for its own nodes alone
+    scene.nodes.matrix[below] = np.nan  # the next edit pays for its own nodes alone
+    with scene.edit() as edit:
+        edit.set_transform(int(others[-1]), matrix=np.eye(4))
+    assert np.array_equal(evaluate_pose(scene, 0.0).world_from_node[below], after.world_from_node[below])
+
+
+def test_views_of_a_scene_follow_edits_of_either():
+    scene = forest_scene(3, COUNT)
+    view = replace(scene, name="with another light")
+    for number, edited in enumerate((scene, view, scene)):
+        with edited.edit() as edit:
+            edit.set_transform(7 + number, matrix=(2.0 + number) * np.eye(4))
+        whole = evaluate_pose(replace(scene), 0.0)
+        for one in (scene, view) if number < 2 else (view,):
+            assert_same(evaluate_pose(one, 0.0), whole)
 
 
 def test_a_pose_in_the_middle_of_an_edit_loses_nothing():

@@ -214,6 +214,17 @@ def test_the_way_shrinks_alike_at_every_frame_rate(rate):
     assert 90 - camera.angles_deg[1] == pytest.approx(90 * math.sqrt(1e-3), rel=1e-9)
 
 
+@pytest.mark.feature("camera/move-to", "camera/first-person")
+def test_the_textbooks_steps_would_depend_on_the_frame_rate():
+    """Three steps of Euler, x += dx/dt dt, end elsewhere: what both flights are held to would notice them."""
+    camera, velocity = goal(to=(8, 0, 0)), np.array([10.0, 0, 0])
+    for _ in range(3):
+        camera.update(0.05, Inputs())
+        velocity, _ = fly(velocity, np.zeros(3), 10.0, 0.2, 0.1)
+    assert abs((8 - camera.position[0]) - 8 * (1 - 10 * 0.05) ** 3) > 0.7
+    assert abs(velocity[0] - 10 * (1 - 0.1 / 0.2) ** 3) > 0.9
+
+
 def test_orbit_keeps_its_distance_and_its_target_in_the_middle():
     pose = pose_looking_at((3, 4, 5), (1, 1, 1))
     distance = math.sqrt(4 + 9 + 16)

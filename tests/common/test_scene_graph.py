@@ -228,6 +228,7 @@ def test_shapes_are_the_nodes_with_mesh_and_material_in_the_order_of_nodes():
     for node in (4, 2, 5, 0):
         graph.materials[node] = 20 + node
     assert graph.shapes() == [Shape(0, 10, 20), Shape(4, 14, 24), Shape(5, 15, 25)]
+    assert not {1, 2, 3} & {shape.node for shape in graph.shapes()}, "a mesh or a material alone is no shape"
     other = SceneGraph()
     for node in range(6):
         mesh, material = graph.meshes.get(node), graph.materials.get(node)

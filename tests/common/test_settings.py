@@ -10,7 +10,7 @@ import pytest
 
 from common.errors import SettingError
 from common.lessons import Lesson, Needs
-from common.settings import apply_overrides, describe, knob, knobs, preset
+from common.settings import apply_overrides, describe, knob, knobs, preset, set_live
 
 
 @dataclass
@@ -97,6 +97,18 @@ def test_describe_shows_every_knob():
     assert rows[1] == ("cutoff", "0.0", "at least 0", "lux", "Lights end here")
     assert [row.range for row in rows[2:]] == ["on | off", "box | gauss", "any text", "at most 0"]
     assert rows[2].default == "on"
+
+
+def test_only_live_knobs_are_set_in_place():
+    @dataclass
+    class Some:
+        wind: float = knob(0.0, "speed", live=True)
+        size: int = knob(1, "of it")
+
+    old = Some()
+    assert set_live(old, Some(wind=2.0)) and old == Some(wind=2.0)
+    assert not set_live(old, Some(wind=2.0)), "nothing differs"
+    assert not set_live(old, Some(wind=3.0, size=2)) and old == Some(wind=2.0), "all or nothing"
 
 
 def test_a_knob_checks_itself():

@@ -118,6 +118,10 @@ def test_normals_stay_perpendicular_and_point_outwards():
         assert np.abs((moved * carried).sum(-1)).max() < 1e-6
     expected = tf.normalize(np.einsum("nji,nj->ni", np.linalg.inv(linear), normal))
     assert (moved * expected).sum(-1).min() > 1 - 1e-9
+    as_points = tf.normalize(np.einsum("nij,nj->ni", linear, normal))
+    assert np.abs((as_points * carried).sum(-1)).max() > 0.5, (
+        "normals that are moved as points are moved lean over"
+    )
 
 
 def test_normal_matrix_survives_flattened_and_tiny_objects():

@@ -26,7 +26,7 @@ EXPECTED = {
 }
 
 
-def sentence_of(path: Path, use_library: bool | None = None) -> str:
+def sentence_of(path: Path, use_library: bool = False) -> str:
     """Load a file that must be refused; returns the sentence without the file's name."""
     with pytest.raises(SceneError) as caught:
         load_scene(path, use_library=use_library)

@@ -106,7 +106,7 @@ def test_a_skinned_mesh_far_from_zero_keeps_its_shape(tmp_path):
 
 
 def morphing(
-    tmp_path, weights: dict, animate: bool = False, normals: bool = True
+    tmp_path, weights: dict, animate: bool = False, normals: bool = True, use_library: bool = False
 ) -> tuple[Scene, np.ndarray]:
     """A quad with two targets; returns the scene and the offsets (2, 4, 3)."""
     gltf = Gltf()
@@ -123,20 +123,18 @@ def morphing(
     gltf.node(mesh=mesh, **({"weights": weights["node"]} if "node" in weights else {}))
     if animate:
         channel(gltf, [0.0, 1.0], [0.0, 1.0, 1.0, -1.0], "weights")
-    return load_scene(gltf.write(tmp_path)), offsets
+    return load_scene(gltf.write(tmp_path), use_library=use_library), offsets
 
 
 @pytest.mark.parametrize("use_library", [True, False])
-def test_constant_weights_are_applied_at_once(tmp_path, use_library, monkeypatch):
-    monkeypatch.setattr("common.gltf.document.LIBRARY_LIMIT", 10**9 if use_library else -1)
-    scene, offsets = morphing(tmp_path, {"mesh": [0.5, -2.0]})
+def test_constant_weights_are_applied_at_once(tmp_path, use_library):
+    scene, offsets = morphing(tmp_path, {"mesh": [0.5, -2.0]}, use_library=use_library)
     assert scene.deformations == []
     np.testing.assert_allclose(scene.positions, QUAD + 0.5 * offsets[0] - 2 * offsets[1], atol=1e-6)
     normal = np.array((0.25, 0, 1)) / np.hypot(0.25, 1)
     np.testing.assert_allclose(scene.normals, np.tile(normal, (4, 1)), atol=1e-6)
-    scene, offsets = morphing(
-        tmp_path, {"mesh": [0.5, -2.0], "node": [0.0, 1.0]}
-    )  # the node's own come first
+    # The node's own come first.
+    scene, offsets = morphing(tmp_path, {"mesh": [0.5, -2.0], "node": [0.0, 1.0]}, use_library=use_library)
     np.testing.assert_allclose(scene.positions, QUAD + offsets[1], atol=1e-6)
 
 

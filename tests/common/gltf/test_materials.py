@@ -7,11 +7,13 @@ import io
 import math
 import struct
 import threading
+import time
 import zlib
 
 import numpy as np
 import pytest
 from PIL import Image
+from PIL.PngImagePlugin import PngImageFile
 
 from common.errors import SceneError
 from common.gltf import images as decoder
@@ -204,6 +206,15 @@ def test_palette_with_transparency(tmp_path):
     assert np.array_equal(pixels, table[GREY % 3])
 
 
+def test_a_transparent_colour(tmp_path):
+    """A PNG may name one colour that is seen through, instead of having a channel for that."""
+    colors = np.array([(255, 0, 0), (0, 255, 0), (0, 0, 255)], np.uint8)[GREY % 3]
+    stream = io.BytesIO()
+    Image.fromarray(colors).save(stream, "PNG", transparency=(0, 255, 0))
+    pixels = load_scene(textured(stream.getvalue()).write(tmp_path)).images[0].pixels
+    assert np.array_equal(pixels, np.dstack([colors, np.where(GREY % 3 == 1, 0, 255)]))
+
+
 @pytest.mark.parametrize("mode", ["RGB", "L", "CMYK"])
 def test_kinds_of_jpeg(tmp_path, mode):
     ramp = np.zeros((16, 16, 3), np.uint8)
@@ -215,6 +226,47 @@ def test_kinds_of_jpeg(tmp_path, mode):
     assert pixels.shape == (16, 16, 4)
     assert np.abs(pixels[..., :3].astype(int) - ramp).max() < 8
     assert (pixels[..., 3] == 255).all()
+
+
+def in_chunks(data: bytes, size: int) -> bytes:
+    """Return a PNG of one chunk of pixels with `size` bytes in each, as most programs write it, and a note between."""
+    begin = data.index(b"IDAT") - 4
+    length = struct.unpack(">I", data[begin : begin + 4])[0]
+    stream, end = data[begin + 8 : begin + 8 + length], begin + 12 + length
+    chunks = [b"tEXta\0b", *(b"IDAT" + stream[at : at + size] for at in range(0, length, size))]
+    packed = (struct.pack(">I", len(one) - 4) + one + struct.pack(">I", zlib.crc32(one)) for one in chunks)
+    return data[:begin] + b"".join(packed) + data[end:]
+
+
+def test_a_png_in_many_chunks_is_read_at_once(tmp_path, monkeypatch):
+    """Between chunks Pillow is Python, for which threads that decode and one that draws would wait for each other."""
+    noise, reads = np.random.default_rng(7).integers(0, 256, (40, 40, 3), np.uint8), []
+    read = PngImageFile.load_read
+    monkeypatch.setattr(
+        PngImageFile, "load_read", lambda self, count: reads.append(count) or read(self, count)
+    )
+    data = in_chunks(encoded(noise), 100)
+    assert data.count(b"IDAT") > 30
+    pixels = load_scene(textured(data).write(tmp_path)).images[0].pixels
+    assert np.array_equal(pixels[..., :3], noise) and (pixels[..., 3] == 255).all()
+    assert len(reads) <= 2
+    with pytest.raises(SceneError, match="is damaged"):
+        load_scene(textured(data[:-400]).write(tmp_path))
+
+
+@pytest.mark.parametrize(("channels", "form"), [(3, "PNG"), (4, "PNG"), (3, "JPEG")])
+def test_colours_are_decoded_to_where_they_stay(tmp_path, monkeypatch, channels, form):
+    """Out of an image of Pillow's own, pixels would be copied while no other thread runs Python."""
+
+    def never(*_: object, **__: object) -> None:
+        raise AssertionError("the pixels are copied out of an image")
+
+    path = textured(encoded(RGBA[..., :channels], form=form)).write(tmp_path)
+    with Image.open(io.BytesIO(encoded(RGBA[..., :channels], form=form))) as picture:
+        expected = np.asarray(picture.convert("RGBA"))
+    for name in ("crop", "convert", "tobytes"):
+        monkeypatch.setattr(Image.Image, name, never)
+    assert np.array_equal(load_scene(path).images[0].pixels, expected)
 
 
 def png_header(width: int, height: int) -> bytes:
@@ -334,6 +386,60 @@ def test_images_decoded_later_are_the_same(tmp_path):
         assert image.decode() is not image.decode(), "kept by whoever asks, not here"
         assert np.array_equal(image.decode(), decoded.pixels)
         assert image.pixels is image.pixels and np.array_equal(image.pixels, decoded.pixels)
+
+
+def test_images_are_begun_before_somebody_asks(tmp_path, monkeypatch):
+    """As many as are asked for: while the file is still read, by another thread, and once for who asks first."""
+    decode, decoded = decoder._decode, []
+
+    def noted(data, size, place):
+        decoded.append((place, threading.current_thread().name.partition("_")[0]))
+        return decode(data, size, place)
+
+    monkeypatch.setattr(decoder, "_decode", noted)
+    finish = decoder.ImageDecoder.finish
+
+    def finished(self):
+        deadline = time.monotonic() + 5
+        while not decoded and time.monotonic() < deadline:
+            time.sleep(0.001)
+        return finish(self)
+
+    monkeypatch.setattr(decoder.ImageDecoder, "finish", finished)
+    both = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}, "emissiveTexture": {"index": 1}}
+    path = textured(encoded(RGBA), encoded(RGBA[::-1]), **both).write(tmp_path)
+    first, second = load_scene(path, decode=False, ahead=RGBA.size).images
+    assert decoded == [("images[0]", "decode-image")]
+    assert np.array_equal(first.decode(), RGBA) and len(decoded) == 1
+    assert np.array_equal(second.decode(), RGBA[::-1]) and np.array_equal(first.decode(), RGBA)
+    me = threading.current_thread().name.partition("_")[0]
+    assert decoded[1:] == [("images[1]", me), ("images[0]", me)]
+
+
+def test_what_is_begun_too_late_is_decoded_by_who_asks(tmp_path, monkeypatch):
+    """Nobody waits for pixels when a file has been read: what no thread has taken up by then is given back."""
+    gate, decode = threading.Event(), decoder._decode
+    monkeypatch.setattr(decoder.os, "cpu_count", lambda: 1)
+
+    def slow(data, size, place):
+        if place == "images[0]":
+            assert gate.wait(5)
+        return decode(data, size, place)
+
+    monkeypatch.setattr(decoder, "_decode", slow)
+    both = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}, "emissiveTexture": {"index": 1}}
+    path = textured(encoded(RGBA), encoded(RGBA[::-1]), **both).write(tmp_path)
+    first, second = load_scene(path, decode=False, ahead=1 << 20).images
+    assert np.array_equal(second.decode(), RGBA[::-1]), "not behind the first"
+    gate.set()
+    assert np.array_equal(first.decode(), RGBA)
+
+
+def test_a_damaged_image_that_was_begun_is_refused_when_somebody_asks(tmp_path):
+    (image,) = load_scene(textured(encoded(RGBA)[:-30]).write(tmp_path), decode=False, ahead=1 << 20).images
+    for _ in range(2):
+        with pytest.raises(SceneError, match=r"images\[0\] .*is damaged"):
+            image.decode()
 
 
 def test_a_damaged_image_is_refused_in_the_same_words_when_it_is_decoded(tmp_path):
