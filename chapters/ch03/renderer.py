@@ -37,6 +37,7 @@ from common.scene import Sampler, Scene
 from . import LESSON
 from .graphics.commands import Rendering
 from .graphics.descriptors import Descriptors, Sets, Texture
+from .graphics.first_uses import rehearse
 from .graphics.frames import Frames, FrameSlot
 from .graphics.pipeline_cache import PipelineCache
 from .graphics.pipelines import Pipelines
@@ -135,6 +136,7 @@ class Renderer(FrameStream):
         self._data = SceneData(
             device, scene, settings, anisotropy, self._resources, self._descriptors, bindless, self._loading
         )
+        rehearse(self._loading, device, self._frames.slots, self._data, evaluate_pose(scene, 0.0))
         self._cache = PipelineCache.on_disk(device)
         self._pipelines = Pipelines(device, self._cache, self._data.slot_count or CAPACITY)
         self._forward = ForwardPass(scene, settings, self._data, self._pipelines)
@@ -410,7 +412,7 @@ class Renderer(FrameStream):
         self._destroy_targets()
         self.size = size
         self._create_targets()
-        self.reset_history("resize")
+        self.reset_history(self._reset or "resize")
 
     def reload_shaders(self, changed: Collection[Path]) -> Reloaded:
         """Build anew the pipelines that use one of these files; view, time and the number of the frame go on."""
@@ -431,9 +433,7 @@ class Renderer(FrameStream):
             for readback in readbacks.values():
                 readback.close()
         for name in (
-            "_workers",
-            "_loading",
-            "inspection",
+            *("_workers", "_loading", "inspection"),
             "_commands",
             "_frames",
             "_profiler",

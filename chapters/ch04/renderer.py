@@ -36,6 +36,7 @@ from common.scene import Scene
 from . import LESSON
 from .graphics.copy_outputs import CopyOutputs
 from .graphics.descriptors import Descriptors
+from .graphics.first_uses import rehearse
 from .graphics.frame_passes import make_passes
 from .graphics.graph_executor import GraphExecutor
 from .graphics.graph_images import GraphMemory
@@ -136,6 +137,7 @@ class Renderer(GraphStream):
         self._data = SceneData(
             device, scene, settings, anisotropy, self._resources, self._descriptors, bindless, self._loading
         )
+        rehearse(self._loading, device, self._frames.slots, self._data, evaluate_pose(scene, 0.0))
         self._cache = PipelineCache.on_disk(device)
         self._pipelines = Pipelines(device, self._cache, self._data.slot_count or CAPACITY)
         file = read_graph(graph_path(graph_name(settings)))
@@ -328,7 +330,7 @@ class Renderer(GraphStream):
         self.size = size
         self._adopt(self._compiled())
         self._create_targets()
-        self.reset_history("resize")
+        self.reset_history(self._reset or "resize")
 
     def reload_shaders(self, changed: Collection[Path]) -> Reloaded:
         """Build anew the pipelines that use one of these files; view, time and the number of the frame go on."""
@@ -348,9 +350,7 @@ class Renderer(GraphStream):
         if hasattr(self, "_executor"):  # else it was never whole, and there are no frames
             self._let_go("its renderer was closed")
         for name in (
-            "_workers",
-            "_loading",
-            "inspection",
+            *("_workers", "_loading", "inspection"),
             "_copies",
             "_executor",
             "_commands",

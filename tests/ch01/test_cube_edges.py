@@ -136,4 +136,5 @@ def test_an_edge_is_half_of_each_face_on_opengl_and_one_of_them_with_seams(gl_co
         clamped = on_opengl(gl_context)
     for value, pair in zip(clamped[: len(EDGES)], EDGES.values(), strict=True):
         assert value in [FACES[face] for face in pair]
+    assert not np.allclose(clamped[: len(EDGES)], halves(), rtol=1 / 128)
     assert np.array_equal(clamped[len(EDGES) :], FACES)

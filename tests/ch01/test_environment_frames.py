@@ -72,6 +72,7 @@ def test_the_sky_is_the_environment_where_nothing_was_drawn(vulkan_device):
             draw(vulkan_device, scene, looking(e, d), size=(17, 17))[0] for e in ((0, 0, -9), (50, 70, -90))
         ]
         assert np.abs(pictures[0][8, 8] - (1 + 0.5 * d)).max() < 4e-3
+        assert np.abs(pictures[0][8, 8] - (1 - 0.5 * d)).max() > 0.1, "what is behind is another light"
         assert np.array_equal(*pictures)  # where the camera stands changes nothing
     picture, _ = draw(vulkan_device, scene, facing())
     assert (picture == 0).all()  # the square fills the view, and is black

@@ -35,6 +35,7 @@ def frames(chapter):
     made.close()
 
 
+@pytest.mark.until(4, "timelines pace the frames, without fences")
 @on_vulkan
 @pytest.mark.feature("device/frames-in-flight")
 def test_a_slot_is_waited_for_before_its_commands_are_thrown_away(chapter, frames):
@@ -63,6 +64,7 @@ def test_a_slot_is_waited_for_before_its_commands_are_thrown_away(chapter, frame
     assert frames.number == 5
 
 
+@pytest.mark.until(4, "timelines pace the frames, without fences")
 @on_vulkan
 def test_nothing_but_the_slot_that_is_needed_is_waited_for(chapter):
     """A frame waits once, for the fence of the frame two before; the newest one goes on beside it."""

@@ -12,7 +12,7 @@ from common.camera import view_of_scene
 from common.color import LUMINANCE
 from common.gltf import load_scene
 from common.pose import evaluate_pose
-from tests.support.chapter import on_path
+from tests.support.chapter import as_modelled, on_path
 
 SIZE = (128, 72)
 TIME = 0.5  # within the clips, so that what is animated is not at rest
@@ -27,7 +27,9 @@ def test_a_scene_looks_as_it_did(vulkan_device, golden, name):
     scene = load_scene(locate(name))
     view = view_of_scene(scene, evaluate_pose(scene, TIME), None, SIZE[0] / SIZE[1])
     outputs = {"color", "color_linear", "instance_id"}
-    with Renderer(scene, SIZE, on_path(SETTINGS), outputs=outputs, device=vulkan_device) as made:
+    with Renderer(
+        scene, SIZE, as_modelled(on_path(SETTINGS), 1), outputs=outputs, device=vulkan_device
+    ) as made:
         frame = made.render(view, TIME)
         color, linear, ids = (frame.image(output) for output in ("color", "color_linear", "instance_id"))
     assert np.isfinite(linear).all()

@@ -255,6 +255,9 @@ def test_every_role_has_a_transform_of_its_own(chapter):
     scene = quad_scene(material, images=(Image("two", pixels),))
     picture = draw(chapter, scene, settings=replace(EXACT, ambient=1.0))
     assert np.allclose(picture, (0.96 + 0.04, 0.04 + 1.0, 0.04), atol=1e-5)
+    assert not np.allclose(picture, (0.04 + 1.0, 0.96 + 0.04, 0.04), atol=1e-2), (
+        "with both transforms exchanged"
+    )
 
 
 @pytest.mark.feature("pbr/texture-roles")

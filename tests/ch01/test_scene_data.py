@@ -90,6 +90,10 @@ def test_a_draw_from_a_place_deep_in_the_buffer_equals_one_from_its_beginning(ch
     a = fresh(chapter, plain, facing(ymag=2.0))
     assert a.max() > 0.5
     assert np.array_equal(a, fresh(chapter, deep, facing(ymag=2.0)))
+    deep.meshes["first_index"] -= 3
+    assert not np.array_equal(a, fresh(chapter, deep, facing(ymag=2.0))), (
+        "a triangle too early is another picture"
+    )
 
 
 @on_vulkan

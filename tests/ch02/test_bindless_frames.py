@@ -11,12 +11,13 @@ import pytest
 
 from backends.vulkan import features as vf
 from backends.vulkan.device import capabilities
+from backends.vulkan.shaders import compile_shader
 from chapters.ch02.graphics import pipelines, scene_data
 from chapters.ch02.graphics.pipelines import SHADERS, source_of
 from chapters.ch02.graphics.set_layouts import Layouts
 from chapters.ch02.settings import Settings
 from common.camera import UNIT_EV100
-from common.errors import UnsupportedError
+from common.errors import ShaderError, UnsupportedError
 from common.scene import MESH_DTYPE, Image, Instances, Material, Sampler, Scene
 from tests.support.devices import ALL_BITS, described
 from tests.support.scenes import NEAREST, facing, nodes_at, quad_scene, texture, translated
@@ -261,6 +262,15 @@ def test_the_extension_stands_once_in_shaders_that_use_it_and_in_no_other(file, 
     uses = "layout(set = 2, binding = 10" in source.text or "BIND(2, 10" in source.text
     assert uses == (kind.startswith("bindless") and file in ("forward.frag", "instance_id.frag"))
     assert source.text.count("GL_EXT_nonuniform_qualifier") == source.text.count(EXTENSION) == int(uses)
+
+
+@pytest.mark.feature("bindless/extension-injection")
+@pytest.mark.parametrize("file", ["forward.frag", "instance_id.frag"])
+def test_a_shader_that_uses_it_without_the_extension_is_refused_by_the_compiler(file):
+    source = source_of(file, DEFINES["bindless mask"])
+    assert compile_shader(source)
+    with pytest.raises(ShaderError, match=r"GL_EXT_nonuniform_qualifier|nonuniformEXT"):
+        compile_shader(replace(source, text=source.text.replace(EXTENSION, "\n"), key="0" * 64))
 
 
 @pytest.mark.feature("bindless/nonuniform-indexing")

@@ -43,6 +43,17 @@ GIVEN = {
     "FOCUS_DISTANCE": 3.0,
     "SENSOR_HEIGHT": 0.024,
     "BACKGROUND": 0.02,
+    "GROUP": 64,
+    "COUNT": 65,
+    "TOP": 1000,
+    "LOCAL_X": 8,
+    "LOCAL_Y": 8,
+    "REPEAT": 2,
+    "CELLS": 8,
+    "THREADS": 64,
+    "RESET": "1u",
+    "WRITE": "2u",
+    "NOWHERE": 0xFFFFFFFF,
 }
 VIEWS = 13
 OWN = ("GL_", "INCLUDED_", "VIEW_OF")  # macros that are not the host's

@@ -19,5 +19,9 @@ def no_thread_left() -> Iterator[None]:
     faulthandler.dump_traceback_later(HANGS_S, exit=True)
     yield
     faulthandler.cancel_dump_traceback_later()
-    left = [thread.name for thread in threading.enumerate() if thread not in before]
-    assert not left
+    left = [thread for thread in threading.enumerate() if thread not in before]
+    for (
+        thread
+    ) in left:  # one that has done its last work needs a moment to end; one that waits for more does not end
+        thread.join(1.0)
+    assert not [thread.name for thread in left if thread.is_alive()]

@@ -264,6 +264,7 @@ def test_a_decoder_that_raises_fails_alone_with_one_sentence(opened, error):
     assert scene.warnings == [expected[type(error)]]
     failed = loading.requests[1]
     assert isinstance(refusal(failed), SceneError) and sentence(failed, "x").count(".") <= 2
+    assert failed.upload is None
     loading.want(wanted(3))  # mended: it is tried once more
     assert [request.key for request in take_all(loading)] == [1]
     assert loading.counts(0, 0)["textures_failed"] == 0

@@ -26,6 +26,7 @@ from chapters.ch03.graphics.loader import Loader
 from chapters.ch03.graphics.material_textures import takes_narrow
 from chapters.ch03.graphics.staging import LEAST_RING, RING, ring_bytes
 from chapters.ch03.graphics.upload_barriers import Part, after_copy, before_copy, part_barrier
+from chapters.ch03.logic.frame import SLOTS
 from chapters.ch03.logic.loading import Loading, Wanted
 from chapters.ch03.logic.texels import Shape
 from chapters.ch03.logic.uploads import Upload, level_places
@@ -269,6 +270,22 @@ def test_levels_are_those_of_the_plain_upload_all_in_one_submission(vulkan_devic
         destroy_image(vulkan_device, plain)
 
 
+def test_what_a_first_use_costs_is_paid_before_the_first_frame(vulkan_device, opened):
+    loader, loading, owner = opened(ring=1 << 16)
+    requests, pixels = wanted([("rgba8", (13, 7)), ("rgba8", (16, 16))], mips=True)
+    loader.want(requests)
+    names = [name for name, _ in traced(vulkan_device, lambda: loader.prepare({("rgba8", False)}))]
+    queues = 1 if loader.one_family else 2
+    assert names.count("vkQueueSubmit2") == names.count("vkBeginCommandBuffer") == SLOTS * queues
+    assert names.count("vkCreateDescriptorPool") == SLOTS, "only one queue makes mip levels"
+    assert loader.submissions == 0 and loader._copies.ready and loader._takes.ready
+    while loading.decoding:
+        loading.wait()
+    assert "vkCreateDescriptorPool" not in [name for name, _ in traced(vulkan_device, loader.finish)]
+    for number, texels in pixels.items():
+        assert np.array_equal(level_of(vulkan_device, owner.images[number]), rows_of(texels))
+
+
 def test_a_chain_that_the_image_brings_is_copied_level_by_level(vulkan_device, opened):
     loader, _, owner = opened(ring=1024)
     levels = [random_pixels("rgba8", size, size[0]) for size in ((20, 12), (10, 6), (5, 3), (2, 1), (1, 1))]
@@ -392,13 +409,15 @@ def test_where_frames_wait_for_textures_one_that_fails_is_an_error_and_leaves_no
 
     requests[2] = Wanted("picture 2", 4, fail)
     requests[4] = Wanted("picture 4", 4, fail)
+    loader.want(requests)
     with pytest.raises(
         SceneError, match=r"picture 2 cannot be decoded \(cut short\): save the image again\."
     ):
-        loader.want(requests)
+        loader.finish()
     assert loader._staging is None
     requests, _ = wanted(ODD)
     loader.want(requests)
+    loader.finish()
     assert all(loading.resident(number) for number in requests)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import threading
 import time
 from dataclasses import replace
@@ -10,6 +11,9 @@ from itertools import permutations
 import numpy as np
 import pytest
 
+import chapters
+from chapters.ch03.logic.draw_lists import COMMAND
+from chapters.ch03.logic.frame import SLOTS
 from chapters.ch03.settings import Settings
 from common import blocks
 from common.camera import UNIT_EV100
@@ -108,6 +112,35 @@ def frames_until(renderer, done):
 
 def loaded(picture, work):
     return work["textures_waiting"] == 0
+
+
+@pytest.mark.variants("vulkan", "without-all")
+def test_a_first_frame_that_fills_in_finds_its_records_written(chapter, gated):
+    """Instances and materials of each slot: what is left are the constants, and once in each slot the draws."""
+    images = gated(*map(plain, COLORS))
+    with open_(chapter, row_of(images.images)) as renderer:
+        written = [drawn(renderer)[1]["bytes_written"] for _ in range(SLOTS + 1)]
+        images.open()
+    assert written[:-1] == [written[-1] + len(COLORS) * COMMAND.itemsize] * SLOTS
+
+
+@pytest.mark.variants("vulkan", "without-all")
+def test_threads_decode_while_pipelines_are_made(chapter, gated, monkeypatch):
+    """Where frames wait for textures, too: nothing here is decoded before the first pipeline is asked for."""
+    images, made = gated(*map(plain, COLORS)), []
+    module = importlib.import_module(f"{chapters.package_of(chapter.which)}.graphics.pipelines")
+    get = module.Pipelines.get
+
+    def begin(self, wanted):
+        images.open()
+        made.append(list(images.decoded))
+        return get(self, wanted)
+
+    monkeypatch.setattr(module.Pipelines, "get", begin)
+    with open_(chapter, row_of(images.images), replace(EXACT, loading="wait")) as renderer:
+        picture, _ = drawn(renderer)
+    assert made[0] == []
+    assert np.array_equal(picture[0, :, :3], np.array(COLORS)[:, :3] / 255)
 
 
 def codes(picture):

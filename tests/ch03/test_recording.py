@@ -19,6 +19,8 @@ from chapters.ch03.logic.task_errors import TaskError
 from chapters.ch03.settings import Settings
 from common.scene import Image, Material, Scene
 from tests.support import recorded
+from tests.support.chapter import record_anew
+from tests.support.pacing import ends
 from tests.support.scenes import facing, quad_scene, texture, translated
 
 pytestmark = pytest.mark.usefixtures("no_thread_left")
@@ -155,17 +157,19 @@ VULKAN = pytest.mark.variants("vulkan", "without-all")
 
 
 class Log(list[Any]):
-    """Traced calls, and beside each the thread that made it."""
+    """Traced calls, and beside each the thread that made it, and what it waits for or signals in the end."""
 
     def __init__(self) -> None:
         super().__init__()
         self.threads: list[int] = []
+        self.ends: list[list[Any]] = []
         self._lock = threading.Lock()
 
     def append(self, call: Any) -> None:
         """Keep a call with its thread."""
         with self._lock:
             self.threads.append(threading.get_ident())
+            self.ends.append(ends(*call))
             super().append(call)
 
 
@@ -250,6 +254,7 @@ def test_a_pool_has_one_thread_is_reset_once_a_frame_and_never_in_flight(chapter
     monkeypatch.setattr(Groups, "part", with_company)
     with traced(chapter) as log, opened(chapter, knobs(threads - 1, 2), without=("multi-draw",)) as renderer:
         for _ in range(frames):
+            record_anew(renderer)
             renderer.render(facing())
         pools = {key(pool.handle) for pool in renderer._commands._pools.pools}
     assert len(pools) == SLOTS * threads
@@ -260,9 +265,9 @@ def test_a_pool_has_one_thread_is_reset_once_a_frame_and_never_in_flight(chapter
     begun: dict[int, None] = {}  # buffers since their pools were reset
     recorded_now: set[int] = set()  # pools since the last submission
     resets: Counter[int] = Counter()  # since then, too
-    in_flight: dict[int, set[int]] = {}  # pools by fence
+    in_flight: dict[Any, set[int]] = {}  # pools by fence or value
     submitted = 0
-    for (name, arguments), thread in zip(log, log.threads, strict=True):
+    for (name, arguments), thread, over in zip(log, log.threads, log.ends, strict=True):
         if name == "vkAllocateCommandBuffers":
             pool_of[key(arguments[2][0])] = key(arguments[1].commandPool)
             begun.pop(key(arguments[2][0]), None)  # where one was that went with its pool
@@ -279,14 +284,14 @@ def test_a_pool_has_one_thread_is_reset_once_a_frame_and_never_in_flight(chapter
             assert not any(pool in used for used in in_flight.values()), "the GPU may still read it"
             begun = {buffer: None for buffer in begun if pool_of[buffer] != pool}
             resets[pool] += 1
-        elif name == "vkWaitForFences":
-            for number in range(arguments[1]):
-                in_flight.pop(key(arguments[2][number]), None)
+        elif name.startswith("vkWait"):
+            for end in over:
+                in_flight.pop(end, None)
         elif name == "vkQueueSubmit2":
             if recorded_now & pools:
                 submitted += 1
                 assert all(count == 1 for count in resets.values()), "one reset per pool and frame"
-                in_flight[key(arguments[3])] = set(recorded_now)
+                in_flight[over[-1]] = set(recorded_now)
             recorded_now, resets = set(), Counter()
     assert submitted == frames
     assert all(len(users[pool]) <= 1 for pool in pools)

@@ -91,6 +91,7 @@ def test_a_normal_of_ten_bits_is_half_a_step_off_and_exact_where_it_is_upright(c
         ]
         found = (stored[4:12, 4:12, :3].astype(np.float64) * 1023 - 512) / 511
         assert np.abs(found - truth).max() <= bound
+        assert np.abs(found - np.roll(truth, 1)).max() > 0.1, "axes in another order are noticed"
 
 
 def test_in_full_precision_it_is_the_surface_itself(chapter):

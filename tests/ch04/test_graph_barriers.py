@@ -89,8 +89,8 @@ def test_the_frames_of_the_chapter_miss_no_barrier_and_have_none_in_vain(chapter
     """As the renderer compiles them for its device with all that it can hand on, and with each pass switched off."""
     compiled = []
 
-    def watched(nodes, size, outputs=(), externals=None, requirements=None, alias=True, keep=()):
-        found = compile_graph(nodes, size, outputs, externals, requirements, alias, keep)
+    def watched(nodes, size, outputs=(), externals=None, requirements=None, alias=True, keep=(), **more):
+        found = compile_graph(nodes, size, outputs, externals, requirements, alias, keep, **more)
         compiled.append((Truth(nodes, set(dict(outputs).values()), externals, keep), found))
         return found
 

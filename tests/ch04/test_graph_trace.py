@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 
+from chapters.ch04.settings import Settings
 from tests.ch04.test_graph_frames import OUTPUTS, SETTINGS, SIZE, scene
 from tests.support.hazards import Barriers, Signal, Wait, find_hazards
 from tests.support.scenes import facing
@@ -26,7 +25,8 @@ PATHS = {
 @pytest.fixture(params=PATHS)
 def traced(chapter, scene, request):
     """Return the events of four frames with a moving camera, and where the transients lie."""
-    with chapter.open(scene, SIZE, replace(SETTINGS, **PATHS[request.param]), outputs=OUTPUTS) as renderer:
+    settings = Settings(**vars(SETTINGS) | PATHS[request.param])  # of the chapter that is tested
+    with chapter.open(scene, SIZE, settings, outputs=OUTPUTS) as renderer:
         renderer.render(facing())
         trace = Trace(renderer)
         return trace.events(lambda: renderer.render(facing())), trace.places

@@ -20,6 +20,7 @@ from tests.support.hazards import (
 )
 
 barriers = pytest.mark.feature("frame-graph/barriers")
+sharing = pytest.mark.feature("frame-graph/resource-aliasing")
 DRAWN = ("color", "color_write")
 SAMPLED = ("fragment", "sampled")
 
@@ -292,6 +293,7 @@ def test_resources_that_share_bytes_overwrite_each_other():
 
 
 @barriers
+@sharing
 def test_memory_is_taken_over_from_all_who_used_its_bytes():
     """An image over the bytes of two buffers waits for both: each of the stretches has its own last users."""
     places = {"low": (0, 0, 64), "high": (0, 64, 128), "image": (0, 32, 96)}

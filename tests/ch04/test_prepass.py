@@ -93,6 +93,7 @@ def test_with_it_each_covered_pixel_is_shaded_once(chapter, graph, prepass):
         covered = int((frame.image("depth") > 0).sum())
         shaded = read()
     assert covered == 28**2
+    assert prepass or shaded > covered, "without it there is something to save"
     if renderer.capabilities.is_software:
         assert shaded == (covered if prepass else 28**2 + 20**2 + 10**2)
     else:  # hardware runs whole quads of pixels, and may count those beyond the edge
@@ -145,6 +146,7 @@ def test_holes_of_a_mask_leave_depth_alone(chapter):
     at_mask, at_plain = ((far - distance) / (far - near) for distance in (1.5, 2.0))
     truth = np.where(~hole, at_mask, np.where(behind, at_plain, 0.0))
     assert np.allclose(depth, truth, atol=1e-6)
+    assert not np.allclose(depth, at_mask, atol=1e-2), "a depth that no hole let through"
     assert (depth[hole & ~behind] == 0.0).all()
     assert np.array_equal(ids, np.where(~hole, 1, np.where(behind, 2, 0)))
     assert stages == {"depth": {"vert"}, "depth masked": {"vert", "frag"}}

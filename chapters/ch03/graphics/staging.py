@@ -107,6 +107,19 @@ class Submissions:
             self._free.append(one)
             ended(one)
 
+    def rehearse(self, make_sets: Callable[[], Any] | None) -> None:
+        """Use each of them once for nothing, and wait: drivers make memory for commands when they first begin.
+
+        `make_sets` makes the pool of descriptor sets, if mip levels will be made.
+        """
+        for one in list(self._free):
+            one.sets = make_sets() if make_sets is not None else None
+            self.submit(self.begin())
+        while self.flying:
+            self.wait()
+            self.collect(lambda one: None)
+        self.count = 0
+
     @property
     def ready(self) -> bool:
         """Whether there is one that the GPU does not have."""

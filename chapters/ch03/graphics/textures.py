@@ -55,27 +55,24 @@ class Textures:
         wanted: Mapping[texels.Key, str],
         readers: Mapping[texels.Key, Sequence[int]],
     ) -> None:
-        """Upload what is missing of `wanted`, images with a role that reads them, and give up what is not in it.
+        """Begin to load what is missing of `wanted`, images with a role that reads them, and give up the others.
 
-        `readers` are the materials that read each image. Raises SceneError where one cannot be decoded, if frames wait
-        for the textures.
+        `readers` are the materials that read each image.
         """
         for key, role in wanted.items():
             if key[0] == "neutral" and key not in self._images:
                 self._images[key] = self._upload(uploader, role, key)
-        self._arrive(
-            self.loader.want(
-                {
-                    key: Wanted(
-                        texels.name_of(self._scene, key),
-                        upload_bytes(self._scene, key),
-                        partial(upload_of, self._scene, role, key, self._mended, self._features),
-                        readers.get(key, ()),
-                    )
-                    for key, role in wanted.items()
-                    if key[0] != "neutral"
-                }
-            )
+        self.loader.want(
+            {
+                key: Wanted(
+                    texels.name_of(self._scene, key),
+                    upload_bytes(self._scene, key),
+                    partial(upload_of, self._scene, role, key, self._mended, self._features),
+                    readers.get(key, ()),
+                )
+                for key, role in wanted.items()
+                if key[0] != "neutral"
+            }
         )
         shapes = [texels.shape_of(self._scene, key) for key in wanted]
         self.loader.prepare({(shape.format, False) for shape in shapes if shape.levels > 1})
@@ -83,7 +80,7 @@ class Textures:
             self._resources.destroy_image(self._images.pop(key))
 
     def update(self, budget: int | None) -> list[texels.Key]:
-        """Go on loading; return what has arrived. None: load everything, and wait for it."""
+        """Go on loading; return what has arrived. None: load everything, and wait for it; raises as `Loader.finish`."""
         return self._arrive(self.loader.finish() if budget is None else self.loader.advance(budget))
 
     def _arrive(self, requests: Sequence[Request]) -> list[texels.Key]:

@@ -293,7 +293,7 @@ class Renderer(GraphStream):
         self.size = size
         self._adopt(self._compiled())
         self._create_targets()
-        self.reset_history("resize")
+        self.reset_history(self._reset or "resize")
 
     def reload_shaders(self, changed: Collection[Path]) -> Reloaded:
         """Build anew the pipelines that use one of these files; view, time and the number of the frame go on."""

@@ -14,7 +14,6 @@ from typing import Any
 from backends.vulkan import api as vk
 from backends.vulkan.barriers import barriers
 from backends.vulkan.device import Device
-from backends.vulkan.resources import Image
 from backends.vulkan.upload import SETS, MipPipeline
 
 from ..logic.loading import Loading, Request, Wanted, refusal
@@ -58,20 +57,19 @@ class Loader:
     def prepare(self, formats: Iterable[tuple[str, bool]]) -> None:
         """Make ahead what no frame should have to: pipelines for images of (format, whether arrays) with levels."""
         if self._loading.streams and self._loading.busy:
-            self._open()
-            for key in formats:
-                self._pipeline(*key)
+            makers = [self._pipeline(*key).create_pool for key in formats]
+            if self._staging is None:
+                self._open()
+                self._takes.rehearse(makers[0] if makers else None)
+                if not self.one_family:
+                    self._copies.rehearse(None)
 
     # --- what is wanted -----------------------------------------------------------------------------------------------
 
-    def want(self, wanted: Mapping[Hashable, Wanted]) -> list[Request]:
-        """Load all of `wanted` and nothing else; return what has arrived: unless frames are to fill in, everything.
-
-        Raises SceneError if not everything can be decoded; what has arrived stays.
-        """
+    def want(self, wanted: Mapping[Hashable, Wanted]) -> None:
+        """Begin to load all of `wanted`, and nothing else: `advance` or `finish` returns what has arrived."""
         self._drop(self._loading.want(wanted))
         self._loading.feed()
-        return [] if self._loading.streams else self.finish()
 
     def _drop(self, requests: list[Request]) -> None:
         for request in requests:
@@ -87,7 +85,10 @@ class Loader:
                 self._owner.discard(request)
 
     def finish(self) -> list[Request]:
-        """Load everything now, and wait for it; return what has arrived. Raises as `want` does."""
+        """Load everything now, and wait for it; return what has arrived.
+
+        Unless frames are to fill in, raises SceneError if not everything can be decoded; what has arrived stays.
+        """
         try:
             arrived = self.advance()
             while self._loading.busy:
@@ -309,13 +310,7 @@ class Loader:
             one.sets = pipeline.create_pool()
         before = "sampled" if target.held else "undefined"
         self._barrier(one, part_barrier(copy.part(1, image.levels - 1), before, "storage", discard=True))
-
-        def between(commands: Any, _: Image, before: str, after: str, level: int, levels: int) -> None:
-            made = barriers(part_barrier(copy.part(level, levels), before, after))
-            self._device.fn.vkCmdPipelineBarrier2(commands, made)
-
-        srgb = copy.upload.srgb
-        pipeline.record(one.commands, one.sets, image, plain, srgb, between, target.layer, 1)
+        pipeline.record(one.commands, one.sets, image, plain, copy.upload.srgb, target.layer, 1)
         one.set_count += image.levels - 1
 
     def _pipeline(self, format: str, array: bool) -> MipPipeline:

@@ -151,7 +151,8 @@ class BindlessTextures:
             if use.read not in self._slots:
                 self._expected.setdefault(use.read.key, []).append(use)
             there = use.read if use.read in self._slots else placeholders.READS[ROLES[use.role]]
-            self.maps[use.material, use.role] = self._slots[there]
+            if there in self._slots:  # else no frame is drawn before all have arrived
+                self.maps[use.material, use.role] = self._slots[there]
 
     def make_sets(self, layout: SetLayout | None) -> None:
         """Make the one set."""

@@ -205,6 +205,8 @@ class SceneData:
 
         There is one per slot for the frame and one per page of geometry; those of the textures are their own.
         """
+        if not self._loading.streams:  # threads have decoded while pipelines were made
+            self.load_textures()
         for old in self._sets:
             self._resources.defer(partial(self._descriptors.destroy, old))
         self._sets = []

@@ -11,8 +11,12 @@ the best arrangement can go below, and a test holds the two beside each other.
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
 from collections import defaultdict
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping, Sequence
+from operator import itemgetter
+
+import numpy as np
 
 from .graph_types import Heap, Memory, Place, Requirement
 
@@ -37,12 +41,16 @@ def place_transients(
     heaps: list[Heap] = []
     bound = 0
     for (types, _), names in sorted(kinds.items()):
-        together = _together({name: lives[name] for name in names}) if alias else {}
-        offsets: dict[str, int] = {}
-        for name in sorted(names, key=lambda name: (-needs[name].size, name)):
-            others = [other for other in (together[name] if alias else offsets) if other in offsets]
-            offsets[name] = _lowest(needs[name], ((offsets[other], needs[other].size) for other in others))
-        size = max(offsets[name] + needs[name].size for name in names)
+        largest = sorted(names, key=lambda name: (-needs[name].size, name))
+        together = np.ones((len(names),) * 2, bool)
+        if alias:
+            together = _together({name: lives[name] for name in largest})
+        taken: list[tuple[int, int]] = []
+        for name, others in zip(largest, together, strict=True):
+            offset = _lowest(needs[name], [taken[other] for other in np.flatnonzero(others[: len(taken)])])
+            taken.append((offset, needs[name].size))
+        offsets = {name: offset for name, (offset, _) in zip(largest, taken, strict=True)}
+        size = max(offset + size for offset, size in taken)
         for name in names:
             places[name] = Place(len(heaps), offsets[name], needs[name].size)
         heaps.append(Heap(size, types, max(needs[name].alignment for name in names)))
@@ -51,21 +59,13 @@ def place_transients(
     return Memory(dict(lives), places, tuple(heaps), alone, bound)
 
 
-def _together(lives: Mapping[str, Life]) -> dict[str, list[str]]:
-    """Return for each resource those that live at the same time as it."""
-    together: dict[str, list[str]] = {name: [] for name in lives}
-    alive: list[str] = []
-    for name in sorted(lives, key=lambda name: lives[name]):
-        first = lives[name][0]
-        alive = [other for other in alive if lives[other][1] >= first]
-        for other in alive:
-            together[name].append(other)
-            together[other].append(name)
-        alive.append(name)
-    return together
+def _together(lives: Mapping[str, Life]) -> np.ndarray:
+    """Return (lives, lives) bool: which of them have a step in common."""
+    first, last = np.array([*lives.values()]).T
+    return (first[:, None] <= last) & (first <= last[:, None])
 
 
-def _lowest(need: Requirement, taken: Iterable[tuple[int, int]]) -> int:
+def _lowest(need: Requirement, taken: Sequence[tuple[int, int]]) -> int:
     """Return the lowest aligned offset at which `need` fits beside ranges (offset, size) that are taken."""
     offset = 0
     for start, size in sorted(taken):
@@ -94,20 +94,19 @@ def users_before(memory: Memory) -> dict[str, list[str]]:
     It is itself where it shares with nobody, and the frame before it was whoever is last in the frame. Somebody whose
     bytes others have all taken over since is not named: they waited for it.
     """
-    owners: list[list[tuple[int, int, str]]] = [[] for _ in memory.heaps]  # (begin, end, who used them last)
+    # By heap, in the order of their places: (begin, end, who used these bytes last).
+    owners: list[list[tuple[int, int, str]]] = [[] for _ in memory.heaps]
     found: dict[str, list[str]] = {}
     order = sorted(memory.lives, key=lambda name: memory.lives[name])
     for name in (*order, *order):  # the first turn is the frame before
         place = memory.places[name]
         begin, end = place.offset, place.offset + place.size
-        rest = []
-        users = []
-        for low, high, user in owners[place.heap]:
-            if high <= begin or end <= low:
-                rest.append((low, high, user))
-                continue
-            users.append(user)
-            rest += [(low, begin, user)] * (low < begin) + [(end, high, user)] * (end < high)
-        owners[place.heap] = [*rest, (begin, end, name)]
-        found[name] = list(dict.fromkeys(users))
+        mine = owners[place.heap]
+        since = bisect_right(mine, begin, key=itemgetter(1))
+        until = bisect_left(mine, end, since, key=itemgetter(0))
+        met = mine[since:until]
+        before = [(low, begin, user) for low, _, user in met[:1] if low < begin]
+        behind = [(end, high, user) for _, high, user in met[-1:] if end < high]
+        mine[since:until] = [*before, (begin, end, name), *behind]
+        found[name] = sorted({user for _, _, user in met})
     return found

@@ -220,9 +220,9 @@ class _Connector:
         touched += [access.resource for node in nodes for access in (*node.reads, *node.writes)]
         roots: dict[str, str] = {}
         for name in touched:
-            chain = []
+            chain: dict[str, None] = {}
             while name not in roots and before.get(name) and name not in chain:
-                chain.append(name)
+                chain[name] = None
                 name = before[name]
             roots.update(dict.fromkeys((*chain, name), roots.get(name, name)))
         return roots

@@ -194,7 +194,7 @@ class GraphStream(FrameStream):
             with self._changing():
                 self._plan.shown = name or ""
                 if name and not self._plan.watched(self.graph):
-                    drawn = [one.resource for node in self.nodes for one in node.writes]
+                    drawn = [one.resource for node in self.nodes for one in node.writes if not one.bytes]
                     raise GraphError(f"No pass of this frame draws '{name}'{suggest(name, drawn)}")
                 self._rebuild()
         return next((f"{node.name}/{name}" for node in self._plan.watched(self.graph)), "")
