@@ -42,7 +42,7 @@ def graph(
     ] = None,
     verbose: Annotated[bool, typer.Option("-v", "--verbose", help="Show all notes on the scene.")] = False,
 ) -> int:
-    """Show the compiled frame graph: order, barriers, lifetimes, shared memory, and what was left out and why."""
+    """Show the compiled frame graph: order, barriers, queues, lifetimes, shared memory, what was left out and why."""
     import chapters
     from chapters import graph as showing
     from chapters import run as running

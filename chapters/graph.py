@@ -33,7 +33,7 @@ def show(request: run.Request, outputs: tuple[str, ...] = ("color",), drawing: P
     if drawing is not None:
         _check_drawing(drawing, request.json)
     with prompt_stop():
-        graph, device = _compiled(which, request, outputs)
+        graph, device = compiled(which, request, outputs)
     package = chapters.package_of(which)
     report = import_module(f"{package}.logic.graph_report")
     name = request.scene or ""
@@ -59,12 +59,18 @@ def _check_drawing(path: Path, record: Path | None) -> None:
     target = written_file(path.absolute())
     if path == STDOUT or target.is_dir() or not target.parent.is_dir():
         raise UserError(f"--svg {path} cannot be written: name a file in a folder that exists.")
+    if path.suffix.lower() != ".svg":
+        raise UserError(
+            f"--svg {path} would be a drawing under another name: write it as {path.with_suffix('.svg')}."
+        )
     if record is not None and record != STDOUT and written_file(record.absolute()) == target:
         raise UserError(f"--svg and --json both name {path}: the drawing and the record are two files.")
 
 
-def _compiled(which: chapters.Whole, request: run.Request, outputs: tuple[str, ...]) -> tuple[Any, str]:
-    """Return the graph of a renderer that is opened for it, and the name of its device."""
+def compiled(
+    which: chapters.Whole, request: run.Request, outputs: tuple[str, ...] = ("color",)
+) -> tuple[Any, str]:
+    """Return the graph of a renderer that is opened for it, and the name of its device. Raises StrataError."""
     settings = run.settings_of(request, "medium" if request.quality == "auto" else request.quality)
     with Steps() as steps, run.open_drawn(request, steps) as opening:
         steps("create", 0.5)

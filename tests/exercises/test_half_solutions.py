@@ -14,6 +14,11 @@ from chapters.trees import write_files
 
 pytestmark = pytest.mark.feature("tools/exercises")
 
+WAITED = ("SLOTS]\n        self.wait(slot)",)
+VALUES = """SLOTS]
+        from .timeline import wait_timelines
+        wait_timelines([(one, {}) for one in self.pace.timelines.values()])"""
+
 CASES = {
     "unsorted": (
         (2, "set-table"),
@@ -71,7 +76,7 @@ CASES = {
     ),
     "shared with nobody": (
         (4, "one-step-short"),
-        ("logic/graph_memory.py", "if lives[other][1] >= first", "if lives[other][1] >= 0"),
+        ("logic/graph_memory.py", "return (first[:, None] <= last) &", "return (first[:, None] >= 0) |"),
         "512 bytes do",
     ),
     "black behind everything": (
@@ -103,6 +108,84 @@ CASES = {
         (4, "fewest-bytes"),
         ("logic/order_bytes.py", "(sum(behind(name).values()), name)", "name"),
         "One branch",
+    ),
+    "a colour for each spring": (
+        (5, "few-colours"),
+        ("logic/cloth_colors.py", "bit = ~both & (both + 1)", "bit = 1 << len(bits)"),
+        "are enough",
+    ),
+    "in numbers of 64 bits": (
+        (5, "few-colours"),
+        ("logic/cloth_colors.py", "bit = ~both & (both + 1)", "bit = ~both & (both + 1) & (2**64 - 1)"),
+        "a star of 100 springs",
+    ),
+    "for the last one of the other queue": (
+        (5, "cpu-has-waited"),
+        (
+            "logic/batches.py",
+            "            values = frame[wait.batch] if frame else {}\n",
+            "            other = QUEUES[batch.queue == GRAPHICS]\n"
+            "            values = {other: self._last[other]} if frame else {}\n",
+        ),
+        "the graph does not ask for that",
+    ),
+    "even where there is none before": (
+        (5, "cpu-has-waited"),
+        ("logic/batches.py", "frame[wait.batch] if frame else {}", "frame[wait.batch]"),
+        "In front of the first frame",
+    ),
+    "not below 0": (
+        (5, "minus-one"),
+        ("graphics/recordings.py", *WAITED, VALUES.format("max(0, self.number - 1)")),
+        "a scene without cloth, frame 2 never begins",
+    ),
+    "nor above what was promised": (
+        (5, "minus-one"),
+        (
+            "graphics/recordings.py",
+            *WAITED,
+            VALUES.format("min(one.last, max(0, self.number - 1))"),
+        ),
+        "the graphics timeline stands at 1, and its slot is free at 2",
+    ),
+    "for all that was promised": (
+        (5, "minus-one"),
+        ("graphics/recordings.py", *WAITED, VALUES.format("one.last")),
+        "the CPU waits for more than its slot",
+    ),
+    "along its line": (
+        (5, "capsule"),
+        ("shaders/cloth_contact.glsl", "vec3(1.0, 0.0, 0.0);  // along", "outward;  // along"),
+        "In the kernel, what begins on its axis",
+    ),
+    "of its first size": (
+        (5, "capsule"),
+        (
+            "logic/cloth_dispatches.py",
+            "(collider.radius, collider.half[1], 0.0)) * scale.max()",
+            "(collider.radius, collider.half[1], 0.0))",
+        ),
+        "turned, moved and scaled",
+    ),
+    "with open ends": (
+        (5, "capsule"),
+        ("logic/cloth_twin.py", "np.clip(q[:, 1], -size[1], size[1])", "q[:, 1]"),
+        "In the twin, what begins in its upper end",
+    ),
+    "in front of the others": (
+        (5, "grain"),
+        ("passes/grain.py", '    queue = "compute"\n', ""),
+        "runs on the queue for graphics",
+    ),
+    "the same in each frame": (
+        (5, "grain"),
+        ("shaders/grain.comp", "scrambled(frame.frame_index)", "0u"),
+        "Two frames have the same grain",
+    ),
+    "brighter alone": (
+        (5, "grain"),
+        ("shaders/grain.comp", "/ 8388607.5 - 1.0", "/ 16777215.0"),
+        "has the mean 0",
     ),
     "by the peak": (
         (1, "reinhard"),

@@ -82,6 +82,11 @@ def test_every_direction_matches_the_twin(stage):
     expected = twin(*(array.astype(np.float64) for array in inputs.values()))
     assert (got[::9] == 0).all(), "light from behind"
     assert (np.abs(got - expected) / (expected + 1e-2)).max() < 1e-4
+    inputs["r"] = 0.99 * inputs["r"]
+    smoother = twin(*(array.astype(np.float64) for array in inputs.values()))
+    assert (np.abs(got - smoother) / (smoother + 1e-2)).max() > 1e-2, (
+        "a hundredth less of roughness is noticed"
+    )
 
 
 @pytest.mark.feature("ibl/diffuse")
@@ -110,6 +115,10 @@ def test_irradiance_of_a_gradient_is_two_thirds_of_it():
     source = Environment("gradient", np.repeat(light[..., None], 3, axis=-1).astype(np.float32))
     expected = 1.0 + 2 / 3 * panorama_directions(16) @ slope
     assert np.abs(irradiance(source).radiance - expected[..., None]).max() < 3e-3
+    unweighted = 1.0 + panorama_directions(16) @ slope
+    assert np.abs(irradiance(source).radiance - unweighted[..., None]).max() > 0.1, (
+        "light that no cosine weighed"
+    )
 
 
 def balls(size: tuple[int, int]) -> tuple[np.ndarray, ...]:

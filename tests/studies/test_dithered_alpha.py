@@ -36,6 +36,10 @@ def test_survivors_of_a_tile_are_those_of_the_table(stage, threshold):
     assert tuple(got["drawn"].reshape(-1, 16).sum(axis=1)) == TABLE[threshold]
     expected = (np.array(ALPHAS)[:, None] - 0.5 * TILE.ravel() / 17).clip(0, 1)
     assert np.abs(got["low"].reshape(-1, 16) - expected).max() < 1e-6
+    turned = (np.array(ALPHAS)[:, None] - 0.5 * TILE.T.ravel() / 17).clip(0, 1)
+    assert np.abs(got["low"].reshape(-1, 16) - turned).max() > 0.5 / 17, (
+        "the table with x and y exchanged is noticed"
+    )
 
 
 @pytest.mark.feature("materials/ordered-dither-alpha")

@@ -42,6 +42,7 @@ def test_coverage_and_colour_are_those_of_the_edge_functions(stage, size):
     assert unsure.mean() < 0.01
     shown = np.where(inside[..., None], 255 * weights, BACKGROUND)
     assert np.abs(picture - shown)[~unsure].max() <= codes_off(stage.device) + 0.1
+    assert np.abs(picture - shown[::-1]).max() > 100, "upside down it is another picture"
     assert 0.15 * 0.9 < inside.mean() < 0.15 * 1.1
 
 

@@ -43,6 +43,14 @@ def test_every_pixel_is_written_once_with_the_uv_of_its_centre(stage, shape, siz
 
 
 @fullscreen
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_picture_upside_down_or_mirrored_would_be_noticed(stage, shape):
+    uv = filled(stage, shape, (61, 37))["uv"][..., :2]
+    assert np.abs(uv - centres((61, 37))[::-1]).max() > 0.9
+    assert np.abs(uv - centres((61, 37))[:, ::-1]).max() > 0.9
+
+
+@fullscreen
 @pytest.mark.parametrize("size", SIZES)
 def test_three_vertices_and_six_agree_to_rounding(stage, size):
     triangle, quad = (filled(stage, shape, size) for shape in SHAPES)

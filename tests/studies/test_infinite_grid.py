@@ -112,6 +112,14 @@ def test_the_picture_is_the_references_to_a_code(stage, name):
     assert np.abs(picture / 255 - reference[..., None])[known].max() <= 1 / 255
 
 
+@pytest.mark.feature("debug-draw/infinite-grid")
+def test_a_grid_a_hundredth_higher_is_another_picture(stage):
+    view, height = VIEWS["a table"]
+    picture = stage.draw("infinite-grid", SIZE, 0.0, view, settings=Settings(height=height))["color"]
+    reference, _ = picture_of(view, height + 0.01)
+    assert np.nanmax(np.abs(picture / 255 - reference[..., None])) > 0.1
+
+
 def test_far_from_home_lines_stay_on_their_places(stage):
     view, height = VIEWS["a table"]
     here = stage.draw("infinite-grid", SIZE, 0.0, view, settings=Settings(height=height))["color"]

@@ -124,6 +124,9 @@ def test_the_picture_of_two_lights_is_the_sum_of_theirs_before_clamping(stage):
     )
     assert (low["lamp"] + low["spot"] <= high["both"]).all()
     assert (low["both"] <= high["lamp"] + high["spot"]).all()
+    assert (low["both"] > np.maximum(high["lamp"], high["spot"])).any(), (
+        "one light in place of two is noticed"
+    )
 
 
 def test_what_is_too_bright_is_cut_off_after_the_sum(stage):

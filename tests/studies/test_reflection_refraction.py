@@ -67,6 +67,10 @@ def test_rays_match_the_reference(stage, eta):
     k = 1 - eta**2 * (1 - (exact_d * exact_n).sum(-1) ** 2)
     sure = k > 0.01
     assert np.abs(got["b"] - expected)[sure].max() < 5e-6 and sure.mean() > 0.3
+    turned_about = snell(exact_d, exact_n, np.float64(1 / np.float32(eta)))
+    assert np.nanmax(np.abs(got["b"] - turned_about)[sure]) > 0.1, (
+        "the quotient the wrong way round is noticed"
+    )
     assert np.abs(got["b"] - got["g"])[sure].max() < 5e-6, "GLSL's own"
 
 

@@ -53,3 +53,6 @@ def test_a_square_seen_edge_to_edge_shows_its_uv(stage, feed):
     dark = (np.floor(8 * u) + np.floor(8 * v)) % 2
     expected = np.stack([u, v, np.full_like(u, 0.5)], axis=-1) * (1 - 0.5 * dark[..., None])
     assert np.abs(picture - 255 * expected).max() <= codes_off(stage.device) + 0.1
+    assert np.abs(picture - 255 * expected[..., [1, 0, 2]]).max() > 100, (
+        "u and v in another order are noticed"
+    )

@@ -1,0 +1,1 @@
+"""What both backends use and no device is needed for."""

@@ -1,0 +1,67 @@
+"""How many work groups cover a picture or an array, and which groups a device can run at all.
+
+A dispatch starts whole groups, so where the size is no multiple of theirs the last ones stand over the edge: the kernel
+has to ask whether its invocation is still inside. One group less would leave the rest undone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from common.errors import ShaderError, UnsupportedError
+
+MOST_GROUPS = 65_535
+"""Work groups that every device runs along each axis: the least that Vulkan and OpenGL allow as the limit."""
+
+
+def group_count(extent: Sequence[int], group: Sequence[int]) -> tuple[int, int, int]:
+    """Return the work groups of `group` invocations that cover `extent` (1 to 3 numbers) once.
+
+    UnsupportedError where it takes more than every device runs in one dispatch.
+    """
+    sizes = (*extent, 1, 1)[:3]
+    groups = tuple(-(-size // of) for size, of in zip(sizes, group, strict=True))
+    if max(groups) > MOST_GROUPS:
+        shown = "x".join(map(str, extent))
+        raise UnsupportedError(
+            f"{shown} invocations take {max(groups)} work groups in a row, and a dispatch runs {MOST_GROUPS}: let each "
+            "invocation do more, or use another axis as well."
+        )
+    return groups[0], groups[1], groups[2]
+
+
+@dataclass(frozen=True)
+class GroupLimits:
+    """What a device can run as one work group: invocations in all, those along each axis, bytes that they share."""
+
+    most: int
+    along: Sequence[int]
+    shared: int
+
+
+def check_group(
+    name: str, group: Sequence[int], shared: int, limits: GroupLimits, files: frozenset[Path] = frozenset()
+) -> None:
+    """Raise ShaderError where a device cannot run a work group of shader `name`, which shares `shared` bytes."""
+    shown, count = "x".join(map(str, group)), group[0] * group[1] * group[2]
+    if count > limits.most:
+        raise ShaderError(
+            f"{name} has work groups of {shown} = {count} invocations, and this device runs {limits.most}: make "
+            "local_size smaller, and dispatch more groups.",
+            files,
+        )
+    for axis, size, limit in zip("xyz", group, limits.along, strict=True):
+        if size > limit:
+            raise ShaderError(
+                f"{name} has work groups of {shown} invocations, and this device runs {limit} along {axis}: make "
+                f"local_size_{axis} smaller.",
+                files,
+            )
+    if shared > limits.shared:
+        raise ShaderError(
+            f"{name} shares {shared} bytes within a work group, and this device has {limits.shared} for one: share "
+            "less, or work on less at a time.",
+            files,
+        )

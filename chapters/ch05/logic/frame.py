@@ -1,0 +1,86 @@
+"""A rendered frame as its user holds it: images for two frames, timings and work for ever."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+
+from common.camera import View
+from common.errors import StaleFrameError
+
+SLOTS = 2
+"""Frames in flight. With one slot, CPU and GPU would take turns; a third adds a frame of latency and no speed."""
+
+
+OUTPUTS = ("color", "color_linear", "depth", "instance_id")
+"""What a frame can be asked for."""
+
+SOURCES = {"color": "color", "color_linear": "color_hdr", "depth": "depth", "instance_id": "instance_id"}
+"""The target that each output is read from."""
+
+
+class Reads(Protocol):
+    """What a frame asks of the renderer that made it."""
+
+    def read(self, slot: Any, name: str, exposed: float) -> np.ndarray:
+        """Wait for the slot's frame and return its output `name`."""
+
+    def read_timings(self, slot: Any) -> dict[str, float]:
+        """Wait for the slot's frame and return GPU milliseconds by pass."""
+
+
+class Frame:
+    """One rendered frame; see `backends.contract.Frame`. `slot.number` counts the frames of the renderer's life."""
+
+    def __init__(self, renderer: Reads, slot: Any, index: int, exposure: float) -> None:
+        self._renderer, self._slot, self._number = renderer, slot, slot.number
+        self.index, self._exposure = index, exposure
+        self.cpu_ms = 0.0
+        self.reset = ""
+        self.work: dict[str, int] = {}
+        self._timings: dict[str, float] | None = None
+        self._gone = ""
+
+    def image(self, name: str) -> np.ndarray:
+        """Wait for the frame and return output `name` as (H, W) or (H, W, C), row 0 on top."""
+        if self._gone:
+            raise StaleFrameError(
+                f"Frame {self._number} is gone: {self._gone}. Read a frame's images before {SLOTS} more are rendered."
+            )
+        return self._renderer.read(self._slot, name, self._exposure)
+
+    @property
+    def timings(self) -> dict[str, float]:
+        """GPU milliseconds by pass; waits for the frame."""
+        if self._timings is None:
+            self._timings = self._renderer.read_timings(self._slot)
+        return self._timings
+
+    def let_go(self, why: str) -> None:
+        """Keep the timings, which stay, and give up the images; the frame is over."""
+        if not self._gone:
+            _ = self.timings
+            self._gone = why
+
+
+def reset_by(view: View, time: float, previous: tuple[View, float] | None) -> str:
+    """Return why a frame after that of `previous` starts without history, or ""."""
+    if view.cut:
+        return "camera cut"
+    return "time ran backwards" if previous is not None and time < previous[1] else ""
+
+
+def check_outputs(outputs: Any, known: tuple[str, ...], name: str) -> None:
+    """Raise StaleFrameError unless `name` is among the `outputs` of a renderer that has `known` ones."""
+    if name not in outputs:
+        wanted = ", ".join(repr(output) for output in (*outputs, name))
+        hint = f"open it with outputs={{{wanted}}}." if name in known else f"there are {', '.join(known)}."
+        raise StaleFrameError(f"'{name}' is not among this renderer's outputs: {hint}")
+
+
+def output_of(name: str, pixels: np.ndarray, exposed: float) -> np.ndarray:
+    """Return a target's pixels as the output `name`: without alpha, and light without the exposure."""
+    if name == "color_linear":
+        return pixels[..., :3].astype(np.float32) / np.float32(exposed)
+    return pixels[..., :3] if name == "color" else pixels

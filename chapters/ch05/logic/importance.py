@@ -1,0 +1,39 @@
+"""How large materials are on the screen: what is seen first is loaded first."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from common.camera import Perspective, View
+from common.scene import Scene
+
+
+def material_sizes(scene: Scene, records: np.ndarray, view: View) -> np.ndarray:
+    """Return (M,) the largest radius of an object with each material, in heights of the picture; 0: none is seen.
+
+    `records` (I,) are the instances' Instance records. An object is its bounding sphere, and counts for a tenth where
+    that lies outside of the cone around the view: the camera turns faster than files are read.
+    """
+    sizes = np.zeros(len(scene.materials))
+    if not len(records):
+        return sizes
+    sphere = records["bounds_centre"].astype(np.float64)
+    seen = sphere[:, :3] + (scene.origin - view.eye)
+    ahead = -(seen @ view.world_from_view[:3, 2])
+    radius = sphere[:, 3]
+    if isinstance(view.projection, Perspective):
+        distance = np.linalg.norm(seen, axis=1)
+        reach = np.tan(view.projection.yfov / 2)
+        size = radius / (2.0 * reach * np.maximum(distance, np.maximum(radius, view.projection.near)))
+        # The cone is as wide as a picture twice as wide as high.
+        beside = (
+            np.sqrt(np.maximum(distance**2 - ahead**2, 0.0)) - 2.3 * reach * np.maximum(ahead, 0.0) > radius
+        )
+    else:
+        size = radius / (2.0 * view.projection.ymag)
+        aside = np.sqrt(np.maximum((seen**2).sum(axis=1) - ahead**2, 0.0))
+        beside = aside - 2.3 * view.projection.ymag > radius
+    outside = beside | (ahead < -radius)
+    size = np.where(scene.instances.visible, np.where(outside, 0.1 * size, size), 0.0)
+    np.maximum.at(sizes, scene.meshes["material"][scene.instances.mesh], size)
+    return sizes

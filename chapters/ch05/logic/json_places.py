@@ -1,0 +1,174 @@
+"""JSON whose values know where they stand, so that an error about one can say file, line and column.
+
+Python's own `json` gives places for what is no JSON, and none for a value that is well formed and wrong. So lists and
+objects are taken apart here, and only what is in them (texts, numbers, true, false, null) is left to it.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass
+from typing import NoReturn
+
+DEEPEST = 32
+"""Lists and objects inside one another: no file of ours needs more, and Python's stack has an end."""
+
+_SPACE = re.compile(r"[ \t\n\r]*")
+
+
+class JsonError(ValueError):
+    """What is wrong with a text, and the index of the character at which it is."""
+
+    def __init__(self, what: str, at: int) -> None:
+        super().__init__(what)
+        self.at = at
+
+
+@dataclass(frozen=True)
+class Value:
+    """A value of a JSON text. `at` is the index of its first character, `key_at` that of its key in an object."""
+
+    content: bool | int | float | str | tuple[Value, ...] | dict[str, Value] | None
+    at: int
+    key_at: int
+
+    @property
+    def kind(self) -> str:
+        """What it is, as it is called in a sentence."""
+        names = {bool: "true or false", int: "a number", float: "a number", str: "a text", tuple: "a list"}
+        return "null" if self.content is None else names.get(type(self.content), "an object")
+
+
+def brief(value: object) -> str:
+    """Return how a value looks in a sentence, on one line of bounded length."""
+    text = repr(value)
+    return text if len(text) <= 40 else f"{text[:37]}..."
+
+
+def line_and_column(text: str, at: int) -> tuple[int, int]:
+    """Return both for the character of index `at`, counted from 1 as editors do."""
+    return text.count("\n", 0, at) + 1, at - text.rfind("\n", 0, at)
+
+
+def parse(text: str) -> Value:
+    """Return the value that `text` is. Raises JsonError for anything else than one value."""
+    return _Parser(text).whole()
+
+
+def _no_number(word: str) -> NoReturn:
+    raise ValueError(f"{word} is no number in JSON")
+
+
+class _Parser:
+    """Goes through a text once; `at` is the index of the next character."""
+
+    _decoder = json.JSONDecoder(parse_constant=_no_number)
+
+    def __init__(self, text: str) -> None:
+        self.text, self.at, self.depth = text, 0, 0
+
+    def whole(self) -> Value:
+        """Return the value of the whole text."""
+        value = self.value()
+        if self.next():
+            raise JsonError("more follows where the file should end", self.at)
+        return value
+
+    def next(self) -> str:
+        """Return the next character that is no space, without passing it; "" at the end."""
+        found = _SPACE.match(self.text, self.at)
+        assert found is not None, "it matches no space too"
+        self.at = found.end()
+        return self.text[self.at : self.at + 1]
+
+    def expect(self, what: str) -> bool:
+        """Pass the next character if it is one of `what`; return whether it is the last of these."""
+        sign = self.next()
+        if not sign or sign not in what:
+            self.refuse_comment()
+            wanted = " or ".join(repr(one) for one in what)
+            raise JsonError(f"{wanted} is missing before {self.seen()}", self.at)
+        self.at += 1
+        return sign == what[-1]
+
+    def seen(self) -> str:
+        """Return what stands here, for a sentence."""
+        word = re.match(r"\S{1,20}", self.text[self.at : self.at + 20])
+        return repr(word[0]) if word else "the end of the file"
+
+    def value(self, key_at: int | None = None) -> Value:
+        """Pass one value and return it."""
+        sign, at = self.next(), self.at
+        key_at = at if key_at is None else key_at
+        if sign not in ("{", "["):
+            return Value(self.scalar(), at, key_at)
+        if self.depth == DEEPEST:
+            raise JsonError(f"more than {DEEPEST} lists and objects are inside one another", at)
+        self.depth += 1
+        self.at += 1
+        made = Value(self.members() if sign == "{" else self.items(), at, key_at)
+        self.depth -= 1
+        return made
+
+    def items(self) -> tuple[Value, ...]:
+        """Pass what is in a list, and its end."""
+        found: list[Value] = []
+        if self.next() == "]":
+            self.at += 1
+            return ()
+        while True:
+            found.append(self.value())
+            if self.expect(",]"):
+                return tuple(found)
+            self.refuse_end("]")
+
+    def members(self) -> dict[str, Value]:
+        """Pass what is in an object, and its end. A key that comes twice is an error: one of them would be lost."""
+        found: dict[str, Value] = {}
+        if self.next() == "}":
+            self.at += 1
+            return {}
+        while True:
+            if self.next() != '"':
+                self.refuse_comment()
+                raise JsonError(f"a key in double quotes is missing before {self.seen()}", self.at)
+            at = self.at
+            key = str(self.scalar())
+            if key in found:
+                line, _ = line_and_column(self.text, found[key].key_at)
+                raise JsonError(f"the key {brief(key)} is here twice, first in line {line}", at)
+            self.expect(":")
+            found[key] = self.value(at)
+            if self.expect(",}"):
+                return found
+            self.refuse_end("}")
+
+    def refuse_comment(self) -> None:
+        """Raise JsonError at a comment, which other languages have and JSON does not."""
+        if self.text.startswith(("//", "/*", "#"), self.at):
+            raise JsonError("it has no comments", self.at)
+
+    def refuse_end(self, sign: str) -> None:
+        """Raise JsonError if a list or an object ends behind a comma, as Python allows and JSON does not."""
+        at = self.at
+        if self.next() == sign:
+            raise JsonError(f"the comma has nothing behind it but {sign!r}", self.text.rindex(",", 0, at))
+
+    def scalar(self) -> bool | int | float | str | None:
+        """Pass a text, a number, true, false or null, and return it."""
+        at = self.at
+        self.refuse_comment()
+        try:
+            content, self.at = self._decoder.raw_decode(self.text, at)
+        except json.JSONDecodeError as error:
+            if error.msg == "Expecting value":
+                raise JsonError(f"a value is missing before {self.seen()}", at) from None
+            said = error.msg[:1].lower() + error.msg[1:].removesuffix(" at")
+            raise JsonError(f"{said} in a text", error.pos) from None
+        except ValueError as error:  # NaN, Infinity, and more digits than Python turns into a number
+            known = str(error) if "no number" in str(error) else "a number has too many digits"
+            raise JsonError(known, at) from None
+        if isinstance(content, str) and any("\ud800" <= sign <= "\udfff" for sign in content):
+            raise JsonError("a text holds half a character (one \\ud800 to \\udfff alone)", at)
+        return content

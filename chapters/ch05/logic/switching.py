@@ -1,0 +1,50 @@
+"""How soon Python's threads take turns while textures are decoded beside frames.
+
+One thread at a time runs Python. Calls into the driver let go of the interpreter, so that others run meanwhile, and a
+call that took a while then finds it taken: by a thread that decodes, which gives it back when it calls into a decoder
+itself, or when it has had it for the switch interval. That is 5 ms, as long as some frames, and a frame makes many such
+calls. While there are threads that decode for a renderer that draws, the interval is therefore short. Decoding loses
+next to nothing by that: most of it runs in C, without the interpreter.
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+
+INTERVAL_S = 0.0002
+"""Seconds after which a thread lets another one run that waits for the interpreter."""
+
+_lock = threading.Lock()
+_users = 0
+_before = 0.0
+
+
+class QuickTurns:
+    """Short turns from `begin` to `end`, either of which may be called twice. Several renderers may ask for them."""
+
+    def __init__(self) -> None:
+        self._begun = False
+
+    def begin(self) -> None:
+        """Shorten the interval, unless it is shorter already."""
+        global _users, _before
+        with _lock:
+            if self._begun:
+                return
+            self._begun = True
+            if not _users:
+                _before = sys.getswitchinterval()
+                sys.setswitchinterval(min(_before, INTERVAL_S))
+            _users += 1
+
+    def end(self) -> None:
+        """Put back what the interval was, if nobody else needs short ones."""
+        global _users
+        with _lock:
+            if not self._begun:
+                return
+            self._begun = False
+            _users -= 1
+            if not _users:
+                sys.setswitchinterval(_before)

@@ -1,0 +1,51 @@
+// Measures each cloth with one work group: its bounds, its greatest speed, and whether all of it is finite. Minima and maxima
+// do not depend on their order, so the same state gives the same bits.
+
+layout(local_size_x = GROUP) in;
+
+#include "cloth.glsl"
+
+layout(BIND(0, 2, 2), std430) readonly buffer Positions_ { float positions[]; };
+layout(BIND(0, 3, 3), std430) readonly buffer Velocities_ { float velocities[]; };
+layout(BIND(0, 4, 4), std430) writeonly buffer Stats_ { float stats[]; };  // low, speed squared; high, 1: not finite
+
+shared vec4 lows[GROUP];
+shared vec4 highs[GROUP];
+
+// By their bits: compilers may take it that no comparison meets what is no number.
+bool is_finite(vec4 v) {
+    return all(notEqual(floatBitsToUint(v) & 0x7f800000u, uvec4(0x7f800000u)));
+}
+
+void main() {
+    uint c = gl_WorkGroupID.x;
+    uint mine = gl_LocalInvocationID.x;
+    uvec2 own = cloths[c].particles;
+    vec4 low = vec4(3.0e38, 3.0e38, 3.0e38, 0.0);
+    vec4 high = vec4(-3.0e38, -3.0e38, -3.0e38, 0.0);
+    for (uint i = own.x + mine; i < own.x + own.y; i += GROUP) {
+        vec3 x = LOAD3(positions, i);
+        vec3 v = LOAD3(velocities, i);
+        float speed = dot3(v, v);
+        low = vec4(min(low.xyz, x), max(low.w, speed));
+        high = vec4(max(high.xyz, x), is_finite(vec4(x, speed)) ? high.w : 1.0);
+    }
+    lows[mine] = low;
+    highs[mine] = high;
+    barrier();
+    for (uint half_of = GROUP / 2u; half_of > 0u; half_of /= 2u) {
+        if (mine < half_of) {
+            lows[mine] = vec4(
+                min(lows[mine].xyz, lows[mine + half_of].xyz), max(lows[mine].w, lows[mine + half_of].w)
+            );
+            highs[mine] = max(highs[mine], highs[mine + half_of]);
+        }
+        barrier();
+    }
+    if (mine == 0u) {
+        for (uint k = 0u; k < 4u; ++k) {
+            stats[8u * c + k] = lows[0][k];
+            stats[8u * c + 4u + k] = highs[0][k];
+        }
+    }
+}

@@ -1,0 +1,69 @@
+"""The study compute-buffers on OpenGL: buffers bound by number, a dispatch, and `glMemoryBarrier` behind it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from backends.gl import api as gl
+from backends.gl.resources import bind_buffer
+from common.camera import View
+
+from ...gl.compute_pipelines import ComputePipeline
+from ...gl.frames import FrameSlot
+from ...gl.pipelines import GraphicsPipeline
+from ...logic.frame import SLOTS
+from ..stage_gl import Stage
+from . import KERNEL, SHADERS, STUDY, KernelWork, Settings, defines, expected, numbers, push
+
+
+class Renderer(Stage):
+    """A kernel whose numbers are drawn, and compared on the CPU two frames later."""
+
+    study = STUDY
+    settings_class: type = Settings
+    numbers = staticmethod(numbers)  # yours may stand here
+
+    def create(self) -> None:
+        """Make two buffers for each frame in flight, and the programs."""
+        count = self.settings.count
+        self._x = self.per_slot(4 * count, "x")
+        self._y = [self.shared(4 * count, f"y, slot {slot}") for slot in range(SLOTS)]
+        self._kernel, self._bars = self.pipelines.get(
+            [
+                ComputePipeline(KERNEL, name="kernel"),
+                GraphicsPipeline(SHADERS, defines(self.settings), depth=None, name="bars"),
+            ]
+        )
+        self._push = push(self.settings)
+        self._expected: list[np.ndarray | None] = [None] * SLOTS
+
+    def draw(self, slot: FrameSlot, view: View, time: float) -> None:
+        """Check what the slot's last frame computed, upload, compute, draw."""
+        fn, index = self.device.fn, slot.index
+        self.work = KernelWork(draws=1, triangles=1, dispatches=1)
+        self._check(index)
+        x = self._x[index].view(np.uint32)
+        x[:] = self.numbers(self.settings, time)  # memory that is mapped: this is the upload
+        self._expected[index] = expected(x, self.settings)
+        for number, buffer in enumerate((self._x[index], self._y[index])):
+            bind_buffer(self.device, "storage", number, buffer)
+        self.dispatch_over(self._kernel, (self.settings.count,), self._push)  # as many groups as it takes
+        # OpenGL keeps the order of calls for everything but what shaders store. The bit says how it is read next, not
+        # how it was written: here, by shaders from a buffer.
+        fn.glMemoryBarrier(gl.GL_SHADER_STORAGE_BARRIER_BIT)
+        self.begin()
+        self.pipelines.bind(self._bars, cull=False, front="counter_clockwise")
+        fn.glBindVertexArray(self.no_vertices)
+        fn.glDrawArrays(gl.GL_TRIANGLES, 0, 3)
+        # And by the CPU, through a mapping. The frame's fence behind it says when.
+        fn.glMemoryBarrier(gl.GL_CLIENT_MAPPED_BUFFER_BARRIER_BIT)
+
+    def _check(self, slot: int) -> None:
+        """Compare what came back; the slot's last frame is over, or it would not have been given to this one."""
+        wanted, work = self._expected[slot], self.work
+        if wanted is not None and isinstance(work, KernelWork):
+            work.checked, work.wrong = wanted.size, int((self.downloaded(slot) != wanted).sum())
+
+    def downloaded(self, slot: int) -> np.ndarray:
+        """Return what the kernel wrote in the slot's last frame, (count,) uint32. That frame must be over."""
+        return self._y[slot].view(np.uint32)

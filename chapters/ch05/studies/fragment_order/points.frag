@@ -1,0 +1,8 @@
+// Study fragment-order, fragments of the second draw: the colour of the entry.
+
+layout(location = 0) in vec3 in_color;
+layout(location = 0) out vec4 out_color;
+
+void main() {
+    out_color = vec4(in_color, 1.0);
+}

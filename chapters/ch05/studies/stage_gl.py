@@ -1,0 +1,60 @@
+"""The stage of this chapter's studies on OpenGL: what all studies share, with this chapter's frames and pipelines.
+
+These studies compute, too: buffers that shaders fill are made here, and copied to the CPU.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from backends.gl import api as gl
+from backends.gl.resources import Buffer, create_buffer, destroy_buffer, read_buffer
+from backends.gl.stage import Graphics
+from backends.gl.stage import Stage as AnyStage
+
+from ..gl.frames import Frames
+from ..gl.pipelines import Built, Pipelines
+from ..logic import frame
+from ..logic.dispatches import group_count
+
+
+class Stage(AnyStage):
+    """A study of this chapter on OpenGL."""
+
+    frame_logic = frame
+    graphics = Graphics(Frames, Pipelines)
+    pipelines: Pipelines
+
+    def dispatch_over(
+        self, kernel: Built, extent: Sequence[int], push: np.ndarray | None = None
+    ) -> tuple[int, int, int]:
+        """Run as many work groups of a kernel as cover `extent`, and return how many; barriers are the caller's."""
+        groups = group_count(extent, kernel.group)
+        self.device.fn.glUseProgram(kernel.program.handle)
+        if push is not None:
+            self.device.push(push)
+        self.device.fn.glDispatchCompute(*groups)
+        return groups
+
+    def empty(self, size: int, name: str, sized: bool = False) -> Buffer:
+        """Return a buffer of the GPU's own memory, which shaders fill; `download` copies it.
+
+        One that is `sized` goes when the picture's size changes.
+        """
+        made = create_buffer(self.device, size, "device", name)
+        return (self.keep_sized if sized else self.keep)(made, lambda one: destroy_buffer(self.device, one))
+
+    def shared(self, size: int, name: str) -> Buffer:
+        """Return a buffer that shaders fill, in memory that the CPU reads where it lies."""
+        return self._buffer(size, "readback", name)
+
+    def download(self, buffer: Buffer) -> np.ndarray:
+        """Return a copy of a buffer's bytes now, (size,) uint8, waiting for what fills it.
+
+        What shaders wrote is visible to calls that read buffers only behind the barrier of that name.
+        """
+        self.device.make_current()
+        self.device.fn.glMemoryBarrier(gl.GL_BUFFER_UPDATE_BARRIER_BIT)
+        return read_buffer(self.device, buffer)

@@ -1,0 +1,85 @@
+"""The stage of this chapter's studies on Vulkan: what all studies share, with this chapter's graphics layer.
+
+These studies compute, too: buffers that shaders fill are made here, and copied to the CPU.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from backends.vulkan import api as vk
+from backends.vulkan.barriers import barriers
+from backends.vulkan.once import submit_once
+from backends.vulkan.readback import TO_HOST
+from backends.vulkan.resources import Buffer, create_buffer, destroy_buffer
+from backends.vulkan.stage import USAGES, Graphics
+from backends.vulkan.stage import Stage as AnyStage
+
+from ..graphics.commands import Commands, Rendering
+from ..graphics.descriptors import Descriptors, Held
+from ..graphics.frames import Frames
+from ..graphics.pipelines import Built, Pipelines
+from ..graphics.profiler import Profiler
+from ..graphics.resources import target_usage
+from ..logic import frame
+
+
+class Stage(AnyStage):
+    """A study of this chapter on Vulkan."""
+
+    frame_logic = frame
+    graphics = Graphics(Frames, Commands, Rendering, Descriptors, Pipelines, Profiler, target_usage)
+    pipelines: Pipelines
+    descriptors: Descriptors
+
+    def set_of(self, pipeline: Built, held: Mapping[int, Held], name: str, sized: bool = False) -> Any:
+        """Return a set of what a pipeline's bindings hold, as `bind_set` and `bind_compute_set` take it.
+
+        One that is `sized` goes when the picture's size changes.
+        """
+        layout = pipeline.sets[0]
+        assert layout is not None  # what reads nothing needs no set
+        made = self.descriptors.create([(layout, held, name)])
+        if sized:
+            self.keep_sized(made, self.descriptors.destroy)
+        return vk.array("VkDescriptorSet", made.handles)
+
+    def empty(self, size: int, uses: Sequence[str], name: str, sized: bool = False) -> Buffer:
+        """Return a buffer of the GPU's own memory, which shaders fill; `download` copies it.
+
+        One that is `sized` goes when the picture's size changes.
+        """
+        usage = vk.VK_BUFFER_USAGE_TRANSFER_SRC_BIT | vk.VK_BUFFER_USAGE_TRANSFER_DST_BIT
+        for use in uses:
+            usage |= USAGES[use]
+        made = create_buffer(self.device, size, usage, "device", name)
+        return (self.keep_sized if sized else self.keep)(made, lambda one: destroy_buffer(self.device, one))
+
+    def shared(self, size: int, name: str) -> Buffer:
+        """Return a buffer that shaders fill, in memory that the CPU reads where it lies."""
+        return self._buffer(size, USAGES["storage"], "readback", name)
+
+    def download(self, buffer: Buffer, written: tuple[int, int]) -> np.ndarray:
+        """Return a copy of a buffer's bytes now, (size,) uint8, waiting for no more than that copy.
+
+        `written` is the stages and the access by which shaders wrote it last. Two barriers make the way to the CPU:
+        what was written becomes visible to the copy, and what was copied to the host.
+        """
+        copied = create_buffer(
+            self.device, buffer.size, vk.VK_BUFFER_USAGE_TRANSFER_DST_BIT, "readback", "download"
+        )
+        read = (vk.VK_PIPELINE_STAGE_2_ALL_TRANSFER_BIT, vk.VK_ACCESS_2_TRANSFER_READ_BIT)
+        try:
+            with submit_once(self.device) as commands:
+                fn = self.device.fn
+                fn.vkCmdPipelineBarrier2(commands, barriers(memory=(*written, *read)))
+                region = vk.array("VkBufferCopy", [vk.new("VkBufferCopy", size=buffer.size)])
+                fn.vkCmdCopyBuffer(commands, buffer.handle, copied.handle, 1, region)
+                fn.vkCmdPipelineBarrier2(commands, barriers(memory=TO_HOST))
+            self.device.memory.invalidate(copied.allocation)
+            return copied.mapped.copy()
+        finally:
+            destroy_buffer(self.device, copied)

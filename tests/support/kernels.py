@@ -1,0 +1,143 @@
+"""Kernels of tests, run by the chapter's own compute pipelines over arrays, on either backend."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from backends.gl import api as gl
+from backends.gl import resources as gl_resources
+from backends.gl.context import Context
+from backends.vulkan import api as vk
+from backends.vulkan.barriers import barriers
+from backends.vulkan.once import submit_once
+from backends.vulkan.readback import TO_HOST
+from backends.vulkan.resources import create_buffer, destroy_buffer
+from chapters.ch05.gl import commands as gl_commands
+from chapters.ch05.gl import compute_pipelines as gl_compute
+from chapters.ch05.gl import pipelines as gl_pipelines
+from chapters.ch05.graphics.commands import Commands
+from chapters.ch05.graphics.compute_pipelines import ComputePipeline
+from chapters.ch05.graphics.descriptors import Descriptors
+from chapters.ch05.graphics.pipelines import Pipelines
+
+
+class VulkanKernels:
+    """Runs kernels whose storage buffers are set 0, binding 0 and up."""
+
+    def __init__(self, device: Any) -> None:
+        self.device, self.pipelines = device, Pipelines(device)
+        self.descriptors, self.commands = Descriptors(device), Commands(device)
+
+    def pipeline(self, file: Path, **more: Any) -> Any:
+        return self.pipelines.get([ComputePipeline(str(file), **more)])[0]
+
+    def reload(self, file: Path) -> tuple[str, ...]:
+        return self.pipelines.reload({file}, lambda free: free())
+
+    def run(
+        self,
+        pipelines: Any,
+        arrays: Sequence[np.ndarray],
+        extent: Sequence[int],
+        push: np.ndarray | None = None,
+    ) -> list[np.ndarray]:
+        """Dispatch over `extent`, pipeline after pipeline with a barrier between, and return the arrays afterwards."""
+        pipelines = pipelines if isinstance(pipelines, list) else [pipelines]
+        usage = vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT
+        buffers = [
+            create_buffer(self.device, one.nbytes, usage, "upload", f"array {number}")
+            for number, one in enumerate(arrays)
+        ]
+        for buffer, one in zip(buffers, arrays, strict=True):
+            buffer.mapped[:] = one.view(np.uint8).reshape(-1)
+        held = dict(enumerate(buffers))
+        sets = self.descriptors.create([(one.sets[0], held, "arrays") for one in pipelines])
+        commands = self.commands
+        with submit_once(self.device) as handle:
+            commands.begin(SimpleNamespace(commands=handle))  # type: ignore[arg-type]
+            for number, (one, a_set) in enumerate(zip(pipelines, sets.handles, strict=True)):
+                if number:
+                    commands.compute_barrier()
+                commands.bind_compute(one)
+                commands.bind_compute_set(one, 0, vk.array("VkDescriptorSet", [a_set]))
+                if push is not None:
+                    commands.push(one, push)
+                commands.dispatch_over(one, extent)
+            self.device.fn.vkCmdPipelineBarrier2(handle, barriers(memory=TO_HOST))
+        found = []
+        for buffer, one in zip(buffers, arrays, strict=True):
+            self.device.memory.invalidate(buffer.allocation)
+            found.append(buffer.view(one.dtype)[: one.size].reshape(one.shape).copy())
+            destroy_buffer(self.device, buffer)
+        self.descriptors.destroy(sets)
+        return found
+
+    def close(self) -> None:
+        self.descriptors.close()
+        self.pipelines.close()
+
+
+class GlKernels:
+    """Runs kernels whose storage buffers are bound from 0 on."""
+
+    def __init__(self, context: Context) -> None:
+        self.context, self.pipelines = context, gl_pipelines.Pipelines(context)
+        self.commands = gl_commands.Commands(context, self.pipelines, True)
+
+    def pipeline(self, file: Path, **more: Any) -> Any:
+        return self.pipelines.get([gl_compute.ComputePipeline(str(file), **more)])[0]
+
+    def reload(self, file: Path) -> tuple[str, ...]:
+        return self.pipelines.reload({file})
+
+    def run(
+        self,
+        pipelines: Any,
+        arrays: Sequence[np.ndarray],
+        extent: Sequence[int],
+        push: np.ndarray | None = None,
+    ) -> list[np.ndarray]:
+        """Dispatch over `extent`, pipeline after pipeline with a barrier between, and return the arrays afterwards."""
+        context, commands = self.context, self.commands
+        buffers = [
+            gl_resources.create_buffer(context, one.nbytes, "device", f"array {number}")
+            for number, one in enumerate(arrays)
+        ]
+        for number, (buffer, one) in enumerate(zip(buffers, arrays, strict=True)):
+            gl_resources.write_buffer(context, buffer, one)
+            gl_resources.bind_buffer(context, "storage", number, buffer)
+        commands.begin(SimpleNamespace())  # type: ignore[arg-type]
+        for number, one in enumerate(pipelines if isinstance(pipelines, list) else [pipelines]):
+            if number:
+                commands.compute_barrier()
+            commands.bind_compute(one)
+            if push is not None:
+                commands.push(push)
+            commands.dispatch_over(one, extent)
+        context.fn.glMemoryBarrier(gl.GL_BUFFER_UPDATE_BARRIER_BIT)
+        found = []
+        for buffer, one in zip(buffers, arrays, strict=True):
+            found.append(
+                gl_resources.read_buffer(context, buffer, one.dtype)[: one.size].reshape(one.shape).copy()
+            )
+            gl_resources.destroy_buffer(context, buffer)
+        return found
+
+    def close(self) -> None:
+        self.pipelines.close()
+
+
+@contextmanager
+def kernels_on(device: Any) -> Iterator[Any]:
+    """Yield what runs kernels on a Vulkan device or an OpenGL context."""
+    made: Any = GlKernels(device) if isinstance(device, Context) else VulkanKernels(device)
+    try:
+        yield made
+    finally:
+        made.close()
