@@ -6,6 +6,7 @@ import datetime
 import json
 import os
 import platform
+import re
 import subprocess
 from collections.abc import Callable, Collection, Sequence
 from contextlib import ExitStack
@@ -14,15 +15,20 @@ from typing import Any
 
 import chapters
 from chapters import (
+    bench_async,
+    bench_cloth,
+    bench_drift,
     bench_gbuffer,
     bench_graph,
     bench_loads,
+    bench_pacing,
     bench_pipelines,
     bench_points,
     bench_prepared,
     bench_prepass,
     bench_readback,
     bench_scale,
+    bench_sheet,
     bench_start,
     bench_threads,
     scenes,
@@ -53,10 +59,27 @@ PARTS = {
     "graph": "what a frame graph costs and spares",
     "prepass": "the depth pre-pass against overdraw",
     "gbuffer": "formats of the G-buffer against their error",
+    "cloth": "how far cloth is from the truth, by how its steps are cut",
+    "drift": "energy and length of cloth that is left alone",
+    "async": "frames with compute work on a queue of its own",
+    "pacing": "the processor's time for waiting and submitting",
 }
 """What a bench measures; a chapter may lack any of those that come after `stability`, and `prepared`."""
 
-DRAWN = {"settings", "prepared", "scales", "pipelines", "loads", "graph", "prepass", "gbuffer"}
+DRAWN = {
+    "cloth",
+    "drift",
+    "async",
+    "pacing",
+    "settings",
+    "prepared",
+    "scales",
+    "pipelines",
+    "loads",
+    "graph",
+    "prepass",
+    "gbuffer",
+}
 """The parts that a plot has a panel for."""
 
 FOLDER = ROOT / "docs" / "benchmarks"
@@ -76,23 +99,18 @@ def run(
 ) -> int:
     """Measure a chapter or a fork and say what came out; return the exit code.
 
-    `json_path` and `plot_path` get the record and its plot; `record` keeps both in `docs/benchmarks`, under the class
+    `json_path` and `plot_path` get the record and its plot; `record` keeps both in `docs/benchmarks` too, among those
     of the device. `only` names the PARTS that are measured, all by default. Raises UserError for a wrong argument,
     before anything is measured.
     """
     api = chapters.choose_backend(backend)
     parts = parts_of(which, api, only)
-    for path in (json_path, plot_path):
-        if path is not None and (path.is_dir() or not path.absolute().parent.is_dir()):
-            raise UserError(f"{path} cannot be written: name a file in a folder that exists.")
+    check_paths(json_path, plot_path)
     if json_path is not None and plot_path is not None and json_path.absolute() == plot_path.absolute():
         raise UserError(f"--json and --plot both name {json_path}: the record and the plot are two files.")
     if plot_path is not None and plot_path.suffix.lower() not in PLOTS:
         raise UserError(f"--plot {plot_path}: write one of {', '.join(PLOTS)}.")
-    if record and quick:
-        raise UserError("A quick look is no record: leave out --quick, or --record.")
-    if record and only:
-        raise UserError("A part is no record: leave out --only, or --record.")
+    check_record(record, quick, only)
     if record and not isinstance(which, int):
         raise UserError(
             "--record keeps records of the project's own chapters: write that of a fork by --json FILE."
@@ -106,10 +124,8 @@ def run(
         made = measure(which, backend, scene, size, effort, steps, parts)
     made["quick"] = quick
     if record:
-        FOLDER.mkdir(parents=True, exist_ok=True)
-        json_path = json_path or record_path(made["chapter"], made["device"]["class"])
-        if can_plot():
-            plot_path = plot_path or json_path.with_suffix(".png")
+        for written in keep(made):
+            say(f"Wrote {written}")
     printed = json_path == STDOUT
     if printed:
         print(json.dumps(made, indent=1))
@@ -124,19 +140,69 @@ def run(
     return 0
 
 
+def check_paths(*paths: Path | None) -> None:
+    """Raise UserError for a file that cannot be written, since its folder is not there."""
+    for path in paths:
+        if path is not None and (path.is_dir() or not path.absolute().parent.is_dir()):
+            raise UserError(f"{path} cannot be written: name a file in a folder that exists.")
+
+
+def check_record(record: bool, quick: bool, only: Sequence[str]) -> None:
+    """Raise UserError where --record would keep what is no record."""
+    if record and quick:
+        raise UserError("A quick look is no record: leave out --quick, or --record.")
+    if record and only:
+        raise UserError("A part is no record: leave out --only, or --record.")
+
+
+def keep(made: dict[str, Any]) -> list[Path]:
+    """Keep a record among those of its device, with its plot where matplotlib is; return the files."""
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    path = path_of(made)
+    write_record(path, made)
+    if not can_plot():
+        return [path]
+    plot(path.with_suffix(".png"), made)
+    return [path, path.with_suffix(".png")]
+
+
+def path_of(made: dict[str, Any]) -> Path:
+    """Return where a record is kept: under the class of its device, or where another device has that, its name too."""
+    path = record_path(made["chapter"], made["device"]["class"])
+    try:
+        other = read_record(path)["device"]["name"] if path.is_file() else made["device"]["name"]
+    except (UserError, KeyError, TypeError):  # a record that nobody can read is none to spare
+        return path
+    if _plain(other) == _plain(made["device"]["name"]):
+        return path
+    return path.with_stem(f"{path.stem}-{_plain(made['device']['name'])}")
+
+
+def _plain(device: str) -> str:
+    """Return a device's name as part of a file's: "llvmpipe (LLVM 15.0.6, 256 bits)" is "llvmpipe" in every version."""
+    return re.sub(r"[^a-z0-9]+", "-", re.sub(r"\(.*?\)", "", device).lower()).strip("-") or "device"
+
+
 def record_path(number: int, device_class: str) -> Path:
-    """Return where the record of a chapter on a class of devices is kept."""
+    """Return where the record of a chapter on the first device of a class is kept."""
     return FOLDER / f"{chapters.folder_name(number)}-{device_class}.json"
 
 
 def read_record(path: Path) -> dict[str, Any]:
     """Return a record; raise UserError if it is none, or of another format."""
-    try:
-        made: dict[str, Any] = dict(json.loads(path.read_text("utf-8")))
-    except (OSError, ValueError, TypeError) as error:
-        raise UserError(f"{path} is no record of a bench: {error}.") from None
+    made = read_object(path)
     if made.get("format") != FORMAT:
         raise UserError(f"{path} is a record of format {made.get('format')}, not {FORMAT}: measure again.")
+    return made
+
+
+def read_object(path: Path) -> dict[str, Any]:
+    """Return the object that a file of JSON holds; raise UserError if it holds none."""
+    try:
+        made: dict[str, Any] = dict(json.loads(path.read_text("utf-8")))
+    except (OSError, ValueError, TypeError, RecursionError) as error:
+        said = error.strerror if isinstance(error, OSError) else None
+        raise UserError(f"{path} is no record of a bench: {said or error}.") from None
     return made
 
 
@@ -165,12 +231,18 @@ def parts_of(which: chapters.Whole, api: str, only: Sequence[str] = ()) -> tuple
         ("graph", bench_graph.KNOB),
         ("prepass", bench_prepass.PREPASS),
         ("gbuffer", bench_gbuffer.KNOB),
+        ("cloth", bench_sheet.KNOB),
+        ("drift", bench_sheet.KNOB),
+        ("async", bench_async.KNOB),
+        ("pacing", bench_pacing.KNOB),
     ):
         if not hasattr(settings_class, names):
             missing[part] = f"{spoken} names none in its settings ({names})"
     if api != "vulkan":
         missing.setdefault("pipelines", "OpenGL has no pipeline objects")
         missing.setdefault("readback", "OpenGL does not say where a buffer lies")
+        missing.setdefault("async", "OpenGL has one queue")
+        missing.setdefault("pacing", "OpenGL paces its frames by itself")
     for part in only:
         if part not in PARTS:
             raise UserError(f"--only {part}: a bench has no such part{suggest(part, PARTS)}.")
@@ -227,9 +299,17 @@ def measure(
         if "prepass" in parts:
             framed["prepass"] = bench_prepass.measure(subject, effort, within(0.8, 0.85, "pre-pass,"))
         if "gbuffer" in parts:
-            framed["gbuffer"] = bench_gbuffer.measure(subject, effort, within(0.85, 0.9, "G-buffer,"), scene)
+            framed["gbuffer"] = bench_gbuffer.measure(subject, effort, within(0.85, 0.87, "G-buffer,"), scene)
+        if "cloth" in parts:
+            framed["cloth"] = bench_cloth.measure(subject, effort, within(0.87, 0.89, "cloth,"))
+        if "drift" in parts:
+            framed["drift"] = bench_drift.measure(subject, effort, within(0.89, 0.9, "cloth left alone,"))
+        if "async" in parts:
+            framed["async"] = bench_async.measure(subject, effort, within(0.9, 0.92, "queues,"))
+        if "pacing" in parts:
+            framed["pacing"] = bench_pacing.measure(subject, effort, within(0.92, 0.93))
         if "stability" in parts:
-            steps("stability", 0.9)
+            steps("stability", 0.93)
             cases = bench_points.stability_cases(subject, effort)
     defaults = vars(chapters.settings_class(which)())
     points = [point.record(defaults) for point in found]

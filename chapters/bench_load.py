@@ -37,6 +37,7 @@ from chapters.opening import open_scene
 from chapters.run import open_device
 from common.crowds import crowd
 from common.errors import DeviceError
+from common.gltf import load_scene
 from common.scene import Material
 from common.scene_images import Chain, Image
 from common.settings import preset
@@ -144,16 +145,16 @@ def _warm_up(
     cached = import_module(f"{logic}.cached_images")
     import_module(f"{logic}.scene_cache")
     in_blocks = way in ("blocks", "compress")
-    with open_scene(which, str(path), cached=False) as opening:
-        images: list[Image] = []
-        for image in opening.scene.images:
-            compress = cached.compress if in_blocks and cached.is_compressible(image) else None
-            images.append(_Small(image.name, np.full((4, 4, 4), 255, image.dtype), compress))
-        scene = replace(opening.scene, images=images)
-        with chapters.open(
-            which, backend, scene=scene, size=size, settings=settings, outputs=OUTPUTS, device=device
-        ) as renderer:
-            renderer.render(chapters.view_of(renderer)).image("color")
+    opened = load_scene(path, decode=False)
+    images: list[Image] = []
+    for image in opened.images:
+        compress = cached.compress if in_blocks and cached.is_compressible(image) else None
+        images.append(_Small(image.name, np.full((4, 4, 4), 255, image.dtype), compress))
+    scene = replace(opened, images=images)
+    with chapters.open(
+        which, backend, scene=scene, size=size, settings=settings, outputs=OUTPUTS, device=device
+    ) as renderer:
+        renderer.render(chapters.view_of(renderer)).image("color")
 
 
 def _alone(

@@ -61,13 +61,14 @@ class Point:
         """Return what the JSON holds; of the settings, those that are not the chapter's defaults.
 
         Times are medians over all frames in ms; `noise_ms` is half the distance between the quartiles of the rounds'
-        medians, which one disturbed round does not reach.
+        medians, which one disturbed round does not reach; with fewer than three rounds, those of the frames. `least_ms`
+        is the quickest frame, which a busy machine disturbs least.
         """
         changed = {k: v for k, v in asdict(self.settings).items() if v != defaults[k]}
         frames = [frame for one in self.rounds for frame in one]
         # A pass that a frame left out took no time there.
         passes = {name: statistics.median(f.get(name, 0.0) for f in frames) for name in frames[0]}
-        low, high = np.percentile([np.median([f["gpu"] for f in one]) for one in self.rounds], (25, 75))
+        spread = {name: self._spread(name) for name in ("gpu", "wall", "cpu")}
         return {
             "name": self.name,
             "kind": self.kind,
@@ -75,11 +76,23 @@ class Point:
             "gpu_ms": passes.pop("gpu"),
             "wall_ms": passes.pop("wall"),
             "cpu_ms": passes.pop("cpu"),
-            "noise_ms": float(high - low) / 2,
+            "noise_ms": spread["gpu"][0],
+            "wall_noise_ms": spread["wall"][0],
+            "cpu_noise_ms": spread["cpu"][0],
+            "least_ms": spread["gpu"][1],
+            "wall_least_ms": spread["wall"][1],
+            "cpu_least_ms": spread["cpu"][1],
             "passes_ms": passes,
             "error": self.error,
             "work": self.work,
         }
+
+    def _spread(self, name: str) -> tuple[float, float]:
+        """Return the noise of a time, and the least of all frames."""
+        rounds = [[frame[name] for frame in one] for one in self.rounds]
+        frames = [value for one in rounds for value in one]
+        middles = [statistics.median(one) for one in rounds] if len(rounds) > 2 else frames
+        return middle(middles)[1], min(frames)
 
 
 def points(settings_class: type) -> list[Point]:
@@ -190,11 +203,21 @@ def picture(frame: Frame) -> tuple[Array, Array]:
     return frame.image("color_linear"), frame.image("color")[..., :3].astype(np.float32) / np.float32(255)
 
 
-def settled(renderer: Renderer, view: Any, most: int = 64) -> Frame:
-    """Return a frame after which another would be the same: temporal passes have run their course."""
-    frame = renderer.render(view)
-    while most > 0 and not renderer.idle(view):
+def settled(renderer: Renderer, view: Any, image: str = "color_linear", most: int = 64) -> Frame:
+    """Return a frame after which another would be the same: temporal passes have run their course.
+
+    So the renderer says, or its `image`: three times the same to the bit, with every texture there. A reader's own
+    renderer may never say it.
+    """
+    frame, same = renderer.render(view), 0
+    before: Array | None = None
+    while most > 0 and same < 2 and not renderer.idle(view):
+        before = frame.image(image) if before is None else before
         frame = renderer.render(view)
+        seen = frame.image(image)
+        waiting = frame.work.get("textures_waiting", 0)
+        same = 0 if waiting or not np.array_equal(before, seen) else same + 1
+        before = seen
         most -= 1
     return frame
 
@@ -264,13 +287,13 @@ def stability_cases(subject: Subject, effort: Effort) -> list[dict[str, Any]]:
     settings: Any = preset(chapters.settings_class(subject.chapter), "medium")
     with subject.open(settings, {"color"}) as renderer:
         view = chapters.view_of(renderer)
-        still = settled(renderer, view).image("color")
+        still = settled(renderer, view, "color").image("color")
     found = []
     cases = stability.cases(subject.scene, view)
     for name, scene, seen in cases if effort.everything else islice(cases, 1):
         other = Subject(subject.chapter, subject.backend, scene, subject.size, subject.device)
         with other.open(settings, {"color"}) as renderer:
-            picture = settled(renderer, seen).image("color")
+            picture = settled(renderer, seen, "color").image("color")
         found.append({"case": name, "pixels_changed": stability.pixels_changed(picture, still)})
     return found
 

@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from PIL import Image
 from rich.console import Console
 
 from chapters import (
+    bench_async,
+    bench_cloth,
+    bench_drift,
+    bench_executions,
     bench_gbuffer,
     bench_graph,
     bench_loads,
+    bench_pacing,
     bench_pipelines,
     bench_points,
     bench_prepass,
@@ -23,8 +31,18 @@ from chapters import (
 from chapters.console import out
 from chapters.tables import table
 from common.errors import UserError
+from common.paths import write_whole
+from common.small_pictures import encode_small
 
-FRAME_PARTS: dict[str, Any] = {"graph": bench_graph, "prepass": bench_prepass, "gbuffer": bench_gbuffer}
+FRAME_PARTS: dict[str, Any] = {
+    "graph": bench_graph,
+    "prepass": bench_prepass,
+    "gbuffer": bench_gbuffer,
+    "cloth": bench_cloth,
+    "drift": bench_drift,
+    "async": bench_async,
+    "pacing": bench_pacing,
+}
 """What shows and draws the parts of chapters whose frame is a graph."""
 
 
@@ -108,6 +126,10 @@ def _show_points(to: Console, title: str, points: list[dict[str, Any]]) -> None:
     to.print(shown)
 
 
+DOTS = (100, 85, 72, 60)
+"""Pixels of a plot's inch that are tried, the most first."""
+
+
 def can_plot() -> bool:
     """Whether matplotlib is there."""
     from importlib.util import find_spec
@@ -131,6 +153,8 @@ def plot(path: Path, made: dict[str, Any]) -> None:
     for part, shown in FRAME_PARTS.items():
         if made.get(part):
             panels.append(partial(_plot_alone, shown.plot, made[part]))
+            if part == "cloth":
+                panels.append(partial(_plot_alone, bench_executions.plot, made[part]["executions"]))
     columns = min(len(panels), 3)
     rows = -(-len(panels) // columns)
     figure = Figure(figsize=(1 + 6 * columns, 4.8 * rows), layout="constrained")
@@ -138,9 +162,25 @@ def plot(path: Path, made: dict[str, Any]) -> None:
     for number, draw in enumerate(panels):
         draw(figure, grid[number // columns, number % columns])
     try:
-        figure.savefig(path)
+        if path.suffix.lower() == ".png":
+            _write_png(path, figure)
+        else:
+            figure.savefig(path)
     except (OSError, ValueError) as error:
         raise UserError(f"--plot {path} cannot be written: {error}.") from None
+
+
+def _write_png(path: Path, figure: Any) -> None:
+    """Write a plot as a small file: records have one each, for every device. Many panels get fewer pixels each."""
+    data: bytes | None = None
+    for dots in DOTS:
+        stream = io.BytesIO()
+        figure.savefig(stream, format="png", dpi=dots)
+        with Image.open(stream) as drawn:
+            data = encode_small(np.asarray(drawn.convert("RGB")))
+        if data is not None:
+            break
+    write_whole(path.absolute(), data or stream.getvalue())
 
 
 def _plot_settings(made: dict[str, Any], figure: Any, cell: Any) -> None:

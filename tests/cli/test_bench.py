@@ -6,6 +6,7 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -142,6 +143,32 @@ def test_a_supersampled_picture_is_the_mean_of_its_samples():
     assert np.array_equal(bench_points._averaged(fine, 2), np.float32(expected))
 
 
+@pytest.mark.parametrize(
+    ("shows", "waiting", "idle_after", "drawn"),
+    [
+        ([1, 2, 3, 3, 3, 9], [], None, 5),  # nobody says so, and it is the same three times
+        ([1, 1, 2, 2, 2, 9], [], None, 5),
+        ([1, 1, 1, 2, 2, 2, 9], [1, 2], None, 6),  # a texture was still to come
+        ([1, 2, 3, 4], [], 2, 2),  # the renderer says so
+        (list(range(100)), [], None, 65),  # it never ends
+    ],
+)
+def test_a_picture_is_settled_when_the_renderer_or_the_picture_says_so(shows, waiting, idle_after, drawn):
+    frames = []
+
+    class Renderer:
+        def render(self, view):
+            frames.append(len(frames))
+            work = {"textures_waiting": int(frames[-1] in waiting)}
+            return SimpleNamespace(image=lambda name, n=frames[-1]: np.float32([shows[n]]), work=work)
+
+        def idle(self, view):
+            return len(frames) == idle_after
+
+    last = bench_points.settled(Renderer(), None)
+    assert len(frames) == drawn and last.image("color_linear")[0] == shows[drawn - 1]
+
+
 def point(name, gpu_ms, error, noise_ms=0.1):
     """Return a preset's point of a record."""
     errors = {"relative_mse": error, "max_abs": 1.0, "flip": error}
@@ -162,6 +189,14 @@ def point(name, gpu_ms, error, noise_ms=0.1):
 )
 def test_a_preset_is_dominated_only_beyond_the_noise(others, found):
     assert bench_points.dominated([point("a", 10.0, 0.2), *others]) == found
+
+
+@pytest.mark.feature("tools/presets")
+def test_a_preset_that_costs_more_and_shows_less_is_named():
+    points = [point("low", 5.0, 0.1), point("high", 10.0, 0.2), point("reference", 20.0, 0.01)]
+    assert bench_points.dominated(points) == [("high", "low")]
+    del points[1]
+    assert bench_points.dominated(points) == []
 
 
 @pytest.mark.parametrize(

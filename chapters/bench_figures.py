@@ -1,0 +1,291 @@
+"""The figures of a bench's record one by one, each with its name, its kind and its noise: what two records share.
+
+A figure is named by its part, its point and a word: ("settings", "medium", "gpu_ms"), ("scales", "draws, 1000, chapter
+1", "work draws"). Its noise is what the record says of it, half the distance of the quartiles; None where it says
+nothing. What says how something was drawn, and not what it cost, as the number of samples, is of the kind "fact".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+FACTS = frozenset(
+    {
+        *(
+            "samples",
+            "instances",
+            "lights",
+            "textures",
+            "textures_resident",
+            "passes_skipped",
+            "recorded_parts",
+        ),
+        *(
+            "recording_threads",
+            "transient_bytes_alone",
+            "transient_bytes_bound",
+            "cloths_at_rest",
+        ),
+        *("cloth_particles", "bytes", "decoded_bytes"),
+    }
+)
+"""Counters of which more is neither better nor worse."""
+
+CODE = 1.001 / 255
+"""The largest difference of two pictures may change by one code of what is shown: it is a single pixel's."""
+
+OF_BOUND = 0.1
+"""The pixels of a case of stability may change by so much of the bound."""
+
+Key = tuple[str, str, str]
+"""Part, point and name."""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One number of a record; `kind` is "time", "error", "work" or "fact".
+
+    `noise` and `least` are of times; `slack` is what an error or a counter may change by and mean nothing. `within` are
+    the times of which it is the sum.
+    """
+
+    kind: str
+    value: float
+    noise: float | None = None
+    least: float | None = None
+    slack: float = 0.0
+    within: Mapping[str, float] = field(default_factory=dict)
+
+
+def figures(made: dict[str, Any]) -> dict[Key, Figure]:
+    """Return the figures of a record. Raises KeyError, TypeError or AttributeError for what is no whole record."""
+    found: dict[Key, Figure] = {}
+    for part, rows in PARTS.items():
+        for point, figure in rows(made):
+            found |= {(part, point, name): one for name, one in figure.items() if one is not None}
+    return found
+
+
+def settings(made: dict[str, Any]) -> dict[tuple[str, str], dict[str, Any]]:
+    """Return the settings of each (part, point) that has some: a point of other settings is another point."""
+    found = {("settings", one["name"]): dict(one["settings"]) for one in made["points"]}
+    for swept in made["prepared"]:
+        for one in swept["points"]:
+            found["prepared", f"{swept['name']}, {one['name']}"] = dict(one["settings"])
+    return found
+
+
+# --- one kind of figure -----------------------------------------------------------------------------------------------
+
+Row = tuple[str, dict[str, Figure | None]]
+
+
+def _number(value: Any) -> float | None:
+    if value is None or isinstance(value, bool):
+        return None
+    if not isinstance(value, int | float):
+        raise TypeError(f"{value!r} is no number")
+    return float(value)
+
+
+def _times(one: Mapping[str, Any], *names: str, within: str = "") -> dict[str, Figure | None]:
+    """Return times; the first of them owns what the record calls noise without saying of what."""
+    found: dict[str, Figure | None] = {}
+    for place, name in enumerate(names):
+        stem, _, unit = name.rpartition("_")
+        value = _number(one.get(name))
+        spread = []
+        for word in ("noise", "least"):
+            own = one.get(f"{stem}_{word}_{unit}" if stem else f"{word}_{unit}")
+            spread.append(_number(own if own is not None or place else one.get(f"{word}_{unit}")))
+        noise, least = spread
+        parts = (
+            {name: float(part) for name, part in one.get(within, {}).items()} if within and not place else {}
+        )
+        found[name] = None if value is None else Figure("time", value, noise, least, within=parts)
+    return found
+
+
+def _errors(errors: Mapping[str, Any] | None, before: str = "") -> dict[str, Figure | None]:
+    found: dict[str, Figure | None] = {}
+    for name, given in (errors or {}).items():
+        if isinstance(given, Mapping):
+            found |= _errors(given, f"{before}{name} ")
+        elif (value := _number(given)) is not None:
+            found[f"{before}{name}"] = Figure("error", value, slack=CODE if name == "max_abs" else 0.0)
+    return found
+
+
+def _work(counts: Mapping[str, Any], *names: str) -> dict[str, Figure | None]:
+    found: dict[str, Figure | None] = {}
+    for name in names or counts:
+        if (value := _number(counts.get(name))) is not None:
+            found[name] = Figure("fact" if name in FACTS else "work", value)
+    return found
+
+
+def _point(*words: Any) -> str:
+    return ", ".join(str(word) for word in words)
+
+
+# --- the parts --------------------------------------------------------------------------------------------------------
+
+
+def _settings(made: dict[str, Any]) -> Iterator[Row]:
+    for one in made["points"]:
+        times = _times(one, "gpu_ms", "wall_ms", "cpu_ms", within="passes_ms")
+        yield one["name"], times | _errors(one["error"]) | _work(one["work"])
+
+
+def _prepared(made: dict[str, Any]) -> Iterator[Row]:
+    for swept in made["prepared"]:
+        for one in swept["points"]:
+            times = _times(one, "gpu_ms", within="parts_ms")
+            yield _point(swept["name"], one["name"]), times | _errors(one["error"])
+
+
+def _start(made: dict[str, Any]) -> Iterator[Row]:
+    for state, one in made["start_s"].items():
+        total = Figure(
+            "time", float(one["total"]), within={k: v for k, v in one.items() if k not in NO_STEPS}
+        )
+        yield state, {"total_s": total, **_work(one, "shaders_compiled")}
+
+
+NO_STEPS = frozenset({"total", "shaders_compiled"})
+"""What a start has beside the seconds of its steps."""
+
+
+def _stability(made: dict[str, Any]) -> Iterator[Row]:
+    held = made["stability"] or {"bound": 0.0, "cases": []}
+    for one in held["cases"]:
+        yield (
+            one["case"],
+            {"pixels_changed": Figure("error", float(one["pixels_changed"]), slack=OF_BOUND * held["bound"])},
+        )
+
+
+def _scales(made: dict[str, Any]) -> Iterator[Row]:
+    for scale in made.get("scales", ()):
+        for one in scale["points"]:
+            times = _times(one, "python_ms", "record_ms", "gpu_ms")
+            yield (
+                _point(scale["name"], one["count"], one["side"]),
+                times | _errors(one["error"]) | _work(one["work"]),
+            )
+
+
+def _pipelines(made: dict[str, Any]) -> Iterator[Row]:
+    if held := made.get("pipelines"):
+        yield "all", _errors(held["error"]) | _work(held, "pipelines")
+        for state, one in held["states"].items():
+            yield state, _times(one, "ms")
+
+
+def _threads(made: dict[str, Any]) -> Iterator[Row]:
+    for one in (made.get("threads") or {"points": ()})["points"]:
+        figure = _times(one, "record_ms", "cpu_ms") | _errors(one["error"]) | _work(one, "draw_calls")
+        yield _point(f"{one['draws']} draws", f"{one['threads']} threads"), figure
+
+
+def _loads(made: dict[str, Any]) -> Iterator[Row]:
+    for scene in made.get("loads", ()):
+        for way, one in scene["ways"].items():
+            names = ("first_frame_s", "complete_s") if way == "stream" else ("load_s",)
+            yield _point(scene["scene"], way), _times(one, *names) | _work(one, "bytes", "textures")
+        if scene["ways"]:
+            yield scene["scene"], _errors(scene["errors"])
+
+
+def _readback(made: dict[str, Any]) -> Iterator[Row]:
+    for one in (made.get("readback") or {"points": ()})["points"]:
+        yield one["kind"], _times(one, "ms")
+
+
+def _graph(made: dict[str, Any]) -> Iterator[Row]:
+    held = made.get("graph") or {"graphs": (), "chains": (), "frames": ()}
+    counts = (
+        "passes",
+        "barriers",
+        "transitions",
+        "transient_bytes",
+        "passes_skipped",
+        "transient_bytes_bound",
+    )
+    for one in held["graphs"]:
+        yield one["name"], _times(one, "compile_ms") | _work(one, *counts)
+    for one in held["chains"]:
+        yield _point(f"a chain of {one['passes']} passes"), _times(one, "compile_ms")
+    for one in held["frames"]:
+        yield _point(f"{one['passes']} passes", one["way"]), _times(one, "render_us", "driver_us", "own_us")
+
+
+def _prepass(made: dict[str, Any]) -> Iterator[Row]:
+    for one in (made.get("prepass") or {"points": ()})["points"]:
+        point = _point(one["path"], f"{one['layers']} layers", "with it" if one["prepass"] else "without")
+        yield point, _times(one, "gpu_ms", within="passes_ms") | _errors(one["error"]) | _work(one, "shaded")
+
+
+def _gbuffer(made: dict[str, Any]) -> Iterator[Row]:
+    for scene in made.get("gbuffer") or ():
+        for one in scene["points"]:
+            errors = {
+                side: {k: v for k, v in of.items() if k != "max_linear"} for side, of in one["error"].items()
+            }
+            figure = _times(one, "gpu_ms", within="passes_ms") | _errors(errors) | _work(one, "bytes")
+            yield _point(scene["scene"], scene["environment"], one["format"]), figure
+
+
+def _cloth(made: dict[str, Any]) -> Iterator[Row]:
+    held = made.get("cloth") or {"points": (), "executions": {"points": ()}}
+    for one in held["points"]:
+        words = (one["kind"], f"{one['substeps']} substeps", f"{one['iterations']} iterations")
+        errors = _errors({name: one[name] for name in ("rms_m", "greatest_m", "stretch")})
+        yield _point(*words), _times(one, "gpu_ms") | errors
+    for one in held["executions"]["points"]:
+        yield _point(one["execution"], f"{one['particles']} particles"), _times(one, "gpu_ms")
+
+
+def _drift(made: dict[str, Any]) -> Iterator[Row]:
+    for one in (made.get("drift") or {"points": ()})["points"]:
+        errors = _errors({name: one[name] for name in ("strays", "stretch_rms", "stretch_greatest")})
+        yield _point(one["name"], one["precision"], f"h omega {one['h_omega']:g}"), errors
+
+
+def _async(made: dict[str, Any]) -> Iterator[Row]:
+    for scene in (made.get("async") or {"scenes": ()})["scenes"]:
+        yield scene["scene"], _errors(scene["error"])
+        for state in ("on", "off"):
+            if scene.get(state):
+                yield _point(scene["scene"], state), _times(scene[state], "frame_ms", "cpu_ms")
+
+
+def _pacing(made: dict[str, Any]) -> Iterator[Row]:
+    for one in made.get("pacing") or ():
+        figure = _times(one, "wait_us", "submit_us") | _work(
+            one, "objects", "calls", "cpu_waits", "queue_waits"
+        )
+        yield one["way"], figure
+
+
+PARTS = {
+    "settings": _settings,
+    "prepared": _prepared,
+    "start": _start,
+    "stability": _stability,
+    "scales": _scales,
+    "pipelines": _pipelines,
+    "threads": _threads,
+    "loads": _loads,
+    "readback": _readback,
+    "graph": _graph,
+    "prepass": _prepass,
+    "gbuffer": _gbuffer,
+    "cloth": _cloth,
+    "drift": _drift,
+    "async": _async,
+    "pacing": _pacing,
+}
+"""How the points of each part of a bench are found in its record."""
