@@ -9,7 +9,7 @@ rem Another Python's; its packages would hide ours of the same name.
 set "PYTHONHOME="
 set "PYTHONPATH="
 
-for %%o in (--yes --no-install --extras --latest) do if "%~1"=="%%o" goto setup
+for %%o in (--yes --no-install --extras --latest --from) do if "%~1"=="%%o" goto setup
 
 rem The same question as Environment.ready in bootstrap\environment.py.
 if not exist "%python%" goto setup

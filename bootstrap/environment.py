@@ -67,7 +67,21 @@ class Environment:
         )
 
 
-def make(environment: Environment, everything: bool, latest: bool, say: Callable[[str], None]) -> None:
+@dataclass(frozen=True)
+class Supply:
+    """A folder of wheels that pip takes in place of what a network has, and the packages of the lock not in it."""
+
+    folder: Path
+    left_out: tuple[str, ...] = ()
+
+
+def make(
+    environment: Environment,
+    everything: bool,
+    latest: bool,
+    say: Callable[[str], None],
+    supply: Supply | None = None,
+) -> None:
     """Bring `.venv` to what is asked, by the least that will do; raise SetupError where that fails.
 
     A `.venv` that was made by hand is added to. One that an interrupted set-up left is made anew.
@@ -81,7 +95,7 @@ def make(environment: Environment, everything: bool, latest: bool, say: Callable
         elif home not in ("", str(environment.root)):
             say(f"The clone was moved from {home}: its environment is put right.")
             _rehome(environment)
-        install(environment, everything, latest, say)
+        install(environment, everything, latest, say, supply)
         site = _site_packages(environment)
         # A line in a .pth file is all that an editable install comes to. Written like this it needs no build tool and
         # no network, and being relative it survives a move of the clone.
@@ -119,7 +133,13 @@ def _unfinished(environment: Environment) -> Iterator[bool]:
         raise
 
 
-def install(environment: Environment, everything: bool, latest: bool, say: Callable[[str], None]) -> None:
+def install(
+    environment: Environment,
+    everything: bool,
+    latest: bool,
+    say: Callable[[str], None],
+    supply: Supply | None = None,
+) -> None:
     """Let pip install what is missing; with the lock every file must have one of the hashes written there."""
     root = environment.root
     if latest:
@@ -152,14 +172,22 @@ def install(environment: Environment, everything: bool, latest: bool, say: Calla
         "PIP_PREFIX": "",
         "PIP_REQUIRE_VIRTUALENV": "0",
     }
+    if supply is not None:  # then it keeps its word about nothing: all that is needed is there
+        text = packages.without(text, supply.left_out)
+        options += ["--no-index", "--find-links", str(supply.folder)]
+        variables = {name: value for name, value in os.environ.items() if not name.startswith("PIP_")}
+        variables["PIP_CONFIG_FILE"] = os.devnull
     try:
         lines = _run_pip([*command, *options, "--progress-bar", "off", "-r", name], variables, count)
     finally:
         os.unlink(name)
     if lines:
+        advice = "if the network is down, start ./strata again when it is back, or with --from and a bundle"
+        if supply is not None:
+            advice = "the bundle has not what this system needs"
         raise SetupError(
-            "The Python packages could not be installed; if the network is down, start ./strata again when it is "
-            "back. The last lines of pip:\n  " + "\n  ".join(lines[-12:])
+            f"The Python packages could not be installed; {advice}. The last lines of pip:\n  "
+            + "\n  ".join(lines[-12:])
         )
 
 
@@ -250,6 +278,17 @@ def _works(python: Path) -> bool:
         return subprocess.run([python, "-I", "-c", check], capture_output=True, check=False).returncode == 0
     except OSError:
         return False
+
+
+def version_of(environment: Environment) -> str:
+    """Return the version of the Python that packages are installed for, as "3.12": that of `.venv` if it stays."""
+    code = "import sys; print('%d.%d' % sys.version_info[:2])"
+    if _works(environment.python) and not (environment.folder / UNFINISHED).exists():
+        done = subprocess.run(
+            [environment.python, "-I", "-c", code], capture_output=True, text=True, check=True
+        )
+        return done.stdout.strip()
+    return "{}.{}".format(*sys.version_info[:2])
 
 
 def _site_packages(environment: Environment) -> Path:

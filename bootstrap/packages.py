@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from collections.abc import Collection
 from pathlib import Path
 
 LOCK = "requirements.lock"
@@ -21,6 +22,12 @@ def sections(lock: str) -> dict[tuple[str, ...], str]:
 def locked(lock: str, everything: bool) -> str:
     """Return the requirements with their hashes that pip is to install: the core, or all extras with it."""
     return "".join(text for names, text in sections(lock).items() if everything or "core" in names)
+
+
+def without(requirements: str, names: Collection[str]) -> str:
+    """Return requirements with their hashes less those of some packages."""
+    blocks = re.split(r"^(?=[A-Za-z0-9#])", requirements, flags=re.MULTILINE)
+    return "".join(block for block in blocks if not set(names_in(block)) & set(names))
 
 
 def names_in(requirements: str) -> list[str]:

@@ -23,7 +23,9 @@ APT_GL = ("libegl1", "libgl1", "libegl-mesa0", "libglx-mesa0", "libgl1-mesa-dri"
 APT_LAYERS = ("vulkan-validationlayers",)
 # A screen in memory, and what GLFW opens by name when it makes a window on it.
 APT_WINDOW = ("xvfb", "libx11-xcb1", "libxcursor1", "libxi6", "libxinerama1", "libxrandr2")
-APT_PACKAGES = (*APT_VULKAN, *APT_GL, *APT_LAYERS, *APT_WINDOW)
+# On Ubuntu this name brings a snap, which containers cannot run.
+APT_BROWSER = ("chromium",)
+APT_PACKAGES = (*APT_VULKAN, *APT_GL, *APT_LAYERS, *APT_WINDOW, *APT_BROWSER)
 """All that a plan may ask apt for, so that `machine.describe` can say what is there already."""
 
 # Another apt at work is waited for, two minutes at most.
@@ -217,14 +219,27 @@ def _apt_steps(machine: Machine, wants: set[str]) -> tuple[Step, ...]:
         why: [p for p in some if p in newer or p not in machine.packages] for why, some in wished.items()
     }
     packages = [package for some in lists.values() for package in some]
-    if not packages:
+    browser = _browser(machine)
+    if not packages and browser is None:
         return ()
     steps = [Step("Bring apt's lists of packages up to date.", ("apt-get", "update"), may_fail=True)]
     if "vulkan" in wants and machine.distribution == "debian" and machine.codename == "bookworm":
         steps += _backports(machine)
-    reason = "; ".join(why for why, some in lists.items() if some)
-    steps.append(Step(reason[0].upper() + reason[1:] + ".", (*APT_INSTALL, *packages)))
+    if browser:
+        steps.append(browser)
+    if packages:
+        reason = "; ".join(why for why, some in lists.items() if some)
+        steps.append(Step(reason[0].upper() + reason[1:] + ".", (*APT_INSTALL, *packages)))
     return tuple(steps)
+
+
+def _browser(machine: Machine) -> Step | None:
+    """Return the step that brings a browser for the tests of the site's pages; None where it is, or cannot come."""
+    missing = [package for package in APT_BROWSER if package not in machine.packages]
+    if not machine.ci or machine.distribution != "debian" or not missing:
+        return None
+    reason = "A browser for the tests of the site's pages, which are skipped without one."
+    return Step(reason, (*APT_INSTALL, *missing), may_fail=True)
 
 
 def _backports(machine: Machine) -> list[Step]:

@@ -7,22 +7,43 @@ import os
 import shlex
 import subprocess
 import sys
+from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
-from bootstrap import machine, probe
+from bootstrap import machine, offline, probe
 from bootstrap.environment import Environment, SetupError, make, only_one
 from bootstrap.plan import APT_PACKAGES, NEEDED_VULKAN, Plan, Step, decide
 
 ROOT = Path(__file__).resolve().parents[1]
 
-WITHOUT_DEVICE = ("carry", "diff", "doctor", "list", "site", "--help", "--version")
+WITHOUT_DEVICE = (
+    *(
+        "assets",
+        "bundle",
+        "carry",
+        "convert",
+        "diff",
+        "docs",
+        "doctor",
+        "exercise",
+        "explain",
+        "fork",
+        "list",
+        "new",
+    ),
+    *("--help", "--version"),
+)
 """Commands that are of use where nothing can be drawn; Strata without a command prints its help."""
 
 
 def main(arguments: list[str]) -> int:
     """Set up what is missing and start Strata; return an exit code, 2 when the user has to do something first."""
-    options, rest = parse(arguments)
     try:
+        options, rest = parse(arguments)
+        other = offline.other_python(vars(options)["from"], Environment(ROOT))
+        if other is not None:
+            return become([*other, "-I", str(ROOT / "bootstrap" / "__main__.py"), *arguments])
         set_up(Environment(ROOT), options, command=rest[0] if rest else "--help")
     except SetupError as error:
         say(str(error))
@@ -33,40 +54,71 @@ def main(arguments: list[str]) -> int:
     return start(rest)
 
 
+FLAGS = {
+    "--yes": "agree in advance to what the set-up would change on this system",
+    "--no-install": "change nothing on this system outside the clone",
+    "--extras": "install all optional packages too, for development and reference",
+    "--latest": "install the newest Python packages, not those of the lock",
+}
+
+
 def parse(arguments: list[str]) -> tuple[argparse.Namespace, list[str]]:
-    """Return the options of the set-up, which stand before the command, and the words for Strata itself."""
-    names = {
-        "--yes": "agree in advance to what the set-up would change on this system",
-        "--no-install": "change nothing on this system outside the clone",
-        "--extras": "install all optional packages too, for development and reference",
-        "--latest": "install the newest Python packages, not those of the lock",
-    }
-    parser = argparse.ArgumentParser(add_help=False)
-    for name, text in names.items():
-        parser.add_argument(name, action="store_true", help=text)
-    count = next((i for i, word in enumerate(arguments) if word not in names), len(arguments))
-    return parser.parse_args(arguments[:count]), arguments[count:]
+    """Return the options of the set-up, which stand before the command, and the words for Strata itself.
+
+    Beside the flags there is `--from FILE`: set up from a bundle, without a network.
+    """
+    found: dict[str, bool | str | None] = {flag[2:].replace("-", "_"): False for flag in FLAGS}
+    found["from"] = None
+    left = list(arguments)
+    while left:
+        name, equals, value = left[0].partition("=")
+        if left[0] in FLAGS:
+            found[name[2:].replace("-", "_")] = True
+        elif name == "--from":
+            if not equals:
+                del left[0]
+                value = left[0] if left else ""
+            if not value:
+                raise SetupError("--from needs the file of a bundle: ./strata --from FILE run 1.")
+            found["from"] = value
+        else:
+            break
+        del left[0]
+    if found["latest"] and found["from"]:
+        raise SetupError(
+            "--latest takes packages from a network and --from from a bundle: leave one of them out."
+        )
+    return argparse.Namespace(**found), left
 
 
 def set_up(environment: Environment, options: argparse.Namespace, command: str) -> None:
     """Bring system and environment to what `command` needs; raise SetupError when Strata cannot go on."""
-    with only_one(say):
+    source = vars(options)["from"]
+    with only_one(say), ExitStack() as stack:
         plan = Plan("nothing")
         before = environment.stamp()
         everything = options.extras or machine.in_ci() or before[1] == "all"
-        asked = options.yes or options.latest or options.extras
+        asked = options.yes or options.latest or options.extras or source is not None
         if environment.ready(everything) and not asked:
             return  # another start did it, or the launcher could not tell
+        bundle = stack.enter_context(offline.opened(source, environment, everything)) if source else None
         # The drivers are asked once: not again because a package of ours has another version.
         if options.yes or before[1] != ("all" if everything else "core"):
             say("Looking at this machine, once.")
-            plan = decide(machine.describe(APT_PACKAGES), yes=options.yes, install=not options.no_install)
+            # Who names a bundle has no network, or wants none: then the system is changed only for --yes.
+            install = not options.no_install and (source is None or options.yes)
+            plan = decide(machine.describe(APT_PACKAGES), yes=options.yes, install=install)
             plan = carry_out(plan)
+            if source is not None and (plan.missing or plan.steps):
+                plan = replace(plan, notes=(*plan.notes, offline.SYSTEM_PACKAGES))
         if plan.blocks == "everything":
             raise SetupError(explain(plan))
         if not environment.ready(everything) or options.latest:
-            make(environment, everything, options.latest, say)
+            supply = stack.enter_context(bundle.packages(say)) if bundle else None
+            make(environment, everything, options.latest, say, supply)
             say("Strata is set up; this happens once.")
+        if bundle:
+            bundle.place_the_rest(say)
     if plan.missing or plan.steps:
         if plan.blocks == "graphics" and command not in WITHOUT_DEVICE and not options.no_install:
             raise SetupError(explain(plan))
@@ -148,14 +200,18 @@ def say(text: str) -> None:
 
 def start(arguments: list[str]) -> int:
     """Become the command line (on Windows: run it and return its exit code)."""
-    python = str(Environment(ROOT).python)
     # -P: a file of the user's folder that is called like a module is not taken for one.
-    command = [python, "-P", "-m", "chapters", *arguments]
+    command = [str(Environment(ROOT).python), "-P", "-m", "chapters", *arguments]
     for name in ("PYTHONHOME", "PYTHONPATH"):  # as in the launchers
         os.environ.pop(name, None)
+    return become(command)
+
+
+def become(command: list[str]) -> int:
+    """Go on as another program (on Windows: run it and return its exit code)."""
     if sys.platform == "win32":  # os.execv returns to the prompt there, before the program is done
         try:
             return subprocess.run(command, check=False).returncode
         except KeyboardInterrupt:
             return 130
-    return os.execv(python, command)
+    return os.execv(command[0], command)

@@ -279,6 +279,16 @@ def test_ci_adds_layers_and_a_screen_where_graphics_work_already() -> None:
     assert decide(replace(has_layers, packages=frozenset(APT_PACKAGES))) == Plan("nothing")
 
 
+def test_ci_on_debian_gets_a_browser_and_goes_on_without_one() -> None:
+    machine = working(BOOKWORM, ci=True, root=True)
+    (step,) = (one for one in decide(machine).steps if "chromium" in one.command)
+    assert step.may_fail
+    all_else = replace(machine, layers=frozenset({VALIDATION_LAYER}), packages=frozenset(APT_WINDOW))
+    assert [one.command[-1] for one in decide(all_else).steps] == ["update", "chromium"]
+    for other in (replace(machine, ci=False), working(NOBLE, ci=True, root=True)):
+        assert not any("chromium" in one.command for one in decide(other).steps)
+
+
 def test_a_machine_with_an_old_mesa_that_draws_too_little_gets_the_newer_one() -> None:
     machine = replace(BOOKWORM, vulkan=(1, 1), packages=frozenset(APT_PACKAGES))
     assert set(APT_VULKAN) < set(installed(decide(machine)))

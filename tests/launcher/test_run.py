@@ -7,12 +7,13 @@ import io
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from bootstrap import environment, machine, probe, run
+from bootstrap import environment, machine, offline, probe, run
 from bootstrap.environment import Environment, SetupError
 from bootstrap.machine import Machine
 from bootstrap.plan import Plan, Step
@@ -49,12 +50,35 @@ def answer(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
         (["--extras"], ["extras"], []),
         (["run", "--yes"], [], ["run", "--yes"]),
         (["--help"], [], ["--help"]),
+        (["--from", "a b.zip", "run", "1"], ["from"], ["run", "1"]),
+        (["--yes", "--from=a b.zip", "--extras", "list"], ["yes", "extras", "from"], ["list"]),
+        (["run", "--from", "x"], [], ["run", "--from", "x"]),
     ],
 )
 def test_our_options_stand_before_the_command(words: list[str], given: list[str], rest: list[str]) -> None:
     options, left = run.parse(words)
     assert [name for name, value in vars(options).items() if value] == given
     assert left == rest
+    assert vars(options)["from"] in (None, "a b.zip")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--from"], "--from needs the file of a bundle"),
+        (["--yes", "--from="], "--from needs the file of a bundle"),
+        (["--from", "", "run"], "--from needs the file of a bundle"),
+        (["--from", "b.zip", "--latest", "run"], "leave one of them out"),
+        (["--from", "no such file", "run"], "There is no file no such file"),
+    ],
+)
+def test_a_bundle_that_is_named_wrongly_is_said(
+    capsys: pytest.CaptureFixture[str], words: list[str], message: str
+) -> None:
+    assert run.main(words) == 2
+    said = capsys.readouterr().err
+    assert message in said
+    assert said.count("\n") == 1
 
 
 # --- One step ---
@@ -214,7 +238,7 @@ def test_a_user_without_rights_gets_the_commands_and_the_end(set_up: SetUp, comm
         set_up(replace(UBUNTU, sudo=True), command)
 
 
-@pytest.mark.parametrize("command", ["list", "site", "--help"])
+@pytest.mark.parametrize("command", ["list", "docs", "--help"])
 def test_what_needs_no_device_goes_on_and_says_the_commands(
     set_up: SetUp, capsys: pytest.CaptureFixture[str], command: str
 ) -> None:
@@ -229,6 +253,38 @@ def test_doctor_itself_says_what_is_missing(set_up: SetUp, capsys: pytest.Captur
 
 def test_no_install_goes_on_without_a_device(set_up: SetUp) -> None:
     assert set_up(replace(UBUNTU, root=True), "--no-install", "run", "1") == ["core"]
+
+
+@pytest.fixture
+def any_bundle(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In place of any bundle one that has nothing."""
+
+    class Nothing:
+        def packages(self, say: Callable[[str], None]) -> AbstractContextManager[None]:
+            return nullcontext()
+
+        def place_the_rest(self, say: Callable[[str], None]) -> None:
+            pass
+
+    monkeypatch.setattr(offline, "opened", lambda *arguments: nullcontext(Nothing()))
+
+
+@pytest.mark.usefixtures("any_bundle")
+def test_with_a_bundle_the_system_is_changed_only_for_yes(
+    set_up: SetUp, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    container = replace(UBUNTU, root=True)
+    assert set_up(container, "--from", "b.zip", "list") == ["core"]
+    said = capsys.readouterr().err
+    assert "\napt-get update\n" in said
+    assert said.rstrip().endswith(offline.SYSTEM_PACKAGES)
+    with pytest.raises(SetupError, match=r"No Vulkan device(.|\n)*A bundle brings Python packages alone"):
+        set_up(container, "--from", "b.zip", "run", "1")
+    device(monkeypatch, [1, 3])
+    assert set_up(container, "--yes", "--from", "b.zip", "run", "1")[0] == "apt-get update"
+    capsys.readouterr()
+    assert set_up(replace(WORKING, root=True), "--from", "b.zip", "run", "1") == ["core"]
+    assert "A bundle brings" not in capsys.readouterr().err
 
 
 def test_a_python_that_cannot_make_an_environment_stops_every_command(set_up: SetUp) -> None:
