@@ -1,10 +1,11 @@
 """The fifteen lessons, and what must know all of them: `open`, the command line, the drivers of bench and site.
 
 import chapters
-from common.gltf import load_scene
+from chapters import scenes
 
-with chapters.open(1, scene=load_scene("helmet.gltf"), size=(640, 360)) as renderer:
-    picture = renderer.render(chapters.view_of(renderer)).image("color")
+with chapters.open(1, scene=scenes.load("cornell"), size=(640, 360)) as renderer:
+    frame = renderer.render(chapters.view_of(renderer))
+    frame.show()
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from common.names import suggest
 
 if TYPE_CHECKING:
     from backends.contract import Renderer
+    from chapters.opened import OpenedRenderer
     from common.camera import View
     from common.scene import Scene
 
@@ -152,10 +154,10 @@ def open(  # the name of the contract: chapters.open(6, ...)
     outputs: Collection[str] | str = ("color",),
     validate: bool = False,
     **more: Any,
-) -> Renderer:
+) -> OpenedRenderer:
     """Open a chapter (1, "1" or "ch01"), a study ("1/first-triangle") or a fork (Path("my-ch01")) on `scene`.
 
-    Returns its renderer, which is a context manager.
+    Returns its renderer, which is a context manager and whose frames can show themselves (`chapters.opened`).
 
     `settings` is the chapter's `Settings` (None: its defaults), `without` names features to do without, `outputs` are
     the images that can be read. Further arguments go to the backend's renderer (`device=` shares a device).
@@ -163,7 +165,9 @@ def open(  # the name of the contract: chapters.open(6, ...)
     """
     wanted = parse(which)
     module = renderer_module(wanted, choose_backend(backend, wanted))
-    opened: Renderer = module.Renderer(
+    from chapters.opened import showing
+
+    opened: OpenedRenderer = showing(module.Renderer, wanted)(
         scene, size, settings=settings, without=without, outputs=outputs, validate=validate, **more
     )
     return opened

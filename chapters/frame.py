@@ -224,6 +224,8 @@ def take_apart(
         writes = []
         for access in one.writes:
             written[access.resource] = access, one.name
+            if f"{one.name}/{access.resource}" not in renderer.inspection.names:
+                continue  # a buffer, of which there is no picture
             values = drawn.image(f"{one.name}/{access.resource}")
             known = described(access, (access, one.name), renderer)
             shown, mapping = picture_of(values, access.resource, known.format, view, stored)
@@ -239,7 +241,7 @@ def take_apart(
                 one.name,
                 sentence_of(draws),
                 statistics.median(each[one.name] for each in measured),
-                dict(renderer.inspection.work.by_pass[one.name]),
+                dict(renderer.inspection.work.by_pass.get(one.name, {})),  # beside graphics nobody counts
                 reads,
                 writes,
             )
