@@ -1,0 +1,143 @@
+"""Each feature has an independent truth and a negative case: the table oracles.toml against the text of the tests."""
+
+from __future__ import annotations
+
+import ast
+from dataclasses import replace
+
+import pytest
+
+from chapters import features
+from chapters.features import MarkedTest
+from tests.support.oracles import Table, evidence, faults, read
+
+discipline = pytest.mark.feature("tests/conformance-discipline")
+MOST_LACKING = 0
+"""Features that lack a part of their entry. A number that falls; a new feature has all of it."""
+TEXT = """
+import pytest
+from common import clock
+
+def test_twin():
+    assert True
+
+def test_refused():
+    with pytest.raises(ValueError):
+        clock.tick()
+"""
+ENTRY = {
+    "oracle": "float64",
+    "held": "tests/a/test_x.py::test_twin",
+    "negative": "tests/a/test_x.py::test_refused",
+}
+WHOLE = Table({"float64": "A second program in double precision."}, {"area/feature": ENTRY})
+MARKED = {"area/feature": (MarkedTest("tests/a/test_x.py::test_twin", "a"),)}
+
+
+@discipline
+def test_every_feature_has_an_independent_oracle_and_a_negative_case():
+    table = read()
+    assert faults(table, features.marked_tests()) == []
+    assert len(table.lacking) <= MOST_LACKING, "write the case that is missing instead"
+    assert len(table.kinds) <= 12 and all(len(words.split()) > 3 for words in table.kinds.values())
+
+
+def entry(**changed):
+    return replace(WHOLE, features={"area/feature": {**ENTRY, **changed}})
+
+
+def without(part):
+    return replace(
+        WHOLE, features={"area/feature": {name: one for name, one in ENTRY.items() if name != part}}
+    )
+
+
+WRONG = {
+    "no entry": (replace(WHOLE, features={}), "'area/feature' has tests and no entry"),
+    "no mark": (
+        replace(WHOLE, features={"area/feature": ENTRY, "area/gone": ENTRY}),
+        "has 'area/gone', and no test bears that mark",
+    ),
+    "order": (
+        replace(WHOLE, features={"b/b": ENTRY, "area/feature": ENTRY}),
+        "'area/feature' stands behind 'b/b'",
+    ),
+    "kind": (entry(oracle="a golden"), "held by 'a golden', which is none of float64"),
+    "kind that nobody has": (
+        replace(WHOLE, kinds={**WHOLE.kinds, "magic": "No one knows how."}),
+        "No feature is held by 'magic'",
+    ),
+    "held": (entry(held="tests/a/test_x.py::test_refused"), "test_refused, which does not bear its mark"),
+    "no oracle": (without("oracle"), "'area/feature' has no oracle"),
+    "no negative": (without("negative"), "'area/feature' has no negative"),
+    "gone": (entry(negative="tests/a/test_x.py::test_gone"), "test_gone, is not there"),
+    "no such file": (entry(negative="tests/a/test_z.py::test_refused"), "test_refused, is not there"),
+    "not about it": (
+        entry(negative="tests/a/test_y.py::test_refused"),
+        "lies in a file that is not about it",
+    ),
+    "cannot fail": (
+        entry(negative="tests/a/test_x.py::test_twin"),
+        "nothing that is refused or that must differ",
+    ),
+    "another word": (entry(because="of this"), "has because, which is no part of an entry"),
+    "lacking nothing": (
+        replace(WHOLE, lacking={"area/feature": "Nobody has written one yet."}),
+        "lacking nothing",
+    ),
+    "lacking without a reason": (
+        replace(without("negative"), lacking={"area/feature": "later"}),
+        "in a sentence what",
+    ),
+}
+
+
+@discipline
+@pytest.mark.parametrize("what", WRONG)
+def test_what_is_wrong_in_the_table_is_named_in_a_sentence(what, tmp_path):
+    """One part of a table that is right is broken at a time."""
+    for name, text in (("test_x.py", TEXT), ("test_y.py", TEXT.replace("clock", "images"))):
+        path = tmp_path / "tests" / "a" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, "utf-8")
+    assert faults(WHOLE, MARKED, tmp_path) == []
+    table, said = WRONG[what]
+    found = faults(table, MARKED, tmp_path)
+    assert any(said in one for one in found), found
+    assert not [one for one in found if not one.endswith(".") or "\n" in one]
+
+
+@discipline
+def test_a_beside_file_about_the_same_module_serves():
+    """And one in the same folder about another does not: that is a case of the test above."""
+    table = read()
+    negative = table.features["device/host-cached-readback"]["negative"]
+    files = {one.name.partition("::")[0] for one in features.marked_tests()["device/host-cached-readback"]}
+    assert negative.partition("::")[0] not in files
+
+
+@discipline
+@pytest.mark.parametrize(
+    ("line", "shows"),
+    [
+        ("with pytest.raises(KeyError): f()", "an error that is expected"),
+        ("assert code == 2", "an exit code other than 0"),
+        ("assert (done.returncode, out) == (1, '')", "an exit code other than 0"),
+        ("assert (a != b).any()", "what must differ"),
+        ("assert 'x' not in names", "what must differ"),
+        ("assert abs(a - b).max() > 3", "a difference beyond a bound"),
+        ("assert 0.1 < apart", "a difference beyond a bound"),
+        ("assert not np.array_equal(a, b)", "what must not be the case"),
+        ("assert any(word in one for one in found)", "what must be found"),
+        ("assert user.choose('mode') == []", "nothing where something was asked for"),
+        ("assert code == 0", ""),
+        ("assert a == b", ""),
+        ("assert abs(a - b).max() < 3", ""),
+        ("assert not wrong", ""),
+        ("if a != b: return", ""),
+    ],
+)
+def test_what_a_test_shows(line, shows):
+    (function,) = ast.parse(f"def test_x():\n    {line}").body
+    assert isinstance(function, ast.FunctionDef)
+    assert evidence(function) == shows
