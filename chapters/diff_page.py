@@ -214,8 +214,13 @@ def _line(line: Line, lines: dict[str, list[str]], side: str = "") -> str:
 
 def highlighted(source: Source) -> list[str]:
     """Return the lines of a file as HTML, with the syntax's colours; every character of it is escaped."""
+    return _highlighted(source.suffix, source.is_code, "\n".join(source.lines))
+
+
+@cache  # a site shows the same text as a file, as the new side of a difference and as the old one of the next
+def _highlighted(suffix: str, is_code: bool, whole: str) -> list[str]:
     made = [""]
-    for kind, text in lexer_of(source.suffix, source.is_code).get_tokens("\n".join(source.lines)):
+    for kind, text in lexer_of(suffix, is_code).get_tokens(whole):
         name = _kind(kind)
         for place, part in enumerate(text.split("\n")):
             if place:

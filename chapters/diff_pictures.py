@@ -61,7 +61,7 @@ def draw(made: Comparison, steps: Steps) -> Pictures:
 
 
 def passes_of(side: Side, wanted: Collection[str]) -> dict[str, bytes]:
-    """Return a PNG of what each pass of `wanted` writes first. Raises whatever opening and drawing raise."""
+    """Return a PNG of the first image that each pass of `wanted` writes. Raises whatever opening and drawing raise."""
     scene = scenes.load(scenes.DEFAULT)
     backend = chapters.choose_backend(side.backend or "auto")
     if side.own and side.number is not None:
@@ -74,8 +74,12 @@ def passes_of(side: Side, wanted: Collection[str]) -> dict[str, bytes]:
         frame = renderer.render(view)
         stored = stored_as(renderer.settings)
         for made in renderer.passes:
-            if made.name in wanted and made.writes:
-                access = made.writes[0]
+            # Of buffers there is no picture.
+            images = [
+                one for one in made.writes if f"{made.name}/{one.resource}" in renderer.inspection.names
+            ]
+            if made.name in wanted and images:
+                access = images[0]
                 values = frame.image(f"{made.name}/{access.resource}")
                 found[made.name] = _png(
                     picture_of(values, access.resource, access.format or "", view, stored)[0]

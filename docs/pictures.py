@@ -1,16 +1,22 @@
-"""Makes docs/pictures anew: `python docs/pictures.py [NAME...]` draws scenes with chapter 1, all studies, and loading.
+"""Makes all pictures of the repository anew: `python docs/pictures.py [NAME...]`, or `--stale` for those out of date.
+
+They are scenes drawn with chapter 1, studies, sheets of passes and views, pairs of pictures to be laid over one
+another, and the plots of docs/benchmarks, which are drawn from their records. Each has at most 150 kB, and
+docs/records has what it was made from.
 
 Nearly every picture is drawn twice as wide and high and averaged down in linear light, four samples to a pixel, so
 that edges are smooth without any method of a later chapter. Sheets of views and passes show values, and are left as
-they are.
+they are; so are pairs, which show what a chapter draws.
 """
 
 from __future__ import annotations
 
 import argparse
+import datetime
 import sys
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -23,14 +29,16 @@ sys.path.insert(0, str(ROOT))  # so that it runs from any folder, installed or n
 
 import chapters  # noqa: E402
 from assets import SCENES, locate  # noqa: E402
-from chapters import studies  # noqa: E402
+from chapters import bench, bench_report, site_inputs, site_pairs, studies  # noqa: E402
 from chapters.frame import step_through  # noqa: E402
 from chapters.run import Request  # noqa: E402
 from common.color import decode_srgb, encode_srgb, quantize  # noqa: E402
 from common.errors import StrataError  # noqa: E402
 from common.gltf import load_scene  # noqa: E402
-from common.images import read_image, write_image  # noqa: E402
+from common.images import read_image  # noqa: E402
+from common.names import suggest  # noqa: E402
 from common.settings import preset  # noqa: E402
+from common.small_pictures import write_small  # noqa: E402
 
 SIZE = (640, 360)
 FOLDER = ROOT / "docs" / "pictures"
@@ -44,13 +52,14 @@ STUDY_TIMES = {
     "phong": 0.9,
     "flipbook": 2.2,
     "buffer-address": 2.6,
+    "torus-knot": 0.0,
 }
 """Seconds at which a study shows what it is about; 1 for the others."""
-STUDIES_OF_PIXELS = {"dithered-alpha", "random-textures"}
+STUDIES_OF_PIXELS = {"dithered-alpha", "random-textures", "fragment-order", "dispatch-size"}
 """Those about single pixels, which are not to be averaged."""
-STUDY_SETTINGS = {"texture-handles": {"way": "units"}}
-"""Settings with which every driver can draw a study's picture."""
-WITH_STUDIES = (1, 2, 3, 4)
+STUDY_SETTINGS = {"texture-handles": {"way": "units"}, "dispatch-size": {"guard": False}}
+"""Settings with which every driver can draw a study's picture, or it says more."""
+WITH_STUDIES = (1, 2, 3, 4, 5)
 """The chapters that have studies."""
 
 
@@ -175,13 +184,36 @@ def lens_sheet(cell: tuple[int, int] = (320, 180)) -> NDArray[Any]:
     return np.concatenate(cells, axis=1)
 
 
+CLOTH = 5
+"""The chapter whose cloths the sheet shows."""
+
+
+def cloth_sheet(cell: tuple[int, int] = (336, 189), rate: int = 60) -> NDArray[Any]:
+    """Return (H, W, 3): the cloths of their scene as they were modelled, and two seconds later, in a wind of 3 m/s."""
+    scene, cells = load_scene(locate("cloth")), []
+    settings: Any = replace(preset(chapters.settings_class(CLOTH), "medium"), wind_speed=3.0)
+    size = (2 * cell[0], 2 * cell[1])
+    with chapters.open(CLOTH, "auto", scene=scene, size=size, settings=settings) as renderer:
+        view = chapters.view_of(renderer)
+        for number in range(2 * rate + 1):
+            frame = renderer.render(view, number / rate)
+            if number in (0, 2 * rate):
+                cells.append(halved(frame.image("color")))
+    return np.concatenate(cells, axis=1)
+
+
 SHEETS = {
     "views": sheet_of_views,
     "frame": frame_sheet,
     "ch03-loading": loading_sheet,
     "ch04-gbuffer": gbuffer_sheet,
     "ch04-lens": lens_sheet,
+    "ch05-cloth": cloth_sheet,
 }
+
+
+COVERS: dict[str, int] = {"views": CHAPTER, "frame": CHAPTER, "ch03-loading": LOADING}
+"""The chapter that draws a sheet; GRAPH for the others."""
 
 
 def picture_of(name: str) -> NDArray[Any]:
@@ -191,28 +223,108 @@ def picture_of(name: str) -> NDArray[Any]:
     return draw_study(name) if "/" in name else draw(name)
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Draw the scenes and studies named, or all, and say how large each file is; return the exit code."""
-    parser = argparse.ArgumentParser(description=__doc__)
+def inputs_of(name: str) -> list[Path]:
+    """Return the files that a picture of `picture_of` is made from."""
+    if name in SHEETS:
+        scene = "cornell" if name == "frame" else "atrium"
+        return [*site_inputs.chapter(COVERS.get(name, GRAPH)), *site_inputs.scene(scene)]
+    if "/" in name:
+        return site_inputs.study(*studies.split(name))
+    return [*site_inputs.chapter(CHAPTER), *site_inputs.scene(name)]
+
+
+@dataclass(frozen=True)
+class Made:
+    """Pictures that are made together: what each is made from, and what makes them."""
+
+    inputs: dict[Path, list[Path]]
+    """Of each file."""
+    make: Callable[[Path], object]
+    """Takes the folder for pictures, and writes into it; a plot and a pair have one of their own."""
+
+
+def everything() -> dict[str, Made]:
+    """Return all that there is to make, by name."""
+
+    def drawn(name: str) -> Made:
+        file = FOLDER / f"{file_of(name)}.png"
+        return Made({file: inputs_of(name)}, lambda to: write_small(to / file.name, picture_of(name)))
+
     all_studies = [f"{number}/{name}" for number in WITH_STUDIES for name in studies.available(number)]
-    all_names = [*SCENES, *all_studies, *SHEETS]
-    parser.add_argument(
-        "names", metavar="NAME", nargs="*", help=f"one of {', '.join(all_names)}; default all"
-    )
+    found = {name: drawn(name) for name in (*SCENES, *all_studies, *SHEETS)}
+    for number in chapters.available():
+        for pair in site_pairs.pairs_of(number):
+            found[f"pairs/{pair.name}"] = Made(site_pairs.inputs_of(pair), partial(_make_pair, pair))
+    for record in sorted(bench.FOLDER.glob("ch[0-9][0-9]-*.json")):
+        plot = record.with_suffix(".png")
+        if plot.is_file():
+            found[f"plots/{record.stem}"] = Made({plot: [record]}, partial(_make_plot, plot, record))
+    return found
+
+
+def _make_pair(pair: site_pairs.Pair, _: Path) -> None:
+    site_pairs.make(pair)
+
+
+def _make_plot(plot: Path, record: Path, _: Path) -> None:
+    bench_report.plot(plot, bench.read_record(record))
+
+
+def wanted() -> dict[str, str]:
+    """Return the hash of the inputs of every picture, by its path from the clone's root."""
+    return {
+        file.relative_to(ROOT).as_posix(): site_inputs.digest(inputs)
+        for made in everything().values()
+        for file, inputs in made.inputs.items()
+    }
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Make the pictures named, or all, and say how large each file is; return the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    known = everything()
+    parser.add_argument("names", metavar="NAME", nargs="*", help=f"one of {', '.join(known)}; default all")
     parser.add_argument("--out", type=Path, default=FOLDER, help="folder to write to (default docs/pictures)")
+    parser.add_argument("--stale", action="store_true", help="only those whose inputs have changed")
     chosen = parser.parse_args(arguments)
-    try:
-        names = chosen.names or all_names
-        pictures = {file_of(name): picture_of(name) for name in names}
-        chosen.out.mkdir(parents=True, exist_ok=True)
-        for name, picture in pictures.items():
-            path = chosen.out / f"{name}.png"
-            write_image(path, picture)
-            print(f"{path}  {path.stat().st_size / 1e3:.0f} kB")
-    except StrataError as error:
-        print(error, file=sys.stderr)
+    if unknown := [name for name in chosen.names if name not in known]:
+        print(f"There is no picture {unknown[0]!r}{suggest(unknown[0], known)}", file=sys.stderr)
         return 2
-    return 0
+    names = chosen.names or [*known]
+    if chosen.stale:
+        old = {ROOT / name for name in site_inputs.stale(wanted(), site_inputs.read())}
+        names = [name for name in names if old & {*known[name].inputs}]
+    failed = 0
+    for name in names:
+        try:
+            chosen.out.mkdir(parents=True, exist_ok=True)
+            known[name].make(chosen.out)
+        except StrataError as error:
+            print(f"{name}: {error}", file=sys.stderr)
+            failed = 2
+            continue
+        files = [chosen.out / file.name if file.parent == FOLDER else file for file in known[name].inputs]
+        print("\n".join(f"{file}  {file.stat().st_size / 1e3:.0f} kB" for file in files))
+        if chosen.out == FOLDER:
+            _keep(name, known[name])
+    return failed
+
+
+def _keep(name: str, made: Made) -> None:
+    """Write down what pictures were made from, as soon as they are there."""
+    head = {
+        "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        "commit": bench.commit(),
+    }
+    entries = {
+        file.relative_to(ROOT).as_posix(): {
+            "made_by": name,
+            **site_inputs.entry(file, site_inputs.digest(inputs), head),
+        }
+        for file, inputs in made.inputs.items()
+    }
+    there = {path: one for path, one in site_inputs.read().items() if (ROOT / path).is_file()}
+    site_inputs.write({**there, **entries})
 
 
 if __name__ == "__main__":

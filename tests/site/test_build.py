@@ -1,0 +1,316 @@
+"""The site as it is built: its pages, what is said of what it lacks, and which folders it takes."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+import chapters
+from chapters import notebooks, site, site_chapter, site_draft, site_notebook, site_pairs, site_serve
+from chapters.diff_style import DARK, LIGHT
+from chapters.shown import Picture
+from chapters.site_draft import TEXTS, Draft
+from common.errors import UserError
+from common.paths import ROOT
+
+VOID = {
+    *("img", "input", "br", "link", "meta", "hr", "wbr"),
+    *("line", "path", "circle", "polyline", "rect", "use"),
+}
+
+
+def pages(built: site.Built) -> dict[str, str]:
+    """Return the pages that mkdocs made."""
+    own = ("source/", "chapters/ch01-diff")
+    found = {path.relative_to(built.folder).as_posix(): path for path in built.folder.rglob("*.html")}
+    return {name: path.read_text("utf-8") for name, path in found.items() if not name.startswith(own)}
+
+
+class Balance(HTMLParser):
+    """Finds the first tag that is closed by another one's end."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.wrong = ""
+
+    def handle_starttag(self, tag: str, attrs: object) -> None:
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag in VOID or self.wrong:
+            return
+        if not self.open or self.open.pop() != tag:
+            self.wrong = f"</{tag}> at line {self.getpos()[0]}"
+
+
+@pytest.mark.feature("tools/site")
+def test_no_page_has_a_fault(built) -> None:
+    assert built.faults == ()
+
+
+def test_every_page_is_there_and_whole(built) -> None:
+    found = pages(built)
+    assert {*site.PAGES} | {"chapters/ch01.md", "changelog.md", "contributing.md", "records.md"} <= {
+        name.removesuffix(".html") + ".md" for name in found
+    }
+    for name, text in found.items():
+        parser = Balance()
+        parser.feed(re.sub(r"<script\b.*?</script>", "", text, flags=re.DOTALL))
+        assert parser.wrong == "", name
+
+
+def test_nothing_is_asked_of_another_machine(built) -> None:
+    for path in built.folder.rglob("*.css"):
+        assert not re.search(r"(?:url\(|@import)\s*[\"']?(?:https?:)?//", path.read_text("utf-8")), path.name
+    for name, text in pages(built).items():
+        assert "fonts.g" not in text and "cdn" not in text.lower(), name
+
+
+@pytest.mark.feature("tools/site")
+def test_a_chapter_s_page_has_all_its_parts(built) -> None:
+    text = pages(built)["chapters/ch01.html"]
+    for part in (
+        "gallery",
+        "one-over-the-other",
+        "lines-that-changed",
+        "time-against-error",
+        "what-a-frame-does",
+    ):
+        assert f'id="{part}"' in text
+    assert text.count('<figure class="overlay"') == len(site_pairs.pairs_of(1))
+    records = site_chapter.records_of(1)
+    assert text.count('<figure class="plot"') == len(records) >= 2
+    points = sum(len(made["points"]) for made in records.values())
+    assert text.count('<g class="point ') == points
+    work = next(iter(records.values()))["points"][0]["work"]
+    assert f'<td>draws</td>\n<td style="text-align: right;">{work["draws"]:,}</td>' in text
+
+
+@pytest.mark.feature("tools/site")
+def test_the_figures_of_a_pair_are_those_of_its_record(built) -> None:
+    text = pages(built)["chapters/ch01.html"]
+    for pair in site_pairs.pairs_of(1):
+        record = site_pairs.read()[pair.name]
+        figure = next(part for part in text.split("</figure>") if f"pairs/{pair.name}.png" in part)
+        assert f'data-changed="{record["error"]["pixels_changed"]}"' in figure and record["verdict"] in figure
+        for file in site_pairs.files_of(pair):
+            assert (built.folder / "pictures" / "pairs" / file.name).read_bytes() == file.read_bytes()
+
+
+@pytest.mark.feature("tools/site")
+def test_a_chapter_that_changes_something_has_its_difference() -> None:
+    draft = Draft((1, 2))
+    shown = site_chapter._changes(draft, 2, "chapters/ch02.md", drawing=False)
+    assert "line by line](ch02-diff.html)" in shown and draft.lacks == []
+    assert b"From chapter 1 to chapter 2" in draft.files["chapters/ch02-diff.html"]
+
+
+def test_what_is_made_once_is_kept_until_a_file_changes(tmp_path, monkeypatch) -> None:
+    monkeypatch.setenv("STRATA_CACHE", str(tmp_path))
+    monkeypatch.setattr(site_chapter, "ROOT", tmp_path)
+    made = []
+
+    def make() -> tuple[bytes, bool]:
+        made.append(1)
+        return b"%d" % len(made), len(made) != 1  # the first one is not whole
+
+    source = tmp_path / "a.py"
+    source.write_bytes(b"x = 1")
+    assert [site_chapter._kept("x", [source], make) for _ in range(3)] == [b"1", b"2", b"2"]
+    source.write_bytes(b"x = 2")
+    assert site_chapter._kept("x", [source], make) == b"3"
+
+
+def test_a_chapter_that_fails_to_draw_leaves_the_rest_of_its_page(plain, monkeypatch) -> None:
+    def broken(*_: object) -> None:
+        raise RuntimeError("the device is lost")
+
+    monkeypatch.setattr(site_chapter.graph, "compiled", broken)
+    monkeypatch.setattr(site_chapter, "cache_dir", lambda name: None)
+    monkeypatch.setattr(site_chapter, "_changes", lambda *_: "changes")
+    with_graph = [
+        n for n in chapters.available() if (chapters.folder_of(n) / site_chapter.graph.REPORT).is_file()
+    ]
+    if not with_graph:
+        pytest.skip("no chapter has a graph")
+    number = with_graph[0]
+    draft = Draft((number,))
+    site_chapter.add(draft, number)
+    page = f"chapters/{chapters.folder_name(number)}.md"
+    assert draft.lacks == [f"{page}: the frame graph, since the device is lost."]
+    assert "What a frame does" in draft.pages[page] and "Not here: the frame graph" in draft.pages[page]
+
+
+def test_a_chapter_without_records_says_which_command_makes_them(plain, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(site_chapter.bench, "FOLDER", tmp_path)
+    monkeypatch.setattr(site_pairs, "RECORD", tmp_path / "pairs.json")
+    (tmp_path / "ch01-odd.json").write_text(json.dumps({"format": 1}), "utf-8")
+    draft = Draft((1,))
+    site_chapter.add(draft, 1, drawing=False)
+    said = " ".join(draft.lacks)
+    assert "./strata bench 1 --record" in said and "docs/pictures.py pairs/" in said
+
+
+def test_a_page_without_its_text_is_named_and_the_others_are_there(plain, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(site, "OWN", tmp_path)
+    monkeypatch.setitem(TEXTS, "CHANGELOG.md", "changelog.md")
+    monkeypatch.setattr(site_draft, "ROOT", tmp_path)
+    monkeypatch.setattr(site_chapter, "add", lambda *_: None)
+    draft = site.draft_of([1], drawing=False)
+    assert {*site.PAGES, "changelog.md"} <= {*draft.pages}
+    assert "speed.md: its text: docs/site/speed.md is missing." in draft.lacks
+    assert draft.pages["changelog.md"].startswith("# Changes by chapter\n\n<p class")
+    assert "every page: docs/site/site.js is missing." in draft.lacks and draft.files["assets/site.js"] == b""
+
+
+def test_pictures_of_a_project_that_cannot_be_imported_are_one_sentence(monkeypatch) -> None:
+    def broken() -> None:
+        raise ModuleNotFoundError("No module named 'nowhere'")
+
+    monkeypatch.setattr(site, "stale_pictures", broken)
+    assert site.late_pictures() == [
+        "Which pictures are out of date cannot be told, since No module named 'nowhere'."
+    ]
+
+
+# --- where it goes ----------------------------------------------------------------------------------------------------
+
+
+def test_a_folder_with_something_else_is_left_alone(tmp_path) -> None:
+    (tmp_path / "thesis.txt").write_text("mine", "utf-8")
+    with pytest.raises(UserError, match="something else than a site"):
+        site.check_target(tmp_path)
+    with pytest.raises(UserError, match="is no folder"):
+        site.check_target(tmp_path / "thesis.txt")
+    (tmp_path / site.MARK).write_text("", "utf-8")
+    site.check_target(tmp_path)
+
+
+def test_a_second_build_takes_the_place_of_the_first(built, out) -> None:
+    site.replace(out, built.folder)
+    (out / "old.html").write_text("", "utf-8")
+    site.replace(out, built.folder)
+    assert (out / "index.html").is_file() and not (out / "old.html").exists()
+    assert [path.name for path in out.parent.iterdir()] == ["site"]
+
+
+def test_without_mkdocs_the_pages_are_left_as_markdown(out, monkeypatch) -> None:
+    monkeypatch.setattr(site, "find_spec", lambda name: None)
+    monkeypatch.setattr(site, "draft_of", lambda *_: Draft(pages={"index.md": "# a"}))
+    with pytest.raises(UserError, match=r"Markdown only.*\./strata --extras docs"):
+        site.build(out, [1])
+    assert (out / "index.md").read_text("utf-8") == "# a"
+
+
+def test_a_port_in_use_is_one_sentence(tmp_path) -> None:
+    with site_serve.server(tmp_path, 0) as first, pytest.raises(UserError, match="--port"):
+        site_serve.server(tmp_path, first.server_address[1])
+
+
+def test_the_command_refuses_before_it_builds(strata, tmp_path) -> None:
+    (tmp_path / "a.txt").write_text("", "utf-8")
+    code, _, said = strata("docs", str(tmp_path))
+    assert code == 2 and "something else than a site" in said and "Traceback" not in said
+
+
+# --- texts ------------------------------------------------------------------------------------------------------------
+
+
+def test_every_chapter_has_its_section_in_the_change_log() -> None:
+    text = (ROOT / "CHANGELOG.md").read_text("utf-8")
+    for number in chapters.available():
+        assert f"## Chapter {number}: {chapters.title_of(number)}\n" in text
+
+
+def test_public_ci_runs_the_same_script_and_nothing_else() -> None:
+    text = (ROOT / ".github" / "workflows" / "ci.yml").read_text("utf-8")
+    yaml = pytest.importorskip("yaml")
+    (job,) = yaml.safe_load(text)["jobs"].values()
+    commands = [step["run"] for step in job["steps"] if "run" in step]
+    assert commands[-1].endswith("bash .ci/run") and not any("pytest" in command for command in commands)
+
+
+@pytest.mark.parametrize("colors", [LIGHT, DARK], ids=["light", "dark"])
+def test_pages_of_code_have_contrast(colors) -> None:
+    """WCAG 2.1, 1.4.3: at least 4.5 to 1, for every kind of text on the paper that it stands on."""
+    for name in ("text", "soft", "link", "k", "s", "c", "m", "f", "p"):
+        assert contrast(colors[name], colors["back"]) >= 4.5, name
+
+
+def test_colours_of_plots_stand_out() -> None:
+    """WCAG 2.1, 1.4.11: what is drawn has at least 3 to 1."""
+    style = (ROOT / "docs" / "site" / "site.css").read_text("utf-8")
+    rule = r"^(\[data-md-color-scheme=slate\] )?\.plot \.(?:preset|knob) \w+ {[^}]*?(?:fill|stroke): (#\w{6})"
+    found = re.findall(rule, style, re.MULTILINE)
+    assert len(found) == 4
+    for dark, color in found:
+        assert contrast(color, "#1e2129" if dark else "#ffffff") >= 3.0
+
+
+def contrast(a: str, b: str) -> float:
+    """Return the ratio of WCAG 2.1 of two colours "#rrggbb"."""
+    light, dark = sorted((luminance(a), luminance(b)), reverse=True)
+    return (light + 0.05) / (dark + 0.05)
+
+
+def luminance(color: str) -> float:
+    parts = [int(color[i : i + 2], 16) / 255 for i in (1, 3, 5)]
+    linear = [c / 12.92 if c <= 0.03928 else ((c + 0.055) / 1.055) ** 2.4 for c in parts]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+@pytest.mark.long
+def test_the_whole_site_is_built_in_time_and_lacks_no_drawing(out) -> None:
+    import time
+
+    if importlib.util.find_spec("material") is None:
+        pytest.skip("mkdocs-material is not installed")
+    began = time.perf_counter()
+    made = site.build(out)
+    assert time.perf_counter() - began < 90.0
+    assert made.faults == ()
+    assert [text for text in made.lacks if "strata test" not in text] == []
+
+
+def test_the_notebook_s_page_has_its_cells_and_the_file(built) -> None:
+    text = pages(built)["notebook.html"]
+    assert (built.folder / "notebook.ipynb").read_bytes() == (
+        ROOT / "examples" / "notebook.ipynb"
+    ).read_bytes()
+    assert 'href="notebook.ipynb"' in text and text.count("<h2") >= 5 and "compared" in text
+    assert "what its cells show: nothing was to be drawn" in text  # here; else the next test's
+
+
+def test_what_cells_show_is_below_them_and_their_pictures_are_files(monkeypatch) -> None:
+    def ran(cells: list[notebooks.Cell]) -> None:
+        first = next(cell for cell in cells if cell.kind == "code")
+        picture = Picture(np.full((2, 3, 3), 9, np.uint8), "a little one")
+        first.shown = ["<pre>a\n\nb\n</pre>", picture.html(), picture.html()]
+
+    monkeypatch.setattr(notebooks, "run", ran)
+    draft = Draft((1,))
+    site_notebook.add(draft)
+    (shown,) = re.findall('<div class="shown" .*', draft.pages["notebook.md"])
+    assert '"><pre>a&#10;&#10;b&#10;</pre><figure' in shown and shown.endswith("</div>")
+    assert re.findall('src="([^"]+)"', shown) == ["notebook/1.png", "notebook/2.png"]
+    assert draft.files["notebook/2.png"].startswith(b"\x89PNG") and draft.lacks == []
+
+
+def test_a_notebook_that_fails_costs_what_it_shows(monkeypatch) -> None:
+    def fails(cells: list[notebooks.Cell]) -> None:
+        raise UserError("No device can draw here.")
+
+    monkeypatch.setattr(notebooks, "run", fails)
+    draft = Draft((1,))
+    site_notebook.add(draft)
+    assert draft.lacks == ["notebook.md: what its cells show, since No device can draw here."]
+    assert (
+        "chapters.open(1" in draft.pages["notebook.md"] and 'class="shown"' not in draft.pages["notebook.md"]
+    )
