@@ -8,18 +8,23 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from chapters import cli_assets
+from chapters.cli_bench import bench
+from chapters.cli_bundle import bundle
+from chapters.cli_convert import convert
 from chapters.cli_diff import diff
+from chapters.cli_docs import docs
 from chapters.cli_exercises import check, exercise
+from chapters.cli_explain import explain
 from chapters.cli_frame import frame
 from chapters.cli_graph import graph
+from chapters.cli_list import list_
 from chapters.cli_options import (
     Backend,
     Camera,
-    Chapter,
     Compress,
     Environment,
     Runnable,
-    Scene,
     Set,
     Size,
     Uncached,
@@ -108,7 +113,8 @@ def run(
         str | None,
         typer.Option(
             metavar="NAME|PATH",
-            help="A scene of `strata list --scenes`, or a .gltf, .glb or .obj file; the atrium, or a study's own.",
+            help="A scene of `strata list --scenes`, a model of `strata assets list`, or a .gltf, .glb or .obj file; "
+            "the atrium, or a study's own.",
             show_default=False,
         ),
     ] = None,
@@ -220,25 +226,10 @@ app.command(cls=Command)(frame)
 app.command(cls=Command)(graph)
 
 
-@app.command(name="list", cls=Command)
-def list_(
-    chapter: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="[N|DIR]", help="A chapter, a study or a fork, to see its lesson.", show_default=False
-        ),
-    ] = None,
-    settings: Annotated[bool, typer.Option("--settings", help="Every knob of chapter N.")] = False,
-    views: Annotated[bool, typer.Option("--views", help="What `--view` of chapter N can show.")] = False,
-    scenes: Annotated[bool, typer.Option("--scenes", help="The scenes that come with Strata.")] = False,
-    features: Annotated[
-        bool, typer.Option("--features", help="What is tested, and how the tests last went.")
-    ] = False,
-) -> int:
-    """Show the chapters, one chapter's lesson, knobs or views, the scenes, or the features that tests hold."""
-    from chapters import listing
+app.command(name="list", cls=Command)(list_)
 
-    return listing.run(chapter, settings=settings, views=views, scenes=scenes, features=features)
+
+app.command(cls=Command)(explain)
 
 
 @app.command(cls=Command)
@@ -272,52 +263,14 @@ def run_tests(
     static: Annotated[
         bool, typer.Option("--static", help="Also ruff, mypy and import-linter, as CI does.")
     ] = False,
+    record: Annotated[
+        bool, typer.Option("--record", help="Keep the results of whole areas for the site, in docs/records.")
+    ] = False,
 ) -> int:
     """Run the tests: all, those of an area such as ch01, common or backends, or a chapter's on the folder of a fork."""
     from chapters import testing
 
-    return testing.run([*context.args], long=long, bless=bless, static=static)
-
-
-@app.command(cls=Command)
-def bench(
-    chapter: Chapter,
-    backend: Backend = "auto",
-    scene: Scene = "atrium",
-    size: Size = "640x360",
-    quick: Annotated[bool, typer.Option("--quick", help="Few frames: a look, not a measurement.")] = False,
-    json: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write the record; - prints it.", show_default=False)
-    ] = None,
-    plot: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Write time against error as a picture.", show_default=False),
-    ] = None,
-    record: Annotated[bool, typer.Option("--record", help="Keep the record in docs/benchmarks.")] = False,
-    only: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="PART",
-            help="Measure that alone, repeatable: settings, prepared, start, stability, scales, pipelines, "
-            "threads, loads, readback, graph, prepass, gbuffer.",
-            show_default=False,
-        ),
-    ] = None,
-) -> int:
-    """Measure time, error and work of a chapter's presets and knobs, and what grows with the scene."""
-    import chapters
-    from chapters import bench as measuring
-    from chapters import run as running
-
-    options: dict[str, Any] = {"quick": quick, "json_path": json, "plot_path": plot, "record": record}
-    options["only"] = tuple(only or ())
-    return measuring.run(
-        chapters.parse_chapter(chapter),
-        backend=backend,
-        scene=scene,
-        size=running.parse_size(size),
-        **options,
-    )
+    return testing.run([*context.args], long=long, bless=bless, static=static, record=record)
 
 
 @app.command(cls=Command)
@@ -406,12 +359,25 @@ def compare(
     return comparing.run(request)
 
 
+app.command(cls=Command)(bench)
 app.command(cls=Command)(diff)
 app.command(cls=Command)(fork)
 app.command(cls=Command)(exercise)
 app.command(cls=Command)(check)
 app.command(cls=Command)(carry)
 app.command(cls=Command)(new)
+app.command(cls=Command)(convert)
+app.command(cls=Command)(docs)
+app.command(cls=Command)(bundle)
+models = typer.Typer(name="assets", cls=Group, invoke_without_command=True, callback=cli_assets.alone)
+for command_name, made in (
+    ("list", cli_assets.list_),
+    ("get", cli_assets.get),
+    ("add", cli_assets.add),
+    ("remove", cli_assets.remove),
+):
+    models.command(name=command_name, cls=Command)(made)
+app.add_typer(models)
 
 
 def _version(wanted: bool) -> None:

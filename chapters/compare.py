@@ -115,7 +115,10 @@ def _run(request: Request) -> int:
         if scene is not None:
             running.expose(scene, running.Request(0, ev100=request.ev100))
             running.tell_warnings(scene, request.verbose)
+            told = len(scene.warnings)
         first, second = measure((a, b), scene, size, moment, steps)
+        if scene is not None:
+            running.tell_warnings(scene, request.verbose, told)  # of what was found while it was drawn
         steps("errors", 1.0)
         exposed = exposure_of(first, second, request.ev100)
         found, error_map, shown = errors(first, second, exposed, request.map)

@@ -23,8 +23,9 @@ WIDTHS = (60, 400)
 READER_GONE = 141
 """The exit code where nobody reads on, as in `strata list | head -1`: 128 and the number of SIGPIPE."""
 
-out = Console(highlight=False)
-err = Console(stderr=True, highlight=False)
+# Nothing here is written as :name: to become a picture, and code, paths and what files hold is to be seen as it is.
+out = Console(highlight=False, emoji=False)
+err = Console(stderr=True, highlight=False, emoji=False)
 
 
 def say(text: str) -> None:

@@ -1,27 +1,20 @@
-"""`strata list`: chapters, lessons, knobs, scenes, and the features that tests hold."""
+"""`strata list`: chapters, lessons, knobs, views and scenes; features are in `list_features`."""
 
 from __future__ import annotations
 
-import json
-import re
-from collections import defaultdict
 from typing import Any
 
 from rich.markup import escape
 
 import chapters
-from chapters import studies
-from chapters.console import out, say
+from chapters import list_features, studies
+from chapters.console import out
 from chapters.sentences import first_sentence
 from chapters.tables import table
 from chapters.views import views_of
 from common.errors import UserError
-from common.paths import ROOT, cache_dir
 from common.settings import describe, preset
 from common.shader_files import shown_path
-
-RESULTS = "features.json"
-"""Name of the file, in the user's cache, in which a test run leaves what became of each feature's tests."""
 
 
 def run(
@@ -31,8 +24,16 @@ def run(
     views: bool = False,
     scenes: bool = False,
     features: bool = False,
+    find: str = "",
+    tests: bool = False,
+    as_json: bool = False,
 ) -> int:
-    """Print what was asked for; return the exit code."""
+    """Print what was asked for; return the exit code. `find`, `tests` and `as_json` are about features alone."""
+    if features:
+        return list_features.run(chapter, find, tests=tests, as_json=as_json)
+    for option, given in (("--find", find), ("--tests", tests), ("--json", as_json)):
+        if given:
+            raise UserError(f"{option} goes with --features: ./strata list --features {option}")
     if settings or views:
         if chapter is None:
             option = "--settings" if settings else "--views"
@@ -43,8 +44,6 @@ def run(
             show_views(chapters.parse_chapter(chapter))
     elif scenes:
         show_scenes()
-    elif features:
-        show_features()
     elif chapter is not None:
         which = chapters.parse(chapter)
         studies.show(which) if isinstance(which, str) else show_lesson(which)
@@ -149,44 +148,4 @@ def show_scenes() -> None:
             note = info.exercises if default else "the same, made on first use and kept"
             made.add_row(name, f"{triangles:,}", note)
     out.print(made)
-
-
-def show_features() -> None:
-    """Print each feature that some test holds, how many tests there are, and how they went when last run here."""
-    tests = features_in_tests()
-    results = last_results()
-    made = table("Features that tests hold", "feature", ">tests", "last run here")
-    for slug in sorted(tests):
-        made.add_row(slug, str(tests[slug]), verdict(results.get("features", {}).get(slug)))
-    out.print(made)
-    if not results:
-        say("No results yet: ./strata test writes them.")
-    else:
-        say(f"Last results: {results['when']}, commit {results['commit']}, {results['device']}.")
-
-
-def features_in_tests() -> dict[str, int]:
-    """Return how many test functions name each feature of the ledger."""
-    found: dict[str, int] = defaultdict(int)
-    for path in (ROOT / "tests").rglob("test_*.py"):
-        for mark in re.finditer(r"mark\.feature\(([^)]*)\)", path.read_text("utf-8")):
-            for slug in re.findall(r"[\"']([\w-]+/[\w-]+)[\"']", mark[1]):
-                found[slug] += 1
-    return dict(found)
-
-
-def last_results() -> dict[str, Any]:
-    """Return what the last test run left, or nothing."""
-    folder = cache_dir("tests")
-    try:
-        found: dict[str, Any] = json.loads((folder / RESULTS).read_text("utf-8")) if folder else {}
-    except (OSError, ValueError):
-        return {}
-    return found
-
-
-def verdict(counts: dict[str, int] | None) -> str:
-    """Return {"passed": 3, "skipped": 1} as words; a feature with a failing test has failed."""
-    if not counts:
-        return "not run"
-    return ", ".join(f"{count} {name}" for name, count in sorted(counts.items()) if count)
+    out.print("./strata assets list shows models of others by name, and your own.")

@@ -73,12 +73,16 @@ def widget_of(name: str, record: Knob) -> Widget:
 def value_of(widget: Widget, value: Any) -> Value | None:
     """Return what a widget gave as a value that the knob allows, None if it allows none such.
 
-    Widgets count in 32-bit floats: 0.1 comes back as 0.10000000149, and six digits are what was meant.
+    Widgets count in 32-bit floats: 0.1 comes back as 0.10000000149, and six digits are what was meant. What has the six
+    digits of the default is the default: a sixtieth has more.
     """
     if widget.kind in ("slider", "drag"):
         low, high = widget.bounds
         value = min(max(value, low), high)
     text = f"{value:.6g}" if isinstance(value, float) else str(value)
+    default = widget.knob.default
+    if isinstance(default, float) and text == f"{default:.6g}":
+        return default
     try:
         return parse(widget.name, widget.knob, text)
     except SettingError:

@@ -1,4 +1,7 @@
-"""From what a user types after --scene to a scene: a name of our own, or the path of a glTF or Wavefront file."""
+"""From what a user types after --scene to a scene: a name, or the path of a glTF or Wavefront file.
+
+Names are those of our own scenes, and those that `strata assets` knows: of models fetched, and of the reader's own.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,7 @@ import os
 from pathlib import Path
 
 import assets
+from chapters import asset_store
 from common.environment import Environment, read_environment
 from common.errors import SceneError, UserError
 from common.gltf import load_scene
@@ -21,13 +25,13 @@ ENVIRONMENTS = ("none", "sky")
 
 
 def find(text: str) -> Path:
-    """Return the file meant by `text`: a path if it looks like one, else a scene of our own by name.
+    """Return the file meant by `text`: a path if it looks like one, else a scene or a model by name.
 
     Raises UserError or SceneError: there is no such scene or file, it is a folder, or of another kind.
     """
     path = Path(text).expanduser()
     if not _is_path(text, path):
-        return assets.locate(text)
+        return _by_name(text)
     if path.is_dir():
         inside = sorted(p.name for p in path.iterdir() if p.suffix.lower() in SUFFIXES)
         hint = (
@@ -43,6 +47,18 @@ def find(text: str) -> Path:
     if path.suffix.lower() not in SUFFIXES:
         raise SceneError(f"{text} is no scene: its name must end in {', '.join(SUFFIXES)}.")
     return path
+
+
+def _by_name(text: str) -> Path:
+    """Return the file of a scene of our own, or of a model that `strata assets` knows."""
+    if text.partition(":")[0] not in assets.SCENES:
+        model = asset_store.locate(text)
+        if model is not None:
+            return model
+        near = suggest(text, asset_store.names())
+        if near.endswith("?"):
+            raise SceneError(f"There is no scene or model {text!r}{near}")
+    return assets.locate(text)
 
 
 def _is_path(text: str, path: Path) -> bool:

@@ -31,7 +31,7 @@ WITH_VALUE = {
 """Options of pytest whose next word is their value, when it is not written behind "="."""
 
 
-def run(words: list[str], *, long: bool, bless: bool, static: bool) -> int:
+def run(words: list[str], *, long: bool, bless: bool, static: bool, record: bool = False) -> int:
     """Run what was asked for; return 0 when all passed, 1 when something failed, 2 for a wrong request.
 
     `words` are areas of tests/ (ch01, common, ...), paths below it, folders of forks, and pytest's own arguments.
@@ -41,9 +41,13 @@ def run(words: list[str], *, long: bool, bless: bool, static: bool) -> int:
         raise UserError(
             "--bless makes goldens of the project's own chapters: leave it out, or leave out the fork."
         )
+    if record and any(is_fork(word) for word in words):
+        raise UserError(
+            "--record keeps results of the project's own chapters: leave it out, or leave out the fork."
+        )
     in_ci = os.environ.get("CI") == "true"
     failed = static_checks() if static or in_ci else []
-    arguments += ["--long"] * long + ["--bless"] * bless
+    arguments += ["--long"] * long + ["--bless"] * bless + ["--record"] * record
     # A process of its own: pytest rewrites assertions at import, and here much is imported already.
     done = subprocess.run([sys.executable, "-P", "-m", "pytest", *arguments], cwd=ROOT, check=False)
     if failed:
@@ -54,10 +58,14 @@ def run(words: list[str], *, long: bool, bless: bool, static: bool) -> int:
 
 
 def areas() -> list[str]:
-    """Return the folders of tests/ that hold tests."""
-    return sorted(
-        {path.relative_to(ROOT / "tests").parts[0] for path in (ROOT / "tests").glob("*/**/test_*.py")}
-    )
+    """Return the folders of tests/ that hold tests, and the files beside them: "panel" is tests/test_panel.py."""
+    found = {path.relative_to(ROOT / "tests").parts[0] for path in (ROOT / "tests").glob("*/**/test_*.py")}
+    return sorted(found | {path.stem.removeprefix("test_") for path in (ROOT / "tests").glob("test_*.py")})
+
+
+def path_of(area: str) -> str:
+    """Return the folder or the file of an area that is no chapter."""
+    return f"tests/{area}" if (ROOT / "tests" / area).is_dir() else f"tests/test_{area}.py"
 
 
 def pytest_arguments(words: list[str]) -> list[str]:
@@ -81,7 +89,7 @@ def pytest_arguments(words: list[str]) -> list[str]:
             near = suggest(name, [*known, *folders.beside()])
             raise UserError(f"There are no tests called {word!r}{near}{'' if near.endswith('?') else '.'}")
         chapter = re.fullmatch(r"ch(\d\d)", name)
-        paths = chapter_arguments(int(chapter[1])) if chapter else [f"tests/{name}"]
+        paths = chapter_arguments(int(chapter[1])) if chapter else [path_of(name)]
         arguments += [path for path in paths if path not in arguments]
     return arguments
 

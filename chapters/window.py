@@ -31,6 +31,7 @@ from common.clock import FrameClock
 from common.errors import StrataError
 from common.inputs import KEYS, Action, Inputs
 from common.positioners import Orbit
+from common.settings import set_live
 
 if TYPE_CHECKING:
     from backends.contract import Frame, Renderer
@@ -281,6 +282,9 @@ class Loop:
     def _change_settings(self, settings: Any, **options: Any) -> None:
         """Go on with a renderer that has other settings; camera and time stay."""
         if self._reopen is None:
+            return
+        if not options and set_live(self.renderer.settings, settings):
+            self.message, self._panel_due = "", True
             return
         self._unread.clear()
         self._warm = False

@@ -24,7 +24,6 @@ from tests.support.gl_functions import assert_silent
 from tests.support.report import Report
 
 HERE = Path(__file__).parent
-NO_DEVICE = "no device was opened"
 VARIANTS = {
     "vulkan": frozenset[str](),
     "without-all": frozenset({"all"}),
@@ -52,6 +51,7 @@ FORWARD_ALONE = {
     "test_pipelines_that_share_a_set_but_not_its_layout_are_refused",
     "test_chapter_1_draws_the_same_bits",
     "test_a_frame_makes_the_same_calls_for_any_number_of_objects",
+    "test_secondaries_say_all_themselves_and_stand_in_the_order_of_the_draws",
     "test_without_multi_draw_a_call_for_each_object_draws_the_same_bits",
     "test_forced_off_is_the_same_picture_by_another_path",
 }
@@ -72,6 +72,9 @@ USUAL = {
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add what `strata test` passes on."""
     parser.addoption("--long", action="store_true", help="also run what takes minutes")
+    parser.addoption(
+        "--record", action="store_true", help="keep results of whole areas in docs/records/tests.json"
+    )
     goldens.add_options(parser)
     snapshots.add_options(parser)
 
@@ -145,7 +148,7 @@ def variant(request: pytest.FixtureRequest) -> str | None:
 
 
 @pytest.fixture(scope="session")
-def vulkan_instance() -> Iterator[Instance]:
+def vulkan_instance(request: pytest.FixtureRequest) -> Iterator[Instance]:
     """A Vulkan instance with validation and synchronization validation, where the layers are installed."""
     try:
         with Instance() as plain:
@@ -155,6 +158,8 @@ def vulkan_instance() -> Iterator[Instance]:
         pytest.skip(f"no Vulkan: {error}")
     if not fit:
         pytest.skip("no Vulkan 1.3 device")
+    report: Any = request.config.pluginmanager.getplugin("strata-report")
+    report.devices.setdefault("vulkan", fit[0].name)
     with Instance(validate) as instance:
         yield instance
 
@@ -165,7 +170,7 @@ def _vulkan(request: pytest.FixtureRequest, variant: str | None) -> Iterator[Dev
     with Device(instance, without=VARIANTS[variant or "vulkan"]) as device:
         layers = "validated" if instance.validates else "without validation layers"
         report: Any = request.config.pluginmanager.getplugin("strata-report")
-        report.device = f"{device.capabilities.device}, {device.capabilities.driver}, {layers}"
+        report.devices["vulkan"] = f"{device.capabilities.device}, {device.capabilities.driver}, {layers}"
         yield device
 
 
@@ -177,8 +182,7 @@ def _opengl(request: pytest.FixtureRequest, variant: str | None) -> Iterator[Con
         pytest.skip(f"no OpenGL: {error}")
     with context:
         report: Any = request.config.pluginmanager.getplugin("strata-report")
-        if report.device == NO_DEVICE:
-            report.device = f"{context.capabilities.device}, {context.capabilities.driver}"
+        report.devices["gl"] = f"{context.capabilities.device}, {context.capabilities.driver}"
         yield context
 
 
@@ -204,7 +208,7 @@ def chapter(request: pytest.FixtureRequest, variant: str | None) -> Iterator[Cha
     which = snapshots.tested(request.node).which
     with (_opengl if variant == "gl" else _vulkan)(request, variant) as device:
         backend, path = "gl" if variant == "gl" else "vulkan", "auto" if variant == "deferred" else "forward"
-        yield Chapter(which, backend, device, path)
+        yield Chapter(which, backend, device, path, snapshots.first_chapter(request.path))
 
 
 @pytest.fixture(autouse=True)

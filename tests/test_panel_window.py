@@ -191,6 +191,26 @@ def test_other_settings_open_another_renderer_and_camera_and_time_stay():
     assert first.reads == [], "nobody asks a closed renderer"
 
 
+def test_a_knob_that_is_read_in_every_frame_is_turned_in_the_renderer_that_is_open():
+    """Cloth goes on when the wind turns; with another number of substeps it begins anew."""
+    calm = chapters.settings_class(5)()
+    windy = dataclasses.replace(calm, wind_speed=8.0, wind_direction=90.0)
+    others = dataclasses.replace(windy, cloth_substeps=4)
+    made = []
+
+    def reopen(settings):
+        made.append(FakeRenderer(settings))
+        return made[-1]
+
+    loop = looped(PanelActions(), PanelActions(settings=windy), PanelActions(settings=others), reopen=reopen)
+    first = loop.renderer
+    first.settings = dataclasses.replace(calm)
+    steps(loop, 2)
+    assert loop.renderer is first and first.settings == windy and not made
+    steps(loop, 2)
+    assert loop.renderer is made[0] and made[0].settings == others and first.settings == windy
+
+
 def test_settings_that_cannot_be_are_refused_with_the_reason():
     opened = []
 

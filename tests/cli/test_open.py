@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import re
+
+import numpy as np
 import pytest
 
 import chapters
+from chapters import scenes, shown
 from common.errors import UserError
+from common.images import read_image
+from common.paths import ROOT
 from tests.support.scenes import facing, quad_scene
 
 
@@ -31,3 +37,28 @@ def test_a_chapter_that_is_none_is_refused(number):
 def test_a_backend_that_is_none_is_refused():
     with pytest.raises(UserError, match="There is no backend None"):
         chapters.open(1, None, scene=quad_scene())
+
+
+EXAMPLES = re.findall(r"^```python\n(.*?)^```$", (ROOT / "README.md").read_text("utf-8"), re.M | re.S)
+
+
+def test_the_example_of_the_readme_has_five_lines_and_shows_its_picture(monkeypatch, tmp_path, capsys):
+    seen = []
+    monkeypatch.setattr(shown, "open_viewer", lambda path: seen.append(read_image(path)) or True)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    first = EXAMPLES[0]
+    assert len([line for line in first.splitlines() if line]) == 5
+    exec(compile(first, "README.md", "exec"), {})
+    with chapters.open(1, scene=scenes.load("cornell"), size=(640, 360)) as renderer:
+        assert np.array_equal(seen[0], renderer.render(chapters.view_of(renderer)).image("color"))
+    assert str(tmp_path) in capsys.readouterr().err
+
+
+def test_the_other_example_goes_on_from_it(monkeypatch, tmp_path, capsys):
+    """With a scene that is loaded sooner than the atrium."""
+    monkeypatch.chdir(tmp_path)
+    space = {"chapters": chapters, "scenes": scenes}
+    exec(compile(EXAMPLES[1].replace("atrium", "cornell"), "README.md", "exec"), space)
+    assert space["picture"].shape == (360, 640, 3) and space["picture"].dtype == np.uint8
+    assert len(np.unique(read_image(tmp_path / "depth.png"))) > 20
+    assert "'forward': " in capsys.readouterr().out

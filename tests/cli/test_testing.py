@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pytest
 
+from chapters import results
 from chapters.testing import areas, pytest_arguments
 from common.errors import UserError
 from common.paths import ROOT
@@ -32,6 +33,7 @@ CHAPTER = ["tests/ch01", "tests/stability/test_ch01.py", "--chapter=1"]
         (["1"], CHAPTER),
         (["ch01", "common", "1"], [*CHAPTER, "tests/common"]),
         (["common", "-x"], ["tests/common", "-x"]),
+        (["architecture"], ["tests/test_architecture.py"]),
         (["ch01", "-k", "alpha"], [*CHAPTER, "-k", "alpha"]),
         (["-k", "common", "ch01"], ["-k", "common", *CHAPTER]),
         (["--bless", "--yes", "ch01"], ["--bless", "--yes", *CHAPTER]),
@@ -161,13 +163,14 @@ def test_what_was_not_run_has_not_passed():
     assert "1 tests were not run" in lines[-2]
 
 
-def run_inner(pytester, text: str, **environment: str):
+def run_inner(pytester, text: str, *options: str, **environment: str):
     """Run a small suite of its own under the report."""
     (pytester.path / "tests").mkdir()
     pytester.makeconftest(
         f"import sys; sys.path.insert(0, {str(ROOT)!r})\n"
         "from tests.support.report import Report\n"
-        "def pytest_addoption(parser): parser.addoption('--long', action='store_true')\n"
+        "def pytest_addoption(parser):\n"
+        "    for name in ('--long', '--record'): parser.addoption(name, action='store_true')\n"
         "def pytest_configure(config):\n"
         "    config.addinivalue_line('markers', 'feature(slug)'); config.addinivalue_line('markers', 'long')\n"
         "    config.pluginmanager.register(Report(config), 'strata-report')\n"
@@ -177,7 +180,7 @@ def run_inner(pytester, text: str, **environment: str):
     (folder / "test_inner.py").write_text(text)
     for name, value in environment.items():
         pytester._monkeypatch.setenv(name, value)
-    return pytester.runpytest_subprocess("tests", "-p", "no:cacheprovider")
+    return pytester.runpytest_subprocess("tests", "-p", "no:cacheprovider", *options)
 
 
 SKIPPING = "import pytest\ndef test_a(): pass\ndef test_b(): pytest.skip('no such thing here')\n"
@@ -197,14 +200,44 @@ def test_a_skip_is_no_failure_on_a_laptop(pytester, tmp_path):
     done.stdout.fnmatch_lines(["area*passed*skipped*", "area*1*0*1*"])
 
 
-def test_results_are_kept_for_list_features(pytester, tmp_path, monkeypatch):
+def test_results_are_kept_for_list_features(pytester, tmp_path):
     text = "import pytest\n@pytest.mark.feature('a/b')\ndef test_a(): pass\n"
     assert run_inner(pytester, text, CI="", STRATA_CACHE=str(tmp_path)).ret == 0
-    monkeypatch.setenv("STRATA_CACHE", str(tmp_path))
-    from chapters.listing import last_results, verdict
+    (area,) = results.read(tmp_path / "tests" / "results.json").values()
+    assert area.features == {"a/b": {"cpu": {"passed": 1}}} and area.tests == {"cpu": {"passed": 1}}
+    assert area.run.commit == report.commit() and area.run.devices["cpu"].startswith("Python")
+    assert not (pytester.path / "docs").exists(), "that takes --record"
 
-    results = last_results()
-    assert results["features"] == {"a/b": {"passed": 1}}
-    assert results["commit"] == report.commit()
-    assert verdict(results["features"]["a/b"]) == "1 passed"
-    assert verdict(None) == "not run"
+
+MIXED = """import pytest
+@pytest.mark.feature('a/b')
+def test_a(): pass
+@pytest.mark.feature('a/b', 'c/d')
+def test_b(): assert False
+@pytest.mark.feature('c/d')
+def test_c(): pytest.skip('no such thing here')
+"""
+
+
+@pytest.mark.feature("tools/site")
+def test_a_run_with_a_failure_and_a_skip_is_recorded_in_ci_too(pytester, tmp_path):
+    done = run_inner(pytester, MIXED, "--record", CI="true", STRATA_CACHE=str(tmp_path))
+    assert done.ret == 1
+    done.stdout.fnmatch_lines(["docs/records/tests.json has the results of area."])
+    found = results.read(pytester.path / "docs" / "records" / "tests.json")["area"]
+    assert found.tests == {"cpu": {"passed": 1, "failed": 1, "skipped": 1}}
+    assert found.features == {
+        "a/b": {"cpu": {"passed": 1, "failed": 1}},
+        "c/d": {"cpu": {"failed": 1, "skipped": 1}},
+    }
+
+
+@pytest.mark.parametrize(
+    ("option", "why"), [("-x", "the run ended before all its tests were run"), ("-kc", "-k leaves tests out")]
+)
+def test_what_was_run_in_part_is_not_recorded_and_that_is_said(pytester, tmp_path, option, why):
+    done = run_inner(pytester, MIXED, "--record", option, CI="", STRATA_CACHE=str(tmp_path))
+    done.stdout.fnmatch_lines(
+        ["docs/records/tests.json has the results of no area.", f"It keeps what it had of area: {why}."]
+    )
+    assert results.read(pytester.path / "docs" / "records" / "tests.json") == {}

@@ -43,6 +43,9 @@ def test_cosines_seen_from_above_follow_d_cos(vulkan_device, alpha):
     expected = COUNT / 40
     assert np.abs(counted - expected).max() < 3 * np.sqrt(expected * (1 - 1 / 40))
     assert stats.chisquare(counted).pvalue > 1e-3
+    rougher = 1 / np.sqrt(1 + (1.1 * alpha) ** 2 * part / (1 - part))
+    counted = np.histogram(got["h"][:, 2], np.concatenate([[0], rougher[::-1], [1.01]]))[0]
+    assert np.abs(counted - expected).max() > 10 * np.sqrt(expected), "a tenth more of roughness is noticed"
 
 
 @pytest.mark.parametrize("cosine", VIEWS)

@@ -2,6 +2,8 @@
 
 tests/allowed_skips.txt   "test id pattern | part of the reason": what may be skipped in CI (`CI=true`)
 docs/records/long.json    of every long test the last result, with commit, device and time
+docs/records/tests.json   with --record, results of whole areas for the site (tests/support/records.py); without it they
+                          stay in the user's cache, for `strata list --features`
 """
 
 from __future__ import annotations
@@ -13,13 +15,15 @@ import os
 import re
 from collections import Counter, defaultdict
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import pytest
 
+import chapters
+from chapters import features, results
 from chapters.bench import commit
-from common.paths import ROOT, cache_dir, user_cache, write_whole
+from common.paths import ROOT, user_cache, write_whole
+from tests.support import records
 
 ALLOWED_SKIPS = ROOT / "tests" / "allowed_skips.txt"
 LONG_RECORD = ROOT / "docs" / "records" / "long.json"
@@ -49,14 +53,13 @@ class Outcome:
     result: str = "not run"  # until it was: a run may be stopped before
     reason: str = ""
     seconds: float = 0.0
+    backend: str = "cpu"
     area: str = field(init=False)
     variant: str = field(init=False)
 
     def __post_init__(self) -> None:
-        parts = Path(self.nodeid.partition("::")[0]).parts
-        name = parts[2] if parts[1] == "stability" else parts[1]
         later = LATER.search(self.nodeid)
-        self.area = later[1] if later else name.removeprefix("test_").removesuffix(".py")
+        self.area = later[1] if later else features.area_of(self.nodeid.partition("::")[0])
         found = re.search(r"\[(vulkan|without-all|gl|deferred)\b", self.nodeid)
         self.variant = found[1] if found else "-"
 
@@ -136,18 +139,32 @@ class Report:
     def __init__(self, config: pytest.Config) -> None:
         self.config = config
         self.outcomes: dict[str, Outcome] = {}
-        self.device = "no device was opened"
+        self.devices: dict[str, str] = {}  # by backend
+        self.files: set[str] = set()  # that were collected
+        self.skipped_files: dict[str, str] = {}
+        self.said: list[str] = []
         self.in_ci = os.environ.get("CI") == "true"
         self.complaints: list[str] = []
         compiled = user_cache() / "spirv"
         self.cold = not compiled.is_dir() or not any(compiled.iterdir())
 
+    @property
+    def device(self) -> str:
+        """What the run drew with, in a few words."""
+        return "; ".join(dict.fromkeys(self.devices.values())) or "no device was opened"
+
+    def pytest_collectreport(self, report: pytest.CollectReport) -> None:
+        file = report.nodeid.partition("::")[0]
+        if file.endswith(".py"):
+            self.files.add(file)
+            if report.skipped:
+                self.skipped_files[file] = str(report.longrepr)
+
     def pytest_collection_finish(self, session: pytest.Session) -> None:
         for item in session.items:
             slugs = tuple(slug for mark in item.iter_markers("feature") for slug in mark.args)
-            self.outcomes[item.nodeid] = Outcome(
-                item.nodeid, slugs, item.get_closest_marker("long") is not None
-            )
+            long = item.get_closest_marker("long") is not None
+            self.outcomes[item.nodeid] = Outcome(item.nodeid, slugs, long, backend=records.backend_of(item))
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         outcome = self.outcomes.get(report.nodeid)
@@ -186,24 +203,40 @@ class Report:
             self._keep(outcomes)  # a fork that fails says nothing of the project's features
 
     def _keep(self, outcomes: list[Outcome]) -> None:
-        """Write the results of features for `strata list --features`, and of long tests, into those of other runs."""
+        """Write the results of whole areas, for `strata list --features` and the site, and those of long tests."""
         head = {
             "when": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
             "commit": commit(),
             "device": self.device,
         }
-        folder = cache_dir("tests")
-        if folder is not None:
-            path = folder / "features.json"
-            try:
-                before: dict[str, Any] = json.loads(path.read_text("utf-8"))["features"]
-            except (OSError, ValueError, KeyError):
-                before = {}
-            merged = {**before, **feature_counts(outcomes)}
-            write_whole(path, json.dumps({**head, "features": merged}, indent=1).encode())
+        self._keep_areas(outcomes, head["when"], head["commit"])
         if self.config.getoption("--long") and any(o.long for o in outcomes):
             LONG_RECORD.parent.mkdir(parents=True, exist_ok=True)
             write_whole(LONG_RECORD, (json.dumps(long_record(outcomes, head), indent=1) + "\n").encode())
+
+    def whole_areas(self) -> dict[str, str]:
+        """Return the areas of this run: "" for one that it has as a whole, else why not."""
+        later: Any = self.config.pluginmanager.getplugin("strata-snapshots")
+        subjects = {chapters.folder_name(one.number) for one in later.chosen} if later else set()
+        there = records.files_there(self.config.rootpath)
+        found = records.whole_areas(self.files & {*there}, subjects, there)
+        partial = records.why_partial(self.config)
+        return {area: why or partial for area, why in found.items()}
+
+    def _keep_areas(self, outcomes: list[Outcome], when: str, at: str) -> None:
+        found, there = self.whole_areas(), features.areas_there(self.config.rootpath / "tests")
+        devices = {**self.devices, "cpu": records.cpu()}
+        run = results.Run(when, at, devices, self.config.getoption("--long"))
+        whole = [area for area, why in found.items() if not why]
+        areas = records.areas_of(outcomes, self.skipped_files, whole, run)
+        results.keep_here(areas, there)
+        if not self.config.getoption("--record", default=False):
+            return
+        path = results.RECORD.relative_to(ROOT)
+        results.keep(areas, there, self.config.rootpath / path)
+        self.said.append(f"{path.as_posix()} has the results of {', '.join(areas) or 'no area'}.")
+        left = {area: found[area] or "the run ended before all its tests were run" for area in found}
+        self.said += [f"It keeps what it had of {area}: {left[area]}." for area in left if area not in areas]
 
     def pytest_terminal_summary(self, terminalreporter: Any) -> None:
         if self.config.option.collectonly or not self.outcomes:
@@ -214,6 +247,8 @@ class Report:
         terminalreporter.line(f"device: {self.device}; {cache}{quick}")
         later: Any = self.config.pluginmanager.getplugin("strata-snapshots")
         for line in summary(list(self.outcomes.values())) + (later.summary() if later else []):
+            terminalreporter.line(line)
+        for line in self.said:
             terminalreporter.line(line)
         for text in self.complaints:
             terminalreporter.line(("FAILED " if self.in_ci else "note: ") + text, red=self.in_ci)

@@ -491,6 +491,14 @@ def test_a_changed_pass_is_drawn_before_and_after(command, fork):
 
 
 @pytest.mark.usefixtures("vulkan_instance")
+def test_a_pass_that_writes_buffers_alone_has_no_picture_and_costs_none(monkeypatch):
+    """Cloth writes vertices."""
+    monkeypatch.setattr(scenes, "DEFAULT", "cloth")
+    found = diff_pictures.passes_of(tree_of("5@vulkan"), {"cloth", "tonemap"})
+    assert set(found) == {"tonemap"} and Image.open(io.BytesIO(found["tonemap"])).size == diff_pictures.SIZE
+
+
+@pytest.mark.usefixtures("vulkan_instance")
 def test_a_copy_that_cannot_be_drawn_costs_its_pictures_only(command, fork):
     (fork / "renderer.py").write_text("def broken(:\n")
     code, _, err = command("1@vulkan", f"{fork}@vulkan", "--html", "d.html")

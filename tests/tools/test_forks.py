@@ -356,4 +356,4 @@ def test_tests_run_on_the_fork_and_leave_no_results_of_the_project(fork, tmp_pat
     assert done.returncode == 1, done.stdout + done.stderr
     assert f"FAILED tests/ch01/test_materials.py::ch01-fork::{panes}" in done.stdout
     assert "\nch01 " in done.stdout, "a fork has its chapter's budget"
-    assert not (tmp_path / "cache" / "tests" / "features.json").exists()
+    assert not (tmp_path / "cache" / "tests" / "results.json").exists()
