@@ -91,9 +91,19 @@ class Whole:
         """How many figures and benches are worse."""
         return len(self.failing) + sum(len(one.regressions) for one in self.comparisons)
 
+    @property
+    def compared(self) -> int:
+        """How many figures both files have."""
+        return sum(one.compared for one in self.comparisons)
+
+    @property
+    def in_vain(self) -> bool:
+        """Whether both have a bench in common, and nothing of it can be compared."""
+        return bool(self.comparisons) and not self.compared
+
 
 def run(old: Path, new: Path, json_path: Path | None = None, only: Sequence[str] = ()) -> int:
-    """Compare two records, say what came out, and return 1 if anything is worse, else 0.
+    """Compare two records, say what came out, and return 1 if anything is worse, 2 if nothing was compared, else 0.
 
     `json_path` gets it as JSON. `only` names the PARTS that count. Raises UserError for what is no record of a bench.
     """
@@ -109,7 +119,7 @@ def run(old: Path, new: Path, json_path: Path | None = None, only: Sequence[str]
     bench_compare_show.show(found, err if json_path == STDOUT else out)
     if json_path is not None and json_path != STDOUT:
         say(f"Wrote {json_path}")
-    return 1 if found.regressions else 0
+    return 1 if found.regressions else 2 if found.in_vain else 0
 
 
 def compare_files(old: Path, new: Path, only: Sequence[str] = ()) -> Whole:
@@ -121,11 +131,10 @@ def compare_files(old: Path, new: Path, only: Sequence[str] = ()) -> Whole:
             raise UserError(f"{path} is no record of a bench: `strata bench N --json FILE` writes one.")
         formats.append(made["format"])
     if formats[0] != formats[1]:
-        found.notes.append(
-            f"{old} is a record of format {formats[0]} and {new} of format {formats[1]}: nothing in them is compared, "
-            "measure again."
+        raise UserError(
+            f"{old} is a record of format {formats[0]} and {new} of format {formats[1]}: nothing in them can be "
+            "compared, measure again."
         )
-        return found
     if formats[0] != bench.FORMAT:
         raise UserError(
             f"{old} and {new} are records of format {formats[0]}, not {bench.FORMAT}: measure again, both."
@@ -178,16 +187,9 @@ def _checked(found: Whole, old: dict[str, Any], new: dict[str, Any], only: Seque
     numbers = []
     for path, made in ((found.old, old), (found.new, new)):
         try:
-            (
-                figures(made),
-                settings(made),
-                _surroundings(made),
-                _picture(made),
-                made["date"],
-                made["reference"],
-            )
+            compare(made, made, only)  # reads all that a comparison needs
             numbers.append(made["chapter"])
-        except (KeyError, TypeError, AttributeError, ValueError) as error:
+        except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
             raise _broken(path, error) from None
     if numbers[0] != numbers[1]:
         raise UserError(

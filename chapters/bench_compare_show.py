@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 MOST = 20
 """Rows of a table of what is no regression; the JSON has all."""
 
+MANY = 10
+"""A figure that became so many times as large is said to be so many times as large, not by a percentage."""
+
 WORDS = {
     ("time", "worse"): "slower",
     ("time", "better"): "faster",
@@ -35,11 +38,14 @@ def show(found: Whole, to: Console) -> None:
         _show(one, to)
     for sentence in found.failing:
         _say(to, f"Regression: {sentence}")
-    count, compared = found.regressions, sum(one.compared for one in found.comparisons)
-    _say(
-        to,
-        f"{count or 'No'} regression{'' if count == 1 else 's'} among {compared:,} figures that both have.",
-    )
+    count = found.regressions
+    if count or not found.in_vain:
+        _say(
+            to,
+            f"{count or 'No'} regression{'' if count == 1 else 's'} among {found.compared:,} figures that both have.",
+        )
+    else:
+        _say(to, "Nothing was compared: the two have no figure in common that counts.")
 
 
 def _say(to: Console, text: str) -> None:
@@ -68,14 +74,11 @@ def _show(found: Comparison, to: Console) -> None:
 def _table(title: str, changes: Sequence[Change], to: Console, most: int = MOST) -> None:
     if not changes:
         return
-    shown = table(title, "part", "point", "figure", ">old", ">new", ">change", "")
+    shown = table(title, "figure", ">old", ">new", ">change", "")
     for change in sorted(changes, key=lambda one: -_grown(one))[:most]:
-        part, point, name = change.key
         word = WORDS.get((change.old.kind, change.verdict), "")
         shown.add_row(
-            part,
-            point,
-            name,
+            ", ".join(change.key),  # one column: three would each break within words on a narrow terminal
             _cell(change.old),
             _cell(change.new),
             _change(change),
@@ -104,7 +107,7 @@ def _change(change: Change) -> str:
     old, new = change.old.value, change.new.value
     if not (math.isfinite(old) and math.isfinite(new)) or old == 0:
         return "-"
-    return f"{new / old - 1:+.1%}"
+    return f"{new / old - 1:+.1%}" if new < MANY * old else f"x {new / old:,.0f}"
 
 
 def _within(change: Change) -> str:

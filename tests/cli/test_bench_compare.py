@@ -328,6 +328,8 @@ def test_a_comparison_is_json_too(strata, files):
         ((made(), made(points=[{"name": "medium"}])), "no whole record"),
         ((made(), made(points="none")), "no whole record"),
         ((made(), made({**point(), "gpu_ms": "fast"})), "no whole record"),
+        ((made(), made({**point(), "gpu_ms": 10**400})), "no whole record"),
+        ((made(), made(fork=[1])), "no whole record"),
         ((made(), made(chapter=2)), "name two records of one"),
         ((made(format=1), made(format=1)), "format 1, not 2"),
         ((made(), {"format": 2, "kind": "every chapter", "records": [], "failures": []}), "two of a kind"),
@@ -353,9 +355,17 @@ def test_a_record_of_another_kind_is_one_sentence(strata, files):
         assert code == 2 and other in complaint and complaint.count("\n") == 1
 
 
-def test_another_format_is_said_and_is_no_regression(strata, files):
-    code, printed, _ = strata("bench", "--compare", *files(made(format=1), made()))
-    assert code == 0 and "format 1" in printed and "measure again" in printed
+def test_another_format_is_one_sentence(strata, files):
+    code, _, complaint = strata("bench", "--compare", *files(made(format=1), made()))
+    assert code == 2 and "format 1" in complaint and "measure again" in complaint
+    assert complaint.count("\n") == 1
+
+
+def test_records_with_no_figure_in_common_are_no_success(strata, files):
+    drawn = made(scene={"name": "spheres", "instances": 1, "triangles": 7})
+    for new, words in ((drawn, ()), (made(), ("--only", "cloth"))):
+        code, printed, _ = strata("bench", "--compare", *files(made(), new), *words)
+        assert code == 2 and "Nothing was compared" in printed and "No regressions" not in printed
 
 
 # --- every chapter ----------------------------------------------------------------------------------------------------
