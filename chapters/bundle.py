@@ -35,7 +35,7 @@ from bootstrap.bundle import (
     inside,
     this_system,
 )
-from bootstrap.packages import LOCK
+from bootstrap.packages import LOCK, canonical, locked, names_in
 from chapters import bundle_wheels, site
 from chapters.bundle_models import model_of
 from chapters.console import Steps, out, quoted, say, shown
@@ -105,6 +105,7 @@ def run(
             folder.mkdir()
             lock = git("show", f"{history.head}:./{LOCK}", folder=root).decode()
             found = bundle_wheels.fetch(system, python, lock, everything, folder)
+            refuse_without_core(system, python, lock, found.lacks)
             names = tuple(wheel.name for wheel in found.wheels)
             targets.append(Target(system, python, "all" if everything else "core", names, found.lacks))
             parts += [Part(WHEELS + wheel.name, wheel) for wheel in found.wheels]
@@ -141,6 +142,17 @@ def pairs(systems: Sequence[str], pythons: Sequence[str]) -> list[tuple[str, str
     return [
         (s, p) for s in dict.fromkeys(systems or [this_system()]) for p in dict.fromkeys(pythons or [own])
     ]
+
+
+def refuse_without_core(system: str, python: str, lock: str, lacks: Sequence[str]) -> None:
+    """Raise UserError where packages have no wheels without which `--from` refuses the bundle."""
+    core = {canonical(name) for name in names_in(locked(lock, everything=False))}
+    missing = [name for name in lacks if canonical(name) in core]
+    if missing:
+        raise UserError(
+            f"For {system} with Python {python} there are no wheels of {', '.join(missing)}, without which Strata does "
+            "not run: name another Python or system."
+        )
 
 
 def clone_parts(root: Path, history: History, scratch: Path) -> list[Part]:
