@@ -117,14 +117,19 @@ def draft_of(numbers: Collection[int], drawing: bool = True, steps: Steps | None
 def build(target: Path, numbers: Collection[int] | None = None, drawing: bool = True) -> Built:
     """Write the site to a folder, whole or not at all; raise UserError without mkdocs-material.
 
-    Then the pages are there as Markdown, in the same folder.
+    Then the pages are there as Markdown, in the same folder; but a site of HTML that is there stays.
     """
+    found = find_spec("material") is not None and find_spec("mkdocs") is not None
+    if not found and (target / "index.html").is_file():
+        raise UserError(
+            f"The site in {target} stays as it was, since mkdocs-material is not installed: ./strata --extras docs "
+            "brings it. Into another folder the pages can be written as Markdown."
+        )
     with Steps() as steps, temporary_folder() as scratch:
         steps("tables", 0.0)
         draft = draft_of(chapters.available() if numbers is None else numbers, drawing, steps)
         source, made = scratch / "source", scratch / "site"
         write_draft(draft, source)
-        found = find_spec("material") is not None and find_spec("mkdocs") is not None
         if found:
             steps("mkdocs", 0.7)
             render(draft, source, made)

@@ -201,6 +201,16 @@ def test_a_second_build_takes_the_place_of_the_first(built, out) -> None:
     assert [path.name for path in out.parent.iterdir()] == ["site"]
 
 
+def test_without_mkdocs_a_site_that_is_there_stays(built, out, monkeypatch) -> None:
+    site.replace(out, built.folder)
+    before = (out / "index.html").read_bytes()
+    monkeypatch.setattr(site, "find_spec", lambda name: None)
+    monkeypatch.setattr(site, "draft_of", lambda *_: Draft(pages={"index.md": "# a"}))
+    with pytest.raises(UserError, match=r"stays as it was.*\./strata --extras docs"):
+        site.build(out)
+    assert (out / "index.html").read_bytes() == before and not (out / "index.md").exists()
+
+
 def test_without_mkdocs_the_pages_are_left_as_markdown(out, monkeypatch) -> None:
     monkeypatch.setattr(site, "find_spec", lambda name: None)
     monkeypatch.setattr(site, "draft_of", lambda *_: Draft(pages={"index.md": "# a"}))
