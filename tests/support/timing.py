@@ -74,6 +74,11 @@ def least_times(
     return least
 
 
+def least_time(measure: Callable[[], float], bound: float, fewest: int = 3, seconds: float = 3.0) -> float:
+    """Return the least of one measure as `least_times` finds it, which goes on until it is below a bound."""
+    return least_times({"": measure}, lambda least: least[""] < bound, fewest, seconds)[""]
+
+
 def until(done: Callable[[], object], seconds: float = PATIENCE_S) -> None:
     """Wait until `done()` is true, and no longer; fail if it does not become so."""
     end = time.monotonic() + seconds

@@ -9,13 +9,13 @@ import time
 
 import pytest
 
-from tests.support.timing import least_times, timed, until
+from tests.support.timing import least_time, least_times, timed, until
 
 
 def on_a_bursty_machine(seed, **seconds):
     """Return measures of works that take so long, in a machine that is 1.2 to 3 times slower in most of its rounds."""
     rng = random.Random(seed)
-    rounds = {name: 0 for name in seconds}
+    rounds = dict.fromkeys(seconds, 0)
 
     def measured(name):
         rounds[name] += 1
@@ -49,7 +49,9 @@ def test_real_work_is_told_apart_from_three_times_as_much():
         return timed(lambda: sum(range(count)), calls=5)
 
     measures = {"one": work(10_000), "three": work(30_000)}
-    assert (least := least_times(measures, lambda t: t["three"] < 4.5 * t["one"]))["three"] < 4.5 * least["one"]
+    assert (least := least_times(measures, lambda t: t["three"] < 4.5 * t["one"]))["three"] < 4.5 * least[
+        "one"
+    ]
     least = least_times(measures, lambda t: t["three"] < 2 * t["one"], fewest=10, seconds=0.1)
     assert least["three"] > 2 * least["one"]
 
@@ -62,6 +64,13 @@ def test_rounds_end_when_it_holds_and_no_sooner_than_asked():
     asked.clear()
     least_times(measures, lambda least: True, fewest=7)
     assert asked == ["a", "b"] * 7
+
+
+def test_one_work_is_measured_until_it_is_below_a_bound():
+    times = iter((3.0, 5.0, 1.0, 0.5))
+    assert least_time(lambda: next(times), 2.0, fewest=1) == 1.0
+    assert next(times) == 0.5
+    assert least_time(lambda: 2.0, 2.0, seconds=0.01) == 2.0
 
 
 def test_a_work_is_timed_alone_and_by_the_call():
