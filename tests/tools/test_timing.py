@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-from tests.support.timing import least_time, least_times, timed, until
+from tests.support.timing import least_time, least_times, once_more, timed, until
 
 
 def on_a_bursty_machine(seed, **seconds):
@@ -71,6 +71,11 @@ def test_one_work_is_measured_until_it_is_below_a_bound():
     assert least_time(lambda: next(times), 2.0, fewest=1) == 1.0
     assert next(times) == 0.5
     assert least_time(lambda: 2.0, 2.0, seconds=0.01) == 2.0
+
+
+def test_scripts_measure_until_it_is_below_a_bound_but_not_for_ever():
+    assert once_more([], 1.0) and once_more([1.0, 2.0, 3.0], 1.0)
+    assert not once_more([0.9], 1.0) and not once_more([3.0, 0.9], 1.0) and not once_more([2.0] * 4, 1.0)
 
 
 def test_a_work_is_timed_alone_and_by_the_call():
