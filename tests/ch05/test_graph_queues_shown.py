@@ -237,8 +237,8 @@ def test_a_pass_that_asks_for_a_queue_that_nobody_knows_is_refused():
 
 
 @queues
-@pytest.mark.parametrize(("count", "calls"), [(20, 10), (300, 1)])
-def test_a_second_queue_makes_compiling_little_longer(count, calls):
+@pytest.mark.parametrize(("count", "fewest"), [(20, 30), (300, 5)])
+def test_a_second_queue_makes_compiling_little_longer(count, fewest):
     """tests/ch04 holds one queue to 2 ms for 20 passes and 150 ms for 1,000; two take 1.3 to 1.5 times that, on a quiet
     machine and on a busy one."""
     made = random_graph(4, words, count=count, why_not=0.0)
@@ -246,10 +246,10 @@ def test_a_second_queue_makes_compiling_little_longer(count, calls):
 
     def compiling(share):
         nodes = replace(made, nodes=on_queues(made.nodes, 0, share))
-        return timed(lambda: nodes.compile(compile_graph, queues=QUEUES), calls)
+        return timed(lambda: nodes.compile(compile_graph, queues=QUEUES))
 
     def holds(least):
         return least["two"] < 1.9 * least["one"]
 
-    least = least_times({"one": compiling(0.0), "two": compiling(0.5)}, holds, fewest=5)
+    least = least_times({"one": compiling(0.0), "two": compiling(0.5)}, holds, fewest)
     assert holds(least), least
