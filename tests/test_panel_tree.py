@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +11,7 @@ from chapters.panel import open_panel
 from common.settings import knob
 from tests.support.panel import PanelUser, example
 from tests.support.scenes import nodes_at, quad_scene, translated
+from tests.support.timing import least_time, timed
 
 
 @dataclass
@@ -85,9 +85,8 @@ def test_a_hundred_thousand_roots_are_listed_once_and_drawn_where_they_are_seen(
     )
     user = opened(panel, scene)
     assert 5 < len(rows(user)) < 40
-    began = time.perf_counter()
-    user.wait(10)
-    assert time.perf_counter() - began < 0.5, "ten frames; listing all rows ten times takes seconds"
+    took = least_time(timed(lambda: user.wait(10)), 0.5, fewest=1)
+    assert took < 0.5, "ten frames; listing all rows ten times takes seconds"
 
 
 def test_without_a_scene_nothing_is_listed(panel):

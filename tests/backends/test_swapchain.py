@@ -18,6 +18,7 @@ from common.scene import Light, Material
 from tests.support.devices import described
 from tests.support.display import screenshot, virtual_display
 from tests.support.scenes import facing, quad_scene
+from tests.support.timing import PATIENCE_S
 
 SIZE = (160, 100)
 OPEN = 2**32 - 1
@@ -133,7 +134,7 @@ def seen(display, size, expected):
 
     The display takes its time, in a thread of the driver and a process of its own.
     """
-    deadline = time.monotonic() + 3.0
+    deadline = time.monotonic() + PATIENCE_S
     while not expected(screenshot(display, size)):
         if time.monotonic() > deadline:
             return False

@@ -5,7 +5,6 @@ Chapter 1 records every frame anew, so that this is paid per frame; the figures 
 
 from __future__ import annotations
 
-import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -22,6 +21,7 @@ from chapters.ch01.renderer import Renderer
 from common.errors import UnsupportedError
 from common.scene import Image, Material
 from tests.support.scenes import facing, quad_scene, texture, translated
+from tests.support.timing import least_times, timed
 
 pytestmark = pytest.mark.until(1, "indirect draws are not recorded one by one")
 
@@ -60,18 +60,16 @@ class Recording:
         self.commands = Commands(device)
         self._begin = vk.new("VkCommandBufferBeginInfo")
 
-    def milliseconds(self, record: Callable[[], object]) -> float:
-        """Return the time that `record` took."""
+    def seconds(self, record: Callable[[], object]) -> float:
+        """Return the time that `record` took of this thread."""
         vk.check(self._fn.vkResetCommandPool(self._device.handle, self.slot.pool, 0), "vkResetCommandPool")
         vk.check(self._fn.vkBeginCommandBuffer(self.slot.commands, self._begin), "vkBeginCommandBuffer")
         self.commands.begin(self.slot)
         self.commands.begin_rendering(self._renderer._forward_rendering)
-        started = time.perf_counter()
-        record()
-        took = time.perf_counter() - started
+        took = timed(record)()
         self.commands.end_rendering()
         vk.check(self._fn.vkEndCommandBuffer(self.slot.commands), "vkEndCommandBuffer")
-        return took * 1e3
+        return took
 
     def close(self) -> None:
         self._device.destroy("VkCommandPool", self.slot.pool)
@@ -116,19 +114,18 @@ def test_recording_costs_a_quarter_of_what_the_package_s_wrappers_cost(
         forward = renderer.passes[0]
         log: list[tuple[str, tuple[Any, ...]]] = []
         plain_device.fn.trace(log)
-        recording.milliseconds(lambda: forward.record(recording.commands))
+        recording.seconds(lambda: forward.record(recording.commands))
         plain_device.fn.trace(None)
         first = next(i for i, (name, _) in enumerate(log) if name == "vkCmdBindVertexBuffers")
         last = next(i for i, (name, _) in enumerate(log) if name == "vkCmdEndRendering")
         package = through_the_package(log[first:last])
-        ours, theirs = [], []
-        for _ in range(REPETITIONS):  # in turns, so that a busy machine slows both; the best of each counts
-            ours.append(recording.milliseconds(lambda: forward.record(recording.commands)))
-            theirs.append(recording.milliseconds(package))
+        measures = {
+            "ours": lambda: recording.seconds(lambda: forward.record(recording.commands)),
+            "theirs": lambda: recording.seconds(package),
+        }
+        least = least_times(measures, lambda least: least["ours"] <= 0.25 * least["theirs"], REPETITIONS)
         recording.close()
-    ratio = min(ours) / min(theirs)
-    record_property(
-        "recording 1,000 draws", f"{min(ours):.2f} ms, package {min(theirs):.2f} ms, ratio {ratio:.3f}"
-    )
-    print(f"\n  1,000 draws: {min(ours):.2f} ms, through the package {min(theirs):.2f} ms: {ratio:.3f}")
+    ours, theirs, ratio = 1e3 * least["ours"], 1e3 * least["theirs"], least["ours"] / least["theirs"]
+    record_property("recording 1,000 draws", f"{ours:.2f} ms, package {theirs:.2f} ms, ratio {ratio:.3f}")
+    print(f"\n  1,000 draws: {ours:.2f} ms, through the package {theirs:.2f} ms: {ratio:.3f}")
     assert ratio <= 0.25

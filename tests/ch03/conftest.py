@@ -8,6 +8,8 @@ from collections.abc import Iterator
 
 import pytest
 
+from tests.support.timing import PATIENCE_S
+
 HANGS_S = 60
 """What takes longer never ends; a test takes a second at most."""
 
@@ -20,8 +22,7 @@ def no_thread_left() -> Iterator[None]:
     yield
     faulthandler.cancel_dump_traceback_later()
     left = [thread for thread in threading.enumerate() if thread not in before]
-    for (
-        thread
-    ) in left:  # one that has done its last work needs a moment to end; one that waits for more does not end
-        thread.join(1.0)
+    # One that has done its last work needs a moment to end; one that waits for more does not end.
+    for thread in left:
+        thread.join(PATIENCE_S / 3)
     assert not [thread.name for thread in left if thread.is_alive()]

@@ -22,9 +22,9 @@ from common.mips import mip_chain
 from common.scene import Image, Light, Material
 from common.scene_images import Chain, EncodedImage
 from tests.support.scenes import NEAREST, facing, quad_scene, texture, translated
+from tests.support.timing import PATIENCE_S
 
 pytestmark = pytest.mark.usefixtures("no_thread_left")
-LIMIT_S = 10.0
 EXACT = Settings(
     color_format="rgba32f", background=0.0, default_light=False, tone_curve="none", anisotropy=1.0
 )
@@ -49,7 +49,7 @@ class Gated:
         )
 
     def _decode(self, number, pixels):
-        assert self.gates[number].wait(LIMIT_S)
+        assert self.gates[number].wait(PATIENCE_S)
         self.decoded.append(number)
         if number in self.errors:
             raise self.errors[number]
@@ -103,7 +103,7 @@ def open_(chapter, scene, settings=STREAM, size=None):
 
 def frames_until(renderer, done):
     """Render until `done(picture, work)`; return all pictures and counters."""
-    found, end = [], time.monotonic() + LIMIT_S
+    found, end = [], time.monotonic() + PATIENCE_S
     while not found or not done(*found[-1]):
         found.append(drawn(renderer))
         assert time.monotonic() < end, "it never happened"

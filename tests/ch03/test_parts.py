@@ -15,6 +15,7 @@ from chapters.ch03.logic.recording import DrawList, Groups, part_count, pool_ind
 from chapters.ch03.logic.task_errors import TaskError
 from chapters.ch03.logic.tasks import split
 from chapters.ch03.logic.workers import Workers
+from tests.support.timing import PATIENCE_S
 
 pytestmark = pytest.mark.usefixtures("no_thread_left")
 
@@ -137,21 +138,21 @@ def test_threads_start_when_there_is_something_to_share_and_end_with_their_rende
 
 def test_when_sharing_is_interrupted_no_part_runs_on():
     """Ctrl-C meets the thread that waits, while a worker is in the middle of its part."""
-    workers, both, ended = Workers(1), threading.Barrier(2, timeout=10), []
+    workers, both, ended = Workers(1), threading.Barrier(2, timeout=PATIENCE_S), []
 
     def work(first: int, last: int, thread: int) -> None:
         if first < 2:
             both.wait()  # the first two parts run at the same time, each on a thread
         if thread == 0:
             raise KeyboardInterrupt
-        time.sleep(0.05)
+        time.sleep(0.3)  # so that the other thread is interrupted long before this part ends
         ended.append(first)
 
     with pytest.raises(KeyboardInterrupt):
         workers.share("record", work, 8, 8)
     ran = list(ended)
     assert len(ran) == 1
-    time.sleep(0.1)
+    time.sleep(0.35)
     assert ended == ran
     workers.close()
 

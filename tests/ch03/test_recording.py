@@ -22,6 +22,7 @@ from tests.support import recorded
 from tests.support.chapter import record_anew
 from tests.support.pacing import ends
 from tests.support.scenes import facing, quad_scene, texture, translated
+from tests.support.timing import PATIENCE_S
 
 pytestmark = pytest.mark.usefixtures("no_thread_left")
 
@@ -127,7 +128,7 @@ def test_an_empty_scene_has_no_parts(chapter):
 
 def test_an_error_in_a_part_tells_its_name_and_the_next_frame_is_whole(chapter, monkeypatch):
     """The threads are two for certain: the first two parts wait for one another."""
-    part, both, seen = Groups.part, threading.Barrier(2, timeout=10), set()
+    part, both, seen = Groups.part, threading.Barrier(2, timeout=PATIENCE_S), set()
 
     def failing(self: Groups, first: int, last: int) -> list[Any]:
         if first < 6:
@@ -244,7 +245,7 @@ def test_secondaries_say_all_themselves_and_stand_in_the_order_of_the_draws(chap
 @pytest.mark.feature("recording/command-pools")
 def test_a_pool_has_one_thread_is_reset_once_a_frame_and_never_in_flight(chapter, monkeypatch):
     frames, threads = 7, 3
-    part, both = Groups.part, threading.Barrier(2, timeout=10)
+    part, both = Groups.part, threading.Barrier(2, timeout=PATIENCE_S)
 
     def with_company(self: Groups, first: int, last: int) -> list[Any]:
         if first < 4:

@@ -243,14 +243,14 @@ if sys.argv[1] == "hang":
     ("end", "problem"),
     [
         ("crash", "what asks for it crashed (signal 11, SIGSEGV)"),
-        ("hang", "what asks for it hung (stopped after 0.5 s)"),
+        ("hang", "what asks for it hung (stopped after 1.5 s)"),
         ("well", None),
     ],
 )
 def test_what_was_said_before_a_crash_is_kept(tmp_path: Path, end: str, problem: str | None) -> None:
     script = tmp_path / "child.py"
     script.write_text(CHILD)
-    answers = doctor.ask(end, 0.5 if end == "hang" else 20.0, (sys.executable, "-S", str(script)))
+    answers = doctor.ask(end, 1.5 if end == "hang" else 20.0, (sys.executable, "-S", str(script)))
     assert answers["loader"]["version"] == "1.3.1"
     assert answers["devices"] == [{"number": 0}, {"number": 1}]
     assert answers.get("problem") == problem

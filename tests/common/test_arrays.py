@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 import pytest
 
 from common.arrays import fill_rows
+from tests.support.timing import least_times, timed
 
 COUNT = 5_592_405  # texels of a picture of 2048 x 2048 with all of its mips
 
@@ -28,16 +27,13 @@ def test_faster_than_filling_first():
     def once() -> np.ndarray:
         return fill_rows(blocks, COUNT, 3)
 
-    least = {once: np.inf, filled_first: np.inf, zeros_first: np.inf}
-    for _ in range(12):  # other processes disturb a round, hardly the least of some; mostly two are enough
-        for make in least:
-            begin = time.process_time()
-            assert make().shape == (COUNT, 3)
-            least[make] = min(least[make], time.process_time() - begin)
-        if least[once] < 0.9 * min(least[filled_first], least[zeros_first]):
-            break
-    else:
-        pytest.fail(f"CPU seconds: {[round(cost, 4) for cost in least.values()]}")
+    def holds(least: dict[str, float]) -> bool:
+        return least["once"] < 0.9 * min(least["filled"], least["zeros"])
+
+    measures = {"once": timed(once), "filled": timed(filled_first), "zeros": timed(zeros_first)}
+    least = least_times(measures, holds, fewest=1)
+    assert holds(least), least
+    assert filled_first().shape == zeros_first().shape == (COUNT, 3)
     assert np.array_equal(once(), source)
 
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 import pytest
 
 from common.crowds import GAP, TEXTURE_SIZES, crowd, kinds
+from tests.support.timing import least_time, timed
 
 
 @pytest.mark.parametrize(("draws", "materials", "used"), [(1, 1, 1), (1, 64, 1), (10, 4, 4), (1000, 64, 64)])
@@ -46,18 +45,10 @@ def test_kinds_are_all_different():
 
 
 def test_a_hundred_thousand_are_made_in_a_second():
-    best = min(timed(lambda: crowd(100_000, 4096)) for _ in range(3))
-    assert best < 1.0
+    assert least_time(timed(lambda: crowd(100_000, 4096)), 1.0, fewest=1) < 1.0
 
 
 @pytest.mark.parametrize(("draws", "materials"), [(0, 1), (1, 0), (-1, 5)])
 def test_there_is_no_crowd_of_nothing(draws, materials):
     with pytest.raises(ValueError, match="at least one square and one material"):
         crowd(draws, materials)
-
-
-def timed(make):
-    """Return the seconds that `make` takes."""
-    began = time.perf_counter()
-    make()
-    return time.perf_counter() - began

@@ -38,7 +38,7 @@ def disassembled(codes: list[bytes]) -> list[Disassembly]:
     def text(code: bytes) -> str:
         command = [str(program()), "--raw-id", "--offsets", "--no-indent", "--no-color", "-"]
         return subprocess.run(
-            command, input=code, capture_output=True, check=True, timeout=30
+            command, input=code, capture_output=True, check=True, timeout=60
         ).stdout.decode()
 
     program()

@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
+from tests.support.timing import PATIENCE_S
+
 
 class FileServer(ThreadingHTTPServer):
     """Serves `files` (path without the first "/" to bytes).
@@ -67,7 +69,7 @@ class _Handler(BaseHTTPRequestHandler):
         self._send(body[:half])
         if server.gate is not None:
             server.halfway.set()
-            server.gate.wait(10)
+            server.gate.wait(PATIENCE_S)
             self._send(body[half:])
         self.close_connection = True
 

@@ -22,6 +22,7 @@ from chapters.asset_manifest import LICENCES, MANIFEST, SOURCES, is_name, read_m
 from common.errors import SceneError, UserError
 from common.paths import ROOT, asset_dir
 from tests.support.file_server import serving
+from tests.support.timing import PATIENCE_S
 
 COMMIT = "0123456789abcdef0123456789abcdef01234567"
 MAIN = b'{"asset": {"version": "2.0"}}' + b" " * 3000
@@ -367,12 +368,12 @@ def test_ctrl_c_keeps_what_came(server, sources, model, manifest, cache):
         stdout=subprocess.PIPE,
         text=True,
     )
-    assert server.halfway.wait(20)
+    assert server.halfway.wait(PATIENCE_S)
     part = asset_store.folder_of(model) / "Duo.gltf.part"
     while not part.is_file() or part.stat().st_size < len(MAIN) // 2:
         assert begun.poll() is None
     begun.send_signal(signal.SIGINT)
-    _, said = begun.communicate(timeout=20)
+    _, said = begun.communicate(timeout=60)
     assert "KeyboardInterrupt" in said and "1.51 kB are kept, and the same command goes on" in said
     assert lying(model) == {"Duo.gltf.part": MAIN[: len(MAIN) // 2]}
     server.gate.set()

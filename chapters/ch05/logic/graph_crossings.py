@@ -22,7 +22,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
 from itertools import pairwise
-from operator import attrgetter, itemgetter
+from operator import itemgetter
 from typing import Protocol, cast
 
 import numpy as np
@@ -359,9 +359,7 @@ class _Chain:
 
     def _begin(self) -> None:
         """Bring a history into the state, and to the queue, in which every frame finds what the one before left."""
-        number = max(
-            i for i, epoch in enumerate(self.epochs) if min(p.first for p in epoch.values()) < self._frame
-        )
+        number = max(i for i, epoch in enumerate(self.epochs) if _head(epoch).first < self._frame)
         ((queue, part),) = self.epochs[number].items()
         name = self._name + PREVIOUS
         on = None if queue == GRAPHICS else (queue, queue)
@@ -373,8 +371,8 @@ class _Chain:
 
 
 def _head(epoch: Epoch) -> Part:
-    """Return the part that begins first: it changes the layout, where that changes."""
-    return min(epoch.values(), key=attrgetter("first"))
+    """Return the part that begins first: it changes the layout, where that changes. Parts are in this order."""
+    return next(iter(epoch.values()))
 
 
 def _layout(epoch: Epoch) -> str:

@@ -108,6 +108,8 @@ class Eager:
             if not reached:
                 break
         self._placed: dict[str, int] = {}
+        self._newest: dict[str, int] = {}
+        """By pass, the number of the newest one before it on another queue; 0 if there is none."""
         self._known: dict[str, int] = dict.fromkeys(queues.values(), 0)
 
     def rank(self, name: str) -> tuple[bool, int, int]:
@@ -126,9 +128,10 @@ class Eager:
     def _waits_for(self, name: str) -> int:
         """Return the number of the newest pass of another queue that it would have to wait for; 0 if of none."""
         queue = self._queues[name]
-        newest = max(
-            (self._placed[other] for other in self._before[name] if self._queues[other] != queue), default=0
-        )
+        newest = self._newest.get(name)
+        if newest is None:  # once is enough: all before it are placed
+            others = (self._placed[other] for other in self._before[name] if self._queues[other] != queue)
+            newest = self._newest[name] = max(others, default=0)
         return newest if newest > self._known[queue] else 0
 
 
@@ -183,7 +186,8 @@ class Clocks:
         """By lane, and lane of which it learns: (newest place known, place that waits, place waited for)."""
         self._run()
         start = self._last(0)
-        self._known = np.array(self._clocks[start:]) - start
+        self._known = np.array(self._clocks[start:]).T - start
+        """(lanes, places): how far the step at a place knows each queue to be."""
         self._stages: dict[tuple[int, int], set[str]] = defaultdict(set)
         for one in crossings:
             self.serve(one.before, one.after, one.stages)
@@ -239,19 +243,16 @@ class Clocks:
         `uses` says by resource and queue the places of its first and its last step in a frame. One has to be done
         before the other begins, and the other before the one begins in the next frame.
         """
-        ends = [
-            {**dict.fromkeys(self._names, NEVER), **{q: last for q, (_, last) in mine.items()}}
-            for mine in uses
-        ]
         first = np.array([min(begin for begin, _ in mine.values()) for mine in uses])
-        last = np.array([[mine[queue] for queue in self._names] for mine in ends])
-        now, later = self._known[first], self._known[first]
-        rows, lanes = np.arange(len(uses)), np.array(self._lane)[first]
-        now[rows, lanes] = first - 1  # steps of one queue come one after the other
-        later[rows, lanes] = -1
+        # All by lane, so that NumPy runs along rows of resources, not along two or three lanes.
+        last = np.array([[mine.get(queue, (0, NEVER))[1] for mine in uses] for queue in self._names])
+        now, later = self._known[:, first], self._known[:, first]
+        lanes, columns = np.array(self._lane)[first], np.arange(len(uses))
+        now[lanes, columns] = first - 1  # steps of one queue come one after the other
+        later[lanes, columns] = -1
         # [one, other]: one is done before the other begins; the other before one begins in the next frame.
-        done = (last[:, None] <= now[None]).all(2)
-        again = ((last[None] == NEVER) | (last[None] - self.frame <= later[:, None])).all(2)
+        done = (last[:, :, None] <= now[:, None]).all(0)
+        again = ((last[:, None] == NEVER) | (last[:, None] - self.frame <= later[:, :, None])).all(0)
         apart = done & again
         return ~(apart | apart.T)
 

@@ -7,7 +7,6 @@ import io
 import math
 import struct
 import threading
-import time
 import zlib
 
 import numpy as np
@@ -22,6 +21,7 @@ from common.gltf.images import MAX_SIDE
 from common.paths import asset_dir
 from common.scene import EncodedImage, Sampler
 from tests.common.gltf.builder import TRIANGLE, Gltf
+from tests.support.timing import PATIENCE_S, until
 
 
 def textured(*images: bytes, **material) -> Gltf:
@@ -350,7 +350,7 @@ def test_images_are_decoded_on_threads_and_keep_their_order(tmp_path, monkeypatc
 
     def slow(data, size, place):
         if place == "images[0]":
-            assert last_done.wait(5), "images are decoded one after another"
+            assert last_done.wait(PATIENCE_S), "images are decoded one after another"
         pixels = decode(data, size, place)
         names.append(threading.current_thread().name)
         if place == "images[3]":
@@ -400,9 +400,7 @@ def test_images_are_begun_before_somebody_asks(tmp_path, monkeypatch):
     finish = decoder.ImageDecoder.finish
 
     def finished(self):
-        deadline = time.monotonic() + 5
-        while not decoded and time.monotonic() < deadline:
-            time.sleep(0.001)
+        until(lambda: decoded)
         return finish(self)
 
     monkeypatch.setattr(decoder.ImageDecoder, "finish", finished)
@@ -423,7 +421,7 @@ def test_what_is_begun_too_late_is_decoded_by_who_asks(tmp_path, monkeypatch):
 
     def slow(data, size, place):
         if place == "images[0]":
-            assert gate.wait(5)
+            assert gate.wait(PATIENCE_S)
         return decode(data, size, place)
 
     monkeypatch.setattr(decoder, "_decode", slow)
