@@ -154,7 +154,13 @@ def test_a_page_is_copied_to_before_the_first_frame_and_by_none(chapter):
 
 def targets(log):
     """Return the buffers that the CPU had the GPU copy to or fill."""
-    copies = ("vkCmdCopyBuffer", "vkCmdCopyBuffer2", "vkCmdUpdateBuffer", "vkCmdFillBuffer", "vkCmdCopyImageToBuffer2")
+    copies = (
+        "vkCmdCopyBuffer",
+        "vkCmdCopyBuffer2",
+        "vkCmdUpdateBuffer",
+        "vkCmdFillBuffer",
+        "vkCmdCopyImageToBuffer2",
+    )
     return {
         arguments[1].dstBuffer if name.endswith("2") else arguments[2 if name == "vkCmdCopyBuffer" else 1]
         for name, arguments in log

@@ -187,7 +187,9 @@ def unordered(asked, edges):
         return False
 
     places = [place for place, one in enumerate(asked) if one[0] == "submit"]
-    needed = [(("gpu", i), ("gpu", i + 1)) for i in range(len(places) - 1)]  # one field: writer, reader, in turns
+    needed = [
+        (("gpu", i), ("gpu", i + 1)) for i in range(len(places) - 1)
+    ]  # one field: writer, reader, in turns
     for number, place in enumerate(places):
         for earlier in range(number):
             if asked[places[earlier]][2] == asked[place][2]:  # the same commands are recorded anew
