@@ -63,9 +63,9 @@
   }
 
   function where(element) {
-    const kind = element.getAttribute("class");
-    const parent = element.parentElement.getAttribute("class");
-    return `${parent ? `.${parent} > ` : ""}${element.localName}${kind ? `.${kind}` : ""}`.replaceAll(/\s+/g, ".");
+    const classes = (one) => (one.getAttribute("class") || "").trim().split(/\s+/).filter(Boolean);
+    const named = (one) => [one.localName, ...classes(one)].join(".");
+    return classes(element.parentElement).length ? `${named(element.parentElement)} > ${named(element)}` : named(element);
   }
 
   const found = new Map();
