@@ -10,10 +10,9 @@ from functools import partial
 from html import escape
 from importlib import import_module
 from pathlib import Path
-from typing import Any
 
 import chapters
-from chapters import bench, graph, site_plot
+from chapters import graph, site_plot
 from chapters.console import Steps
 from chapters.diff_lesson import Comparison, compare
 from chapters.diff_page import page as diff_page
@@ -23,7 +22,7 @@ from chapters.run import Request
 from chapters.site_draft import Draft
 from chapters.site_glossary import linked
 from chapters.site_overlay import overlays
-from common.errors import UserError
+from chapters.site_records import lacks, records_of
 from common.paths import ROOT, cache_dir, write_whole
 
 GRAPH_SIZE = (640, 360)
@@ -182,29 +181,17 @@ def _graph(draft: Draft, number: int, page: str, drawing: bool) -> str:
 # --- measurements -----------------------------------------------------------------------------------------------------
 
 
-def records_of(number: int) -> dict[str, dict[str, Any]]:
-    """Return the records of a chapter by the name of their file; what is none, or has no presets in it, is left out."""
-    found = {}
-    for path in sorted(bench.FOLDER.glob(f"{chapters.folder_name(number)}-*.json")):
-        try:
-            made = bench.read_record(path)
-        except UserError:
-            continue
-        if made["points"]:
-            found[path.name] = made
-    return dict(sorted(found.items(), key=lambda item: item[1]["device"]["class"] != "software"))
-
-
 def _plots(draft: Draft, number: int, page: str) -> str:
     figures = []
     for name, made in records_of(number).items():
         link = draft.file(f"docs/benchmarks/{name}", page)
         drawn = draft.attempt(page, f"the plot of {name}", partial(site_plot.figure, made, name))
         figures.append(f'<div>{drawn}<p><a href="{link}">The record with all its numbers</a></p></div>')
+    unread = lacks(draft, page, number)
     if not figures:
         command = f"./strata bench {number} --record"
-        return draft.lack(page, f"measurements of chapter {number}: `{command}` makes them.")
-    return f'<div class="plots">{"".join(figures)}</div>\n'
+        return unread + draft.lack(page, f"measurements of chapter {number}: `{command}` makes them.")
+    return f'<div class="plots">{"".join(figures)}</div>\n\n{unread}\n'
 
 
 def _work(draft: Draft, number: int, page: str) -> str:

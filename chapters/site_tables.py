@@ -14,9 +14,9 @@ from bootstrap.machine import Machine
 from bootstrap.plan import decide
 from chapters import features, results, site_features, site_glossary, site_pairs
 from chapters.results import BACKENDS, Area
-from chapters.site_chapter import records_of
 from chapters.site_draft import Draft
 from chapters.site_plot import short
+from chapters.site_records import lacks, records_of
 from common.paths import ROOT
 
 LONG = ROOT / "docs" / "records" / "long.json"
@@ -114,8 +114,9 @@ HEADS = ("GPU, ms", "frame until done, ms", "Python, ms", "FLIP")
 def speed_table(draft: Draft, page: str) -> str:
     """Presets of every chapter, devices side by side: times and error; then where they are from."""
     records, devices = _by_device(draft, page)
+    unread = _unread(draft, page)
     if not devices:
-        return ""
+        return unread
     heads = [f"{device}: {head}" for device in devices for head in HEADS]
     rows = []
     for number, found in records.items():
@@ -124,7 +125,12 @@ def speed_table(draft: Draft, page: str) -> str:
             cells = [cell for device in devices for cell in _figures_of(found.get(device), preset)]
             rows.append(f"| {number} | {preset} | {' | '.join(cells)} |")
     table = _table(["chapter", "preset", *heads], rows, ["---:", "---", *["---:"] * len(heads)])
-    return f"{table}\n\n### Where these are from\n\n{_origins(draft, page, records, devices)}"
+    return f"{table}\n\n{unread}\n\n### Where these are from\n\n{_origins(draft, page, records, devices)}"
+
+
+def _unread(draft: Draft, page: str) -> str:
+    """Say which records a page of all chapters cannot show."""
+    return "\n\n".join(filter(None, (lacks(draft, page, number) for number in chapters.available())))
 
 
 Records = dict[int, dict[str, tuple[str, dict[str, Any]]]]
@@ -195,7 +201,7 @@ def starts_table(draft: Draft, page: str) -> str:
     for number, found in records.items():
         cells = []
         for device in devices:
-            starts = found[device][1]["start_s"] if device in found else {}
+            starts = found[device][1].get("start_s", {}) if device in found else {}
             whole = {"cold", "warm"} <= {*starts}
             cells += [f"{starts[s]['total']:.2f}" if whole else "-" for s in ("cold", "warm")]
         if any(cell != "-" for cell in cells):
@@ -225,23 +231,21 @@ def agreement_table(draft: Draft, page: str) -> str:
 
 def stability_table(draft: Draft, page: str) -> str:
     """Of every record the worst case of stability: the world moved and scaled."""
-    rows = []
+    rows, unread = [], _unread(draft, page)
     for number in chapters.available():
         for made in records_of(number).values():
-            if made["stability"]:
+            if made.get("stability"):
                 worst = made["stability"]["worst"]
                 rows.append(
                     f"| {number} | {made['device']['name']} | {worst['case']} | {worst['pixels_changed']:.3%} | "
                     f"{made['stability']['bound']:.1%} |"
                 )
     if not rows:
-        return draft.lack(
+        return unread + draft.lack(
             page, "measurements of stability: `./strata bench 1 --record` makes those of chapter 1."
         )
-    return (
-        "| chapter | device | worst when | pixels changed | at most |\n|---:|---|---|---:|---:|\n"
-        + "\n".join(rows)
-    )
+    heads = ["chapter", "device", "worst when", "pixels changed", "at most"]
+    return f"{_table(heads, rows, ['---:', '---', '---', '---:', '---:'])}\n\n{unread}"
 
 
 def long_table(draft: Draft, page: str) -> str:

@@ -261,3 +261,21 @@ def test_filters_and_wraps_are_those_of_the_specification(vulkan_device, noise, 
             # Weights have at least 8 bits, and no place lies on the border of two texels.
             assert np.abs(found - truth).max() <= 2 / 256, (wraps, lod)
         vulkan_device.destroy("VkSampler", handle)
+
+
+@pytest.mark.feature("device/samplers")
+def test_each_filter_and_wrap_taken_for_another_is_beyond_the_bound(vulkan_device, noise):
+    """Of what the test above compares: a sampler that is not the one that was asked for would be seen there."""
+    image, levels = noise
+    y, x = np.mgrid[0:33, 0:64] + 0.5
+    uv = np.stack([(x - 32.1) / 19.37, (y - 16.3) / 11.71], axis=-1)
+    asked = [Sampler("linear", *FILTERS[number], "repeat", "mirror") for number in FILTERS]
+    asked += [Sampler("linear", "linear", None, wrap, wrap) for wrap in ("repeat", "clamp", "mirror")]
+    text = SAMPLE.replace("LOD", "0.75")
+    truths = [expected(levels, uv, 0.75, sampler) for sampler in asked]
+    for number, sampler in enumerate(asked):
+        handle = create_sampler(vulkan_device, sampler, 1.0, "asked for")
+        found = draw(vulkan_device, text, (64, 33), textures={0: (image, handle)})
+        vulkan_device.destroy("VkSampler", handle)
+        apart = [np.abs(found - truth).max() for truth in truths]
+        assert apart.pop(number) <= 2 / 256 and min(apart) > 0.1, sampler

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from backends.vulkan import api as vk
+from backends.vulkan.api import VulkanError
 from backends.vulkan.resources import (
     create_buffer,
     create_image,
@@ -16,6 +17,7 @@ from backends.vulkan.resources import (
     destroy_image,
 )
 from chapters.ch01.graphics.descriptors import Binding, Descriptors, Texture, pool_sizes
+from chapters.ch01.logic.frame import SLOTS
 from chapters.ch01.renderer import Renderer
 from chapters.ch01.settings import Settings
 from common.scene import Image, Light, Material, Sampler
@@ -77,6 +79,51 @@ def test_pool_and_writes_equal_the_table(vulkan_device, descriptors, held, kinds
     assert descriptors.set_count == 3
     descriptors.destroy(sets)
     assert descriptors.set_count == 0
+
+
+@pytest.mark.feature("device/descriptor-sets")
+def test_a_frame_binds_the_set_of_its_slot_and_that_holds_the_slots_buffers(vulkan_device):
+    """What the driver was told of each set, by the names that messages show its buffers under."""
+    held, bound, log = {}, [], []
+    vulkan_device.fn.trace(log)
+    try:
+        with Renderer(quad_scene(Material()), (8, 8), Settings(), device=vulkan_device) as made:
+            for call, arguments in log:
+                if call == "vkUpdateDescriptorSets":
+                    for write in (arguments[2][i] for i in range(arguments[1])):
+                        if write.descriptorType in (UNIFORM, STORAGE):
+                            buffer = int(vk.ffi.cast("uint64_t", write.pBufferInfo[0].buffer))
+                            name = vulkan_device.alive["VkBuffer", buffer]
+                            held.setdefault(write.dstSet, {})[write.dstBinding] = name
+            for _ in range(2 * SLOTS + 1):
+                log.clear()
+                made.render(facing())
+                calls = [arguments for name, arguments in log if name == "vkCmdBindDescriptorSets"]
+                bound.append({a[5][0] for a in calls if a[3] == 0 and a[5][0] in held})
+    finally:
+        vulkan_device.fn.trace(None)
+    for number, sets in enumerate(bound):
+        (one,) = sets
+        slot = f"slot {number % SLOTS}"
+        names = ["frame", "instances", "materials", "lights"]
+        assert held[one] == {binding: f"{name}, {slot}" for binding, name in enumerate(names)}
+    assert bound[0] != bound[1] and bound[0] == bound[SLOTS], "frames in flight do not share a set"
+
+
+@pytest.mark.feature("device/descriptor-sets")
+def test_a_pool_that_is_too_small_raises_what_the_driver_says(vulkan_device, held, monkeypatch):
+    """Pools are exactly as large as needed, so no driver says it by itself: here one does."""
+
+    def exhausted(device, info, sets):
+        return vk.VK_ERROR_OUT_OF_POOL_MEMORY
+
+    monkeypatch.setattr(vulkan_device.fn, "vkAllocateDescriptorSets", exhausted, raising=False)
+    before, descriptors = dict(vulkan_device.alive), Descriptors(vulkan_device)
+    with pytest.raises(VulkanError, match="vkAllocateDescriptorSets.*VK_ERROR_OUT_OF_POOL_MEMORY"):
+        descriptors.create([([Binding(0, "uniform")], {0: held["uniform"]}, "one too many")])
+    assert descriptors.set_count == 0
+    descriptors.close()
+    assert vulkan_device.alive.keys() == before.keys(), "the pool goes, too, though it has no sets"
 
 
 def test_equal_tables_share_a_layout(descriptors):

@@ -17,6 +17,7 @@ from chapters.ch03.logic import pages
 from chapters.scenes import load
 from common.camera import UNIT_EV100
 from common.crowds import crowd
+from tests.support.meshes import grid, scene_of, shuffled
 from tests.support.scenes import facing
 
 COPY = """
@@ -55,7 +56,22 @@ def words_on_gl(context, buffer, size):
     return found
 
 
-@pytest.mark.feature("async-loading/device-only-buffers")
+def pages_of(chapter, made):
+    """Return the bytes of each page as shaders find them, (size,) uint8 each."""
+    found = []
+    for number, page in enumerate(made._data.pages):
+        one = made._data._geometry[0][number]
+        if chapter.backend == "gl":
+            found.append(words_on_gl(chapter.device, one, page.size))
+        else:
+            found.append(words_on_vulkan(chapter.device, made._resources.buffers.get(one), page.size))
+    return found
+
+
+only_the_gpus = pytest.mark.feature("async-loading/device-only-buffers")
+
+
+@only_the_gpus
 @pytest.mark.variants("vulkan", "gl")
 def test_pages_hold_the_bytes_of_the_scene_and_no_frame_copies_them_again(chapter):
     scene = load("spheres")
@@ -71,19 +87,85 @@ def test_pages_hold_the_bytes_of_the_scene_and_no_frame_copies_them_again(chapte
         assert not [name for name in device.alive.values() if name.startswith("upload ring")]
         geometry = sum(page.size for page in made._data.pages)
         assert geometry > 10_000 and work[-1]["bytes_written"] == work[-2]["bytes_written"] < geometry
-        for number, page in enumerate(made._data.pages):
+        for page, found in zip(made._data.pages, pages_of(chapter, made), strict=True):
             expected = np.zeros(page.size, np.uint8)
             known = np.zeros(page.size, bool)
             for offset, array in pages.page_arrays(scene, page):
                 raw = np.ascontiguousarray(array).view(np.uint8).reshape(-1)
                 expected[offset : offset + raw.size], known[offset : offset + raw.size] = raw, True
-            one = made._data._geometry[0][number]
-            if chapter.backend == "gl":
-                found = words_on_gl(device, one, page.size)
-            else:
-                found = words_on_vulkan(device, made._resources.buffers.get(one), page.size)
             assert known.sum() > 0.9 * page.size
             assert np.array_equal(found[known], expected[known])
+
+
+def missing(scene, found):
+    """Return what of each mesh is nowhere in the pages, wherever they have it: (mesh, what)."""
+    whole, lost = b"".join(page.tobytes() for page in found), []
+    for number, mesh in enumerate(scene.meshes):
+        first, count = int(mesh["first_vertex"]), int(mesh["vertex_count"])
+        indices = scene.indices[int(mesh["first_index"]) :][: int(mesh["index_count"])]
+        parts = {name: getattr(scene, name)[first : first + count] for name in ("positions", "normals")}
+        for name, part in {**parts, "indices": indices}.items():
+            if part.tobytes() not in whole:
+                lost.append((number, name))
+    return lost
+
+
+@only_the_gpus
+@pytest.mark.variants("vulkan", "gl")
+def test_each_mesh_is_found_in_the_pages_and_one_that_was_not_copied_is_missed(chapter, monkeypatch):
+    """Bytes are looked for anywhere, so nothing of the plan that the copies follow is believed."""
+
+    def by_lot(seed):
+        surfaces = [shuffled(grid(rows, 5, seed=rows + seed), seed=rows + seed) for rows in (4, 5, 6)]
+        return scene_of(*surfaces, matrices=(np.eye(4),) * 3, drawn=(0, 1, 2))
+
+    scene = by_lot(0)
+    with chapter.open(scene, (16, 16)) as made:
+        assert missing(scene, pages_of(chapter, made)) == []
+
+    def short(scene, page, whole=pages.page_arrays):
+        return ((at, array[: len(array) - 1]) for at, array in whole(scene, page))
+
+    monkeypatch.setattr(pages, "page_arrays", short)
+    scene = by_lot(10)  # another one: the memory may be that of the first, with its bytes
+    with chapter.open(scene, (16, 16)) as made:
+        lost = missing(scene, pages_of(chapter, made))
+    assert lost == [(2, "positions"), (2, "normals"), (2, "indices")]
+
+
+@only_the_gpus
+@pytest.mark.variants("vulkan")
+def test_a_page_is_copied_to_before_the_first_frame_and_by_none(chapter):
+    """By the driver's calls, whatever the renderer reports of itself."""
+    log = []
+    chapter.device.fn.trace(log)
+    try:
+        with chapter.open(load("spheres"), (16, 16)) as made:
+            held = {made._resources.buffers.get(one).handle for one in made._data._geometry[0]}
+            before = targets(log)
+            log.clear()
+            for turn in range(4):
+                made.render(facing(distance=2.0 + 0.1 * turn, ev100=UNIT_EV100)).image("color")
+            later = targets(log)
+    finally:
+        chapter.device.fn.trace(None)
+    assert held <= before and not held & later
+
+
+def targets(log):
+    """Return the buffers that the CPU had the GPU copy to or fill."""
+    copies = (
+        "vkCmdCopyBuffer",
+        "vkCmdCopyBuffer2",
+        "vkCmdUpdateBuffer",
+        "vkCmdFillBuffer",
+        "vkCmdCopyImageToBuffer2",
+    )
+    return {
+        arguments[1].dstBuffer if name.endswith("2") else arguments[2 if name == "vkCmdCopyBuffer" else 1]
+        for name, arguments in log
+        if name in copies
+    }
 
 
 @pytest.mark.variants("vulkan")

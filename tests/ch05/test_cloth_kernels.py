@@ -18,7 +18,7 @@ from chapters.ch05.logic.cloth_dispatches import Moment, dispatches, frame_array
 from chapters.ch05.logic.cloth_layout import Drawn, pack
 from chapters.ch05.logic.cloth_steps import fit_steps
 from chapters.ch05.logic.cloth_twin import Twin
-from chapters.ch05.logic.cloth_types import Collider, Forces, State, Steps
+from chapters.ch05.logic.cloth_types import Cloth, Collider, Forces, State, Steps
 from chapters.ch05.logic.environment import SHADERS
 from chapters.ch05.logic.spirv import parse
 from tests.support import cloths
@@ -114,6 +114,61 @@ def test_after_a_hundred_steps_the_gpu_is_where_the_twins_are(chapter, steps):
             assert np.abs(twin.positions - state.positions).max() <= bound
         assert np.abs(state.positions - cloth.positions).max() > 0.05  # it did blow about
         assert np.array_equal(state.positions[cloth.held], cloth.positions[cloth.held].astype(np.float32))
+
+
+MASS, STRETCH, REST, BEGUN = 0.1, 2.0, 0.9, 0.1
+
+
+def one_spring(places):
+    """Return two free particles with one spring, which is stretched by BEGUN, without damping and triangles."""
+    return Cloth(
+        mesh=0,
+        node=0,
+        anchor=np.zeros(3),
+        positions=places,
+        masses=np.full(2, MASS),
+        springs=np.array([[0, 1]], np.int32),
+        kinds=np.zeros(1, np.uint8),
+        rest=np.array([REST]),
+        stiffness=np.array([STRETCH, 1.0, 1.0]),
+        triangles=np.zeros((0, 3), np.int32),
+        particle_of=np.arange(2, dtype=np.int32),
+        damping=0.0,
+    )
+
+
+def lengths_of_one_spring(steps, count, stiffness=STRETCH):
+    """Return how long a spring between two free particles is after `count` steps: the steps' own solutions, by hand.
+
+    With two masses m it swings with omega^2 = 2 k / m. A step h of Verlet turns the swing by the angle a of
+    2 sin(a / 2) = h omega, Euler's by the same with half a step ahead. XPBD's first iteration for one spring is an implicit
+    step of Euler, which divides the complex amplitude by 1 + i h omega, and leaves nothing to a second one.
+    """
+    h, n = steps.h, count * steps.substeps
+    turn = h * np.sqrt(2 * stiffness / MASS)
+    angle = 2 * np.arcsin(turn / 2)
+    if steps.method == "xpbd":
+        return REST + BEGUN * (1 / (1 + 1j * turn) ** n).real
+    if steps.integrator == "euler":
+        return REST + BEGUN * np.cos((n + 0.5) * angle) / np.cos(angle / 2)
+    return REST + BEGUN * np.cos(n * angle)
+
+
+@simulation
+@every_method
+def test_one_spring_is_as_long_as_the_closed_form_says_and_not_as_another_one(chapter, steps):
+    """Without the twin, which could be wrong as the kernels are."""
+    places = np.array([[0.0, 0.0, 0.0], [REST + BEGUN, 0.0, 0.0]])
+    cloth = one_spring(places)
+    nothing = Forces(gravity=(0.0, 0.0, 0.0), air_density=0.0)
+    for count in (1, 7, 100):
+        (state,) = simulated(chapter.device, [cloth], steps, count, forces=nothing)
+        length = float(state.positions[1, 0]) - float(state.positions[0, 0])
+        assert abs(length - lengths_of_one_spring(steps, count)) <= 1e-5
+        assert np.abs(state.positions[:2, 0].mean() - places[:, 0].mean()) <= 1e-5
+        if count > 1:
+            assert abs(length - lengths_of_one_spring(steps, count, 1.01 * STRETCH)) > 1e-5
+            assert abs(length - lengths_of_one_spring(replace(steps, dt=1.01 * steps.dt), count)) > 1e-5
 
 
 @simulation

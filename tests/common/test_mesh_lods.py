@@ -38,6 +38,64 @@ def test_simplifying_ends_at_the_ratio_or_the_error(scene, ratio):
         assert len(indices) > 0.9 * ratio * 3456
 
 
+def corner_vectors(positions: np.ndarray, indices: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the corners of each triangle, (T, 3) float64 each."""
+    a, b, c = positions.astype(np.float64)[indices.reshape(-1, 3)].swapaxes(0, 1)
+    return a, b, c
+
+
+def farthest(places: np.ndarray, positions: np.ndarray, indices: np.ndarray) -> float:
+    """Return how far the farthest of some places (P, 3) is from a surface: each of them from each triangle's points.
+
+    The nearest point of a triangle is inside it, where the foot of the plumb line has no negative weight, or else the
+    nearest of its edges.
+    """
+    a, b, c = corner_vectors(positions, indices)
+    greatest = 0.0
+    for place in places.astype(np.float64):
+        near = np.inf
+        for p, q in ((a, b), (b, c), (c, a)):
+            along = q - p
+            part = np.clip(((place - p) * along).sum(-1) / (along**2).sum(-1), 0, 1)
+            near = min(near, np.linalg.norm(p + part[:, None] * along - place, axis=1).min())
+        normal = np.cross(b - a, c - a)
+        doubled = (normal**2).sum(-1)
+        weights = [
+            (np.cross(q - p, place - p) * normal).sum(-1) / doubled for p, q in ((a, b), (b, c), (c, a))
+        ]
+        inside = np.min(weights, axis=0) >= 0
+        heights = np.abs(((place - a) * normal).sum(-1))[inside] / np.sqrt(doubled[inside])
+        greatest = max(greatest, min(near, heights.min(initial=np.inf)))
+    return greatest
+
+
+@pytest.mark.feature("mesh/simplify")
+@pytest.mark.parametrize("ratio", [0.0, 0.2, 0.5])
+def test_the_surface_stays_near_every_vertex_that_is_left_out(scene, ratio):
+    """By the distance of each vertex from each triangle, not by what the simplifier says of itself."""
+    positions = mesh_positions(scene, 1)
+    indices, error = simplified(scene, 1, ratio)
+    # The estimate is an average over the planes around: within twice as much is what holds, 1e-2 of the extent 1.
+    apart = farthest(positions, positions, indices)
+    assert 0 < apart <= 2e-2 and apart > 0.5 * error
+    a, b, c = corner_vectors(positions, indices)
+    flat = np.cross(b - a, c - a)[:, 2] / 2
+    assert flat.min() > -1e-7, "no triangle is turned over"
+    assert flat.sum() == pytest.approx(1.0, abs=1e-6), "the unit square is covered once"
+
+
+@pytest.mark.feature("mesh/simplify")
+def test_a_flat_square_ends_as_two_triangles_and_a_missing_one_would_be_seen():
+    pytest.importorskip("meshoptimizer")
+    positions, indices = grid(8, 12, height=0)
+    found, error = simplified(scene_of((positions, indices)), 0, ratio=0.0)
+    assert len(found) == 6 and error < 1e-6
+    corners = {tuple(one) for one in positions[found].tolist()}
+    assert corners == {(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)}
+    assert farthest(positions, positions, found) < 1e-7
+    assert farthest(positions, positions, found[:3]) > 0.5
+
+
 @pytest.mark.feature("mesh/lod-chain")
 def test_levels_get_smaller_and_stay_near(scene):
     levels = lod_chain(scene, 1, further=7, samples=300)

@@ -67,6 +67,75 @@ def test_objects_and_arrays_give_the_same_world_matrices(seed):
     assert np.array_equal(graph.world, object_worlds(objects(parent, local), parent))
 
 
+def whole_numbers(count: int, seed: int) -> list[list[list[int]]]:
+    """Return affine matrices of whole numbers: signed permutations and offsets, whose products stay whole and exact."""
+    random = np.random.default_rng(seed)
+    made = []
+    for _ in range(count):
+        turn = np.eye(3, dtype=int)[random.permutation(3)] * random.choice([-1, 1], 3)[:, None]
+        offset = random.integers(-1000, 1000, (3, 1))
+        made.append([*np.concatenate([turn, offset], axis=1).tolist(), [0, 0, 0, 1]])
+    return made
+
+
+def product(a: list[list[int]], b: list[list[int]]) -> list[list[int]]:
+    return [[sum(row[k] * b[k][j] for k in range(4)) for j in range(4)] for row in a]
+
+
+def walked_up(node: int, parent: np.ndarray, local: list[list[list[int]]]) -> list[list[int]]:
+    """Return the product of what stands on the way from a node up to its root, in Python's integers."""
+    world = local[node]
+    while (node := int(parent[node])) >= 0:
+        world = product(local[node], world)
+    return world
+
+
+@pytest.mark.feature("scene/object-graph-baseline")
+@pytest.mark.feature("scene/transform-update")
+@pytest.mark.parametrize("seed", range(4))
+def test_objects_and_arrays_are_where_whole_numbers_say(seed):
+    """Neither path is believed: both must give the integers that a walk upwards multiplies, to the last bit."""
+    parent, local = random_parents(100, seed), whole_numbers(100, seed)
+    matrices = np.array(local, np.float64)
+    graph = grown(parent, matrices)
+    graph.update()
+    truth = np.array([walked_up(node, parent, local) for node in range(100)], np.float64)
+    assert np.array_equal(graph.world, truth)
+    assert np.array_equal(object_worlds(objects(parent, matrices), parent), truth)
+    edited = seed + 3
+    local[edited] = whole_numbers(1, 99)[0]
+    graph.set_local(edited, np.array(local[edited], np.float64))
+    graph.update()
+    again = np.array([walked_up(node, parent, local) for node in range(100)], np.float64)
+    assert np.array_equal(graph.world, again) and not np.array_equal(again, truth)
+
+
+@pytest.mark.feature("scene/object-graph-baseline")
+def test_products_the_other_way_round_are_another_tree():
+    """What the test above would see: a node that is multiplied from the wrong side, by either path."""
+    parent, local = random_parents(100, 1), whole_numbers(100, 1)
+    worlds, wrong = object_worlds(objects(parent, np.array(local, np.float64)), parent), []
+    for matrix, above in zip(local, parent.tolist(), strict=True):
+        wrong.append(matrix if above < 0 else product(matrix, wrong[above]))
+    assert (worlds != np.array(wrong)).any(axis=(1, 2)).sum() > 50
+
+
+@pytest.mark.feature("scene/transform-update")
+def test_what_nobody_marked_keeps_its_old_place_until_it_is_marked():
+    parent, local = random_parents(60, 3), whole_numbers(60, 3)
+    graph = grown(parent, np.array(local, np.float64))
+    graph.update()
+    before = graph.world.copy()
+    node = next(one for one in range(60) if parent[one] >= 0 and one in parent)
+    local[node] = whole_numbers(1, 98)[0]
+    graph.local[node] = local[node]
+    assert graph.update() == 0 and np.array_equal(graph.world, before)
+    graph.mark([node])
+    assert graph.update() > 1
+    truth = [walked_up(one, parent, local) for one in range(60)]
+    assert np.array_equal(graph.world, truth) and not np.array_equal(before, truth)
+
+
 @pytest.mark.feature("scene/array-graph")
 @pytest.mark.parametrize("seed", range(6))
 def test_links_are_those_of_a_walk_to_the_tail(seed):

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import chapters
-from chapters import notebooks, site, site_chapter, site_draft, site_notebook, site_pairs, site_serve
+from chapters import bench, notebooks, site, site_chapter, site_draft, site_notebook, site_pairs, site_serve
 from chapters.diff_style import DARK, LIGHT
 from chapters.shown import Picture
 from chapters.site_draft import TEXTS, Draft
@@ -149,7 +149,7 @@ def test_a_chapter_that_fails_to_draw_leaves_the_rest_of_its_page(plain, monkeyp
 
 
 def test_a_chapter_without_records_says_which_command_makes_them(plain, tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(site_chapter.bench, "FOLDER", tmp_path)
+    monkeypatch.setattr(bench, "FOLDER", tmp_path)
     monkeypatch.setattr(site_pairs, "RECORD", tmp_path / "pairs.json")
     (tmp_path / "ch01-odd.json").write_text(json.dumps({"format": 1}), "utf-8")
     draft = Draft((1,))

@@ -108,6 +108,118 @@ def test_the_fences_way_has_no_timeline_and_the_others_no_fence(vulkan_device):
         assert set(kept) == {way != "fences"}
 
 
+# --- by the calls alone: in which order things must happen ---
+
+
+class Asked(list):
+    """A trace of what paces frames, read at the moment of each call: the study uses its structs again."""
+
+    def append(self, call):
+        name, arguments = call
+        if name == "vkQueueSubmit2":
+            info = arguments[2][0]
+            waits = [info.pWaitSemaphoreInfos[i] for i in range(info.waitSemaphoreInfoCount)]
+            signals = [info.pSignalSemaphoreInfos[i] for i in range(info.signalSemaphoreInfoCount)]
+            pairs = [[(one.semaphore, one.value) for one in some] for some in (waits, signals)]
+            commands = info.pCommandBufferInfos[0].commandBuffer
+            super().append(("submit", arguments[0], commands, *pairs, arguments[3]))
+        elif name == "vkQueueSubmit":
+            info = arguments[2][0]
+            beside = vk.ffi.cast("VkTimelineSemaphoreSubmitInfo *", info.pNext)
+            waits = [
+                (info.pWaitSemaphores[i], beside.pWaitSemaphoreValues[i])
+                for i in range(info.waitSemaphoreCount)
+            ]
+            signals = [
+                (info.pSignalSemaphores[i], beside.pSignalSemaphoreValues[i])
+                for i in range(info.signalSemaphoreCount)
+            ]
+            super().append(("submit", arguments[0], info.pCommandBuffers[0], waits, signals, arguments[3]))
+        elif name == "vkWaitSemaphores":
+            super().append(("wait", arguments[1].pSemaphores[0], arguments[1].pValues[0]))
+        elif name == "vkWaitForFences":
+            super().append(("fence", arguments[2][0]))
+        elif name == "vkResetCommandPool":
+            super().append(("record",))
+
+
+def order(asked):
+    """Return what must come before what: edges of the CPU's own order, and those of each thing that is waited for.
+
+    Nodes are ("cpu", place in the trace) and ("gpu", number of the submission), each a moment at which work is over.
+    """
+    own, waited, submitted = [], [], []
+    for place, (kind, *rest) in enumerate(asked):
+        here = ("cpu", place)
+        own.append((("cpu", place - 1), here))
+        if kind == "submit":
+            queue, _, waits, signals, fence = rest
+            number = len(submitted)
+            own.append((here, ("gpu", number)))
+            for semaphore, value in waits:
+                by = [i for i, one in enumerate(submitted) if (semaphore, value) in one[1]]
+                waited.append((("gpu", by[-1]), ("gpu", number)))  # of a binary one the last: it is yes or no
+            submitted.append((queue, signals, fence))
+        elif kind == "wait":
+            (by,) = (i for i, one in enumerate(submitted) if (rest[0], rest[1]) in one[1])
+            waited.append((("gpu", by), here))
+        elif kind == "fence":
+            by = [i for i, one in enumerate(submitted) if one[2] == rest[0]]
+            waited += [(("gpu", by[-1]), here)] if by else []  # a fence begins signalled
+    return own, waited
+
+
+def unordered(asked, edges):
+    """Return pairs that touch the same thing and of which none must come before the other."""
+    after = {}
+    for first, then in edges:
+        after.setdefault(first, []).append(then)
+
+    def reaches(first, goal):
+        seen, open_ = {first}, [first]
+        while open_:
+            for one in after.get(open_.pop(), ()):
+                if one == goal:
+                    return True
+                if one not in seen:
+                    seen.add(one)
+                    open_.append(one)
+        return False
+
+    places = [place for place, one in enumerate(asked) if one[0] == "submit"]
+    needed = [
+        (("gpu", i), ("gpu", i + 1)) for i in range(len(places) - 1)
+    ]  # one field: writer, reader, in turns
+    for number, place in enumerate(places):
+        for earlier in range(number):
+            if asked[places[earlier]][2] == asked[place][2]:  # the same commands are recorded anew
+                begun = max(i for i, one in enumerate(asked[:place]) if one[0] == "record") - 1
+                needed.append((("gpu", earlier), ("cpu", begun)))
+    return [pair for pair in needed if not reaches(*pair)]
+
+
+@pytest.mark.feature("timeline/support-fallback")
+@pytest.mark.parametrize("way", WAYS)
+def test_nothing_is_touched_by_two_at_once_and_without_any_one_wait_something_would_be(vulkan_device, way):
+    """However slow each part is: of all that the calls allow, whatever a driver makes of it."""
+    asked = Asked()
+    vulkan_device.fn.trace(asked)
+    try:
+        with opened(vulkan_device, way) as made:
+            asked.clear()
+            for time in TIMES:
+                made.render(chapters.view_of(made), time)
+            asked = list(asked)
+    finally:
+        vulkan_device.fn.trace(None)
+    own, waited = order(asked)
+    assert unordered(asked, own + waited) == []
+    # A field has a writer and a reader in each frame, and a slot is taken again from the third frame on.
+    assert len(waited) == 2 * len(TIMES) - 1 + len(TIMES) - SLOTS
+    for one in range(len(waited)):
+        assert unordered(asked, own + waited[:one] + waited[one + 1 :]) != [], waited[one]
+
+
 def test_the_cost_of_pacing_is_measured_for_each_way(vulkan_device):
     told = []
     found = measure_pacing(vulkan_device, 3, lambda name, part: told.append((name, part)))

@@ -135,12 +135,16 @@ class Browser:
         return found
 
     def open(self, address: str, width: int = 1280, height: int = 900, dark: bool = False) -> Page:
-        """Return a loaded page in a tab of its own; `dark` as a system that prefers that."""
-        target = self.call("Target.createTarget", url="about:blank")["targetId"]
+        """Return a loaded page in a tab of its own; `dark` as a system that prefers that.
+
+        It knows nothing of other pages: a site may remember which colours it was shown in first.
+        """
+        context = self.call("Target.createBrowserContext")["browserContextId"]
+        target = self.call("Target.createTarget", url="about:blank", browserContextId=context)["targetId"]
         session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
         for domain in ("Page", "Runtime", "Log", "Network"):
             self.call(f"{domain}.enable", session)
-        page = Page(self, session)
+        page = Page(self, session, context)
         page.resize(width, height)
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         self.call("Emulation.setEmulatedMedia", session, features=[scheme])
@@ -152,8 +156,8 @@ class Browser:
 class Page:
     """One tab: what it logs and asks for is collected from the beginning."""
 
-    def __init__(self, browser: Browser, session: str) -> None:
-        self.browser, self._session = browser, session
+    def __init__(self, browser: Browser, session: str, context: str) -> None:
+        self.browser, self._session, self._context = browser, session, context
         self._seen: list[dict[str, Any]] = []
 
     def resize(self, width: int, height: int) -> None:
@@ -192,8 +196,8 @@ class Page:
         return base64.b64decode(self._call("Page.captureScreenshot", format="png")["data"])
 
     def close(self) -> None:
-        """Close the tab."""
-        self._call("Page.close")
+        """Close the tab and forget what its pages have stored."""
+        self.browser.call("Target.disposeBrowserContext", browserContextId=self._context)
 
     def complaints(self) -> list[str]:
         """Return errors and warnings of the console, exceptions, and requests that failed, until now."""

@@ -73,12 +73,15 @@ class Descriptors:
             pPoolSizes=[{"type": kind, "descriptorCount": count} for kind, count in sizes.items()],
         )
         pool = self._device.create("vkCreateDescriptorPool", info, f"{len(wanted)} sets")
+        made = Sets(pool, [])
+        self._alive.append(made)  # before anything can fail: `close` frees the pool
         layouts = [layout.handle for layout, _, _ in wanted]
         allocate = vk.new("VkDescriptorSetAllocateInfo", descriptorPool=pool, pSetLayouts=layouts)
         sets = vk.ffi.new("VkDescriptorSet[]", len(wanted))
         fn = self._device.fn
         code = fn.vkAllocateDescriptorSets(self._device.handle, allocate, sets)
         vk.check(code, "vkAllocateDescriptorSets", allocate)
+        made.handles.extend(sets)
         writes = []
         for handle, (layout, held, name) in zip(sets, wanted, strict=True):
             self._device.name("VkDescriptorSet", handle, name)
@@ -88,8 +91,6 @@ class Descriptors:
         fn.vkUpdateDescriptorSets(
             self._device.handle, len(writes), vk.array("VkWriteDescriptorSet", writes), 0, vk.NULL
         )
-        made = Sets(pool, list(sets))
-        self._alive.append(made)
         return made
 
     @staticmethod
