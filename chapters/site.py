@@ -7,12 +7,15 @@ reads what came out. What cannot be made costs its place on a page and a sentenc
 from __future__ import annotations
 
 import importlib
+import itertools
 import json
 import logging
 import os
 import shutil
 import sys
+import tempfile
 from collections.abc import Collection
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -30,6 +33,8 @@ from common.paths import ROOT, temporary_folder
 DEFAULT = ROOT / "out" / "site"
 MARK = ".strata-site"
 """A file in every built site: a folder that has it may be replaced."""
+TRIES = 10
+"""How often a build takes the place of one that another build put there in the same moment."""
 OWN = ROOT / "docs" / "site"
 ASSETS = ("site.css", "site.js")
 PAGES = {
@@ -61,7 +66,7 @@ class Built:
 
 def run(folder: Path | None, *, serve: bool, check: bool, port: int, drawing: bool = True) -> int:
     """Build the site, say what it lacks, and with `check` fail on that; with `serve` show it until Ctrl-C."""
-    target = (folder or DEFAULT).absolute()
+    target = Path(os.path.realpath(folder or DEFAULT))  # behind a link its folder is replaced, and the link stays
     check_target(target)
     with prompt_stop():
         built = build(target, drawing=drawing)
@@ -222,17 +227,29 @@ def configuration(draft: Draft, source: Path, made: Path) -> dict[str, object]:
 
 
 def replace(target: Path, made: Path) -> None:
-    """Put a built folder in the place of the one before; raise UserError where the disk refuses."""
-    beside = target.with_name(f".{target.name}.new")
+    """Put a built folder in the place of the one before; raise UserError where the disk refuses.
+
+    Whoever looks sees one of the two, but for the moment between two renames; of builds at once the last one stays.
+    """
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        shutil.rmtree(beside, ignore_errors=True)
-        shutil.copytree(made, beside)
-        if target.is_dir():
-            shutil.rmtree(target)
-        os.replace(beside, target)
+        with tempfile.TemporaryDirectory(prefix=f".{target.name}.", dir=target.parent) as beside:
+            new = Path(beside, "new")
+            shutil.copytree(made, new)
+            for place in itertools.count():
+                old = Path(beside, f"old{place}")
+                with suppress(FileNotFoundError):
+                    os.replace(target, old)
+                try:
+                    os.replace(new, target)
+                    return
+                except OSError:
+                    if old.exists() and not target.exists():
+                        os.replace(old, target)
+                        raise
+                    if place == TRIES:
+                        raise
     except OSError as error:
-        shutil.rmtree(beside, ignore_errors=True)
         raise UserError(f"{target} cannot be written: {error.strerror or error}.") from None
 
 

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import os
 import re
+from concurrent.futures import ThreadPoolExecutor
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -199,6 +202,43 @@ def test_a_second_build_takes_the_place_of_the_first(built, out) -> None:
     site.replace(out, built.folder)
     assert (out / "index.html").is_file() and not (out / "old.html").exists()
     assert [path.name for path in out.parent.iterdir()] == ["site"]
+
+
+def test_builds_at_once_leave_one_whole_site_and_nothing_else(built, out) -> None:
+    out.parent.mkdir(parents=True, exist_ok=True)
+    (out.parent / f".{out.name}.new").mkdir()
+    (out.parent / f".{out.name}.new" / "thesis.txt").write_text("", "utf-8")
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(lambda _: site.replace(out, built.folder), range(8)))
+    there = {path.relative_to(built.folder) for path in built.folder.rglob("*")}
+    assert {path.relative_to(out) for path in out.rglob("*")} == there
+    assert {path.name for path in out.parent.iterdir()} == {out.name, f".{out.name}.new"}
+    assert (out.parent / f".{out.name}.new" / "thesis.txt").is_file(), "somebody's own"
+
+
+def test_a_disk_that_refuses_leaves_the_site_of_before(built, out, monkeypatch) -> None:
+    site.replace(out, built.folder)
+    move = os.replace
+
+    def refuse(source, target) -> None:
+        if Path(source).name == "new":
+            raise PermissionError(13, "Permission denied")
+        move(source, target)
+
+    monkeypatch.setattr(site.os, "replace", refuse)
+    with pytest.raises(UserError, match="cannot be written: Permission denied"):
+        site.replace(out, built.folder)
+    assert (out / "index.html").is_file() and [path.name for path in out.parent.iterdir()] == [out.name]
+
+
+def test_behind_a_link_the_folder_is_replaced_and_the_link_stays(out, monkeypatch) -> None:
+    (out.parent / "real").mkdir(parents=True)
+    out.symlink_to(out.parent / "real", target_is_directory=True)
+    monkeypatch.setattr(site, "draft_of", lambda *_: Draft(pages={"index.md": "# a"}))
+    monkeypatch.setattr(site, "find_spec", lambda name: None)
+    with pytest.raises(UserError, match="as Markdown only"):
+        site.run(out, serve=False, check=False, port=0)
+    assert out.is_symlink() and (out / "index.md").is_file()
 
 
 def test_without_mkdocs_a_site_that_is_there_stays(built, out, monkeypatch) -> None:
