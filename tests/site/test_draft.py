@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 import chapters
@@ -11,6 +13,7 @@ from chapters.results import Area, Run
 from chapters.site_draft import Draft
 from chapters.site_overlay import overlays
 from common.errors import UserError
+from common.paths import ROOT
 
 
 @pytest.mark.parametrize(
@@ -156,3 +159,12 @@ def test_the_setup_page_shows_what_the_launcher_would(name: str) -> None:
     commands = list(decide(site_tables.SYSTEMS[name], install=False).commands())
     part = page.split(f"### {name}\n", 1)[1].split("\n### ", 1)[0]
     assert commands and all(command in part for command in commands)
+
+
+def test_the_readme_s_table_says_which_chapters_run() -> None:
+    rows = re.findall(r"^\| (\d+) \| (.*) \| (runs|to come) \|$", (ROOT / "README.md").read_text("utf-8"), re.M)
+    assert [int(number) for number, _, _ in rows] == list(range(1, 16))
+    for number, title, state in rows:
+        there = int(number) in chapters.available()
+        assert state == ("runs" if there else "to come")
+        assert there == title.endswith(f"](chapters/ch{int(number):02}/README.md)")
