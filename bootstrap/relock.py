@@ -27,7 +27,12 @@ def resolve(arguments: list[str], output: Path) -> str:
     """Return what uv resolves pyproject.toml to; pins already in `output` are kept where they still fit."""
     command = ["uv", "pip", "compile", "--quiet", "--universal", "--python-version", "3.11", "--no-header"]
     command += ["--no-annotate", "--no-emit-index-url", "--output-file", str(output), *arguments]
-    subprocess.run([*command, str(ROOT / "pyproject.toml")], check=True, stdout=subprocess.DEVNULL)
+    try:
+        subprocess.run([*command, str(ROOT / "pyproject.toml")], check=True, stdout=subprocess.DEVNULL)
+    except FileNotFoundError:
+        sys.exit("The program uv is not on the PATH: https://docs.astral.sh/uv/ says how to install it.")
+    except subprocess.CalledProcessError as error:
+        sys.exit(error.returncode)  # uv said why
     return output.read_text("utf-8")
 
 

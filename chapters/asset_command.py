@@ -71,6 +71,8 @@ def get(
         folder = asset_store.folder_of(model)
         if all(asset_store.is_whole(folder / file.name, file) for file in model.files):
             say(f"{model.name} is here already.")
+            if not (folder / asset_store.NOTICE).is_file():
+                asset_store.write_notice(model)
         elif not _agreed(model, yes):
             say("Nothing was fetched.")
             return 1

@@ -100,6 +100,8 @@ def read(path: Path = FILE) -> dict[str, Entry]:
 
 
 def _entry(name: str, found: Any, path: Path) -> Entry:
+    if not normal(name):
+        raise UserError(f"In the glossary {path}, an entry has no name.")
     fields = found if isinstance(found, dict) else {}
     wrong = [key for key, value in fields.items() if key not in FIELDS or not isinstance(value, FIELDS[key])]
     missing = [key for key in ("says", "chapter") if key not in fields]
@@ -129,6 +131,8 @@ def bold(text: str) -> list[str]:
 def uses(text: str, entries: Iterable[Entry]) -> list[Use]:
     """Return where a text of Markdown uses words of the glossary, in its order; everyday words where they are bold."""
     known = by_form(entries)
+    if not known:
+        return []
     longest = sorted({form for entry in known.values() for form in entry.forms}, key=len, reverse=True)
     words = "|".join(r"\s+".join(map(re.escape, form.split())) for form in longest)
     found = []

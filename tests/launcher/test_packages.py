@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from pathlib import Path
 
 import pytest
 from packaging.markers import default_environment
@@ -120,3 +121,12 @@ def test_the_notice_follows_a_new_lock() -> None:
     assert text == notice + "| Ab_c | 2, 3 | MIT | <https://a> |\n"
     assert new == {"fresh"}
     assert relock.follow(NOTICE, LOCK) == (NOTICE, set())
+
+
+def test_without_uv_the_lock_is_not_written_and_a_sentence_says_why(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(SystemExit, match="uv is not on the PATH"):
+        relock.resolve([], tmp_path / "lock")
+    assert list(tmp_path.iterdir()) == []

@@ -416,6 +416,9 @@ def test_a_notice_lies_beside_the_model(server, sources, manifest, model):
     asset_command.get(["Duo"], True, manifest, sources)
     notice = lying(model)["NOTICE.txt"].decode()
     assert "By Somebody, 2020. CC-BY-4.0" in notice and COMMIT in notice
+    (asset_store.folder_of(model) / asset_store.NOTICE).unlink()
+    asset_command.get(["Duo"], False, manifest, sources)
+    assert lying(model)["NOTICE.txt"].decode() == notice, "it belongs to the files, and comes back to them"
 
 
 def test_an_unknown_name_is_a_sentence(server, sources, manifest):

@@ -107,6 +107,7 @@ def normal_in(entry: Entry) -> bool:
     ("text", "said"),
     [
         ("[a\n", "is no TOML"),
+        ('[""]\nsays = "A."\nchapter = 1\n', "an entry has no name"),
         ('["a"]\nsays = "x."\n', "chapter is missing"),
         ('["a"]\nsays = "x."\nchapter = 1\ncolour = 2\n', "colour cannot be 2"),
         ('["a"]\nsays = "x."\nchapter = "one"\n', "'a' is not as it should be: chapter cannot be 'one'"),
@@ -168,6 +169,10 @@ def test_a_text_introduces_a_word_where_it_is_bold_else_where_it_is_first() -> N
         (text.index("command"), False),
         (text.index("**"), True),
     ]
+
+
+def test_a_glossary_without_words_finds_none() -> None:
+    assert glossary.uses("Some **word**.", []) == []
 
 
 def test_longer_names_win() -> None:
