@@ -66,7 +66,9 @@ class Built:
 
 def run(folder: Path | None, *, serve: bool, check: bool, port: int, drawing: bool = True) -> int:
     """Build the site, say what it lacks, and with `check` fail on that; with `serve` show it until Ctrl-C."""
-    target = Path(os.path.realpath(folder or DEFAULT))  # behind a link its folder is replaced, and the link stays
+    target = Path(
+        os.path.realpath(folder or DEFAULT)
+    )  # behind a link its folder is replaced, and the link stays
     check_target(target)
     with prompt_stop():
         built = build(target, drawing=drawing)

@@ -19,6 +19,7 @@ from chapters.diff_page import page as diff_page
 from chapters.diff_pictures import Pictures, draw
 from chapters.diff_sides import tree_of
 from chapters.run import Request
+from chapters.site_code import following
 from chapters.site_draft import Draft
 from chapters.site_glossary import linked
 from chapters.site_overlay import overlays
@@ -118,10 +119,10 @@ def _diff_page(draft: Draft, made: Comparison, page: str, drawing: bool) -> byte
             pictures = draw(made, steps) if drawing else Pictures()
         for problem in pictures.problems:
             draft.lack(page, f"pictures of passes before and after. {problem}")
-        return diff_page(made, pictures).encode(), drawing and not pictures.problems
+        return following(diff_page(made, pictures), "../").encode(), drawing and not pictures.problems
 
     assert made.a.number is not None and made.b.number is not None
-    tools = [path for name in ("diff*.py", "site_chapter.py") for path in chapters.FOLDER.glob(name)]
+    tools = [path for name in ("diff*.py", "site_c*.py") for path in chapters.FOLDER.glob(name)]
     return _kept("diff.html", [*_files(made.a.number), *_files(made.b.number), *tools], make)
 
 

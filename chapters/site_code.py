@@ -19,6 +19,16 @@ _OWN_STYLE = """
 .l a { color: var(--soft); text-decoration: none; text-align: right; padding-right: 1ch; user-select: none; }
 """
 
+_FOLLOWS = """<script>try {
+  const chosen = JSON.parse(localStorage.getItem(new URL("%s", location).pathname + ".__palette"));
+  if (chosen) document.documentElement.dataset.theme = chosen.color.scheme === "slate" ? "dark" : "light";
+} catch { /* without a memory of what was chosen the system's colours stay */ }</script>"""
+
+
+def following(html: str, root: str) -> str:
+    """Return a page that is light or dark as the reader chose on the pages of mkdocs; `root` leads to their folder."""
+    return html.replace("</head>", f"{_FOLLOWS % root}</head>", 1)
+
 
 def is_shown(path: Path) -> bool:
     """Whether a file or folder is listed: no caches, nothing hidden."""
@@ -67,10 +77,11 @@ def _shown(link: str) -> str:
 
 def _whole(path: str, body: str) -> str:
     home = "../" * path.count("/") + ("../" if not (ROOT / path).is_dir() else "../../")
-    return (
+    return following(
         '<!doctype html><html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f'<link rel="icon" href="data:,"><title>{escape(path)}</title>'
         f"<style>{STYLE}{_OWN_STYLE}</style></head><body><main>"
-        f'<p><a href="{home}index.html">Strata</a></p><h1>{escape(path)}</h1>{body}</main></body></html>\n'
+        f'<p><a href="{home}index.html">Strata</a></p><h1>{escape(path)}</h1>{body}</main></body></html>\n',
+        home,
     )

@@ -162,7 +162,9 @@ def test_the_setup_page_shows_what_the_launcher_would(name: str) -> None:
 
 
 def test_the_readme_s_table_says_which_chapters_run() -> None:
-    rows = re.findall(r"^\| (\d+) \| (.*) \| (runs|to come) \|$", (ROOT / "README.md").read_text("utf-8"), re.M)
+    rows = re.findall(
+        r"^\| (\d+) \| (.*) \| (runs|to come) \|$", (ROOT / "README.md").read_text("utf-8"), re.M
+    )
     assert [int(number) for number, _, _ in rows] == list(range(1, 16))
     for number, title, state in rows:
         there = int(number) in chapters.available()

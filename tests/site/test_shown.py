@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from chapters import features, site_records
+from chapters.site_code import following
 from chapters.site_plot import short
 
 LONG = pytest.mark.long
@@ -141,4 +142,20 @@ def test_rules_of_accessibility_hold(browser, address, page, dark, part) -> None
     opened = browser.open(f"{address}/{page}", dark=dark)
     opened.value(_axe())
     assert json.loads(opened.value(RUN % (json.dumps(part) if part else "document"))) == []
+    opened.close()
+
+
+@pytest.mark.parametrize("page", [CODE, "chapters/ch02-diff.html"])
+def test_code_is_dark_where_the_reader_chose_dark_pages(browser, address, built, page) -> None:
+    if not (built.folder / page).is_file():  # the site of one chapter has no differences: one is made up
+        (built.folder / page).write_text(following("<html><head></head></html>", "../"), "utf-8")
+    opened = browser.open(f"{address}/chapters/ch01.html")
+    shown = """new Promise((done) => {
+      const frame = document.createElement("iframe");
+      frame.onload = () => done(frame.contentDocument.documentElement.dataset.theme || "as the system");
+      frame.src = "%s"; document.body.append(frame); })"""
+    address_of = f"{address}/{page}"
+    assert opened.value(shown % address_of) in ("light", "as the system")
+    opened.value("document.querySelector('[data-md-component=palette] label:not([hidden])').click()")
+    assert opened.value(shown % address_of) == "dark"
     opened.close()
