@@ -188,6 +188,9 @@ def site_parts(root: Path) -> list[Part]:
     if not (folder / site.MARK).is_file():
         say("strata: The site is not packed, since it was not built: --site builds it first.")
         return []
+    if not (folder / "index.html").is_file():  # what is left where mkdocs-material is missing
+        say("strata: The site is not packed, since it is Markdown alone: ./strata --extras docs builds it.")
+        return []
     return [Part(SITE + p.relative_to(folder).as_posix(), p) for p in folder.rglob("*") if p.is_file()]
 
 

@@ -198,6 +198,28 @@ def test_what_is_not_committed_is_said(
     assert second.read_bytes() == packed.file.read_bytes()
 
 
+def test_a_site_that_is_markdown_alone_is_not_packed_and_a_built_one_is_whole(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Without mkdocs-material there are pages as Markdown, which no browser shows."""
+    assert bundle.site_parts(tmp_path) == []
+    assert "since it was not built: --site builds it first." in capsys.readouterr().err
+    folder = tmp_path / "out" / "site"
+    (folder / "chapters").mkdir(parents=True)
+    for name in (bundle.site.MARK, "index.md", "chapters/ch01.md"):
+        (folder / name).touch()
+    assert bundle.site_parts(tmp_path) == []
+    assert "since it is Markdown alone: ./strata --extras docs builds it." in capsys.readouterr().err
+    (folder / "index.html").touch()
+    assert {part.name.removeprefix(bundle.SITE) for part in bundle.site_parts(tmp_path)} == {
+        bundle.site.MARK,
+        "index.md",
+        "index.html",
+        "chapters/ch01.md",
+    }
+    assert capsys.readouterr().err == ""
+
+
 def test_a_model_is_packed_with_its_files_and_its_licence_and_nothing_else(packed: Packed) -> None:
     with open_bundle(packed.file) as opened:
         names = opened.names("models/")
