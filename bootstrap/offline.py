@@ -58,7 +58,7 @@ class Offline:
         if lock not in bundle.manifest.files or bundle.read(lock) != own:
             raise SetupError(
                 f"{bundle.path} has the packages for commit {bundle.manifest.commit[:10]}, and this clone's {LOCK} is "
-                f"another: take the clone that is in it (python3 {bundle.path.name} FOLDER), or make the bundle anew."
+                f'another: take the clone that is in it (python3 "{bundle.path.name}" FOLDER), or make the bundle anew.'
             )
         self.target = target_of(bundle, version_of(environment))
         if everything and self.target.packages != "all":
@@ -168,7 +168,7 @@ def main(file: Path, words: list[str]) -> int:
     try:
         if len(words) != 1 or words[0].startswith("-"):
             raise SetupError(
-                f"This is a bundle of Strata: `python3 {file.name} FOLDER` unpacks its clone into a folder."
+                f'This is a bundle of Strata: `python3 "{file.name}" FOLDER` unpacks its clone into a folder.'
             )
         unpack_clone(file, Path(words[0]).absolute())
     except SetupError as error:

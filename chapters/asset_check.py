@@ -24,6 +24,7 @@ from common.scene import Scene
 
 EVERY_DEVICE = 4096
 """Pixels along a side of a texture that every Vulkan 1.3 device takes; most take 16384."""
+NOTHING_DRAWN = "Nothing of it is drawn: it has no triangles."
 METRES = (1e-3, 1e4)
 """Diagonals between which a model is probably in metres, as glTF wants it."""
 
@@ -140,7 +141,7 @@ def losses_of(root: dict[str, Any], scene: Scene) -> Iterator[str]:
 def hints_of(scene: Scene) -> Iterator[str]:
     """Give sentences on what may surprise: units, light, sizes that some devices do not take."""
     if not scene.triangle_count:
-        yield "Nothing of it is drawn: it has no triangles."
+        yield NOTHING_DRAWN
         return
     diagonal = 2 * scene.length_scale
     if not METRES[0] <= diagonal <= METRES[1]:

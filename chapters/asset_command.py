@@ -166,6 +166,8 @@ def _name_for(file: Path, name: str | None) -> str:
 
 def report(found: Examination) -> None:
     """Print what an examination found."""
+    from chapters.asset_check import NOTHING_DRAWN
+
     if found.contents:
         made = table(escape(found.path.name), "what", "how much")
         for row in found.contents:
@@ -176,7 +178,8 @@ def report(found: Examination) -> None:
         for use in found.extensions:
             made.add_row(*(escape(_plain(text)) for text in (use.name, _users(use), _drawn(use))))
         out.print(made)
-    if found.contents and not found.losses and all(use.supported for use in found.extensions):
+    whole = not found.losses and all(use.supported for use in found.extensions)
+    if found.contents and whole and NOTHING_DRAWN not in found.hints:
         out.print("All of it is drawn as the file has it.")
     for title, sentences in (("Left out, or made up", found.losses), ("Good to know", found.hints)):
         if sentences:

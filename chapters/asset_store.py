@@ -150,7 +150,7 @@ def in_bytes(count: int) -> str:
     for unit, scale in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
         if count >= 0.9995 * scale:
             return f"{count / scale:#.3g} {unit}".replace(". ", " ")
-    return f"{count} bytes"
+    return f"{count} byte{'' if count == 1 else 's'}"
 
 
 def write_notice(model: Model) -> None:

@@ -20,6 +20,9 @@ MOST = 20
 MANY = 10
 """A figure that became so many times as large is said to be so many times as large, not by a percentage."""
 
+OF_CHANGE = 0.1
+"""A part of a sum is named if it moved by so much of what the sum moved."""
+
 WORDS = {
     ("time", "worse"): "slower",
     ("time", "better"): "faster",
@@ -111,7 +114,7 @@ def _change(change: Change) -> str:
 
 
 def _within(change: Change) -> str:
-    """Return which part of a sum moved most, where it did so more than any other: ": gbuffer +29.1"."""
+    """Return which part of a sum moved most, where it did: ": gbuffer +29.1"."""
     moved = {
         name: change.new.within.get(name, 0.0) - change.old.within.get(name, 0.0)
         for name in {**change.old.within, **change.new.within}
@@ -120,7 +123,8 @@ def _within(change: Change) -> str:
         return ""
     sign = 1 if change.verdict == "worse" else -1
     name = max(moved, key=lambda one: sign * moved[one])
-    return f": {name} {moved[name]:+.3g}"
+    share = sign * moved[name] / abs(change.new.value - change.old.value)
+    return f": {name} {moved[name]:+.3g}" if share > OF_CHANGE else ""
 
 
 def record(found: Whole) -> dict[str, Any]:

@@ -69,6 +69,6 @@ def names_in(path: Path) -> Iterator[str]:
                 if uri and uri[:5].lower() != "data:":
                     yield str(uri)
     except SceneError as error:
-        raise UserError(f"{path} {error}") from None
+        raise UserError(f"{path}: {error}") from None
     except (ValueError, AttributeError, TypeError):
         raise UserError(f"{path} is no glTF that can be read: export it again.") from None

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from chapters.shown import displaying
+from common.errors import UserError
 
 
 @dataclass
@@ -46,9 +47,14 @@ class _Printed(TextIOBase):
 
 
 def read(path: Path) -> list[Cell]:
-    """Return the cells of a notebook's file, none of them run."""
-    found = json.loads(path.read_text("utf-8"))["cells"]
-    return [Cell(cell["cell_type"], "".join(cell["source"])) for cell in found]
+    """Return the cells of a notebook's file, none of them run; raise UserError for what is no notebook."""
+    try:
+        found = json.loads(path.read_text("utf-8"))["cells"]
+        return [Cell(cell["cell_type"], "".join(cell["source"])) for cell in found]
+    except OSError as error:
+        raise UserError(f"{path} cannot be read: {error.strerror or error}.") from None
+    except (ValueError, KeyError, TypeError) as error:
+        raise UserError(f"{path} is no notebook ({type(error).__name__}: {error}).") from None
 
 
 def run(cells: list[Cell]) -> dict[str, Any]:

@@ -220,7 +220,7 @@ def configuration(draft: Draft, source: Path, made: Path) -> dict[str, object]:
         "nav": [
             *front,
             {"Chapters": lessons},
-            {"In a notebook": site_notebook.PAGE},
+            {site_notebook.TITLE: site_notebook.PAGE},
             {PAGES["glossary.md"]: "glossary.md"},
             {"Measured": measured},
             {"The project": [{PAGES["maintaining.md"]: "maintaining.md"}, *texts]},

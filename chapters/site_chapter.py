@@ -202,16 +202,17 @@ def _work(draft: Draft, number: int, page: str) -> str:
         if not presets:
             continue
         names = [name for name in presets[-1]["work"] if any(point["work"].get(name) for point in presets)]
-        heads = " | ".join(point["name"] for point in presets)
+        heads = " | ".join(site_plot.cell(point["name"]) for point in presets)
         rows = "\n".join(
-            f"| {name.replace('_', ' ')} | "
+            f"| {site_plot.cell(name.replace('_', ' '))} | "
             + " | ".join(f"{point['work'].get(name, 0):,}" for point in presets)
             + " |"
             for name in names
         )
-        scene, (width, height) = made["scene"]["name"], made["size"]
+        scene, (width, height) = site_plot.cell(made["scene"]["name"]), made["size"]
+        origin = site_plot.cell(site_plot.origin(made))
         return (
             f"Counted in a frame of {scene} at {width}x{height}; what is zero in every preset is left out. "
-            f"{site_plot.origin(made)}\n\n| counter | {heads} |\n|---|{'---:|' * len(presets)}\n{rows}\n"
+            f"{origin}\n\n| counter | {heads} |\n|---|{'---:|' * len(presets)}\n{rows}\n"
         )
     return draft.lack(page, f"the work of a frame: no record of chapter {number} has it.")

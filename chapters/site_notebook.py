@@ -7,11 +7,14 @@ from base64 import b64decode
 from pathlib import Path
 
 from chapters import notebooks
-from chapters.site_draft import TEXTS, Draft
+from chapters.site_draft import TEXTS, Draft, reason
+from common.errors import UserError
 from common.paths import ROOT
 
 PATH = "examples/notebook.ipynb"
 PAGE = TEXTS[PATH]
+TITLE = "In a notebook"
+"""What the page is called where the notebook does not say it."""
 _REACHED = 'tabindex="0" role="group" aria-label="What the cell shows"'
 """Keys can scroll what is wider than a phone."""
 _PICTURE = re.compile(r'src="data:image/png;base64,([^"]+)"')
@@ -20,7 +23,11 @@ _PICTURE = re.compile(r'src="data:image/png;base64,([^"]+)"')
 def add(draft: Draft, drawing: bool = True) -> None:
     """Add the page; `drawing` False runs nothing, and shows text and code alone."""
     path = ROOT / PATH
-    cells = notebooks.read(path)
+    try:
+        cells = notebooks.read(path)
+    except UserError as error:
+        draft.pages[PAGE] = f"# {TITLE}\n\n{draft.lack(PAGE, f'the notebook, since {reason(error)}.')}\n"
+        return
     draft.files[Path(PATH).name] = path.read_bytes()
     if drawing:
 

@@ -149,9 +149,9 @@ def read() -> dict[str, dict[str, Any]]:
     """Return the records of pairs by name; {} without a file of them."""
     try:
         found: dict[str, dict[str, Any]] = json.loads(RECORD.read_text("utf-8"))["pairs"]
-    except (OSError, ValueError, KeyError):
+    except (OSError, ValueError, KeyError, TypeError):
         return {}
-    return found
+    return found if isinstance(found, dict) else {}
 
 
 def make(pair: Pair) -> list[Path]:

@@ -72,6 +72,11 @@ def origin(made: dict[str, Any]) -> str:
     return f"{device['name']}, {device['driver']}, commit {made['commit'][:12]}, {made['date'][:10]}."
 
 
+def cell(text: Any) -> str:
+    """Return what a record says, as text in a table: records may be other people's."""
+    return escape(str(text)).replace("|", "&#124;")
+
+
 def short(value: float) -> str:
     """Return a number with three digits that count, and no exponent: 187, 11.2, 0.012."""
     digits = 2 - math.floor(math.log10(abs(value))) if value else 0

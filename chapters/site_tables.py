@@ -15,7 +15,7 @@ from bootstrap.plan import decide
 from chapters import features, results, site_features, site_glossary, site_pairs
 from chapters.results import BACKENDS, Area
 from chapters.site_draft import Draft
-from chapters.site_plot import short
+from chapters.site_plot import cell, short
 from chapters.site_records import lacks, records_of
 from common.paths import ROOT
 
@@ -123,9 +123,15 @@ def speed_table(draft: Draft, page: str) -> str:
         presets = list(dict.fromkeys(p["name"] for _, made in found.values() for p in _presets(made)))
         for preset in presets:
             cells = [cell for device in devices for cell in _figures_of(found.get(device), preset)]
-            rows.append(f"| {number} | {preset} | {' | '.join(cells)} |")
+            rows.append(f"| {number} | {cell(preset)} | {' | '.join(cells)} |")
     table = _table(["chapter", "preset", *heads], rows, ["---:", "---", *["---:"] * len(heads)])
-    return f"{table}\n\n{unread}\n\n### Where these are from\n\n{_origins(draft, page, records, devices)}"
+    absent = " ".join(
+        f"Of chapter {number} there are no presets measured on {device}: `./strata bench {number} --record` there."
+        for number, found in records.items()
+        for device in devices
+        if found and device not in found
+    )
+    return f"{table}\n\n{absent}\n\n{unread}\n\n### Where these are from\n\n{_origins(draft, page, records, devices)}"
 
 
 def _unread(draft: Draft, page: str) -> str:
@@ -150,7 +156,7 @@ def _by_device(draft: Draft, page: str) -> tuple[Records, list[str]]:
 
 def _device(made: dict[str, Any]) -> str:
     """Return how a device is called in a heading: without what its name says about versions."""
-    return escape(re.sub(r"\s*\(.*?\)", "", made["device"]["name"]))
+    return cell(re.sub(r"\s*\(.*?\)", "", made["device"]["name"]))
 
 
 def _presets(made: dict[str, Any]) -> list[dict[str, Any]]:
@@ -174,17 +180,18 @@ def _figures_of(held: tuple[str, dict[str, Any]] | None, preset: str) -> list[st
 def _origins(draft: Draft, page: str, records: Records, devices: list[str]) -> str:
     """Return which record each chapter's figures are from: its date, driver, commit and size of the picture."""
 
-    def cell(held: tuple[str, dict[str, Any]] | None) -> str:
+    def origin(held: tuple[str, dict[str, Any]] | None) -> str:
         if held is None:
             return "-"
         name, made = held
         link = draft.file(f"docs/benchmarks/{name}", page)
         width, height = made["size"]
-        driver = escape(made["device"]["driver"])
-        return f"[{made['date'][:10]}]({link}), {width}x{height}<br>{driver}<br>commit {made['commit'][:12]}"
+        driver = cell(made["device"]["driver"])
+        said = cell(made["date"][:10])
+        return f"[{said}]({link}), {width}x{height}<br>{driver}<br>commit {cell(made['commit'][:12])}"
 
     rows = [
-        f"| {number} | {' | '.join(cell(found.get(device)) for device in devices)} |"
+        f"| {number} | {' | '.join(origin(found.get(device)) for device in devices)} |"
         for number, found in records.items()
     ]
     return _table(["chapter", *devices], rows, ["---:", *["---"] * len(devices)])
@@ -237,7 +244,8 @@ def stability_table(draft: Draft, page: str) -> str:
             if made.get("stability"):
                 worst = made["stability"]["worst"]
                 rows.append(
-                    f"| {number} | {made['device']['name']} | {worst['case']} | {worst['pixels_changed']:.3%} | "
+                    f"| {number} | {cell(made['device']['name'])} | {cell(worst['case'])} | "
+                    f"{worst['pixels_changed']:.3%} | "
                     f"{made['stability']['bound']:.1%} |"
                 )
     if not rows:

@@ -119,7 +119,7 @@ def test_a_pool_that_is_too_small_raises_what_the_driver_says(vulkan_device, hel
 
     monkeypatch.setattr(vulkan_device.fn, "vkAllocateDescriptorSets", exhausted, raising=False)
     before, descriptors = dict(vulkan_device.alive), Descriptors(vulkan_device)
-    with pytest.raises(VulkanError, match="vkAllocateDescriptorSets.*VK_ERROR_OUT_OF_POOL_MEMORY"):
+    with pytest.raises(VulkanError, match=r"vkAllocateDescriptorSets.*VK_ERROR_OUT_OF_POOL_MEMORY"):
         descriptors.create([([Binding(0, "uniform")], {0: held["uniform"]}, "one too many")])
     assert descriptors.set_count == 0
     descriptors.close()

@@ -141,8 +141,8 @@ def lengths_of_one_spring(steps, count, stiffness=STRETCH):
     """Return how long a spring between two free particles is after `count` steps: the steps' own solutions, by hand.
 
     With two masses m it swings with omega^2 = 2 k / m. A step h of Verlet turns the swing by the angle a of
-    2 sin(a / 2) = h omega, Euler's by the same with half a step ahead. XPBD's first iteration for one spring is an implicit
-    step of Euler, which divides the complex amplitude by 1 + i h omega, and leaves nothing to a second one.
+    2 sin(a / 2) = h omega, Euler's by the same with half a step ahead. XPBD's first iteration for one spring is an
+    implicit step of Euler, which divides the complex amplitude by 1 + i h omega, and leaves nothing to a second one.
     """
     h, n = steps.h, count * steps.substeps
     turn = h * np.sqrt(2 * stiffness / MASS)

@@ -14,7 +14,17 @@ import numpy as np
 import pytest
 
 import chapters
-from chapters import bench, notebooks, site, site_chapter, site_draft, site_notebook, site_pairs, site_serve
+from chapters import (
+    bench,
+    notebooks,
+    site,
+    site_chapter,
+    site_draft,
+    site_notebook,
+    site_pairs,
+    site_serve,
+    site_tables,
+)
 from chapters.diff_style import DARK, LIGHT
 from chapters.shown import Picture
 from chapters.site_draft import TEXTS, Draft
@@ -351,6 +361,50 @@ def test_what_cells_show_is_below_them_and_their_pictures_are_files(monkeypatch)
     assert '"><pre>a&#10;&#10;b&#10;</pre><figure' in shown and shown.endswith("</div>")
     assert re.findall('src="([^"]+)"', shown) == ["notebook/1.png", "notebook/2.png"]
     assert draft.files["notebook/2.png"].startswith(b"\x89PNG") and draft.lacks == []
+
+
+@pytest.mark.parametrize("text", [None, "{x", "{}", '{"cells": [{"cell_type": "code"}]}', "[]"])
+def test_a_notebook_that_is_none_costs_its_page_alone(tmp_path, monkeypatch, text) -> None:
+    monkeypatch.setattr(site_notebook, "ROOT", tmp_path)
+    if text is not None:
+        (tmp_path / site_notebook.PATH).parent.mkdir()
+        (tmp_path / site_notebook.PATH).write_text(text, "utf-8")
+    draft = Draft((1,))
+    site_notebook.add(draft)
+    assert len(draft.lacks) == 1 and "the notebook, since" in draft.lacks[0]
+    assert draft.pages[site_notebook.PAGE].startswith("# In a notebook") and not draft.files
+
+
+def test_records_of_pairs_that_are_none_are_none(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(site_pairs, "RECORD", tmp_path / "pairs.json")
+    for text in ("[]", '{"pairs": []}', "{", '{"a": 1}'):
+        site_pairs.RECORD.write_text(text, "utf-8")
+        assert site_pairs.read() == {}
+
+
+def test_what_a_record_says_is_text_and_no_html(tmp_path, monkeypatch) -> None:
+    """Records may be other people's."""
+    made = json.loads((bench.FOLDER / "ch01-software.json").read_text("utf-8"))
+    for words in (made["device"], made["scene"], made["stability"]["worst"], *made["points"]):
+        for name, value in words.items():
+            if isinstance(value, str) and name not in ("class", "kind"):
+                words[name] = f"<script>|{value}"
+    made["commit"] = "<script>|"
+    monkeypatch.setattr(bench, "FOLDER", tmp_path)
+    monkeypatch.setattr(chapters, "available", lambda: (1,))
+    (tmp_path / "ch01-software.json").write_text(json.dumps(made), "utf-8")
+    draft = Draft((1,))
+    monkeypatch.setattr(draft, "file", lambda path, page: path)
+    for text in (
+        site_tables.speed_table(draft, "speed.md"),
+        site_tables.starts_table(draft, "speed.md"),
+        site_tables.stability_table(draft, "accuracy.md"),
+        site_chapter._plots(draft, 1, "chapters/ch01.md"),
+        site_chapter._work(draft, 1, "chapters/ch01.md"),
+    ):
+        assert "&lt;script&gt;" in text and "<script" not in text
+        rows = [line for line in text.splitlines() if line.startswith("|")]
+        assert len({line.count("|") for line in rows[:3]}) <= 1, "a table of as many columns in each row"
 
 
 def test_a_notebook_that_fails_costs_what_it_shows(monkeypatch) -> None:

@@ -125,10 +125,13 @@ def test_a_texture_that_some_devices_do_not_take_is_told(tmp_path, monkeypatch):
     assert "1 texture is larger than 1 pixels, which some devices do not take." in examine(path).hints
 
 
-def test_a_model_of_nothing_is_told(tmp_path):
+def test_a_model_of_nothing_is_told(tmp_path, capsys):
     made = Gltf()
     made.node()
-    assert examine(made.write(tmp_path)).hints == ["Nothing of it is drawn: it has no triangles."]
+    found = examine(made.write(tmp_path))
+    assert found.hints == ["Nothing of it is drawn: it has no triangles."]
+    asset_command.report(found)
+    assert "All of it is drawn" not in capsys.readouterr().out
 
 
 def test_an_extension_is_told_with_what_is_drawn_instead(tmp_path, capsys):
