@@ -36,7 +36,7 @@ MARK = ".strata-site"
 TRIES = 10
 """How often a build takes the place of one that another build put there in the same moment."""
 OWN = ROOT / "docs" / "site"
-ASSETS = ("site.css", "site.js")
+ASSETS = ("site.css", "site.js", "iframe-worker.js")
 PAGES = {
     "index.md": "Strata",
     "setup.md": "Setting up",
@@ -205,10 +205,10 @@ def configuration(draft: Draft, source: Path, made: Path) -> dict[str, object]:
             "palette": schemes,
             "features": ["navigation.indexes", "navigation.top", "navigation.footer", "content.code.copy"],
         },
-        "extra": {"generator": False},
+        "extra": {"generator": False, "polyfills": ["assets/iframe-worker.js"]},
         "extra_css": ["assets/site.css"],
         "extra_javascript": ["assets/site.js"],
-        "plugins": ["search"],
+        "plugins": ["search", "offline"],  # the search of pages that are opened without a server
         "markdown_extensions": [
             "attr_list",
             "md_in_html",

@@ -177,13 +177,35 @@ class Page:
             raise RuntimeError(str(found["exceptionDetails"].get("exception", {}).get("description")))
         return found["result"].get("value")
 
-    def press(self, key: str) -> None:
-        """Press and release a key, "ArrowRight"."""
-        codes = {"ArrowRight": 39, "ArrowLeft": 37, "Home": 36, "End": 35}
+    def press(self, key: str, text: str = "") -> None:
+        """Press and release a key, "ArrowRight"; `text` is what it writes, "\\r" for Enter where that has to act."""
+        codes = {"ArrowRight": 39, "ArrowLeft": 37, "ArrowDown": 40, "Home": 36, "End": 35}
+        codes |= {"Enter": 13, "Escape": 27}
+        code = codes[key] if key in codes else ord(key.upper())
         for kind in ("keyDown", "keyUp"):
             self._call(
-                "Input.dispatchKeyEvent", type=kind, key=key, code=key, windowsVirtualKeyCode=codes[key]
+                "Input.dispatchKeyEvent",
+                type=kind,
+                key=key,
+                code=key,
+                windowsVirtualKeyCode=code,
+                **({"text": text} if text and kind == "keyDown" else {}),
             )
+
+    def type(self, text: str) -> None:
+        """Press the keys of a text one after the other."""
+        for letter in text:
+            self.press(letter, letter)
+
+    def until(self, expression: str) -> Any:
+        """Return the value of JavaScript as soon as it is true, also of the page that comes next; or TimeoutError."""
+        until = time.monotonic() + PATIENCE_S
+        while time.monotonic() < until:
+            with suppress(RuntimeError):  # between two pages there is nothing to ask
+                if found := self.value(expression):
+                    return found
+            time.sleep(0.01)
+        raise TimeoutError(expression)
 
     def point(self, x: float, y: float, click: bool = False) -> None:
         """Move the pointer to a place of the window, and press there if asked to."""

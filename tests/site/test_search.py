@@ -1,0 +1,98 @@
+"""The search of the site, in pages that are served and in pages that are opened from disk, where workers are refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.support.browser import Page
+
+DESKTOP, PHONE = (1280, 900), (360, 740)
+FIELD = "document.querySelector('[data-md-component=search-query]')"
+SHOWN = "document.getElementById('__search').checked"
+SAID = "document.querySelector('.md-search-result__meta').textContent.trim()"
+FOUND = "[...document.querySelectorAll('.md-search-result__item')].map((one) => one.querySelector('a').href)"
+LINKS = "[...document.querySelectorAll('.md-search-result__link')].map((one) => one.href.split('?')[0])"
+MIDDLE = """(() => { const box = document.querySelector('%s').getBoundingClientRect();
+  return [box.x + box.width / 2, box.y + box.height / 2]; })()"""
+
+
+@pytest.fixture(params=["from disk", "served"])
+def where(request: pytest.FixtureRequest, built, tmp_path: Path) -> str:
+    """Where the site is; on disk in a folder whose name is not the same in an address."""
+    if request.param == "served":
+        return str(request.getfixturevalue("address"))
+    folder = tmp_path / "a site, #1 of 50%"
+    folder.symlink_to(built.folder)
+    return folder.as_uri()
+
+
+def test_the_index_is_there_as_a_script_too(built) -> None:
+    folder = built.folder / "search"
+    script = (folder / "search_index.js").read_text("utf-8")
+    assert json.loads(script.removeprefix("var __index = ")) == json.loads(
+        (folder / "search_index.json").read_text("utf-8")
+    )
+
+
+def look_up(opened: Page, words: str) -> None:
+    """Write words into the field of the search once it has the focus, and wait until something is said of them."""
+    opened.until(f"{SHOWN} && document.activeElement === {FIELD}")
+    opened.type(words)
+    opened.until(f"{FIELD}.value === {json.dumps(words)} && / matching /.test({SAID})")
+
+
+@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
+@pytest.mark.parametrize(
+    ("words", "first", "also"),
+    [
+        ("prefiltered cube", "glossary.html", "glossary.html#prefiltered-cube"),
+        ("forward renderer", "chapters/ch01.html", "chapters/ch01.html"),
+    ],
+)
+def test_words_of_glossary_and_chapters_are_found(browser, where, size, words, first, also) -> None:
+    opened = browser.open(f"{where}/chapters/ch01.html", *size)
+    button = "header label[for=__search]" if size == PHONE else ".md-search__input"
+    opened.point(*opened.value(MIDDLE % button), click=True)
+    look_up(opened, words)
+    opened.until(f"{FOUND}[0] === {json.dumps(f'{where}/{first}')}")  # those for the first letters may come before
+    assert f"{where}/{also}" in opened.value(LINKS)
+    assert opened.complaints() == []
+    assert [url for url in opened.requests() if not url.startswith((where, "data:", "about:"))] == []
+    opened.close()
+
+
+def test_keys_are_enough(browser, where) -> None:
+    opened = browser.open(f"{where}/index.html")
+    opened.press("s")
+    look_up(opened, "prefiltered cube")
+    opened.until(f"{LINKS}.includes({json.dumps(f'{where}/glossary.html#prefiltered-cube')})")
+    for _ in range(2):  # to the page, and to the place on it
+        opened.press("ArrowDown")
+    opened.press("Enter", "\r")
+    opened.until(f"document.readyState === 'complete' && location.href.startsWith('{where}/glossary.html')")
+    assert opened.value("location.hash") == "#prefiltered-cube"
+    opened.press("s")
+    opened.until(SHOWN)
+    opened.press("Escape")
+    opened.until(f"!{SHOWN}")
+    assert opened.complaints() == []
+    opened.close()
+
+
+def test_what_is_nowhere_is_said_to_be(browser, where) -> None:
+    opened = browser.open(f"{where}/index.html")
+    opened.press("s")
+    look_up(opened, "xylophone")
+    opened.until(f"{SAID} === 'No matching documents'")
+    assert opened.value(FOUND) == []
+    opened.close()
+
+
+def test_a_served_page_searches_in_a_real_worker(browser, address) -> None:
+    opened = browser.open(f"{address}/index.html")
+    assert "[native code]" in opened.value("String(Worker)")
+    assert opened.value("document.querySelectorAll('iframe').length") == 0
+    opened.close()
