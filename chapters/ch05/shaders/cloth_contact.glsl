@@ -57,20 +57,20 @@ vec3 turned_back(vec3 axis, vec3 spin, float left) {
     return before;
 }
 
-// Keep a particle of cloth c that went from `from` to p within h seconds, and has the velocity v, out of all colliders, in
-// their order. They are where they were `left` seconds before the end of these steps.
-void keep_out(uint c, float left, float h, vec3 from, inout vec3 p, inout vec3 v) {
-    float thickness = cloths[c].skin.x;
-    float friction = cloths[c].skin.y;
-    uint first = frames[c].run.z;
-    for (uint k = first; k < first + frames[c].run.w; ++k) {
+// Keep a particle that went from `from` to p within h seconds, and has the velocity v, out of all colliders of its cloth
+// (first and count), in their order. They are where they were `left` seconds before the end of these steps.
+void keep_out(uvec2 own, vec4 skin, float left, float h, vec3 from, inout vec3 p, inout vec3 v) {
+    float thickness = skin.x;
+    float friction = skin.y;
+    for (uint k = own.x; k < own.x + own.y; ++k) {
         vec4 x = colliders[k].rows[0];
         vec4 y = colliders[k].rows[1];
         vec4 z = colliders[k].rows[2];
         vec3 centre = vec3(x.w, y.w, z.w);
-        vec3 velocity = colliders[k].velocity.xyz;
+        vec4 motion = colliders[k].velocity;
+        vec3 velocity = motion.xyz;
         vec3 spin = colliders[k].spin.xyz;
-        bool moves = colliders[k].velocity.w != 0.0;
+        bool moves = motion.w != 0.0;
         if (moves) {
             precise vec3 was = centre - left * velocity;
             centre = was;

@@ -16,7 +16,7 @@ layout(local_size_x = THREADS) in;
 
 #include "cloth_motion.glsl"
 
-#define FOR_PARTICLES(call) for (uint i = own.x + mine; i < own.x + own.y; i += stride) { call; } SYNC
+#define FOR_PARTICLES(call) for (uint i = own.x + mine; i < own.x + own.y; i += stride) { call; }
 
 void constrain_all(uint c, uint mine, uint stride) {
     for (uint iteration = 0u; iteration < cut.y; ++iteration) {
@@ -45,21 +45,24 @@ void main() {
     }
 #endif
     uvec2 own = cloths[c].particles;
-    uint steps = frames[c].run.x;
-    if ((frames[c].run.y & RESET) != 0u) {
-        FOR_PARTICLES(reset(i, c));
+    Cloth cloth = read_cloth(c);
+    if ((cloth.frame.run.y & RESET) != 0u) {
+        FOR_PARTICLES(reset(i, cloth))
     }
-    for (uint step = 0u; step < steps; ++step) {
+    SYNC;  // not only where it is needed: a CPU's compiler cuts here, and all up to the first wait would be there twice
+    for (uint step = 0u; step < cloth.frame.run.x; ++step) {
         for (uint substep = 0u; substep < cut.x; ++substep) {
             // Verlet kicks by h/2 at both ends of a step, and by h in between, where two halves meet.
             uint kicks = cut.z != 0u && substep == cut.x - 1u ? 2u : 1u;
             for (uint k = 0u; k < kicks; ++k) {
                 bool at_end = k == 1u;
-                FOR_PARTICLES(begin(i, c, step, substep, cut.z != 0u && (substep == 0u || at_end), at_end));
+                FOR_PARTICLES(begin(i, cloth, step, substep, cut.z != 0u && (substep == 0u || at_end), at_end))
+                SYNC;
                 if (cut.w != 0u) {
                     constrain_all(c, mine, stride);
                 }
-                FOR_PARTICLES(end(i, c, step, substep, at_end));
+                FOR_PARTICLES(end(i, cloth, step, substep, at_end))
+                SYNC;
             }
         }
     }

@@ -24,13 +24,24 @@ layout(BIND(0, 9, 9), std430) readonly buffer Incidence_ { uint incidence[]; };
 layout(BIND(0, 10, 10), std430) readonly buffer Triangles_ { uint triangles[]; }; // three particles; bits of a third of the mass
 layout(BIND(0, 11, 11), std430) STATE_ACCESS buffer Lambdas_ { float lambdas[]; };
 
-// Where the node of cloth c holds particle i at `part` of the way from before to after these steps.
-vec3 held_at(uint i, uint c, float part) {
+// What a stage has to know of a cloth. A kernel reads it once, not in each stage and for each particle: to read what all
+// of them share takes as long, and where a compiler makes a load for each invocation of a vector, as much code.
+struct Cloth {
+    ClothFrame frame;
+    vec4 skin;
+};
+
+Cloth read_cloth(uint c) {
+    return Cloth(frames[c], cloths[c].skin);
+}
+
+// Where the node of a cloth holds particle i at `part` of the way from before to after these steps.
+vec3 held_at(uint i, Cloth cloth, float part) {
     vec3 rest = vec3(particles[4u * i], particles[4u * i + 1u], particles[4u * i + 2u]);
     vec3 place;
     for (uint k = 0u; k < 3u; ++k) {
-        vec4 first = frames[c].before[k];
-        vec4 last = frames[c].after[k];
+        vec4 first = cloth.frame.before[k];
+        vec4 last = cloth.frame.after[k];
         precise vec4 row = part == 1.0 ? last : first + (last - first) * part;
         precise float coordinate = row.x * rest.x + row.y * rest.y + row.z * rest.z + row.w;
         place[k] = coordinate;
@@ -39,14 +50,14 @@ vec3 held_at(uint i, uint c, float part) {
 }
 
 // How much of a frame's way is gone after a substep; at its end exactly 1.
-float part_gone(uint c, uint step, uint substep) {
+float part_gone(Cloth cloth, uint step, uint substep) {
     uint done = step * cut.x + substep + 1u;
-    uint all = frames[c].run.x * cut.x;
+    uint all = cloth.frame.run.x * cut.x;
     return done == all ? 1.0 : float(done) / float(all);
 }
 
-void reset(uint i, uint c) {
-    vec3 place = held_at(i, c, 0.0);
+void reset(uint i, Cloth cloth) {
+    vec3 place = held_at(i, cloth, 0.0);
     STORE3(positions, i, place);
     STORE3(velocities, i, vec3(0.0));
 }
@@ -55,9 +66,8 @@ void reset(uint i, uint c) {
 //
 // A triangle with the normal velocity u against the air is slowed by k |u| u, k = density * drag * area / (2 mass). Over w
 // that alone leaves u / (1 + k |u| w), which no step makes turn round, however light the cloth and strong the wind.
-vec3 air_drag(uint i, uint c, float inverse_mass, float w) {
+vec3 air_drag(uint i, float air, float inverse_mass, float w) {
     precise vec3 change = vec3(0.0);
-    float air = frames[c].factors.z;
     if (air == 0.0) {
         return change;
     }
@@ -87,8 +97,7 @@ vec3 air_drag(uint i, uint c, float inverse_mass, float w) {
 }
 
 // What all springs pull particle i with, in newtons.
-vec3 pull_of_springs(uint i) {
-    vec3 x = LOAD3(positions, i);
+vec3 pull_of_springs(uint i, vec3 x) {
     precise vec3 force = vec3(0.0);
     uint last = incidence[i + 1u];
     for (uint entry = incidence[i]; entry < last; ++entry) {
@@ -109,21 +118,22 @@ vec3 pull_of_springs(uint i) {
 
 // The first stage. Springs: `scratch` becomes the velocity after the forces here, by h or half of it. XPBD: it becomes where
 // the particle would go if no spring held it. Where a node holds it: where it will be.
-void begin(uint i, uint c, uint step, uint substep, bool is_half, bool at_end) {
+void begin(uint i, Cloth cloth, uint step, uint substep, bool is_half, bool at_end) {
     float inverse_mass = particles[4u * i + 3u];
     if (inverse_mass == 0.0) {
         if (!at_end) {
-            vec3 to = held_at(i, c, part_gone(c, step, substep));
+            vec3 to = held_at(i, cloth, part_gone(cloth, step, substep));
             STORE3(scratch, i, to);
         }
         return;
     }
     float w = is_half ? times.z : times.x;
-    vec3 force = cut.w != 0u ? vec3(0.0) : pull_of_springs(i);
+    vec3 x = LOAD3(positions, i);
+    vec3 force = cut.w != 0u ? vec3(0.0) : pull_of_springs(i, x);
     precise vec3 v = LOAD3(velocities, i) + w * (force * inverse_mass + gravity.xyz);
-    v += air_drag(i, c, inverse_mass, w);
-    precise vec3 decayed = v * (is_half ? frames[c].factors.y : frames[c].factors.x);
-    precise vec3 moved = LOAD3(positions, i) + w * v;
+    v += air_drag(i, cloth.frame.factors.z, inverse_mass, w);
+    precise vec3 decayed = v * (is_half ? cloth.frame.factors.y : cloth.frame.factors.x);
+    precise vec3 moved = x + w * v;
     vec3 kept = cut.w != 0u ? moved : decayed;
     STORE3(scratch, i, kept);
 }
@@ -162,7 +172,7 @@ void constrain(uint s, uint iteration) {
 //
 // Where a step of Verlet ends with half a kick (`at_end`) nothing moves any more. Only what would lead into a collider is
 // taken from the velocity: what lies on something has no speed then, though it has its weight.
-void end(uint i, uint c, uint step, uint substep, bool at_end) {
+void end(uint i, Cloth cloth, uint step, uint substep, bool at_end) {
     vec3 from = LOAD3(positions, i);
     vec3 held = LOAD3(scratch, i);
     bool is_free = particles[4u * i + 3u] > 0.0;
@@ -176,9 +186,9 @@ void end(uint i, uint c, uint step, uint substep, bool at_end) {
     vec3 v = is_place ? went : held;
     if (is_free) {
         // Half a kick more looks half a step ahead, and so do the colliders.
-        precise float left = (1.0 - part_gone(c, step, substep)) * frames[c].factors.w - (at_end ? times.z : 0.0);
-        keep_out(c, left, at_end ? times.z : times.x, from, p, v);
-        precise vec3 decayed = v * frames[c].factors.x;
+        precise float left = (1.0 - part_gone(cloth, step, substep)) * cloth.frame.factors.w - (at_end ? times.z : 0.0);
+        keep_out(cloth.frame.run.zw, cloth.skin, left, at_end ? times.z : times.x, from, p, v);
+        precise vec3 decayed = v * cloth.frame.factors.x;
         v = cut.w != 0u ? decayed : v;
     }
     if (!at_end) {

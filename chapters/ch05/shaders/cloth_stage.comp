@@ -25,23 +25,23 @@ void main() {
     if (i >= counts.y) {
         return;
     }
-    uint c = cloth_of(i);
+    Cloth cloth = read_cloth(cloth_of(i));
 #ifdef RESET_STAGE
-    if ((frames[c].run.y & RESET) != 0u) {
-        reset(i, c);
+    if ((cloth.frame.run.y & RESET) != 0u) {
+        reset(i, cloth);
     }
 #else
-    if (push.stage.x >= frames[c].run.x) {
+    if (push.stage.x >= cloth.frame.run.x) {
         return;
     }
 #ifdef BEGIN_STAGE
-    begin(i, c, push.stage.x, push.stage.y, push.stage.z != 0u, push.stage.w != 0u);
+    begin(i, cloth, push.stage.x, push.stage.y, push.stage.z != 0u, push.stage.w != 0u);
 #endif
 #ifdef CONSTRAIN_STAGE
     constrain(s, push.stage.w);
 #endif
 #ifdef END_STAGE
-    end(i, c, push.stage.x, push.stage.y, push.stage.w != 0u);
+    end(i, cloth, push.stage.x, push.stage.y, push.stage.w != 0u);
 #endif
 #endif
 }

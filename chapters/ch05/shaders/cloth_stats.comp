@@ -32,20 +32,26 @@ void main() {
     }
     lows[mine] = low;
     highs[mine] = high;
+    // Of those that had a particle the upper half gives what it has to the lower, until one is left. As their number is the
+    // cloth's, compilers keep this a loop: written out, it would be eight times as long to compile.
+    uint left = min(own.y, GROUP);
     barrier();
-    for (uint half_of = GROUP / 2u; half_of > 0u; half_of /= 2u) {
-        if (mine < half_of) {
-            lows[mine] = vec4(
-                min(lows[mine].xyz, lows[mine + half_of].xyz), max(lows[mine].w, lows[mine + half_of].w)
-            );
-            highs[mine] = max(highs[mine], highs[mine + half_of]);
+    while (left > 1u) {
+        uint lower = (left + 1u) / 2u;
+        if (mine + lower < left) {
+            vec4 other = lows[mine + lower];
+            low = vec4(min(low.xyz, other.xyz), max(low.w, other.w));
+            high = max(high, highs[mine + lower]);
+            lows[mine] = low;
+            highs[mine] = high;
         }
         barrier();
+        left = lower;
     }
     if (mine == 0u) {
         for (uint k = 0u; k < 4u; ++k) {
-            stats[8u * c + k] = lows[0][k];
-            stats[8u * c + 4u + k] = highs[0][k];
+            stats[8u * c + k] = low[k];
+            stats[8u * c + 4u + k] = high[k];
         }
     }
 }
