@@ -116,7 +116,7 @@ def test_later_use_adds_less_than_50_ms(finished: Clone) -> None:
         return least["launched"] - least["direct"] < 0.05
 
     measures = {"direct": running(direct), "launched": running(launched)}
-    least = least_times(measures, holds, fewest=6, seconds=4.0)
+    least = least_times(measures, holds, fewest=4, seconds=8.0)  # a busy machine manages a round a second
     assert holds(least), least
 
 
