@@ -126,16 +126,22 @@ def _counts(member: str) -> bool:
     return member.endswith(("Count", "Size"))
 
 
+def _is_handle(ctype: Any) -> bool:
+    """Whether this stands for an object of the driver, with no memory of ours behind it."""
+    return bool(ctype.kind == "pointer" and ctype.cname.endswith("_T *"))
+
+
 class _StructType:
     """What `new` has to know about a struct, looked up once per name."""
 
-    __slots__ = ("counted", "counts", "fields", "name", "pointer", "stype")
+    __slots__ = ("counted", "counts", "fields", "handles", "name", "pointer", "stype")
 
     def __init__(self, name: str) -> None:
         self.name = name
         ctype = ffi.typeof(name)
         self.pointer = ffi.typeof(f"{name} *")
         self.fields = {field: info.type for field, info in ctype.fields}
+        self.handles = {field for field, kind in self.fields.items() if _is_handle(kind)}
         self.stype = _STYPES[name[2:].lower()] if "sType" in self.fields else None
         self.counts = {field: count for field in self.fields if (count := self._count_of(field))}
         self.counted = any(map(_counts, self.fields))
@@ -194,7 +200,8 @@ def _members(described: _StructType, fields: dict[str, Any], kept: list[Any]) ->
         ctype = described.fields.get(name)
         if ctype is None:
             raise AttributeError(f"{described.name} has no member {name}")
-        if type(value) is int:  # most are, and cffi refuses one where it is none
+        # Most are one of these, which nobody has to keep; cffi refuses a number or handle where it is none.
+        if type(value) is int or (name in described.handles and isinstance(value, ffi.CData)):
             init[name] = value
             continue
         init[name] = _convert(ctype, value, kept)
