@@ -126,11 +126,6 @@ def _counts(member: str) -> bool:
     return member.endswith(("Count", "Size"))
 
 
-def _is_handle(ctype: Any) -> bool:
-    """Whether this stands for an object of the driver, with no memory of ours behind it."""
-    return bool(ctype.kind == "pointer" and ctype.cname.endswith("_T *"))
-
-
 class _StructType:
     """What `new` has to know about a struct, looked up once per name."""
 
@@ -138,10 +133,9 @@ class _StructType:
 
     def __init__(self, name: str) -> None:
         self.name = name
-        ctype = ffi.typeof(name)
         self.pointer = ffi.typeof(f"{name} *")
-        self.fields = {field: info.type for field, info in ctype.fields}
-        self.handles = {field for field, kind in self.fields.items() if _is_handle(kind)}
+        self.fields = {field: info.type for field, info in ffi.typeof(name).fields}
+        self.handles = {field for field, kind in self.fields.items() if kind.cname.endswith("_T *")}
         self.stype = _STYPES[name[2:].lower()] if "sType" in self.fields else None
         self.counts = {field: count for field in self.fields if (count := self._count_of(field))}
         self.counted = any(map(_counts, self.fields))
@@ -200,9 +194,8 @@ def _members(described: _StructType, fields: dict[str, Any], kept: list[Any]) ->
         ctype = described.fields.get(name)
         if ctype is None:
             raise AttributeError(f"{described.name} has no member {name}")
-        # Most are one of these, which nobody has to keep; cffi refuses a number or handle where it is none.
         if type(value) is int or (name in described.handles and isinstance(value, ffi.CData)):
-            init[name] = value
+            init[name] = value  # most are, there is nothing to keep, and cffi refuses one where it is none
             continue
         init[name] = _convert(ctype, value, kept)
         if isinstance(value, (list, tuple, np.ndarray)) and ctype.kind == "pointer":
