@@ -147,7 +147,7 @@ class Loading:
             self._waiting.sort(key=lambda request: -request.place)
             if self._given is None:
                 largest = max((one.nbytes for one in wanted.values()), default=0)
-                self._ahead = self._workers.count * max(AHEAD, largest) + AHEAD
+                self._ahead = (self._workers.count + 1) * max(AHEAD, largest)
             states = [request.state for request in self.requests.values()]
             self._resident, self._lost = states.count(State.RESIDENT), states.count(State.FAILED)
         counts = [len(one.materials) for one in wanted.values()]
