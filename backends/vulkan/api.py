@@ -129,13 +129,13 @@ def _counts(member: str) -> bool:
 class _StructType:
     """What `new` has to know about a struct, looked up once per name."""
 
-    __slots__ = ("counted", "counts", "fields", "name", "pointer", "stype")
+    __slots__ = ("counted", "counts", "fields", "handles", "name", "pointer", "stype")
 
     def __init__(self, name: str) -> None:
         self.name = name
-        ctype = ffi.typeof(name)
         self.pointer = ffi.typeof(f"{name} *")
-        self.fields = {field: info.type for field, info in ctype.fields}
+        self.fields = {field: info.type for field, info in ffi.typeof(name).fields}
+        self.handles = {field for field, kind in self.fields.items() if kind.cname.endswith("_T *")}
         self.stype = _STYPES[name[2:].lower()] if "sType" in self.fields else None
         self.counts = {field: count for field in self.fields if (count := self._count_of(field))}
         self.counted = any(map(_counts, self.fields))
@@ -194,8 +194,8 @@ def _members(described: _StructType, fields: dict[str, Any], kept: list[Any]) ->
         ctype = described.fields.get(name)
         if ctype is None:
             raise AttributeError(f"{described.name} has no member {name}")
-        if type(value) is int:  # most are, and cffi refuses one where it is none
-            init[name] = value
+        if type(value) is int or (name in described.handles and isinstance(value, ffi.CData)):
+            init[name] = value  # most are, there is nothing to keep, and cffi refuses one where it is none
             continue
         init[name] = _convert(ctype, value, kept)
         if isinstance(value, (list, tuple, np.ndarray)) and ctype.kind == "pointer":

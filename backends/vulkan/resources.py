@@ -307,11 +307,11 @@ def create_level_views(
     device: Device, image: Image, format: str, *, layer: int, layers: int, usage: int
 ) -> list[Any]:
     """Return a view of each mip level alone, freed with its image."""
-    info = _view_info(image, format, 0, 1, layer, layers, usage, "rgba")
-    views = []
+    info, name = _view_info(image, format, 0, 1, layer, layers, usage, "rgba"), f"{image.name} view"
+    views, part = [], info.subresourceRange
     for level in range(image.levels):
-        info.subresourceRange.baseMipLevel = level  # filling a struct takes longer than making a view
-        views.append(device.create("vkCreateImageView", info, f"{image.name} view"))
+        part.baseMipLevel = level  # filling a struct takes longer than making a view
+        views.append(device.create("vkCreateImageView", info, name))
         image.views.append(views[-1])
     return views
 

@@ -33,6 +33,9 @@ HALF = 8 << 20
 ALIGNMENT = 16
 """Offsets of copies: a multiple of the size of every texel and every block that is used."""
 
+MOST_LEVELS = 32
+"""Of an image: the sides of its levels are numbers of 32 bits, halved."""
+
 SETS = 1024
 """Mip levels that may be made between two waits."""
 
@@ -339,6 +342,7 @@ class MipPipeline:
         )
         self._pipeline = device.create_pipelines("vkCreateComputePipelines", infos, [f"mips {format}"])[0]
         device.destroy("VkShaderModule", module)
+        self._make_ahead()
 
     def create_pool(self) -> Any:
         """Return a pool for the descriptor sets of SETS levels."""
@@ -366,48 +370,53 @@ class MipPipeline:
         fn = self._device.fn
         layers = image.layers - layer if layers is None else layers
         count = image.levels - 1
-        allocate = vk.new(
-            "VkDescriptorSetAllocateInfo", descriptorPool=pool, pSetLayouts=[self._set_layout] * count
-        )
-        sets = vk.ffi.new("VkDescriptorSet[]", count)
-        vk.check(fn.vkAllocateDescriptorSets(self._device.handle, allocate, sets), "vkAllocateDescriptorSets")
+        self._allocate.descriptorPool, self._allocate.descriptorSetCount = pool, count
+        sets = self._sets
+        code = fn.vkAllocateDescriptorSets(self._device.handle, self._allocate, sets)
+        vk.check(code, "vkAllocateDescriptorSets")
         usage = vk.VK_IMAGE_USAGE_SAMPLED_BIT | vk.VK_IMAGE_USAGE_STORAGE_BIT
         views = create_level_views(self._device, image, format, layer=layer, layers=layers, usage=usage)
         self._write_sets(sets, views)
         made = barriers(image_barrier(image.handle, image.aspect, "storage", "sampled", levels=1))
         written = made.pImageMemoryBarriers[0].subresourceRange
         written.baseArrayLayer, written.layerCount = layer, layers
-        fn.vkCmdBindPipeline(commands, vk.VK_PIPELINE_BIND_POINT_COMPUTE, self._pipeline)
+        push, layout = self._push, self._layout
+        point, stage = vk.VK_PIPELINE_BIND_POINT_COMPUTE, vk.VK_SHADER_STAGE_COMPUTE_BIT
+        push[4:6] = [int(srgb), 255 if FORMATS[format][2] is np.uint8 else 0]
+        width, height = image.width, image.height
+        fn.vkCmdBindPipeline(commands, point, self._pipeline)
         for level in range(1, image.levels):
-            point = vk.VK_PIPELINE_BIND_POINT_COMPUTE
-            fn.vkCmdBindDescriptorSets(commands, point, self._layout, 0, 1, sets + level - 1, 0, vk.NULL)
-            above = [max(1, image.width >> level - 1), max(1, image.height >> level - 1)]
-            size = [max(1, image.width >> level), max(1, image.height >> level)]
-            highest = 255 if FORMATS[format][2] is np.uint8 else 0
-            push = vk.ffi.from_buffer(np.array([*size, *above, int(srgb), highest, 0, 0], np.uint32))
-            fn.vkCmdPushConstants(commands, self._layout, vk.VK_SHADER_STAGE_COMPUTE_BIT, 0, 32, push)
-            fn.vkCmdDispatch(commands, (size[0] + 7) // 8, (size[1] + 7) // 8, layers)
+            fn.vkCmdBindDescriptorSets(commands, point, layout, 0, 1, sets + level - 1, 0, vk.NULL)
+            above, width, height = (width, height), max(1, width >> 1), max(1, height >> 1)
+            push[0:4] = [width, height, *above]
+            fn.vkCmdPushConstants(commands, layout, stage, 0, 32, push)
+            fn.vkCmdDispatch(commands, (width + 7) // 8, (height + 7) // 8, layers)
             written.baseMipLevel = level
             fn.vkCmdPipelineBarrier2(commands, made)
 
-    def _write_sets(self, sets: Any, views: list[Any]) -> None:
-        """Let each set read the view above its level and write its own: arrays at once, built field by field."""
+    def _make_ahead(self) -> None:
+        """Make what every image fills in and hands over: a scene has hundreds, and new structs take longer."""
         sampled, stored = vk.VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL, vk.VK_IMAGE_LAYOUT_GENERAL
         kinds = (vk.VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER, vk.VK_DESCRIPTOR_TYPE_STORAGE_IMAGE)
-        count = 2 * (len(views) - 1)
-        images = vk.ffi.new("VkDescriptorImageInfo[]", count)
-        writes = vk.ffi.new("VkWriteDescriptorSet[]", count)
-        for number in range(count):
-            level, binding = number // 2, number % 2
-            images[number].imageView = views[level + binding]
+        self._allocate = vk.new("VkDescriptorSetAllocateInfo", pSetLayouts=[self._set_layout] * MOST_LEVELS)
+        self._sets = vk.ffi.new("VkDescriptorSet[]", MOST_LEVELS)
+        self._push = vk.ffi.new("uint32_t[8]")
+        images = self._images = vk.ffi.new("VkDescriptorImageInfo[]", 2 * MOST_LEVELS)
+        writes = self._writes = vk.ffi.new("VkWriteDescriptorSet[]", 2 * MOST_LEVELS)
+        for number in range(2 * MOST_LEVELS):
+            binding, write = number % 2, writes[number]
             images[number].imageLayout = stored if binding else sampled
-            if not binding:
-                images[number].sampler = self._sampler
-            write = writes[number]
+            images[number].sampler = vk.NULL if binding else self._sampler
             write.sType = vk.VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET
-            write.dstSet, write.dstBinding = sets[level], binding
-            write.descriptorCount, write.descriptorType = 1, kinds[binding]
+            write.dstBinding, write.descriptorCount, write.descriptorType = binding, 1, kinds[binding]
             write.pImageInfo = images + number
+
+    def _write_sets(self, sets: Any, views: list[Any]) -> None:
+        """Let each set read the view above its level and write its own, all at once."""
+        images, writes, count = self._images, self._writes, 2 * (len(views) - 1)
+        for number in range(count):
+            images[number].imageView = views[(number + 1) // 2]
+            writes[number].dstSet = sets[number // 2]
         self._device.fn.vkUpdateDescriptorSets(self._device.handle, count, writes, 0, vk.NULL)
 
     def close(self) -> None:

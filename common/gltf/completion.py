@@ -7,6 +7,9 @@ from numpy.typing import NDArray
 
 from common.scene import Float32, Float64, UInt32
 
+_BATCH = 1 << 12
+"""Triangles whose tangents are computed at once: what that takes beside them stays within a processor's cache."""
+
 
 def triangle_normals(positions: Float32, indices: UInt32) -> Float64:
     """Return (T, 3) the normals of triangles with their area as length; zero where a triangle has no area."""
@@ -77,47 +80,50 @@ def generate_tangents(
     the bitangent's length is not kept, and a quad is two triangles. So a map baked with MikkTSpace differs
     slightly where several uv islands touch one vertex.
     """
-    # Axes come first and triangles last, so that numpy's inner loops are long.
-    corners = np.ascontiguousarray(indices.reshape(-1, 3).T, np.intp)  # (3, T)
-    edges, turns = _edges(positions, corners), _edges(uv, corners)
-    (u1, v1), (u2, v2) = turns[:, 0], -turns[:, 2]
-    area = u1 * v2 - u2 * v1
-    # v runs down the image and the bitangent w (n x t) up, so a picture seen the right way round has area <
-    # 0, w = 1.
-    mirrored = area > 0
-    # dp/du = (e0 dv1 - e1 dv0) / area; the length does not matter, its sign does.
-    along_u = _scaled((edges[:, 0] * v2 + edges[:, 2] * v1) * np.sign(area))
-
     # One place for each (distinct vertex, handedness).
-    keys = np.concatenate([positions, normals, uv], axis=1).astype(np.float32) + np.float32(0)  # -0 equals 0
+    keys = np.concatenate([positions, normals, uv], axis=1, dtype=np.float32, casting="same_kind")
+    keys += np.float32(0)  # -0 equals 0
     weld, distinct = _welded(keys)
-    place = weld[corners] * 2 + mirrored
-
-    normal = np.ascontiguousarray(normals.T, np.float64).take(corners, axis=1)  # (3, 3, T)
-    direction = along_u[:, None] - normal * _dot(normal, along_u[:, None])
-    length = np.sqrt(_dot(direction, direction))
-    direction *= np.divide(_corner_angles(edges), length, out=np.zeros_like(length), where=length > 0)
+    del keys
+    count = len(indices) // 3
+    place, direction = np.empty((3, count), np.intp), np.empty((3, 3, count))
+    mirrored, flat = np.empty(count, bool), np.empty(count, bool)
+    points = [np.ascontiguousarray(values.T, np.float64) for values in (positions, normals, uv)]
+    for first in range(0, count, _BATCH):
+        some = slice(first, min(first + _BATCH, count))
+        # Axes come first and triangles last, so that numpy's inner loops are long.
+        corners = np.ascontiguousarray(indices[3 * some.start : 3 * some.stop].reshape(-1, 3).T, np.intp)
+        direction[..., some], area = _directions(points, corners)
+        # v runs down the image and the bitangent w (n x t) up, so a picture seen the right way round has area <
+        # 0, w = 1.
+        mirrored[some], flat[some] = area > 0, area == 0
+        place[:, some] = weld[corners] * 2 + mirrored[some]
     total = _sum_at(place.reshape(-1), direction.reshape(3, -1).T, 2 * distinct)
+    del direction, points
 
     # Triangles without area in uv say nothing and take the side that their vertex has anyway.
-    flat = area == 0
-    sides = np.zeros((distinct, 2), bool)
-    sides.reshape(-1)[place[:, ~flat]] = True
-    only_mirrored = sides[:, 1] & ~sides[:, 0]
-    corner_mirrored = np.where(flat, only_mirrored[weld[corners]], mirrored)
+    corners, corner_mirrored = indices.reshape(-1, 3).T, np.broadcast_to(mirrored, (3, count))
+    if flat.any():
+        sides = np.zeros((distinct, 2), bool)
+        sides.reshape(-1)[place[:, ~flat]] = True
+        only_mirrored = sides[:, 1] & ~sides[:, 0]
+        corner_mirrored = np.where(flat, only_mirrored[place >> 1], mirrored)
+    del place
 
     # A vertex keeps its place for its first side; the second side is appended.
-    vertex_sides = np.zeros((len(positions), 2), bool)
-    vertex_sides.reshape(-1)[corners * 2 + corner_mirrored] = True
-    both = vertex_sides[:, 0] & vertex_sides[:, 1]
+    vertex_sides = np.zeros((2, len(positions)), bool)
+    vertex_sides[0, corners[~corner_mirrored]] = True
+    vertex_sides[1, corners[corner_mirrored]] = True
+    both = vertex_sides[0] & vertex_sides[1]
     split = np.flatnonzero(both).astype(np.uint32)
     source = np.concatenate([np.arange(len(positions), dtype=np.uint32), split])
-    mirrored_side = vertex_sides[:, 1] & ~vertex_sides[:, 0]
-    side = np.concatenate([mirrored_side, np.ones(len(split), bool)])
-    appended = np.zeros(len(positions), np.uint32)
-    appended[split] = np.arange(len(positions), len(source), dtype=np.uint32)
-    moves = corner_mirrored & both[corners]
-    new_indices = np.where(moves, appended[corners], corners).T.astype(np.uint32, order="C").reshape(-1)
+    side = np.concatenate([vertex_sides[1] & ~both, np.ones(len(split), bool)])
+    new_indices = indices.copy()
+    if len(split):
+        appended = np.zeros(len(positions), np.uint32)
+        appended[split] = np.arange(len(positions), len(source), dtype=np.uint32)
+        moves = (corner_mirrored & both[corners]).T.reshape(-1)
+        new_indices[moves] = appended[indices[moves]]
 
     sums = total[weld[source] * 2 + side]
     tangents = any_tangents(normals[source].astype(np.float32))
@@ -125,6 +131,24 @@ def generate_tangents(
     tangents[found, :3] = unit(sums[found])
     tangents[:, 3] = np.where(side, -1, 1)
     return source, tangents, new_indices
+
+
+def _directions(points: list[Float64], corners: NDArray[np.intp]) -> tuple[Float64, Float64]:
+    """Return (3, 3, T) what triangles add to the tangents of their corners, and (T,) twice their areas in uv.
+
+    `points` are positions, normals and uv, each (C, V), and `corners` (3, T).
+    """
+    positions, normals, uv = points
+    edges, turns = _edges(positions, corners), _edges(uv, corners)
+    (u1, v1), (u2, v2) = turns[:, 0], -turns[:, 2]
+    area = u1 * v2 - u2 * v1
+    # dp/du = (e0 dv1 - e1 dv0) / area; the length does not matter, its sign does.
+    along_u = _scaled((edges[:, 0] * v2 + edges[:, 2] * v1) * np.sign(area))
+    normal = normals.take(corners, axis=1)  # (3, 3, T)
+    direction = along_u[:, None] - normal * _dot(normal, along_u[:, None])
+    length = np.sqrt(_dot(direction, direction))
+    direction *= np.divide(_corner_angles(edges), length, out=np.zeros_like(length), where=length > 0)
+    return direction, area
 
 
 def _welded(rows: Float32) -> tuple[NDArray[np.intp], int]:
@@ -148,9 +172,9 @@ def _welded(rows: Float32) -> tuple[NDArray[np.intp], int]:
     return welded, int(begins.sum())
 
 
-def _edges(points: Float32 | Float64, corners: NDArray[np.intp]) -> Float64:
-    """Return (C, 3, T) the edges of triangles with the corners (3, T) of `points` (V, C): each to the next corner."""
-    at = np.ascontiguousarray(points.T, np.float64).take(corners, axis=1)
+def _edges(points: Float64, corners: NDArray[np.intp]) -> Float64:
+    """Return (C, 3, T) the edges of triangles with the corners (3, T) of `points` (C, V): each to the next corner."""
+    at = points.take(corners, axis=1)
     return at[:, (1, 2, 0)] - at
 
 

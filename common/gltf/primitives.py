@@ -98,8 +98,9 @@ class PrimitiveReader:
                 source, tangents, indices = generate_tangents(
                     surface.positions, unit(surface.normals), image_uv, surface.indices
                 )
-                flat = surface.flat and len(source) == len(surface.positions)
-                surface = replace(surface.take(source, indices), tangents=tangents, flat=flat)
+                if len(source) > len(surface.positions):  # else no vertex became two
+                    surface = replace(surface.take(source, indices), flat=False)
+                surface = replace(surface, indices=indices, tangents=tangents)
         return surface, MaterialKey(material)
 
     def _vertices(

@@ -325,6 +325,15 @@ def test_nothing_is_kept_longer_than_needed() -> None:
     assert len(vk._KEEP) == before
 
 
+def test_handles_are_not_kept_and_cost_no_more_than_numbers() -> None:
+    before = len(vk._KEEP)
+    made = vk.new("VkImageMemoryBarrier2", image=ffi.cast("VkImage", 7), subresourceRange={"levelCount": 1})
+    assert len(vk._KEEP) == before and made.image == ffi.cast("VkImage", 7)
+    assert vk.new("VkImageMemoryBarrier2", image=vk.NULL).image == vk.NULL
+    with pytest.raises(TypeError):
+        vk.new("VkImageMemoryBarrier2", image=ffi.cast("VkBuffer", 7))
+
+
 # --- values and arrays --------------------------------------------------------------------------------------
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from chapters.ch03.logic.importance import material_sizes
-from chapters.ch03.logic.loading import Loading, State, Wanted, refusal, report_failures, sentence
+from chapters.ch03.logic.loading import AHEAD, Loading, State, Wanted, refusal, report_failures, sentence
 from chapters.ch03.logic.texels import Shape
 from chapters.ch03.logic.uploads import Upload
 from chapters.ch03.settings import Settings
@@ -165,6 +165,16 @@ def test_little_is_decoded_ahead(opened):
         taken += 1
     assert taken == 50 and 600 <= most <= 1000
     assert loading.held_bytes == 0
+
+
+@pytest.mark.parametrize(("nbytes", "most"), [(1 << 20, 3 * AHEAD), (16 << 20, 48 << 20)])
+def test_unless_told_otherwise_each_thread_has_an_image_however_large(opened, nbytes, most):
+    loading = opened(2)
+    loading.want(wanted(30, nbytes=nbytes, make=lambda number: upload(nbytes=nbytes)))
+    loading.feed()
+    until(lambda: not loading._running)
+    assert min(30 * nbytes, most) - nbytes < loading.held_bytes <= most
+    assert len(loading._decoded) >= 3
 
 
 def test_one_image_alone_may_be_larger_than_the_bound(opened):

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import weakref
+from collections import deque
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 import pytest
@@ -245,6 +248,36 @@ def test_the_ring_is_mapped_once_and_freed_when_nothing_is_left(vulkan_device, o
     assert loader._staging is None
     assert vulkan_device.memory.allocated >= allocated
     assert traced(vulkan_device, loader.advance) == [], "a frame without anything to load calls nothing"
+
+
+def test_half_of_the_ring_is_written_while_the_other_half_is_copied(vulkan_device, opened):
+    loader, loading, owner = opened(ring=4096)
+    requests, pixels = wanted([("rgba8", (32, 8))] * 9)
+    loader.want(requests)
+    while len(loading.requests) > len(loading._decoded):
+        loading.wait()
+    calls = [name for name, _ in traced(vulkan_device, loader.finish)]
+    takes = 0 if loader.one_family else calls.count("vkQueueSubmit2") - loader.submissions
+    assert loader.submissions == 5 and calls.count("vkQueueSubmit2") == 5 + takes, "two images in each"
+    first = [name for name in calls if name in ("vkQueueSubmit2", "vkWaitForFences")][:2]
+    assert first == ["vkQueueSubmit2"] * 2, "the second half is not waited for"
+    for number, one in pixels.items():
+        assert np.array_equal(level_of(vulkan_device, owner.images[number]), rows_of(one))
+
+
+def test_pixels_are_given_up_when_the_ring_has_them(opened):
+    """Not when the GPU has copied them: until then they would be in memory twice."""
+    loader, loading, _ = opened(ring=1 << 16)
+    held = np.zeros((16, 64), np.uint8)
+    gone = weakref.ref(held)
+    upload = Upload("picture", Shape(16, 16, "rgba8", None, 5), False, (held,))
+    loader.want({0: Wanted("picture", 1024, partial(deque([upload]).pop))})
+    del held, upload
+    while loading.decoding:
+        loading.wait()
+    assert gone() is not None
+    assert len(loader.advance()) == loader.one_family
+    assert loader._copies.flying and gone() is None
 
 
 @pytest.mark.feature("async-loading/batched-mip-upload")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,13 @@ class Upload:
     def nbytes(self) -> int:
         """Bytes to copy."""
         return sum(level.nbytes for level in self.rows)
+
+    def without_bytes(self) -> Upload:
+        """Return the same with as many levels and nothing in them: for what is still to be done after the copy."""
+        return replace(self, rows=(_NOTHING,) * len(self.rows))
+
+
+_NOTHING = np.zeros((0, 0), np.uint8)
 
 
 def block_rows(upload: Upload) -> int:

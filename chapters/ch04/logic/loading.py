@@ -34,8 +34,13 @@ from .task_state import Task
 from .uploads import Upload
 from .workers import Workers
 
-AHEAD = 64 << 20
-"""Bytes that may be decoded and not yet copied; one image alone may be larger."""
+AHEAD = 4 << 20
+"""Bytes that each thread may decode before somebody copies them; one image may be larger."""
+
+
+def threads_at_most() -> int:
+    """Return how many threads decode where a scene is opened and nothing else is done."""
+    return min(8, os.cpu_count() or 1)
 
 
 class State(Enum):
@@ -82,9 +87,15 @@ class Loading:
     about when a texture arrives, never about what it holds.
     """
 
-    def __init__(self, threads: int, streams: bool = False, budget: int = AHEAD, ahead: int = AHEAD) -> None:
-        """`streams`: frames are drawn meanwhile, each of which copies `budget` bytes; else all is there before."""
-        self._workers, self._ahead = Workers(threads), ahead
+    def __init__(
+        self, threads: int, streams: bool = False, budget: int = AHEAD, ahead: int | None = None
+    ) -> None:
+        """`streams`: frames are drawn meanwhile, each of which copies `budget` bytes; else all is there before.
+
+        `ahead` are the bytes that may be decoded and not yet copied. By default each thread has an image, however large
+        they are, and the next one to copy waits.
+        """
+        self._workers, self._given, self._ahead = Workers(threads), ahead, ahead or 0
         self.streams, self.budget = streams, budget
         self._working = False  # whether there are threads
         self._turns = QuickTurns()
@@ -105,9 +116,7 @@ class Loading:
         """Return what the settings ask for; `presents`: whether there is a window, in which one can watch."""
         streams = settings.loading == "stream" or (settings.loading == "auto" and presents)
         threads = settings.decoding_threads or min(8, max(1, (os.cpu_count() or 2) - 1))
-        # Where nothing is drawn meanwhile all threads are to decode, and images may be large.
-        ahead = AHEAD if streams else 4 * AHEAD
-        return cls(threads, streams, max(1, int(settings.upload_budget * 2**20)), ahead)
+        return cls(threads, streams, max(1, int(settings.upload_budget * 2**20)))
 
     # --- what is wanted -----------------------------------------------------------------------------------------------
 
@@ -136,6 +145,9 @@ class Loading:
                     self.requests[key] = Request(key, one, place)
                     self._waiting.append(self.requests[key])
             self._waiting.sort(key=lambda request: -request.place)
+            if self._given is None:
+                largest = max((one.nbytes for one in wanted.values()), default=0)
+                self._ahead = (self._workers.count + 1) * max(AHEAD, largest)
             states = [request.state for request in self.requests.values()]
             self._resident, self._lost = states.count(State.RESIDENT), states.count(State.FAILED)
         counts = [len(one.materials) for one in wanted.values()]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -39,7 +39,7 @@ def uses(scene: Scene, variants: Sequence[Variant], narrow: bool = True) -> list
     An image of which nobody reads some channels is read without them: it is smaller, and looks the same. Unless
     `narrow` is False: some devices write mip levels of four channels only.
     """
-    found = []
+    found: list[tuple[int, str, texels.Key, Sampler]] = []
     channels: dict[texels.Key, set[str]] = {}
     for number, (material, variant) in enumerate(zip(scene.materials, variants, strict=True)):
         textures = material.textures()
@@ -48,14 +48,15 @@ def uses(scene: Scene, variants: Sequence[Variant], narrow: bool = True) -> list
             sampler = Sampler() if texture is None else texture.sampler
             key = texels.key_of(role, texture)
             channels.setdefault(key, set()).update(texels.READ.get(role, "rgba"))
-            found.append(Use(number, ROLES.index(role), Read(key, sampler)))
+            found.append((number, role, key, sampler))
 
     def whole(key: texels.Key) -> texels.Key:
         if key[0] == "neutral":
             return key
         return (*key, "".join(one for one in "rgba" if one in channels[key] or not narrow))
 
-    return [use._replace(read=replace(use.read, key=whole(use.read.key))) for use in found]
+    keys = {key: whole(key) for key in channels}
+    return [Use(number, ROLES.index(role), Read(keys[key], sampler)) for number, role, key, sampler in found]
 
 
 def image_roles(found: Sequence[Use]) -> dict[texels.Key, str]:

@@ -92,9 +92,10 @@ class Loader:
         try:
             arrived = self.advance()
             while self._loading.busy:
-                if not self._wait_for_gpu():
-                    self._loading.wait()
+                before = self.submissions
                 arrived += self.advance()
+                if self.submissions == before and self._loading.busy and not self._wait_for_gpu():
+                    self._loading.wait()
             failed = [] if self._loading.streams else self._loading.failures()
             if failed:
                 raise refusal(min(failed, key=lambda request: request.place))
@@ -117,7 +118,7 @@ class Loader:
     # --- a frame's part -----------------------------------------------------------------------------------------------
 
     def advance(self, budget: int | None = None) -> list[Request]:
-        """Copy up to `budget` bytes (None: all that there is room for); return the textures that have arrived.
+        """Copy up to `budget` bytes (None: half of the ring); return the textures that have arrived.
 
         They can be sampled by all that is submitted to the graphics queue from now on. Nothing is waited for: where the
         GPU still copies what was submitted before, nothing is done.
@@ -157,15 +158,19 @@ class Loader:
                 self._copied.append(copy)
 
     def _copy(self, budget: int | None) -> list[Request]:
-        """Record copies up to the budget and submit them; return what has arrived with them."""
+        """Record copies up to the budget and submit them; return what has arrived with them.
+
+        Without one, half of the ring is written while the GPU copies from the other.
+        """
         assert self._staging is not None
+        most = self._staging.ring.capacity // 2 if budget is None else budget
         one: Submission | None = None
         spent, arrived = 0, []
         while (copy := self._next()) is not None:
             if one is not None and one.set_count + copy.target.image.levels > SETS:
                 break
-            left = None if budget is None else budget - spent
-            if left is not None and left <= 0:
+            left = most - spent
+            if left <= 0:
                 break
             if not copy.whole:
                 places = self._reserve(copy, left, spent == 0)
@@ -177,7 +182,8 @@ class Loader:
                 if is_late(copy.upload, spent, budget):
                     break
                 one = one or self._copies.begin()
-                spent += cost(copy.upload)
+                spent += cost(copy.upload) if budget is not None else 0
+                copy.upload = copy.upload.without_bytes()
                 self._current = None
                 self._loading.copied(copy.request)
                 if self._end(one, copy):
@@ -203,7 +209,7 @@ class Loader:
                 self._begun[request] = self._current
         return self._current
 
-    def _reserve(self, copy: Copy, left: int | None, first: bool) -> list[tuple[int, int]]:
+    def _reserve(self, copy: Copy, left: int, first: bool) -> list[tuple[int, int]]:
         """Return (offset in the ring, rows) for each level that is left, or for some rows of one; [] if for none."""
         assert self._staging is not None
         levels, ring = copy.upload.rows[copy.level :], self._staging.ring
@@ -211,16 +217,15 @@ class Loader:
         width = max(1, copy.upload.shape.width >> copy.level)
         alignment = self._staging.alignment(row_bytes // -(-width // block_rows(copy.upload)))
         starts, end = level_places(levels, alignment)
-        if not copy.row and (left is None or end <= left):
+        if not copy.row and end <= left:
             place = ring.take(lambda room: end if end <= room else 0, alignment)
             if place is not None:
                 return [
                     (place[0] + start, level.shape[0]) for start, level in zip(starts, levels, strict=True)
                 ]
 
-        def wanted(room: int, most: int | None) -> int:
-            fits = room if most is None else min(room, most)
-            return rows_that_fit(count, row_bytes, self._step, fits) * row_bytes
+        def wanted(room: int, most: int) -> int:
+            return rows_that_fit(count, row_bytes, self._step, min(room, most)) * row_bytes
 
         place = ring.take(lambda room: wanted(room, left), alignment)
         if place is None and first:  # the budget is less than a row: then it is one

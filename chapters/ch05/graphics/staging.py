@@ -22,10 +22,11 @@ from ..logic.frame import SLOTS
 from ..logic.ring import Ring
 from .frames import FOREVER
 
-RING = 64 << 20
-"""Bytes of the staging buffer at most. What is larger goes up in parts."""
+RING = 8 << 20
+"""Bytes of the staging buffer at most. What is larger goes up in parts, and no later for it: a ring that stays in the
+processor's cache is written faster than it is copied from."""
 
-LEAST_RING = 8 << 20
+LEAST_RING = 2 << 20
 """Bytes of it at least: some rows of any image fit, and several small images of a later edit."""
 
 

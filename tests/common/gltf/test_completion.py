@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
+from common.gltf import completion
 from common.gltf.completion import any_tangents, flat_normals, generate_tangents, smooth_normals, unit
 from common.paths import asset_dir
 
@@ -99,6 +102,33 @@ def test_tangents_do_not_depend_on_scale(scale):
     assert (
         (tangents[:, :3] * along_u).sum(axis=1) > np.cos(np.radians(7.6))
     ).all()  # half a cell at the seam
+
+
+@pytest.mark.parametrize("batch", [1, 7, 500])
+def test_tangents_do_not_depend_on_how_many_are_computed_at_once(monkeypatch, batch):
+    """Mirrored and flat triangles among them, and vertices that become two."""
+    random = np.random.default_rng(5)
+    positions = random.normal(size=(300, 3)).astype("f4")
+    normals, uv = unit(random.normal(size=(300, 3))), random.integers(0, 4, (300, 2)).astype(float)
+    indices = random.integers(0, 300, 3 * 800).astype(np.uint32)
+    whole = generate_tangents(positions, normals, uv, indices)
+    assert len(whole[0]) > 300
+    monkeypatch.setattr(completion, "_BATCH", batch)
+    for one, other in zip(generate_tangents(positions, normals, uv, indices), whole, strict=True):
+        assert one.dtype == other.dtype
+        assert np.array_equal(one, other)
+
+
+def test_tangents_take_little_memory_beside_what_they_make():
+    """A triangle's nine numbers of 8 bytes are kept for its corners, and where they go; no more than twice that."""
+    positions, normals, _, _, uv, indices = torus(300, 150)
+    tracemalloc.start()
+    try:
+        generate_tangents(positions, normals, uv, indices)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak < 2 * (9 * 8 + 3 * 8) * len(indices) // 3
 
 
 def test_generated_tangents_agree_with_authored_ones():

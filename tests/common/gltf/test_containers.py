@@ -93,6 +93,13 @@ def test_links_that_leave_the_folder_are_refused(tmp_path):
     (folder / "inside.bin").write_bytes(triangle().data)
     (folder / "link.bin").symlink_to("inside.bin")
     assert load_scene(write_with_uri(folder, "link.bin")).triangle_count == 1
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "a.bin").write_bytes(triangle().data)
+    (folder / "below").symlink_to(tmp_path / "other")
+    with pytest.raises(SceneError, match="a link that leads outside"):
+        load_scene(write_with_uri(folder, "below/a.bin"))
+    (tmp_path / "alias").symlink_to(folder)
+    assert load_scene(write_with_uri(tmp_path / "alias", "inside.bin")).triangle_count == 1
 
 
 @pytest.mark.parametrize(
