@@ -102,7 +102,7 @@ def generate_tangents(
     del direction, points
 
     # Triangles without area in uv say nothing and take the side that their vertex has anyway.
-    corners, corner_mirrored = indices.reshape(-1, 3).T, np.broadcast_to(mirrored, (3, count))
+    named, corner_mirrored = indices.reshape(-1, 3).T, np.broadcast_to(mirrored, (3, count))
     if flat.any():
         sides = np.zeros((distinct, 2), bool)
         sides.reshape(-1)[place[:, ~flat]] = True
@@ -112,8 +112,8 @@ def generate_tangents(
 
     # A vertex keeps its place for its first side; the second side is appended.
     vertex_sides = np.zeros((2, len(positions)), bool)
-    vertex_sides[0, corners[~corner_mirrored]] = True
-    vertex_sides[1, corners[corner_mirrored]] = True
+    vertex_sides[0, named[~corner_mirrored]] = True
+    vertex_sides[1, named[corner_mirrored]] = True
     both = vertex_sides[0] & vertex_sides[1]
     split = np.flatnonzero(both).astype(np.uint32)
     source = np.concatenate([np.arange(len(positions), dtype=np.uint32), split])
@@ -122,7 +122,7 @@ def generate_tangents(
     if len(split):
         appended = np.zeros(len(positions), np.uint32)
         appended[split] = np.arange(len(positions), len(source), dtype=np.uint32)
-        moves = (corner_mirrored & both[corners]).T.reshape(-1)
+        moves = (corner_mirrored & both[named]).T.reshape(-1)
         new_indices[moves] = appended[indices[moves]]
 
     sums = total[weld[source] * 2 + side]

@@ -165,7 +165,7 @@ def read_uri(uri: str, folder: Path, place: str) -> Bytes:
     path = next((path for path in paths if _exists(path)), paths[0])
     try:
         # A name without ".." leads outside by a link alone, and to follow all folders up to the root takes long.
-        below = itertools.accumulate(path.relative_to(folder).parts, os.path.join, initial=folder)
+        below = itertools.accumulate(path.relative_to(folder).parts, Path.joinpath, initial=folder)
         linked = os.name == "nt" or any(map(os.path.islink, itertools.islice(below, 1, None)))
         inside = not linked or path.resolve().is_relative_to(folder.resolve())
     except (OSError, ValueError, RuntimeError):  # unreadable, null character, loop of links

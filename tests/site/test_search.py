@@ -1,4 +1,4 @@
-"""The search of the site, in pages that are served and in pages that are opened from disk, where workers are refused."""
+"""The search of the site, in pages that are served and in pages opened from disk, where browsers refuse workers."""
 
 from __future__ import annotations
 
@@ -57,7 +57,8 @@ def test_words_of_glossary_and_chapters_are_found(browser, where, size, words, f
     button = "header label[for=__search]" if size == PHONE else ".md-search__input"
     opened.point(*opened.value(MIDDLE % button), click=True)
     look_up(opened, words)
-    opened.until(f"{FOUND}[0] === {json.dumps(f'{where}/{first}')}")  # those for the first letters may come before
+    # What is found for the first letters alone may come before.
+    opened.until(f"{FOUND}[0] === {json.dumps(f'{where}/{first}')}")
     assert f"{where}/{also}" in opened.value(LINKS)
     assert opened.complaints() == []
     assert [url for url in opened.requests() if not url.startswith((where, "data:", "about:"))] == []
