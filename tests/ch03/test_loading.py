@@ -4,12 +4,22 @@ from __future__ import annotations
 
 import threading
 import time
+from functools import partial
 
 import numpy as np
 import pytest
 
 from chapters.ch03.logic.importance import material_sizes
-from chapters.ch03.logic.loading import AHEAD, Loading, State, Wanted, refusal, report_failures, sentence
+from chapters.ch03.logic.loading import (
+    AHEAD,
+    MOST_AHEAD,
+    Loading,
+    State,
+    Wanted,
+    refusal,
+    report_failures,
+    sentence,
+)
 from chapters.ch03.logic.texels import Shape
 from chapters.ch03.logic.uploads import Upload
 from chapters.ch03.settings import Settings
@@ -293,6 +303,54 @@ def test_threads_rest_when_nothing_is_left_and_come_back(opened):
         take_all(loading)
         loading.rest()
         assert threading.active_count() == before
+
+
+def test_one_slow_image_does_not_stop_the_others(opened):
+    """Who waits is woken by whichever is the first, so that what is decoded ahead makes room for more."""
+    held, seen = threading.Event(), []
+    loading = opened(2, ahead=2 << 20)
+
+    def make(number):
+        if number == 0:
+            assert held.wait(PATIENCE_S)
+        return upload(str(number), 1 << 20)
+
+    loading.want({n: Wanted(f"{n}", 1 << 20, partial(make, n)) for n in range(8)})
+    while len(seen) < 7:  # all but the slow one
+        request = loading.take()
+        if request is None:
+            loading.wait()
+            continue
+        seen.append(request.key)
+        loading.copied(request)
+        loading.arrived(request)
+    assert 0 not in seen
+    held.set()
+    take_all(loading)
+    assert not loading.busy
+
+
+def test_what_is_decoded_ahead_is_bounded_however_large_images_are():
+    for threads in (1, 8, 64):
+        loading = Loading(threads)
+        for side, most in ((512, MOST_AHEAD), (4096, MOST_AHEAD), (8192, 2 * 4 * 8192**2)):
+            loading.want({n: Wanted(f"{n}", 4 * side * side, None) for n in range(100)})
+            loading._feed(lambda name, task: None)
+            assert loading.held_bytes <= max(most, 4 * side * side)
+            loading._running.clear()
+            loading._held_bytes = 0
+        loading.stop()
+
+
+def test_whatever_a_decoder_raises_the_one_who_waits_is_woken(opened):
+    loading = opened(1)
+
+    def leave():
+        raise SystemExit("gone")
+
+    loading.want({0: Wanted("0", 1, leave)})
+    loading.wait()
+    assert [str(request.error) for request in loading.failures()] == ["gone"]
 
 
 # --- what the settings say ---

@@ -6,6 +6,7 @@ import weakref
 from collections import deque
 from dataclasses import dataclass, field
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -27,7 +28,7 @@ from chapters.ch03.graphics import loader as graphics_loader
 from chapters.ch03.graphics.copies import Target
 from chapters.ch03.graphics.loader import Loader
 from chapters.ch03.graphics.material_textures import takes_narrow
-from chapters.ch03.graphics.staging import LEAST_RING, RING, ring_bytes
+from chapters.ch03.graphics.staging import LEAST_RING, MOST_RING, RING, ring_bytes
 from chapters.ch03.graphics.upload_barriers import Part, after_copy, before_copy, part_barrier
 from chapters.ch03.logic.frame import SLOTS
 from chapters.ch03.logic.loading import Loading, Wanted
@@ -209,11 +210,12 @@ def test_levels_lie_behind_each_other_where_copies_may_begin():
 
 
 def test_the_ring_is_as_large_as_what_is_loaded_within_bounds(vulkan_device, opened):
-    assert [ring_bytes(wanted) for wanted in (0, LEAST_RING + 1, RING + 1)] == [
-        LEAST_RING,
-        LEAST_RING + 1,
-        RING,
-    ]
+    def size(wanted, budget=0):
+        return ring_bytes(SimpleNamespace(wanted_bytes=wanted, budget=budget, streams=budget > 0))
+
+    assert [size(wanted) for wanted in (0, LEAST_RING + 1, RING + 1)] == [LEAST_RING, LEAST_RING + 1, RING]
+    # A frame's budget is copied in a frame, while that of the frame before may still be on its way.
+    assert [size(1 << 30, budget) for budget in (1, RING, 1 << 30)] == [RING, 2 * RING, MOST_RING]
     loader, loading, _ = opened(ring=RING)
     small = Upload(
         "small", Shape(4, 4, "rgba8", None, 1), False, (rows_of(random_pixels("rgba8", (4, 4), 1)),)

@@ -36,6 +36,19 @@ def test_ranges_in_use_never_overlap(seed):
     assert laps > 10, "it went round"
 
 
+def test_a_mark_from_when_the_ring_was_empty_gives_nothing_back_that_was_taken_since():
+    """A submission without bytes, as one that makes mip levels alone, ends after others have begun to take."""
+    ring = Ring(64)
+    ring.take(lambda room: min(room, 50), 1)
+    ring.free_to(ring.head)
+    mark = ring.head  # of a submission that takes nothing
+    assert ring.take(lambda room: min(room, 40), 1) == (0, 40)
+    ring.free_to(mark)
+    assert ring.used >= 40
+    place = ring.take(lambda room: min(room, 30), 1)
+    assert place is not None and place[0] >= 40
+
+
 def test_an_empty_ring_gives_all_of_itself_wherever_it_stood():
     ring = Ring(100)
     assert ring.take(lambda room: 30, 1) == (0, 30)

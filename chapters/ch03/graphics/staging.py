@@ -19,6 +19,7 @@ from backends.vulkan.device import Device, Queue
 from backends.vulkan.resources import create_buffer, destroy_buffer
 
 from ..logic.frame import SLOTS
+from ..logic.loading import Loading
 from ..logic.ring import Ring
 from .frames import FOREVER
 
@@ -26,13 +27,20 @@ RING = 8 << 20
 """Bytes of the staging buffer at most. What is larger goes up in parts, and no later for it: a ring that stays in the
 processor's cache is written faster than it is copied from."""
 
+MOST_RING = 64 << 20
+"""Bytes of it at most where a frame's budget asks for more."""
+
 LEAST_RING = 2 << 20
 """Bytes of it at least: some rows of any image fit, and several small images of a later edit."""
 
 
-def ring_bytes(wanted: int) -> int:
-    """Return how large a ring is that copies `wanted` bytes: drivers take long for memory that both sides can reach."""
-    return min(RING, max(LEAST_RING, wanted))
+def ring_bytes(loading: Loading) -> int:
+    """Return how large a ring is for what is wanted: drivers take long for memory that both sides can reach.
+
+    Where frames are drawn meanwhile, one frame's budget is written while that of the frame before is copied.
+    """
+    most = max(RING, min(2 * loading.budget, MOST_RING)) if loading.streams else RING
+    return min(most, max(LEAST_RING, loading.wanted_bytes))
 
 
 class Staging:

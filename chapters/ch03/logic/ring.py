@@ -29,7 +29,8 @@ class Ring:
         room behind the last range, and if it wants none of that, once more for the room from the ring's begin.
         """
         if not self.used:
-            self.head = self.tail = 0
+            # On to the next lap, never back: a submission without bytes may still fly, and `free_to` gets its mark.
+            self.head = self.tail = align_up(self.head, self.capacity)
         place = self.head % self.capacity
         lap = self.head - place
         behind, again = lap + align_up(place, alignment), lap + self.capacity

@@ -20,7 +20,7 @@ from ..logic.loading import Loading, Request, Wanted, refusal
 from ..logic.ring import rows_that_fit
 from ..logic.uploads import MOST_LEVELS, block_rows, cost, is_late, level_places
 from .copies import Copy, Owner
-from .staging import RING, Staging, Submission, Submissions, ring_bytes
+from .staging import MOST_RING, Staging, Submission, Submissions, ring_bytes
 from .upload_barriers import after_copy, before_copy, part_barrier
 
 
@@ -31,7 +31,7 @@ class Loader:
     """
 
     def __init__(
-        self, device: Device, owner: Owner, loading: Loading, own_queue: bool, ring: int = RING
+        self, device: Device, owner: Owner, loading: Loading, own_queue: bool, ring: int = MOST_RING
     ) -> None:
         """With `own_queue` copies go to the device's transfer queue, if it has one that copies parts of images."""
         self._device, self._owner, self._loading, self._ring_size = device, owner, loading, ring
@@ -107,7 +107,7 @@ class Loader:
 
     def _wait_for_gpu(self) -> bool:
         """Wait for a submission without which nothing goes on, and return whether there was one."""
-        if not self._begun or self._staging is None:
+        if self._staging is None or not (self._begun or self._loading.decoded):
             return False
         for submissions in (self._copies, self._takes):
             if submissions.flying:
@@ -336,7 +336,7 @@ class Loader:
         """Make the ring, the submissions and, between two queues, the semaphore that counts those with copies."""
         if self._staging is not None:
             return
-        self._staging = Staging(self._device, min(self._ring_size, ring_bytes(self._loading.wanted_bytes)))
+        self._staging = Staging(self._device, min(self._ring_size, ring_bytes(self._loading)))
         self._copies = Submissions(self._device, self._queue, "texture copies")
         self._takes, self._semaphore, self._ended_count = self._copies, None, 0
         if not self.one_family:

@@ -37,6 +37,9 @@ from .workers import Workers
 AHEAD = 4 << 20
 """Bytes that each thread may decode before somebody copies them; one image may be larger."""
 
+MOST_AHEAD = 256 << 20
+"""Bytes that all threads together may decode ahead; two images may be larger, one decoded while the other is copied."""
+
 
 def threads_at_most() -> int:
     """Return how many threads decode where a scene is opened and nothing else is done."""
@@ -77,7 +80,7 @@ class Request:
     """The pixels, from `DECODED` until they are copied."""
     held_bytes: int = 0
     """What it counts for among the bytes that are decoded ahead."""
-    error: Exception | None = None
+    error: BaseException | None = None
 
 
 class Loading:
@@ -100,6 +103,8 @@ class Loading:
         self._working = False  # whether there are threads
         self._turns = QuickTurns()
         self._lock = threading.Lock()
+        self._news = threading.Condition(self._lock)
+        self._ended = self._seen = 0  # tasks that have ended, in all and when somebody last looked
         # Behind the lock: what tasks change, too.
         self._waiting: list[Request] = []  # the most important last
         self._running: dict[Request, Task[None]] = {}
@@ -146,8 +151,9 @@ class Loading:
                     self._waiting.append(self.requests[key])
             self._waiting.sort(key=lambda request: -request.place)
             if self._given is None:
-                largest = max((one.nbytes for one in wanted.values()), default=0)
-                self._ahead = (self._workers.count + 1) * max(AHEAD, largest)
+                largest = max((request.wanted.nbytes for request in self._waiting), default=0)
+                ahead = (self._workers.count + 1) * max(AHEAD, largest)
+                self._ahead = min(ahead, max(MOST_AHEAD, 2 * largest))
             states = [request.state for request in self.requests.values()]
             self._resident, self._lost = states.count(State.RESIDENT), states.count(State.FAILED)
         counts = [len(one.materials) for one in wanted.values()]
@@ -200,11 +206,11 @@ class Loading:
     def _decode(self, request: Request, spawn: Callable[..., Task[None]]) -> None:
         """Be the task that decodes a request, and begin another one at its end."""
         upload: Upload | None = None
-        error: Exception | None = None
+        error: BaseException | None = None
         try:
             if request.state is State.DECODING:  # else it was cancelled before it began
                 upload = request.wanted.make()
-        except Exception as raised:
+        except BaseException as raised:  # who waits is told of it, whatever it is
             error = raised
         with self._lock:
             del self._running[request]
@@ -219,7 +225,9 @@ class Loading:
                 request.state, request.upload = State.DECODED, upload
                 self._hold(request, upload.nbytes)
                 self._decoded.append(request)
+            self._ended += 1
             self._feed(spawn)
+            self._news.notify_all()
 
     def _hold(self, request: Request, nbytes: int) -> None:
         request.held_bytes = nbytes
@@ -235,6 +243,7 @@ class Loading:
         """Return a decoded request, which is being uploaded from now on, or None. Each is returned once."""
         with self._lock:
             if not self._decoded:
+                self._seen = self._ended
                 return None
             request = self._decoded.popleft()
             request.state = State.UPLOADING
@@ -299,12 +308,15 @@ class Loading:
         }
 
     def wait(self) -> None:
-        """Wait until one more of the requests is decoded, and help; return at once if none is on its way."""
+        """Wait until one more of the requests is decoded, or cannot be; return at once if none is on its way.
+
+        Whichever is the first: to wait for a certain one, that takes long, would stop the others at what may be ahead.
+        """
         self.feed()
         with self._lock:
-            tasks = list(self._running.values())
-        if tasks:
-            self._workers.tasks.wait(tasks[0])
+            while self._running and self._ended == self._seen:
+                self._news.wait()
+            self._seen = self._ended
 
     def rest(self) -> None:
         """Join the threads, if they have nothing left to do; the next request has others."""
