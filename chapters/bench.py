@@ -245,7 +245,9 @@ def parts_of(which: chapters.Whole, api: str, only: Sequence[str] = ()) -> tuple
         missing.setdefault("pacing", "OpenGL paces its frames by itself")
     for part in only:
         if part not in PARTS:
-            raise UserError(f"--only {part}: a bench has no such part{suggest(part, PARTS)}.")
+            raise UserError(
+                f"--only {part}: a bench has no such part{suggest(part, PARTS)}.".replace("?.", "?")
+            )
         if part in missing:
             raise UserError(f"--only {part}: there is nothing to measure, since {missing[part]}.")
     return tuple(part for part in PARTS if part not in missing and (not only or part in only))

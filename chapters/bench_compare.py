@@ -110,7 +110,9 @@ def run(old: Path, new: Path, json_path: Path | None = None, only: Sequence[str]
     bench.check_paths(json_path)
     for part in only:
         if part not in bench.PARTS:
-            raise UserError(f"--only {part}: a bench has no such part{suggest(part, bench.PARTS)}.")
+            raise UserError(
+                f"--only {part}: a bench has no such part{suggest(part, bench.PARTS)}.".replace("?.", "?")
+            )
     found = compare_files(old, new, only)
     if json_path == STDOUT:
         print(json.dumps(bench_compare_show.record(found), indent=1))

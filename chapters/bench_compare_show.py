@@ -95,7 +95,7 @@ def _table(title: str, changes: Sequence[Change], to: Console, most: int = MOST)
 def _cell(one: Figure) -> str:
     noise = f" ±{one.noise:.2g}" if one.noise is not None else ""
     whole = one.kind in ("work", "fact") and math.isfinite(one.value)
-    return f"{one.value:,.0f}" if whole else f"{one.value:.4g}{noise}"
+    return _whole(one.value) if whole else f"{one.value:.4g}{noise}"
 
 
 def _grown(change: Change) -> float:
@@ -103,14 +103,20 @@ def _grown(change: Change) -> float:
     old, new = change.old.value, change.new.value
     if not (math.isfinite(old) and math.isfinite(new)) or old * new <= 0:
         return math.inf
-    return abs(math.log(new / old))
+    return abs(math.log(abs(new)) - math.log(abs(old)))
 
 
 def _change(change: Change) -> str:
     old, new = change.old.value, change.new.value
-    if not (math.isfinite(old) and math.isfinite(new)) or old == 0:
+    if not (math.isfinite(old) and math.isfinite(new)) or old <= 0 or new < 0:
         return "-"
-    return f"{new / old - 1:+.1%}" if new < MANY * old else f"x {new / old:,.0f}"
+    times = new / old
+    return f"{times - 1:+.1%}" if times < MANY else f"x {_whole(times)}"
+
+
+def _whole(value: float) -> str:
+    """Return a whole number with all its digits, as far as a float has them."""
+    return f"{value:,.0f}" if abs(value) < 1e15 else f"{value:.3g}"
 
 
 def _within(change: Change) -> str:

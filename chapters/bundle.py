@@ -136,7 +136,7 @@ def pairs(systems: Sequence[str], pythons: Sequence[str]) -> list[tuple[str, str
         if name not in (*SYSTEMS, this_system()):
             raise UserError(f"--for: there is no system {name!r}{suggest(name, SYSTEMS)}.".replace("?.", "?"))
     for version in pythons:
-        if not re.fullmatch(r"3\.\d+", version) or int(version[2:]) < 11:
+        if not re.fullmatch(r"3\.[1-9]\d*", version) or int(version[2:]) < 11:
             raise UserError(f"--python {version}: Strata runs on Python 3.11 and newer, so name one as 3.12.")
     own = "{}.{}".format(*sys.version_info[:2])
     return [

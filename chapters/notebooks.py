@@ -53,7 +53,7 @@ def read(path: Path) -> list[Cell]:
         return [Cell(cell["cell_type"], "".join(cell["source"])) for cell in found]
     except OSError as error:
         raise UserError(f"{path} cannot be read: {error.strerror or error}.") from None
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise UserError(f"{path} is no notebook ({type(error).__name__}: {error}).") from None
 
 

@@ -85,6 +85,8 @@ def run(folder: Path | None, *, serve: bool, check: bool, port: int, drawing: bo
 
 def check_target(target: Path) -> None:
     """Raise UserError where no site may be written: a folder that holds something else is not replaced."""
+    if target.is_symlink():
+        raise UserError(f"{target} is a link that leads to itself: name a folder for the site.")
     if target.exists() and not target.is_dir():
         raise UserError(f"{target} is no folder: name one for the site.")
     if target.is_dir() and any(target.iterdir()) and not (target / MARK).is_file():
@@ -240,16 +242,16 @@ def replace(target: Path, made: Path) -> None:
             shutil.copytree(made, new)
             for place in itertools.count():
                 old = Path(beside, f"old{place}")
-                with suppress(FileNotFoundError):
-                    os.replace(target, old)
                 try:
+                    with suppress(FileNotFoundError):
+                        os.replace(target, old)
                     os.replace(new, target)
                     return
-                except OSError:
+                except BaseException as error:  # Ctrl-C, too
                     if old.exists() and not target.exists():
                         os.replace(old, target)
                         raise
-                    if place == TRIES:
+                    if place == TRIES or not isinstance(error, OSError):
                         raise
     except OSError as error:
         raise UserError(f"{target} cannot be written: {error.strerror or error}.") from None

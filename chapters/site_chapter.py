@@ -54,7 +54,10 @@ def add(draft: Draft, number: int, drawing: bool = True) -> None:
         _section("Lines that changed", _changes(draft, number, page, drawing)),
         _section("The frame as a graph", _graph(draft, number, page, drawing)),
         _section("Time against error", _plots(draft, number, page)),
-        _section("What a frame does", _work(draft, number, page)),
+        _section(
+            "What a frame does",
+            draft.attempt(page, "the work of a frame", partial(_work, draft, number, page)),
+        ),
     ]
     draft.pages[page] = "\n\n".join(part for part in parts if part) + "\n"
 

@@ -6,8 +6,8 @@ from html import escape
 from pathlib import Path
 
 from chapters.diff_files import Source, visible
-from chapters.diff_page import highlighted
-from chapters.diff_style import STYLE
+from chapters.diff_page import allowed, highlighted
+from chapters.diff_style import SCRIPT, STYLE
 from common.paths import ROOT
 
 LARGEST = 400_000
@@ -19,15 +19,21 @@ _OWN_STYLE = """
 .l a { color: var(--soft); text-decoration: none; text-align: right; padding-right: 1ch; user-select: none; }
 """
 
-_FOLLOWS = """<script>try {
-  const chosen = JSON.parse(localStorage.getItem(new URL("%s", location).pathname + ".__palette"));
+_FOLLOWS = """try {
+  const root = new URL(document.currentScript.dataset.root, location).pathname;
+  const chosen = JSON.parse(localStorage.getItem(root + ".__palette"));
   if (chosen) document.documentElement.dataset.theme = chosen.color.scheme === "slate" ? "dark" : "light";
-} catch { /* without a memory of what was chosen the system's colours stay */ }</script>"""
+} catch { /* without a memory of what was chosen the system's colours stay */ }"""
 
 
 def following(html: str, root: str) -> str:
-    """Return a page that is light or dark as the reader chose on the pages of mkdocs; `root` leads to their folder."""
-    return html.replace("</head>", f"{_FOLLOWS % root}</head>", 1)
+    """Return a page that is light or dark as the reader chose on the pages of mkdocs; `root` leads to their folder.
+
+    The policy of a page that has one, as a difference, allows the script that does it.
+    """
+    head, end, body = html.partition("</head>")
+    head = head.replace(allowed(SCRIPT), allowed(SCRIPT, _FOLLOWS))
+    return f'{head}<script data-root="{root}">{_FOLLOWS}</script>{end}{body}'
 
 
 def is_shown(path: Path) -> bool:

@@ -39,6 +39,8 @@ def add(draft: Draft, drawing: bool = True) -> None:
     else:
         lack = draft.lack(PAGE, "what its cells show: nothing was to be drawn.")
     parts = [part for cell in cells for part in _parts(draft, cell)]
+    if not parts or not parts[0].startswith("# "):
+        parts.insert(0, f"# {TITLE}")
     download = f'<p><a href="{Path(PATH).name}" download>The notebook, to run it yourself</a></p>'
     draft.pages[PAGE] = "\n\n".join([*parts[:1], *([lack] if lack else []), download, *parts[1:]]) + "\n"
 

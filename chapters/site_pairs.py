@@ -149,7 +149,7 @@ def read() -> dict[str, dict[str, Any]]:
     """Return the records of pairs by name; {} without a file of them."""
     try:
         found: dict[str, dict[str, Any]] = json.loads(RECORD.read_text("utf-8"))["pairs"]
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return {}
     return found if isinstance(found, dict) else {}
 

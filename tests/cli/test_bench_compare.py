@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from chapters import bench, bench_compare
+from chapters import bench, bench_compare, bench_compare_show
 from chapters.bench_figures import Figure, figures
 from common.paths import ROOT
 
@@ -304,6 +304,22 @@ def test_a_regression_is_named_and_ends_with_1(strata, files):
         assert word in printed
     code, printed, _ = strata("bench", "--compare", new, old)
     assert code == 0 and "improvements" in printed and "No regressions" in printed
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "change"),
+    [
+        (1e308, 1e-308, "-100.0%"),
+        (1e-308, 1e308, "x inf"),
+        (1.0, 1e150, "x 1e+150"),
+        (1.0, 20.0, "x 20"),
+        (-10.0, 5.0, "-"),
+        (-10.0, -5.0, "-"),
+    ],
+)
+def test_changes_of_any_size_are_short(old, new, change):
+    one = bench_compare.Change(("a", "b", "c"), Figure("time", old), Figure("time", new), "worse")
+    assert bench_compare_show._change(one) == change and bench_compare_show._grown(one) >= 0
 
 
 def test_a_part_that_did_not_move_is_not_blamed(strata, files):

@@ -304,6 +304,7 @@ def test_a_tracked_link_is_refused(tmp_path: Path) -> None:
         ({"systems": ["linus"]}, "no system 'linus'; did you mean 'linux'"),
         ({"pythons": ["2.7"]}, r"--python 2\.7"),
         ({"pythons": ["3.10"]}, r"3\.11 and newer"),
+        ({"pythons": ["3.011"]}, r"--python 3\.011"),
         ({"pythons": ["3.x"]}, r"--python 3\.x"),
         ({"models": ["atrum"]}, "no scene"),
     ],

@@ -241,6 +241,29 @@ def test_a_disk_that_refuses_leaves_the_site_of_before(built, out, monkeypatch) 
     assert (out / "index.html").is_file() and [path.name for path in out.parent.iterdir()] == [out.name]
 
 
+def test_ctrl_c_between_the_renames_leaves_the_site_of_before(built, out, monkeypatch) -> None:
+    site.replace(out, built.folder)
+    move = os.replace
+
+    def interrupt(source, target) -> None:
+        move(source, target)
+        if Path(source) == out:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(site.os, "replace", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        site.replace(out, built.folder)
+    assert (out / "index.html").is_file() and [path.name for path in out.parent.iterdir()] == [out.name]
+
+
+def test_a_link_to_itself_is_refused(out) -> None:
+    out.parent.mkdir(parents=True)
+    out.symlink_to(out)
+    with pytest.raises(UserError, match="leads to itself"):
+        site.run(out, serve=False, check=False, port=0)
+    assert out.is_symlink()
+
+
 def test_behind_a_link_the_folder_is_replaced_and_the_link_stays(out, monkeypatch) -> None:
     (out.parent / "real").mkdir(parents=True)
     out.symlink_to(out.parent / "real", target_is_directory=True)
@@ -363,7 +386,18 @@ def test_what_cells_show_is_below_them_and_their_pictures_are_files(monkeypatch)
     assert draft.files["notebook/2.png"].startswith(b"\x89PNG") and draft.lacks == []
 
 
-@pytest.mark.parametrize("text", [None, "{x", "{}", '{"cells": [{"cell_type": "code"}]}', "[]"])
+def test_a_notebook_without_text_has_a_heading(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(site_notebook, "ROOT", tmp_path)
+    (tmp_path / site_notebook.PATH).parent.mkdir()
+    (tmp_path / site_notebook.PATH).write_text('{"cells": []}', "utf-8")
+    draft = Draft((1,))
+    site_notebook.add(draft)
+    assert draft.pages[site_notebook.PAGE].startswith("# In a notebook")
+
+
+@pytest.mark.parametrize(
+    "text", [None, "{x", "{}", "[" * 100_000, '{"cells": [{"cell_type": "code"}]}', "[]"]
+)
 def test_a_notebook_that_is_none_costs_its_page_alone(tmp_path, monkeypatch, text) -> None:
     monkeypatch.setattr(site_notebook, "ROOT", tmp_path)
     if text is not None:
@@ -377,7 +411,7 @@ def test_a_notebook_that_is_none_costs_its_page_alone(tmp_path, monkeypatch, tex
 
 def test_records_of_pairs_that_are_none_are_none(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(site_pairs, "RECORD", tmp_path / "pairs.json")
-    for text in ("[]", '{"pairs": []}', "{", '{"a": 1}'):
+    for text in ("[]", '{"pairs": []}', "[" * 100_000, "{", '{"a": 1}'):
         site_pairs.RECORD.write_text(text, "utf-8")
         assert site_pairs.read() == {}
 

@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 
 from chapters import features, site_records
+from chapters.diff_page import allowed
+from chapters.diff_style import SCRIPT
 from chapters.site_code import following
 from chapters.site_plot import short
 
@@ -148,7 +150,8 @@ def test_rules_of_accessibility_hold(browser, address, page, dark, part) -> None
 @pytest.mark.parametrize("page", [CODE, "chapters/ch02-diff.html"])
 def test_code_is_dark_where_the_reader_chose_dark_pages(browser, address, built, page) -> None:
     if not (built.folder / page).is_file():  # the site of one chapter has no differences: one is made up
-        (built.folder / page).write_text(following("<html><head></head></html>", "../"), "utf-8")
+        csp = f"<meta http-equiv=Content-Security-Policy content=\"default-src 'none'; {allowed(SCRIPT)}\">"
+        (built.folder / page).write_text(following(f"<html><head>{csp}</head></html>", "../"), "utf-8")
     opened = browser.open(f"{address}/chapters/ch01.html")
     shown = """new Promise((done) => {
       const frame = document.createElement("iframe");
@@ -158,4 +161,5 @@ def test_code_is_dark_where_the_reader_chose_dark_pages(browser, address, built,
     assert opened.value(shown % address_of) in ("light", "as the system")
     opened.value("document.querySelector('[data-md-component=palette] label:not([hidden])').click()")
     assert opened.value(shown % address_of) == "dark"
+    assert opened.complaints() == []
     opened.close()
