@@ -307,12 +307,13 @@ def test_threads_rest_when_nothing_is_left_and_come_back(opened):
 
 def test_one_slow_image_does_not_stop_the_others(opened):
     """Who waits is woken by whichever is the first, so that what is decoded ahead makes room for more."""
-    held, seen = threading.Event(), []
+    held, seen, ended = threading.Event(), [], []
     loading = opened(2, ahead=2 << 20)
 
     def make(number):
         if number == 0:
-            assert held.wait(PATIENCE_S)
+            held.wait(2.0)  # so long it would take, were it waited for
+            ended.append(number)
         return upload(str(number), 1 << 20)
 
     loading.want({n: Wanted(f"{n}", 1 << 20, partial(make, n)) for n in range(8)})
@@ -324,7 +325,7 @@ def test_one_slow_image_does_not_stop_the_others(opened):
         seen.append(request.key)
         loading.copied(request)
         loading.arrived(request)
-    assert 0 not in seen
+    assert 0 not in seen and not ended
     held.set()
     take_all(loading)
     assert not loading.busy
@@ -334,7 +335,7 @@ def test_what_is_decoded_ahead_is_bounded_however_large_images_are():
     for threads in (1, 8, 64):
         loading = Loading(threads)
         for side, most in ((512, MOST_AHEAD), (4096, MOST_AHEAD), (8192, 2 * 4 * 8192**2)):
-            loading.want({n: Wanted(f"{n}", 4 * side * side, None) for n in range(100)})
+            loading.want({(side, n): Wanted(f"{n}", 4 * side * side, None) for n in range(100)})
             loading._feed(lambda name, task: None)
             assert loading.held_bytes <= max(most, 4 * side * side)
             loading._running.clear()
