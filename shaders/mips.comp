@@ -2,15 +2,17 @@
 //
 // A target texel covers a window of 2 source texels where the source is even, and of 2 + 1/n where it is odd (n texels
 // in the target): three texels, the outer two in part (weights as in NVIDIA's "Non-power-of-two mipmapping", 2005).
-// So the mean of every level equals the mean of level 0. Colour that is sRGB-coded is averaged as light.
+// So the mean of every level equals the mean of level 0.
 //
 // LAYERED: the images are arrays, and each layer gets its own level.
+// SRGB: colour is sRGB-coded, and averaged as light. A processor would take the powers for all images if it were asked
+// here whether to: it computes both sides of a condition.
 
 layout(local_size_x = 8, local_size_y = 8) in;
 
 struct Push {
-    uvec4 size;   // target width and height, source width and height
-    uvec4 flags;  // x: 1 if colour is sRGB-coded; y: the highest code of the target, 0 if it holds floats
+    uvec4 size;    // target width and height, source width and height
+    uint highest;  // code of the target, 0 if it holds floats
 };
 PUSH(Push, push)
 
@@ -24,7 +26,9 @@ layout(BIND(0, 1, 0), FORMAT) uniform writeonly image2D target;
 #define TEXEL(place) ivec2(place)
 #endif
 
+#ifdef SRGB
 #include "srgb.glsl"
+#endif
 
 // Weights of the source texels 2i, 2i+1, 2i+2 for target texel i along one axis.
 vec3 window(uint i, uint target_size, uint source_size) {
@@ -51,15 +55,19 @@ void main() {
             float weight = across[x] * down[y];
             if (weight > 0.0) {
                 vec4 texel = texelFetch(source, TEXEL(ivec2(id * 2u) + ivec2(x, y)), 0);
-                texel.rgb = push.flags.x != 0u ? linear_from_srgb(texel.rgb) : texel.rgb;
+#ifdef SRGB
+                texel.rgb = linear_from_srgb(texel.rgb);
+#endif
                 sum += weight * texel;
             }
         }
     }
-    sum.rgb = push.flags.x != 0u ? srgb_from_linear(sum.rgb) : sum.rgb;
-    if (push.flags.y != 0u) {
+#ifdef SRGB
+    sum.rgb = srgb_from_linear(sum.rgb);
+#endif
+    if (push.highest != 0u) {
         // A store may take either of the two codes around a value; at a code there is nothing left to choose.
-        float highest = float(push.flags.y);
+        float highest = float(push.highest);
         sum = roundEven(sum * highest) / highest;
     }
     imageStore(target, TEXEL(id), sum);

@@ -83,7 +83,7 @@ class Uploader:
     def make_mips(self, image: Image, *, srgb: bool = False) -> None:
         """Make levels 1 and up of a "2d" or "array" image from level 0, by the box filter of `shaders/mips.comp`."""
         context, fn = self._context, self._context.fn
-        fn.glUseProgram(self._program(image.storage_format, image.shape == "array").handle)
+        fn.glUseProgram(self._program(image.storage_format, image.shape == "array", srgb).handle)
         for level in range(1, image.levels):
             above, size = level_size(image, level - 1), level_size(image, level)
             source = create_view(context, image, image.storage_format, level=level - 1, levels=1)
@@ -91,7 +91,7 @@ class Uploader:
                 bind_texture(context, 0, source, 0)
                 bind_storage_image(context, 0, image, level=level)
                 highest = 255 if FORMATS[image.storage_format].dtype is np.uint8 else 0
-                context.push(np.array([*size, *above, int(srgb), highest, 0, 0], np.uint32))
+                context.push(np.array([*size, *above, highest], np.uint32))
                 fn.glDispatchCompute((size[0] + 7) // 8, (size[1] + 7) // 8, image.layers)
                 # The next level fetches what this one stored.
                 fn.glMemoryBarrier(gl.GL_TEXTURE_FETCH_BARRIER_BIT)
@@ -100,10 +100,11 @@ class Uploader:
                 context.destroy("texture", source)
         fn.glMemoryBarrier(gl.GL_TEXTURE_FETCH_BARRIER_BIT | gl.GL_TEXTURE_UPDATE_BARRIER_BIT)
 
-    def _program(self, format: str, layered: bool) -> Program:
+    def _program(self, format: str, layered: bool, srgb: bool) -> Program:
         # The name of a format is that of the image's layout qualifier.
         path = ROOT / "shaders" / "mips.comp"
-        defines: dict[str, int | str] = {"FORMAT": format, **({"LAYERED": 1} if layered else {})}
+        defines: dict[str, int | str] = {"FORMAT": format}
+        defines |= {name: 1 for name, on in (("LAYERED", layered), ("SRGB", srgb)) if on}
         source = shader_text.build(path, "gl", defines=defines)
         return self._programs.get([source], f"mips {format}")
 

@@ -39,6 +39,9 @@ MOST_LEVELS = 32
 SETS = 1024
 """Mip levels that may be made between two waits."""
 
+PUSH_BYTES = 20
+"""Push constants of `shaders/mips.comp`: sizes of a level and of the one above, and the highest code."""
+
 
 class _Half:
     """One half of the ring: its memory, its command buffer, and the fence that says when both are free again."""
@@ -300,13 +303,14 @@ def stored_shape(image: Image, level: int) -> tuple[int, int]:
 
 
 class MipPipeline:
-    """The compute pipeline of `shaders/mips.comp` for images of one format, or arrays of them."""
+    """The compute pipelines of `shaders/mips.comp` for images of one format, or arrays of them: data, and sRGB."""
 
     def __init__(self, device: Device, format: str, layered: bool) -> None:
         self._device = device
         defines: dict[str, int | str] = {"FORMAT": format, **({"LAYERED": 1} if layered else {})}
-        source = shader_text.build(ROOT / "shaders" / "mips.comp", "vulkan", defines=defines)
-        code = compile_shader(source)
+        kinds = [defines, defines | {"SRGB": 1}]
+        path = ROOT / "shaders" / "mips.comp"
+        codes = [compile_shader(shader_text.build(path, "vulkan", defines=kind)) for kind in kinds]
         self._sampler = device.create("vkCreateSampler", vk.new("VkSamplerCreateInfo"), "texel fetches")
         stage = vk.VK_SHADER_STAGE_COMPUTE_BIT
         bindings = [
@@ -324,24 +328,28 @@ class MipPipeline:
         info = vk.new(
             "VkPipelineLayoutCreateInfo",
             pSetLayouts=[self._set_layout],
-            pPushConstantRanges=[{"stageFlags": stage, "size": 32}],
+            pPushConstantRanges=[{"stageFlags": stage, "size": PUSH_BYTES}],
         )
         self._layout = device.create("vkCreatePipelineLayout", info, "mips")
-        module = device.create(
-            "vkCreateShaderModule", vk.new("VkShaderModuleCreateInfo", codeSize=len(code), pCode=code)
-        )
-        infos = vk.array(
-            "VkComputePipelineCreateInfo",
-            [
-                vk.new(
-                    "VkComputePipelineCreateInfo",
-                    stage=vk.new("VkPipelineShaderStageCreateInfo", stage=stage, module=module, pName="main"),
-                    layout=self._layout,
-                )
-            ],
-        )
-        self._pipeline = device.create_pipelines("vkCreateComputePipelines", infos, [f"mips {format}"])[0]
-        device.destroy("VkShaderModule", module)
+        modules = [
+            device.create(
+                "vkCreateShaderModule", vk.new("VkShaderModuleCreateInfo", codeSize=len(code), pCode=code)
+            )
+            for code in codes
+        ]
+        infos = [
+            vk.new(
+                "VkComputePipelineCreateInfo",
+                stage=vk.new("VkPipelineShaderStageCreateInfo", stage=stage, module=module, pName="main"),
+                layout=self._layout,
+            )
+            for module in modules
+        ]
+        made = vk.array("VkComputePipelineCreateInfo", infos)
+        names = [f"mips {format}", f"mips {format}, sRGB"]
+        self._pipelines = device.create_pipelines("vkCreateComputePipelines", made, names)
+        for module in modules:
+            device.destroy("VkShaderModule", module)
         self._make_ahead()
 
     def create_pool(self) -> Any:
@@ -382,14 +390,14 @@ class MipPipeline:
         written.baseArrayLayer, written.layerCount = layer, layers
         push, layout = self._push, self._layout
         point, stage = vk.VK_PIPELINE_BIND_POINT_COMPUTE, vk.VK_SHADER_STAGE_COMPUTE_BIT
-        push[4:6] = [int(srgb), 255 if FORMATS[format][2] is np.uint8 else 0]
+        push[4] = 255 if FORMATS[format][2] is np.uint8 else 0
         width, height = image.width, image.height
-        fn.vkCmdBindPipeline(commands, point, self._pipeline)
+        fn.vkCmdBindPipeline(commands, point, self._pipelines[int(srgb)])
         for level in range(1, image.levels):
             fn.vkCmdBindDescriptorSets(commands, point, layout, 0, 1, sets + level - 1, 0, vk.NULL)
             above, width, height = (width, height), max(1, width >> 1), max(1, height >> 1)
             push[0:4] = [width, height, *above]
-            fn.vkCmdPushConstants(commands, layout, stage, 0, 32, push)
+            fn.vkCmdPushConstants(commands, layout, stage, 0, PUSH_BYTES, push)
             fn.vkCmdDispatch(commands, (width + 7) // 8, (height + 7) // 8, layers)
             written.baseMipLevel = level
             fn.vkCmdPipelineBarrier2(commands, made)
@@ -400,7 +408,7 @@ class MipPipeline:
         kinds = (vk.VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER, vk.VK_DESCRIPTOR_TYPE_STORAGE_IMAGE)
         self._allocate = vk.new("VkDescriptorSetAllocateInfo", pSetLayouts=[self._set_layout] * MOST_LEVELS)
         self._sets = vk.ffi.new("VkDescriptorSet[]", MOST_LEVELS)
-        self._push = vk.ffi.new("uint32_t[8]")
+        self._push = vk.ffi.new("uint32_t[]", PUSH_BYTES // 4)
         images = self._images = vk.ffi.new("VkDescriptorImageInfo[]", 2 * MOST_LEVELS)
         writes = self._writes = vk.ffi.new("VkWriteDescriptorSet[]", 2 * MOST_LEVELS)
         for number in range(2 * MOST_LEVELS):
@@ -421,7 +429,8 @@ class MipPipeline:
 
     def close(self) -> None:
         """Free the pipeline."""
-        self._device.destroy("VkPipeline", self._pipeline)
+        for pipeline in self._pipelines:
+            self._device.destroy("VkPipeline", pipeline)
         self._device.destroy("VkPipelineLayout", self._layout)
         self._device.destroy("VkDescriptorSetLayout", self._set_layout)
         self._device.destroy("VkSampler", self._sampler)
