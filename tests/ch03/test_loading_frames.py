@@ -226,6 +226,19 @@ def test_at_most_the_budget_is_copied_in_a_frame_and_large_images_come_in_parts(
         assert codes(picture).count([255, 255, 255]) == 3 - len(finished)
 
 
+def test_the_first_frame_copies_nothing_however_much_is_decoded(chapter, gated):
+    pictures = gated(*(plain(color) for color in COLORS))
+    pictures.open()
+    with open_(chapter, row_of(pictures.images)) as renderer:
+        while renderer._loading.decoding:
+            renderer._loading.wait()
+        (first, work), (second, then) = drawn(renderer), drawn(renderer)
+    assert work["bytes_uploaded"] == 0 and codes(first) == [[255] * 3] * 4
+    assert then["bytes_uploaded"] > 0
+    if chapter.backend == "gl" or not chapter.device.has("async-transfer"):
+        assert codes(second) == [list(color[:3]) for color in COLORS]
+
+
 def test_everything_is_there_before_the_first_frame_where_frames_wait(chapter, gated):
     pictures = gated(*(plain(color) for color in COLORS))
     pictures.open()

@@ -62,6 +62,7 @@ class Loader:
         self._ring: Ring | None = None
         self._fences: deque[tuple[Fence, int]] = deque()
         self._current: _Copy | None = None
+        self._framed = False  # whether a frame has asked
         self.bytes = 0
         """Bytes that were copied so far."""
 
@@ -98,9 +99,15 @@ class Loader:
         return arrived
 
     def advance(self, budget: int | None = None) -> list[Request]:
-        """Copy up to `budget` bytes (None: all that there is room for); return the textures that have arrived."""
+        """Copy up to `budget` bytes (None: all that there is room for); return the textures that have arrived.
+
+        The first frame copies nothing, which does all else for the first time: it is shown the sooner.
+        """
         loading, arrived, spent = self._loading, list[Request](), 0
         loading.feed()
+        if budget is not None and loading.streams and not self._framed:
+            self._framed = True
+            return []
         while self._fences and self._fences[0][0].reached():
             assert self._ring is not None
             self._ring.free_to(self._fences.popleft()[1])

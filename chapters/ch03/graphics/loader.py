@@ -49,6 +49,7 @@ class Loader:
         self._current: Copy | None = None
         self._begun: dict[Request, Copy] = {}  # placed, and not arrived
         self._copied: list[Copy] = []  # on the other queue, and not handed over
+        self._framed = False  # whether a frame has asked
         self.bytes = 0
         """Bytes that were copied so far."""
         self.submissions = 0
@@ -121,10 +122,14 @@ class Loader:
         """Copy up to `budget` bytes (None: half of the ring); return the textures that have arrived.
 
         They can be sampled by all that is submitted to the graphics queue from now on. Nothing is waited for: where the
-        GPU still copies what was submitted before, nothing is done.
+        GPU still copies what was submitted before, nothing is done. Nor is it for the first frame, which does all else
+        for the first time: it is shown the sooner.
         """
         loading = self._loading
         loading.feed()
+        if budget is not None and loading.streams and not self._framed:
+            self._framed = True
+            return []
         if self._staging is not None:
             self._copies.collect(self._ended)
             if not self.one_family:

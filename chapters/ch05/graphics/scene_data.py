@@ -94,7 +94,7 @@ class SceneData:
             self._textures = ArrayTextures(device, scene, resources, descriptors, anisotropy, mended, loading)
         self.records = Records(scene, settings.light_cutoff)
         self._plan_geometry()
-        with GeometryCopies(device, resources, self._textures.close) as uploader:
+        with GeometryCopies(device, resources, self._textures.close, loading.streams) as uploader:
             self._upload_geometry(uploader)
             self._textures.keep(uploader, self.variants)
         self.records.maps = self._textures.maps
