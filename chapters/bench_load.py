@@ -18,10 +18,10 @@ import os
 import statistics
 import sys
 import time as clock
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -38,12 +38,15 @@ from chapters.run import open_device
 from common.crowds import crowd
 from common.errors import DeviceError
 from common.gltf import load_scene
-from common.scene import Material
+from common.scene import Material, Scene
 from common.scene_images import Chain, Image
 from common.settings import preset
 
 ONCE = ("write", "compress")
 """Ways that are no second time the same: there is a cache after them."""
+
+IN_BLOCKS = ("compress", "blocks", "least")
+"""Ways with a cache of blocks."""
 
 OUTPUTS = frozenset({"color", "color_linear"})
 
@@ -62,8 +65,8 @@ def once(
     picture: Path | None = None,
 ) -> dict[str, Any]:
     """Load a scene in one of the WAYS; return seconds and bytes. `picture` is an .npz that gets what is seen."""
-    if way == "pillow":
-        return _with_pillow(path)
+    if way in ("pillow", "read"):
+        return _with_pillow(path) if way == "pillow" else _read(path)
     settings: Any = preset(chapters.settings_class(which), "medium")
     streams = way in ("stream", "overlap")
     settings = replace(settings, loading="stream" if streams else "wait")
@@ -74,6 +77,7 @@ def once(
     kept = way != "plain" and not streams
     with ExitStack() as stack:
         device = open_device(stack, backend)
+        small = _small_images(which, load_scene(path, decode=False), True) if way == "least" else []
         stamps: Stamps | None = None
         if way == "overlap" and isinstance(device, Device) and can_stamp(device):
             stamps = Stamps(device)
@@ -82,15 +86,16 @@ def once(
         building = stack.enter_context(_building(which, backend))
         before = _peak_bytes()
         began = clock.perf_counter()
-        opening = stack.enter_context(
-            open_scene(which, str(path), cached=kept, compressed=way in ("compress", "blocks"))
-        )
+        opening = stack.enter_context(open_scene(which, str(path), cached=kept, compressed=way in IN_BLOCKS))
+        scene = opening.scene
+        if way == "least":
+            scene = replace(scene, images=small)
         opened = clock.perf_counter()
         renderer: Any = stack.enter_context(
             chapters.open(
                 which,
                 backend,
-                scene=opening.scene,
+                scene=scene,
                 size=size,
                 settings=settings,
                 outputs=OUTPUTS,
@@ -108,7 +113,6 @@ def once(
             frame = renderer.render(chapters.view_of(renderer))
             np.savez(picture, **{name: frame.image(name) for name in OUTPUTS})
         alone = _alone(which, backend, size, settings, device, building) if not streams else 0.0
-        scene = opening.scene
         decoded = sum(image.width * image.height * 4 * image.dtype.itemsize for image in scene.images)
         arrays = (scene.positions, scene.normals, scene.tangents, scene.uv0, scene.indices)
         return {
@@ -141,20 +145,26 @@ def _warm_up(
     Textures are stored as the measured load will store them, since a driver may compile code for each format. Nothing
     of a cache is touched, and no texture of the file is decoded.
     """
-    logic = f"{chapters.package_of(which)}.logic"
-    cached = import_module(f"{logic}.cached_images")
-    import_module(f"{logic}.scene_cache")
-    in_blocks = way in ("blocks", "compress")
+    import_module(f"{chapters.package_of(which)}.logic.scene_cache")
     opened = load_scene(path, decode=False)
-    images: list[Image] = []
-    for image in opened.images:
-        compress = cached.compress if in_blocks and cached.is_compressible(image) else None
-        images.append(_Small(image.name, np.full((4, 4, 4), 255, image.dtype), compress))
-    scene = replace(opened, images=images)
+    scene = replace(opened, images=_small_images(which, opened, way in IN_BLOCKS))
     with chapters.open(
         which, backend, scene=scene, size=size, settings=settings, outputs=OUTPUTS, device=device
     ) as renderer:
         renderer.render(chapters.view_of(renderer)).image("color")
+
+
+def _small_images(which: chapters.Whole, scene: Scene, in_blocks: bool) -> list[Image]:
+    """Return pictures of a few texels in the place of a scene's, which are stored as those would be."""
+    cached = import_module(f"{chapters.package_of(which)}.logic.cached_images")
+    uses = cached.image_uses(scene)
+    small: list[Image] = []
+    for number, image in enumerate(scene.images):
+        pixels = np.full((4, 4, 4), 255, image.dtype)
+        compressed = in_blocks and cached.is_compressible(image)
+        chains = {use: cached.compress(pixels, use) for use in uses.get(number, ()) if compressed}
+        small.append(_Small(image.name, pixels, chains))
+    return small
 
 
 def _alone(
@@ -180,13 +190,13 @@ def _alone(
 
 @dataclass(frozen=True)
 class _Small(Image):
-    """A few texels in the place of a picture, and as blocks if `compress` makes them."""
+    """A few texels in the place of a picture, with `chains` of blocks by use."""
 
-    compress: Callable[[Any, tuple[bool, bool, str]], Chain] | None = None
+    chains: Mapping[tuple[bool, bool, str], Chain] = field(default_factory=dict)
 
     def chain(self, srgb: bool, mipmapped: bool, channels: str) -> Chain | None:
         """Return the blocks."""
-        return self.compress(self.pixels, (srgb, mipmapped, channels)) if self.compress else None
+        return self.chains.get((srgb, mipmapped, channels))
 
 
 @contextmanager
@@ -282,6 +292,14 @@ def _with_pillow(path: Path) -> dict[str, Any]:
         decoded = list(pool.map(decode, document.images or []))
     took = clock.perf_counter() - began
     return {"load_s": took, "total_s": took, "decoded_bytes": sum(one.nbytes for one in decoded)}
+
+
+def _read(path: Path) -> dict[str, Any]:
+    """Do what `_with_pillow` does with this project's own reader, which makes a whole scene of it."""
+    began = clock.perf_counter()
+    scene = load_scene(path)
+    took = clock.perf_counter() - began
+    return {"load_s": took, "total_s": took, "decoded_bytes": sum(one.pixels.nbytes for one in scene.images)}
 
 
 def _peak_bytes() -> int:

@@ -5,17 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
 from chapters import bench_load, bench_scene
 from chapters.ch03.graphics.pipelines import Pipelines
 from chapters.ch03.logic import scene_cache
+from chapters.ch03.logic.cached_images import CachedImage, compress, image_uses
 from common import blocks
 from common.errors import UnsupportedError
-from common.scene_images import Image
+from common.gltf import load_scene
 
 SIZE = (16, 16)
+CHAINS = [(True, True, "rgba"), (False, True, "r"), (False, False, "gb")]
 
 
 @pytest.fixture
@@ -93,18 +94,48 @@ def test_the_warm_up_neither_reads_nor_writes_a_cache_and_decodes_nothing(square
     assert caches(squares) == []
 
 
-def test_small_textures_are_stored_as_the_large_ones_are():
+def test_small_textures_are_stored_as_the_large_ones_are(squares):
     if not blocks.available():
         pytest.skip("etcpak is not installed")
-    from chapters.ch03.logic.cached_images import compress
+    scene = load_scene(squares, decode=False)
+    uses = image_uses(scene)
+    small = bench_load._small_images(3, scene, True)
+    assert len(small) == len(scene.images) and {len(ways) for ways in uses.values()} == {1}
+    for number, (use,) in uses.items():
+        (chain, large) = small[number].chain(*use), compress(scene.images[number].pixels, use)
+        assert chain is not None and small[number].pixels.shape == (4, 4, 4)
+        assert (chain.format, chain.swizzle) == (large.format, large.swizzle)
+        assert len(chain.levels) == (3 if use[1] else 1)
+    assert all(one.chain(*use) is None for one in bench_load._small_images(3, scene, False) for use in CHAINS)
 
-    pixels = np.full((4, 4, 4), 255, np.uint8)
-    for use, format in (
-        ((True, True, "rgba"), "bc7_srgb"),
-        ((False, True, "r"), "bc4"),
-        ((False, False, "gb"), "bc5"),
-    ):
-        chain = bench_load._Small("one", pixels, compress).chain(*use)
-        assert chain is not None and chain.format == format and len(chain.levels) == (3 if use[1] else 1)
-    assert bench_load._Small("one", pixels).chain(True, True, "rgba") is None
-    assert isinstance(bench_load._Small("one", pixels), Image)
+
+@pytest.mark.feature("tools/bench")
+def test_what_no_cache_spares_is_the_scene_without_its_texels(squares, monkeypatch):
+    """The cache is read and its geometry uploaded; none of its chains is, and its time counts as that of a load."""
+    if not blocks.available():
+        pytest.skip("etcpak is not installed")
+    load(squares, "compress")
+    asked = []
+    monkeypatch.setattr(CachedImage, "chain", lambda *use: asked.append(use))
+    opened = []
+    monkeypatch.setattr(scene_cache, "put_together", recorded(scene_cache.put_together, opened))
+    least = load(squares, "least")
+    assert opened and not asked
+    assert least["decoded_bytes"] == 2 * 4 * 4 * 4
+    assert least["load_s"] + least["pipelines_s"] + least["renderer_s"] == pytest.approx(least["total_s"])
+
+
+def test_reading_alone_is_measured_on_the_same_pictures_as_pillow(squares):
+    read, pillow = bench_load.once(3, "vulkan", squares, SIZE, "read"), load(squares, "pillow")
+    assert read["decoded_bytes"] == pillow["decoded_bytes"] == 2 * 64 * 64 * 4
+    assert read["load_s"] == read["total_s"] > 0
+
+
+def recorded(call, calls):
+    """Return `call`, which notes in `calls` that it was called."""
+
+    def run(*arguments):
+        calls.append(arguments)
+        return call(*arguments)
+
+    return run
