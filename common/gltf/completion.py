@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -88,7 +90,7 @@ def generate_tangents(
     count = len(indices) // 3
     place, direction = np.empty((3, count), np.intp), np.empty((3, 3, count))
     mirrored, flat = np.empty(count, bool), np.empty(count, bool)
-    points = [np.ascontiguousarray(values.T, np.float64) for values in (positions, normals, uv)]
+    points: list[Any] = [np.ascontiguousarray(values.T) for values in (positions, normals, uv)]
     for first in range(0, count, _BATCH):
         some = slice(first, min(first + _BATCH, count))
         # Axes come first and triangles last, so that numpy's inner loops are long.
@@ -133,10 +135,10 @@ def generate_tangents(
     return source, tangents, new_indices
 
 
-def _directions(points: list[Float64], corners: NDArray[np.intp]) -> tuple[Float64, Float64]:
+def _directions(points: list[Any], corners: NDArray[np.intp]) -> tuple[Float64, Float64]:
     """Return (3, 3, T) what triangles add to the tangents of their corners, and (T,) twice their areas in uv.
 
-    `points` are positions, normals and uv, each (C, V), and `corners` (3, T).
+    `points` are positions, normals and uv, each (C, V) float32 or float64, and `corners` (3, T).
     """
     positions, normals, uv = points
     edges, turns = _edges(positions, corners), _edges(uv, corners)
@@ -144,7 +146,7 @@ def _directions(points: list[Float64], corners: NDArray[np.intp]) -> tuple[Float
     area = u1 * v2 - u2 * v1
     # dp/du = (e0 dv1 - e1 dv0) / area; the length does not matter, its sign does.
     along_u = _scaled((edges[:, 0] * v2 + edges[:, 2] * v1) * np.sign(area))
-    normal = normals.take(corners, axis=1)  # (3, 3, T)
+    normal = _at(normals, corners)  # (3, 3, T)
     direction = along_u[:, None] - normal * _dot(normal, along_u[:, None])
     length = np.sqrt(_dot(direction, direction))
     direction *= np.divide(_corner_angles(edges), length, out=np.zeros_like(length), where=length > 0)
@@ -172,9 +174,15 @@ def _welded(rows: Float32) -> tuple[NDArray[np.intp], int]:
     return welded, int(begins.sum())
 
 
-def _edges(points: Float64, corners: NDArray[np.intp]) -> Float64:
+def _at(points: Any, corners: NDArray[np.intp]) -> Float64:
+    """Return (C, 3, T) the `points` (C, V) of corners (3, T); they become longer numbers only here, a few at a time."""
+    found: Float64 = points.take(corners, axis=1).astype(np.float64, copy=False)
+    return found
+
+
+def _edges(points: Any, corners: NDArray[np.intp]) -> Float64:
     """Return (C, 3, T) the edges of triangles with the corners (3, T) of `points` (C, V): each to the next corner."""
-    at = points.take(corners, axis=1)
+    at = _at(points, corners)
     return at[:, (1, 2, 0)] - at
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from functools import partial
@@ -9,6 +10,8 @@ from functools import partial
 import numpy as np
 import pytest
 
+from chapters import bench_scene
+from chapters.ch03.logic import scene_cache
 from chapters.ch03.logic.importance import material_sizes
 from chapters.ch03.logic.loading import (
     AHEAD,
@@ -26,6 +29,7 @@ from chapters.ch03.settings import Settings
 from common import layouts
 from common.camera import Perspective, View
 from common.errors import SceneError
+from common.gltf.images import _Maker
 from common.scene import Material
 from common.transforms import pose_looking_at
 from tests.support.scenes import facing, quad_scene, translated
@@ -341,6 +345,17 @@ def test_what_is_decoded_ahead_is_bounded_however_large_images_are():
             loading._running.clear()
             loading._held_bytes = 0
         loading.stop()
+
+
+@pytest.mark.parametrize(("processors", "images"), [(1, 1), (2, 2), (64, 3)])
+def test_few_pictures_are_decoded_while_geometry_is_read(tmp_path, monkeypatch, processors, images):
+    """Pictures of 4 MiB each: one for each thread, and however many there are, three."""
+    path = bench_scene.write(tmp_path, 6, 1024)
+    monkeypatch.setattr(os, "cpu_count", lambda: processors)
+    begun = []
+    monkeypatch.setattr(_Maker, "begin", lambda self, pool, copied: begun.append(self))
+    opened = scene_cache.open_scene(path, cached=False)
+    assert len(opened.scene.images) == 6 and len(begun) == images
 
 
 def test_whatever_a_decoder_raises_the_one_who_waits_is_woken(opened):

@@ -254,7 +254,9 @@ def test_a_pool_has_one_thread_is_reset_once_a_frame_and_never_in_flight(chapter
 
     monkeypatch.setattr(Groups, "part", with_company)
     with traced(chapter) as log, opened(chapter, knobs(threads - 1, 2), without=("multi-draw",)) as renderer:
-        opening = len(log)  # what opens a renderer has pools of its own, whose handles a driver may give out again
+        opening = len(
+            log
+        )  # what opens a renderer has pools of its own, whose handles a driver may give out again
         for _ in range(frames):
             record_anew(renderer)
             renderer.render(facing())

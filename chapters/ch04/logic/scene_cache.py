@@ -35,7 +35,7 @@ from common.scene_images import Pixels
 
 from . import scene_sources
 from .cached_images import CachedImage, Source, chain_record, compress, image_uses, is_compressible
-from .loading import AHEAD, threads_at_most
+from .loading import beside_geometry, threads_at_most
 from .material_types import index_offsets, material_ranges, mesh_ranges
 from .scene_records import put_together, take_apart
 from .sections import DamagedError, SectionFile, SectionWriter
@@ -89,7 +89,7 @@ def open_scene(
     """
     began = time.perf_counter()
     if not cached:
-        scene = load_scene(path, progress, decode=False, ahead=AHEAD * threads_at_most())
+        scene = load_scene(path, progress, decode=False, ahead=beside_geometry())
         return Opened(scene, f"loaded {path.name} {_since(began)}, without a cache")
     target = cache_file(path, compressed)
     try:
@@ -108,7 +108,7 @@ def open_scene(
     with contextlib.suppress(OSError, ValueError):  # what is wrong with the file, loading says
         names = scene_sources.source_names(path)
         states = {name: scene_sources.state_of(path.parent / name) for name in names}
-    scene = load_scene(path, progress, decode=False, ahead=AHEAD * threads_at_most())
+    scene = load_scene(path, progress, decode=False, ahead=beside_geometry())
     told = f"loaded {path.name} {_since(began)}, since {why}"
     if states is None or cache_dir(FOLDER) is None:
         return Opened(scene, told)

@@ -40,10 +40,18 @@ AHEAD = 4 << 20
 MOST_AHEAD = 256 << 20
 """Bytes that all threads together may decode ahead; two images may be larger, one decoded while the other is copied."""
 
+MOST_BESIDE = 12 << 20
+"""Bytes that are decoded beside the reading of geometry, before anybody asks: that needs as much memory itself."""
+
 
 def threads_at_most() -> int:
     """Return how many threads decode where a scene is opened and nothing else is done."""
     return min(8, os.cpu_count() or 1)
+
+
+def beside_geometry() -> int:
+    """Return how many bytes of pictures are decoded while a scene's geometry is read."""
+    return min(AHEAD * threads_at_most(), MOST_BESIDE)
 
 
 class State(Enum):
