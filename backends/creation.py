@@ -13,8 +13,9 @@ chapter 1.
 
 Python has keyword arguments with defaults. Where a resource is described and made in one place they are the better
 choice: `create_image(device, "rgba8", size, usage, "leaves", levels=5)` names what differs just as well, and makes no
-object in between. A description is better where it lives for a while: it is built in steps, both backends take it, or
-the resources of a row differ in one field.
+object in between (which with its checks is a third of the time of making a small image: 16 of 47 µs on the software
+driver). A description is better where it lives for a while: it is built in steps, both backends take it, or the
+resources of a row differ in one field.
 
 Setters change the description itself; what was made from it stays as it is. `dataclasses.replace(description, size=8)`
 returns another one. A value is checked when it is set, so that the traceback leads to the line that is wrong; what
