@@ -15,11 +15,12 @@ from collections.abc import Callable, Collection, Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 
 from backends.contract import Reloaded, check_arguments, check_moment, check_names, check_size, resolve
+from backends.creation import ImageCreation
 from common.camera import View, exposure
 from common.errors import StaleFrameError
 from common.lessons import Study
@@ -121,6 +122,14 @@ class Stage(ABC):
         """Return what was made; `free(made)` is called as by `keep`, or before, when the picture changes its size."""
         self._kept_sized.append(lambda: free(made))
         return made
+
+    @staticmethod
+    def image_of(
+        pixels: np.ndarray, shape: Literal["2d", "array", "3d"], name: str, format: str
+    ) -> ImageCreation:
+        """Return what an image of pixels (H, W, C), or of layers or slices (N, H, W, C), is on either backend."""
+        layers, height, width = (1, *pixels.shape[:2]) if shape == "2d" else pixels.shape[:3]
+        return ImageCreation(format=format, size=(width, height), shape=shape, layers=layers, name=name)
 
     # --- what a backend writes ---
 

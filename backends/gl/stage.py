@@ -8,7 +8,9 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from backends.creation import BufferCreation
 from backends.gl.context import Context
+from backends.gl.creation import buffer_from, image_from
 from backends.gl.draws import create_vertex_array
 from backends.gl.readback import Readback
 from backends.gl.resources import (
@@ -53,8 +55,10 @@ class Stage(AnyStage):
 
     def per_slot(self, size: int, name: str) -> list[Buffer]:
         """Return a buffer for each frame in flight, written by the CPU where the GPU reads it."""
+        creation = BufferCreation(size=size, memory="upload")
         return [
-            self._buffer(size, "upload", f"{name}, slot {slot}") for slot in range(self.frame_logic.SLOTS)
+            self._made_from(creation.set_name(f"{name}, slot {slot}"))
+            for slot in range(self.frame_logic.SLOTS)
         ]
 
     def filled(self, array: np.ndarray, name: str) -> Buffer:
@@ -75,9 +79,7 @@ class Stage(AnyStage):
 
         One that is `sized` is made by `create_sized` and goes when the picture's size changes.
         """
-        slices = pixels if shape != "2d" else pixels[None]
-        size = slices.shape[2], slices.shape[1]
-        image = create_image(self.device, format, size, name, shape=shape, layers=len(slices))
+        image = image_from(self.device, self.image_of(pixels, shape, name, format))
         (self.keep_sized if sized else self.keep)(image, lambda one: destroy_image(self.device, one))
         write_image(self.device, image, pixels)
         return image
@@ -102,6 +104,10 @@ class Stage(AnyStage):
 
     def _buffer(self, size: int, use: MemoryUse, name: str) -> Buffer:
         made = create_buffer(self.device, size, use, name)
+        return self.keep(made, lambda one: destroy_buffer(self.device, one))
+
+    def _made_from(self, creation: BufferCreation) -> Buffer:
+        made = buffer_from(self.device, creation)
         return self.keep(made, lambda one: destroy_buffer(self.device, one))
 
     # --- what the study is not about ---

@@ -8,9 +8,10 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from backends.creation import BufferCreation, BufferUse
 from backends.stage import Stage as AnyStage
-from backends.vulkan import api as vk
 from backends.vulkan.barriers import barriers, image_barrier
+from backends.vulkan.creation import BUFFER_USAGES, buffer_from, image_from
 from backends.vulkan.device import Device
 from backends.vulkan.instance import Instance
 from backends.vulkan.memory import MemoryUse
@@ -29,13 +30,7 @@ from common.camera import View
 from common.errors import StaleFrameError
 from common.scene import Sampler
 
-USAGES = {
-    "uniform": vk.VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT,
-    "storage": vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT,
-    "vertex": vk.VK_BUFFER_USAGE_VERTEX_BUFFER_BIT,
-    "index": vk.VK_BUFFER_USAGE_INDEX_BUFFER_BIT,
-    "address": vk.VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT,
-}
+USAGES = BUFFER_USAGES
 """The bit of each use that a study has for a buffer."""
 
 
@@ -70,19 +65,18 @@ class Stage(AnyStage):
         """End drawing."""
         commands.end_rendering()
 
-    def per_slot(self, size: int, use: str, name: str) -> list[Buffer]:
+    def per_slot(self, size: int, use: BufferUse, name: str) -> list[Buffer]:
         """Return a buffer for each frame in flight, written by the CPU where the GPU reads it."""
+        creation = BufferCreation(size=size, memory="upload", uses=(use,))
         return [
-            self._buffer(size, USAGES[use], "upload", f"{name}, slot {slot}")
+            self._made_from(creation.set_name(f"{name}, slot {slot}"))
             for slot in range(self.frame_logic.SLOTS)
         ]
 
-    def filled(self, array: np.ndarray, uses: Sequence[str], name: str) -> Buffer:
+    def filled(self, array: np.ndarray, uses: Sequence[BufferUse], name: str) -> Buffer:
         """Return a buffer that holds an array for good."""
-        usage = vk.VK_BUFFER_USAGE_TRANSFER_DST_BIT
-        for use in uses:
-            usage |= USAGES[use]
-        buffer = self._buffer(array.nbytes, usage, "device", name)
+        creation = BufferCreation(size=array.nbytes, uses=("copy_target", *uses), name=name)
+        buffer = self._made_from(creation)
         with Uploader(self.device) as uploader:
             uploader.buffer(buffer, array)
         return buffer
@@ -100,17 +94,7 @@ class Stage(AnyStage):
         One that is `sized` is made by `create_sized` and goes when the picture's size changes.
         """
         slices = pixels if shape != "2d" else pixels[None]
-        usage = vk.VK_IMAGE_USAGE_SAMPLED_BIT | vk.VK_IMAGE_USAGE_TRANSFER_DST_BIT
-        image = create_image(
-            self.device,
-            format,
-            (slices.shape[2], slices.shape[1]),
-            usage,
-            name,
-            layers=len(slices) if shape == "array" else 1,
-            array=shape == "array",
-            depth=len(slices) if shape == "3d" else None,
-        )
+        image = image_from(self.device, self.image_of(pixels, shape, name, format))
         (self.keep_sized if sized else self.keep)(image, lambda one: destroy_image(self.device, one))
         with Uploader(self.device) as uploader:
             uploader.image(image, list(slices))
@@ -137,6 +121,10 @@ class Stage(AnyStage):
 
     def _buffer(self, size: int, usage: int, use: MemoryUse, name: str) -> Buffer:
         made = create_buffer(self.device, size, usage, use, name)
+        return self.keep(made, lambda one: destroy_buffer(self.device, one))
+
+    def _made_from(self, creation: BufferCreation) -> Buffer:
+        made = buffer_from(self.device, creation)
         return self.keep(made, lambda one: destroy_buffer(self.device, one))
 
     # --- what the study is not about ---

@@ -61,12 +61,20 @@ def evaluate(
 @contextmanager
 def traced(context: Context) -> Iterator[list[str]]:
     """Yield a list that gets the name of every raw call made within; moderngl's own are not among them."""
-    fn, names = context.fn, []
+    names: list[str] = []
+    with noted(context, lambda name, _: names.append(name)):
+        yield names
+
+
+@contextmanager
+def noted(context: Context, note: Callable[[str, tuple[Any, ...]], object]) -> Iterator[None]:
+    """Call `note(name, arguments)` before every raw call made within; moderngl's own are not among them."""
+    fn = context.fn
     before = dict(vars(fn))
 
     def logged(name: str, function: Callable[..., Any]) -> Callable[..., Any]:
         def call(*arguments: Any) -> Any:
-            names.append(name)
+            note(name, arguments)
             return function(*arguments)
 
         return call
@@ -75,7 +83,7 @@ def traced(context: Context) -> Iterator[list[str]]:
         if name != "glGetError" and fn.has(name):
             setattr(fn, name, logged(name, getattr(fn, name)))
     try:
-        yield names
+        yield
     finally:
         vars(fn).clear()
         vars(fn).update(before)
