@@ -194,7 +194,7 @@ def _check(source: SourceMaterial, number: int) -> None:
     for name in ("opacity", "metallic", "roughness"):
         value = getattr(source, name)
         if value is not None and not math.isfinite(value):
-            raise SceneError(f"{what} has a {name} that is not finite: correct it")
+            raise SceneError(f"{what} has a number that is not finite as its {name}: correct it")
     if unknown := set(source.textures) - set(ROLES):
         raise SceneError(
             f"{what} has a texture as its {sorted(unknown)[0]!r}, which is none of {', '.join(ROLES)}"
