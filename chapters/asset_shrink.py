@@ -37,6 +37,11 @@ def shrink(sources: Sequence[Path], folder: Path, most: int, data: bool) -> int:
         raise UserError(f"{shown(str(folder))} is a file: name a folder for the textures.")
     paths = [Path(os.path.abspath(path)) for path in sources]
     root = _root(paths)
+    if any(path.is_dir() and path.resolve() == folder.resolve() for path in paths):
+        raise UserError(
+            f"{shown(str(folder))} is a source too, and the next run would shrink what this one writes: "
+            "name another folder, which may be inside it."
+        )
     pictures: list[str] = []
     libraries: list[MaterialList] = []
     for path in paths:

@@ -81,6 +81,7 @@ def test_data_is_averaged_as_numbers(strata, tmp_path):
         (("no.png", "--out", "out"), "There is no "),
         (("text.txt", "--out", "out"), "is neither a folder nor an .mtl file nor a picture"),
         (("empty", "--out", "out"), "There is no picture in empty"),
+        (("empty", "--out", "./empty/"), "empty is a source too"),
         (("a.png", "--out", "text.txt"), "text.txt is a file"),
         (("a.png", "--out", "text.txt/out"), "cannot be written"),
         (("a.png", "--out", "out", "--most", "0"), "0 texels a side are none"),
