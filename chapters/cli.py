@@ -375,6 +375,7 @@ for command_name, made in (
     ("get", cli_assets.get),
     ("add", cli_assets.add),
     ("remove", cli_assets.remove),
+    ("shrink", cli_assets.shrink),
 ):
     models.command(name=command_name, cls=Command)(made)
 app.add_typer(models)

@@ -1,4 +1,4 @@
-"""The options of `strata assets get|add|list|remove`; what they do is in `chapters.asset_command`."""
+"""The options of `strata assets get|add|list|remove|shrink`; what they do is in `asset_command` and `asset_shrink`."""
 
 from __future__ import annotations
 
@@ -57,3 +57,29 @@ def remove(
     from chapters import asset_command
 
     return asset_command.remove(name)
+
+
+def shrink(
+    sources: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="SOURCE...",
+            help="Pictures, folders of pictures, or .mtl files with the textures that they name.",
+            show_default=False,
+        ),
+    ],
+    out: Annotated[
+        Path, typer.Option(metavar="FOLDER", help="Where the files go; made if need be.", show_default=False)
+    ],
+    most: Annotated[int, typer.Option(metavar="TEXELS", help="Of a side, each on its own.")] = 512,
+    data: Annotated[
+        bool,
+        typer.Option(
+            "--data", help="The pictures hold normals, roughness or masks: average numbers, not light."
+        ),
+    ] = False,
+) -> int:
+    """Make small PNGs of textures; with .mtl files, maps of opacity go into the alpha, and materials become records."""
+    from chapters import asset_shrink
+
+    return asset_shrink.shrink(sources, out, most, data)

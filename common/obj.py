@@ -112,8 +112,11 @@ def _text(data: np.ndarray[tuple[int], np.dtype[np.uint8]]) -> str:
     return data.tobytes().decode("utf-8-sig", "replace")
 
 
-def _lines(text: str) -> Iterator[tuple[int, str, list[str]]]:
-    """Yield (number, keyword, words) of lines that say something; a backslash at the end carries on with the next."""
+def statements(text: str) -> Iterator[tuple[int, str, list[str]]]:
+    """Yield (number, keyword, words) of lines that say something; a backslash at the end carries on with the next.
+
+    The texts of .obj and .mtl files alike.
+    """
     words: list[str] = []
     for number, line in enumerate(text.split("\n"), 1):
         content = line.partition("#")[0].rstrip()
@@ -131,7 +134,7 @@ def _parse(text: str) -> _File:
     found = _File({}, [], [], set())
     parts: dict[tuple[str, str], _Part] = {}
     name, material = "", ""
-    for number, keyword, words in _lines(text):
+    for number, keyword, words in statements(text):
         if keyword in values:
             values[keyword].append(words)
             numbers[keyword].append(number)
@@ -242,7 +245,7 @@ def _materials(folder: Path, name: str, line: int, warnings: list[str]) -> dict[
     found: dict[str, Material] = {}
     current = ""
     skipped = set()
-    for number, keyword, words in _lines(text):
+    for number, keyword, words in statements(text):
         if keyword == "newmtl":
             current = " ".join(words)
             found[current] = Material(name=current, metallic=0.0)
@@ -278,6 +281,13 @@ def _with(material: Material, keyword: str, numbers: list[float]) -> Material:
         return replace(material, roughness=one)
     if keyword == "Pm":
         return replace(material, metallic=one)
-    # A Phong lobe of exponent n is about as wide as GGX of alpha = sqrt(2 / (n + 2)), and alpha = roughness^2
-    # (Walter et al. 2007, section 5.2).
-    return replace(material, roughness=float((2 / (numbers[0] + 2)) ** 0.25))
+    return replace(material, roughness=roughness_of_exponent(numbers[0]))
+
+
+def roughness_of_exponent(exponent: float) -> float:
+    """Return the roughness that a Phong exponent (Ns, at least 0) stands for.
+
+    A Phong lobe of exponent n is about as wide as GGX of alpha = sqrt(2 / (n + 2)), and alpha = roughness^2 (Walter et
+    al. 2007, section 5.2).
+    """
+    return float((2 / (exponent + 2)) ** 0.25)
