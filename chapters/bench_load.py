@@ -45,9 +45,6 @@ from common.settings import preset
 ONCE = ("write", "compress")
 """Ways that are no second time the same: there is a cache after them."""
 
-IN_BLOCKS = ("compress", "blocks", "least")
-"""Ways with a cache of blocks."""
-
 OUTPUTS = frozenset({"color", "color_linear"})
 
 AFTER = 20
@@ -74,34 +71,69 @@ def once(
         from chapters.bench_points import recorded_anew
 
         settings = recorded_anew(settings)  # stamps are part of what is recorded: each frame has its own
-    kept = way != "plain" and not streams
+    load = _Load(which, backend, path, size, settings, way)
     with ExitStack() as stack:
         device = open_device(stack, backend)
-        small = _small_images(which, load_scene(path, decode=False), True) if way == "least" else []
         stamps: Stamps | None = None
         if way == "overlap" and isinstance(device, Device) and can_stamp(device):
             stamps = Stamps(device)
             stack.callback(stamps.close)
-        _warm_up(which, backend, path, size, settings, device, way)
+        _warm_up(load, device)
         building = stack.enter_context(_building(which, backend))
+        made = _measured(load, device, building, stamps, picture)
+        # Only now: two renderers at once need memory that one alone, and the load before, find there.
+        alone = _alone(load, device, building) if not streams else 0.0
+    return made | {
+        "load_s": max(made["total_s"] - made["pipelines_s"] - alone, 1e-6),
+        "renderer_s": alone,
+    }
+
+
+@dataclass(frozen=True)
+class _Load:
+    """What is loaded, how, and into what."""
+
+    which: chapters.Whole
+    backend: str
+    path: Path
+    size: tuple[int, int]
+    settings: Any
+    way: str
+
+    @property
+    def in_blocks(self) -> bool:
+        """Whether textures come as blocks."""
+        return self.way in ("compress", "blocks", "least")
+
+    def renderer(self, scene: Scene, device: Any) -> Any:
+        """Return a renderer of a scene, to be closed."""
+        return chapters.open(
+            self.which,
+            self.backend,
+            scene=scene,
+            size=self.size,
+            settings=self.settings,
+            outputs=OUTPUTS,
+            device=device,
+        )
+
+
+def _measured(
+    load: _Load, device: Any, building: list[float], stamps: Stamps | None, picture: Path | None
+) -> dict[str, Any]:
+    """Return the figures of the load itself, after which scene and renderer are closed."""
+    streams, way = load.settings.loading == "stream", load.way
+    small = _small_images(load, load_scene(load.path, decode=False)) if way == "least" else []
+    with ExitStack() as stack:
         before = _peak_bytes()
         began = clock.perf_counter()
-        opening = stack.enter_context(open_scene(which, str(path), cached=kept, compressed=way in IN_BLOCKS))
-        scene = opening.scene
-        if way == "least":
-            scene = replace(scene, images=small)
-        opened = clock.perf_counter()
-        renderer: Any = stack.enter_context(
-            chapters.open(
-                which,
-                backend,
-                scene=scene,
-                size=size,
-                settings=settings,
-                outputs=OUTPUTS,
-                device=device,
-            )
+        cached = way != "plain" and not streams
+        opening = stack.enter_context(
+            open_scene(load.which, str(load.path), cached=cached, compressed=load.in_blocks)
         )
+        scene = replace(opening.scene, images=small) if way == "least" else opening.scene
+        opened = clock.perf_counter()
+        renderer = stack.enter_context(load.renderer(scene, device))
         made, pipelines = clock.perf_counter(), sum(building)
         frames = _frames(renderer, way == "stream") if streams else {}
         if way in ONCE:
@@ -112,16 +144,13 @@ def once(
         if picture is not None:
             frame = renderer.render(chapters.view_of(renderer))
             np.savez(picture, **{name: frame.image(name) for name in OUTPUTS})
-        alone = _alone(which, backend, size, settings, device, building) if not streams else 0.0
         decoded = sum(image.width * image.height * 4 * image.dtype.itemsize for image in scene.images)
         arrays = (scene.positions, scene.normals, scene.tangents, scene.uv0, scene.indices)
         return {
             "scene_s": opened - began,
             "open_s": made - opened,
             "total_s": done - began,
-            "load_s": max(done - began - pipelines - alone, 1e-6),
             "pipelines_s": pipelines,
-            "renderer_s": alone,
             "peak_bytes": grown,
             "textures": len(scene.images),
             "decoded_bytes": decoded,
@@ -131,59 +160,39 @@ def once(
         }
 
 
-def _warm_up(
-    which: chapters.Whole,
-    backend: str,
-    path: Path,
-    size: tuple[int, int],
-    settings: Any,
-    device: Any,
-    way: str,
-) -> None:
+def _warm_up(load: _Load, device: Any) -> None:
     """Open the scene once with textures of a few texels, always from its file: what the first of all costs goes here.
 
     Textures are stored as the measured load will store them, since a driver may compile code for each format. Nothing
     of a cache is touched, and no texture of the file is decoded.
     """
-    import_module(f"{chapters.package_of(which)}.logic.scene_cache")
-    opened = load_scene(path, decode=False)
-    scene = replace(opened, images=_small_images(which, opened, way in IN_BLOCKS))
-    with chapters.open(
-        which, backend, scene=scene, size=size, settings=settings, outputs=OUTPUTS, device=device
-    ) as renderer:
+    import_module(f"{chapters.package_of(load.which)}.logic.scene_cache")
+    opened = load_scene(load.path, decode=False)
+    with load.renderer(replace(opened, images=_small_images(load, opened)), device) as renderer:
         renderer.render(chapters.view_of(renderer)).image("color")
 
 
-def _small_images(which: chapters.Whole, scene: Scene, in_blocks: bool) -> list[Image]:
+def _small_images(load: _Load, scene: Scene) -> list[Image]:
     """Return pictures of a few texels in the place of a scene's, which are stored as those would be."""
-    cached = import_module(f"{chapters.package_of(which)}.logic.cached_images")
+    cached = import_module(f"{chapters.package_of(load.which)}.logic.cached_images")
     uses = cached.image_uses(scene)
     small: list[Image] = []
     for number, image in enumerate(scene.images):
         pixels = np.full((4, 4, 4), 255, image.dtype)
-        compressed = in_blocks and cached.is_compressible(image)
+        compressed = load.in_blocks and cached.is_compressible(image)
         chains = {use: cached.compress(pixels, use) for use in uses.get(number, ()) if compressed}
         small.append(_Small(image.name, pixels, chains))
     return small
 
 
-def _alone(
-    which: chapters.Whole,
-    backend: str,
-    size: tuple[int, int],
-    settings: Any,
-    device: Any,
-    building: list[float],
-) -> float:
+def _alone(load: _Load, device: Any, building: list[float]) -> float:
     """Return the seconds that a renderer takes to open for one square without a texture, but for its pipelines."""
     scene = replace(crowd(1, 1), materials=[Material()], images=[])
     took = []
     for _ in range(3):
         building.clear()
         began = clock.perf_counter()
-        with chapters.open(
-            which, backend, scene=scene, size=size, settings=settings, outputs=OUTPUTS, device=device
-        ):
+        with load.renderer(scene, device):
             took.append(clock.perf_counter() - began - sum(building))
     return min(took)
 

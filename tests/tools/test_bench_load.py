@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from backends.vulkan.device import Device
 from chapters import bench_load, bench_scene
 from chapters.ch03.graphics.pipelines import Pipelines
 from chapters.ch03.logic import scene_cache
@@ -35,6 +36,10 @@ def load(path: Path, way: str) -> dict[str, float]:
         pytest.skip(f"no Vulkan, or none that samples blocks: {error}")
 
 
+def way(name: str) -> bench_load._Load:
+    return bench_load._Load(3, "vulkan", Path(), SIZE, None, name)
+
+
 def caches(path: Path) -> list[Path]:
     return [
         one
@@ -52,6 +57,19 @@ def test_a_load_is_all_but_pipelines_and_what_any_scene_takes(squares):
     parts = plain["load_s"] + plain["pipelines_s"] + plain["renderer_s"]
     assert parts == pytest.approx(plain["total_s"])
     assert plain["load_s"] >= plain["scene_s"] > 0
+
+
+def test_what_any_scene_takes_is_measured_when_the_scene_is_gone(squares, monkeypatch):
+    """Beside another renderer it would need memory that the load found there, and too much would be taken out."""
+    alone, before = bench_load._alone, []
+
+    def recorded(load: bench_load._Load, device: Device, building: list[float]) -> float:
+        before.append(dict(device.alive))
+        return alone(load, device, building)
+
+    monkeypatch.setattr(bench_load, "_alone", recorded)
+    load(squares, "plain")
+    assert before and not [kind for kind, _ in before[0] if kind in ("VkBuffer", "VkImage", "VkPipeline")]
 
 
 def test_the_time_of_pipelines_is_that_of_the_calls_that_build_them(monkeypatch):
@@ -90,7 +108,7 @@ def test_the_warm_up_neither_reads_nor_writes_a_cache_and_decodes_nothing(square
             device = bench_load.open_device(stack, "vulkan")
         except UnsupportedError as error:
             pytest.skip(f"no Vulkan: {error}")
-        bench_load._warm_up(3, "vulkan", squares, SIZE, settings, device, "plain")
+        bench_load._warm_up(bench_load._Load(3, "vulkan", squares, SIZE, settings, "plain"), device)
     assert caches(squares) == []
 
 
@@ -99,14 +117,16 @@ def test_small_textures_are_stored_as_the_large_ones_are(squares):
         pytest.skip("etcpak is not installed")
     scene = load_scene(squares, decode=False)
     uses = image_uses(scene)
-    small = bench_load._small_images(3, scene, True)
+    small = bench_load._small_images(way("blocks"), scene)
     assert len(small) == len(scene.images) and {len(ways) for ways in uses.values()} == {1}
     for number, (use,) in uses.items():
         (chain, large) = small[number].chain(*use), compress(scene.images[number].pixels, use)
         assert chain is not None and small[number].pixels.shape == (4, 4, 4)
         assert (chain.format, chain.swizzle) == (large.format, large.swizzle)
         assert len(chain.levels) == (3 if use[1] else 1)
-    assert all(one.chain(*use) is None for one in bench_load._small_images(3, scene, False) for use in CHAINS)
+    assert all(
+        one.chain(*use) is None for one in bench_load._small_images(way("plain"), scene) for use in CHAINS
+    )
 
 
 @pytest.mark.feature("tools/bench")
