@@ -303,14 +303,14 @@ def stored_shape(image: Image, level: int) -> tuple[int, int]:
 
 
 class MipPipeline:
-    """The compute pipelines of `shaders/mips.comp` for images of one format, or arrays of them: data, and sRGB."""
+    """The compute pipelines of `shaders/mips.comp` for images of one format, or arrays of them.
+
+    There is one for colour that is sRGB-coded and one for all else, each made when it is needed first, or by `build`.
+    """
 
     def __init__(self, device: Device, format: str, layered: bool) -> None:
-        self._device = device
-        defines: dict[str, int | str] = {"FORMAT": format, **({"LAYERED": 1} if layered else {})}
-        kinds = [defines, defines | {"SRGB": 1}]
-        path = ROOT / "shaders" / "mips.comp"
-        codes = [compile_shader(shader_text.build(path, "vulkan", defines=kind)) for kind in kinds]
+        self._device, self._format, self._layered = device, format, layered
+        self._pipelines: dict[bool, Any] = {}
         self._sampler = device.create("vkCreateSampler", vk.new("VkSamplerCreateInfo"), "texel fetches")
         stage = vk.VK_SHADER_STAGE_COMPUTE_BIT
         bindings = [
@@ -331,26 +331,39 @@ class MipPipeline:
             pPushConstantRanges=[{"stageFlags": stage, "size": PUSH_BYTES}],
         )
         self._layout = device.create("vkCreatePipelineLayout", info, "mips")
-        modules = [
-            device.create(
-                "vkCreateShaderModule", vk.new("VkShaderModuleCreateInfo", codeSize=len(code), pCode=code)
-            )
-            for code in codes
-        ]
-        infos = [
-            vk.new(
-                "VkComputePipelineCreateInfo",
-                stage=vk.new("VkPipelineShaderStageCreateInfo", stage=stage, module=module, pName="main"),
-                layout=self._layout,
-            )
-            for module in modules
-        ]
-        made = vk.array("VkComputePipelineCreateInfo", infos)
-        names = [f"mips {format}", f"mips {format}, sRGB"]
-        self._pipelines = device.create_pipelines("vkCreateComputePipelines", made, names)
-        for module in modules:
-            device.destroy("VkShaderModule", module)
         self._make_ahead()
+
+    def build(self, srgb: bool) -> Any:
+        """Return the pipeline for colour that is sRGB-coded, or for all else."""
+        if srgb in self._pipelines:
+            return self._pipelines[srgb]
+        device = self._device
+        defines: dict[str, int | str] = {"FORMAT": self._format}
+        defines |= {name: 1 for name, on in (("LAYERED", self._layered), ("SRGB", srgb)) if on}
+        source = shader_text.build(ROOT / "shaders" / "mips.comp", "vulkan", defines=defines)
+        code = compile_shader(source)
+        module = device.create(
+            "vkCreateShaderModule", vk.new("VkShaderModuleCreateInfo", codeSize=len(code), pCode=code)
+        )
+        infos = vk.array(
+            "VkComputePipelineCreateInfo",
+            [
+                vk.new(
+                    "VkComputePipelineCreateInfo",
+                    stage=vk.new(
+                        "VkPipelineShaderStageCreateInfo",
+                        stage=vk.VK_SHADER_STAGE_COMPUTE_BIT,
+                        module=module,
+                        pName="main",
+                    ),
+                    layout=self._layout,
+                )
+            ],
+        )
+        name = f"mips {self._format}{', sRGB' if srgb else ''}"
+        self._pipelines[srgb] = device.create_pipelines("vkCreateComputePipelines", infos, [name])[0]
+        device.destroy("VkShaderModule", module)
+        return self._pipelines[srgb]
 
     def create_pool(self) -> Any:
         """Return a pool for the descriptor sets of SETS levels."""
@@ -392,7 +405,7 @@ class MipPipeline:
         point, stage = vk.VK_PIPELINE_BIND_POINT_COMPUTE, vk.VK_SHADER_STAGE_COMPUTE_BIT
         push[4] = 255 if FORMATS[format][2] is np.uint8 else 0
         width, height = image.width, image.height
-        fn.vkCmdBindPipeline(commands, point, self._pipelines[int(srgb)])
+        fn.vkCmdBindPipeline(commands, point, self.build(srgb))
         for level in range(1, image.levels):
             fn.vkCmdBindDescriptorSets(commands, point, layout, 0, 1, sets + level - 1, 0, vk.NULL)
             above, width, height = (width, height), max(1, width >> 1), max(1, height >> 1)
@@ -429,7 +442,7 @@ class MipPipeline:
 
     def close(self) -> None:
         """Free the pipeline."""
-        for pipeline in self._pipelines:
+        for pipeline in self._pipelines.values():
             self._device.destroy("VkPipeline", pipeline)
         self._device.destroy("VkPipelineLayout", self._layout)
         self._device.destroy("VkDescriptorSetLayout", self._set_layout)

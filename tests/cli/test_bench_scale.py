@@ -157,7 +157,7 @@ def test_a_start_times_the_drivers_calls_first_and_again(subject, tmp_path, monk
     monkeypatch.setattr(Settings, "PIPELINES", staticmethod(lambda: crowd(1, 1)))
     picture = tmp_path / "picture.npy"
     found = bench_pipelines.once(2, (8, 8), picture)
-    assert found["pipelines"] == 2  # one kind of material, and the clear colour's way to the output
+    assert found["pipelines"] == 2  # one kind of material, and the mip levels of its picture
     assert min(found["first"], found["again"]) > 0
     assert found["cache_bytes"] >= bench_pipelines.HEADER_BYTES
     assert np.load(picture).shape == (8, 8, 3)

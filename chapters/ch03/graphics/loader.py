@@ -58,10 +58,13 @@ class Loader:
     def prepare(self, formats: Iterable[tuple[str, bool]]) -> None:
         """Make ahead what no frame should have to: pipelines for images of (format, whether arrays) with levels."""
         if self._loading.streams and self._loading.busy:
-            makers = [self._pipeline(*key).create_pool for key in formats]
+            pipelines = [self._pipeline(*key) for key in formats]
+            for pipeline in pipelines:
+                pipeline.build(srgb=False)
+                pipeline.build(srgb=True)
             if self._staging is None:
                 self._open()
-                self._takes.rehearse(makers[0] if makers else None)
+                self._takes.rehearse(pipelines[0].create_pool if pipelines else None)
                 if not self.one_family:
                     self._copies.rehearse(None)
 
