@@ -11,7 +11,7 @@ from chapters.ch05.logic.cloth_types import Steps
 from chapters.ch05.settings import Settings
 
 ROOT = Path(__file__).parents[2]
-RECORD = ROOT / "docs" / "benchmarks" / "ch05-parts-nvidia-h200.json"
+RECORD = ROOT / "docs" / "benchmarks" / "ch05-discrete.json"
 WITHIN = 0.2
 """Part of the true stretch by which that of the default may be off."""
 
