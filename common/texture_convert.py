@@ -226,6 +226,8 @@ def _decoded(data: bytes, name: str, notes: list[str]) -> Bytes | None:
             return np.array(picture.convert("RGBA"))
     except Pillow.DecompressionBombError:
         notes.append(f"{name} has more pixels than the {MAX_PIXELS} that are converted at most.")
+    except MemoryError:  # says nothing about the file, and a placeholder would be kept by later runs
+        raise
     except Exception as error:  # as above
         about = "of no kind that can be read" if isinstance(error, UnidentifiedImageError) else "damaged"
         notes.append(f"{name} is {about}.")

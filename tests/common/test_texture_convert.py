@@ -401,3 +401,18 @@ def test_a_second_run_decodes_no_source(tmp_path, folder, monkeypatch):
     convert_textures(REQUESTS, folder, tmp_path / "out")
     monkeypatch.setattr(texture_convert, "_decoded", lambda *_: pytest.fail("a source was decoded"))
     assert not any(one.written for one in convert_textures(REQUESTS, folder, tmp_path / "out").values())
+
+
+def test_without_memory_no_placeholder_is_written(tmp_path, folder, monkeypatch):
+    """It would be kept: the next run finds the same sources."""
+    out, before = tmp_path / "out", Image.Image.convert
+
+    def convert(*_):
+        raise MemoryError
+
+    monkeypatch.setattr(Image.Image, "convert", convert)
+    with pytest.raises(MemoryError):
+        convert_textures(REQUESTS[:1], folder, out)
+    assert not list(out.iterdir())
+    monkeypatch.setattr(Image.Image, "convert", before)
+    assert not convert_textures(REQUESTS[:1], folder, out)[REQUESTS[0]].placeholder
