@@ -32,7 +32,7 @@ from PIL.PngImagePlugin import PngInfo
 
 from common.color import encode_srgb, srgb8_table
 from common.errors import UserError
-from common.file_repair import Finder, as_typed
+from common.file_repair import Finder, as_typed, leads_out
 from common.names import stable_hash
 from common.paths import write_whole
 
@@ -201,7 +201,9 @@ def _read(name: str, finder: Finder, notes: list[str]) -> bytes | None:
         return None
     path = finder.find(name)
     if path is None:
-        notes.append(f"{name} is not there.")  # nor says the file that keeps this on whose machine
+        # The note is kept in a file, which does not say on whose machine.
+        outside = leads_out(name)
+        notes.append(f"{name} {'lies outside the folder of the sources' if outside else 'is not there'}.")
         return None
     try:
         return path.read_bytes()
