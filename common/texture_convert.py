@@ -23,6 +23,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
+from warnings import catch_warnings, simplefilter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -130,7 +131,11 @@ def convert_textures(
     found: dict[TextureRequest, Converted] = {}
     try:
         out.mkdir(parents=True, exist_ok=True)
-        with ThreadPoolExecutor(min(8, os.cpu_count() or 1), thread_name_prefix="convert-texture") as pool:
+        with (
+            catch_warnings(),
+            ThreadPoolExecutor(min(8, os.cpu_count() or 1), thread_name_prefix="convert-texture") as pool,
+        ):
+            simplefilter("ignore", Pillow.DecompressionBombWarning)  # a note says it
             try:
                 made = pool.map(lambda one: _made(one, finder, out / one.output, most), wanted)
                 for number, (request, one) in enumerate(zip(wanted, made, strict=True), 1):

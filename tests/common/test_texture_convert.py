@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import unicodedata
+import warnings
+import zlib
 from fractions import Fraction
 
 import numpy as np
@@ -255,10 +257,16 @@ def test_what_is_absent_or_damaged_is_a_placeholder_with_a_note(tmp_path, folder
     done, found = one(TextureRequest("absent.png", "mask.png"), folder, tmp_path / "out")
     assert done.placeholder and found.shape == (40, 30, 4) and (found[..., :3] == 255).all()
     huge = folder / "huge.png"
-    huge.write_bytes(
-        (folder / "a.png").read_bytes()[:16] + (2**16).to_bytes(4, "big") * 2 + b"\x08\x02\0\0\0"
-    )
-    assert "huge.png" in one(TextureRequest("huge.png"), folder, tmp_path / "out")[0].note
+    data = (folder / "a.png").read_bytes()
+    for width, height in ((2**16, 2**16), (10_000, 9_500)):  # of the second Pillow only warns
+        size = width.to_bytes(4, "big") + height.to_bytes(4, "big")
+        head = data[12:16] + size + data[24:29]
+        huge.write_bytes(data[:12] + head + zlib.crc32(head).to_bytes(4, "big") + b"\0\0\0\x09IDAT")
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            done, _ = one(TextureRequest("huge.png"), folder, tmp_path / "out")
+        assert done.note == "huge.png has more pixels than the 67108864 that are converted at most."
+        assert not told
 
 
 @offline
