@@ -73,6 +73,14 @@ def _whole(least: int) -> Rule:
     return rule
 
 
+def _samples(value: Any) -> int:
+    number: int = _whole(1)(value)
+    # Vulkan's flag of a count is the count; OpenGL makes 4 of 3 without a word.
+    if number not in (1, 2, 4, 8, 16, 32, 64):
+        raise ValueError(": give 1, 2, 4, 8, 16, 32 or 64.")
+    return number
+
+
 def _anisotropy(value: Any) -> float:
     if not (isinstance(value, numbers.Real) and 1.0 <= float(value) < math.inf):
         raise ValueError(": give a number from 1 on.")
@@ -265,7 +273,7 @@ class ImageCreation(Creation):
         "shape": _word(get_args(Shape)),
         "layers": _whole(1),
         "levels": _whole(1),
-        "samples": _whole(1),
+        "samples": _samples,
         "uses": _words(get_args(ImageUse)),
         "view_format": _or_none(_text),
         "swizzle": _swizzle,

@@ -37,9 +37,10 @@ def shrink(sources: Sequence[Path], folder: Path, most: int, data: bool) -> int:
         raise UserError(f"{shown(str(folder))} is a file: name a folder for the textures.")
     paths = [Path(os.path.abspath(path)) for path in sources]
     root = _root(paths)
-    if any(path.is_dir() and path.resolve() == folder.resolve() for path in paths):
+    pictured = [path if path.is_dir() else path.parent for path in paths if not _is_library(path)]
+    if any(one.resolve() == folder.resolve() for one in pictured):
         raise UserError(
-            f"{shown(str(folder))} is a source too, and the next run would shrink what this one writes: "
+            f"{shown(str(folder))} has sources in it, and the next run might shrink what this one writes: "
             "name another folder, which may be inside it."
         )
     pictures: list[str] = []
@@ -47,7 +48,7 @@ def shrink(sources: Sequence[Path], folder: Path, most: int, data: bool) -> int:
     for path in paths:
         if path.is_dir():
             pictures += [_below(root, path, name) for name in pictures_in(path, folder)]
-        elif path.suffix.lower() == ".mtl":
+        elif _is_library(path):
             libraries.append(_library(path, root))
         else:
             pictures.append(_below(root, path.parent, path.name))
@@ -85,6 +86,10 @@ def _root(paths: Sequence[Path]) -> Path:
         return Path(os.path.commonpath([path if path.is_dir() else path.parent for path in paths]))
     except ValueError:
         raise UserError("The sources are on different drives: convert those of each on its own.") from None
+
+
+def _is_library(path: Path) -> bool:
+    return path.suffix.lower() == ".mtl" and not path.is_dir()
 
 
 def _below(root: Path, folder: Path, name: str) -> str:

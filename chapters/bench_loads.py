@@ -19,7 +19,8 @@ Memory is what the process grew by at its peak, over a process that has opened t
 textures.
 
 Beside them, `pillow` is what a program takes that reads the document with pygltflib and decodes the images with Pillow
-on as many threads, and uploads nothing; `read` is the same work done by our own reader, which also makes geometry.
+on as many threads, and uploads nothing; `read` is that work done by our own reader, which also makes geometry, and
+decodes no picture that nothing drawn has.
 """
 
 from __future__ import annotations
@@ -227,8 +228,8 @@ def sentences(one: dict[str, Any]) -> list[str]:
     faster, errors = one["times_faster"], one["errors"]
     said = [
         f"From the cache it is there {faster['cached']:.1f} times as fast, "
-        f"from that of blocks {faster['blocks']:.1f} times. No cache of its textures could bring more than "
-        f"{faster['least']:.1f} times: as fast is the same scene without its texels.",
+        f"from that of blocks {faster['blocks']:.1f} times. Without its texels it is there {faster['least']:.1f} times "
+        "as fast: about the most that a cache of textures can bring.",
     ]
     if errors["cached"]["pixels_differ"]:
         said.append(f"Its picture differs by up to {errors['cached']['max_abs']:.2g}.")

@@ -21,6 +21,12 @@ def as_typed(name: str) -> str:
     return "/".join(parts)
 
 
+def leads_out(name: str) -> bool:
+    """Whether a name as an asset has it begins at a root or a drive, or climbs out of its folder."""
+    absolute = name.startswith(("/", "\\")) or re.match("[A-Za-z]:", name) is not None
+    return absolute or as_typed(name).split("/")[0] == ".."
+
+
 class Finder:
     """Finds files below a folder by names as they stand in assets. Folders are listed once, so files must not move."""
 
@@ -37,7 +43,7 @@ class Finder:
         folder, by a drive, a "..", or a link that leads there, is none.
         """
         typed = as_typed(name)
-        if not typed or name.startswith(("/", "\\")) or re.match("[A-Za-z]:", name) or "\0" in name:
+        if not typed or leads_out(name) or "\0" in name:
             return None
         with suppress(OSError, RuntimeError):  # folders that cannot be read, and links in a circle
             return self._find(self.folder, typed.split("/"))

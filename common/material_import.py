@@ -38,6 +38,9 @@ depth pre-pass for 5 % that nobody sees."""
 MASKED = 0.5
 """The alpha test of a material that has a map of opacity, or a colour of transparency."""
 
+LARGEST = float(np.finfo(np.float32).max) / 2
+"""What is larger may be infinite as float32, or when it is added to another one."""
+
 ROLES = ("occlusion", "emissive", "diffuse", "metallic_roughness", "normals", "height", "opacity")
 """What a source material may have a texture for."""
 
@@ -189,7 +192,7 @@ def _check(source: SourceMaterial, number: int) -> None:
     what = f"material {number}" + (f" ({source.name[:80]})" if source.name else "")
     for name in ("ambient", "diffuse", "emissive", "transparency"):
         color = getattr(source, name)
-        if color is not None and (len(color) not in (3, 4) or not all(map(math.isfinite, color))):
+        if color is not None and (len(color) not in (3, 4) or not all(abs(c) <= LARGEST for c in color)):
             raise SceneError(f"{what} has no three or four finite numbers as its {name} colour: correct them")
     for name in ("opacity", "metallic", "roughness"):
         value = getattr(source, name)
@@ -265,7 +268,7 @@ def parse_mtl(text: str, name: str = "the library") -> tuple[list[SourceMaterial
 
 
 def _with(source: SourceMaterial, keyword: str, numbers: list[float]) -> SourceMaterial:
-    if not all(map(math.isfinite, numbers)):
+    if not all(abs(number) <= LARGEST for number in numbers):  # nor is one that is none
         raise ValueError
     if keyword in ("Kd", "Ke"):
         red, green, blue = (max(value, 0.0) for value in numbers[:3])

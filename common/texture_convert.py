@@ -23,6 +23,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
+from warnings import catch_warnings, simplefilter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +33,7 @@ from PIL.PngImagePlugin import PngInfo
 
 from common.color import encode_srgb, srgb8_table
 from common.errors import UserError
-from common.file_repair import Finder, as_typed
+from common.file_repair import Finder, as_typed, leads_out
 from common.names import stable_hash
 from common.paths import write_whole
 
@@ -130,7 +131,11 @@ def convert_textures(
     found: dict[TextureRequest, Converted] = {}
     try:
         out.mkdir(parents=True, exist_ok=True)
-        with ThreadPoolExecutor(min(8, os.cpu_count() or 1), thread_name_prefix="convert-texture") as pool:
+        with (
+            catch_warnings(),
+            ThreadPoolExecutor(min(8, os.cpu_count() or 1), thread_name_prefix="convert-texture") as pool,
+        ):
+            simplefilter("ignore", Pillow.DecompressionBombWarning)  # a note says it
             try:
                 made = pool.map(lambda one: _made(one, finder, out / one.output, most), wanted)
                 for number, (request, one) in enumerate(zip(wanted, made, strict=True), 1):
@@ -201,7 +206,9 @@ def _read(name: str, finder: Finder, notes: list[str]) -> bytes | None:
         return None
     path = finder.find(name)
     if path is None:
-        notes.append(f"{name} is not there.")  # nor says the file that keeps this on whose machine
+        # The note is kept in a file, which does not say on whose machine.
+        outside = leads_out(name)
+        notes.append(f"{name} {'lies outside the folder of the sources' if outside else 'is not there'}.")
         return None
     try:
         return path.read_bytes()
@@ -226,6 +233,8 @@ def _decoded(data: bytes, name: str, notes: list[str]) -> Bytes | None:
             return np.array(picture.convert("RGBA"))
     except Pillow.DecompressionBombError:
         notes.append(f"{name} has more pixels than the {MAX_PIXELS} that are converted at most.")
+    except MemoryError:  # says nothing about the file, and a placeholder would be kept by later runs
+        raise
     except Exception as error:  # as above
         about = "of no kind that can be read" if isinstance(error, UnidentifiedImageError) else "damaged"
         notes.append(f"{name} is {about}.")

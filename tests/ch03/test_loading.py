@@ -347,14 +347,15 @@ def test_what_is_decoded_ahead_is_bounded_however_large_images_are():
         loading.stop()
 
 
+@pytest.mark.parametrize("cached", [False, True])
 @pytest.mark.parametrize(("processors", "images"), [(1, 1), (2, 2), (64, 3)])
-def test_few_pictures_are_decoded_while_geometry_is_read(tmp_path, monkeypatch, processors, images):
+def test_few_pictures_are_decoded_while_geometry_is_read(tmp_path, monkeypatch, processors, images, cached):
     """Pictures of 4 MiB each: one for each thread, and however many there are, three."""
     path = bench_scene.write(tmp_path, 6, 1024)
     monkeypatch.setattr(os, "cpu_count", lambda: processors)
     begun = []
     monkeypatch.setattr(_Maker, "begin", lambda self, pool, copied: begun.append(self))
-    opened = scene_cache.open_scene(path, cached=False)
+    opened = scene_cache.open_scene(path, cached=cached)
     assert len(opened.scene.images) == 6 and len(begun) == images
 
 

@@ -239,6 +239,24 @@ def test_the_first_frame_copies_nothing_however_much_is_decoded(chapter, gated):
         assert codes(second) == [list(color[:3]) for color in COLORS]
 
 
+@pytest.mark.variants("vulkan", "without-all")
+def test_what_a_driver_does_for_the_first_time_is_done_before_frames_that_fill_in(chapter, gated):
+    """No frame builds a pipeline, for levels of colour or of data, nor frees what geometry was copied from."""
+    pictures = gated(*(plain((9 * n, 80, 200, 255), (4, 4)) for n in range(5)))
+    pictures.open()
+    scene = lit_scene(pictures.images, {role: n for n, role in enumerate(ROLES)})
+    smooth = replace(NEAREST, min="linear", mag="linear", mipmap="linear")
+    refs = {f"{role}_texture": texture(number, smooth) for number, role in enumerate(ROLES)}
+    scene = replace(scene, materials=[replace(scene.materials[0], **refs)])
+    with open_(chapter, scene, STREAM, (24, 24)) as renderer:
+        assert not [name for name in chapter.device.alive.values() if name.startswith("upload ring")]
+        drawn(renderer)
+        with chapter.calls() as calls:
+            work = frames_until(renderer, loaded)[-1][1]
+        assert work["textures_resident"] == 5 and "vkCmdDispatch" in calls  # levels were made
+        assert not [name for name in calls if name.endswith("Pipelines")]
+
+
 def test_everything_is_there_before_the_first_frame_where_frames_wait(chapter, gated):
     pictures = gated(*(plain(color) for color in COLORS))
     pictures.open()

@@ -132,6 +132,10 @@ def test_textures_are_numbered_as_they_come_and_found_again():
             r"material 0 \(x\) has no three or four finite numbers as its diff",
         ),
         (
+            {"ambient": (3e38, 0, 0), "emissive": (3e38, 0, 0)},
+            "material 0 has no three or four finite numbers",
+        ),
+        (
             {"transparency": (0.5,)},
             "material 0 has no three or four finite numbers as its transparency colour",
         ),
@@ -175,6 +179,7 @@ norm leaf_n.tga
 bump leaf_h.tga
 MAP_D -imfchan m leaf_o.png
 d nan
+Kd 1e39 0 0
 """
 
 
@@ -202,6 +207,7 @@ def test_a_wavefront_library_is_read(tmp_path):
         "Line 14 of a.mtl names no file for map_d and was left out.",
         "Line 19 of a.mtl has no numbers for Pr and was left out.",
         "Line 23 of a.mtl has no numbers for d and was left out.",
+        "Line 24 of a.mtl has no numbers for Kd and was left out.",
         "Textures of a.mtl (map_Ka) were left out.",
     ]
     made = import_materials([bark, leaf])

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import unicodedata
+import warnings
+import zlib
 from fractions import Fraction
 
 import numpy as np
@@ -255,10 +257,16 @@ def test_what_is_absent_or_damaged_is_a_placeholder_with_a_note(tmp_path, folder
     done, found = one(TextureRequest("absent.png", "mask.png"), folder, tmp_path / "out")
     assert done.placeholder and found.shape == (40, 30, 4) and (found[..., :3] == 255).all()
     huge = folder / "huge.png"
-    huge.write_bytes(
-        (folder / "a.png").read_bytes()[:16] + (2**16).to_bytes(4, "big") * 2 + b"\x08\x02\0\0\0"
-    )
-    assert "huge.png" in one(TextureRequest("huge.png"), folder, tmp_path / "out")[0].note
+    data = (folder / "a.png").read_bytes()
+    for width, height in ((2**16, 2**16), (10_000, 9_500)):  # of the second Pillow only warns
+        size = width.to_bytes(4, "big") + height.to_bytes(4, "big")
+        head = data[12:16] + size + data[24:29]
+        huge.write_bytes(data[:12] + head + zlib.crc32(head).to_bytes(4, "big") + b"\0\0\0\x09IDAT")
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            done, _ = one(TextureRequest("huge.png"), folder, tmp_path / "out")
+        assert done.note == "huge.png has more pixels than the 67108864 that are converted at most."
+        assert not told
 
 
 @offline
@@ -300,7 +308,9 @@ def test_nothing_outside_the_folder_is_read(tmp_path, name):
     (home / "link.png").symlink_to(tmp_path / "secret.png")
     (home / "up").symlink_to(tmp_path)
     done, found = one(TextureRequest(name), home, tmp_path / "out")
-    assert done.placeholder and "is not there" in done.note and found.shape != secret.shape
+    assert done.placeholder and found.shape != secret.shape
+    linked = name in ("link.png", "up/secret.png", "\0")
+    assert done.note == f"{name} {'is not there' if linked else 'lies outside the folder of the sources'}."
 
 
 def test_the_exact_name_comes_first_and_accents_are_one_however_they_are_composed(tmp_path):
@@ -401,3 +411,18 @@ def test_a_second_run_decodes_no_source(tmp_path, folder, monkeypatch):
     convert_textures(REQUESTS, folder, tmp_path / "out")
     monkeypatch.setattr(texture_convert, "_decoded", lambda *_: pytest.fail("a source was decoded"))
     assert not any(one.written for one in convert_textures(REQUESTS, folder, tmp_path / "out").values())
+
+
+def test_without_memory_no_placeholder_is_written(tmp_path, folder, monkeypatch):
+    """It would be kept: the next run finds the same sources."""
+    out, before = tmp_path / "out", Image.Image.convert
+
+    def convert(*_):
+        raise MemoryError
+
+    monkeypatch.setattr(Image.Image, "convert", convert)
+    with pytest.raises(MemoryError):
+        convert_textures(REQUESTS[:1], folder, out)
+    assert not list(out.iterdir())
+    monkeypatch.setattr(Image.Image, "convert", before)
+    assert not convert_textures(REQUESTS[:1], folder, out)[REQUESTS[0]].placeholder

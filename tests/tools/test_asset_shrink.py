@@ -49,7 +49,9 @@ def test_libraries_of_two_folders_become_one_list(strata, tmp_path):
     words = ("assets", "shrink", "a/x.mtl", "b/x.mtl", "--out", "out")
     code, out, err = strata(*words)
     assert code == 0 and "scene.materials has 3 materials." in out
-    assert err == "Textures of x.mtl (map_Ks) were left out.\nC:/n.png is not there.\n"
+    assert (
+        err == "Textures of x.mtl (map_Ks) were left out.\nC:/n.png lies outside the folder of the sources.\n"
+    )
     materials = read_material_file(tmp_path / "out" / "scene.materials")
     assert materials.records["opacity"].tolist() == [0.5, 0.5, 1]
     one, two, three = (
@@ -81,7 +83,8 @@ def test_data_is_averaged_as_numbers(strata, tmp_path):
         (("no.png", "--out", "out"), "There is no "),
         (("text.txt", "--out", "out"), "is neither a folder nor an .mtl file nor a picture"),
         (("empty", "--out", "out"), "There is no picture in empty"),
-        (("empty", "--out", "./empty/"), "empty is a source too"),
+        (("empty", "--out", "./empty/"), "empty has sources in it"),
+        (("a.png", "--out", "."), ". has sources in it"),
         (("a.png", "--out", "text.txt"), "text.txt is a file"),
         (("a.png", "--out", "text.txt/out"), "cannot be written"),
         (("a.png", "--out", "out", "--most", "0"), "0 texels a side are none"),
