@@ -606,13 +606,16 @@ def test_every_struct_member_and_function_in_the_sources_exists() -> None:
     """Names that are only looked up when the line runs are looked up here: a typing error waits for no frame."""
     used, wrong = 0, []
     functions = {name.removeprefix("PFN_") for name in ffi.list_types()[0] if name.startswith("PFN_vk")}
+
+    def told(path: Path, node: ast.AST, what: object) -> None:
+        wrong.append(f"{path.relative_to(ROOT)}:{getattr(node, 'lineno', 0)}: {what}")
+
     for path, tree in sources():
         for node in ast.walk(tree):
-            where = f"{path.relative_to(ROOT)}:{getattr(node, 'lineno', 0)}"
             if isinstance(node, ast.Attribute) and re.match(r"vk[A-Z]", node.attr):
                 used += 1
                 if node.attr not in functions:
-                    wrong.append(f"{where}: {node.attr}")
+                    told(path, node, node.attr)
             if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.args):
                 continue
             struct = node.args[0]
@@ -628,9 +631,10 @@ def test_every_struct_member_and_function_in_the_sources_exists() -> None:
             try:
                 fields = vk._struct_type(struct.value).fields
             except AttributeError as error:
-                wrong.append(f"{where}: {error}")
+                told(path, node, error)
                 continue
             unknown = {keyword.arg for keyword in node.keywords if keyword.arg} - fields.keys()
-            wrong += [f"{where}: {struct.value}.{member}" for member in sorted(unknown)]
+            for member in sorted(unknown):
+                told(path, node, f"{struct.value}.{member}")
     assert not wrong
     assert used > 50
