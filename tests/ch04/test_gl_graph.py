@@ -137,6 +137,7 @@ def test_a_list_is_right_whatever_ran_before_it(chapter, settings):
     """A guest, a window's blit, and another renderer of the same context between any two frames."""
     context, scene = chapter.device, scene_of()
     with Renderer(scene, SIZE, settings, device=context, outputs=OUTPUTS, presents=True) as renderer:
+        renderer.wait_loaded()  # a renderer for a window draws while it loads
         alone = [images(renderer.render(view)) for view in (facing(), moved(0.1), moved(0.2), moved(0.3))]
         window = create_image(context, "rgba8_srgb", (20, 20), "window")
         shown = create_framebuffer(context, [window], None, "window")
