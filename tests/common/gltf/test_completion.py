@@ -95,6 +95,26 @@ def test_triangles_without_area_in_space_or_uv_harm_nobody():
     assert np.allclose(np.linalg.norm(tangents[:, :3], axis=1), 1)
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_tangents_are_computed_in_float64_from_the_file_s_float32(seed):
+    """Of a tangent that hardly leaves its normal next to nothing remains after projection, and 24 bits of an edge do
+    not say what. One triangle, the closed form in float64."""
+    random = np.random.default_rng(seed)
+    positions = random.uniform(-1000, 1000, (3, 3)).astype("f4")
+    uv = np.array([(0.1, 0.7), (0.9, 0.4), (0.3, 0.2)])
+    e1, e2 = positions[1:].astype(float) - positions[0].astype(float)
+    (u1, v1), (u2, v2) = uv[1:] - uv[0]
+    along_u = (e1 * v2 - e2 * v1) / (u1 * v2 - u2 * v1)
+    along_u /= np.linalg.norm(along_u)
+    normal = along_u + 1e-6 * np.cross(along_u, random.normal(size=3))
+    normal /= np.linalg.norm(normal)
+    truth = along_u - normal * (normal @ along_u)
+    truth /= np.linalg.norm(truth)
+    indices = np.arange(3, dtype=np.uint32)
+    tangents = generate_tangents(positions, np.tile(normal, (3, 1)), uv, indices)[1]
+    assert np.abs(tangents[:, :3] - truth).max() < 1e-6
+
+
 @pytest.mark.parametrize("scale", [1e-12, 1.0, 1e12])
 def test_tangents_do_not_depend_on_scale(scale):
     positions, normals, along_u, _, uv, indices = torus(24, 12)
