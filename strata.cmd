@@ -15,10 +15,11 @@ rem The same question as Environment.ready in bootstrap\environment.py.
 if not exist "%python%" goto setup
 set "home="
 set "extent="
-(set /p home= & set /p extent=) 2>nul <"%root%\.venv\strata.stamp"
+set "graphics="
+(set /p home= & set /p extent= & set /p graphics=) 2>nul <"%root%\.venv\strata.stamp"
 if not "%home%"=="%root%" goto setup
-if not defined extent goto setup
-if /i "%CI%"=="true" if not "%extent%"=="all" goto setup
+if /i "%CI%"=="true" if not "%extent% %graphics%"=="all complete" goto setup
+if not "%graphics%"=="found" if not "%graphics%"=="complete" goto setup
 fc /b "%root%\requirements.lock" "%root%\.venv\requirements.lock" >nul 2>nul || goto setup
 "%python%" -P -m chapters %*
 exit /b

@@ -13,7 +13,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,6 +21,10 @@ from bootstrap import packages
 from bootstrap.packages import LOCK
 
 STAMP = "strata.stamp"
+FOUND, COMPLETE, NOTHING = "found", "complete", "nothing"
+"""What the stamp says of graphics: something draws; all that CI asks for was looked for too, and Vulkan draws; nothing
+draws, so that the next command that draws looks again. Empty: the set-up has not looked yet."""
+
 UNFINISHED = "strata.unfinished"
 # The launcher of Windows compares in cmd, which reads text in the console's own encoding.
 ENCODING = "oem" if sys.platform == "win32" else "utf-8"
@@ -48,23 +52,37 @@ class Environment:
     def scripts(self) -> Path:
         return self.python.parent
 
-    def stamp(self) -> tuple[str, str]:
-        """Return (clone's folder, installed set: "core" or "all") as the last set-up wrote them, empty before one."""
+    def stamp(self) -> tuple[str, str, str]:
+        """Return (clone's folder, installed set: "core" or "all", graphics: FOUND, COMPLETE or NOTHING).
+
+        As the last set-up wrote them; what it did not write is empty.
+        """
         try:
             lines = (self.folder / STAMP).read_text(ENCODING, "replace").splitlines()
         except OSError:
-            return "", ""
-        return (lines[0], lines[1]) if len(lines) == 2 else ("", "")
+            return "", "", ""
+        home, extent, graphics = (*lines, "", "", "")[:3]
+        return (home, extent, graphics) if extent else ("", "", "")
 
-    def ready(self, everything: bool) -> bool:
-        """Return whether nothing has to be done; the launchers decide the same in their own words."""
-        home, extent = self.stamp()
+    def has_packages(self, everything: bool) -> bool:
+        """Return whether all packages of the lock are installed."""
+        home, extent, _ = self.stamp()
         return (
             home == str(self.root)
             and (extent == "all" or not everything)
             and self.python.exists()
             and _read(self.folder / LOCK) == _read(self.root / LOCK)
         )
+
+    def ready(self, everything: bool, ci: bool) -> bool:
+        """Return whether nothing has to be done; the launchers decide the same in their own words."""
+        return self.has_packages(everything) and self.stamp()[2] in ((COMPLETE,) if ci else (FOUND, COMPLETE))
+
+    def note_graphics(self, word: str) -> None:
+        """Write into the stamp what the set-up found; where that cannot be written, the next start looks again."""
+        home, extent, _ = self.stamp()
+        with suppress(OSError):
+            _write_stamp(self.folder / f"{STAMP}.new", home, extent, word)
 
 
 @dataclass(frozen=True)
@@ -86,9 +104,9 @@ def make(
 
     A `.venv` that was made by hand is added to. One that an interrupted set-up left is made anew.
     """
-    home = environment.stamp()[0]
+    home, _, graphics = environment.stamp()
     with _unfinished(environment) as interrupted_before:
-        if interrupted_before or not _works(environment.python):
+        if interrupted_before or not works(environment.python):
             if any(path.name != UNFINISHED for path in environment.folder.iterdir()):
                 say("The environment in .venv is not whole and is made anew.")
             _create(environment)
@@ -101,9 +119,15 @@ def make(
         # no network, and being relative it survives a move of the clone.
         (site / "strata.pth").write_text(os.path.relpath(environment.root, site) + "\n", "utf-8")
         shutil.copyfile(environment.root / LOCK, environment.folder / LOCK)
-        text = f"{environment.root}\n{'all' if everything else 'core'}\n"
-        (environment.folder / UNFINISHED).write_text(text, ENCODING, "replace")
-        (environment.folder / UNFINISHED).replace(environment.folder / STAMP)
+        extent = "all" if everything else "core"
+        # The mark of unfinished work itself becomes the stamp, so there is never both or neither.
+        _write_stamp(environment.folder / UNFINISHED, str(environment.root), extent, graphics)
+
+
+def _write_stamp(beside: Path, home: str, extent: str, graphics: str) -> None:
+    """Write the stamp whole or not at all: into a file beside it, which is renamed."""
+    beside.write_text(f"{home}\n{extent}\n{graphics}\n", ENCODING, "replace")
+    beside.replace(beside.with_name(STAMP))
 
 
 @contextmanager
@@ -272,7 +296,8 @@ def _rehome(environment: Environment) -> None:
         path.write_bytes(header + rest)
 
 
-def _works(python: Path) -> bool:
+def works(python: Path) -> bool:
+    """Return whether a Python starts, is new enough and has pip."""
     check = "import sys, pip; sys.exit(sys.version_info < (3, 11))"
     try:
         return subprocess.run([python, "-I", "-c", check], capture_output=True, check=False).returncode == 0
@@ -283,7 +308,7 @@ def _works(python: Path) -> bool:
 def version_of(environment: Environment) -> str:
     """Return the version of the Python that packages are installed for, as "3.12": that of `.venv` if it stays."""
     code = "import sys; print('%d.%d' % sys.version_info[:2])"
-    if _works(environment.python) and not (environment.folder / UNFINISHED).exists():
+    if works(environment.python) and not (environment.folder / UNFINISHED).exists():
         done = subprocess.run(
             [environment.python, "-I", "-c", code], capture_output=True, text=True, check=True
         )

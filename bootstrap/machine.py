@@ -8,11 +8,12 @@ import platform
 import shutil
 import subprocess
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from bootstrap import apt_sources, probe
+from bootstrap import apt_sources, graphics
 from bootstrap.apt_sources import Source
+from bootstrap.graphics import Graphics
 
 MANAGERS = ("apt-get", "dnf", "pacman", "brew")
 VALIDATION_LAYER = "VK_LAYER_KHRONOS_validation"
@@ -39,20 +40,15 @@ class Machine:
     managers: tuple[str, ...] = ()  # those of MANAGERS that are on the PATH
     packages: frozenset[str] = frozenset()  # Debian packages that are installed, among those asked about
     sources: tuple[Source, ...] = ()  # where apt takes packages from
-    vulkan: Version | None = None  # the best device's version of the API
-    vulkan_device: str = ""
-    layers: frozenset[str] = frozenset()  # Vulkan layers that the loader lists
-    gl: Version | None = None
-    gl_device: str = ""
+    graphics: Graphics = field(default_factory=Graphics)  # what the program itself says that it can draw with
     glslang: bool = False  # glslangValidator is on the PATH
 
 
-def describe(debian_packages: tuple[str, ...] = ()) -> Machine:
-    """Return this machine; asks the drivers in child processes, which takes up to a second or so."""
+def describe(debian_packages: tuple[str, ...] = (), found: Graphics | None = None) -> Machine:
+    """Return this machine. `found` is what it draws with; without it the program of this Python is asked."""
     release = os_release()
     on_linux = sys.platform == "linux"
     managers = tuple(name for name in MANAGERS if shutil.which(name))
-    by_vulkan, by_gl = probe.ask("vulkan"), probe.ask("gl")
     return Machine(
         system="linux" if on_linux else sys.platform,
         distribution=release.get("ID", ""),
@@ -71,11 +67,7 @@ def describe(debian_packages: tuple[str, ...] = ()) -> Machine:
         managers=managers,
         packages=_installed(debian_packages) if "apt-get" in managers else frozenset(),
         sources=tuple(apt_sources.read_all()) if "apt-get" in managers else (),
-        vulkan=_version(by_vulkan.get("version")),
-        vulkan_device=by_vulkan.get("device", ""),
-        layers=frozenset(by_vulkan.get("layers", ())),
-        gl=_version(by_gl.get("version")),
-        gl_device=by_gl.get("device", ""),
+        graphics=graphics.ask(sys.executable) if found is None else found,
         glslang=shutil.which("glslangValidator") is not None,
     )
 
@@ -107,7 +99,3 @@ def _installed(packages: tuple[str, ...]) -> frozenset[str]:
         return frozenset()
     words = (line.split() for line in done.stdout.splitlines())
     return frozenset(pair[1] for pair in words if pair[0] == "installed")
-
-
-def _version(numbers: list[int] | None) -> Version | None:
-    return (numbers[0], numbers[1]) if numbers else None

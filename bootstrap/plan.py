@@ -11,14 +11,14 @@ from dataclasses import dataclass
 from typing import Literal
 
 from bootstrap import apt_sources
-from bootstrap.machine import VALIDATION_LAYER, Machine, Version
-
-NEEDED_VULKAN: Version = (1, 3)
-NEEDED_GL: Version = (4, 5)
+from bootstrap.graphics import why_not
+from bootstrap.machine import VALIDATION_LAYER, Machine
 
 Mode = Literal["nothing", "run", "ask", "print"]
+Blocks = Literal["nothing", "graphics", "everything"]
 
 APT_VULKAN = ("libvulkan1", "mesa-vulkan-drivers")
+# libegl1 and libgl1 bring libEGL.so.1 and libGL.so.1, which the program opens by name; the rest is Mesa behind them.
 APT_GL = ("libegl1", "libgl1", "libegl-mesa0", "libglx-mesa0", "libgl1-mesa-dri", "libgbm1")
 APT_LAYERS = ("vulkan-validationlayers",)
 # A screen in memory, and what GLFW opens by name when it makes a window on it.
@@ -42,6 +42,7 @@ PACKAGES = {
     },
     "brew": {"vulkan": ("molten-vk", "vulkan-loader"), "layers": ("vulkan-validationlayers",)},
 }
+VULKAN, GL = "Vulkan 1.3 device", "OpenGL 4.5"
 INSTALL = {
     "dnf": ("dnf", "install", "-y"),
     "pacman": ("pacman", "-S", "--needed", "--noconfirm"),
@@ -69,6 +70,9 @@ class Step:
         return line if self.instead is None else f"{line} || {self.instead.shell(prefix)}"
 
 
+_UPDATE = Step("Bring apt's lists of packages up to date.", ("apt-get", "update"), may_fail=True)
+
+
 @dataclass(frozen=True)
 class Plan:
     """What is missing, what would help, and whether it is done, asked about or only shown."""
@@ -78,7 +82,7 @@ class Plan:
     prefix: tuple[str, ...] = ()  # put before every command: ("sudo",) or nothing
     missing: tuple[str, ...] = ()  # sentences for the user
     notes: tuple[str, ...] = ()  # sentences that ask for nothing
-    blocks: Literal["nothing", "graphics", "everything"] = "nothing"  # what cannot be done without the steps
+    blocks: Blocks = "nothing"  # what cannot be done without the steps
 
     def commands(self) -> Iterator[str]:
         """Yield every step as the user would type it."""
@@ -86,29 +90,48 @@ class Plan:
         return (step.shell(prefix) for step in self.steps)
 
 
+def decide_environment(machine: Machine, *, yes: bool = False, install: bool = True) -> Plan:
+    """Return what this Python needs before it can make `.venv`, in which the program is asked for the rest."""
+    if machine.can_make_venv:
+        return Plan("nothing")
+    missing = ("This Python cannot make virtual environments: it has no module venv or ensurepip.",)
+    steps: tuple[Step, ...] = ()
+    if "apt-get" in machine.managers:
+        # Python's own name is in the package's, so that a second Python (Ubuntu 22.04: python3.11) gets its own.
+        package = "python{}.{}-venv".format(*machine.python)
+        steps = (_UPDATE, Step("Python's virtual environments.", (*APT_INSTALL, package)))
+    mode, prefix = _mode(machine, yes, install) if steps else ("nothing", ())
+    return Plan(mode, steps, prefix, missing, blocks="everything")
+
+
 def decide(machine: Machine, *, yes: bool = False, install: bool = True) -> Plan:
-    """Return the plan for a machine; `yes` agrees in advance, `install=False` leaves the system alone."""
-    by_vulkan = machine.vulkan is not None and machine.vulkan >= NEEDED_VULKAN
-    # In CI the tests ask for Vulkan; elsewhere OpenGL draws the same pictures, and nothing need be changed for more.
-    draws = by_vulkan or (_has_gl(machine) and not machine.ci)
-    wants = set() if draws else {"vulkan", "layers"}
+    """Return the plan for a machine; `yes` agrees in advance, `install=False` leaves the system alone.
+
+    Vulkan is the primary backend. A machine without it gets Mesa's, which also draws on the processor, unless a
+    graphics card draws by OpenGL: that machine is changed only for `yes`, and a sentence says what that would add.
+    """
+    graphics = machine.graphics
+    if graphics.unanswered:
+        sentence = f"The graphics drivers could not be asked: {graphics.unanswered}."
+        return Plan("nothing", missing=(sentence,), blocks="graphics")
+    by_vulkan, draws = bool(graphics.vulkan.kind), bool(graphics.auto)
+    # In CI the tests ask for Vulkan. On Windows no package of ours brings it: the card's own driver does.
+    left_alone = (
+        draws and not machine.ci and (machine.system == "win32" or (graphics.in_hardware and not yes))
+    )
+    wants = set() if by_vulkan or left_alone else {"vulkan", "layers"}
     if machine.system == "win32" and (by_vulkan or not draws) and not machine.glslang:
         wants.add("compiler")  # of shaders for Vulkan: OpenGL's drivers have their own
     if machine.ci:
-        wants |= ({"layers"} if VALIDATION_LAYER not in machine.layers else set()) | {"window"}
-    missing = _what_is_missing(machine, draws)
-    blocks: Literal["nothing", "graphics", "everything"] = "nothing" if draws else "graphics"
-    if not machine.can_make_venv:
-        blocks = "everything"
+        wants |= ({"layers"} if VALIDATION_LAYER not in graphics.layers else set()) | {"window"}
+    missing = _what_is_missing(machine, wants)
+    blocks: Blocks = "nothing" if by_vulkan or (draws and not machine.ci) else "graphics"
     steps = _steps(machine, wants)
+    notes = _notes(machine, installs=bool(steps))
     if not steps:
-        return Plan("nothing", missing=missing, notes=_notes(machine, by_vulkan, draws), blocks=blocks)
+        return Plan("nothing", missing=missing, notes=notes, blocks=blocks)
     mode, prefix = _mode(machine, yes, install)
-    return Plan(mode, steps, prefix, missing, _notes(machine, by_vulkan, draws), blocks)
-
-
-def _has_gl(machine: Machine) -> bool:
-    return machine.gl is not None and machine.gl >= NEEDED_GL
+    return Plan(mode, steps, prefix, missing, notes, blocks)
 
 
 def _mode(machine: Machine, yes: bool, install: bool) -> tuple[Mode, tuple[str, ...]]:
@@ -126,34 +149,45 @@ def _mode(machine: Machine, yes: bool, install: bool) -> tuple[Mode, tuple[str, 
     return "print", shown
 
 
-def _what_is_missing(machine: Machine, draws: bool) -> tuple[str, ...]:
-    missing = []
-    if not machine.can_make_venv:
-        missing.append("This Python cannot make virtual environments: it has no module venv or ensurepip.")
-    needs = "Strata needs Vulkan 1.3 or OpenGL 4.5"
-    if machine.ci:
-        needs = "in CI Strata needs Vulkan 1.3"
-    if not draws and machine.vulkan is not None:
-        version = _dotted(machine.vulkan)
-        missing.append(f"{machine.vulkan_device} offers Vulkan {version}, and {needs}.")
-    elif not draws:
-        missing.append(f"No Vulkan device was found, and {needs} (a driver in software will do).")
-    if machine.ci and VALIDATION_LAYER not in machine.layers:
+def _what_is_missing(machine: Machine, wants: set[str]) -> tuple[str, ...]:
+    graphics = machine.graphics
+    if graphics.vulkan.kind:
+        missing = []
+    elif machine.ci:
+        missing = [f"{why_not(graphics.vulkan, VULKAN)}, and in CI Strata needs Vulkan 1.3."]
+    elif not graphics.auto:
+        no_gl = why_not(graphics.gl, GL)
+        missing = [
+            f"{why_not(graphics.vulkan, VULKAN)}; {no_gl[0].lower()}{no_gl[1:]}; "
+            "Strata needs Vulkan 1.3 or OpenGL 4.5 (a driver in software will do)."
+        ]
+    elif "vulkan" in wants:
+        how = "OpenGL" if graphics.in_hardware else "OpenGL's software driver"
+        missing = [f"{why_not(graphics.vulkan, VULKAN)}, so Strata draws with {how} ({graphics.gl.name})."]
+    else:
+        missing = []
+    if machine.ci and VALIDATION_LAYER not in graphics.layers:
         missing.append("The Vulkan validation layers are missing, and in CI every test runs under them.")
     return tuple(missing)
 
 
-def _notes(machine: Machine, by_vulkan: bool, draws: bool) -> tuple[str, ...]:
+def _notes(machine: Machine, installs: bool) -> tuple[str, ...]:
+    graphics = machine.graphics
+    by_vulkan, draws = bool(graphics.vulkan.kind), bool(graphics.auto)
     by_glslang = ("The GLSL compiler, glslangValidator, comes with the Vulkan SDK.",)
     if by_vulkan:
         return by_glslang if machine.system == "win32" and not machine.glslang else ()
     notes = []
-    if machine.gl is not None and _has_gl(machine):
-        version = _dotted(machine.gl)
-        notes.append(
-            f"Strata draws with OpenGL {version} here ({machine.gl_device}); Vulkan 1.3 would add the paths that "
-            "OpenGL lacks, such as mesh shaders, ray queries and bindless textures, where the driver has them."
+    if graphics.in_hardware:
+        note = (
+            f"Strata draws with OpenGL here ({graphics.gl.name}); Vulkan 1.3 would add the paths that OpenGL lacks, "
+            "such as mesh shaders, ray queries and bindless textures, where the driver has them"
         )
+        if machine.system == "win32":
+            note += ": it comes with the newest driver from the maker of the card"
+        elif not installs and _steps(machine, {"vulkan", "layers"}):
+            note += ": ./strata --yes run 1 installs Vulkan's loader and Mesa's drivers"
+        return (f"{note}.",)
     if machine.system == "win32":
         notes.append("Vulkan comes with the driver of the graphics card: get the newest from its maker.")
         notes += by_glslang if not draws and not machine.glslang else ()
@@ -169,13 +203,9 @@ def _notes(machine: Machine, by_vulkan: bool, draws: bool) -> tuple[str, ...]:
             "Mesa is for AMD, Intel and the processor; for NVIDIA's cards install NVIDIA's own driver."
         )
     known = {"apt-get", "dnf", "pacman"} & set(machine.managers)
-    if machine.system == "linux" and not draws and not known:
+    if machine.system == "linux" and not known:
         notes.append("Install the Vulkan loader, Mesa's Vulkan drivers and the validation layers.")
     return tuple(notes)
-
-
-def _dotted(version: Version) -> str:
-    return ".".join(map(str, version))
 
 
 def _steps(machine: Machine, wants: set[str]) -> tuple[Step, ...]:
@@ -204,9 +234,6 @@ def _one_command(manager: str, wants: set[str], what: str) -> tuple[Step, ...]:
 def _apt_steps(machine: Machine, wants: set[str]) -> tuple[Step, ...]:
     """Return the steps for Debian, Ubuntu and what is made from them; on Debian 12 with Mesa from its backports."""
     wished: dict[str, tuple[str, ...]] = {}
-    if not machine.can_make_venv:
-        # Python's own name is in the package's, so that a second Python (Ubuntu 22.04: python3.11) gets its own.
-        wished["Python's virtual environments"] = ("python{}.{}-venv".format(*machine.python),)
     if "vulkan" in wants:
         wished["Vulkan's loader, Mesa's drivers (one of them draws on the processor)"] = APT_VULKAN + APT_GL
     if "layers" in wants:
@@ -222,7 +249,7 @@ def _apt_steps(machine: Machine, wants: set[str]) -> tuple[Step, ...]:
     browser = _browser(machine)
     if not packages and browser is None:
         return ()
-    steps = [Step("Bring apt's lists of packages up to date.", ("apt-get", "update"), may_fail=True)]
+    steps = [_UPDATE]
     if "vulkan" in wants and machine.distribution == "debian" and machine.codename == "bookworm":
         steps += _backports(machine)
     if browser:
@@ -270,8 +297,8 @@ def _backports(machine: Machine) -> list[Step]:
             ("apt-get", "update", "--error-on=any", *only, *keep),
             instead=remove,
             otherwise=(
-                "Debian's backports cannot be reached, so its own older Mesa is taken: every chapter runs, some by "
-                "their fallbacks, and ./strata doctor says which."
+                "Debian's backports cannot be reached, so its own older Mesa is taken, which has fewer features: "
+                "./strata doctor says how each chapter runs on it."
             ),
         ),
     ]

@@ -7,13 +7,15 @@ import os
 import shlex
 import subprocess
 import sys
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
-from bootstrap import machine, offline, probe
-from bootstrap.environment import Environment, SetupError, make, only_one
-from bootstrap.plan import APT_PACKAGES, NEEDED_VULKAN, Plan, Step, decide
+from bootstrap import graphics, machine, offline
+from bootstrap.environment import COMPLETE, FOUND, NOTHING, Environment, SetupError, make, only_one, works
+from bootstrap.graphics import Graphics
+from bootstrap.plan import APT_PACKAGES, Plan, Step, decide, decide_environment
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -41,17 +43,19 @@ def main(arguments: list[str]) -> int:
     """Set up what is missing and start Strata; return an exit code, 2 when the user has to do something first."""
     try:
         options, rest = parse(arguments)
-        other = offline.other_python(vars(options)["from"], Environment(ROOT))
+        environment = Environment(ROOT)
+        other = offline.other_python(vars(options)["from"], environment)
         if other is not None:
             return become([*other, "-I", str(ROOT / "bootstrap" / "__main__.py"), *arguments])
-        set_up(Environment(ROOT), options, command=rest[0] if rest else "--help")
+        command = rest[0] if rest and not {"--help", "-h"} & set(rest) else "--help"
+        set_up(environment, options, command)
+        return start(rest)
     except SetupError as error:
         say(str(error))
         return 2
     except KeyboardInterrupt:
         say("Stopped; the next start of ./strata sets up what is still missing.")
         return 130
-    return start(rest)
 
 
 FLAGS = {
@@ -93,41 +97,69 @@ def parse(arguments: list[str]) -> tuple[argparse.Namespace, list[str]]:
 
 def set_up(environment: Environment, options: argparse.Namespace, command: str) -> None:
     """Bring system and environment to what `command` needs; raise SetupError when Strata cannot go on."""
-    source = vars(options)["from"]
+    source, ci = vars(options)["from"], machine.in_ci()
+    plan = Plan("nothing")
     with only_one(say), ExitStack() as stack:
-        plan = Plan("nothing")
-        before = environment.stamp()
-        everything = options.extras or machine.in_ci() or before[1] == "all"
-        asked = options.yes or options.latest or options.extras or source is not None
-        if environment.ready(everything) and not asked:
+        _, extent, found = environment.stamp()
+        everything = options.extras or ci or extent == "all"
+        packages = options.latest or not environment.has_packages(everything)
+        # What was found once is believed; where nothing could draw, every command that draws looks again.
+        settled = found in ((COMPLETE,) if ci else (FOUND, COMPLETE))
+        looks = options.yes or not (settled or (found == NOTHING and command in WITHOUT_DEVICE))
+        if not packages and not looks and source is None:
             return  # another start did it, or the launcher could not tell
+        # A bundle is for a machine without a network: then the system is changed only for --yes.
+        install = not options.no_install and (source is None or options.yes)
         bundle = stack.enter_context(offline.opened(source, environment, everything)) if source else None
-        # The drivers are asked once: not again because a package of ours has another version.
-        if options.yes or before[1] != ("all" if everything else "core"):
-            say("Looking at this machine, once.")
-            # Who names a bundle has no network, or wants none: then the system is changed only for --yes.
-            install = not options.no_install and (source is None or options.yes)
-            plan = decide(machine.describe(APT_PACKAGES), yes=options.yes, install=install)
-            plan = carry_out(plan)
-            if source is not None and (plan.missing or plan.steps):
-                plan = replace(plan, notes=(*plan.notes, offline.SYSTEM_PACKAGES))
-        if plan.blocks == "everything":
-            raise SetupError(explain(plan))
-        if not environment.ready(everything) or options.latest:
+        if packages:
+            can_make_environment(environment, options.yes, install)
             supply = stack.enter_context(bundle.packages(say)) if bundle else None
             make(environment, everything, options.latest, say, supply)
+        if looks:
+            say("Looking at the graphics drivers of this machine.")
+            plan = draw_with(environment, options.yes, install)
+            drawing = COMPLETE if ci else FOUND
+            environment.note_graphics(NOTHING if plan.blocks == "graphics" else drawing)
+            if source is not None and (plan.missing or plan.steps):
+                plan = replace(plan, notes=(*plan.notes, offline.SYSTEM_PACKAGES))
+        if packages:
             say("Strata is set up; this happens once.")
         if bundle:
             bundle.place_the_rest(say)
-    if plan.missing or plan.steps:
-        if plan.blocks == "graphics" and command not in WITHOUT_DEVICE and not options.no_install:
-            raise SetupError(explain(plan))
-        if command != "doctor":  # which says the same itself
-            say(explain(plan))
+    if plan.blocks == "graphics" and command not in WITHOUT_DEVICE and not options.no_install:
+        raise SetupError(explain(plan))
+    text = summary(plan) if options.no_install else explain(plan)
+    if text and command != "doctor":  # which says the same itself
+        say(text)
 
 
-def carry_out(plan: Plan) -> Plan:
-    """Do the steps that the plan says to do, or that the user agrees to; return what is still to be done."""
+def can_make_environment(environment: Environment, yes: bool, install: bool) -> None:
+    """Bring this Python to where it can make `.venv`; raise SetupError where it cannot."""
+    if works(environment.python):
+        return
+    here = machine.describe(APT_PACKAGES, Graphics())
+    after = carry_out(decide_environment(here, yes=yes, install=install), lambda: Plan("nothing"))
+    if after.blocks == "everything":
+        raise SetupError(explain(after))
+
+
+def draw_with(environment: Environment, yes: bool, install: bool) -> Plan:
+    """Find out what draws, do what the plan for that says, and return what is still to be done."""
+
+    def look() -> machine.Machine:
+        return machine.describe(APT_PACKAGES, graphics.ask(environment.python, say))
+
+    plan = decide(look(), yes=yes, install=install)
+    if plan.blocks == "graphics":
+        environment.note_graphics(NOTHING)  # first: an installation may fail or be stopped
+    return carry_out(plan, lambda: decide(look(), yes=yes, install=False))
+
+
+def carry_out(plan: Plan, look: Callable[[], Plan]) -> Plan:
+    """Do the steps that the plan says to do, or that the user agrees to; return what is still to be done.
+
+    After the steps `look` decides anew: what was installed counts only if it works.
+    """
     if plan.mode == "ask":
         say(explain(plan))
         sys.stderr.write(f"strata: Do this now ({len(plan.steps)} steps)? [y/N] ")
@@ -137,15 +169,22 @@ def carry_out(plan: Plan) -> Plan:
             return Plan("nothing", missing=(sentence,), blocks=plan.blocks)
     elif plan.mode != "run":
         return plan
-    for step in plan.steps:
-        perform(step, plan.prefix)
-    if plan.blocks == "nothing" or tuple(probe.ask("vulkan").get("version", ())) >= NEEDED_VULKAN:
+    try:
+        for step in plan.steps:
+            perform(step, plan.prefix)
+    except SetupError as error:
+        if plan.blocks != "nothing" or machine.in_ci():
+            raise
+        return Plan("nothing", missing=(str(error),))  # it draws all the same
+    after = look()
+    if after.blocks == "nothing" and not after.missing:
         return Plan("nothing")
-    sentence = (
-        "Everything was installed, and still no device offers Vulkan 1.3: `vulkaninfo --summary` of the package "
-        "vulkan-tools tells what the drivers say, and --no-install goes on without one."
+    still = (
+        f"Everything was installed, and still: {' '.join(after.missing)}",
+        "`vulkaninfo --summary` of the package vulkan-tools tells what the drivers say, and ./strata --no-install "
+        "changes nothing more.",
     )
-    return Plan("nothing", missing=(sentence,), blocks="graphics")
+    return Plan("nothing", missing=still, blocks=after.blocks)
 
 
 def perform(step: Step, prefix: tuple[str, ...]) -> None:
@@ -190,6 +229,14 @@ def explain(plan: Plan) -> str:
         lines.append("")
     lines += plan.notes
     return "\n".join(lines)
+
+
+def summary(plan: Plan) -> str:
+    """Return in one sentence what is missing, "" where nothing is."""
+    if not plan.missing:
+        return plan.notes[0] if plan.notes else ""
+    text = " ".join(plan.missing)
+    return f"{text.removesuffix('.')}; ./strata --yes run 1 installs what is missing." if plan.steps else text
 
 
 def say(text: str) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import json
 import os
 import shutil
 import subprocess
@@ -11,6 +12,7 @@ import sys
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pip
 
@@ -22,6 +24,26 @@ told = {"arguments": sys.argv[1:], "folder": os.getcwd(), "python": sys.executab
 print(json.dumps(told | {"tiny": tiny.VERSION}))
 sys.exit(7 if sys.argv[1:] == ["fail"] else 0)
 """
+
+ANSWER = """\
+import pathlib, sys
+folder = pathlib.Path(__file__).parent
+(folder / "asked").open("a").write("asked\\n")
+print((folder / "answer.json").read_text())
+"""
+
+DRAWS = {
+    "vulkan": {"kind": "software", "name": "a processor"},
+    "gl": {"kind": "software", "name": "a processor"},
+    "auto": {"backend": "vulkan"},
+    "layers": ["VK_LAYER_KHRONOS_validation"],
+}
+DRAWS_NOTHING = {
+    "vulkan": {"problem": "No Vulkan loader was found.", "libraries": ["libvulkan.so.1"]},
+    "gl": {"problem": "No OpenGL 4.5 was found.", "libraries": ["libGL.so.1"]},
+    "auto": {"problem": "Nothing draws."},
+    "layers": [],
+}
 
 
 @dataclass(frozen=True)
@@ -41,6 +63,15 @@ class Clone:
     @property
     def stamp(self) -> Path:
         return self.root / ".venv" / "strata.stamp"
+
+    def answers(self, answer: dict[str, Any]) -> None:
+        """Let the clone's program give this answer when it is asked what it draws with."""
+        (self.root / "backends" / "answer.json").write_text(json.dumps(answer), "utf-8")
+
+    def times_asked(self) -> int:
+        """Return how often the clone's program was asked what it draws with."""
+        asked = self.root / "backends" / "asked"
+        return len(asked.read_text("utf-8").splitlines()) if asked.exists() else 0
 
     def write_lock(self, version: int) -> None:
         """Write the lock as a later commit may bring it: with another version of `tiny`."""
@@ -94,7 +125,10 @@ def make_clone(folder: Path) -> Clone:
         shutil.copy2(ROOT / file, root / file)
     shutil.copytree(ROOT / "bootstrap", root / "bootstrap", ignore=shutil.ignore_patterns("__pycache__"))
     (root / "chapters" / "__main__.py").write_text(COMMAND_LINE, "utf-8")
+    (root / "backends").mkdir()
+    (root / "backends" / "answer.py").write_text(ANSWER, "utf-8")
     clone = Clone(root.resolve(), wheels.resolve())
+    clone.answers(DRAWS)
     clone.write_lock(1)
     return clone
 

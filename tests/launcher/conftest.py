@@ -36,5 +36,5 @@ def moved(finished: Clone, tmp_path: Path) -> Clone:
 @pytest.fixture
 def own(moved: Clone) -> Clone:
     """A set-up clone of this test's own that was, by its stamp, always where it is."""
-    moved.stamp.write_text(f"{moved.root}\ncore\n")
+    moved.stamp.write_text(f"{moved.root}\ncore\nfound\n")
     return moved

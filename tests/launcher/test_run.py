@@ -13,9 +13,10 @@ from pathlib import Path
 
 import pytest
 
-from bootstrap import environment, machine, offline, probe, run
-from bootstrap.environment import Environment, SetupError
-from bootstrap.machine import Machine
+from bootstrap import environment, graphics, machine, offline, run
+from bootstrap.environment import COMPLETE, FOUND, NOTHING, Environment, SetupError
+from bootstrap.graphics import Device, Graphics
+from bootstrap.machine import VALIDATION_LAYER, Machine
 from bootstrap.plan import Plan, Step
 
 STEP = Step("The driver.", ("touch", "driver"))
@@ -29,8 +30,9 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def device(monkeypatch: pytest.MonkeyPatch, version: list[int] | None) -> None:
-    monkeypatch.setattr(probe, "ask", lambda what: {"version": version} if version else {})
+def works() -> Plan:
+    """What is decided after the steps of a plan where all is well."""
+    return Plan("nothing")
 
 
 def answer(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
@@ -108,13 +110,12 @@ def test_a_failure_that_is_allowed_is_passed_over() -> None:
 
 
 def test_what_stands_in_for_a_failure_is_done_and_the_plan_goes_on(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    device(monkeypatch, [1, 3])
     (folder / "source").touch()
     back = Step("Take that back.", ("rm", "source"))
     risky = replace(FAILING, instead=back, otherwise="The older one is taken.")
-    plan = run.carry_out(Plan("run", (risky, STEP), blocks="graphics"))
+    plan = run.carry_out(Plan("run", (risky, STEP), blocks="graphics"), works)
     assert plan == Plan("nothing")
     assert not (folder / "source").exists()
     assert (folder / "driver").exists()
@@ -130,9 +131,8 @@ def test_what_stands_in_for_a_failure_is_done_and_the_plan_goes_on(
 def test_asking_shows_all_commands_with_reasons_and_takes_anything_but_yes_for_no(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], text: str, done: bool
 ) -> None:
-    device(monkeypatch, [1, 3])
     answer(monkeypatch, text)
-    plan = run.carry_out(Plan("ask", (STEP,), missing=("No device.",), blocks="graphics"))
+    plan = run.carry_out(Plan("ask", (STEP,), missing=("No device.",), blocks="graphics"), works)
     said = capsys.readouterr().err
     assert (
         said.index("No device.")
@@ -147,7 +147,7 @@ def test_asking_shows_all_commands_with_reasons_and_takes_anything_but_yes_for_n
 @pytest.mark.parametrize("mode", ["print", "nothing"])
 def test_what_is_only_shown_is_not_done(folder: Path, mode: str) -> None:
     plan = Plan(mode, (STEP,), blocks="graphics")  # type: ignore[arg-type]
-    assert run.carry_out(plan) is plan
+    assert run.carry_out(plan, works) is plan
     assert list(folder.iterdir()) == []
 
 
@@ -167,92 +167,225 @@ def test_what_is_shown_can_be_copied_into_a_shell_as_it_is(folder: Path) -> None
     assert sorted(path.name for path in folder.iterdir()) == ["a source", "driver"]
 
 
-@pytest.mark.parametrize("version", [None, [1, 2]])
-def test_an_installation_that_brings_no_device_is_said(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, version: list[int] | None
+@pytest.mark.parametrize("blocks", ["graphics", "nothing"])
+def test_what_was_installed_counts_only_if_the_program_draws_with_it(folder: Path, blocks: str) -> None:
+    still = Plan(
+        "print", (STEP,), missing=("No OpenGL 4.5 was found (libGL.so.1 is missing).",), blocks=blocks
+    )  # type: ignore[arg-type]
+    plan = run.carry_out(Plan("run", (STEP,), blocks="graphics"), lambda: still)
+    assert (plan.steps, plan.blocks) == ((), blocks)
+    assert plan.missing[0] == (
+        "Everything was installed, and still: No OpenGL 4.5 was found (libGL.so.1 is missing)."
+    )
+
+
+def test_an_installation_that_fails_does_not_stop_a_machine_that_draws(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    device(monkeypatch, version)
-    plan = run.carry_out(Plan("run", (STEP,), blocks="graphics"))
-    assert plan.blocks == "graphics"
-    assert "still no device offers Vulkan 1.3" in plan.missing[0]
+    monkeypatch.setattr(machine, "in_ci", lambda: False)
+    plan = run.carry_out(Plan("run", (FAILING, STEP), blocks="nothing"), works)
+    assert plan.blocks == "nothing"
+    assert "cat /nowhere/at/all` failed" in plan.missing[0]
+    assert not (folder / "driver").exists()
+    with pytest.raises(SetupError):
+        run.carry_out(Plan("run", (FAILING, STEP), blocks="graphics"), works)
+    monkeypatch.setattr(machine, "in_ci", lambda: True)  # there each thing that is missing is a failure
+    with pytest.raises(SetupError):
+        run.carry_out(Plan("run", (FAILING, STEP), blocks="nothing"), works)
 
 
 # --- From the machine to the end ---
 
 
-@pytest.fixture
-def set_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[str]]:
-    """A set-up of an empty clone on a machine that is described; returns what was made, and installs nothing."""
-    clone = Environment(tmp_path)
+UBUNTU = Machine(distribution="ubuntu", managers=("apt-get",))
+DRAWS_NOTHING = Graphics()
+BY_VULKAN = Graphics(
+    vulkan=Device("software", "llvmpipe"), auto="vulkan", layers=frozenset({VALIDATION_LAYER})
+)
+IN_SOFTWARE = Graphics(gl=Device("software", "llvmpipe"), auto="gl")
+BY_CARD = Graphics(gl=Device("discrete", "a card"), auto="gl")
+SetUp = Callable[..., list[str]]
 
-    def go(described: Machine, *words: str) -> list[str]:
-        made: list[str] = []
-        monkeypatch.setattr(machine, "describe", lambda packages: described)
+
+@pytest.fixture
+def clone(tmp_path: Path) -> Environment:
+    return Environment(tmp_path)
+
+
+@pytest.fixture
+def set_up(clone: Environment, monkeypatch: pytest.MonkeyPatch) -> SetUp:
+    """A set-up of a clone on a machine that is described; returns what was done, and installs nothing.
+
+    `found` are the program's answers, the first before anything is installed; the last one is repeated.
+    """
+
+    def go(described: Machine, found: Graphics | list[Graphics], *words: str) -> list[str]:
+        done: list[str] = []
+        answers = [found] if isinstance(found, Graphics) else list(found)
+
+        def ask(*_: object) -> Graphics:
+            done.append("ask")
+            return answers.pop(0) if len(answers) > 1 else answers[0]
+
+        def make(made: Environment, everything: bool, *_: object) -> None:
+            done.append("all" if everything else "core")
+            python, extent = made.python, "all" if everything else "core"
+            python.parent.mkdir(parents=True, exist_ok=True)
+            python.touch()
+            made.folder.joinpath(environment.STAMP).write_text(f"{made.root}\n{extent}\n{made.stamp()[2]}\n")
+
+        monkeypatch.setattr(graphics, "ask", ask)
+        monkeypatch.setattr(machine, "describe", lambda packages, answer: replace(described, graphics=answer))
         monkeypatch.setattr(machine, "in_ci", lambda: described.ci)
-        monkeypatch.setattr(run, "make", lambda *arguments: made.append("all" if arguments[1] else "core"))
+        monkeypatch.setattr(run, "make", make)
         monkeypatch.setattr(
-            run, "perform", lambda step, prefix: made.append(" ".join((*prefix, *step.command)))
+            run, "perform", lambda step, prefix: done.append(" ".join((*prefix, *step.command)))
         )
         options, rest = run.parse(list(words))
         run.set_up(clone, options, rest[0])
-        return made
+        return done
 
     return go
 
 
-UBUNTU = Machine(distribution="ubuntu", managers=("apt-get",))
-WORKING = replace(UBUNTU, vulkan=(1, 3))
-SetUp = Callable[..., list[str]]
-
-
 def test_where_graphics_work_only_the_environment_is_made(
-    set_up: SetUp, capsys: pytest.CaptureFixture[str]
+    set_up: SetUp, clone: Environment, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert set_up(replace(WORKING, root=True), "run", "1") == ["core"]
+    assert set_up(replace(UBUNTU, root=True), BY_VULKAN, "run", "1") == ["core", "ask"]
     assert capsys.readouterr().err.splitlines() == [
-        "strata: Looking at this machine, once.",
+        "strata: Looking at the graphics drivers of this machine.",
         "strata: Strata is set up; this happens once.",
     ]
-    assert set_up(WORKING, "--extras", "run", "1") == ["all"]
+    assert clone.stamp()[1:] == ("core", FOUND)
+    assert set_up(UBUNTU, BY_VULKAN, "run", "1") == []  # what was found is believed
+    assert set_up(UBUNTU, BY_VULKAN, "--extras", "run", "1") == ["all"]
+    assert set_up(UBUNTU, BY_VULKAN, "--yes", "run", "1") == ["ask"]
 
 
-def test_a_container_is_completed_before_the_environment_is_made(
-    set_up: SetUp, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("first", [DRAWS_NOTHING, IN_SOFTWARE], ids=["nothing", "software"])
+@pytest.mark.parametrize("words", [(), ("--yes",)], ids=["unasked", "yes"])
+def test_a_container_gets_its_driver_after_the_program_was_asked_and_the_program_is_asked_again(
+    set_up: SetUp,
+    clone: Environment,
+    capsys: pytest.CaptureFixture[str],
+    first: Graphics,
+    words: tuple[str, ...],
 ) -> None:
-    device(monkeypatch, [1, 3])
-    made = set_up(replace(UBUNTU, root=True, ci=True), "test")
-    assert made[0] == "apt-get update"
-    assert "mesa-vulkan-drivers" in made[1]
-    assert made[2:] == ["all"]
+    done = set_up(replace(UBUNTU, root=True), [first, BY_VULKAN], *words, "run", "1")
+    assert done[:3] == ["core", "ask", "apt-get update"]
+    assert "mesa-vulkan-drivers" in done[3]
+    assert done[4:] == ["ask"]
+    assert clone.stamp()[2] == FOUND
+    assert "still" not in capsys.readouterr().err
+
+
+def test_an_installation_that_brings_no_device_is_said_and_offered_again_at_the_next_start(
+    set_up: SetUp, clone: Environment
+) -> None:
+    container = replace(UBUNTU, root=True)
+    for _ in range(2):
+        with pytest.raises(SetupError, match=r"Everything was installed, and still: No Vulkan 1\.3 device"):
+            set_up(container, DRAWS_NOTHING, "run", "1")
+        assert clone.stamp()[2] == NOTHING
+    assert set_up(container, DRAWS_NOTHING, "list") == []  # a command that draws nothing needs no look
+    assert set_up(container, BY_VULKAN, "run", "1") == ["ask"]  # a driver that came by other ways
+    assert clone.stamp()[2] == FOUND
+
+
+def test_without_a_driver_the_offer_is_refused_once_and_made_again(
+    set_up: SetUp, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    at_terminal = replace(UBUNTU, sudo=True, terminal=True)
+    for _ in range(2):
+        answer(monkeypatch, "n\n")
+        with pytest.raises(SetupError, match="Nothing was installed"):
+            set_up(at_terminal, DRAWS_NOTHING, "run", "1")
+        assert "[y/N]" in capsys.readouterr().err
+
+
+def test_an_offer_that_is_refused_leaves_opengl_and_is_not_made_again(
+    set_up: SetUp, clone: Environment, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    at_terminal = replace(UBUNTU, sudo=True, terminal=True)
+    answer(monkeypatch, "n\n")
+    assert set_up(at_terminal, IN_SOFTWARE, "run", "1") == ["core", "ask"]
+    said = capsys.readouterr().err
+    assert "so Strata draws with OpenGL's software driver (llvmpipe)" in said
+    assert said.index("[y/N]") < said.index("Nothing was installed")
+    assert clone.stamp()[2] == FOUND
+    assert set_up(at_terminal, IN_SOFTWARE, "run", "1") == []
+
+
+def test_a_card_that_draws_by_opengl_costs_one_sentence_and_yes_installs(
+    set_up: SetUp, capsys: pytest.CaptureFixture[str]
+) -> None:
+    container = replace(UBUNTU, root=True)
+    assert set_up(container, BY_CARD, "run", "1") == ["core", "ask"]
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert last.startswith("strata: Strata draws with OpenGL here (a card); Vulkan 1.3 would add")
+    assert "--yes" in last
+    assert set_up(container, [BY_CARD, BY_VULKAN], "--yes", "run", "1")[1] == "apt-get update"
+    assert set_up(container, BY_CARD, "--yes", "run", "1")[-1] == "ask"
+    assert "Everything was installed, and still: No Vulkan 1.3 device was found" in capsys.readouterr().err
+
+
+def test_ci_looks_for_drivers_in_an_environment_that_was_set_up_outside_of_it(
+    set_up: SetUp, clone: Environment
+) -> None:
+    container = replace(UBUNTU, root=True)
+    assert set_up(container, BY_CARD, "--extras", "test") == ["all", "ask"]
+    assert clone.stamp()[1:] == ("all", FOUND)
+    in_ci = replace(container, ci=True)
+    done = set_up(in_ci, [BY_CARD, BY_VULKAN], "test")
+    assert done[:2] == ["ask", "apt-get update"]
+    assert "mesa-vulkan-drivers" in done[2]
+    assert clone.stamp()[1:] == ("all", COMPLETE)
+    assert set_up(in_ci, BY_VULKAN, "test") == []
+    assert set_up(container, BY_VULKAN, "test") == []  # and outside of CI it is enough as well
 
 
 @pytest.mark.parametrize("command", ["run", "bench", "test"])
 def test_a_user_without_rights_gets_the_commands_and_the_end(set_up: SetUp, command: str) -> None:
     with pytest.raises(SetupError) as caught:
-        set_up(UBUNTU, command)
+        set_up(UBUNTU, DRAWS_NOTHING, command)
     text = str(caught.value)
-    assert text.startswith("No Vulkan device was found")
+    assert text.startswith("No Vulkan 1.3 device was found")
     assert ", as root:" in text
     assert "apt-get update" in text.splitlines()
     with pytest.raises(SetupError, match="\nsudo apt-get update\n"):
-        set_up(replace(UBUNTU, sudo=True), command)
+        set_up(replace(UBUNTU, sudo=True), DRAWS_NOTHING, command)
 
 
 @pytest.mark.parametrize("command", ["list", "docs", "--help"])
 def test_what_needs_no_device_goes_on_and_says_the_commands(
     set_up: SetUp, capsys: pytest.CaptureFixture[str], command: str
 ) -> None:
-    assert set_up(UBUNTU, command) == ["core"]
+    assert set_up(UBUNTU, DRAWS_NOTHING, command) == ["core", "ask"]
     assert "apt-get update" in capsys.readouterr().err
 
 
 def test_doctor_itself_says_what_is_missing(set_up: SetUp, capsys: pytest.CaptureFixture[str]) -> None:
-    assert set_up(UBUNTU, "doctor") == ["core"]
+    assert set_up(UBUNTU, DRAWS_NOTHING, "doctor") == ["core", "ask"]
     assert "apt-get" not in capsys.readouterr().err
 
 
-def test_no_install_goes_on_without_a_device(set_up: SetUp) -> None:
-    assert set_up(replace(UBUNTU, root=True), "--no-install", "run", "1") == ["core"]
+@pytest.mark.parametrize(
+    ("found", "said"),
+    [
+        (DRAWS_NOTHING, "no OpenGL 4.5 was found; Strata needs Vulkan 1.3 or OpenGL 4.5"),
+        (IN_SOFTWARE, "so Strata draws with OpenGL's software driver (llvmpipe)"),
+        (BY_CARD, "Vulkan 1.3 would add"),
+    ],
+    ids=["nothing", "software", "a card"],
+)
+def test_no_install_changes_nothing_and_says_in_one_line_what_is_missing(
+    set_up: SetUp, capsys: pytest.CaptureFixture[str], found: Graphics, said: str
+) -> None:
+    assert set_up(replace(UBUNTU, root=True), found, "--no-install", "run", "1") == ["core", "ask"]
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 3  # the first two say that it looks, and that Strata is set up
+    assert said in lines[2]
+    assert "./strata --yes run 1 installs" in lines[2]
 
 
 @pytest.fixture
@@ -271,25 +404,33 @@ def any_bundle(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("any_bundle")
 def test_with_a_bundle_the_system_is_changed_only_for_yes(
-    set_up: SetUp, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    set_up: SetUp, capsys: pytest.CaptureFixture[str]
 ) -> None:
     container = replace(UBUNTU, root=True)
-    assert set_up(container, "--from", "b.zip", "list") == ["core"]
+    assert set_up(container, DRAWS_NOTHING, "--from", "b.zip", "list") == ["core", "ask"]
     said = capsys.readouterr().err
     assert "\napt-get update\n" in said
     assert said.rstrip().endswith(offline.SYSTEM_PACKAGES)
-    with pytest.raises(SetupError, match=r"No Vulkan device(.|\n)*A bundle brings Python packages alone"):
-        set_up(container, "--from", "b.zip", "run", "1")
-    device(monkeypatch, [1, 3])
-    assert set_up(container, "--yes", "--from", "b.zip", "run", "1")[0] == "apt-get update"
+    with pytest.raises(SetupError, match=r"No Vulkan 1.3 device(.|\n)*A bundle brings Python packages alone"):
+        set_up(container, DRAWS_NOTHING, "--from", "b.zip", "run", "1")
+    with_yes = set_up(container, [DRAWS_NOTHING, BY_VULKAN], "--yes", "--from", "b.zip", "run", "1")
+    assert with_yes[:2] == ["ask", "apt-get update"]
     capsys.readouterr()
-    assert set_up(replace(WORKING, root=True), "--from", "b.zip", "run", "1") == ["core"]
+    assert set_up(container, BY_VULKAN, "--from", "b.zip", "run", "1") == []
     assert "A bundle brings" not in capsys.readouterr().err
 
 
-def test_a_python_that_cannot_make_an_environment_stops_every_command(set_up: SetUp) -> None:
+def test_a_python_that_cannot_make_an_environment_is_helped_first_and_else_stops_every_command(
+    set_up: SetUp,
+) -> None:
+    bare = replace(UBUNTU, can_make_venv=False)
     with pytest.raises(SetupError, match=r"apt-get .* python3\.11-venv"):
-        set_up(replace(WORKING, can_make_venv=False), "list")
+        set_up(bare, BY_VULKAN, "list")
+    with pytest.raises(SetupError, match=r"apt-get .* python3\.11-venv"):
+        set_up(replace(bare, root=True), BY_VULKAN, "--no-install", "list")
+    done = set_up(replace(bare, root=True), BY_VULKAN, "list")
+    assert done[1].endswith("python3.11-venv")
+    assert done[2:] == ["core", "ask"]
 
 
 def test_main_tells_the_error_in_a_sentence(
@@ -331,16 +472,17 @@ def test_an_environment_is_made_anew_only_where_it_is_not_whole(
         (clone.folder / environment.UNFINISHED).touch()
     if flaw in ("moved", "older lock"):
         home = tmp_path if flaw == "older lock" else "/elsewhere"
-        (clone.folder / environment.STAMP).write_text(f"{home}\ncore\n")
+        (clone.folder / environment.STAMP).write_text(f"{home}\ncore\nfound\n")
     calls: list[str] = []
-    monkeypatch.setattr(environment, "_works", lambda python: flaw not in ("nothing there", "broken python"))
+    monkeypatch.setattr(environment, "works", lambda python: flaw not in ("nothing there", "broken python"))
     monkeypatch.setattr(environment, "_create", lambda clone: calls.append("create"))
     monkeypatch.setattr(environment, "_rehome", lambda clone: calls.append("rehome"))
     monkeypatch.setattr(environment, "install", lambda *arguments: calls.append("install"))
     monkeypatch.setattr(environment, "_site_packages", lambda clone: packages_folder)
     environment.make(clone, False, False, lambda text: None)
     assert calls == [*(["create"] if anew else []), *(["rehome"] if flaw == "moved" else []), "install"]
-    assert clone.stamp() == (str(tmp_path), "core")
+    known = FOUND if flaw in ("moved", "older lock") else ""  # drivers stay what they are
+    assert clone.stamp() == (str(tmp_path), "core", known)
     assert not (clone.folder / environment.UNFINISHED).exists()
 
 
@@ -352,7 +494,7 @@ def test_a_folder_that_cannot_be_written_is_said_in_a_sentence(tmp_path: Path) -
 
 
 def test_a_python_works_that_is_new_enough_and_has_pip(tmp_path: Path) -> None:
-    works = environment._works
+    works = environment.works
     assert works(Path(sys.executable))
     assert not works(tmp_path / "missing")
     broken = tmp_path / "python"

@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from bootstrap.environment import UNFINISHED, Environment
-from tests.launcher.clone import Clone, make_environment
+from tests.launcher.clone import DRAWS, DRAWS_NOTHING, Clone, make_environment
 from tests.support.timing import least_times, timed, until
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has strata.cmd, which needs cmd.exe")
@@ -127,7 +127,12 @@ def test_later_use_adds_less_than_50_ms(finished: Clone) -> None:
     ("flaw", "ready", "ready_in_ci"),
     [
         ("none", True, False),
-        ("has all extras", True, True),
+        ("has all extras", True, False),
+        ("looked at in CI", True, True),
+        ("core alone, looked at in CI", True, False),
+        ("nothing draws", False, False),
+        ("never looked at", False, False),
+        ("a stamp of two lines", False, False),
         ("another lock", False, False),
         ("no lock", False, False),
         ("moved", False, False),
@@ -149,8 +154,17 @@ def test_launcher_and_bootstrap_ask_the_same_question(
     clone = Clone(root, finished.wheels)
     clone.python.write_text("#!/bin/sh\necho start")
     clone.python.chmod(0o755)
-    lines = {"moved": "/elsewhere\ncore\n", "has all extras": f"{root}\nall\n", "half a stamp": f"{root}\n"}
-    clone.stamp.write_text(lines.get(flaw, f"{root}\ncore\n"))
+    lines = {
+        "moved": "/elsewhere\ncore\nfound\n",
+        "has all extras": f"{root}\nall\nfound\n",
+        "looked at in CI": f"{root}\nall\ncomplete\n",
+        "core alone, looked at in CI": f"{root}\ncore\ncomplete\n",
+        "nothing draws": f"{root}\nall\nnothing\n",
+        "never looked at": f"{root}\nall\n\n",
+        "a stamp of two lines": f"{root}\nall\n",
+        "half a stamp": f"{root}\n",
+    }
+    clone.stamp.write_text(lines.get(flaw, f"{root}\ncore\nfound\n"))
     if flaw == "no stamp":
         clone.stamp.unlink()
     elif flaw == "no python":
@@ -162,8 +176,40 @@ def test_launcher_and_bootstrap_ask_the_same_question(
     answers = (clone.start("list").stdout, clone.start("list", CI="true").stdout)
     assert answers == tuple("start\n" if yes else "set up\n" for yes in (ready, ready_in_ci))
     environment = Environment(root)
-    assert (environment.ready(everything=False), environment.ready(everything=True)) == (ready, ready_in_ci)
+    both = (environment.ready(everything=False, ci=False), environment.ready(everything=True, ci=True))
+    assert both == (ready, ready_in_ci)
     assert clone.start("--no-install", "list").stdout == "set up\n"
+
+
+def test_where_nothing_draws_each_command_that_draws_looks_again_until_something_does(own: Clone) -> None:
+    own.stamp.write_text(f"{own.root}\ncore\nnothing\n")
+    before = own.times_asked()
+    own.answers(DRAWS_NOTHING)
+    assert own.start("list").stderr == ""  # it draws nothing, and asks nothing
+    assert own.start("run", "1", "--help").stderr == ""
+    assert own.times_asked() == before
+    for more in (1, 2):
+        done = own.start("--no-install", "run", "1")
+        assert "libvulkan.so.1 is missing" in done.stderr
+        assert told(done)["arguments"] == ["run", "1"]
+        assert own.times_asked() == before + more
+    own.answers(DRAWS)
+    assert "No Vulkan" not in own.start("run", "1").stderr
+    assert own.times_asked() == before + 3
+    assert own.start("run", "1").stderr == ""
+    assert own.times_asked() == before + 3
+
+
+def test_a_stamp_of_an_earlier_commit_is_believed_for_packages_and_graphics_are_looked_at_once(
+    own: Clone,
+) -> None:
+    own.stamp.write_text(f"{own.root}\ncore\n")
+    before = own.times_asked()
+    first = own.start("list")
+    assert told(first)["tiny"] == 1
+    assert "Installing" not in first.stderr
+    assert own.start("list").stderr == ""
+    assert own.times_asked() == before + 1
 
 
 def test_a_new_lock_is_installed_once(own: Clone) -> None:
@@ -171,7 +217,7 @@ def test_a_new_lock_is_installed_once(own: Clone) -> None:
     first = own.start("list")
     assert told(first)["tiny"] == 2
     assert "Installing" in first.stderr
-    assert "Looking at this machine" not in first.stderr  # drivers do not change with a package of ours
+    assert "Looking at" not in first.stderr  # drivers do not change with a package of ours
     assert own.start("list").stderr == ""
 
 
@@ -196,7 +242,11 @@ def test_continuous_integration_gets_all_extras(own: Clone) -> None:
     told(done)
     assert subprocess.run(small, capture_output=True, check=False).returncode == 0
     assert own.start("list", CI="true").stderr == ""
-    own.write_lock(2)  # and whoever has them keeps them up to date
+    own.stamp.write_text(
+        f"{own.root}\nall\nfound\n"
+    )  # all extras, set up by hand: drivers of CI were not looked for
+    assert "Looking at the graphics drivers" in own.start("--no-install", "list", CI="true").stderr
+    own.write_lock(2)  # once installed, all of them are kept up to date
     assert "up to 2 Python packages" in own.start("list").stderr
 
 
