@@ -84,6 +84,19 @@ class Environment:
         with suppress(OSError):
             _write_stamp(self.folder / f"{STAMP}.new", home, extent, word)
 
+    def check_readable(self) -> None:
+        """Raise SetupError where this user may not reach the environment's Python."""
+        try:
+            self.python.stat()
+        except PermissionError:
+            target = f" -> {os.readlink(self.python)}" if _is_link(self.python) else ""
+            raise SetupError(
+                f"This user may not read the Python of this clone's environment ({self.python}{target}): start as the "
+                f"user who set it up, or delete {self.folder} and start again."
+            ) from None
+        except OSError:
+            pass  # it is not there, or leads nowhere: then it is made
+
 
 @dataclass(frozen=True)
 class Supply:
@@ -352,6 +365,13 @@ def _run_pip(command: list[str], variables: dict[str, str], count: int) -> list[
     if shows:
         sys.stderr.write("\r" + " " * 84 + "\r")
     return lines if process.returncode else []
+
+
+def _is_link(path: Path) -> bool:
+    try:
+        return path.is_symlink()
+    except OSError:
+        return False
 
 
 def _read(path: Path) -> bytes:

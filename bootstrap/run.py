@@ -44,6 +44,7 @@ def main(arguments: list[str]) -> int:
     try:
         options, rest = parse(arguments)
         environment = Environment(ROOT)
+        environment.check_readable()
         other = offline.other_python(vars(options)["from"], environment)
         if other is not None:
             return become([*other, "-I", str(ROOT / "bootstrap" / "__main__.py"), *arguments])
@@ -56,6 +57,14 @@ def main(arguments: list[str]) -> int:
     except KeyboardInterrupt:
         say("Stopped; the next start of ./strata sets up what is still missing.")
         return 130
+    except OSError as error:
+        say(
+            f"The set-up stopped at {error.filename or ROOT}: {error.strerror or error}; change that and start again."
+        )
+        return 2
+    except subprocess.CalledProcessError as error:
+        say(f"The environment {ROOT / '.venv'} is broken ({error.cmd[0]} failed): delete it and start again.")
+        return 2
 
 
 FLAGS = {

@@ -445,6 +445,34 @@ def test_main_tells_the_error_in_a_sentence(
     assert capsys.readouterr().err == "strata: The disk is full; make room.\n"
 
 
+@pytest.mark.parametrize(
+    ("error", "sentence"),
+    [
+        (
+            PermissionError(13, "Permission denied", "/x/site.py"),
+            "The set-up stopped at /x/site.py: Permission denied; change that and start again.",
+        ),
+        (OSError(28, "No space left on device"), "No space left on device; change that and start again."),
+        (
+            subprocess.CalledProcessError(1, ["/x/.venv/bin/python", "-I"]),
+            "is broken (/x/.venv/bin/python failed): delete it and start again.",
+        ),
+    ],
+    ids=["permission", "full disk", "broken environment"],
+)
+def test_what_the_system_refuses_is_told_in_a_sentence(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], error: Exception, sentence: str
+) -> None:
+    def fail(clone: Environment, options: argparse.Namespace, command: str) -> None:
+        raise error
+
+    monkeypatch.setattr(run, "set_up", fail)
+    assert run.main(["run", "1"]) == 2
+    said = capsys.readouterr().err
+    assert sentence in said
+    assert said.count("\n") == 1
+
+
 # --- The folder .venv ---
 
 

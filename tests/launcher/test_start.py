@@ -8,6 +8,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -259,6 +260,34 @@ def test_a_moved_clone_is_put_right_without_network(moved: Clone, tmp_path: Path
     assert subprocess.run([tool], capture_output=True, check=False).returncode != 126  # its #! line is right
     assert str(moved.root) in tool.read_text()
     assert moved.start("list", PIP_FIND_LINKS=nowhere).stderr == ""
+
+
+def test_an_environment_whose_python_this_user_may_not_read_costs_a_sentence(own: Clone) -> None:
+    with tempfile.TemporaryDirectory() as name:  # not tmp_path, which pytest keeps to its owner
+        place = Path(name)
+        place.chmod(0o755)
+        shutil.copytree(own.root, place / "clone", symlinks=True)
+        (place / "closed").mkdir()
+        python = place / "clone" / ".venv" / "bin" / "python"
+        python.unlink()
+        python.symlink_to(place / "closed" / "python")
+        (place / "closed").chmod(0)
+        before = sorted(path.name for path in (place / "clone" / ".venv").rglob("*"))
+        code = (
+            f"import os, sys; sys.path.insert(0, {str(place / 'clone')!r}); from bootstrap import run\n"
+            "os.seteuid(65534) if os.geteuid() == 0 else None  # root may read everything\n"
+            "sys.exit(run.main(['--no-install', 'list']))"
+        )
+        command = [sys.executable, "-I", "-c", code]
+        done = subprocess.run(
+            command, env=own.environment(), cwd="/", capture_output=True, text=True, check=False
+        )
+        (place / "closed").chmod(0o755)
+        assert done.returncode == 2
+        assert done.stderr.startswith("strata: This user may not read the Python of this clone's environment")
+        assert f"{place / 'closed' / 'python'}" in done.stderr
+        assert done.stderr.count("\n") == 1
+        assert sorted(path.name for path in (place / "clone" / ".venv").rglob("*")) == before
 
 
 # --- First uses ---
