@@ -266,11 +266,19 @@ def run_tests(
     record: Annotated[
         bool, typer.Option("--record", help="Keep the results of whole areas for the site, in docs/records.")
     ] = False,
+    chapter: Annotated[
+        str | None,
+        typer.Option(
+            metavar="N|DIR",
+            help="A first test of one chapter, 90 s at most, that ends with the first failure.",
+            show_default=False,
+        ),
+    ] = None,
 ) -> int:
     """Run the tests: all, those of an area such as ch01, common or backends, or a chapter's on the folder of a fork."""
     from chapters import testing
 
-    return testing.run([*context.args], long=long, bless=bless, static=static, record=record)
+    return testing.run([*context.args], long=long, bless=bless, static=static, record=record, chapter=chapter)
 
 
 @app.command(cls=Command)

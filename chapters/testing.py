@@ -31,12 +31,25 @@ WITH_VALUE = {
 """Options of pytest whose next word is their value, when it is not written behind "="."""
 
 
-def run(words: list[str], *, long: bool, bless: bool, static: bool, record: bool = False) -> int:
+def run(
+    words: list[str],
+    *,
+    long: bool = False,
+    bless: bool = False,
+    static: bool = False,
+    record: bool = False,
+    chapter: str | None = None,
+) -> int:
     """Run what was asked for; return 0 when all passed, 1 when something failed, 2 for a wrong request.
 
     `words` are areas of tests/ (ch01, common, ...), paths below it, folders of forks, and pytest's own arguments.
+    `chapter`, a number or the folder of a fork, is for a first test of that one alone.
     """
-    arguments = pytest_arguments(words)
+    if chapter is not None and (long or bless or record):
+        raise UserError(
+            "--chapter is a first test, which ends early: leave it out for --long, --bless and --record."
+        )
+    arguments = pytest_arguments(words) if chapter is None else first_arguments(chapter, words)
     if bless and any(is_fork(word) for word in words):
         raise UserError(
             "--bless makes goldens of the project's own chapters: leave it out, or leave out the fork."
@@ -92,6 +105,31 @@ def pytest_arguments(words: list[str]) -> list[str]:
         paths = chapter_arguments(int(chapter[1])) if chapter else [path_of(name)]
         arguments += [path for path in paths if path not in arguments]
     return arguments
+
+
+def first_arguments(chapter: str, words: list[str]) -> list[str]:
+    """Return pytest's arguments for a first test of a chapter or a fork; `words` are arguments of pytest.
+
+    Raises UserError for an area or a path among them.
+    """
+    which = chapters.parse_chapter(chapter)
+    number = which if isinstance(which, int) else which.lesson.number
+    for index, word in enumerate(words):
+        if not word.startswith("-") and not (index > 0 and words[index - 1] in WITH_VALUE):
+            raise UserError(
+                f"--chapter {chapter} is a first test of one chapter: leave out {word!r}, or leave out --chapter."
+            )
+    paths = chapter_arguments(which)
+    own = f"tests/{chapters.folder_name(number)}"
+    # Of chapters before it those files that have tests of the core: to read all of them would take half of the time.
+    core = [
+        file.relative_to(ROOT).as_posix()
+        for path in paths
+        if path != own and not path.startswith("--")
+        for file in sorted((ROOT / path).rglob("test_*.py") if (ROOT / path).is_dir() else [ROOT / path])
+        if "mark.every_chapter" in file.read_text("utf-8")
+    ]
+    return [own, *core, paths[-1], "--first", "-x", *words]
 
 
 def is_fork(word: str) -> bool:

@@ -22,13 +22,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from functools import cache
-from importlib.util import find_spec
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from common import etc2
+from common import etc2, packages
 from common.errors import UnsupportedError
 from common.names import suggest
 
@@ -73,9 +72,13 @@ _BC7_TILE, _TILE = 32, 128
 """Texels of the side of what is encoded in one call: 0.3 ms of BC7 in medium effort, and less than 4 ms in any."""
 
 
-def available() -> bool:
-    """Whether blocks can be encoded here."""
-    return find_spec("etcpak") is not None
+def lack() -> str:
+    """Return "" where blocks can be encoded here, else what of the package etcpak: "is not installed"."""
+    try:
+        packages.load("etcpak")
+    except ImportError as error:
+        return str(error)
+    return ""
 
 
 def is_compressed(format: str) -> bool:
@@ -114,7 +117,7 @@ def encode(pixels: Bytes, format: str, effort: Effort = "medium") -> Bytes:
     "etc2" no alpha. The "_srgb" formats hold the same bytes as those without: only their sampling differs. `effort`
     matters to BC7 alone.
 
-    Raises UnsupportedError where the package etcpak is not installed, ValueError for other pixels or formats.
+    Raises UnsupportedError where the package etcpak is missing or broken, ValueError for other pixels or formats.
     """
     if format not in BLOCK_BYTES:
         raise ValueError(f"There is no block format '{format}'{suggest(format, BLOCK_BYTES)}")
@@ -150,11 +153,11 @@ def _encoder(family: str, effort: Effort) -> Callable[[bytes, int, int], bytes]:
     """Return what encodes tiles: (RGBA bytes, width, height) to blocks in rows."""
     # Here and not above: it asks the system for the processor, 35 ms that no start of the program waits for.
     try:
-        import etcpak
-    except ImportError:
+        etcpak = packages.load("etcpak")
+    except ImportError as error:
         raise UnsupportedError(
-            "Block compression needs the package etcpak, which is not installed: run `pip install etcpak`, or store "
-            "textures uncompressed."
+            f"Block compression needs the package etcpak, which {error}: run `pip install etcpak`, or store textures "
+            "uncompressed."
         ) from None
     if family == "bc7":
         parameters = etcpak.BC7CompressBlockParams()

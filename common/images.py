@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from PIL import Image as PillowImage
 from PIL.PngImagePlugin import PngInfo
 
+from common import packages
 from common.errors import UserError
 from common.paths import temporary_folder, write_whole, written_file
 from common.png16 import decode_png16, encode_png16, is_deep_color
@@ -224,13 +225,11 @@ def _encode_exr(layers: Mapping[str, Array]) -> bytes:
 
 def _openexr() -> ModuleType:
     try:
-        import OpenEXR
-    except ImportError:
+        return packages.load("OpenEXR")
+    except ImportError as error:
         raise UserError(
-            "EXR needs the package OpenEXR: run `pip install OpenEXR`, or write .png or .hdr"
+            f"EXR needs the package OpenEXR, which {error}: run `pip install OpenEXR`, or write .png or .hdr"
         ) from None
-    module: ModuleType = OpenEXR
-    return module
 
 
 def _write(path: Path, data: bytes) -> None:

@@ -18,7 +18,7 @@ from backends.vulkan.device import Device
 from backends.vulkan.instance import VALIDATION_LAYER, Instance
 from common.errors import UnsupportedError
 from common.paths import asset_dir
-from tests.support import goldens, snapshots
+from tests.support import first, goldens, packages, snapshots
 from tests.support.chapter import Chapter
 from tests.support.gl_functions import assert_silent
 from tests.support.report import Report
@@ -75,6 +75,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         "--record", action="store_true", help="keep results of whole areas in docs/records/tests.json"
     )
+    parser.addoption("--first", action="store_true", help="end with the first failure, and in time")
+    parser.addoption("--uses", type=Path, metavar="DIR", help="write which test files ask for packages")
     goldens.add_options(parser)
     snapshots.add_options(parser)
 
@@ -88,6 +90,18 @@ def pytest_configure(config: pytest.Config) -> None:
     )
     config.pluginmanager.register(later, "strata-snapshots")
     config.pluginmanager.register(goldens, "strata-goldens")
+    if config.getoption("--first"):
+        (subject,) = later.chosen
+        word = str(subject.folder) if subject.is_fork else str(subject.number)
+        config.pluginmanager.register(first.First(subject.number, word), "strata-first")
+    if config.getoption("--uses"):
+        config.pluginmanager.register(packages.Uses(config.getoption("--uses")), "strata-uses")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skip what needs a package that is not here, before any of its fixtures is made."""
+    packages.skip_without(item)
 
 
 def compile_quickly(long: bool) -> None:

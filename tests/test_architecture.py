@@ -36,9 +36,9 @@ def shown(path: Path) -> str:
 
 
 @pytest.mark.feature("core/layer-rule")
+@pytest.mark.needs("importlinter")
 def test_imports_go_one_way():
     """common <- backends <- chapters; no shared module imports a chapter, and no chapter another."""
-    pytest.importorskip("importlinter", reason="import-linter is in the extra dev")
     code = "from importlinter.cli import lint_imports_command as lint; lint(['--no-cache'])"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr

@@ -392,7 +392,7 @@ def test_a_chapter_that_does_not_open_leaves_no_window(display):
     assert module._open == 0
 
 
-@pytest.mark.parametrize("backend", ["vulkan", "gl"])
+@pytest.mark.parametrize("backend", ["vulkan", pytest.param("gl", marks=pytest.mark.needs("moderngl"))])
 def test_a_window_that_another_program_destroys_ends_the_loop_with_a_sentence(display, monkeypatch, backend):
     windows, kept = catch_windows(monkeypatch), []
     if backend == "gl":
@@ -434,7 +434,7 @@ run_window(open_renderer, size=(32, 32), title="a", on_frame=say, backend={backe
 """
 
 
-@pytest.mark.parametrize("backend", ["vulkan", "gl"])
+@pytest.mark.parametrize("backend", ["vulkan", pytest.param("gl", marks=pytest.mark.needs("moderngl"))])
 def test_a_display_that_dies_is_one_sentence(display, backend):
     with virtual_display():
         process = subprocess.Popen(

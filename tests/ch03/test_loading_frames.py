@@ -358,7 +358,7 @@ class Chained(Image):
         return Chain("bc7_srgb", None, "rgba", blocks.encode_chain(levels, "bc7_srgb", "fast"))
 
 
-@pytest.mark.skipif(not blocks.available(), reason="no encoder of blocks")
+@pytest.mark.needs("etcpak")
 @pytest.mark.parametrize("settings", [EXACT, replace(STREAM, upload_budget=1 / 64)])
 def test_levels_that_an_image_brings_are_copied_as_they_are(chapter, settings):
     images = [Chained(str(color), plain(color, (150, 70 + n))) for n, color in enumerate(COLORS)]

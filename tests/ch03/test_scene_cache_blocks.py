@@ -19,6 +19,7 @@ from tests.common.gltf.builder import QUAD, QUAD_INDICES, Gltf
 from tests.support.block_pictures import decoded, pictures
 from tests.support.scene_equality import difference
 
+pytestmark = pytest.mark.needs("etcpak")
 file_row = pytest.mark.feature("scene-cache/file")
 SIDE = 200
 """Texels: above the least that is compressed, and no power of two."""
@@ -86,6 +87,7 @@ PSNR_DB = {"bc7_srgb": 38.0, "bc7": 38.0, "bc5": 42.0, "bc4": 42.0}
 
 
 @file_row
+@pytest.mark.needs("texture2ddecoder")
 def test_each_use_has_a_chain_that_is_close_to_the_picture(path):
     scene, source = cached(path), load_scene(path)
     for number, uses in image_uses(source).items():
@@ -148,7 +150,7 @@ def test_a_damaged_chain_is_removed_and_its_picture_read_from_the_source(path):
 
 def test_without_an_encoder_a_compressed_cache_can_be_read_and_not_made(path, monkeypatch):
     cached(path)
-    monkeypatch.setattr(blocks, "available", lambda: False)
+    monkeypatch.setattr(blocks, "lack", lambda: "is not installed")
     assert open_scene(path, compressed=True).writer is None
     cache_file(path, True).unlink()
     with pytest.raises(UnsupportedError, match="etcpak"):
@@ -170,3 +172,25 @@ def test_compression_beside_a_window_can_be_waited_for(path, no_thread_left):
     assert opened.writer.finish().startswith("It is cached")
     opened.writer.stop()
     assert read_cache(cache_file(path, True), path, compressed=True).images[0].chain(True, True, "rgba")
+
+
+@pytest.mark.parametrize(
+    "error", [RuntimeError("a mistake"), UnsupportedError("Block compression needs a package.")]
+)
+def test_an_encoder_that_fails_leaves_nothing_that_waits_for_ever(
+    path, cache, no_thread_left, error, monkeypatch
+):
+    """Every image is begun and none is ended: a second wait has nothing to do but to see that."""
+
+    def fail(*_):
+        raise error
+
+    opened = open_scene(path, compressed=True)
+    monkeypatch.setattr(scene_cache, "compress", fail)
+    if isinstance(error, UnsupportedError):
+        opened.writer.finish()
+    else:
+        with pytest.raises(RuntimeError, match="a mistake"):
+            opened.writer.finish()
+    assert str(error) in opened.writer.finish() and opened.writer.failed
+    assert list(cache.iterdir()) == []

@@ -65,6 +65,7 @@ def test_textures_far_from_the_origin_are_the_same(chapter, tmp_path, far):
     assert len(np.unique(plain)) > 20
 
 
+@pytest.mark.needs("etcpak")
 def test_a_compressed_cache_gives_nearly_the_same_picture(chapter, tmp_path):
     """On a device that samples blocks; elsewhere its pictures are decoded, and the same."""
     gltf = Gltf()

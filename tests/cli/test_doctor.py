@@ -191,6 +191,7 @@ NOTHING = {"VK_DRIVER_FILES": "/nonexistent", "__EGL_VENDOR_LIBRARY_FILENAMES": 
 
 @pytest.mark.feature("cli/doctor")
 @pytest.mark.skipif(sys.platform != "linux", reason="drivers are found in other ways there")
+@pytest.mark.needs("glcontext")
 def test_without_a_driver_it_says_so_and_what_to_install() -> None:
     done = strata("doctor", **NOTHING)
     assert done.returncode == 2

@@ -54,6 +54,7 @@ def test_a_picture_and_a_record_are_written_where_they_were_asked_for(strata, tm
     assert sorted(path.name for path in tmp_path.iterdir()) == ["picture.png", "run.json", "scene.glb"]
 
 
+@pytest.mark.needs("OpenEXR")
 def test_an_exr_holds_linear_light_depth_and_ids(strata, tmp_path, box):
     assert strata("run", "1", "--scene", box, "--size", "32x32", "--out", "a.exr")[0] == 0
     layers = read_layers(tmp_path / "a.exr")
@@ -113,6 +114,7 @@ def test_no_exposure_is_named_that_does_not_fit(capsys, nits, said):
     assert said in told and told.count("--ev") == ("--ev" in said) and bool(told) == bool(said)
 
 
+@pytest.mark.needs("OpenEXR")
 def test_opengl_writes_the_same_light_depth_and_ids(strata, tmp_path, gl_context):
     words = ("run", "1", "--scene", "cornell", "--size", "32x32", "--set", "color_format=rgba32f")
     for backend in ("vulkan", "gl"):
@@ -395,6 +397,7 @@ BASE_INSTANCE = "GL_ARB_shader_draw_parameters"
 NO_OPENGL = {"__EGL_VENDOR_LIBRARY_FILENAMES": "/nowhere.json"}
 
 
+@pytest.mark.needs("glcontext")
 def test_without_any_driver_it_says_what_to_install(tmp_path):
     done = start("run", "1", "--size", "16x16", cwd=tmp_path, **NO_VULKAN, **NO_OPENGL)
     assert done.returncode == 2

@@ -51,6 +51,7 @@ def test_without_a_cache_nothing_is_kept(strata, scene):
     assert "without a cache" in told and kept(scene) == []
 
 
+@pytest.mark.needs("etcpak")
 def test_a_compressed_cache_is_asked_for(strata, scene):
     run(strata, scene, "--compress")
     assert kept(scene) == [".blocks"]
@@ -95,7 +96,7 @@ def test_wavefront_files_are_loaded_plainly(strata, scene):
     assert kept(scene) == []
 
 
-@pytest.mark.parametrize("backend", ["vulkan", "gl"])
+@pytest.mark.parametrize("backend", ["vulkan", pytest.param("gl", marks=pytest.mark.needs("moderngl"))])
 def test_a_texture_that_fails_while_frames_are_drawn_is_named_behind_them(
     strata, tmp_path, monkeypatch, backend
 ):

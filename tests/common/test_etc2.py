@@ -10,6 +10,7 @@ from common.etc2 import DIFFERENTIAL, PLANAR, H, T, decode, modes
 from tests.support.block_pictures import decoded, pictures, random_blocks
 
 
+@pytest.mark.needs("texture2ddecoder")
 def test_every_mode_is_decoded_as_by_other_authors():
     """Random bits are legal blocks, and hold every mode: 16384 of them."""
     rows = random_blocks("etc2", 512, 512, 1)
@@ -23,6 +24,7 @@ def test_edges_are_cut_off():
 
 
 @pytest.mark.feature("textures/etc2-ktx")
+@pytest.mark.needs("etcpak")
 def test_a_constant_picture_decodes_within_the_step_of_the_format():
     """The coarsest channels of a plane have 6 bits: half a step of 255/63 codes, and alpha is none of it."""
     colors = np.random.default_rng(3).integers(0, 256, (200, 3), np.uint8)
@@ -39,6 +41,7 @@ def test_a_constant_picture_decodes_within_the_step_of_the_format():
         assert np.abs(found - picture).max() <= 2, color
 
 
+@pytest.mark.needs("etcpak")
 def test_the_encoder_uses_what_etc2_adds_to_etc1():
     smooth, noise = (pictures(64, 64)[name] for name in ("smooth", "noise"))
     assert (modes(encode(smooth, "etc2")) == PLANAR).mean() > 0.3

@@ -34,6 +34,7 @@ def same(one: Ktx, other: Ktx) -> bool:
 
 @pytest.mark.feature("textures/etc2-ktx")
 @pytest.mark.parametrize("size", [(64, 32), (61, 37), (5, 3), (1, 1)])
+@pytest.mark.needs("etcpak")
 def test_an_etc2_texture_has_the_size_of_its_blocks(tmp_path, size):
     """8*ceil(w/4)*ceil(h/4) bytes a level, and a header; it comes back as it was."""
     width, height = size

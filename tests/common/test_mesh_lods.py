@@ -18,12 +18,12 @@ from tests.support.meshes import grid, scene_of
 
 @pytest.fixture
 def scene() -> Scene:
-    pytest.importorskip("meshoptimizer")
     return scene_of(grid(3, 3), grid(24, 24, height=0.15), drawn=(1,))
 
 
 @pytest.mark.feature("mesh/simplify")
 @pytest.mark.parametrize("ratio", [0.0, 0.2, 0.7, 1.0])
+@pytest.mark.needs("meshoptimizer")
 def test_simplifying_ends_at_the_ratio_or_the_error(scene, ratio):
     before = scene.indices.tobytes()
     indices, error = simplified(scene, 1, ratio)
@@ -71,6 +71,7 @@ def farthest(places: np.ndarray, positions: np.ndarray, indices: np.ndarray) -> 
 
 @pytest.mark.feature("mesh/simplify")
 @pytest.mark.parametrize("ratio", [0.0, 0.2, 0.5])
+@pytest.mark.needs("meshoptimizer")
 def test_the_surface_stays_near_every_vertex_that_is_left_out(scene, ratio):
     """By the distance of each vertex from each triangle, not by what the simplifier says of itself."""
     positions = mesh_positions(scene, 1)
@@ -85,8 +86,8 @@ def test_the_surface_stays_near_every_vertex_that_is_left_out(scene, ratio):
 
 
 @pytest.mark.feature("mesh/simplify")
+@pytest.mark.needs("meshoptimizer")
 def test_a_flat_square_ends_as_two_triangles_and_a_missing_one_would_be_seen():
-    pytest.importorskip("meshoptimizer")
     positions, indices = grid(8, 12, height=0)
     found, error = simplified(scene_of((positions, indices)), 0, ratio=0.0)
     assert len(found) == 6 and error < 1e-6
@@ -97,6 +98,7 @@ def test_a_flat_square_ends_as_two_triangles_and_a_missing_one_would_be_seen():
 
 
 @pytest.mark.feature("mesh/lod-chain")
+@pytest.mark.needs("meshoptimizer")
 def test_levels_get_smaller_and_stay_near(scene):
     levels = lod_chain(scene, 1, further=7, samples=300)
     positions, original = mesh_positions(scene, 1), mesh_indices(scene, 1)
@@ -112,12 +114,14 @@ def test_levels_get_smaller_and_stay_near(scene):
     assert not levels[1].sloppy
 
 
+@pytest.mark.needs("meshoptimizer")
 def test_a_chain_is_as_long_as_was_asked_for(scene):
     for further in (0, 1):
         assert len(lod_chain(scene, 1, further, samples=100)) == 1 + further
 
 
 @pytest.mark.feature("mesh/lod-chain")
+@pytest.mark.needs("meshoptimizer")
 def test_small_meshes_have_one_level_and_the_count_is_tested_before_it_is_halved(scene):
     assert len(lod_chain(scene, 0)) == 1
     flat = grid(10, 18, height=0)
@@ -125,6 +129,7 @@ def test_small_meshes_have_one_level_and_the_count_is_tested_before_it_is_halved
         assert len(lod_chain(scene_of((flat[0], flat[1][:count])), 0)) == levels
 
 
+@pytest.mark.needs("meshoptimizer")
 def test_a_bound_is_kept_where_quadrics_are_wrong(scene):
     # The simplifier's own estimate stays below the bound in any case, and the distance would be twice that.
     bound = 0.006
@@ -135,6 +140,7 @@ def test_a_bound_is_kept_where_quadrics_are_wrong(scene):
     assert any(not level.sloppy for level in levels[1:])
 
 
+@pytest.mark.needs("meshoptimizer")
 def test_tangents_of_every_triangle_are_no_seams(scene):
     positions, indices = grid(20, 20)
     apart = scene_of((positions[indices], np.arange(len(indices), dtype=np.uint32)))

@@ -38,10 +38,8 @@ def three_meshes() -> Scene:
 
 
 @pytest.mark.feature("mesh/optimize")
-@pytest.mark.parametrize("passes", [OWN, PASSES])
+@pytest.mark.parametrize("passes", [OWN, pytest.param(PASSES, marks=pytest.mark.needs("meshoptimizer"))])
 def test_triangles_stay_and_equal_vertices_become_one(passes):
-    if passes != OWN:
-        pytest.importorskip("meshoptimizer")
     scene = three_meshes()
     before = {each.name: getattr(scene, each.name) for each in fields(scene)}
     bits = [getattr(scene, name).tobytes() for name in ("positions", "normals", "indices", "meshes")]

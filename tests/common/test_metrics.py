@@ -141,18 +141,13 @@ def flip_of_greys(a: float, b: float) -> float:
     return 0.95 + 0.05 * (difference - knee) / (largest - knee)
 
 
-@pytest.fixture
-def _flip() -> None:
-    pytest.importorskip("flip_evaluator", reason="the package flip-evaluator is not installed")
-
-
-@pytest.mark.usefixtures("_flip")
+@pytest.mark.needs("flip_evaluator")
 @pytest.mark.parametrize(("a", "b"), [(0.0, 1.0), (0.5, 0.6), (0.02, 0.01), (0.9, 0.2)])
 def test_flip_of_uniform_greys(a, b):
     assert flip_mean(grey(a), grey(b)) == pytest.approx(flip_of_greys(a, b), abs=2e-4)
 
 
-@pytest.mark.usefixtures("_flip")
+@pytest.mark.needs("flip_evaluator")
 def test_flip_scales_integers_and_ignores_alpha():
     eight = RNG.integers(0, 256, (20, 20, 4)).astype(np.uint8)
     other = eight // 2
@@ -165,7 +160,7 @@ def test_flip_scales_integers_and_ignores_alpha():
     np.testing.assert_allclose(one, flip_map(*(np.repeat(p[..., :1], 3, axis=2) for p in (other, eight))))
 
 
-@pytest.mark.usefixtures("_flip")
+@pytest.mark.needs("flip_evaluator")
 def test_flip_sees_less_of_a_fine_pattern_when_pixels_are_small():
     checker = (np.indices((48, 48)).sum(axis=0) % 2).astype(np.float32)
     half = np.full_like(checker, 0.735)  # the coded value of the mean light
@@ -174,7 +169,7 @@ def test_flip_sees_less_of_a_fine_pattern_when_pixels_are_small():
     )
 
 
-@pytest.mark.usefixtures("_flip")
+@pytest.mark.needs("flip_evaluator")
 def test_hdr_flip_is_the_packages_own_where_nothing_is_black():
     import flip_evaluator
 
@@ -184,13 +179,13 @@ def test_hdr_flip_is_the_packages_own_where_nothing_is_black():
     assert own > 0.1
 
 
-@pytest.mark.usefixtures("_flip")
+@pytest.mark.needs("flip_evaluator")
 def test_ldr_flip_clamps_to_what_a_screen_shows():
     assert flip_mean(grey(1.5), grey(1.0)) == flip_mean(grey(-0.5), grey(0.0)) == 0.0
     assert flip_mean(grey(1.5), grey(0.5)) == flip_mean(grey(1.0), grey(0.5))
 
 
-@pytest.mark.usefixtures("_flip")
+@pytest.mark.needs("flip_evaluator")
 def test_hdr_flip_of_black_pictures(monkeypatch):
     import flip_evaluator
 
@@ -211,7 +206,7 @@ def test_hdr_flip_of_black_pictures(monkeypatch):
     assert exposures == [2, 2, 2, 2]
 
 
-@pytest.mark.usefixtures("_flip")
+@pytest.mark.needs("flip_evaluator")
 def test_hdr_flip_does_not_see_exposure():
     other = PICTURE * np.float32(0.8)
     scaled = flip_mean(other * np.float32(2**-10), PICTURE * np.float32(2**-10), "hdr")

@@ -41,8 +41,10 @@ def test_quaternions_agree_with_rodrigues():
     assert np.allclose(tf.rotation(axes, angles)[:, :3, :3], expected, atol=1e-14)
 
 
+@pytest.mark.needs("scipy")
 def test_quaternions_agree_with_scipy():
-    Rotation = pytest.importorskip("scipy.spatial.transform", reason="scipy is in the dev extra").Rotation
+    from scipy.spatial.transform import Rotation
+
     a, b = QUATERNIONS[:100], QUATERNIONS[100:]
     points = RNG.normal(size=(100, 3))
     ours = tf.quaternion_multiply(a, b)

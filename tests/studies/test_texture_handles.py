@@ -7,7 +7,6 @@ import pytest
 
 import chapters
 from backends.gl.capabilities import extensions
-from backends.gl.context import Context
 from chapters import studies
 from chapters.ch02.studies.texture_handles import ACROSS, COUNT, DOWN, EXTENSION, Settings, textures
 from common.errors import UnsupportedError
@@ -95,9 +94,8 @@ def test_without_the_extension_the_refusal_names_it_in_a_sentence(gl_context, mo
     assert gl_context.alive == alive
 
 
-def test_on_the_command_line_it_finds_its_one_backend_and_ends_with_that_sentence(strata):
-    with Context() as context:
-        there = EXTENSION in extensions(context.fn)
+def test_on_the_command_line_it_finds_its_one_backend_and_ends_with_that_sentence(strata, gl_context):
+    there = EXTENSION in extensions(gl_context.fn)
     code, out, err = strata("run", WHICH, "--size", "64x48")
     if there:
         assert code == 0

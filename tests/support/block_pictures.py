@@ -6,9 +6,15 @@ import numpy as np
 import pytest
 
 from backends.contract import Capabilities
-from common.blocks import stored_shape
+from common.blocks import BLOCK_BYTES, stored_shape
 from common.color import quantize
 from tests.support.bounds import decoded_srgb
+
+DECODED = [
+    format if format in ("bc4", "bc5") else pytest.param(format, marks=pytest.mark.needs("texture2ddecoder"))
+    for format in BLOCK_BYTES
+]
+"""Every block format, as a parameter of tests that call `check`: of most the truth is that package's."""
 
 SAMPLE = """
 layout(local_size_x = 64) in;
@@ -67,9 +73,10 @@ def pictures(width: int, height: int) -> dict[str, np.ndarray]:
 
 def decoded(rows: np.ndarray, format: str, width: int, height: int) -> np.ndarray:
     """Return (height, width, 4) uint8 of blocks by texture2ddecoder; of "bc4" red alone means something."""
-    package = pytest.importorskip("texture2ddecoder")
+    import texture2ddecoder
+
     assert rows.shape == stored_shape(format, width, height)
-    decode = getattr(package, f"decode_{format.removesuffix('_srgb')}")
+    decode = getattr(texture2ddecoder, f"decode_{format.removesuffix('_srgb')}")
     return np.frombuffer(decode(rows.tobytes(), width, height), np.uint8).reshape(height, width, 4)[
         ..., [2, 1, 0, 3]
     ]

@@ -13,9 +13,10 @@ Of these further runs
 - a test of modules that are the same, byte for byte, in a chapter for which it ran is left out;
 - a test that draws and bears no mark runs with `--long` alone; one that draws nothing always runs.
 
-`--chapter=2` runs the tests for one chapter alone, `--chapter=FOLDER` for a fork: a copy of a chapter, of which the ids
-say `::ch02-fork::`. It gets all tests that were written for its chapter, and of those of chapters before it what any
-later chapter gets; modules that are the same as the chapter's count as other ones.
+To pytest, `--chapter=2` means the tests for one chapter alone (to `strata test` a first test: first.py beside this),
+and `--chapter=FOLDER` those for a fork: a copy of a chapter, of which the ids say `::ch02-fork::`. It gets all tests
+that were written for its chapter, and of those of chapters before it what any later chapter gets; modules that are the
+same as the chapter's count as other ones.
 """
 
 from __future__ import annotations

@@ -13,7 +13,6 @@ from chapters import bench_load, bench_scene
 from chapters.ch03.graphics.pipelines import Pipelines
 from chapters.ch03.logic import scene_cache
 from chapters.ch03.logic.cached_images import CachedImage, compress, image_uses
-from common import blocks
 from common.errors import UnsupportedError
 from common.gltf import load_scene
 from tests.support.timing import least_times
@@ -114,9 +113,8 @@ def test_the_warm_up_neither_reads_nor_writes_a_cache_and_decodes_nothing(square
     assert caches(squares) == []
 
 
+@pytest.mark.needs("etcpak")
 def test_small_textures_are_stored_as_the_large_ones_are(squares):
-    if not blocks.available():
-        pytest.skip("etcpak is not installed")
     scene = load_scene(squares, decode=False)
     uses = image_uses(scene)
     small = bench_load._small_images(way("blocks"), scene)
@@ -132,10 +130,9 @@ def test_small_textures_are_stored_as_the_large_ones_are(squares):
 
 
 @pytest.mark.feature("tools/bench")
+@pytest.mark.needs("etcpak")
 def test_what_no_cache_spares_is_the_scene_without_its_texels(squares, monkeypatch):
     """The cache is read and its geometry uploaded; none of its chains is, and its time counts as that of a load."""
-    if not blocks.available():
-        pytest.skip("etcpak is not installed")
     load(squares, "compress")
     asked = []
     monkeypatch.setattr(CachedImage, "chain", lambda *use: asked.append(use))
@@ -148,6 +145,7 @@ def test_what_no_cache_spares_is_the_scene_without_its_texels(squares, monkeypat
 
 
 @pytest.mark.feature("scene-cache/file")
+@pytest.mark.needs("etcpak")
 def test_a_cache_leaves_a_tenth_at_most_of_what_a_cache_can_spare(tmp_path, monkeypatch):
     """Textures come an order of magnitude faster, but for what has nothing to do with their texels.
 
@@ -156,8 +154,6 @@ def test_a_cache_leaves_a_tenth_at_most_of_what_a_cache_can_spare(tmp_path, monk
     were read in no time would take L, and be P / L times as fast: 10 here, on two processors, and less on more, which
     decode at once. So not P / C is what a cache has in its hands but (P - L) / (C - L), which is 15 to 28 here.
     """
-    if not blocks.available():
-        pytest.skip("etcpak is not installed")
     monkeypatch.setenv("STRATA_CACHE", str(tmp_path / "cache"))
     path = bench_scene.write(tmp_path, 16, 512)
     load(path, "compress")

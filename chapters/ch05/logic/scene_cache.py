@@ -99,10 +99,10 @@ def open_scene(
         return Opened(scene, f"opened {path.name} {_since(began)} from its cache {target.name}")
     except CacheMiss as miss:
         why = str(miss)
-    if compressed and not blocks.available():
+    if compressed and (lack := blocks.lack()):
         raise UnsupportedError(
-            "A compressed cache needs the package etcpak, which is not installed: run `pip install etcpak`, or cache "
-            "the scene uncompressed."
+            f"A compressed cache needs the package etcpak, which {lack}: run `pip install etcpak`, or cache the scene "
+            "uncompressed."
         )
     states: dict[str, scene_sources.State] | None = None
     with contextlib.suppress(OSError, ValueError):  # what is wrong with the file, loading says
@@ -123,7 +123,7 @@ def _since(began: float) -> str:
     return f"in {(time.perf_counter() - began) * 1e3:.0f} ms"
 
 
-def _not_written(error: Exception) -> str:
+def _not_written(error: BaseException) -> str:
     reason = error.strerror if isinstance(error, OSError) and error.strerror else error
     return f"No cache of the scene was written ({reason}): it will take as long to load the next time."
 
@@ -279,6 +279,9 @@ class Writer:
                 list(pool.map(one, left))
         except (SceneError, MemoryError) as error:  # who draws the picture is told of it
             self._fail(f"The scene is not cached: {error}", failed=False)
+        except BaseException as error:  # a mistake: what waits for the file must not wait for ever
+            self._fail(_not_written(error))
+            raise
         self._over.wait()  # for what other threads have begun to write
         self._join_ending()
         return self.told
@@ -322,9 +325,12 @@ class Writer:
                     record["chains"].append(chain_record(use, compress(pixels, use), self._file.add))
             else:
                 record["pixels"] = self._file.add(pixels)
-        except (OSError, ValueError) as error:  # ValueError: it was given up meanwhile
+        except (OSError, ValueError, UnsupportedError) as error:  # ValueError: it was given up meanwhile
             self._fail(_not_written(error))
             return
+        except BaseException as error:
+            self._fail(_not_written(error))
+            raise
         with self._lock:
             self._missing -= 1
             if not self._missing:
@@ -346,6 +352,9 @@ class Writer:
         except (OSError, ValueError, MemoryError) as error:
             self._fail(_not_written(error))
             return
+        except BaseException as error:
+            self._fail(_not_written(error))
+            raise
         prune(self._target.parent, MOST_BYTES)
 
     def _fail(self, why: str, failed: bool = True) -> None:

@@ -43,6 +43,7 @@ def test_every_feature_is_there_or_has_a_reason(gl_context):
 
 
 @pytest.mark.feature("device/capability-report")
+@pytest.mark.usefixtures("gl_context")  # which skips it where there is no OpenGL
 def test_a_feature_switched_off_takes_the_path_of_a_device_that_lacks_it():
     with Context(without={"anisotropy", "fp64"}) as context:
         assert not context.has("anisotropy") and not context.has("fp64")
@@ -294,6 +295,7 @@ def test_making_and_changing_objects_leaves_what_is_bound(gl_context):
 
 
 @pytest.mark.feature("device/lifetime-and-leaks")
+@pytest.mark.usefixtures("gl_context")  # which skips it where there is no OpenGL
 def test_ctrl_c_stays_ctrl_c_where_it_left_something_alive():
     def interrupted():
         with Context() as context:
@@ -305,6 +307,7 @@ def test_ctrl_c_stays_ctrl_c_where_it_left_something_alive():
 
 
 @pytest.mark.feature("device/lifetime-and-leaks")
+@pytest.mark.usefixtures("gl_context")  # which skips it where there is no OpenGL
 def test_closing_names_what_was_forgotten():
     context = Context()
     create_buffer(context, 16, "device", "forgotten")
