@@ -21,6 +21,7 @@ from common.errors import UserError
 from common.paths import temporary_folder, write_whole, written_file
 from common.png16 import decode_png16, encode_png16, is_deep_color
 from common.radiance import decode_radiance, encode_radiance, radiance_size
+from common.regular_files import read_regular
 
 Array = NDArray[Any]
 
@@ -244,8 +245,7 @@ def _read(path: Path, count: int = -1) -> bytes:
     if path.is_dir():
         raise UserError(f"{path} is a folder, not a picture")
     try:
-        with path.open("rb") as stream:
-            return stream.read(count)
+        return read_regular(path, count)
     except FileNotFoundError:
         raise UserError(f"there is no file {path}") from None
     except OSError as error:

@@ -13,7 +13,7 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-from common.gltf.container import Bytes, Container, open_container, read_uri
+from common.gltf.container import Bytes, Container, Opened, open_container, read_uri
 from common.gltf.refusal import Refusal, refuse
 from common.gltf.schema import check_document
 
@@ -45,9 +45,10 @@ class Document:
     be missing.
     """
 
-    def __init__(self, root: Object, container: Container) -> None:
+    def __init__(self, root: Object, container: Container, opened: Opened | None = None) -> None:
         self.root = root
-        self.folder: Path = container.folder
+        self._folder: Path = container.folder
+        self._opened = opened
         self.warnings: list[str] = []
         self._binary = container.binary
         self._buffers: dict[int, Bytes] = {}
@@ -62,6 +63,10 @@ class Document:
         if text not in self.warnings:
             self.warnings.append(text)
 
+    def read_uri(self, uri: str, place: str) -> Bytes:
+        """Return the bytes that a URI of this document names. Raises Refusal as `container.read_uri` does."""
+        return read_uri(uri, self._folder, place, self._opened)
+
     def buffer(self, index: int) -> Bytes:
         """Return the bytes of a buffer, exactly `byteLength` of them.
 
@@ -73,7 +78,7 @@ class Document:
             entry = self.items("buffers")[index]
             uri, length = entry.get("uri"), entry["byteLength"]
             if uri:
-                data = read_uri(uri, self.folder, f"{place}.uri")
+                data = self.read_uri(uri, f"{place}.uri")
             elif index == 0 and self._binary is not None:
                 data = self._binary
             else:
@@ -104,10 +109,10 @@ class Document:
         return self._views[index]
 
 
-def read_document(path: Path, use_library: bool = False) -> Document:
+def read_document(path: Path, use_library: bool = False, opened: Opened | None = None) -> Document:
     """Open, parse and check a .gltf or .glb file.
 
-    `use_library` has pygltflib decode it.
+    `use_library` has pygltflib decode it; `opened` is told of each other file that the document has opened.
 
     Raises:
         Refusal: anything that is wrong with the file, its JSON or its shape, or an extension that it requires
@@ -122,7 +127,7 @@ def read_document(path: Path, use_library: bool = False) -> Document:
         if name not in SUPPORTED:
             advice = REQUIRED_ADVICE.get(name, "export it without this extension")
             refuse("extensionsRequired", f"names {name[:80]}, which Strata does not support", advice)
-    document = Document(_through_library(text, root) if use_library else root, container)
+    document = Document(_through_library(text, root) if use_library else root, container, opened)
     for name in root.get("extensionsUsed") or []:
         if name not in SUPPORTED:
             document.warn(f"The extension {name[:80]} is not supported and was ignored.")
