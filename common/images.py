@@ -18,6 +18,7 @@ from PIL import Image as PillowImage
 from PIL.PngImagePlugin import PngInfo
 
 from common.errors import UserError
+from common.names import visible
 from common.paths import temporary_folder, write_whole, written_file
 from common.png16 import decode_png16, encode_png16, is_deep_color
 from common.radiance import decode_radiance, encode_radiance, radiance_size
@@ -80,7 +81,7 @@ def read_image(path: str | Path) -> Array:
     if suffix == ".exr":
         layers = read_layers(path)
         if "" not in layers:
-            raise UserError(f"{path} has no unnamed layer, only {', '.join(layers)}")
+            raise UserError(f"{path} has no unnamed layer, only {visible(', '.join(layers))}")
         return layers[""]
     data = _read(path)
     try:

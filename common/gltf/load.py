@@ -22,6 +22,7 @@ from common.gltf.nodes import Forest, read_cameras, read_forest, read_lights
 from common.gltf.primitives import PrimitiveReader
 from common.gltf.refusal import Refusal, refuse
 from common.gltf.schema import NUMBER_LIMIT
+from common.names import shortened, visible
 from common.scene import Scene
 
 Progress = Callable[[float, str], None]
@@ -58,13 +59,7 @@ def load_scene(
 
 
 def _refused(path: Path, refusal: Refusal) -> SceneError:
-    return SceneError(_one_line(f"{path}: {refusal}"))
-
-
-def _one_line(text: str) -> str:
-    """Names and keys come from the file: no control character of theirs reaches a terminal."""
-    clean = "".join(character if character.isprintable() else " " for character in text)
-    return clean if len(clean) <= 600 else clean[:597] + "..."
+    return SceneError(shortened(visible(f"{path}: {refusal}")))
 
 
 def _load(
@@ -133,7 +128,7 @@ def _assemble(
     images = decoder.finish()
     with np.errstate(over="ignore", invalid="ignore"):  # checked below
         scene = Scene(
-            name=path.stem,
+            name=visible(path.stem),
             path=path,
             **vertices,
             indices=pools.indices(),
