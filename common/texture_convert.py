@@ -33,9 +33,11 @@ from PIL.PngImagePlugin import PngInfo
 
 from common.color import encode_srgb, srgb8_table
 from common.errors import UserError
+from common.exif import without_exif
 from common.file_repair import Finder, as_typed, leads_out
 from common.names import stable_hash
 from common.paths import write_whole
+from common.regular_files import read_regular
 
 Bytes = NDArray[np.uint8]
 Float32 = NDArray[np.float32]
@@ -211,7 +213,7 @@ def _read(name: str, finder: Finder, notes: list[str]) -> bytes | None:
         notes.append(f"{name} {'lies outside the folder of the sources' if outside else 'is not there'}.")
         return None
     try:
-        return path.read_bytes()
+        return read_regular(path)
     except OSError as error:
         notes.append(f"{name} cannot be read: {error.strerror or error}.")
         return None
@@ -220,7 +222,8 @@ def _read(name: str, finder: Finder, notes: list[str]) -> bytes | None:
 def _decoded(data: bytes, name: str, notes: list[str]) -> Bytes | None:
     """Return a picture as (H, W, 4) uint8, or None with a note."""
     try:
-        with Pillow.open(io.BytesIO(data), formats=FORMATS) as picture:
+        shown = without_exif(np.frombuffer(data, np.uint8)).data
+        with Pillow.open(io.BytesIO(shown), formats=FORMATS) as picture:
             width, height = picture.size
             if width * height > MAX_PIXELS:
                 raise Pillow.DecompressionBombError

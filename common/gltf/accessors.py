@@ -9,8 +9,7 @@ import numpy as np
 
 from common.gltf.document import Document, Object
 from common.gltf.refusal import refuse
-from common.gltf.schema import NUMBER_LIMIT
-from common.scene import Float32, Float64, UInt32
+from common.scene import NUMBER_LIMIT, Float32, Float64, UInt32
 
 COMPONENTS: dict[int, np.dtype[Any]] = {
     5120: np.dtype("<i1"),
@@ -32,9 +31,6 @@ SHAPES = {
     "MAT4": (4, 4),
 }
 """type -> (columns, rows) as stored: matrices column by column."""
-
-MAX_BARE_ELEMENTS = 2**24
-"""Elements of an accessor without buffer view: its zeros take memory that no byte of the file pays for."""
 
 
 def within(values: Float32, limit: float) -> bool:
@@ -145,8 +141,7 @@ class Accessors:
         if "bufferView" in entry:
             values = self._elements(entry, count, dtype, shape, place)
         else:
-            if count > MAX_BARE_ELEMENTS:
-                refuse(f"{place}.count", f"is {count} without a bufferView, more than {MAX_BARE_ELEMENTS}")
+            self._document.charge(count, f"{place}, which has no bufferView,")
             values = np.zeros((count, shape[0] * shape[1]), dtype)
         return self._patch(values, entry["sparse"], shape, place) if "sparse" in entry else values
 

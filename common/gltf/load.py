@@ -13,6 +13,7 @@ import numpy as np
 from common.errors import SceneError
 from common.gltf.accessors import Accessors
 from common.gltf.animation import read_animations
+from common.gltf.container import Opened
 from common.gltf.document import Document, read_document
 from common.gltf.images import ImageDecoder
 from common.gltf.instances import read_instances
@@ -20,8 +21,14 @@ from common.gltf.materials import MaterialKey, Materials
 from common.gltf.nodes import Forest, read_cameras, read_forest, read_lights
 from common.gltf.primitives import PrimitiveReader
 from common.gltf.refusal import Refusal, refuse
-from common.gltf.schema import NUMBER_LIMIT
-from common.scene import Scene
+from common.names import shortened, visible
+from common.scene import NUMBER_LIMIT, Scene
+
+FAR_FRACTION = 1e-3
+"""Of a scene's size: a step between places that is larger is seen, as a pixel of a thousand is."""
+
+LEAST_STEP = 1e-6
+"""Metres between places that are no matter for a scene whose triangles have no size."""
 
 Progress = Callable[[float, str], None]
 """Called with the part that is done, 0 to 1, and what is being done."""
@@ -33,12 +40,15 @@ def load_scene(
     use_library: bool = False,
     decode: bool = True,
     ahead: int = 0,
+    opened: Opened | None = None,
 ) -> Scene:
     """Load the default scene of a glTF 2.0 file (.gltf with files or data URIs, or .glb).
 
     `use_library` says whether pygltflib decodes the document, as a second opinion. Without `decode` images are
     `EncodedImage`: only their headers are read, and a damaged one raises SceneError when its pixels are asked for.
     Threads then decode up to `ahead` bytes of them beside what else there is to read, for who asks first.
+    `opened` is told the name of each other file before it is opened, relative to the scene's folder; both names, where
+    a URI can be read as two.
 
     Raises:
         SceneError: the file cannot be used. The text is one sentence that names the file, the place in it,
@@ -46,7 +56,7 @@ def load_scene(
     """
     path = Path(path)
     try:
-        return _load(path, progress or (lambda _part, _what: None), use_library, decode, ahead)
+        return _load(path, progress or (lambda _part, _what: None), use_library, decode, ahead, opened)
     except Refusal as refusal:
         raise _refused(path, refusal) from None
     except MemoryError:
@@ -54,28 +64,17 @@ def load_scene(
 
 
 def _refused(path: Path, refusal: Refusal) -> SceneError:
-    return SceneError(_one_line(f"{path}: {refusal}"))
+    return SceneError(shortened(visible(f"{path}: {refusal}")))
 
 
-def _one_line(text: str) -> str:
-    """Names and keys come from the file: no control character of theirs reaches a terminal."""
-    clean = "".join(character if character.isprintable() else " " for character in text)
-    return clean if len(clean) <= 600 else clean[:597] + "..."
-
-
-def _load(path: Path, progress: Progress, use_library: bool, decode: bool, ahead: int) -> Scene:
+def _load(
+    path: Path, progress: Progress, use_library: bool, decode: bool, ahead: int, opened: Opened | None
+) -> Scene:
     progress(0.0, "reading")
-    document = read_document(path, use_library)
+    document = read_document(path, use_library, opened)
     forest = read_forest(document)
     materials = Materials(document)
-    drawn = sorted(
-        {
-            document.items("nodes")[node]["mesh"]
-            for node in forest.shown
-            if "mesh" in document.items("nodes")[node]
-        }
-    )
-    images = materials.images(_used_materials(document, drawn))
+    images = materials.images(_used_materials(document, forest))
     steps = _Steps(progress, len(images) + 1)
     later = None if decode else partial(_refused, path)
     decoder = ImageDecoder(document, images, lambda: steps.done("decoding images"), later, ahead)
@@ -98,7 +97,16 @@ class _Steps:
         self._progress(self._count / (self._total + 1), what)
 
 
-def _used_materials(document: Document, meshes: list[int]) -> list[MaterialKey]:
+def images_read(path: Path) -> tuple[int, int]:
+    """Return how many images the file of a scene has, and how many of them what is drawn samples. Raises SceneError."""
+    document = read_document(path)
+    used = Materials(document).images(_used_materials(document, read_forest(document)))
+    return len(document.items("images")), len(used)
+
+
+def _used_materials(document: Document, forest: Forest) -> list[MaterialKey]:
+    nodes = [document.items("nodes")[node] for node in forest.shown]
+    meshes = {node["mesh"] for node in nodes if "mesh" in node}
     used = {
         primitive.get("material")
         for mesh in meshes
@@ -127,13 +135,13 @@ def _assemble(
     images = decoder.finish()
     with np.errstate(over="ignore", invalid="ignore"):  # checked below
         scene = Scene(
-            name=path.stem,
+            name=visible(path.stem),
             path=path,
             **vertices,
             indices=pools.indices(),
             meshes=table,
             mesh_names=pools.names,
-            materials=materials.build(ordered),
+            materials=materials.build(ordered, decoder.places),
             images=images,
             nodes=forest.nodes,
             instances=drawing.instances(),
@@ -147,7 +155,19 @@ def _assemble(
     # NaN fails this comparison as well.
     if not (np.abs(scene.bounds) <= NUMBER_LIMIT).all():
         refuse("the scene", f"reaches further than {NUMBER_LIMIT:g} m from its origin", "scale it down")
+    _tell_distance(scene)
     return scene
+
+
+def _tell_distance(scene: Scene) -> None:
+    """Note a scene that lies so far from its origin that places in it, as 64-bit floats, are seen to be rounded."""
+    step = float(np.spacing(np.abs(scene.bounds).max()))
+    size = float(np.linalg.norm(scene.bounds[1] - scene.bounds[0]))
+    if scene.triangle_count and step > max(FAR_FRACTION * size, LEAST_STEP):
+        scene.warnings.append(
+            f"It lies {np.abs(scene.bounds).max():.2g} m from its origin, where places are rounded to {step:.2g} m, "
+            f"and is {size:.2g} m across: move it to the origin to see its shape."
+        )
 
 
 def _ambient(document: Document) -> float | None:

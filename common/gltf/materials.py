@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -78,6 +79,13 @@ class Materials:
             )
         return used[0], used[1] if len(used) > 1 else used[0]
 
+    def sampled_sets(self, index: int | None) -> list[int]:
+        """Return the TEXCOORD sets of the textures that this material samples, ascending."""
+        if index is None:
+            return []
+        uses = texture_infos(self._entries[index])
+        return sorted({uv_set(info) for info in uses if self._texture(index, info) is not None})
+
     def normal_texture(self, index: int | None) -> TextureRef | None:
         """Return the use of the normal map, whose uv directions the tangents follow."""
         return None if index is None else self._texture(index, self._entries[index].get("normalTexture"))
@@ -92,12 +100,11 @@ class Materials:
                     used.add(texture.image)
         return sorted(used)
 
-    def build(self, keys: list[MaterialKey]) -> list[Material]:
-        """Return the materials of `keys` with textures that count through `images(keys)`."""
-        places = {image: place for place, image in enumerate(self.images(keys))}
+    def build(self, keys: list[MaterialKey], places: Mapping[int, int]) -> list[Material]:
+        """Return the materials of `keys`; `places` has the image in the scene by the number in the file."""
         return [self._material(key, places) for key in keys]
 
-    def _material(self, key: MaterialKey, places: dict[int, int]) -> Material:
+    def _material(self, key: MaterialKey, places: Mapping[int, int]) -> Material:
         if key.index is None:
             return Material(name="default", unlit=key.unlit)
         index, entry = key.index, self._entries[key.index]

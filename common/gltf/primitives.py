@@ -71,6 +71,13 @@ class PrimitiveReader:
             key = (id(indices), mode)  # the accessors keep the array alive
             indices = self._triangles.setdefault(key, triangle_indices(indices, mode))
         surface = self._vertices(attributes, indices, material, f"{place}.attributes")
+        for number in self._materials.sampled_sets(material):
+            if f"TEXCOORD_{number}" not in attributes:
+                # glTF 2.0 (3.9.2) has no answer; the Khronos viewer and three.js read zeros where there is nothing.
+                self._document.warn(
+                    f"{place} has no TEXCOORD_{number}, which materials[{material}] samples: the texture is read at "
+                    "(0, 0), as in other viewers."
+                )
         if skinned:
             surface = with_joints(self._document, self._accessors, surface, entry, place)
         if morphed:
@@ -78,6 +85,7 @@ class PrimitiveReader:
 
         if mode <= LINE_STRIP:
             lit = surface.normals is not None
+            self._document.afford(8 * len(indices), place)
             return _solid(surface, mode), MaterialKey(material, unlit=not lit)
         if len(indices) == 0:
             self._document.warn(f"{place} has no triangle and was left out.")
@@ -85,6 +93,7 @@ class PrimitiveReader:
         if surface.normals is None:
             # Flat shading needs vertices that no two triangles share; given tangents do not count (glTF 2.0,
             # 3.7.2.1).
+            self._document.afford(len(indices), place)
             corners = np.arange(len(indices), dtype=np.uint32)
             surface = surface.take(indices, corners)
             surface = replace(surface, normals=flat_normals(surface.positions), tangents=None, flat=True)
