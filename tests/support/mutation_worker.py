@@ -1,0 +1,133 @@
+"""The child process in which mutated files are opened: one after the other, watched, with a line of JSON for each.
+
+    python -m tests.support.mutation_worker FOLDER MODULE:WORK OPTIONS LIMIT_S
+
+Cases are read from stdin, one a line. What the work prints goes to FOLDER/printed.txt, as does the traceback of every
+thread when a file takes longer than LIMIT_S; `mutation_run` ends the process then.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import faulthandler
+import json
+import os
+import shutil
+import sys
+import time
+import traceback
+import warnings
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from common.errors import UnsupportedError, UserError
+from tests.support import mutation_sources
+from tests.support.mutation_guard import Guard
+from tests.support.mutations import Case, Mutant, follows_schema, mutate, write
+
+PRINTED = "printed.txt"
+
+
+class Channel:
+    """Sends lines of JSON to the parent over what was stdout; all else that is printed goes to a file."""
+
+    def __init__(self, folder: Path) -> None:
+        self._stream = os.fdopen(os.dup(1), "w", encoding="ascii")
+        printed = os.open(folder / PRINTED, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
+        os.dup2(printed, 1)
+        os.dup2(printed, 2)
+        os.close(printed)
+
+    def send(self, **values: Any) -> None:
+        """Send one line, at once: the process may be ended before it can say more."""
+        self._stream.write(json.dumps(values) + "\n")
+        self._stream.flush()
+
+
+def main(words: list[str]) -> None:
+    """Do the work on each case until stdin ends."""
+    folder, (module, _, name), limit_s = Path(words[0]), words[1].partition(":"), float(words[3])
+    channel = Channel(folder)
+    try:
+        work = getattr(import_module(module), name)(json.loads(words[2]), folder)
+    except UnsupportedError as error:
+        channel.send(missing=str(error))
+        return
+    guard = Guard(lambda what: channel.send(opened=what))
+    guard.install()
+    printed = sys.stderr
+    channel.send(ready=True)
+    for line in sys.stdin:
+        case = Case.named(line.strip())
+        place = folder / "case" / "scene"
+        shutil.rmtree(place.parent, ignore_errors=True)
+        mutant = mutate(case)
+        path = write(mutant, place)
+        forget_peak()
+        faulthandler.dump_traceback_later(limit_s, file=printed)
+        began = time.perf_counter()
+        with guard.watching(place):
+            outcome, text = attempt(work, path, case)
+        seconds = time.perf_counter() - began
+        faulthandler.cancel_dump_traceback_later()
+        channel.send(
+            outcome=outcome,
+            text=text,
+            seconds=seconds,
+            peak=peak_bytes(),
+            parsed=parses(mutant),
+            changes=[ascii(change) for change in mutant.changes],
+        )
+        work.tidy()
+
+
+def attempt(work: Any, path: Path, case: Case) -> tuple[str, str]:
+    """Return what became of a file, "loaded", "refused" or "fault", and the sentence or the traceback."""
+    try:
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            warnings.simplefilter("ignore", DeprecationWarning)
+            work(path, case)
+    except UserError as error:
+        return ("fault", f"odd sentence: {error!a}") if is_odd(str(error)) else ("refused", str(error))
+    except BaseException as error:
+        return "fault", "".join(traceback.format_exception(error))
+    if said:
+        return "fault", "\n".join(f"{one.filename}:{one.lineno}: {one.message!a}" for one in said)
+    return "loaded", ""
+
+
+def is_odd(sentence: str) -> bool:
+    """Whether a sentence is none, has several lines, or letters that move a terminal or cannot be coded."""
+    return not sentence or not sentence.isprintable() or len(sentence) > 1000
+
+
+def parses(mutant: Mutant) -> bool | None:
+    """Whether a glTF file is JSON of the right schema; None for other files."""
+    if not mutation_sources.is_gltf(mutant.case.source):
+        return None
+    try:
+        document, _ = mutation_sources.split(mutant.files[mutant.main])
+    except Exception:
+        return False
+    return follows_schema(document)
+
+
+def forget_peak() -> None:
+    """Let the peak of memory count from now on, where the system can."""
+    with contextlib.suppress(OSError), open("/proc/self/clear_refs", "w") as file:
+        file.write("5")
+
+
+def peak_bytes() -> int:
+    """Return the most memory that was resident since `forget_peak`, in bytes; 0 where the system does not say."""
+    with contextlib.suppress(OSError), open("/proc/self/status") as file:
+        for line in file:
+            if line.startswith("VmHWM:"):
+                return int(line.split()[1]) * 1024
+    return 0
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,209 @@
+"""What is done with mutated files: they are loaded, drawn by chapters, and given to the command line."""
+
+from __future__ import annotations
+
+import os
+import random
+import shutil
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import chapters
+from backends.gl.context import Context
+from backends.vulkan.device import Device
+from backends.vulkan.instance import VALIDATION_LAYER, Instance
+from chapters import opening
+from common.environment import read_environment
+from common.gltf import load_scene
+from common.obj import load_obj
+from common.paths import user_cache
+from common.scene import Scene
+from tests.support import mutation_sources
+from tests.support.drawable import assert_drawable
+from tests.support.mutate_json import FORGED
+from tests.support.mutation_worker import PRINTED
+from tests.support.mutations import Case, Mutant, write
+
+SIZE = (32, 32)
+PANORAMAS = (".hdr", ".exr")
+
+
+def _forget_caches() -> None:
+    """Remove what the case has left in the cache of scenes: there would be thousands."""
+    shutil.rmtree(user_cache() / "scene-cache", ignore_errors=True)
+
+
+def _whole(name: str, folder: Path) -> Path:
+    """Write a source as it is; what is imported and opened by and by is there before anything is watched."""
+    source, place = mutation_sources.load(name), folder / "whole"
+    shutil.rmtree(place, ignore_errors=True)
+    return write(Mutant(Case(name, 0), source.main, source.files), place / "scene")
+
+
+class Load:
+    """Loads a file in one of the ways in which programs do, and holds that what comes out can be drawn."""
+
+    def __init__(self, options: Any, folder: Path) -> None:
+        self._newest = chapters.available()[-1]
+        path = _whole("pictures", folder)
+        load_scene(path, use_library=True)
+        with opening.open_scene(self._newest, str(path)) as opened:
+            opened.finish()
+
+    def __call__(self, path: Path, case: Case) -> None:
+        """Load it; raises what is wrong with the file, or with the loader."""
+        how = random.Random(f"load {case}").random()
+        if path.suffix in PANORAMAS:
+            environment = read_environment(path)
+            assert np.isfinite(environment.radiance).all()
+        elif path.suffix == ".obj":
+            assert_drawable(load_obj(path))
+        elif how < 0.25:
+            for _ in range(2):  # the second time from the cache
+                with opening.open_scene(self._newest, str(path)) as opened:
+                    opened.start()
+                    opened.finish()
+                    _hold(opened.scene)
+        else:
+            _hold(load_scene(path, use_library=how > 0.95, decode=how > 0.5))
+
+    def tidy(self) -> None:
+        """Remove what the case has left."""
+        _forget_caches()
+
+
+def _hold(scene: Scene) -> None:
+    assert_drawable(scene)
+    for image in scene.images:
+        assert image.pixels.shape == (image.height, image.width, 4)
+
+
+class Draw:
+    """Draws each file by one of the chapters `options["chapters"]` on the backend `options["backend"]`."""
+
+    def __init__(self, options: Any, folder: Path) -> None:
+        self._numbers: Sequence[int] = options["chapters"]
+        self._backend: str = options["backend"]
+        self._device: Any = self._context() if self._backend == "gl" else self._vulkan()
+        path = _whole("everything.glb", folder)
+        for number in self._numbers:
+            self._draw(path, number, 0.0)
+
+    def _context(self) -> Context:
+        context = Context(validate=True)
+        self._sink: Any = context.sink
+        return context
+
+    def _vulkan(self) -> Device:
+        with Instance() as plain:
+            validate = VALIDATION_LAYER in plain.layers
+        instance = Instance(validate)
+        self._sink = instance.sink
+        return Device(instance)
+
+    def __call__(self, path: Path, case: Case) -> None:
+        """Draw it; raises what is wrong with the file, or with the renderer."""
+        rng = random.Random(f"draw {case}")
+        self._draw(path, rng.choice(self._numbers), rng.choice((0.0, 0.37)))
+
+    def _draw(self, path: Path, number: int, time: float) -> None:
+        self._sink.messages.clear()
+        lit = path.suffix in PANORAMAS
+        with opening.open_scene(
+            number, "cornell" if lit else str(path), around=str(path) if lit else "none"
+        ) as opened:
+            opened.start()
+            with chapters.open(
+                number,
+                self._backend,
+                scene=opened.scene,
+                size=SIZE,
+                outputs={"color", "color_linear"},
+                device=self._device,
+            ) as renderer:
+                view = chapters.view_of(renderer, time=time)
+                frame = renderer.render(view, time)
+                linear, color = frame.image("color_linear"), frame.image("color")
+            opened.finish()
+        assert linear.shape[:2] == color.shape[:2] == SIZE[::-1]
+        assert np.isfinite(linear).all(), (
+            f"chapter {number}: the picture has {np.sum(~np.isfinite(linear))} odd numbers"
+        )
+        assert not self._sink.messages, f"chapter {number}: the driver says\n" + "\n".join(
+            self._sink.report()
+        )
+        if self._backend == "gl":
+            error = self._device.fn.glGetError()
+            assert not error, f"chapter {number}: OpenGL's error {error:#x}"
+
+    def tidy(self) -> None:
+        """Remove what the case has left."""
+        _forget_caches()
+
+
+class Command:
+    """Gives each file to a command of `strata`, and holds how that ends and what it prints."""
+
+    def __init__(self, options: Any, folder: Path) -> None:
+        from chapters.__main__ import run
+
+        self._run = run
+        self._folder = folder
+        self._numbers: Sequence[int] = options["chapters"]
+        self._backend: str = options["backend"]
+        assert (
+            run(["run", "1", "--backend", self._backend, "--scene", "cornell", "--size", "8x8", "--headless"])
+            == 0
+        )
+
+    def __call__(self, path: Path, case: Case) -> None:
+        """Run a command; raises AssertionError for an ending or a line that no input may cause."""
+        rng = random.Random(f"command {case}")
+        number = str(rng.choice(self._numbers))
+        drawing = ["run", number, "--backend", self._backend, "--size", "16x16", "--headless", "-v"]
+        if path.suffix in PANORAMAS:
+            words = [*drawing, "--environment", str(path), "--scene", "cornell"]
+        else:
+            words = rng.choice(
+                (
+                    [*drawing, "--scene", str(path)],
+                    [*drawing, "--scene", str(path), "--json", "-", "--out", str(self._folder / "made.png")],
+                    ["assets", "add", str(path), "--name", "mutated"],
+                    ["convert", str(path), str(self._folder / "converted")],
+                )
+            )
+        begin = os.path.getsize(self._folder / PRINTED)
+        code = self._run(words)
+        sys.stdout.flush()
+        sys.stderr.flush()
+        said = (self._folder / PRINTED).read_bytes()[begin:]
+        faults = faults_of(code, said)
+        assert not faults, f"{' '.join(words[:2])}: {', '.join(faults)}\n{said!r}"
+
+    def tidy(self) -> None:
+        """Remove what the case has left."""
+        _forget_caches()
+        shutil.rmtree(self._folder / "converted", ignore_errors=True)
+
+
+def faults_of(code: int, said: bytes) -> list[str]:
+    """Return what is wrong with how a command ended and with what it printed, in words."""
+    faults = [] if code in (0, 2) else [f"exit code {code}"]
+    try:
+        text = said.decode()
+    except UnicodeDecodeError:
+        return [*faults, "bytes that are no UTF-8"]
+    lines = text.split("\n")
+    if any(not (letter.isprintable() or letter == "\n") for letter in text):
+        faults.append("letters that move a terminal")
+    if any(line.startswith(FORGED) for line in lines):
+        faults.append("a forged line")
+    if "Traceback" in text or "outlived" in text:
+        faults.append("a traceback")
+    if code == 2 and not any(line.startswith("strata: ") for line in lines):
+        faults.append("no sentence")
+    return faults
