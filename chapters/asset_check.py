@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
@@ -17,6 +16,7 @@ from chapters.asset_store import in_bytes
 from common.animation import playing
 from common.errors import SceneError
 from common.gltf.container import open_container
+from common.gltf.document import parse
 from common.gltf.extensions import ExtensionUse, extensions_of
 from common.gltf.load import Progress
 from common.gltf.refusal import Refusal
@@ -71,8 +71,8 @@ def examine(path: Path, progress: Progress | None = None) -> Examination:
 def document_of(path: Path) -> dict[str, Any]:
     """Return the JSON of a glTF file as far as it can be read, without asking whether it is right; else {}."""
     try:
-        root = json.loads(open_container(path).text.tobytes().decode("utf-8-sig"))
-    except (Refusal, ValueError, RecursionError):
+        root = parse(open_container(path).text.tobytes().decode("utf-8-sig"))
+    except (Refusal, ValueError):
         return {}
     return root if isinstance(root, dict) else {}
 

@@ -171,12 +171,12 @@ def report(found: Examination) -> None:
     if found.contents:
         made = table(escape(found.path.name), "what", "how much")
         for row in found.contents:
-            made.add_row(row[0], escape(_plain(row[1])))
+            made.add_row(row[0], escape(row[1]))
         out.print(made)
     if found.extensions:
         made = table("Extensions that it uses", "name", "by", "what Strata draws")
         for use in found.extensions:
-            made.add_row(*(escape(_plain(text)) for text in (use.name, _users(use), _drawn(use))))
+            made.add_row(*(escape(text) for text in (use.name, _users(use), _drawn(use))))
         out.print(made)
     whole = not found.losses and all(use.supported for use in found.extensions)
     if found.contents and whole and NOTHING_DRAWN not in found.hints:
@@ -185,12 +185,7 @@ def report(found: Examination) -> None:
         if sentences:
             out.print(f"{title}:")
             for sentence in sentences:
-                out.print(_plain(f"- {sentence}"), markup=False, soft_wrap=True)
-
-
-def _plain(text: str) -> str:
-    """Return what a file says without the characters that would steer a terminal."""
-    return "".join(c if c.isprintable() else " " for c in text)
+                out.print(f"- {sentence}", markup=False, soft_wrap=True)
 
 
 def _users(use: ExtensionUse) -> str:

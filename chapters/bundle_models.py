@@ -13,6 +13,7 @@ from bootstrap.bundle import inside
 from chapters import scenes
 from common.errors import SceneError, UserError
 from common.gltf.container import open_container
+from common.regular_files import leads_outside
 
 PAPERS = ("licen", "notice", "readme", "copying")
 """How the names of files begin that travel with a model, since somebody made it."""
@@ -41,7 +42,7 @@ def model_of(text: str, root: Path) -> Model:
         found = next((one for one in (unquote(uri), uri) if (path.parent / one).is_file()), None)
         if found is None:
             missing.append(uri)
-        elif not inside(found):
+        elif not inside(found) or leads_outside(path.parent / found, path.parent):
             raise UserError(
                 f"{path} names the file {uri}, which cannot be packed: it is outside the model's folder."
             )

@@ -8,11 +8,14 @@ import sys
 import threading
 import time
 from types import TracebackType
+from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.text import Text
 
 from common.errors import UserError
+from common.names import visible
 
 PATIENCE_S = 0.8
 """A bar appears when something has taken this long."""
@@ -23,14 +26,23 @@ WIDTHS = (60, 400)
 READER_GONE = 141
 """The exit code where nobody reads on, as in `strata list | head -1`: 128 and the number of SIGPIPE."""
 
+
 # Nothing here is written as :name: to become a picture, and code, paths and what files hold is to be seen as it is.
-out = Console(highlight=False, emoji=False)
-err = Console(stderr=True, highlight=False, emoji=False)
+class _Console(Console):
+    """Prints what is visible of a text, and of what steers a terminal its escapes; lines and tabs stay."""
+
+    def render_str(self, text: str, **options: Any) -> Text:
+        """Return the text that stands for a string, in a table's cell as well."""
+        return super().render_str(shown(text), **options)
+
+
+out = _Console(highlight=False, emoji=False)
+err = _Console(stderr=True, highlight=False, emoji=False)
 
 
 def say(text: str) -> None:
     """Tell the user something beside the result; the text is taken as it is."""
-    err.print(shown(text), markup=False, soft_wrap=True)
+    err.print(text, markup=False, soft_wrap=True)
 
 
 def quoted(text: str) -> str:
@@ -39,8 +51,8 @@ def quoted(text: str) -> str:
 
 
 def shown(text: str) -> str:
-    """Return `text` with the bytes of file names that are no UTF-8 as \\xff: what can be printed anywhere."""
-    return text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+    """Return what is printed for `text`: its lines and tabs, and the rest as `common.names.visible` has it."""
+    return visible(text, keep="\n\t")
 
 
 class _ClosedStdout(io.TextIOBase):

@@ -15,18 +15,6 @@ LEFT_OUT = frozenset({"studies", "out", "__pycache__", "fork.json"})
 rest is made by running."""
 
 
-def visible(text: str) -> str:
-    """Return `text` with control characters written out, as \\x1b: they would act on a terminal, and those that turn
-    the direction of writing would show code in another order than it has. Tabs stay."""
-    return text.translate(_SHOWN)
-
-
-_SHOWN = {
-    code: f"\\x{code:02x}" if code < 256 else f"\\u{code:04x}"
-    for code in (*range(9), *range(10, 32), *range(127, 160), *range(0x202A, 0x202F), *range(0x2066, 0x206A))
-}
-
-
 @dataclass(frozen=True)
 class Source:
     """One file: its path inside its chapter with "/" between the folders, and its bytes."""

@@ -16,11 +16,12 @@ from pygments.lexers.special import TextLexer
 from pygments.token import Comment, Keyword, Name, Number, String, _TokenType
 
 from chapters.diff import FileDifference, Hunk, Line
-from chapters.diff_files import Source, visible
+from chapters.diff_files import Source
 from chapters.diff_lesson import Comparison, count, pass_of
 from chapters.diff_pictures import SIZE, Pictures
 from chapters.diff_style import SCRIPT, STYLE
 from chapters.diff_terminal import MINOR, SIGNS, heading
+from common.names import visible
 
 WIDEST = 110
 """Columns that large type makes room for; longer lines are wrapped."""
@@ -228,7 +229,7 @@ def _highlighted(suffix: str, is_code: bool, whole: str) -> list[str]:
             if place:
                 made.append("")
             if part:
-                shown = escape(visible(part))
+                shown = escape(visible(part, keep="\t"))
                 made[-1] += f'<span class="{name}">{shown}</span>' if name and part.strip() else shown
     return made
 

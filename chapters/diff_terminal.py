@@ -10,9 +10,9 @@ from rich.table import Table
 from rich.text import Text
 
 from chapters.diff import FileDifference, Hunk, Line
-from chapters.diff_files import visible
 from chapters.diff_lesson import Comparison, count
 from chapters.tables import table
+from common.names import visible
 
 WIDE = 150
 """Columns from which on two versions stand side by side."""

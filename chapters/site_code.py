@@ -5,9 +5,10 @@ from __future__ import annotations
 from html import escape
 from pathlib import Path
 
-from chapters.diff_files import Source, visible
+from chapters.diff_files import Source
 from chapters.diff_page import allowed, highlighted
 from chapters.diff_style import SCRIPT, STYLE
+from common.names import visible
 from common.paths import ROOT
 
 LARGEST = 400_000

@@ -19,6 +19,7 @@ from common.color import LUMINANCE
 from common.directions import panorama_solid_angles
 from common.errors import UserError
 from common.images import image_size, read_image
+from common.names import visible
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
@@ -106,7 +107,7 @@ def read_environment(path: str | Path) -> Environment:
     if not radiance.any():
         why = "has no texel that is a positive number" if warnings else "sends no light, every texel is black"
         raise UserError(f"{path} {why}: name another file")
-    return Environment(path.stem, radiance, tuple(f"{path}: {warning}" for warning in warnings))
+    return Environment(visible(path.stem), radiance, tuple(f"{path}: {warning}" for warning in warnings))
 
 
 def clean(pixels: ArrayLike) -> tuple[Float32, list[str]]:

@@ -9,6 +9,8 @@ from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
+from common.regular_files import leads_outside
+
 
 def as_typed(name: str) -> str:
     """Return a file name as an asset has it with "/" between its parts, and without parts that lead nowhere."""
@@ -32,7 +34,6 @@ class Finder:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self._inside = folder.resolve()
         self._listed = cache(_listed)
 
     def find(self, name: str) -> Path | None:
@@ -56,7 +57,7 @@ class Finder:
                 found = self._find(path, parts[1:]) if path.is_dir() else None
                 if found is not None:
                     return found
-            elif path.is_file() and path.resolve().is_relative_to(self._inside):
+            elif path.is_file() and not leads_outside(path, self.folder):
                 return path
         return None
 

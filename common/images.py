@@ -18,9 +18,11 @@ from PIL import Image as PillowImage
 from PIL.PngImagePlugin import PngInfo
 
 from common.errors import UserError
+from common.names import visible
 from common.paths import temporary_folder, write_whole, written_file
 from common.png16 import decode_png16, encode_png16, is_deep_color
 from common.radiance import decode_radiance, encode_radiance, radiance_size
+from common.regular_files import read_regular
 
 Array = NDArray[Any]
 
@@ -79,7 +81,7 @@ def read_image(path: str | Path) -> Array:
     if suffix == ".exr":
         layers = read_layers(path)
         if "" not in layers:
-            raise UserError(f"{path} has no unnamed layer, only {', '.join(layers)}")
+            raise UserError(f"{path} has no unnamed layer, only {visible(', '.join(layers))}")
         return layers[""]
     data = _read(path)
     try:
@@ -244,8 +246,7 @@ def _read(path: Path, count: int = -1) -> bytes:
     if path.is_dir():
         raise UserError(f"{path} is a folder, not a picture")
     try:
-        with path.open("rb") as stream:
-            return stream.read(count)
+        return read_regular(path, count)
     except FileNotFoundError:
         raise UserError(f"there is no file {path}") from None
     except OSError as error:

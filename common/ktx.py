@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from common.blocks import stored_shape
 from common.errors import UserError
 from common.paths import write_whole
+from common.regular_files import read_regular
 
 Bytes = NDArray[np.uint8]
 
@@ -107,7 +108,7 @@ def read_ktx(path: str | Path) -> Ktx:
     if path.is_dir():
         raise UserError(f"{path} is a folder, not a texture")
     try:
-        data = path.read_bytes()
+        data = read_regular(path)
     except FileNotFoundError:
         raise UserError(f"there is no file {path}") from None
     except OSError as error:

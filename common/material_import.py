@@ -29,6 +29,7 @@ from common.material_records import (
     new_records,
 )
 from common.mesh_file import read_bytes
+from common.names import visible
 from common.obj import roughness_of_exponent, statements
 
 OPAQUE_FROM = 0.95
@@ -246,7 +247,7 @@ def parse_mtl(text: str, name: str = "the library") -> tuple[list[SourceMaterial
     for line, keyword, words in statements(text):
         role = _MAPS.get(keyword.lower(), "")
         if keyword == "newmtl":
-            found.append(SourceMaterial(" ".join(words)))
+            found.append(SourceMaterial(visible(" ".join(words))))
         elif not found:
             continue
         elif role:
@@ -264,7 +265,7 @@ def parse_mtl(text: str, name: str = "the library") -> tuple[list[SourceMaterial
                 warnings.append(f"Line {line} of {name[:80]} has no numbers for {keyword} and was left out.")
     if left_out:
         warnings.append(f"Textures of {name[:80]} ({', '.join(sorted(left_out))}) were left out.")
-    return found, warnings
+    return found, [visible(text) for text in warnings]
 
 
 def _with(source: SourceMaterial, keyword: str, numbers: list[float]) -> SourceMaterial:

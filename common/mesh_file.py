@@ -20,6 +20,7 @@ from common.errors import SceneError
 from common.gltf.pools import MAX_INDICES
 from common.mesh_pools import mesh_indices
 from common.paths import write_whole
+from common.regular_files import read_regular
 from common.scene import Scene, UInt32
 
 MAGIC = 0x12345678
@@ -143,7 +144,7 @@ def read_bytes(path: str | os.PathLike[str]) -> bytes:
         SceneError: the file cannot be read.
     """
     try:
-        return Path(path).read_bytes()
+        return read_regular(path)
     except OSError as error:
         raise SceneError(f"{path} cannot be read: {error.strerror or error}") from None
 

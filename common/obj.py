@@ -21,6 +21,7 @@ from common.gltf.pools import Pools
 from common.gltf.refusal import Refusal, refuse
 from common.gltf.schema import NUMBER_LIMIT
 from common.gltf.surface import Surface
+from common.names import shortened, visible
 from common.scene import Float32, Instances, Material, Nodes, Scene
 
 MAX_BYTES = 2**30
@@ -57,8 +58,7 @@ def load_obj(path: str | os.PathLike[str]) -> Scene:
     try:
         return _scene(path)
     except Refusal as refusal:
-        text = "".join(letter if letter.isprintable() else " " for letter in f"{path}: {refusal}")
-        raise SceneError(text if len(text) <= 600 else text[:597] + "...") from None
+        raise SceneError(shortened(visible(f"{path}: {refusal}"))) from None
 
 
 def _scene(path: Path) -> Scene:
@@ -83,11 +83,11 @@ def _scene(path: Path) -> Scene:
         scale=np.ones((1, 3)),
         matrix=np.eye(4)[None],
         has_matrix=np.zeros(1, bool),
-        names=[path.stem],
+        names=[visible(path.stem)],
     )
     vertices: dict[str, Any] = pools.vertices()
     return Scene(
-        name=path.stem,
+        name=visible(path.stem),
         path=path,
         **vertices,
         indices=pools.indices(),
@@ -101,7 +101,7 @@ def _scene(path: Path) -> Scene:
         cameras=[],
         animations=[],
         deformations=[],
-        warnings=warnings,
+        warnings=[visible(text) for text in warnings],
     )
 
 
@@ -147,9 +147,9 @@ def _parse(text: str) -> _File:
             for second in range(1, len(corners) - 1):
                 part.corners += (corners[0], corners[second], corners[second + 1])
         elif keyword == "o":
-            name = " ".join(words)
+            name = visible(" ".join(words))
         elif keyword == "usemtl":
-            material = " ".join(words)
+            material = visible(" ".join(words))
         elif keyword == "mtllib":
             found.libraries.append((number, " ".join(words)))
         elif keyword not in _IGNORED:
@@ -247,7 +247,7 @@ def _materials(folder: Path, name: str, line: int, warnings: list[str]) -> dict[
     skipped = set()
     for number, keyword, words in statements(text):
         if keyword == "newmtl":
-            current = " ".join(words)
+            current = visible(" ".join(words))
             found[current] = Material(name=current, metallic=0.0)
         elif keyword.startswith(("map_", "bump", "disp", "norm", "refl")):
             skipped.add(keyword[:20])

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from common.ancestry import HIERARCHY, node_numbers
 from common.errors import SceneError, UserError
 from common.paths import write_whole
+from common.regular_files import read_regular
 from common.scene_graph import SceneGraph, graph_from_arrays
 
 VERSION = 1
@@ -55,7 +56,7 @@ def load_graph(path: str | os.PathLike[str]) -> SceneGraph:
         SceneError: no such file, a version that is not known, or bytes that are damaged.
     """
     try:
-        data = Path(path).read_bytes()
+        data = read_regular(path)
     except OSError as error:
         reason = error.strerror or str(error)
         raise SceneError(f"{path} cannot be read ({reason}): check the path.") from None

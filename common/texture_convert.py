@@ -36,6 +36,7 @@ from common.errors import UserError
 from common.file_repair import Finder, as_typed, leads_out
 from common.names import stable_hash
 from common.paths import write_whole
+from common.regular_files import read_regular
 
 Bytes = NDArray[np.uint8]
 Float32 = NDArray[np.float32]
@@ -211,7 +212,7 @@ def _read(name: str, finder: Finder, notes: list[str]) -> bytes | None:
         notes.append(f"{name} {'lies outside the folder of the sources' if outside else 'is not there'}.")
         return None
     try:
-        return path.read_bytes()
+        return read_regular(path)
     except OSError as error:
         notes.append(f"{name} cannot be read: {error.strerror or error}.")
         return None

@@ -12,6 +12,7 @@ from backends.gl import api as gl
 from backends.gl import capabilities as gc
 from backends.gl.debug import DebugSink
 from common.errors import DeviceError, UnsupportedError
+from common.names import visible
 
 NO_CONTEXT = "No OpenGL 4.5 was found ({}): ./strata doctor says what to install."
 
@@ -213,7 +214,7 @@ class Context:
 
     def name(self, kind: Kind, handle: int, name: str) -> None:
         """Give an object the name under which messages, captures and traces show it."""
-        raw = name.encode()[:255]
+        raw = visible(name).encode()[:255]
         self.fn.glObjectLabel(_CALLS[kind][2], handle, len(raw), raw)
 
     def destroy(self, kind: Kind, handle: int) -> None:
@@ -240,7 +241,7 @@ class Context:
 
     def begin_label(self, name: str) -> None:
         """Open a label."""
-        raw = name.encode()[:255]
+        raw = visible(name).encode()[:255]
         self.sink.labels.append(name)
         self.fn.glPushDebugGroup(gl.GL_DEBUG_SOURCE_APPLICATION, 0, len(raw), raw)
 

@@ -13,6 +13,7 @@ from backends.vulkan import api as vk
 from backends.vulkan import features as vf
 from backends.vulkan.instance import Instance, PhysicalDevice, choose, feature_chain, find_family
 from common.errors import DeviceError
+from common.names import visible
 
 _OBJECT_TYPES = {
     name.removeprefix("VK_OBJECT_TYPE_").replace("_", "").lower(): value
@@ -164,7 +165,7 @@ class Device:
         if not self.instance.has_debug_utils:
             return
         # A scene has hundreds of objects: filled field by field, which takes a quarter of the time of `vk.new`.
-        info, text = vk.ffi.new(_NAME_INFO), vk.ffi.new("char[]", name.encode())
+        info, text = vk.ffi.new(_NAME_INFO), vk.ffi.new("char[]", visible(name).encode())
         info.sType = vk.VK_STRUCTURE_TYPE_DEBUG_UTILS_OBJECT_NAME_INFO_EXT
         info.objectType, info.objectHandle = _OBJECT_TYPES[ctype[2:].lower()], _integer(handle)
         info.pObjectName = text

@@ -13,6 +13,7 @@ import mmap
 import os
 import re
 import struct
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import unquote, unquote_to_bytes
@@ -21,8 +22,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.gltf.refusal import refuse
+from common.regular_files import NOT_REGULAR, leads_outside, open_regular
 
 Bytes = NDArray[np.uint8]
+
+Opened = Callable[[str], None]
+"""Called with the name of a file, relative to the scene's folder, before it is opened."""
 
 MAX_JSON_BYTES = 512 * 2**20
 """A parsed JSON text takes about ten times its size; what is larger belongs into a binary buffer anyway."""
@@ -52,25 +57,25 @@ def map_file(path: Path, place: str = "") -> Bytes:
         Refusal: there is no such file, it is no regular file, or it cannot be read.
     """
     try:
-        if path.is_dir():
-            refuse(
-                place,
-                f"{'names a folder, ' + path.name if place else 'is a folder'}",
-                "name the .gltf or .glb in it",
-            )
-        if not path.exists():
-            if place:
-                advice = f"put it beside the scene{_near(path)}"
-                refuse(place, f"names the file {path.name}, which is missing", advice)
-            refuse("", "there is no such file", f"check the path{_near(path)}")
-        if not path.is_file():
-            refuse(place, f"{path.name} is not a regular file", "give a file")
-        with path.open("rb") as stream:
+        with open_regular(path) as stream:
             # The size may be zero, which mmap refuses; np.memmap does as well.
-            if path.stat().st_size == 0:
+            if os.fstat(stream.fileno()).st_size == 0:
                 return np.zeros(0, np.uint8)
             return np.frombuffer(mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ), np.uint8)
+    except IsADirectoryError:
+        refuse(
+            place,
+            f"{'names a folder, ' + path.name if place else 'is a folder'}",
+            "name the .gltf or .glb in it",
+        )
+    except (FileNotFoundError, UnicodeEncodeError):  # the latter: no file can have this name
+        if place:
+            advice = f"put it beside the scene{_near(path)}"
+            refuse(place, f"names the file {path.name}, which is missing", advice)
+        refuse("", "there is no such file", f"check the path{_near(path)}")
     except (OSError, ValueError) as error:  # ValueError: a null character in the name
+        if isinstance(error, OSError) and error.strerror == NOT_REGULAR:
+            refuse(place, f"{path.name} is not a regular file", "give a file")
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         refuse(place, f"cannot be read ({reason})", "check the file's name and its permissions")
 
@@ -142,8 +147,10 @@ def _bound_json(size: int) -> None:
         refuse("the JSON", f"has {size} bytes, more than {MAX_JSON_BYTES}", "store its data in a .bin file")
 
 
-def read_uri(uri: str, folder: Path, place: str) -> Bytes:
+def read_uri(uri: str, folder: Path, place: str, opened: Opened | None = None) -> Bytes:
     """Return the bytes that a URI of a buffer or image names: a data URI, or a file in `folder` or below it.
+
+    `opened` is told each name under which a file is looked for, before it is.
 
     Raises:
         Refusal: the URI leaves the scene's folder, has another scheme, is badly coded, or names no readable
@@ -161,16 +168,12 @@ def read_uri(uri: str, folder: Path, place: str) -> Bytes:
         parts = name.replace("\\", "/").split("/")
         if name[:1] in ("/", "\\") or ".." in parts or _SCHEME.match(name):
             refuse(place, f"names {shown!r}, which is outside the scene's folder", advice)
+    if opened is not None:
+        for name in names:
+            opened(name)
     paths = [folder / name for name in names]
     path = next((path for path in paths if _exists(path)), paths[0])
-    try:
-        # A name without ".." leads outside by a link alone, and to follow all folders up to the root takes long.
-        below = itertools.accumulate(path.relative_to(folder).parts, Path.joinpath, initial=folder)
-        linked = os.name == "nt" or any(map(os.path.islink, itertools.islice(below, 1, None)))
-        inside = not linked or path.resolve().is_relative_to(folder.resolve())
-    except (OSError, ValueError, RuntimeError):  # unreadable, null character, loop of links
-        inside = True  # opening it says what is wrong
-    if not inside:
+    if leads_outside(path, folder):
         refuse(place, f"names {shown!r}, a link that leads outside the scene's folder", advice)
     return map_file(path, place)
 
@@ -186,6 +189,8 @@ def _read_data_uri(uri: str, place: str) -> Bytes:
     header, comma, payload = uri.partition(",")
     if not comma:
         refuse(place, "is a data URI without a comma")
+    if not payload.isascii():
+        refuse(place, "is a data URI with characters that are not ASCII")
     if not header.lower().endswith(";base64"):
         return np.frombuffer(unquote_to_bytes(payload), np.uint8)
     try:

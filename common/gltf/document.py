@@ -9,13 +9,15 @@ that both give equal scenes.
 from __future__ import annotations
 
 import json
+import re
 import warnings
 from pathlib import Path
 from typing import Any
 
-from common.gltf.container import Bytes, Container, open_container, read_uri
+from common.gltf.container import Bytes, Container, Opened, open_container, read_uri
 from common.gltf.refusal import Refusal, refuse
 from common.gltf.schema import check_document
+from common.names import is_visible, visible
 
 SUPPORTED = frozenset(
     {
@@ -45,9 +47,10 @@ class Document:
     be missing.
     """
 
-    def __init__(self, root: Object, container: Container) -> None:
+    def __init__(self, root: Object, container: Container, opened: Opened | None = None) -> None:
         self.root = root
-        self.folder: Path = container.folder
+        self._folder: Path = container.folder
+        self._opened = opened
         self.warnings: list[str] = []
         self._binary = container.binary
         self._buffers: dict[int, Bytes] = {}
@@ -59,8 +62,13 @@ class Document:
 
     def warn(self, text: str) -> None:
         """Keep a sentence for the user, each one once."""
-        if text not in self.warnings:
-            self.warnings.append(text)
+        told = visible(text)
+        if told not in self.warnings:
+            self.warnings.append(told)
+
+    def read_uri(self, uri: str, place: str) -> Bytes:
+        """Return the bytes that a URI of this document names. Raises Refusal as `container.read_uri` does."""
+        return read_uri(uri, self._folder, place, self._opened)
 
     def buffer(self, index: int) -> Bytes:
         """Return the bytes of a buffer, exactly `byteLength` of them.
@@ -73,7 +81,7 @@ class Document:
             entry = self.items("buffers")[index]
             uri, length = entry.get("uri"), entry["byteLength"]
             if uri:
-                data = read_uri(uri, self.folder, f"{place}.uri")
+                data = self.read_uri(uri, f"{place}.uri")
             elif index == 0 and self._binary is not None:
                 data = self._binary
             else:
@@ -104,10 +112,10 @@ class Document:
         return self._views[index]
 
 
-def read_document(path: Path, use_library: bool = False) -> Document:
+def read_document(path: Path, use_library: bool = False, opened: Opened | None = None) -> Document:
     """Open, parse and check a .gltf or .glb file.
 
-    `use_library` has pygltflib decode it.
+    `use_library` has pygltflib decode it; `opened` is told of each other file that the document has opened.
 
     Raises:
         Refusal: anything that is wrong with the file, its JSON or its shape, or an extension that it requires
@@ -115,14 +123,14 @@ def read_document(path: Path, use_library: bool = False) -> Document:
     """
     container = open_container(path)
     text = _decode(container.text)
-    root = _parse(text)
+    root = parse(text)
     check_document(root)
     _check_version(root["asset"])
     for name in root.get("extensionsRequired") or []:
         if name not in SUPPORTED:
             advice = REQUIRED_ADVICE.get(name, "export it without this extension")
             refuse("extensionsRequired", f"names {name[:80]}, which Strata does not support", advice)
-    document = Document(_through_library(text, root) if use_library else root, container)
+    document = Document(_through_library(text, root) if use_library else root, container, opened)
     for name in root.get("extensionsUsed") or []:
         if name not in SUPPORTED:
             document.warn(f"The extension {name[:80]} is not supported and was ignored.")
@@ -144,15 +152,49 @@ def _no_constant(name: str) -> float:
     raise ValueError(f"{name} is not a JSON number")
 
 
-def _parse(text: str) -> Any:
+def parse(text: str) -> Any:
+    """Return the value of a JSON text, with names as `visible` makes them.
+
+    Raises:
+        Refusal: the text is not JSON, is nested too deeply, or has a number that cannot be read.
+    """
     try:
-        return json.loads(text, parse_constant=_no_constant)
+        return _with_visible_names(json.loads(text, parse_constant=_no_constant), text)
     except RecursionError:
         refuse("the JSON", "is nested too deeply")
     except json.JSONDecodeError as error:
         refuse(f"line {error.lineno}, column {error.colno}", f"is not valid JSON ({error.msg})")
     except ValueError as error:  # an infinite number, or one with thousands of digits
         refuse("the JSON", f"has a number that cannot be read ({error})")
+
+
+_ESCAPE = re.compile(r"\\[bfnrtu]")
+
+
+def _with_visible_names(root: Any, text: str) -> Any:
+    """Change every text and key in the value of a JSON text to what can be shown; return the value.
+
+    URIs stay, because they name files; where one stands in a sentence, the whole sentence is changed.
+    """
+    # JSON has control characters of ASCII by its escapes alone, but for DEL.
+    if text.isascii() and "\x7f" not in text and _ESCAPE.search(text) is None:
+        return root
+    waiting: list[Any] = [root] if isinstance(root, dict | list) else []
+    while waiting:
+        container = waiting.pop()
+        if isinstance(container, list):
+            container[:] = [visible(value) if isinstance(value, str) else value for value in container]
+            waiting += [value for value in container if isinstance(value, dict | list)]
+            continue
+        hidden = [key for key in container if not is_visible(key)]
+        for key in hidden:
+            container[visible(key)] = container.pop(key)
+        for key, value in container.items():
+            if isinstance(value, dict | list):
+                waiting.append(value)
+            elif isinstance(value, str) and key != "uri":
+                container[key] = visible(value)
+    return root
 
 
 def _check_version(asset: Object) -> None:
@@ -178,7 +220,7 @@ def _through_library(text: str, root: Object) -> Object:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # "NoneType object value of non-optional type": harmless defaults
-            decoded: Object = json.loads(pygltflib.GLTF2.gltf_from_json(text).gltf_to_json())
+            decoded: Object = parse(pygltflib.GLTF2.gltf_from_json(text).gltf_to_json())
     except Exception:
         return root
     for node, original in zip(decoded.get("nodes") or [], root.get("nodes") or [], strict=True):

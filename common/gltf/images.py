@@ -21,7 +21,7 @@ from PIL.ImageFile import ImageFile
 from PIL.PngImagePlugin import PngImageFile
 
 from common.errors import SceneError
-from common.gltf.container import Bytes, read_uri
+from common.gltf.container import Bytes
 from common.gltf.document import Document
 from common.gltf.refusal import Refusal, refuse
 from common.scene_images import EncodedImage, Image, Pixels
@@ -74,7 +74,7 @@ class ImageDecoder:
                 entry = document.items("images")[index]
                 name = entry.get("name") or PurePath(_file_name(entry.get("uri", ""))).stem
                 if entry.get("uri"):
-                    data = read_uri(entry["uri"], document.folder, f"{place}.uri")
+                    data = document.read_uri(entry["uri"], f"{place}.uri")
                 elif "bufferView" in entry:
                     data = document.buffer_view(entry["bufferView"])
                 else:

@@ -13,6 +13,7 @@ import numpy as np
 from common.errors import SceneError
 from common.gltf.accessors import Accessors
 from common.gltf.animation import read_animations
+from common.gltf.container import Opened
 from common.gltf.document import Document, read_document
 from common.gltf.images import ImageDecoder
 from common.gltf.instances import read_instances
@@ -21,6 +22,7 @@ from common.gltf.nodes import Forest, read_cameras, read_forest, read_lights
 from common.gltf.primitives import PrimitiveReader
 from common.gltf.refusal import Refusal, refuse
 from common.gltf.schema import NUMBER_LIMIT
+from common.names import shortened, visible
 from common.scene import Scene
 
 Progress = Callable[[float, str], None]
@@ -33,12 +35,15 @@ def load_scene(
     use_library: bool = False,
     decode: bool = True,
     ahead: int = 0,
+    opened: Opened | None = None,
 ) -> Scene:
     """Load the default scene of a glTF 2.0 file (.gltf with files or data URIs, or .glb).
 
     `use_library` says whether pygltflib decodes the document, as a second opinion. Without `decode` images are
     `EncodedImage`: only their headers are read, and a damaged one raises SceneError when its pixels are asked for.
     Threads then decode up to `ahead` bytes of them beside what else there is to read, for who asks first.
+    `opened` is told the name of each other file before it is opened, relative to the scene's folder; both names, where
+    a URI can be read as two.
 
     Raises:
         SceneError: the file cannot be used. The text is one sentence that names the file, the place in it,
@@ -46,7 +51,7 @@ def load_scene(
     """
     path = Path(path)
     try:
-        return _load(path, progress or (lambda _part, _what: None), use_library, decode, ahead)
+        return _load(path, progress or (lambda _part, _what: None), use_library, decode, ahead, opened)
     except Refusal as refusal:
         raise _refused(path, refusal) from None
     except MemoryError:
@@ -54,18 +59,14 @@ def load_scene(
 
 
 def _refused(path: Path, refusal: Refusal) -> SceneError:
-    return SceneError(_one_line(f"{path}: {refusal}"))
+    return SceneError(shortened(visible(f"{path}: {refusal}")))
 
 
-def _one_line(text: str) -> str:
-    """Names and keys come from the file: no control character of theirs reaches a terminal."""
-    clean = "".join(character if character.isprintable() else " " for character in text)
-    return clean if len(clean) <= 600 else clean[:597] + "..."
-
-
-def _load(path: Path, progress: Progress, use_library: bool, decode: bool, ahead: int) -> Scene:
+def _load(
+    path: Path, progress: Progress, use_library: bool, decode: bool, ahead: int, opened: Opened | None
+) -> Scene:
     progress(0.0, "reading")
-    document = read_document(path, use_library)
+    document = read_document(path, use_library, opened)
     forest = read_forest(document)
     materials = Materials(document)
     drawn = sorted(
@@ -127,7 +128,7 @@ def _assemble(
     images = decoder.finish()
     with np.errstate(over="ignore", invalid="ignore"):  # checked below
         scene = Scene(
-            name=path.stem,
+            name=visible(path.stem),
             path=path,
             **vertices,
             indices=pools.indices(),

@@ -17,7 +17,7 @@ from chapters.ch03.logic.sections import DamagedError, SectionFile, SectionWrite
 from common import paths
 from common.gltf import load_scene
 from common.paths import ROOT
-from tests.common.gltf.builder import TRIANGLE, Gltf, triangle
+from tests.common.gltf.builder import TRIANGLE, Gltf
 from tests.support.scene_equality import difference
 
 validity = pytest.mark.feature("scene-cache/validity")
@@ -292,17 +292,6 @@ def test_processes_that_write_and_read_at_once_disturb_each_other_never(tmp_path
         _, errors = process.communicate(timeout=60)
         assert process.returncode == 0, errors.decode()
     assert {file.name for file in cache.iterdir()} <= {cache_file(path).name}
-
-
-def test_names_of_sources_are_those_that_the_loader_opens(tmp_path):
-    path = tmp_path / "scene.gltf"
-    uris = ["a%20b.bin", "data:application/octet-stream;base64,AAAA", "c.bin"]
-    path.write_text(json.dumps({"asset": {"version": "2.0"}, "buffers": [{"uri": uri} for uri in uris]}))
-    assert scene_sources.source_names(path) == ["scene.gltf", "a b.bin", "a%20b.bin", "c.bin"]
-    path.write_text("no JSON")
-    with pytest.raises(ValueError):
-        scene_sources.source_names(path)
-    assert triangle().write(tmp_path).name in scene_sources.source_names(tmp_path / "scene.glb")
 
 
 def test_whatever_a_directory_says_is_a_miss_at_worst(tmp_path, monkeypatch):

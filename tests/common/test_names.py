@@ -5,10 +5,11 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import unicodedata
 
 import pytest
 
-from common.names import stable_hash, suggest
+from common.names import is_visible, stable_hash, suggest, visible
 from common.paths import ROOT
 
 
@@ -68,3 +69,37 @@ def test_hashed_names_behave_as_plain_strings_in_a_dict():
 )
 def test_suggest(word, words, expected):
     assert suggest(word, words) == expected
+
+
+def is_hidden(character):
+    """What Unicode says: a control, half a character, a separator of lines, or something that steers the direction."""
+    steering = {"LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI"}
+    return (
+        unicodedata.category(character) in ("Cc", "Cs", "Zl", "Zp")
+        or unicodedata.bidirectional(character) in steering
+        or character in "\u061c\u200e\u200f"  # marks of direction, whose class is that of letters
+    )
+
+
+def test_what_unicode_calls_hidden_is_written_out_and_letters_are_not():
+    every = [chr(code) for code in range(0x110000)]
+    changed = {character for character in every if visible(character) != character}
+    hidden = {character for character in every if is_hidden(character)}
+    assert len(hidden) == 65 + 2048 + 2 + 9 + 3
+    assert hidden <= changed
+    # The rest are marks without a picture of their own, by which two names would look alike.
+    assert {unicodedata.category(character) for character in changed - hidden} <= {"Cf", "Cn"}
+    assert len(changed - hidden) < 160
+    for character in changed:
+        text = visible(character)
+        assert text.isascii() and text.isprintable() and text.startswith("\\") and is_visible(text)
+        assert text.encode().decode("unicode_escape") == character or 0xDC80 <= ord(character) <= 0xDCFF
+    for text in ("Grüße", "日本語", "العربية", "👩\u200d🚀", "a\\b", "50 %", "\xa0"):
+        assert visible(text) == text and is_visible(text)
+
+
+def test_hidden_characters_have_names_that_are_typed():
+    assert visible("a\nb\t\x1b[2J\x9b\u202e\ud800") == r"a\nb\t\x1b[2J\x9b\u202e\ud800"
+    assert visible(os.fsdecode(b"b\xff")) == r"b\xff"
+    assert visible("a\n\tb\r", keep="\n\t") == "a\n\tb\\r"
+    assert stable_hash("\ud800") != stable_hash("\ud801")

@@ -104,13 +104,15 @@ def open_scene(
             "A compressed cache needs the package etcpak, which is not installed: run `pip install etcpak`, or cache "
             "the scene uncompressed."
         )
-    states: dict[str, scene_sources.State] | None = None
-    with contextlib.suppress(OSError, ValueError):  # what is wrong with the file, loading says
-        names = scene_sources.source_names(path)
-        states = {name: scene_sources.state_of(path.parent / name) for name in names}
-    scene = load_scene(path, progress, decode=False, ahead=beside_geometry())
+    states = {path.name: scene_sources.state_of(path)}
+
+    def opened(name: str) -> None:
+        """Keep the state of a source before it is opened: a change meanwhile is seen, and no other file is hashed."""
+        states.setdefault(name, scene_sources.state_of(path.parent / name, path.parent))
+
+    scene = load_scene(path, progress, decode=False, ahead=beside_geometry(), opened=opened)
     told = f"loaded {path.name} {_since(began)}, since {why}"
-    if states is None or cache_dir(FOLDER) is None:
+    if cache_dir(FOLDER) is None:
         return Opened(scene, told)
     try:
         return Opened(scene, told, Writer(scene, target, path, states, compressed))

@@ -11,17 +11,15 @@ trace, and its content is hashed every time.
 from __future__ import annotations
 
 import hashlib
-import json
 import os
+import stat
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple
-from urllib.parse import unquote
 
-from common.gltf.container import open_container
-from common.gltf.refusal import Refusal
+from common.regular_files import leads_outside, open_regular
 
 RACY_NS = 2_000_000_000
 """Two seconds: the coarsest clock of a file system in use (FAT)."""
@@ -38,38 +36,24 @@ class State(NamedTuple):
     number: int
 
 
-def state_of(path: Path) -> State:
-    """Return the state of a file; one that cannot be asked for is absent."""
+def state_of(path: Path, folder: Path | None = None) -> State:
+    """Return the state of a file; what cannot be asked for, or is no regular file, is absent.
+
+    With `folder`, what a link leads to outside that folder is absent as well, as it is for who loads a scene.
+    """
     try:
         found = path.stat()
     except (OSError, ValueError):
         return State(*ABSENT)
+    if not stat.S_ISREG(found.st_mode) or (folder is not None and leads_outside(path, folder)):
+        return State(*ABSENT)
     return State(found.st_size, found.st_mtime_ns, found.st_ctime_ns, found.st_ino)
-
-
-def source_names(path: Path) -> list[str]:
-    """Return the files of a scene, relative to its folder: itself first, then what its buffers and images name.
-
-    Where a name can be read in two ways both are there, as in `common.gltf.container.read_uri`. Raises OSError or
-    ValueError where the file changed into something that is no glTF.
-    """
-    try:
-        root = json.loads(open_container(path).text.tobytes().decode("utf-8-sig"))
-        entries = [entry for kind in ("buffers", "images") for entry in root.get(kind) or []]
-        uris = [entry["uri"] for entry in entries if entry.get("uri")]
-    except (Refusal, AttributeError, TypeError, RecursionError) as error:
-        raise ValueError(str(error)) from None
-    names = {path.name: None}
-    for uri in uris:
-        if uri[:5].lower() != "data:":
-            names.update(dict.fromkeys((unquote(uri), uri)))
-    return list(names)
 
 
 def digest(path: Path) -> str:
     """Return a hash of a file's bytes, "" where there is none."""
     try:
-        with path.open("rb") as stream:
+        with open_regular(path) as stream:
             return hashlib.file_digest(
                 stream, "sha256"
             ).hexdigest()  # half again as fast as BLAKE2 on recent processors
@@ -84,16 +68,20 @@ def digests(paths: Iterable[Path]) -> list[str]:
 
 
 def record(folder: Path, states: dict[str, State]) -> dict[str, Any]:
-    """Return what a cache keeps of the files in `states`. Raises OSError, or ValueError where one changed meanwhile."""
-    hashes = digests(folder / name for name in states)
+    """Return what a cache keeps of files whose `states` were taken before they were opened; the first is the scene.
+
+    Raises OSError, or ValueError where one changed meanwhile.
+    """
+    there = [name for name, state in states.items() if state.size >= 0]
+    hashes = dict(zip(there, digests(folder / name for name in there), strict=True))
     now = time.time_ns()
-    for name, state in states.items():
-        if state_of(folder / name) != state:
+    for name, state, found in zip(states, states.values(), _states(folder, states), strict=True):
+        if found != state:
             raise ValueError(f"{name} changed")
     return {
         "names": list(states),
         "states": [list(state) for state in states.values()],
-        "digests": hashes,
+        "digests": [hashes.get(name, "") for name in states],
         "when_ns": now,
     }
 
@@ -103,8 +91,8 @@ def same(folder: Path, kept: dict[str, Any]) -> bool:
     paths = [folder / name for name in kept["names"]]
     states = [State(*state) for state in kept["states"]]
     doubtful = []
-    for path, state, hashed in zip(paths, states, kept["digests"], strict=True):
-        found = state_of(path)
+    now = _states(folder, kept["names"])
+    for path, state, found, hashed in zip(paths, states, now, kept["digests"], strict=True):
         if found.size != state.size:
             return False
         racy = max(state.changed_ns, state.entry_changed_ns) > kept["when_ns"] - RACY_NS
@@ -112,3 +100,9 @@ def same(folder: Path, kept: dict[str, Any]) -> bool:
             doubtful.append((path, hashed))
     hashes = digests(path for path, _ in doubtful) if doubtful else []
     return hashes == [hashed for _, hashed in doubtful]
+
+
+def _states(folder: Path, names: Iterable[str]) -> Iterator[State]:
+    """Give the states of a scene and of what it names; the scene itself, which the user named, may be any link."""
+    for number, name in enumerate(names):
+        yield state_of(folder / name, folder if number else None)

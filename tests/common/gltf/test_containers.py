@@ -70,10 +70,8 @@ def test_nothing_outside_the_folder_is_opened(tmp_path, monkeypatch, uri):
     (tmp_path / "a.bin").write_bytes(triangle().data)
     path = write_with_uri(folder, uri)
     opened = []
-    original = Path.open
-    monkeypatch.setattr(
-        Path, "open", lambda self, *rest, **more: opened.append(self) or original(self, *rest, **more)
-    )
+    original = os.open
+    monkeypatch.setattr(os, "open", lambda file, *rest: opened.append(file) or original(file, *rest))
     with pytest.raises(SceneError, match=r"buffers\[0\]\.uri names .*folder"):
         load_scene(path)
     assert opened == [path]
@@ -227,6 +225,6 @@ def test_an_unreadable_file(tmp_path, monkeypatch):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
 
     path = triangle().write(tmp_path)
-    monkeypatch.setattr(Path, "open", refuse_to_open)
+    monkeypatch.setattr(os, "open", refuse_to_open)
     with pytest.raises(SceneError, match="Permission denied"):
         load_scene(path)
