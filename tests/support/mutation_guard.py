@@ -1,7 +1,7 @@
 """An audit hook that tells of every file which is opened outside of where a scene may lead.
 
 What is allowed, and nothing else: the scene's own folder, the clone, the cache (STRATA_CACHE), the Python installation
-with its packages, and `DEVICES`. Paths count by where their links lead. In the scene's folder, too, only regular files
+with its packages, `DEVICES`, and the folder for results that the worker names. Paths count by where their links lead. In the scene's folder, too, only regular files
 and folders may be opened: a pipe has no end. A program may be started only if it is this Python.
 
 The hook sees what Python opens (`open`, `os.open`, `os.listdir`, `os.scandir`, sockets, programs), not what the C code
@@ -15,6 +15,7 @@ import stat
 import sys
 from collections.abc import Callable, Iterable
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from common.paths import ROOT, user_cache
@@ -28,11 +29,11 @@ DEVICES = {"/dev/null", "/dev/urandom"}
 class Guard:
     """Tells `report` of every opening that is not allowed, while it watches; `install` cannot be undone."""
 
-    def __init__(self, report: Callable[[str], None]) -> None:
+    def __init__(self, report: Callable[[str], None], results: Path) -> None:
         self._report = report
         self._folder: str | None = None
         installed = {sys.prefix, sys.base_prefix, sys.exec_prefix, *sys.path[1:]}
-        self._allowed = _folders([str(ROOT), str(user_cache()), *installed])
+        self._allowed = _folders([str(ROOT), str(user_cache()), str(results), *installed])
 
     def install(self) -> None:
         """Add the hook to this interpreter."""

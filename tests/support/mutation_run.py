@@ -22,7 +22,7 @@ from typing import Any
 
 from common.errors import UnsupportedError
 from common.paths import ROOT
-from tests.support.mutation_worker import PRINTED
+from tests.support.mutation_worker import RESULTS, SAID
 from tests.support.mutations import Case
 
 LIMIT_S = 20.0
@@ -137,8 +137,10 @@ class _Child:
     """A worker process, and a thread that reads its lines."""
 
     def __init__(self, work: str, options: Any, folder: Path, limit_s: float) -> None:
-        self._printed = folder / PRINTED
-        self._printed.write_bytes(b"")
+        results = folder / RESULTS
+        results.mkdir(exist_ok=True)
+        self._said = folder / SAID
+        self._said.write_bytes(b"")
         (folder / "cache").mkdir(exist_ok=True)
         environment = os.environ | {
             "STRATA_CACHE": str(folder / "cache"),
@@ -154,7 +156,7 @@ class _Child:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             env=environment,
-            cwd=folder,
+            cwd=results,
         )
         self._lines: queue.Queue[dict[str, Any] | None] = queue.Queue()
         self._thread = threading.Thread(target=self._read, daemon=True)
@@ -169,7 +171,7 @@ class _Child:
     def wait_until_ready(self) -> None:
         """Wait for the imports and the device; raises UnsupportedError where that is not here."""
         said = self._lines.get(timeout=START_S)
-        assert said is not None, f"the child did not start:\n{self.printed()}"
+        assert said is not None, f"the child did not start:\n{self.said()}"
         if "missing" in said:
             raise UnsupportedError(said["missing"])
 
@@ -209,7 +211,7 @@ class _Child:
 
     def _ended(self, case: Case, outcome: str, opened: list[str], seconds: float, peak: int) -> Result:
         self._process.kill()
-        return Result(case, outcome, "\n".join([*opened, self.printed()]), seconds, peak)
+        return Result(case, outcome, "\n".join([*opened, self.said()]), seconds, peak)
 
     def _resident(self) -> int:
         try:
@@ -218,9 +220,9 @@ class _Child:
             return 0
         return pages * os.sysconf("SC_PAGE_SIZE")
 
-    def printed(self) -> str:
-        """Return the end of what the child has printed."""
-        return self._printed.read_bytes()[-6000:].decode("utf-8", "backslashreplace")
+    def said(self) -> str:
+        """Return the end of what the child has said on stderr."""
+        return self._said.read_bytes()[-6000:].decode("utf-8", "backslashreplace")
 
     def close(self) -> None:
         """End the process and the thread."""

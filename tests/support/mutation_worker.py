@@ -2,8 +2,8 @@
 
     python -m tests.support.mutation_worker FOLDER MODULE:WORK OPTIONS LIMIT_S
 
-Cases are read from stdin, one a line. What the work prints goes to FOLDER/printed.txt, as does the traceback of every
-thread when a file takes longer than LIMIT_S; `mutation_run` ends the process then.
+Cases are read from stdin, one a line. What the work prints goes to files in FOLDER/results. When a file takes longer
+than LIMIT_S, the traceback of every thread goes there as well, and `mutation_run` ends the process.
 """
 
 from __future__ import annotations
@@ -26,18 +26,22 @@ from tests.support import mutation_sources
 from tests.support.mutation_guard import Guard
 from tests.support.mutations import Case, Mutant, follows_schema, mutate, write
 
-PRINTED = "printed.txt"
+RESULTS = "results"
+"""The folder in that of a run where commands may write."""
+
+PRINTED, SAID = f"{RESULTS}/printed.txt", f"{RESULTS}/said.txt"
+"""What went to stdout, and to stderr."""
 
 
 class Channel:
-    """Sends lines of JSON to the parent over what was stdout; all else that is printed goes to a file."""
+    """Sends lines of JSON to the parent over what was stdout; all else that is printed goes to files."""
 
     def __init__(self, folder: Path) -> None:
         self._stream = os.fdopen(os.dup(1), "w", encoding="ascii")
-        printed = os.open(folder / PRINTED, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
-        os.dup2(printed, 1)
-        os.dup2(printed, 2)
-        os.close(printed)
+        for number, name in ((1, PRINTED), (2, SAID)):
+            file = os.open(folder / name, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
+            os.dup2(file, number)
+            os.close(file)
 
     def send(self, **values: Any) -> None:
         """Send one line, at once: the process may be ended before it can say more."""
@@ -54,9 +58,8 @@ def main(words: list[str]) -> None:
     except UnsupportedError as error:
         channel.send(missing=str(error))
         return
-    guard = Guard(lambda what: channel.send(opened=what))
+    guard = Guard(lambda what: channel.send(opened=what), folder / RESULTS)
     guard.install()
-    printed = sys.stderr
     channel.send(ready=True)
     for line in sys.stdin:
         case = Case.named(line.strip())
@@ -65,7 +68,7 @@ def main(words: list[str]) -> None:
         mutant = mutate(case)
         path = write(mutant, place)
         forget_peak()
-        faulthandler.dump_traceback_later(limit_s, file=printed)
+        faulthandler.dump_traceback_later(limit_s, file=sys.stderr)
         began = time.perf_counter()
         with guard.watching(place):
             outcome, text = attempt(work, path, case)
