@@ -1,8 +1,9 @@
 """An audit hook that tells of every file which is opened outside of where a scene may lead.
 
 What is allowed, and nothing else: the scene's own folder, the clone, the cache (STRATA_CACHE), the Python installation
-with its packages, `DEVICES`, and the folder for results that the worker names. Paths count by where their links lead. In the scene's folder, too, only regular files
-and folders may be opened: a pipe has no end. A program may be started only if it is this Python.
+with its packages, `DEVICES`, and the folder for results that the worker names. Paths count by where their links lead. In
+the scene's folder, too, only regular files and folders may be opened: a pipe has no end. A program may be started only
+if it is this Python.
 
 The hook sees what Python opens (`open`, `os.open`, `os.listdir`, `os.scandir`, sockets, programs), not what the C code
 of a driver opens by itself.
