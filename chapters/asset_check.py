@@ -18,7 +18,7 @@ from common.errors import SceneError
 from common.gltf.container import open_container
 from common.gltf.document import parse
 from common.gltf.extensions import ExtensionUse, extensions_of
-from common.gltf.load import Progress
+from common.gltf.load import Progress, images_read
 from common.gltf.refusal import Refusal
 from common.scene import Scene
 
@@ -63,7 +63,9 @@ def examine(path: Path, progress: Progress | None = None) -> Examination:
         return found
     found.contents = contents_of(scene)
     ignored = {f"The extension {use.name} is not supported and was ignored." for use in found.extensions}
-    found.losses = [text for text in scene.warnings if text not in ignored] + list(losses_of(root, scene))
+    found.losses = [text for text in scene.warnings if text not in ignored] + list(
+        losses_of(root, scene, _unread(path))
+    )
     found.hints = list(hints_of(scene))
     return found
 
@@ -104,8 +106,11 @@ def contents_of(scene: Scene) -> list[tuple[str, str]]:
     return rows
 
 
-def losses_of(root: dict[str, Any], scene: Scene) -> Iterator[str]:
-    """Give sentences on what a glTF document has and the loader does not read, or lacks and the loader makes."""
+def losses_of(root: dict[str, Any], scene: Scene, unused: int) -> Iterator[str]:
+    """Give sentences on what a glTF document has and the loader does not read, or lacks and the loader makes.
+
+    `unused` images are sampled by nothing.
+    """
     materials, primitives = _list(root, "materials"), list(_primitives(root))
     unread = sorted(
         {name for entry in primitives for name in entry["attributes"] if not _READ.fullmatch(name)}
@@ -126,9 +131,8 @@ def losses_of(root: dict[str, Any], scene: Scene) -> Iterator[str]:
             f"{_count(untangled, 'primitive has', 'primitives have')} a normal map and no tangents: they are made "
             "while loading, which takes time at every start."
         )
-    pictures = len(_list(root, "images")) - len(scene.images)
-    if pictures > 0:
-        yield f"{_count(pictures, 'picture is', 'pictures are')} in the file that nothing of what is drawn reads."
+    if unused:
+        yield f"{_count(unused, 'picture is', 'pictures are')} in the file that nothing of what is drawn reads."
     others = len(_list(root, "scenes")) - 1
     if others > 0:
         yield f"{_count(others, 'further scene', 'further scenes')} cannot be chosen: the default one is drawn."
@@ -136,6 +140,14 @@ def losses_of(root: dict[str, Any], scene: Scene) -> Iterator[str]:
     still = [clip.name for clip in scene.animations if id(clip) not in together]
     if still:
         yield f"{', '.join(still)} would move what an earlier animation moves, and is not played."
+
+
+def _unread(path: Path) -> int:
+    """Return how many images of a file, which was loaded before, nothing of what is drawn samples."""
+    if path.suffix.lower() == ".obj":
+        return 0
+    there, used = images_read(path)
+    return there - used
 
 
 def hints_of(scene: Scene) -> Iterator[str]:

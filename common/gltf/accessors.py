@@ -33,9 +33,6 @@ SHAPES = {
 }
 """type -> (columns, rows) as stored: matrices column by column."""
 
-MAX_BARE_ELEMENTS = 2**24
-"""Elements of an accessor without buffer view: its zeros take memory that no byte of the file pays for."""
-
 
 def within(values: Float32, limit: float) -> bool:
     """Return whether every number is finite and its size at most `limit` (up to 1e18).
@@ -145,8 +142,7 @@ class Accessors:
         if "bufferView" in entry:
             values = self._elements(entry, count, dtype, shape, place)
         else:
-            if count > MAX_BARE_ELEMENTS:
-                refuse(f"{place}.count", f"is {count} without a bufferView, more than {MAX_BARE_ELEMENTS}")
+            self._document.charge(count, f"{place}, which has no bufferView,")
             values = np.zeros((count, shape[0] * shape[1]), dtype)
         return self._patch(values, entry["sparse"], shape, place) if "sparse" in entry else values
 

@@ -108,6 +108,7 @@ def with_targets(
     def offsets(name: str) -> Float32 | None:
         if not any(name in target for target in targets):
             return None
+        document.charge(len(targets) * count, f"{place}.targets")
         result = np.zeros((len(targets), count, 3), np.float32)
         for number, target in enumerate(targets):
             if name in target:

@@ -39,6 +39,10 @@ REQUIRED_ADVICE = {
 
 Object = dict[str, Any]
 
+FREE_ELEMENTS = 2**23
+"""Vertices, offsets of morph targets and zeros of accessors without a buffer view that a scene may have whatever the
+size of its file; see `Document.afford`."""
+
 
 class Document:
     """A checked document; `root` follows the schema, so its keys can be read without asking again.
@@ -55,6 +59,7 @@ class Document:
         self._binary = container.binary
         self._buffers: dict[int, Bytes] = {}
         self._views: dict[int, Bytes] = {}
+        self._charged = 0
 
     def items(self, name: str) -> list[Object]:
         """Return a top-level list, empty where the document has none."""
@@ -69,6 +74,29 @@ class Document:
     def read_uri(self, uri: str, place: str) -> Bytes:
         """Return the bytes that a URI of this document names. Raises Refusal as `container.read_uri` does."""
         return read_uri(uri, self._folder, place, self._opened)
+
+    def afford(self, count: int, place: str) -> None:
+        """Check that `count` vertices or other elements may still be made.
+
+        A file pays for one with each byte of its buffers, and one takes about 100 bytes of memory: what lies in the
+        file has always paid for itself. Without that limit one accessor, named again and again, would fill any memory.
+
+        Raises:
+            Refusal: with them the scene would have more than `FREE_ELEMENTS` and the bytes of the buffers in use.
+        """
+        size = sum(len(data) for data in self._buffers.values())
+        if self._charged + count > FREE_ELEMENTS + size:
+            refuse(
+                place,
+                f"brings the scene to {self._charged + count} vertices and other elements; a file may have "
+                f"{FREE_ELEMENTS} and one for each byte of its buffers, here {size}",
+                "draw less of it, or store what it repeats",
+            )
+
+    def charge(self, count: int, place: str) -> None:
+        """Count elements that are made. Raises Refusal as `afford` does."""
+        self.afford(count, place)
+        self._charged += count
 
     def buffer(self, index: int) -> Bytes:
         """Return the bytes of a buffer, exactly `byteLength` of them.

@@ -5,6 +5,7 @@ Or decoded later, by whoever needs their pixels: then only headers are read here
 
 from __future__ import annotations
 
+import hashlib
 import io
 import os
 import zlib
@@ -24,6 +25,7 @@ from common.errors import SceneError
 from common.gltf.container import Bytes
 from common.gltf.document import Document
 from common.gltf.refusal import Refusal, refuse
+from common.names import visible
 from common.scene_images import EncodedImage, Image, Pixels
 
 MAX_SIDE = 16_384
@@ -32,6 +34,11 @@ MAX_PIXELS = 2**26
 """Pixels of one image (8192 x 8192); below the count at which Pillow suspects an attack."""
 MAX_TOTAL_BYTES = 4 * 2**30
 """Decoded bytes of all images of a scene together."""
+FREE_BYTES = 2**29
+"""Decoded bytes of all images that a scene may have whatever the size of their files; see `MOST_RATIO`."""
+MOST_RATIO = 256
+"""Decoded bytes that each byte of an image file may bring beyond `FREE_BYTES`: photographs have 4 to 80, and a picture
+of one colour, as PNG, has 1,000 to 30,000."""
 
 _SMALLER = "make the image smaller"
 
@@ -46,7 +53,8 @@ class ImageDecoder:
     """Decodes the images that a scene uses while the caller works on its geometry.
 
     The constructor reads headers and queues the work; `finish` waits. Pillow releases the interpreter lock
-    while it inflates.
+    while it inflates. Images of the file with equal bytes are one: `places` has, by number in the file, which of those
+    that `finish` returns it is.
     """
 
     def __init__(
@@ -66,13 +74,15 @@ class ImageDecoder:
         self._copies: list[Future[None]] = []
         self._pool = ThreadPoolExecutor(min(8, os.cpu_count() or 1), thread_name_prefix="decode-image")
         self._futures: list[Future[Image]] = []
-        total = begun = 0
+        self.places: dict[int, int] = {}
+        total = begun = paid = 0
         makers: list[_Maker] = []
+        pictures = _Pictures()
         try:
             for index in used:
                 place = f"images[{index}]"
                 entry = document.items("images")[index]
-                name = entry.get("name") or PurePath(_file_name(entry.get("uri", ""))).stem
+                name = entry.get("name") or visible(PurePath(_file_name(entry.get("uri", ""))).stem)
                 if entry.get("uri"):
                     data = document.read_uri(entry["uri"], f"{place}.uri")
                 elif "bufferView" in entry:
@@ -80,13 +90,14 @@ class ImageDecoder:
                 else:
                     refuse(place, "has neither uri nor bufferView")
                 width, height = image_size(data, place)
-                total += width * height * 4
-                if total > MAX_TOTAL_BYTES:
-                    refuse(
-                        place, f"brings the images of the scene above {MAX_TOTAL_BYTES >> 30} GiB", _SMALLER
-                    )
+                self.places[index], known = pictures.place_of(data)
+                if known:
+                    continue
+                dtype = np.uint16 if is_deep_grey(data) else np.uint8
+                total += width * height * 4 * np.dtype(dtype).itemsize
+                paid += len(data)
+                _bound_total(total, paid, place)
                 if self._later is not None:
-                    dtype = np.uint16 if is_deep_grey(data) else np.uint8
                     # By then the file may be shorter, and reading behind its end ends the process.
                     kept = np.empty_like(data)
                     self._copies.append(self._pool.submit(np.copyto, kept, data))
@@ -105,7 +116,7 @@ class ImageDecoder:
             raise
 
     def finish(self) -> list[Image]:
-        """Return the images in the order asked for.
+        """Return the images in the order asked for, each picture once.
 
         Raises:
             Refusal: one is damaged; the first of them is named.
@@ -117,6 +128,45 @@ class ImageDecoder:
     def close(self) -> None:
         """Drop what has not begun and wait for the rest; whoever asks for an image waits for what is decoded ahead."""
         self._pool.shutdown(wait=self._later is None, cancel_futures=True)
+
+
+class _Pictures:
+    """Numbers pictures by the bytes of their files, equal ones alike. A file is hashed if another one is as long."""
+
+    def __init__(self) -> None:
+        self._count = 0
+        self._alone: dict[
+            int, tuple[Bytes, int] | None
+        ] = {}  # by length; None where those of a length are hashed
+        self._numbers: dict[bytes, int] = {}
+
+    def place_of(self, data: Bytes) -> tuple[int, bool]:
+        """Return the number of a picture, and whether one of equal bytes had it before."""
+        number, length = self._count, len(data)
+        if length not in self._alone:
+            self._alone[length] = (data, number)
+        else:
+            alone = self._alone[length]
+            if alone is not None:
+                self._numbers[hashlib.sha256(alone[0].data).digest()] = alone[1]
+                self._alone[length] = None
+            number = self._numbers.setdefault(hashlib.sha256(data.data).digest(), number)
+        known = number < self._count
+        self._count += not known
+        return number, known
+
+
+def _bound_total(total: int, paid: int, place: str) -> None:
+    """Refuse images of `total` decoded bytes in `paid` bytes of files where that is too many."""
+    if total > MAX_TOTAL_BYTES:
+        refuse(place, f"brings the images of the scene above {MAX_TOTAL_BYTES >> 30} GiB", _SMALLER)
+    if total > FREE_BYTES + MOST_RATIO * paid:
+        refuse(
+            place,
+            f"brings the images of the scene to {total >> 20} MiB, which {paid} bytes of files bring: at most "
+            f"{FREE_BYTES >> 20} MiB and {MOST_RATIO} times their bytes are decoded",
+            _SMALLER,
+        )
 
 
 class _Maker:

@@ -108,12 +108,14 @@ def read_instances(
                 surface = check_joints(surface, skin, place)
                 if copies is not None:
                     document.warn(f"nodes[{index}] has a skin and instances; it is drawn once.")
+            before = drawing.pools.vertex_count
             row = drawing.pools.add(
                 surface,
                 drawing.materials.setdefault(material, len(drawing.materials)),
                 name,
                 skinned or animated,
             )
+            document.charge(drawing.pools.vertex_count - before, place)
             if skinned or animated:
                 forest.nodes.weights[node] = weights
                 drawing.deformations.append(_deformation(row, node, surface, skin))

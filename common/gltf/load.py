@@ -69,14 +69,7 @@ def _load(
     document = read_document(path, use_library, opened)
     forest = read_forest(document)
     materials = Materials(document)
-    drawn = sorted(
-        {
-            document.items("nodes")[node]["mesh"]
-            for node in forest.shown
-            if "mesh" in document.items("nodes")[node]
-        }
-    )
-    images = materials.images(_used_materials(document, drawn))
+    images = materials.images(_used_materials(document, forest))
     steps = _Steps(progress, len(images) + 1)
     later = None if decode else partial(_refused, path)
     decoder = ImageDecoder(document, images, lambda: steps.done("decoding images"), later, ahead)
@@ -99,7 +92,16 @@ class _Steps:
         self._progress(self._count / (self._total + 1), what)
 
 
-def _used_materials(document: Document, meshes: list[int]) -> list[MaterialKey]:
+def images_read(path: Path) -> tuple[int, int]:
+    """Return how many images the file of a scene has, and how many of them what is drawn samples. Raises SceneError."""
+    document = read_document(path)
+    used = Materials(document).images(_used_materials(document, read_forest(document)))
+    return len(document.items("images")), len(used)
+
+
+def _used_materials(document: Document, forest: Forest) -> list[MaterialKey]:
+    nodes = [document.items("nodes")[node] for node in forest.shown]
+    meshes = {node["mesh"] for node in nodes if "mesh" in node}
     used = {
         primitive.get("material")
         for mesh in meshes
@@ -134,7 +136,7 @@ def _assemble(
             indices=pools.indices(),
             meshes=table,
             mesh_names=pools.names,
-            materials=materials.build(ordered),
+            materials=materials.build(ordered, decoder.places),
             images=images,
             nodes=forest.nodes,
             instances=drawing.instances(),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -92,12 +93,11 @@ class Materials:
                     used.add(texture.image)
         return sorted(used)
 
-    def build(self, keys: list[MaterialKey]) -> list[Material]:
-        """Return the materials of `keys` with textures that count through `images(keys)`."""
-        places = {image: place for place, image in enumerate(self.images(keys))}
+    def build(self, keys: list[MaterialKey], places: Mapping[int, int]) -> list[Material]:
+        """Return the materials of `keys`; `places` has the image in the scene by the number in the file."""
         return [self._material(key, places) for key in keys]
 
-    def _material(self, key: MaterialKey, places: dict[int, int]) -> Material:
+    def _material(self, key: MaterialKey, places: Mapping[int, int]) -> Material:
         if key.index is None:
             return Material(name="default", unlit=key.unlit)
         index, entry = key.index, self._entries[key.index]

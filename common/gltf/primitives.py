@@ -78,6 +78,7 @@ class PrimitiveReader:
 
         if mode <= LINE_STRIP:
             lit = surface.normals is not None
+            self._document.afford(8 * len(indices), place)
             return _solid(surface, mode), MaterialKey(material, unlit=not lit)
         if len(indices) == 0:
             self._document.warn(f"{place} has no triangle and was left out.")
@@ -85,6 +86,7 @@ class PrimitiveReader:
         if surface.normals is None:
             # Flat shading needs vertices that no two triangles share; given tangents do not count (glTF 2.0,
             # 3.7.2.1).
+            self._document.afford(len(indices), place)
             corners = np.arange(len(indices), dtype=np.uint32)
             surface = surface.take(indices, corners)
             surface = replace(surface, normals=flat_normals(surface.positions), tangents=None, flat=True)

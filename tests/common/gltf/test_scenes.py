@@ -347,7 +347,7 @@ def test_progress_goes_from_0_to_1(tmp_path):
     gltf = Gltf()
     gltf.add("materials", {})
     for number in range(3):
-        gltf.image(np.zeros((4, 4, 3), np.uint8))
+        gltf.image(np.full((4, 4, 3), number, np.uint8))
         gltf.add("textures", {"source": number})
     info = [{"index": number} for number in range(3)]
     gltf.json["materials"][0] = {
