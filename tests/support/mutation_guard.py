@@ -1,9 +1,9 @@
 """An audit hook that tells of every file which is opened outside of where a scene may lead.
 
 What is allowed, and nothing else: the scene's own folder, the clone, the cache (STRATA_CACHE), the Python installation
-with its packages, `DEVICES`, and the folder for results that the worker names. Paths count by where their links lead. In
-the scene's folder, too, only regular files and folders may be opened: a pipe has no end. A program may be started only
-if it is this Python.
+with its packages, `DEVICES`, and the folder for results that the worker names. Paths count by where their links lead.
+In the scene's folder, too, only regular files and folders may be opened: a pipe has no end. The only programs that may
+be started are this Python and `PROGRAMS`.
 
 The hook sees what Python opens (`open`, `os.open`, `os.listdir`, `os.scandir`, sockets, programs), not what the C code
 of a driver opens by itself.
@@ -25,6 +25,8 @@ OPENING = {"open", "os.listdir", "os.scandir"}
 STARTING = {"subprocess.Popen", "os.exec", "os.posix_spawn", "os.spawn"}
 FORBIDDEN = {"os.system", "socket.connect", "socket.bind", "socket.getaddrinfo", "urllib.Request"}
 DEVICES = {"/dev/null", "/dev/urandom"}
+PROGRAMS = {"/sbin/ldconfig"}
+"""ctypes asks it where the library of a driver lies."""
 
 
 class Guard:
@@ -56,9 +58,7 @@ class Guard:
         if event in FORBIDDEN:
             self._report(f"{event} {args!r:.200}")
         elif event in STARTING:
-            if str(args[0]) != sys.executable and os.path.realpath(args[0]) != os.path.realpath(
-                sys.executable
-            ):
+            if str(args[0]) not in {sys.executable, *PROGRAMS}:
                 self._report(f"{event} {args!r:.200}")
         elif event in OPENING and args and isinstance(args[0], str | bytes | os.PathLike):
             path = os.fsdecode(os.fspath(args[0]))

@@ -56,7 +56,9 @@ class Result:
             lines = [line.strip() for line in self.text.strip().splitlines()]
             places = [line for line in lines if line.startswith("File ")]
             return f"{lines[-1]:.100} at {places[-1] if places else '?'}"
-        return f"{self.outcome} {self.text if self.outcome == 'opened' else ''}".strip()[:200]
+        return (
+            f"{self.outcome}: {self.text}".splitlines()[0][:200] if self.outcome == "opened" else self.outcome
+        )
 
 
 @dataclass
@@ -206,7 +208,7 @@ class _Child:
             if result.peak > limit_bytes:
                 result.outcome = "memory"
             elif opened:
-                result.outcome, result.text = "opened", "\n".join(opened)
+                result.outcome, result.text = "opened", "\n".join([*opened, result.text])
             return result
 
     def _ended(self, case: Case, outcome: str, opened: list[str], seconds: float, peak: int) -> Result:

@@ -16,6 +16,7 @@ import shutil
 import sys
 import time
 import traceback
+import unicodedata
 import warnings
 from importlib import import_module
 from pathlib import Path
@@ -101,9 +102,21 @@ def attempt(work: Any, path: Path, case: Case) -> tuple[str, str]:
     return "loaded", ""
 
 
+STEERING = {"LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI"}
+"""Bidirectional classes of characters that turn round what follows them."""
+
+
+def is_hidden(letter: str) -> bool:
+    """Whether a character begins a line, steers a terminal, turns text round, or is half a character."""
+    return (
+        unicodedata.category(letter) in ("Cc", "Cs", "Zl", "Zp")
+        or unicodedata.bidirectional(letter) in STEERING
+    )
+
+
 def is_odd(sentence: str) -> bool:
-    """Whether a sentence is none, has several lines, or letters that move a terminal or cannot be coded."""
-    return not sentence or not sentence.isprintable() or len(sentence) > 1000
+    """Whether a sentence is none, is longer than a screen, or has characters that are not to be seen."""
+    return not sentence or len(sentence) > 1000 or any(map(is_hidden, sentence))
 
 
 def parses(mutant: Mutant) -> bool | None:

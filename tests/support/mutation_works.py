@@ -25,7 +25,7 @@ from common.scene import Scene
 from tests.support import mutation_sources
 from tests.support.drawable import assert_drawable
 from tests.support.mutate_json import FORGED
-from tests.support.mutation_worker import PRINTED, RESULTS, SAID
+from tests.support.mutation_worker import PRINTED, RESULTS, SAID, is_hidden
 from tests.support.mutations import Case, Mutant, write
 
 SIZE = (32, 32)
@@ -155,27 +155,26 @@ class Command:
         self._files, self._results = (folder / PRINTED, folder / SAID), folder / RESULTS
         self._numbers: Sequence[int] = options["chapters"]
         self._backend: str = options["backend"]
-        assert (
-            run(["run", "1", "--backend", self._backend, "--scene", "cornell", "--size", "8x8", "--headless"])
-            == 0
-        )
+        path = _whole("everything.glb", folder)
+        for words in self._commands(path, self._numbers[0]):
+            assert run(words) == 0, words
+
+    def _commands(self, path: Path, number: int) -> list[list[str]]:
+        """Return the commands that a file may be given to."""
+        drawing = ["run", str(number), "--backend", self._backend, "--size", "16x16", "--headless", "-v"]
+        if path.suffix in PANORAMAS:
+            return [[*drawing, "--environment", str(path), "--scene", "cornell"]]
+        return [
+            [*drawing, "--scene", str(path)],
+            [*drawing, "--scene", str(path), "--json", "-", "--out", str(self._results / "made.png")],
+            ["assets", "add", str(path), "--name", "mutated"],
+            ["convert", str(path), str(self._results / "converted")],
+        ]
 
     def __call__(self, path: Path, case: Case) -> None:
         """Run a command; raises AssertionError for an ending or a line that no input may cause."""
         rng = random.Random(f"command {case}")
-        number = str(rng.choice(self._numbers))
-        drawing = ["run", number, "--backend", self._backend, "--size", "16x16", "--headless", "-v"]
-        if path.suffix in PANORAMAS:
-            words = [*drawing, "--environment", str(path), "--scene", "cornell"]
-        else:
-            words = rng.choice(
-                (
-                    [*drawing, "--scene", str(path)],
-                    [*drawing, "--scene", str(path), "--json", "-", "--out", str(self._results / "made.png")],
-                    ["assets", "add", str(path), "--name", "mutated"],
-                    ["convert", str(path), str(self._results / "converted")],
-                )
-            )
+        words = rng.choice(self._commands(path, rng.choice(self._numbers)))
         begins = [os.path.getsize(file) for file in self._files]
         code = self._run(words)
         sys.stdout.flush()
@@ -199,7 +198,7 @@ def faults_of(code: int, printed: bytes, said: bytes) -> list[str]:
         text, lines = (printed + said).decode(), said.decode().splitlines()
     except UnicodeDecodeError:
         return [*faults, "bytes that are no UTF-8"]
-    if any(not (letter.isprintable() or letter == "\n") for letter in text):
+    if any(is_hidden(letter) and letter != "\n" for letter in text):
         faults.append("letters that move a terminal")
     if any(line.startswith(FORGED) for line in text.split("\n")):
         faults.append("a forged line")
