@@ -9,15 +9,18 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import chapters
 from common.errors import UnsupportedError
 from tests.support import mutation_run, mutation_sources, mutations
+from tests.support.drawable import assert_drawable
 from tests.support.mutation_run import LIMIT_BYTES, LIMIT_S, Summary
 from tests.support.mutation_stubs import DOINGS
-from tests.support.mutation_works import faults_of
+from tests.support.mutation_works import SIZE, faults_of, faults_of_picture
 from tests.support.mutations import Case, cases
+from tests.support.scenes import quad_scene
 
 pytestmark = [
     pytest.mark.feature("scene/gltf-loader"),
@@ -122,6 +125,7 @@ def noticed(tmp_path_factory):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", range(len(DOINGS)), ids=[doing.__name__ for doing, _ in DOINGS])
 def test_what_a_work_does_wrong_is_noticed_and_the_next_file_is_taken(noticed, number):
     result = noticed.results[number]
@@ -160,6 +164,26 @@ def test_a_case_is_the_same_files_every_time_and_can_be_written(tmp_path, capsys
     mutations.main(["cornell:12", str(tmp_path)])
     written = capsys.readouterr().out.split("\n")[0]
     assert Path(written).read_bytes() == mutations.mutate(Case("cornell", 12)).files["cornell.gltf"]
+
+
+def test_what_a_picture_may_not_have():
+    linear, color = np.ones((*SIZE, 3), np.float32), np.zeros((*SIZE, 3), np.uint8)
+    assert faults_of_picture(linear, color, []) == []
+    assert faults_of_picture(linear, color[1:], []) != []
+    assert faults_of_picture(linear, color, ["VUID: a message"]) == ["VUID: a message"]
+    for value in (np.nan, np.inf, -np.inf):
+        broken = linear.copy()
+        broken[3, 4, 1] = value
+        assert faults_of_picture(broken, color, []) == ["1 numbers are not finite"]
+
+
+@pytest.mark.parametrize("name", ["positions", "normals", "uv0"])
+def test_what_a_loaded_scene_may_not_have(name):
+    scene = quad_scene()
+    assert_drawable(scene)
+    getattr(scene, name)[1, 0] = np.nan
+    with pytest.raises(AssertionError):
+        assert_drawable(scene)
 
 
 @pytest.mark.parametrize(

@@ -129,20 +129,23 @@ class Draw:
                 frame = renderer.render(view, time)
                 linear, color = frame.image("color_linear"), frame.image("color")
             opened.finish()
-        assert linear.shape[:2] == color.shape[:2] == SIZE[::-1]
-        assert np.isfinite(linear).all(), (
-            f"chapter {number}: the picture has {np.sum(~np.isfinite(linear))} odd numbers"
-        )
-        assert not self._sink.messages, f"chapter {number}: the driver says\n" + "\n".join(
-            self._sink.report()
-        )
-        if self._backend == "gl":
-            error = self._device.fn.glGetError()
-            assert not error, f"chapter {number}: OpenGL's error {error:#x}"
+        messages = self._sink.report()
+        if self._backend == "gl" and (error := self._device.fn.glGetError()):
+            messages.append(f"OpenGL's error {error:#x}")
+        faults = faults_of_picture(linear, color, messages)
+        assert not faults, f"chapter {number}: " + "\n".join(faults)
 
     def tidy(self) -> None:
         """Remove what the case has left."""
         _forget_caches()
+
+
+def faults_of_picture(linear: np.ndarray, color: np.ndarray, messages: Sequence[str]) -> list[str]:
+    """Return what is wrong with a picture of `SIZE` and with what the driver and its layers said, in words."""
+    shapes = linear.shape[:2], color.shape[:2]
+    faults = [] if shapes == (SIZE[::-1], SIZE[::-1]) else [f"shapes {shapes}"]
+    odd = int(np.sum(~np.isfinite(linear)))
+    return faults + ([f"{odd} numbers are not finite"] if odd else []) + list(messages)
 
 
 class Command:
