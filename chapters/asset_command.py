@@ -169,7 +169,7 @@ def report(found: Examination) -> None:
     from chapters.asset_check import NOTHING_DRAWN
 
     if found.contents:
-        made = table(escape(found.path.name), "what", "how much")
+        made = table(found.path.name, "what", "how much")
         for row in found.contents:
             made.add_row(row[0], escape(row[1]))
         out.print(made)

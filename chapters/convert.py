@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -68,29 +69,44 @@ def write(
     """Write a scene's files into `folder`, which is made where it is missing; return what scene.json holds.
 
     `levels` has the levels of detail by mesh. Each file is written whole or not at all, scene.json last: who finds
-    it finds the others. Raises UserError where the folder cannot be written.
+    it finds the others. Raises UserError where the folder cannot be written; then folders that were made are gone.
     """
+    missing = _missing(folder / TEXTURES if scene.images else folder)
     try:
         (folder / TEXTURES if scene.images else folder).mkdir(parents=True, exist_ok=True)
         (folder / "scene.json").unlink(missing_ok=True)
-    except OSError as error:
-        raise UserError(f"{shown(str(folder))} cannot be written: {error.strerror or error}.") from None
+        return _write_all(scene, folder, uv, normals, levels)
+    except BaseException as error:
+        if missing is not None:  # what was there before stays, and nothing else
+            shutil.rmtree(missing, ignore_errors=True)
+        if isinstance(error, OSError):
+            where = error.filename or folder
+            raise UserError(f"{where} cannot be written: {error.strerror or error}.") from None
+        raise
+
+
+def _missing(folder: Path) -> Path | None:
+    """Return the outermost folder that is made with `folder`, None where that is there."""
+    made = None
+    for place in (folder, *folder.parents):
+        if place.exists():
+            break
+        made = place
+    return made
+
+
+def _write_all(
+    scene: Scene, folder: Path, uv: bool, normals: bool, levels: Mapping[int, Sequence[UInt32]] | None
+) -> dict[str, Any]:
     packed = mesh_file.from_scene(scene, levels, uv, normals)
     pictures = [_write_picture(scene, number, folder) for number in range(len(scene.images))]
     mesh_file.write_mesh_file(folder / "scene.meshes", packed)
     instance_file.write_instance_file(folder / "scene.instances", instance_file.instance_list(scene, packed))
     scene_graph_file.save_graph(graph_of(scene)[0], folder / "scene.graph")
     about = _about(scene, pictures, uv, normals)
-    _write(folder / "scene.boxes", mesh_bounds(scene).astype("<f4").tobytes())
-    _write(folder / "scene.json", (json.dumps(about, indent=1, allow_nan=False) + "\n").encode())
+    write_whole(folder / "scene.boxes", mesh_bounds(scene).astype("<f4").tobytes())
+    write_whole(folder / "scene.json", (json.dumps(about, indent=1, allow_nan=False) + "\n").encode())
     return about
-
-
-def _write(path: Path, data: bytes) -> None:
-    try:
-        write_whole(path, data)
-    except OSError as error:
-        raise UserError(f"{shown(str(path))} cannot be written: {error.strerror or error}.") from None
 
 
 def _write_picture(scene: Scene, number: int, folder: Path) -> str:

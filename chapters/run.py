@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 QUALITIES = ("auto", "low", "medium", "high", "reference")
 DEFAULT_SIZE = (1280, 720)
 MAX_EV = 60
+PICTURES = (".png", ".exr")
+"""What `--out` names: the picture as it is shown, or linear light."""
 EXR_OUTPUTS = {"color_linear": "", "depth": "depth", "instance_id": "instance_id"}
 """What goes into an EXR, and the name of its layer."""
 
@@ -107,11 +109,7 @@ def check(request: Request) -> None:
     # Before the file: a study that cannot fill an EXR is no reason to install the package that writes one.
     studies.check(request.chapter, request.quality, request.out)
     if request.out is not None:
-        images.check_writable(request.out)
-        if request.out.suffix.lower() not in (".png", ".exr"):
-            raise UserError(
-                f"--out {request.out}: write .png for the picture as shown, .exr for linear light."
-            )
+        images.check_writable(request.out, PICTURES)
     record = written_file(request.json.absolute()) if request.json not in (None, STDOUT) else None
     if record is not None and (record.is_dir() or not record.parent.is_dir()):
         raise UserError(f"--json {request.json} cannot be written: name a file in a folder that exists.")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from common.errors import SceneError, UserError
 from common.inputs import Inputs
 from common.names import suggest
-from common.scene import Pose, Scene, SceneCamera
+from common.scene import LEAST_NEAR, LEAST_YFOV, NUMBER_LIMIT, Pose, Scene, SceneCamera
 from common.transforms import invert_rigid, orthographic, perspective, pose_looking_at
 
 Float64 = NDArray[np.float64]
@@ -181,8 +181,16 @@ def framed_view(scene: Scene, aspect: float) -> View:
     offset = np.array(FRAMED_DIRECTION) / np.linalg.norm(FRAMED_DIRECTION)
     centre = scene.bounds.mean(axis=0)
     eye = centre + offset * (scene.length_scale / math.sin(half))
-    projection = Perspective(FRAMED_YFOV, NEAR_FRACTION * scene.length_scale)
-    return View(pose_looking_at(eye, centre), projection, _scene_ev100(scene))
+    projection = Perspective(FRAMED_YFOV, _near_of(scene))
+    # The direction is not that from eye to centre, which are the same point where a scene lies far from its origin.
+    world_from_view = pose_looking_at(offset, np.zeros(3))
+    world_from_view[:3, 3] = eye
+    return View(world_from_view, projection, _scene_ev100(scene))
+
+
+def _near_of(scene: Scene) -> float:
+    """Return the distance of the near plane of a view that the file does not bring, metres."""
+    return max(NEAR_FRACTION * scene.length_scale, LEAST_NEAR)
 
 
 def _scene_ev100(scene: Scene) -> float:
@@ -215,6 +223,11 @@ def _view_of_camera(scene: Scene, pose: Pose, index: int) -> View:
         raise SceneError(
             f"camera {label!r} of scene {scene.name!r} has no direction: its node is scaled to 0"
         )
+    if np.abs(eye).max() > NUMBER_LIMIT:
+        label = camera.name or index
+        raise SceneError(
+            f"camera {label!r} of scene {scene.name!r} stands further than {NUMBER_LIMIT:g} m from the origin: move it"
+        )
     ev100 = camera.ev100 if camera.ev100 is not None and scene.ev100 is None else _scene_ev100(scene)
     world_from_view = pose_looking_at(np.zeros(3), forward, up)
     world_from_view[:3, 3] = eye
@@ -235,14 +248,17 @@ def _view_of_text(scene: Scene, spec: str) -> View:
         raise UserError(f"camera {spec!r} is neither a name nor a view: {example}") from None
     if len(eye) != 3 or len(target) != 3 or len(fov) > 1 or any(len(f) != 1 for f in fov):
         raise UserError(f"camera {spec!r} has the wrong count of numbers: {example}")
-    if not all(math.isfinite(number) for number in eye + target):
-        raise UserError(f"camera {spec!r} has a number that is not finite: {example}")
-    fov_deg = fov[0][0] if fov else math.degrees(FRAMED_YFOV)
-    if not 0 < fov_deg < 180:
+    if not all(abs(number) <= NUMBER_LIMIT for number in eye + target):  # a NaN is not
         raise UserError(
-            f"camera {spec!r} has a field of view of {fov_deg:g} degrees: it must be between 0 and 180"
+            f"camera {spec!r} has a number that is not finite, or beyond {NUMBER_LIMIT:g}: {example}"
+        )
+    fov_deg = fov[0][0] if fov else math.degrees(FRAMED_YFOV)
+    if not LEAST_YFOV <= math.radians(fov_deg) < math.pi:
+        raise UserError(
+            f"camera {spec!r} has a field of view of {fov_deg:g} degrees: it must be between "
+            f"{math.degrees(LEAST_YFOV):.1g} and 180"
         )
     if eye == target:
         raise UserError(f"camera {spec!r} looks at the point where it stands: move the eye or the target")
-    projection = Perspective(math.radians(fov_deg), NEAR_FRACTION * scene.length_scale)
+    projection = Perspective(math.radians(fov_deg), _near_of(scene))
     return View(pose_looking_at(eye, target), projection, _scene_ev100(scene))

@@ -7,7 +7,7 @@ written whole or not at all, and what is wrong with a path or a file is a UserEr
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -18,6 +18,7 @@ from PIL import Image as PillowImage
 from PIL.PngImagePlugin import PngInfo
 
 from common.errors import UserError
+from common.exif import without_exif
 from common.names import visible
 from common.paths import temporary_folder, write_whole, written_file
 from common.png16 import decode_png16, encode_png16, is_deep_color
@@ -32,14 +33,12 @@ MAX_PIXELS = 1 << 28
 _CHANNEL_NAMES = {1: "Y", 2: "XY", 3: "RGB", 4: "RGBA"}
 
 
-def check_writable(path: Path) -> None:
-    """Raise UserError if no picture can be written to `path`: to be called before the work, not after it."""
-    if path.suffix.lower() not in WRITABLE:
-        raise UserError(
-            f"{path} has no suffix of a picture: write {', '.join(WRITABLE[:-1])} or {WRITABLE[-1]}"
-        )
+def check_writable(path: Path, kinds: Sequence[str] = WRITABLE) -> None:
+    """Raise UserError if no picture of these `kinds` can be written to `path`: to be called before the work."""
     if path.is_dir():
-        raise UserError(f"{path} is a folder: name a file in it")
+        raise UserError(f"{path} is a folder: name a file in it, such as {path / 'picture'}{kinds[0]}")
+    if path.suffix.lower() not in kinds:
+        raise UserError(f"{path} has no suffix of a picture: write {', '.join(kinds[:-1])} or {kinds[-1]}")
     target = written_file(path)
     if not target.parent.is_dir():
         raise UserError(f"there is no folder {target.parent} for {target.name}: create it first")
@@ -109,7 +108,8 @@ def image_size(path: str | Path) -> tuple[int, int]:
     try:
         if suffix == ".hdr":
             return radiance_size(data)
-        with PillowImage.open(io.BytesIO(data), formats=("PNG", "JPEG")) as picture:
+        shown = without_exif(np.frombuffer(data, np.uint8)).data
+        with PillowImage.open(io.BytesIO(shown), formats=("PNG", "JPEG")) as picture:
             return picture.size
     except ValueError as error:
         raise UserError(f"{path} cannot be read: {error}") from None
@@ -179,7 +179,8 @@ def encode_png(image: Array, srgb: bool = False) -> bytes:
 
 
 def _decode_with_pillow(data: bytes) -> Array:
-    with PillowImage.open(io.BytesIO(data), formats=("PNG", "JPEG")) as picture:
+    shown = without_exif(np.frombuffer(data, np.uint8)).data
+    with PillowImage.open(io.BytesIO(shown), formats=("PNG", "JPEG")) as picture:
         if picture.width * picture.height > MAX_PIXELS:
             raise ValueError(f"it claims {picture.width} x {picture.height} pixels")
         plain = picture.mode in ("L", "LA", "RGB", "RGBA", "I;16")

@@ -19,10 +19,9 @@ from common.gltf.completion import flat_normals, smooth_normals
 from common.gltf.container import map_file, read_uri
 from common.gltf.pools import Pools
 from common.gltf.refusal import Refusal, refuse
-from common.gltf.schema import NUMBER_LIMIT
 from common.gltf.surface import Surface
 from common.names import shortened, visible
-from common.scene import Float32, Instances, Material, Nodes, Scene
+from common.scene import NUMBER_LIMIT, Float32, Instances, Material, Nodes, Scene
 
 MAX_BYTES = 2**30
 """Size of a file; what is larger takes minutes to parse as text."""

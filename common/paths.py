@@ -77,17 +77,28 @@ def write_whole(path: Path, data: bytes) -> None:
     """Write `data` so that a reader of `path` sees the old file or the new one, never a part (write, then rename).
 
     A symbolic link stays one, and the file that it names is written. What is neither file nor folder, as a pipe or
-    /dev/null, is written to in place.
+    /dev/null, is written to in place. Raises OSError, whose `filename` is `path`.
     """
-    if path.exists() and not path.is_file() and not path.is_dir():
-        path.write_bytes(data)
-        return
-    file = WholeFile(path)
+    with _naming(path):
+        if path.exists() and not path.is_file() and not path.is_dir():
+            path.write_bytes(data)
+            return
+        file = WholeFile(path)
+        try:
+            file.stream.write(data)
+            file.keep()
+        finally:
+            file.drop()
+
+
+@contextmanager
+def _naming(path: Path) -> Iterator[None]:
+    """Have an OSError name `path`: that of a full disk names no file, others a temporary one."""
     try:
-        file.stream.write(data)
-        file.keep()
-    finally:
-        file.drop()
+        yield
+    except OSError as error:
+        error.filename, error.filename2 = str(path), None
+        raise
 
 
 class WholeFile:

@@ -130,6 +130,19 @@ class Light:
     outer_cone: float = math.pi / 4
 
 
+NUMBER_LIMIT = 1e18
+"""No number of a scene is larger: its square still fits into a 32-bit float, so lengths stay finite."""
+
+LEAST_YFOV = 1e-6
+"""Radians of the narrowest field of view, a fifth of an arc second. With `NUMBER_LIMIT` all matrices fit 32 bits."""
+
+LEAST_NEAR = 1 / NUMBER_LIMIT
+"""Metres of the nearest near plane of a perspective view, for the same reason."""
+
+LEAST_EXTENT = 1e-9
+"""Metres of the smallest height and depth of an orthographic view, for the same reason."""
+
+
 @dataclass(frozen=True)
 class SceneCamera:
     """A camera of the file: it looks along the -z axis of its node, +y up."""

@@ -33,6 +33,7 @@ from PIL.PngImagePlugin import PngInfo
 
 from common.color import encode_srgb, srgb8_table
 from common.errors import UserError
+from common.exif import without_exif
 from common.file_repair import Finder, as_typed, leads_out
 from common.names import stable_hash
 from common.paths import write_whole
@@ -221,7 +222,8 @@ def _read(name: str, finder: Finder, notes: list[str]) -> bytes | None:
 def _decoded(data: bytes, name: str, notes: list[str]) -> Bytes | None:
     """Return a picture as (H, W, 4) uint8, or None with a note."""
     try:
-        with Pillow.open(io.BytesIO(data), formats=FORMATS) as picture:
+        shown = without_exif(np.frombuffer(data, np.uint8)).data
+        with Pillow.open(io.BytesIO(shown), formats=FORMATS) as picture:
             width, height = picture.size
             if width * height > MAX_PIXELS:
                 raise Pillow.DecompressionBombError

@@ -9,8 +9,7 @@ import numpy as np
 
 from common.gltf.document import Document, Object
 from common.gltf.refusal import refuse
-from common.gltf.schema import NUMBER_LIMIT
-from common.scene import Float32, Float64, UInt32
+from common.scene import NUMBER_LIMIT, Float32, Float64, UInt32
 
 COMPONENTS: dict[int, np.dtype[Any]] = {
     5120: np.dtype("<i1"),

@@ -22,6 +22,7 @@ from PIL.ImageFile import ImageFile
 from PIL.PngImagePlugin import PngImageFile
 
 from common.errors import SceneError
+from common.exif import without_exif
 from common.gltf.container import Bytes
 from common.gltf.document import Document
 from common.gltf.refusal import Refusal, refuse
@@ -297,12 +298,11 @@ def _joined(data: Bytes) -> Bytes:
 
 def _opened(data: Bytes) -> ImageFile:
     """Return what decodes a PNG or a JPEG. `Pillow.open` first imports what reads other formats, for 4 ms."""
-    file = cast(IO[bytes], _File(_joined(data)))
     if _is_png(data):
-        return PngImageFile(file)
+        return PngImageFile(cast(IO[bytes], _File(_joined(data))))
     from PIL.JpegImagePlugin import JpegImageFile
 
-    return JpegImageFile(file)
+    return JpegImageFile(cast(IO[bytes], _File(without_exif(data))))
 
 
 def _is_png(data: Bytes) -> bool:

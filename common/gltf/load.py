@@ -21,9 +21,14 @@ from common.gltf.materials import MaterialKey, Materials
 from common.gltf.nodes import Forest, read_cameras, read_forest, read_lights
 from common.gltf.primitives import PrimitiveReader
 from common.gltf.refusal import Refusal, refuse
-from common.gltf.schema import NUMBER_LIMIT
 from common.names import shortened, visible
-from common.scene import Scene
+from common.scene import NUMBER_LIMIT, Scene
+
+FAR_FRACTION = 1e-3
+"""Of a scene's size: a step between places that is larger is seen, as a pixel of a thousand is."""
+
+LEAST_STEP = 1e-6
+"""Metres between places that are no matter for a scene whose triangles have no size."""
 
 Progress = Callable[[float, str], None]
 """Called with the part that is done, 0 to 1, and what is being done."""
@@ -150,7 +155,19 @@ def _assemble(
     # NaN fails this comparison as well.
     if not (np.abs(scene.bounds) <= NUMBER_LIMIT).all():
         refuse("the scene", f"reaches further than {NUMBER_LIMIT:g} m from its origin", "scale it down")
+    _tell_distance(scene)
     return scene
+
+
+def _tell_distance(scene: Scene) -> None:
+    """Note a scene that lies so far from its origin that places in it, as 64-bit floats, are seen to be rounded."""
+    step = float(np.spacing(np.abs(scene.bounds).max()))
+    size = float(np.linalg.norm(scene.bounds[1] - scene.bounds[0]))
+    if scene.triangle_count and step > max(FAR_FRACTION * size, LEAST_STEP):
+        scene.warnings.append(
+            f"It lies {np.abs(scene.bounds).max():.2g} m from its origin, where places are rounded to {step:.2g} m, "
+            f"and is {size:.2g} m across: move it to the origin to see its shape."
+        )
 
 
 def _ambient(document: Document) -> float | None:

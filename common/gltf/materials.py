@@ -79,6 +79,13 @@ class Materials:
             )
         return used[0], used[1] if len(used) > 1 else used[0]
 
+    def sampled_sets(self, index: int | None) -> list[int]:
+        """Return the TEXCOORD sets of the textures that this material samples, ascending."""
+        if index is None:
+            return []
+        uses = texture_infos(self._entries[index])
+        return sorted({uv_set(info) for info in uses if self._texture(index, info) is not None})
+
     def normal_texture(self, index: int | None) -> TextureRef | None:
         """Return the use of the normal map, whose uv directions the tangents follow."""
         return None if index is None else self._texture(index, self._entries[index].get("normalTexture"))

@@ -9,7 +9,7 @@ import numpy as np
 
 from common.gltf.document import Document, Object
 from common.gltf.refusal import refuse
-from common.scene import Light, Nodes, SceneCamera
+from common.scene import LEAST_EXTENT, LEAST_NEAR, LEAST_YFOV, Light, Nodes, SceneCamera
 
 
 @dataclass(frozen=True)
@@ -163,18 +163,20 @@ def _camera(document: Document, number: int, node: int, node_name: str | None) -
         refuse(f"{place}.zfar", f"is {far:g}, not beyond znear {near:g}")
     if kind == "perspective":
         yfov, aspect = float(lens["yfov"]), lens.get("aspectRatio")
-        if not 0 < yfov < math.pi:
-            refuse(f"{place}.yfov", f"is {yfov:g}, not an angle between 0 and pi radians")
-        if near <= 0:
-            refuse(f"{place}.znear", f"is {near:g}, not above 0")
+        if not LEAST_YFOV <= yfov < math.pi:
+            refuse(f"{place}.yfov", f"is {yfov:g}, not an angle between {LEAST_YFOV:g} and pi radians")
+        if near < LEAST_NEAR:
+            refuse(f"{place}.znear", f"is {near:g}, not {LEAST_NEAR:g} or more")
         if aspect is not None and aspect <= 0:
             refuse(f"{place}.aspectRatio", f"is {aspect:g}, not above 0")
         return SceneCamera(
             name, node, "perspective", yfov=yfov, near=near, far=far, aspect=aspect, ev100=ev100
         )
     width, height = abs(float(lens["xmag"])), abs(float(lens["ymag"]))
-    if width == 0 or height == 0:
-        refuse(f"{place}.{'xmag' if width == 0 else 'ymag'}", "is 0, so nothing can be seen")
+    for part, extent in (("xmag", width), ("ymag", height), ("zfar", far - near)):
+        if extent < LEAST_EXTENT:
+            fault = f"is {extent:g}" if part != "zfar" else f"is only {extent:g} m beyond znear"
+            refuse(f"{place}.{part}", f"{fault}, so nothing can be seen")
     return SceneCamera(
         name, node, "orthographic", near=near, far=far, ymag=height, aspect=width / height, ev100=ev100
     )

@@ -71,6 +71,13 @@ class PrimitiveReader:
             key = (id(indices), mode)  # the accessors keep the array alive
             indices = self._triangles.setdefault(key, triangle_indices(indices, mode))
         surface = self._vertices(attributes, indices, material, f"{place}.attributes")
+        for number in self._materials.sampled_sets(material):
+            if f"TEXCOORD_{number}" not in attributes:
+                # glTF 2.0 (3.9.2) has no answer; the Khronos viewer and three.js read zeros where there is nothing.
+                self._document.warn(
+                    f"{place} has no TEXCOORD_{number}, which materials[{material}] samples: the texture is read at "
+                    "(0, 0), as in other viewers."
+                )
         if skinned:
             surface = with_joints(self._document, self._accessors, surface, entry, place)
         if morphed:

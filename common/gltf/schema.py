@@ -12,12 +12,10 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from common.gltf.refusal import refuse
+from common.scene import NUMBER_LIMIT
 
 Sizes = Mapping[str, int]
 Check = Callable[[Any, Sizes], None]
-
-NUMBER_LIMIT = 1e18
-"""No number of a scene is larger: its square still fits into a 32-bit float, so lengths stay finite."""
 
 LISTS = [
     "accessors",
