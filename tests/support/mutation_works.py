@@ -24,7 +24,7 @@ from common.paths import user_cache
 from common.scene import Scene
 from tests.support import mutation_sources
 from tests.support.drawable import assert_drawable
-from tests.support.mutate_json import FORGED
+from tests.support.mutate_values import FORGED
 from tests.support.mutation_worker import PRINTED, RESULTS, SAID, is_hidden
 from tests.support.mutations import Case, Mutant, write
 
