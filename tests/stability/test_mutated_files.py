@@ -48,9 +48,22 @@ def run(work: str, chosen: list[Case], folder, **options) -> Summary:
         pytest.skip(f"no device: {error}")
 
 
+@pytest.fixture
+def draw(request, tmp_path):
+    """Draw cases by chapters on a backend; the record of the run gets what they were drawn with."""
+
+    def drawn(chosen: list[Case], numbers, backend: str) -> Summary:
+        summary = run("Draw", chosen, tmp_path, chapters=numbers, backend=backend)
+        devices = request.config.pluginmanager.getplugin("strata-report").devices
+        devices.setdefault(backend, summary.device)
+        return summary
+
+    return drawn
+
+
 def hold(summary: Summary, parsed: bool = True) -> None:
     """Fail on any fault, and where the files prove little because most are no glTF, or all go the same way."""
-    print(summary.figures())  # with -s, and where something fails
+    print(summary.figures(), summary.device)  # with -s, and where something fails
     assert not summary.faults, summary.report()
     assert max(result.seconds for result in summary.results) <= LIMIT_S
     assert 0 < max(result.peak for result in summary.results) <= LIMIT_BYTES
@@ -69,9 +82,9 @@ def test_a_sample_is_loaded_or_refused(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("backend", BACKENDS)
-def test_a_sample_is_drawn_or_refused(backend, tmp_path):
+def test_a_sample_is_drawn_or_refused(backend, draw):
     sample = cases(12, without=(*SLOW, "cloth"))  # to drape a cloth takes seconds
-    hold(run("Draw", sample, tmp_path, chapters=[NEWEST], backend=backend))
+    hold(draw(sample, [NEWEST], backend))
 
 
 @pytest.mark.slow
@@ -92,17 +105,17 @@ def test_twenty_thousand_are_loaded_or_refused(batch, tmp_path):
 @pytest.mark.long
 @pytest.mark.parametrize("batch", range(4))
 @pytest.mark.parametrize("backend", BACKENDS)
-def test_a_thousand_are_drawn_or_refused(backend, batch, tmp_path):
+def test_a_thousand_are_drawn_or_refused(backend, batch, draw):
     drawn = cases(250, 250 * batch, without=SLOW)
-    hold(run("Draw", drawn, tmp_path, chapters=DRAWN_BY, backend=backend))
+    hold(draw(drawn, DRAWN_BY, backend))
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("backend", BACKENDS)
-def test_panoramas_are_drawn_or_refused(backend, tmp_path):
+def test_panoramas_are_drawn_or_refused(backend, draw):
     here = [name for name in SLOW[1:] if name in mutation_sources.names()]
     drawn = [Case(name, seed) for name in here for seed in range(4)]
-    hold(run("Draw", drawn, tmp_path, chapters=[NEWEST], backend=backend), parsed=False)
+    hold(draw(drawn, [NEWEST], backend), parsed=False)
 
 
 @pytest.mark.long

@@ -66,6 +66,8 @@ class Summary:
     """All results of a run."""
 
     results: list[Result] = field(default_factory=list)
+    device: str = ""
+    """What the work drew with, and its driver; "" where it opened no device by itself."""
 
     def count(self, outcome: str) -> int:
         """Return how many files ended so."""
@@ -126,7 +128,7 @@ def run(
     left = list(cases)
     while left:
         with closing(_Child(work, options, folder, limit_s)) as child:
-            child.wait_until_ready()
+            summary.device = child.wait_until_ready()
             for result in child.results(left, limit_s, limit_bytes):
                 summary.results.append(result)
                 left = left[1:]
@@ -170,12 +172,14 @@ class _Child:
             self._lines.put(json.loads(line))
         self._lines.put(None)
 
-    def wait_until_ready(self) -> None:
-        """Wait for the imports and the device; raises UnsupportedError where that is not here."""
+    def wait_until_ready(self) -> str:
+        """Wait for the imports and the device, and return its name; raises UnsupportedError where it is not here."""
         said = self._lines.get(timeout=START_S)
         assert said is not None, f"the child did not start:\n{self.said()}"
         if "missing" in said:
             raise UnsupportedError(said["missing"])
+        device: str = said["device"]
+        return device
 
     def results(self, cases: Sequence[Case], limit_s: float, limit_bytes: int) -> Iterator[Result]:
         """Yield the result of each case; behind one that ended the child there is none."""

@@ -117,6 +117,8 @@ DOINGS: tuple[tuple[Callable[[Path], None], str], ...] = (
 class Faulty:
     """Does what `DOINGS` has for the seed of a case."""
 
+    device = ""
+
     def __init__(self, options: Any, folder: Path) -> None:
         pass
 

@@ -61,7 +61,7 @@ def main(words: list[str]) -> None:
         return
     guard = Guard(lambda what: channel.send(opened=what), folder / RESULTS)
     guard.install()
-    channel.send(ready=True)
+    channel.send(device=work.device)
     for line in sys.stdin:
         case = Case.named(line.strip())
         place = folder / "case" / "scene"

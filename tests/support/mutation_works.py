@@ -47,6 +47,8 @@ def _whole(name: str, folder: Path) -> Path:
 class Load:
     """Loads a file in one of the ways in which programs do, and holds that what comes out can be drawn."""
 
+    device = ""
+
     def __init__(self, options: Any, folder: Path) -> None:
         self._newest = chapters.available()[-1]
         path = _whole("pictures", folder)
@@ -89,6 +91,8 @@ class Draw:
         self._numbers: Sequence[int] = options["chapters"]
         self._backend: str = options["backend"]
         self._device: Any = self._context() if self._backend == "gl" else self._vulkan()
+        told = self._device.capabilities
+        self.device = f"{told.device}, {told.driver}, {self._layers}"
         path = _whole("everything.glb", folder)
         for number in self._numbers:
             self._draw(path, number, 0.0)
@@ -96,6 +100,7 @@ class Draw:
     def _context(self) -> Context:
         context = Context(validate=True)
         self._sink: Any = context.sink
+        self._layers = "checked"
         return context
 
     def _vulkan(self) -> Device:
@@ -103,6 +108,7 @@ class Draw:
             validate = VALIDATION_LAYER in plain.layers
         instance = Instance(validate)
         self._sink = instance.sink
+        self._layers = "validated" if validate else "without validation layers"
         return Device(instance)
 
     def __call__(self, path: Path, case: Case) -> None:
@@ -150,6 +156,8 @@ def faults_of_picture(linear: np.ndarray, color: np.ndarray, messages: Sequence[
 
 class Command:
     """Gives each file to a command of `strata`, and holds how that ends and what it prints."""
+
+    device = ""
 
     def __init__(self, options: Any, folder: Path) -> None:
         from chapters.__main__ import run
