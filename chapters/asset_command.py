@@ -17,7 +17,7 @@ from chapters.asset_store import in_bytes
 from chapters.console import Steps, err, out, quoted, say
 from chapters.stopping import prompt_stop
 from chapters.tables import table
-from common.errors import UserError
+from common.errors import SceneError, UserError
 from common.names import suggest
 
 if TYPE_CHECKING:
@@ -124,7 +124,7 @@ def _fetch(model: Model, sources: Mapping[str, str], pause_s: float) -> None:
 
 
 def add(path: Path, name: str | None = None) -> int:
-    """Examine a model, print what was found, and let `name` mean it; return 1 if it cannot be drawn.
+    """Examine a model, print what was found, and let `name` mean it; return 2 if it cannot be drawn.
 
     Without a name it is that of the file. Raises UserError: there is no such file, or the name is taken or none.
     """
@@ -139,7 +139,7 @@ def add(path: Path, name: str | None = None) -> int:
     report(found)
     if found.refusal:
         say(f"strata: {found.refusal}")
-        return 1
+        return SceneError.exit_code
     before = asset_store.keep_own(chosen, file)
     if before is not None:
         say(f"{chosen} was {before} before.")

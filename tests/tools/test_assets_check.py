@@ -149,7 +149,7 @@ def test_a_model_that_requires_what_strata_lacks_is_not_added(tmp_path, capsys):
     """Every extension is told, not the first alone, and what to do."""
     made = gltf(NORMAL=NORMALS)
     made.json["extensionsRequired"] = ["KHR_draco_mesh_compression", "EXT_meshopt_compression"]
-    assert asset_command.add(made.write(tmp_path), "packed") == 1
+    assert asset_command.add(made.write(tmp_path), "packed") == 2
     printed = capsys.readouterr()
     shown = " ".join(printed.out.split())
     assert "required: export it without Draco compression" in shown
@@ -160,7 +160,7 @@ def test_a_model_that_requires_what_strata_lacks_is_not_added(tmp_path, capsys):
 
 def test_a_damaged_file_is_a_sentence_and_not_added(tmp_path, capsys):
     (tmp_path / "broken.gltf").write_text("{", "utf-8")
-    assert asset_command.add(tmp_path / "broken.gltf") == 1
+    assert asset_command.add(tmp_path / "broken.gltf") == 2
     assert "is not valid JSON" in capsys.readouterr().err
     assert asset_store.own_models() == {}
 

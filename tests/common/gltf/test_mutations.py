@@ -10,15 +10,14 @@ import time
 import warnings
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from common.errors import SceneError
 from common.gltf import load_scene
 from common.paths import asset_dir
-from common.pose import evaluate_pose
 from common.scene import Scene
-from tests.common.gltf.builder import QUAD, QUAD_INDICES, Gltf
+from tests.common.gltf.builder import everything
+from tests.support.drawable import assert_drawable
 from tests.support.timing import PATIENCE_S
 
 ASSETS = asset_dir()
@@ -58,75 +57,6 @@ WORDS = [
 ]
 
 
-def everything() -> Gltf:
-    """A small file with one of everything that the loader reads."""
-    gltf, rng = Gltf(), np.random.default_rng(0)
-    image = gltf.image(rng.integers(0, 256, (4, 4, 3)).astype(np.uint8))
-    photo = gltf.image(rng.integers(0, 256, (8, 8, 3)).astype(np.uint8), "JPEG")
-    sampler = gltf.add("samplers", {"magFilter": 9728, "minFilter": 9986, "wrapS": 33071})
-    textures = [gltf.add("textures", {"source": source, "sampler": sampler}) for source in (image, photo)]
-    transform = {
-        "extensions": {"KHR_texture_transform": {"offset": [0.1, 0.2], "rotation": 0.3, "scale": [2, 2]}}
-    }
-    material = gltf.add(
-        "materials",
-        {
-            "pbrMetallicRoughness": {"baseColorTexture": {"index": textures[1], **transform}},
-            "normalTexture": {"index": textures[0], "scale": 0.5},
-            "emissiveFactor": [1, 0.5, 0],
-            "alphaMode": "MASK",
-            "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 5}},
-        },
-    )
-    part = gltf.primitive(
-        QUAD_INDICES,
-        targets=[{"POSITION": QUAD * 0.5}],
-        POSITION=QUAD,
-        NORMAL=np.tile((0, 0, 1), (4, 1)).astype("f4"),
-        TEXCOORD_0=QUAD[:, :2].copy(),
-        COLOR_0=gltf.accessor(rng.integers(0, 256, (4, 4)), "u1", normalized=True),
-        JOINTS_0=np.tile((0, 1, 0, 0), (4, 1)).astype("u1"),
-        WEIGHTS_0=np.tile((0.5, 0.5, 0, 0), (4, 1)).astype("f4"),
-        material=material,
-    )
-    lines = gltf.primitive(POSITION=QUAD, mode=2)
-    gltf.add(
-        "skins", {"joints": [0, 1], "inverseBindMatrices": gltf.accessor(np.tile(np.eye(4).ravel(), (2, 1)))}
-    )
-    gltf.node(translation=[0, 1, 0], children=[1])
-    gltf.node(rotation=[0, 0.6, 0, 0.8])
-    gltf.draw(part, skin=0, weights=[0.25])
-    copies = {"attributes": {"TRANSLATION": gltf.accessor(QUAD), "SCALE": gltf.accessor(QUAD + 1)}}
-    gltf.node(mesh=gltf.mesh(lines), extensions={"EXT_mesh_gpu_instancing": copies})
-    gltf.json["extensions"] = {
-        "KHR_lights_punctual": {"lights": [{"type": "spot", "spot": {"outerConeAngle": 1}}]}
-    }
-    camera = gltf.add("cameras", {"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1}})
-    gltf.node(
-        camera=camera, extensions={"KHR_lights_punctual": {"light": 0}}, matrix=np.eye(4).ravel().tolist()
-    )
-    times = gltf.accessor([0, 0.5, 1], "f4")
-    keys = [
-        ("rotation", "CUBICSPLINE", gltf.accessor(rng.normal(size=(9, 4)), "f4"), 1),
-        ("translation", "STEP", gltf.accessor(rng.normal(size=(3, 3)), "f4"), 0),
-        ("weights", "LINEAR", gltf.accessor(rng.random(3), "f4"), 2),
-    ]
-    samplers = [{"input": times, "output": output, "interpolation": how} for _, how, output, _ in keys]
-    channels = [
-        {"sampler": number, "target": {"node": node, "path": path}}
-        for number, (path, _, _, node) in enumerate(keys)
-    ]
-    gltf.add("animations", {"samplers": samplers, "channels": channels})
-    sparse = {
-        "count": 1,
-        "indices": {"bufferView": gltf.view(b"\1\0"), "componentType": 5123},
-        "values": {"bufferView": gltf.view(QUAD[2].tobytes())},
-    }
-    spread = gltf.add("accessors", {"componentType": 5126, "count": 4, "type": "VEC3", "sparse": sparse})
-    gltf.draw(gltf.primitive(gltf.accessor([0, 1, 2, 3], "u1"), POSITION=spread, mode=5))
-    return gltf
-
-
 def mutate(data: bytes, rng: random.Random) -> bytes:
     """Return `data` with one to four changes, each of a kind that finds other faults."""
     damaged = bytearray(data)
@@ -164,29 +94,6 @@ def repair_header(data: bytes) -> bytes:
     end = data.find(b"BIN\0")
     size = (end - 4 if end > 24 else len(data)) - 20
     return data[:8] + struct.pack("<II", len(data), size) + data[16:]
-
-
-def assert_drawable(scene: Scene) -> None:
-    """Everything that reaches a graphics card is finite and in range."""
-    for name in ("positions", "normals", "tangents", "uv0", "uv1", "colors"):
-        values = getattr(scene, name)
-        assert values is None or (len(values) == len(scene.positions) and np.isfinite(values).all()), name
-    for row in scene.meshes:
-        indices = scene.indices[row["first_index"] : row["first_index"] + row["index_count"]]
-        assert len(indices) == row["index_count"] and indices.max(initial=0) < row["vertex_count"]
-        assert row["first_vertex"] + row["vertex_count"] <= len(scene.positions)
-        assert row["material"] < len(scene.materials)
-    assert scene.instances.mesh.max(initial=-1) < len(scene.meshes)
-    assert scene.instances.node.max(initial=-1) < len(scene.nodes)
-    for material in scene.materials:
-        for texture in material.textures().values():
-            assert texture.image < len(scene.images)
-    assert np.isfinite(scene.bounds).all()
-    with np.errstate(all="ignore"):
-        pose = evaluate_pose(scene, 0.37)
-    assert np.isfinite(pose.world_from_object).all()
-    for vertices in pose.vertices.values():
-        assert all(np.isfinite(values).all() for values in vertices)
 
 
 def in_time(path: Path, what: str) -> bool:
