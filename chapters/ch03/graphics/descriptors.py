@@ -12,7 +12,8 @@ from typing import Any
 
 from backends.vulkan import api as vk
 from backends.vulkan.device import Device
-from backends.vulkan.resources import Buffer
+from backends.vulkan.resources import Buffer, Image, create_image, create_sampler, destroy_image
+from common.scene import Sampler
 
 from .reflection import Binding
 from .set_layouts import TYPES, SetLayout
@@ -54,6 +55,7 @@ class Descriptors:
     def __init__(self, device: Device) -> None:
         self._device = device
         self._alive: list[Sets] = []
+        self._unread: tuple[Image, Texture] | None = None
 
     @property
     def set_count(self) -> int:
@@ -63,7 +65,7 @@ class Descriptors:
     def create(self, wanted: Sequence[tuple[SetLayout, Mapping[int, Held], str]]) -> Sets:
         """Make one set per (layout, what each binding number holds, name), from a pool of exactly that size.
 
-        A binding that holds nothing is one that no shader reads in this scene: it stays unwritten.
+        A binding that holds nothing is one that no shader reads in this scene.
         """
         sizes = pool_sizes([layout for layout, _, _ in wanted])
         info = vk.new(
@@ -87,6 +89,8 @@ class Descriptors:
             for binding in layout.bindings:
                 if binding.number in held:
                     writes.append(self._write(handle, binding, held[binding.number]))
+                elif binding.kind == "texture":
+                    writes.append(self._write(handle, binding, [self._stand_in()] * binding.count))
         fn.vkUpdateDescriptorSets(
             self._device.handle, len(writes), vk.array("VkWriteDescriptorSet", writes), 0, vk.NULL
         )
@@ -114,6 +118,19 @@ class Descriptors:
         ]
         return vk.new("VkWriteDescriptorSet", pImageInfo=images, **target)
 
+    def _stand_in(self) -> Texture:
+        """Return a texture for bindings that no shader reads: one texel without content, made at its first use.
+
+        Vulkan lets such a binding stay unwritten. Mesa 22.3's software driver copies the samplers of all bindings of a
+        bound set, and crashes where one was never written.
+        """
+        if self._unread is None:
+            device, name = self._device, "never read"
+            image = create_image(device, "rgba8", (1, 1), vk.VK_IMAGE_USAGE_SAMPLED_BIT, name)
+            sampler = create_sampler(device, Sampler(), 1.0, name)
+            self._unread = image, Texture(image.view, sampler)
+        return self._unread[1]
+
     def destroy(self, sets: Sets) -> None:
         """Free sets; no frame in flight may use them."""
         self._alive.remove(sets)
@@ -123,3 +140,8 @@ class Descriptors:
         """Free pools, and with them their sets."""
         for sets in list(self._alive):
             self.destroy(sets)
+        if self._unread is not None:
+            image, texture = self._unread
+            self._device.destroy("VkSampler", texture.sampler)
+            destroy_image(self._device, image)
+            self._unread = None
