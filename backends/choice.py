@@ -4,18 +4,25 @@ from __future__ import annotations
 
 import functools
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Collection
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from backends import selftest, verdicts
 from backends.contract import BACKENDS
-from common.errors import UnsupportedError, UserError
+from backends.verdicts import Identity
+from common import waiting
+from common.errors import StrataError, UnsupportedError, UserError
 from common.names import suggest
 
 NOTHING = (
     "This machine has neither Vulkan 1.3 nor OpenGL 4.5: install the driver of its graphics card, or Mesa's software "
-    "drivers (on Debian and Ubuntu: apt install mesa-vulkan-drivers libvulkan1 libegl1), then ask ./strata doctor."
+    "drivers (on Debian and Ubuntu: apt install mesa-vulkan-drivers libvulkan1 libegl1 libgl1), then ask "
+    "./strata doctor."
 )
+
+NAMES = {"vulkan": "Vulkan", "gl": "OpenGL"}
 
 Probe = Callable[[str], tuple[str, str]]
 """Given "vulkan" or "gl", returns (kind, name) of the device that would be used, or raises UnsupportedError."""
@@ -29,21 +36,59 @@ class Choice:
     reason: str
 
 
+identities: dict[str, Identity] = {}
+"""Backend -> the driver of the device that `probe` found, under which verdicts are kept."""
+
+
 @functools.cache
 def probe(backend: str) -> tuple[str, str]:
-    """Ask a backend for its device. OpenGL is asked in a child process, which costs a third of a second.
+    """Ask a backend for its device, and try that device where it was not tried yet.
 
-    Vulkan is asked here: its loader only lists devices, as the renderer does next anyway.
+    OpenGL is asked in a child process, which costs a third of a second. Vulkan is asked here: its loader only lists
+    devices, as the renderer does next anyway. A driver's first trial takes seconds, and its verdicts are kept.
     """
     if backend == "gl":
         from backends.gl.probe import ask
 
-        return ask()
+        found = ask()
+        _try_out("gl", found.identity, 0, found.advertised)
+        reason = verdicts.unfit(verdicts.broken(found.identity.driver, verdicts.read(found.identity)))
+        if reason:
+            raise UnsupportedError(f"OpenGL on {found.identity.device} cannot be used: {reason}.")
+        identities["gl"] = found.identity
+        return found.kind, found.identity.device
+    from backends.vulkan.device import capabilities
     from backends.vulkan.instance import Instance, choose
 
     with Instance() as instance:
-        device = choose(instance.devices())
-        return device.kind, device.name
+        devices = instance.devices()
+        tried: set[int] = set()
+        while True:
+            device = choose(devices)
+            number = devices.index(device)
+            if number in tried:
+                identities["vulkan"] = device.identity
+                return device.kind, device.name
+            tried.add(number)  # where it is found unfit, `choose` takes the next one
+            _try_out("vulkan", device.identity, number, capabilities(device, believe=True).features)
+
+
+def _try_out(backend: str, identity: Identity, number: int, advertised: Collection[str]) -> None:
+    """Try a device by self-tests where no verdicts are kept for its driver; say so if that takes long."""
+    if not selftest.untried(backend, identity, advertised):
+        return
+
+    def sentence() -> str:
+        kept = "once for this driver"
+        if not verdicts.is_kept(identity):
+            kept = f"at each start, since nothing can be kept in {verdicts.folder()}"
+        return (
+            f"trying what {NAMES[backend]} on {identity.device} can do, {kept}; a use that takes longer than "
+            f"{selftest.TIMEOUT_S:g} s is stopped and counts as missing."
+        )
+
+    with waiting.told(sentence):
+        selftest.judge_device(backend, identity, number, advertised)
 
 
 def gpu_possible() -> bool:
@@ -63,7 +108,9 @@ def decide(wanted: str = "auto", ask: Probe = probe, gpu: Callable[[], bool] = g
         near = suggest(str(wanted), ["auto", *BACKENDS])
         raise UserError(f"There is no backend {wanted!r}{near}" + ("" if near.endswith("?") else "."))
     if wanted == "vulkan":
-        return Choice("vulkan", "asked for")  # opening it says what is missing; its loader does not crash
+        with suppress(StrataError):  # opening it says what is missing; its loader does not crash
+            ask("vulkan")
+        return Choice("vulkan", "asked for")
     if wanted == "gl":
         return Choice("gl", f"asked for, on {ask('gl')[1]}")
     vulkan, why_no_vulkan = _asked(ask, "vulkan")

@@ -1,24 +1,28 @@
 """What self-tests found out about a driver: kept on disk, and taken off what the driver says of itself.
 
-A driver advertises features that crash or draw nonsense. `backends.vulkan.selftest` tries each use of each feature in
-a process of its own; here its verdicts are stored, one small file per device and driver, and applied to
-`Capabilities`: what failed counts as missing.
+A driver advertises features that crash or draw nonsense. `backends.selftest` tries each use of each feature in a child
+process; here its verdicts are stored, one small file per device and driver, and applied to `Capabilities`: what failed
+counts as missing. The files lie in the folder that STRATA_VERDICTS names, by default in the user's cache.
 """
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import hashlib
 import json
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
-from backends.contract import FEATURES, MAIN_USES, Capabilities
-from common.paths import ROOT, cache_dir, user_cache, write_whole
+from backends.contract import Capabilities
+from backends.features import FEATURES, MAIN_USES, REQUIRED_USES
+from common.names import visible
+from common.paths import ROOT, user_cache, write_whole
 
 OK = "ok"
+AGAIN = "./strata doctor --selftest tries it again"
 UNCHECKED = "unchecked"
 """A verdict is "ok", "unchecked: why" (no compiler, say), or a sentence that says what went wrong."""
 
@@ -74,22 +78,37 @@ class Identity:
 
 @functools.cache
 def sources_hash() -> str:
-    """Return a hash of the self-tests' own text: a verdict of other tests is none."""
-    folder = ROOT / "backends" / "vulkan"
+    """Return a hash of the self-tests' own text: verdicts of an older text are not used."""
+    sources = ROOT / "backends"
     digest = hashlib.sha256()
-    for path in (folder / "selftest.py", *sorted((folder / "selftests").glob("*.py"))):
+    for path in (*sorted(sources.glob("selftest*.py")), *sorted(sources.glob("*/selftests/*.py"))):
         digest.update(path.name.encode() + b"\0" + path.read_bytes())
     return digest.hexdigest()
+
+
+def folder() -> Path:
+    """Return the folder of the files with verdicts."""
+    chosen = os.environ.get("STRATA_VERDICTS")
+    return Path(chosen) if chosen else user_cache() / "selftest"
+
+
+def variables() -> dict[str, str]:
+    """Return what a process with a cache of its own needs in its environment to know the verdicts of this one."""
+    return {"STRATA_VERDICTS": str(folder())}
+
+
+_unkept: dict[str, dict[str, Any]] = {}
+"""What could not be written, for this process."""
 
 
 def read(identity: Identity) -> Verdicts | None:
     """Return the verdicts kept for this driver and these self-tests, or None; a damaged file is none."""
     try:
-        found = json.loads((user_cache() / "selftest" / identity.file).read_bytes())
+        found = _unkept.get(identity.file) or json.loads((folder() / identity.file).read_bytes())
         if found["sources"] != sources_hash():
             return None
         return {
-            str(feature): {str(use): str(verdict) for use, verdict in uses.items()}
+            str(feature): {str(use): visible(str(verdict)) for use, verdict in uses.items()}
             for feature, uses in found["verdicts"].items()
         }
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
@@ -98,9 +117,6 @@ def read(identity: Identity) -> Verdicts | None:
 
 def write(identity: Identity, verdicts: Verdicts) -> Path | None:
     """Keep `verdicts`, in place of earlier ones; return the file, None where nothing can be written."""
-    folder = cache_dir("selftest")
-    if folder is None:
-        return None
     content = {
         "device": identity.device,
         "driver": identity.driver,
@@ -108,11 +124,20 @@ def write(identity: Identity, verdicts: Verdicts) -> Path | None:
         "sources": sources_hash(),
         "verdicts": verdicts,
     }
-    path = folder / identity.file
-    with contextlib.suppress(OSError):  # a full disk: the next start asks again
+    path = folder() / identity.file
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, json.dumps(content, indent=1).encode())
-        return path
-    return None
+    except OSError:  # a full disk, a folder that is not ours: the next start asks again
+        _unkept[identity.file] = content
+        return None
+    _unkept.pop(identity.file, None)
+    return path
+
+
+def is_kept(identity: Identity) -> bool:
+    """Return whether the verdicts of a driver could be written, if there are any."""
+    return identity.file not in _unkept
 
 
 def broken(driver: str, verdicts: Verdicts | None) -> dict[str, str]:
@@ -142,3 +167,12 @@ def apply(capabilities: Capabilities, wrong: Mapping[str, str]) -> Capabilities:
         why_not=why_not,
         broken=dict(wrong),
     )
+
+
+def unfit(wrong: Mapping[str, str]) -> str | None:
+    """Return why no chapter can use a device of which `wrong` holds the failed uses, or None."""
+    for feature, uses in REQUIRED_USES.items():
+        for use in uses:
+            if f"{feature}/{use}" in wrong:
+                return f"its self-test failed ({feature}/{use}): {wrong[f'{feature}/{use}']}; {AGAIN}"
+    return None

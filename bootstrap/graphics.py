@@ -13,7 +13,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 QUESTION = ("-P", "-m", "backends.answer")
 TIMEOUT_S = 180.0  # the program asks each driver in a child process, with shorter limits
-PATIENCE_S = 3.0  # after that the user is told what takes so long
+PATIENCE_S = 2.0  # after that the user is told what takes so long
 ADVICE = ": ./strata doctor says what to install"
 
 

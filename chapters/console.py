@@ -7,6 +7,7 @@ import os
 import sys
 import threading
 import time
+from contextlib import ExitStack
 from types import TracebackType
 from typing import Any
 
@@ -14,6 +15,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
+from common import waiting
 from common.errors import UserError
 from common.names import visible
 
@@ -63,7 +65,8 @@ class _ClosedStdout(io.TextIOBase):
 
 
 def prepare() -> None:
-    """Make the streams and the width of the terminal usable, whatever state the caller left them in."""
+    """Make the streams and the width of the terminal usable, and let long waits be told there."""
+    waiting.listeners[:] = [lambda text: say(f"strata: {text}")]
     for number in range(3):
         try:
             os.fstat(number)
@@ -87,11 +90,14 @@ class Steps:
             scene = load_scene(path, steps.of("loading", 0.0, 0.5))
             steps("compiling shaders", 0.5)
 
-    At a terminal it is a bar that disappears; elsewhere nothing is printed.
+    At a terminal it is a bar that disappears; elsewhere a line names each step that takes longer than
+    `waiting.PATIENCE_S`, and nothing else is printed. `enabled=False` prints nothing anywhere.
     """
 
     def __init__(self, enabled: bool | None = None) -> None:
         self._enabled = err.is_terminal if enabled is None else enabled
+        self._lines = enabled is None and not self._enabled
+        self._waiting = ExitStack()
         self._progress: Progress | None = None
         self._lock = threading.Lock()
         self._what, self._part = "", 0.0
@@ -119,6 +125,9 @@ class Steps:
             self._began = now
             self._what, self._part = what, part
             self._update()
+        self._waiting.close()
+        if self._lines:
+            self._waiting.enter_context(waiting.told(lambda: f"still busy with this step: {what}."))
 
     def of(self, what: str, begin: float, end: float) -> object:
         """Return a callback (part from 0 to 1, what) for a step that reports its own progress."""
@@ -134,6 +143,7 @@ class Steps:
     def finish(self) -> None:
         """Take the bar away; its steps' times in seconds stay in `times`."""
         self._timer.cancel()
+        self._waiting.close()
         with self._lock:
             if self._what:
                 self.times[self._what] = self.times.get(self._what, 0.0) + time.perf_counter() - self._began

@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 
+from backends import choice, verdicts
 from backends.gl.context import Context
 from backends.vulkan.device import Device
 from backends.vulkan.instance import VALIDATION_LAYER, Instance
@@ -83,6 +84,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     """Let the report watch the run, and software drivers compile quickly."""
+    # Where a test has an empty cache, what was found out about the drivers stays known: trying them takes seconds.
+    os.environ.setdefault("STRATA_VERDICTS", str(verdicts.folder()))
     compile_quickly(config.getoption("--long"))
     config.pluginmanager.register(Report(config), "strata-report")
     later = snapshots.Snapshots(
@@ -165,6 +168,7 @@ def variant(request: pytest.FixtureRequest) -> str | None:
 def vulkan_instance(request: pytest.FixtureRequest) -> Iterator[Instance]:
     """A Vulkan instance with validation and synchronization validation, where the layers are installed."""
     try:
+        choice.probe("vulkan")  # tries the driver, if that is new: what it gets wrong is not used
         with Instance() as plain:
             validate = VALIDATION_LAYER in plain.layers
             fit = [device for device in plain.devices() if device.unfit() is None]
@@ -191,6 +195,7 @@ def _vulkan(request: pytest.FixtureRequest, variant: str | None) -> Iterator[Dev
 @contextmanager
 def _opengl(request: pytest.FixtureRequest, variant: str | None) -> Iterator[Context]:
     try:
+        choice.probe("gl")
         context = Context(validate=True, without=VARIANTS[variant or "gl"])
     except UnsupportedError as error:
         pytest.skip(f"no OpenGL: {error}")

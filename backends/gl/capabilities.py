@@ -6,7 +6,9 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Literal
 
-from backends.contract import FEATURES, Capabilities
+from backends import verdicts
+from backends.contract import Capabilities
+from backends.features import FEATURES
 from backends.gl import api as gl
 
 Kind = Literal["discrete", "integrated", "virtual", "software", "other"]
@@ -164,6 +166,16 @@ def probe(fn: gl.Functions) -> Capabilities:
             name: min(integer(fn, constant) for constant in constants) for name, constants in _LIMITS.items()
         },
     )
+
+
+def identity(capabilities: Capabilities) -> verdicts.Identity:
+    """Return under which name verdicts on the driver of a context are kept."""
+    return verdicts.Identity(capabilities.device, capabilities.driver, "OpenGL")
+
+
+def wrong(capabilities: Capabilities) -> dict[str, str]:
+    """Return "feature/use" -> what is wrong with it, by the self-tests of this driver."""
+    return verdicts.broken(capabilities.driver, verdicts.read(identity(capabilities)))
 
 
 def unfit(capabilities: Capabilities, offered: Collection[str]) -> str | None:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any, Literal
 
+from backends import verdicts
 from backends.contract import check_without
 from backends.gl import api as gl
 from backends.gl import capabilities as gc
@@ -112,7 +113,8 @@ class Context:
 
     `window` is a GLFW window made by `present.open_window`; None makes a context of its own without a
     window, on EGL's first device or the one that GLCONTEXT_DEVICE_INDEX numbers. With `validate` every raw call is
-    checked and raises DeviceError. `without` names features to do without. Raises UnsupportedError with one sentence.
+    checked and raises DeviceError. `without` names features to do without. With `believe` the driver's word counts,
+    whatever self-tests said about it. Raises UnsupportedError with one sentence.
 
     Everything is made by `create` and freed by `destroy`, so that `close` can name what was forgotten.
     """
@@ -124,6 +126,7 @@ class Context:
         window: Any = None,
         *,
         loader: Any = None,
+        believe: bool = False,
     ) -> None:
         self.without = check_without(without)
         self.validates = validate
@@ -140,6 +143,10 @@ class Context:
             self._check_version()
             self.capabilities = gc.probe(self.fn)
             reason = gc.unfit(self.capabilities, gc.extensions(self.fn))
+            if not believe:
+                wrong = gc.wrong(self.capabilities)
+                self.capabilities = verdicts.apply(self.capabilities, wrong)
+                reason = reason or verdicts.unfit(wrong)
             if reason:
                 raise UnsupportedError(NO_CONTEXT.format(f"{self.capabilities.device}: {reason}"))
             self.mgl = _moderngl(self._loader)

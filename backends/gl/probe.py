@@ -10,8 +10,12 @@ import os
 import subprocess
 import sys
 from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
 
+from backends.gl import capabilities as gc
 from backends.gl.context import NO_CONTEXT, Context
+from backends.verdicts import Identity
 from common.errors import StrataError, UnsupportedError
 from common.paths import ROOT
 
@@ -19,10 +23,19 @@ TIMEOUT_S = 30.0
 CHILD = (sys.executable, "-P", "-m", "backends.gl.probe")
 
 
-def ask(child: Sequence[str] = CHILD, timeout_s: float = TIMEOUT_S) -> tuple[str, str]:
-    """Return (kind, name) of the device behind OpenGL 4.5; raise UnsupportedError with one sentence if there is none.
+@dataclass(frozen=True)
+class Found:
+    """The device behind OpenGL 4.5, and the features of which its driver says that it has them."""
 
-    A driver that crashes or hangs counts as none.
+    kind: str
+    identity: Identity
+    advertised: tuple[str, ...]
+
+
+def ask(child: Sequence[str] = CHILD, timeout_s: float = TIMEOUT_S) -> Found:
+    """Return the device behind OpenGL 4.5; raise UnsupportedError with one sentence if there is none.
+
+    A driver that crashes or hangs counts as none. What self-tests say about it is not asked here.
     """
     paths = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
     try:
@@ -42,7 +55,10 @@ def ask(child: Sequence[str] = CHILD, timeout_s: float = TIMEOUT_S) -> tuple[str
     try:
         answer = json.loads(lines[-1])
         problem = answer.get("problem")
-        found = None if problem else (str(answer["kind"]), str(answer["device"]))
+        found = None
+        if not problem:
+            device = Identity(*(str(answer[name]) for name in ("device", "driver", "build")))
+            found = Found(str(answer["kind"]), device, tuple(map(str, answer["advertised"])))
     except (ValueError, IndexError, KeyError, AttributeError):
         problem, found = NO_CONTEXT.format(f"its driver crashed, exit code {done.returncode}"), None
     if found is None:
@@ -52,9 +68,15 @@ def ask(child: Sequence[str] = CHILD, timeout_s: float = TIMEOUT_S) -> tuple[str
 
 def main() -> None:
     """Print what a context says of itself, or the sentence on why there is none."""
+    answer: dict[str, Any]
     try:
-        with Context() as context:
-            answer = {"kind": context.capabilities.kind, "device": context.capabilities.device}
+        with Context(believe=True) as context:
+            found = context.capabilities
+            answer = {
+                "kind": found.kind,
+                **asdict(gc.identity(found)),
+                "advertised": sorted(found.features),
+            }
     except StrataError as error:
         answer = {"problem": str(error)}
     sys.stdout.write(json.dumps(answer) + "\n")

@@ -217,11 +217,6 @@ def _integer(handle: Any) -> int:
     return int(vk.ffi.cast("uintptr_t", handle))
 
 
-def identity(physical: PhysicalDevice) -> verdicts.Identity:
-    """Return under which name verdicts on `physical` are kept."""
-    return verdicts.Identity(physical.name, physical.driver, physical.cache_uuid)
-
-
 def capabilities(physical: PhysicalDevice, believe: bool = False) -> Capabilities:
     """Return what `physical` can do, in Strata's feature names: what it says, less what self-tests found wrong.
 
@@ -257,4 +252,4 @@ def capabilities(physical: PhysicalDevice, believe: bool = False) -> Capabilitie
     )
     if believe:
         return said
-    return verdicts.apply(said, verdicts.broken(physical.driver, verdicts.read(identity(physical))))
+    return verdicts.apply(said, physical.wrong())

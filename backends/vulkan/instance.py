@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Literal
 
+from backends import verdicts
 from backends.vulkan import api as vk
 from backends.vulkan import features as vf
 from backends.vulkan.debug import ValidationSink
@@ -168,8 +169,21 @@ class PhysicalDevice:
                 return f"the driver lacks the feature {member}"
         return None
 
+    @property
+    def identity(self) -> verdicts.Identity:
+        """Under which name verdicts on this device are kept."""
+        return verdicts.Identity(self.name, self.driver, self.cache_uuid)
+
+    def wrong(self) -> dict[str, str]:
+        """Return "feature/use" -> what is wrong with it, by the self-tests of this driver and what is known of it."""
+        return verdicts.broken(self.driver, verdicts.read(self.identity))
+
     def unfit(self) -> str | None:
-        """Return why Strata cannot use this device at all, or None."""
+        """Return why Strata cannot use this device at all, or None: what it lacks, or what self-tests found wrong."""
+        return self.lacking() or verdicts.unfit(self.wrong())
+
+    def lacking(self) -> str | None:
+        """Return what this device lacks, by its driver's word, of what every chapter needs, or None."""
         if self.version < (1, 3, 0):
             return f"it offers Vulkan {_dotted(self.version)}, and 1.3 is needed"
         if not any(
@@ -286,7 +300,7 @@ def choose(devices: Sequence[PhysicalDevice], wanted: str | None = None) -> Phys
             if wanted == str(number) or (not wanted.isdigit() and wanted.lower() in device.name.lower())
         ]
         if not named:
-            raise UserError(f"No Vulkan device matches '{wanted}'; there are {names or 'none'}.")
+            raise UserError(f"No Vulkan device matches '{wanted}'; the devices are: {names or 'none'}.")
         reason = named[0].unfit()
         if reason:
             raise UserError(f"The Vulkan device '{named[0].name}' cannot be used: {reason}.")

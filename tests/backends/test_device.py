@@ -7,7 +7,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from backends.contract import FEATURES, check_without, resolve
+from backends.contract import check_without, resolve
+from backends.features import FEATURES
 from backends.vulkan import api as vk
 from backends.vulkan import features as vf
 from backends.vulkan import resources

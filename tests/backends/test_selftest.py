@@ -5,49 +5,64 @@ from __future__ import annotations
 import importlib
 import json
 import shutil
+import subprocess
 import sys
+import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from backends import verdicts
-from backends.contract import FEATURES, MAIN_USES, OTHER_USES, Capabilities, resolve
+from backends import selftest, verdicts
+from backends.contract import Capabilities, resolve
+from backends.features import FEATURES, MAIN_USES, OTHER_USES, REQUIRED_USES
 from backends.verdicts import OK, UNCHECKED, Identity
-from backends.vulkan import selftest
-from backends.vulkan.device import Device, capabilities, identity
+from backends.vulkan.device import Device, capabilities
 from backends.vulkan.instance import choose
 from backends.vulkan.selftests import pages, triangles
 from backends.vulkan.selftests.bench import Bench, differ
+from common.errors import UnsupportedError, UserError
 from common.paths import ROOT
 
 CHILD = """
 import json, os, signal, sys, time
 from pathlib import Path
-use = sys.argv[1]
+uses = sys.argv[3:]
 with open({log!r}, "a") as log:
-    log.write(use + "\\n")
-what = json.loads(Path({orders!r}).read_text()).get(use, "ok")
-if what == "crash":
-    print(json.dumps({{"use": use, "verdict": "ok"}}), flush=True)
+    log.write(" ".join(uses) + "\\n")
+orders = json.loads(Path({orders!r}).read_text())
+if orders.get("open") == "crash":
     os.kill(os.getpid(), signal.SIGSEGV)
-if what == "hang":
-    time.sleep(60)
-if what == "exit":
-    sys.exit(3)
-if what == "chatter":
-    print("the driver prints this")
-    what = "ok"
-if what != "silent":
-    print(json.dumps({{"use": use, "verdict": what}}))
+signal.signal(signal.SIGINT, signal.SIG_DFL)
+if orders.get("open", "").startswith("stopped by "):
+    os.kill(os.getpid(), getattr(signal, orders["open"][11:]))
+    time.sleep(1)
+print(json.dumps({{"use": "open", "verdict": orders.get("open", "ok")}}), flush=True)
+for place, use in enumerate(uses):
+    what = orders.get(use, "ok")
+    if what == "crash" or what == "crash behind others" and place:
+        os.kill(os.getpid(), signal.SIGSEGV)
+    if what == "hang":
+        time.sleep(60)
+    if what == "exit":
+        sys.exit(3)
+    if what.startswith("stopped by "):
+        os.kill(os.getpid(), getattr(signal, what[11:]))
+    if what == "chatter":
+        print("the driver prints this")
+        print("[1, 2]")
+    if what.startswith(("chatter", "crash")):
+        what = "ok"
+    print(json.dumps({{"use": use, "verdict": what}}), flush=True)
 """
 
 DEVICE = Identity("Test GPU", "testdriver 1.2", "00ff")
 
 
 class Fake:
-    """A child process in place of the self-tests: `orders` says what becomes of a use, `started` what was asked."""
+    """A child process in place of the self-tests: `order` says what becomes of a use, `started` what was asked."""
 
     def __init__(self, folder: Path) -> None:
         self._log, self._orders = folder / "log", folder / "orders"
@@ -62,7 +77,7 @@ class Fake:
     def started(self) -> list[str]:
         lines = self._log.read_text().splitlines() if self._log.exists() else []
         self._log.unlink(missing_ok=True)
-        return sorted(lines)
+        return lines
 
 
 @pytest.fixture
@@ -72,8 +87,9 @@ def fake(tmp_path: Path) -> Fake:
 
 @pytest.fixture(autouse=True)
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("STRATA_CACHE", str(tmp_path / "cache"))
-    return tmp_path / "cache"
+    monkeypatch.setenv("STRATA_VERDICTS", str(tmp_path / "verdicts"))
+    monkeypatch.setattr(verdicts, "_unkept", {})
+    return tmp_path / "verdicts"
 
 
 def said(*features: str, driver: str = "testdriver 1.2") -> Capabilities:
@@ -82,27 +98,108 @@ def said(*features: str, driver: str = "testdriver 1.2") -> Capabilities:
 
 # --- verdicts of children -----------------------------------------------------------------------------------
 
+THREE = ["a/first", "a/second", "b/third"]
+
+
+def judged(fake: Fake, *, timeout_s: float = 20.0) -> dict[str, str]:
+    """Return the verdicts on three uses."""
+    found = selftest.judge_all("vulkan", 0, THREE, timeout_s=timeout_s, child=fake.command)
+    return {f"{feature}/{use}": verdict for feature, uses in found.items() for use, verdict in uses.items()}
+
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no signals")
 @pytest.mark.parametrize(
-    ("end", "verdict"),
+    ("end", "verdict", "children"),
     [
-        ("ok", "ok"),
-        ("wrong: 3 of 64 texels differ", "wrong: 3 of 64 texels differ"),
-        ("crash", "crashed (signal 11, SIGSEGV)"),  # though it said ok before
-        ("exit", "crashed (exit code 3)"),
-        ("silent", "crashed (exit code 0)"),
-        ("chatter", "ok"),
+        ("ok", "ok", 1),
+        ("wrong: 3 of 64 texels differ", "wrong: 3 of 64 texels differ", 1),
+        ("chatter", "ok", 1),
+        # Tried once more alone, and then the rest by a third child.
+        ("crash", "crashed (signal 11, SIGSEGV)", 3),
+        ("exit", "crashed (exit code 3)", 3),
+        ("crash behind others", "ok", 3),
     ],
 )
-def test_the_end_of_a_child_is_the_verdict(fake: Fake, end: str, verdict: str) -> None:
-    fake.order(a__b=end)
-    assert selftest.judge("a/b", 0, 20.0, fake.command) == verdict
+def test_one_child_tries_all_and_another_goes_on_behind_a_crash(
+    fake: Fake, end: str, verdict: str, children: int
+) -> None:
+    fake.order(a__second=end)
+    assert judged(fake) == {"a/first": "ok", "a/second": verdict, "b/third": "ok"}
+    assert len(fake.started()) == children
 
 
-def test_a_child_that_hangs_is_stopped(fake: Fake) -> None:
-    fake.order(a__b="hang")
-    assert selftest.judge("a/b", 0, 0.4, fake.command) == "hung (stopped after 0.4 s)"
+def test_a_use_that_hangs_is_stopped_and_the_next_child_begins_behind_it(fake: Fake) -> None:
+    fake.order(a__second="hang")
+    assert judged(fake, timeout_s=2.0) == {
+        "a/first": "ok",
+        "a/second": "hung (stopped after 2 s)",
+        "b/third": "ok",
+    }
+    assert fake.started() == ["a/first a/second b/third", "b/third"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no signals")
+def test_a_device_that_crashes_whenever_it_is_opened_fails_every_use(fake: Fake) -> None:
+    fake.order(open="crash")
+    assert set(judged(fake).values()) == {"crashed (signal 11, SIGSEGV)"}
+    assert len(fake.started()) == 2
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no signals")
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP", "SIGKILL"])
+@pytest.mark.parametrize("use", ["open", "a__second"])
+def test_a_child_that_was_stopped_says_nothing_about_the_driver(fake: Fake, use: str, name: str) -> None:
+    """Ctrl-C, a time limit and a system without memory end processes, too."""
+    fake.order(**{use: f"stopped by {name}"})
+    found = judged(fake)
+    assert found["a/second"].startswith(f"{UNCHECKED}: the process that tried it was stopped")
+    assert set(found.values()) <= {OK, found["a/second"]}
+    assert verdicts.broken("testdriver", {"a": {"second": found["a/second"]}}) == {}
+
+
+def test_a_device_that_refuses_says_why_and_is_asked_again_next_time(fake: Fake) -> None:
+    fake.order(open=f"{UNCHECKED}: no driver")
+    assert set(judged(fake).values()) == {f"{UNCHECKED}: no driver"}
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="processes are looked at in /proc")
+def test_a_child_that_hangs_ends_with_its_parent(tmp_path: Path) -> None:
+    """The parent is killed, as by a time limit of its own; the child hangs in a call that lets other threads run."""
+    hung = tmp_path / "hung"
+    child = f"""
+import os, sys, time
+from pathlib import Path
+from backends import selftest
+selftest.begin_child()
+selftest.tell(selftest.OPENED, "ok")
+Path({str(hung)!r}).write_text(str(os.getpid()))
+time.sleep(60)
+"""
+    parent = f"""
+import sys
+from backends import selftest
+selftest.judge_all("vulkan", 0, ["a/b"], timeout_s=60.0, child=[sys.executable, "-P", "-c", {child!r}])
+"""
+    with subprocess.Popen([sys.executable, "-P", "-c", parent], env=selftest.child_environment()) as process:
+        wait_for(lambda: hung.exists() and hung.read_text() != "")
+        process.kill()
+    wait_for(lambda: not running(int(hung.read_text())))
+
+
+def wait_for(condition: Callable[[], bool]) -> None:
+    end = time.monotonic() + 20.0
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def running(number: int) -> bool:
+    """Whether a process is there that has not ended; one that has waits for its parent to take note."""
+    try:
+        state = Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()[0]
+    except FileNotFoundError:
+        return False
+    return state != "Z"
 
 
 def test_codes_of_windows_read_as_windows_writes_them() -> None:
@@ -110,32 +207,42 @@ def test_codes_of_windows_read_as_windows_writes_them() -> None:
 
 
 def test_a_child_that_cannot_start_says_nothing_about_the_driver() -> None:
-    verdict = selftest.judge("a/b", 0, 1.0, ["/nonexistent/python"])
-    assert verdict.startswith(UNCHECKED)
-    assert verdicts.broken("testdriver", {"a": {"b": verdict}}) == {}
+    found = selftest.judge_all("vulkan", 0, ["a/b"], timeout_s=1.0, child=["/nonexistent/python"])
+    assert found["a"]["b"].startswith(UNCHECKED)
+    assert verdicts.broken("testdriver", found) == {}
 
 
 # --- the cache ----------------------------------------------------------------------------------------------
 
 
 def judge(fake: Fake, device: Identity = DEVICE, **more: object) -> verdicts.Verdicts:
-    return selftest.judge_device(device, 0, ["fp64"], True, child=fake.command, timeout_s=20.0, **more)  # type: ignore[arg-type]
+    return selftest.judge_device(
+        "vulkan",
+        device,
+        0,
+        ["fp64"],
+        child=fake.command,
+        timeout_s=20.0,
+        **more,  # type: ignore[arg-type]
+    )
 
 
-USES = ["fp64/arithmetic", "timeline-semaphore/order"]
+USES = selftest.uses_of("vulkan", ["fp64"])
 
 
 def test_verdicts_are_kept_and_nothing_is_tried_again(fake: Fake, cache: Path) -> None:
     fake.order(fp64__arithmetic="wrong: half the digits")
     found = judge(fake)
-    assert found == {"fp64": {"arithmetic": "wrong: half the digits"}, "timeline-semaphore": {"order": OK}}
-    assert fake.started() == USES
+    assert found.pop("fp64") == {"arithmetic": "wrong: half the digits"}
+    assert {verdict for uses in found.values() for verdict in uses.values()} == {OK}
+    found = judge(fake)
+    assert fake.started() == [" ".join(USES)]
     fake.order()
     assert judge(fake) == found
     assert fake.started() == []
-    assert [path.name for path in (cache / "selftest").iterdir()] == [DEVICE.file]
+    assert [path.name for path in cache.iterdir()] == [DEVICE.file]
     assert judge(fake, again=True)["fp64"]["arithmetic"] == OK
-    assert fake.started() == USES
+    assert fake.started() == [" ".join(USES)]
 
 
 @pytest.mark.parametrize(
@@ -151,7 +258,7 @@ def test_another_driver_is_tried_anew(fake: Fake, other: Identity) -> None:
     fake.started()
     assert verdicts.read(other) is None
     judge(fake, other)
-    assert fake.started() == USES
+    assert fake.started() == [" ".join(USES)]
     assert verdicts.read(DEVICE) == verdicts.read(other)
 
 
@@ -164,10 +271,10 @@ def test_other_self_tests_make_verdicts_void(fake: Fake, monkeypatch: pytest.Mon
 
 @pytest.mark.parametrize("content", ["", "{", "[]", "null", '{"sources": 1}', "HASH", "\xff"])
 def test_a_damaged_file_is_no_verdict(cache: Path, content: str) -> None:
-    (cache / "selftest").mkdir(parents=True)
+    cache.mkdir(parents=True)
     if content == "HASH":
         content = json.dumps({"sources": verdicts.sources_hash(), "verdicts": {"fp64": "ok"}})
-    (cache / "selftest" / DEVICE.file).write_bytes(content.encode("latin-1"))
+    (cache / DEVICE.file).write_bytes(content.encode("latin-1"))
     assert verdicts.read(DEVICE) is None
 
 
@@ -182,7 +289,7 @@ def test_what_was_not_checked_is_tried_at_the_next_call(fake: Fake) -> None:
 
 def test_verdicts_on_the_other_uses_of_a_feature_stay(fake: Fake) -> None:
     def again() -> dict[str, str]:
-        found = selftest.judge_device(DEVICE, 0, ["ray-query"], True, child=fake.command, timeout_s=20.0)
+        found = selftest.judge_device("vulkan", DEVICE, 0, ["ray-query"], child=fake.command, timeout_s=20.0)
         return found["ray-query"]
 
     fake.order(**{"ray-query__compute": "wrong: all", "ray-query__fragment": f"{UNCHECKED}: no compiler"})
@@ -194,15 +301,18 @@ def test_verdicts_on_the_other_uses_of_a_feature_stay(fake: Fake) -> None:
 
 def test_without_a_cache_verdicts_are_still_given(fake: Fake, tmp_path: Path, monkeypatch) -> None:
     (tmp_path / "file").write_text("")
-    monkeypatch.setenv("STRATA_CACHE", str(tmp_path / "file"))
-    assert judge(fake)["fp64"]["arithmetic"] == OK
+    monkeypatch.setenv("STRATA_VERDICTS", str(tmp_path / "file" / "folder"))
+    fake.order(fp64__arithmetic="wrong: half the digits")
+    assert judge(fake)["fp64"]["arithmetic"] == "wrong: half the digits"
+    assert verdicts.read(DEVICE)["fp64"]["arithmetic"] == "wrong: half the digits"  # in this process
+    monkeypatch.setattr(verdicts, "_unkept", {})
     assert verdicts.read(DEVICE) is None
 
 
 def test_progress_hears_of_every_use(fake: Fake) -> None:
     heard: list[tuple[str, str]] = []
-    judge(fake, progress=lambda use, verdict: heard.append((use, verdict)))
-    assert heard == [(use, OK) for use in USES]
+    judge(fake, told=lambda use, verdict: heard.append((use, verdict)))
+    assert heard == [pair for use in USES for pair in ((use, ""), (use, OK))]
 
 
 # --- what verdicts do to capabilities -----------------------------------------------------------------------
@@ -250,13 +360,37 @@ def test_known_liars_count_until_a_self_test_passes() -> None:
     assert verdicts.broken("NVIDIA 580.1", None) == {}
 
 
+def test_a_required_use_that_failed_makes_the_device_unfit() -> None:
+    assert verdicts.unfit({"sparse/attachment": "crashed", "texturing/edges": "wrong: seams"}) is None
+    for feature, uses in REQUIRED_USES.items():
+        for use in uses:
+            found = verdicts.broken("testdriver", {feature: {use: "crashed (signal 11)"}})
+            assert verdicts.unfit(found) == (
+                f"its self-test failed ({feature}/{use}): crashed (signal 11); {verdicts.AGAIN}"
+            )
+
+
+def test_a_vulkan_device_whose_required_use_failed_is_not_chosen(vulkan_instance) -> None:
+    """The next device is; a device that is asked for by name is refused with the reason."""
+    devices = vulkan_instance.devices()
+    physical = choose(devices, "0")
+    other = replace(physical, name="another", kind="other", cache_uuid="00")
+    assert choose([replace(physical, kind="discrete"), other]).kind == "discrete"
+    verdicts.write(physical.identity, {"drawing": {"pulled": "hung (stopped after 20 s)"}})
+    assert choose([replace(physical, kind="discrete"), other]) is other
+    with pytest.raises(UserError, match=r"cannot be used: its self-test failed \(drawing/pulled\): hung"):
+        choose([physical, other], "0")
+    with pytest.raises(UnsupportedError, match="hung"):
+        choose([physical])
+
+
 def test_a_device_believes_its_cached_verdicts(vulkan_instance) -> None:
     """The device does without what failed; only the self-tests themselves still see it."""
     physical = choose(vulkan_instance.devices())
     if "wireframe" not in capabilities(physical).features:
         pytest.skip("the device has no wireframe, which is taken away here")
     bit = ("VkPhysicalDeviceFeatures2", "fillModeNonSolid")
-    verdicts.write(identity(physical), {"wireframe": {"draw": "wrong: no lines"}})
+    verdicts.write(physical.identity, {"wireframe": {"draw": "wrong: no lines"}})
     assert capabilities(physical).why_not["wireframe"].endswith("wrong: no lines")
     assert "wireframe" in capabilities(physical, believe=True).features
     with Device(vulkan_instance, physical) as device:
@@ -265,20 +399,25 @@ def test_a_device_believes_its_cached_verdicts(vulkan_instance) -> None:
     with Device(vulkan_instance, physical, believe=True) as device:
         assert device.has("wireframe")
         assert bit in device._negotiate(set())[1]
-    verdicts.write(identity(physical), {"wireframe": {"draw": OK}})
+    verdicts.write(physical.identity, {"wireframe": {"draw": OK}})
     assert "wireframe" in capabilities(physical).features
 
 
 # --- the workloads ------------------------------------------------------------------------------------------
 
-ALL = [f"{feature}/{use}" for uses in (MAIN_USES, OTHER_USES) for feature in uses for use in uses[feature]]
+ALL = [
+    f"{feature}/{use}"
+    for uses in (REQUIRED_USES, MAIN_USES, OTHER_USES)
+    for feature in uses
+    for use in uses[feature]
+]
 
 
 def test_every_feature_has_a_use_and_every_use_a_workload() -> None:
     assert MAIN_USES.keys() == FEATURES.keys()
-    assert set(selftest.uses_of(FEATURES)) == set(ALL)
+    assert set(selftest.uses_of("vulkan", FEATURES)) == set(ALL)
     for use in ALL:
-        assert importlib.util.find_spec(selftest.module_of(use)), use
+        assert importlib.util.find_spec(selftest.module_of("vulkan", use)), use
 
 
 CRASHES = {"sparse/plain-image", "pipeline-statistics/after-push-constants"}
@@ -312,7 +451,7 @@ def test_a_workload_sees_a_wrong_number(use: str, vulkan_device) -> None:
     own = vulkan_device.compute_queue, vulkan_device.transfer_queue
     vulkan_device.compute_queue = own[0] or vulkan_device.queue
     vulkan_device.transfer_queue = own[1] or vulkan_device.queue
-    run = importlib.import_module(selftest.module_of(use)).run
+    run = importlib.import_module(selftest.module_of("vulkan", use)).run
     try:
         with Bench(vulkan_device) as bench:
             wrong = run(bench)
@@ -372,15 +511,18 @@ def number_of(instance) -> int:
     return next(i for i, physical in enumerate(devices) if physical is chosen)
 
 
+def judge_real(uses: list[str], instance) -> verdicts.Verdicts:
+    return selftest.judge_all("vulkan", number_of(instance), uses)
+
+
 @pytest.mark.parametrize("use", ["int64/arithmetic", "timeline-semaphore/order", "sparse/plain-image"])
 def test_real_children_give_verdicts(use: str, vulkan_instance, monkeypatch) -> None:
     """Two that work and one that crashes the software driver; this process lives on."""
-    monkeypatch.delenv("STRATA_CACHE")  # compiled shaders are kept
     physical = choose(vulkan_instance.devices())
     feature = use.partition("/")[0]
     if feature in FEATURES and feature not in capabilities(physical, believe=True).features:
         pytest.skip(f"the device has no {feature}")
-    verdict = selftest.judge(use, number_of(vulkan_instance))
+    verdict = judge_real([use], vulkan_instance)[feature][use.partition("/")[2]]
     if use == "sparse/plain-image" and physical.driver.startswith("llvmpipe"):
         assert verdict == OK or verdict.startswith("crashed (signal 11")  # a later Mesa may have it right
     else:
@@ -388,35 +530,33 @@ def test_real_children_give_verdicts(use: str, vulkan_instance, monkeypatch) -> 
 
 
 def test_a_use_that_does_not_exist_is_not_the_driver_s_fault(vulkan_instance) -> None:
-    verdict = selftest.judge("sparse/nothing", number_of(vulkan_instance))
+    verdict = judge_real(["sparse/nothing"], vulkan_instance)["sparse"]["nothing"]
     assert verdict.startswith(f"{UNCHECKED}: the self-test has an error, ModuleNotFoundError")
 
 
 @pytest.mark.long
-def test_all_self_tests_of_this_device(vulkan_instance, monkeypatch) -> None:
+def test_all_self_tests_of_this_device(vulkan_instance) -> None:
     """What fails is what this driver is known to get wrong; on any other driver, nothing does."""
-    monkeypatch.delenv("STRATA_CACHE")
     physical = choose(vulkan_instance.devices())
     advertised = capabilities(physical, believe=True).features
-    uses = selftest.uses_of(advertised)
-    found = selftest.judge_all(
-        uses, number_of(vulkan_instance), at_once=2 if physical.kind == "software" else 1
-    )
+    found = judge_real(selftest.uses_of("vulkan", advertised), vulkan_instance)
     failed = {f"{feature}/{use}" for feature in found for use in found[feature] if found[feature][use] != OK}
     assert failed <= verdicts.broken(physical.driver, None).keys(), found
 
 
 def test_the_self_tests_are_hashed_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also the helpers: on another bench a verdict has to be found anew."""
-    folder = tmp_path / "backends" / "vulkan"
-    shutil.copytree(ROOT / "backends" / "vulkan" / "selftests", folder / "selftests")
-    shutil.copy(ROOT / "backends" / "vulkan" / "selftest.py", folder)
+    folder = tmp_path / "backends"
+    for api in ("vulkan", "gl"):
+        shutil.copytree(ROOT / "backends" / api / "selftests", folder / api / "selftests")
+    for path in (ROOT / "backends").glob("selftest*.py"):
+        shutil.copy(path, folder)
     monkeypatch.setattr(verdicts, "ROOT", tmp_path)
     fresh = verdicts.sources_hash.__wrapped__
     before = fresh()
     assert before == verdicts.sources_hash()
-    for path in (folder / "selftest.py", folder / "selftests" / "bench.py", folder / "selftests" / "new.py"):
-        with path.open("a") as file:
+    for name in ("selftest.py", "vulkan/selftests/bench.py", "gl/selftests/bench.py", "gl/selftests/new.py"):
+        with (folder / name).open("a") as file:
             file.write("# changed\n")
         after = fresh()
         assert after != before

@@ -579,6 +579,8 @@ def test_messages_of_the_gl_driver_map_back(tmp_path: Path, gl: object) -> None:
         main='\n#include "x.glsl"\nlayout(local_size_x = 1) in;\nvoid main() {}',
         x="\n\nfloat x = oops;",
     )
+    if " Mesa 22." in gl.info["GL_VERSION"]:  # type: ignore[attr-defined]
+        pytest.skip("Mesa 22 forgets of which file a line is")
     source = build(tmp_path / "main.glsl", "gl", stage="comp")
     with pytest.raises(Exception, match="oops") as caught:
         gl.compute_shader(source.text)  # type: ignore[attr-defined]

@@ -7,15 +7,21 @@ text; what they compute is compared with numbers made in Python.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from backends.selftest_data import FULL_SCREEN as FULL_SCREEN
+from backends.selftest_data import UNSET as UNSET
+from backends.selftest_data import Computation
+from backends.selftest_data import differ as differ
 from backends.shader_text import build_text
 from backends.vulkan import api as vk
 from backends.vulkan.barriers import barriers, transition
 from backends.vulkan.device import Device
+from backends.vulkan.instance import Instance
 from backends.vulkan.once import submit_once
 from backends.vulkan.readback import read_image
 from backends.vulkan.resources import (
@@ -50,9 +56,6 @@ EVERYTHING = (
 )
 """The memory barrier for who does not count microseconds."""
 
-UNSET = 0xCDCDCDCD
-"""What an output buffer holds before the GPU writes to it."""
-
 BUFFER_USAGE = (
     vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT
     | vk.VK_BUFFER_USAGE_TRANSFER_SRC_BIT
@@ -60,9 +63,6 @@ BUFFER_USAGE = (
     | vk.VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT
     | vk.VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT
 )
-
-FULL_SCREEN = "void main() { gl_Position = vec4(VERTEX_ID == 1 ? 3 : -1, VERTEX_ID == 2 ? 3 : -1, 0.5, 1); }"
-"""A vertex shader whose three vertices cover everything."""
 
 
 @dataclass(frozen=True)
@@ -73,6 +73,27 @@ class Program:
     layout: Any
     set: Any
     bind_point: int
+
+
+class Session:
+    """Device `number` of the loader's list with all that its driver advertises, for the benches of a process."""
+
+    def __init__(self, number: int) -> None:
+        self._number = number
+        self._open = ExitStack()
+
+    def __enter__(self) -> Session:
+        instance = self._open.enter_context(Instance())
+        physical = instance.devices()[self._number]
+        self._device = self._open.enter_context(Device(instance, physical, believe=True))
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._open.close()
+
+    def bench(self) -> Bench:
+        """Return an empty bench."""
+        return Bench(self._device)
 
 
 class Bench:
@@ -194,6 +215,19 @@ class Bench:
         self.fill(image.handle, size, data)
         return Texture(image.view, sampler if sampler is not None else self.sampler())
 
+    def mipmapped(self, levels: Sequence[np.ndarray], **how: float) -> Texture:
+        """Return a 2D texture (rgba8) of mip levels, (H, W) uint32; the nearest texels of two levels are mixed.
+
+        `how` are further fields of its sampler.
+        """
+        size = (levels[0].shape[1], levels[0].shape[0])
+        usage = vk.VK_IMAGE_USAGE_SAMPLED_BIT | vk.VK_IMAGE_USAGE_TRANSFER_DST_BIT
+        image = create_image(self.device, "rgba8", size, usage, "selftest", levels=len(levels))
+        self.at_end(destroy_image, self.device, image)
+        self.fill(image.handle, size, np.concatenate([level.ravel() for level in levels]), levels=len(levels))
+        mix = vk.VK_SAMPLER_MIPMAP_MODE_LINEAR
+        return Texture(image.view, self.sampler(mipmapMode=mix, maxLod=vk.VK_LOD_CLAMP_NONE, **how))
+
     # --- programs ---
 
     def submit(self) -> Any:
@@ -233,6 +267,12 @@ class Bench:
             self.bind(commands, program)
             self.fn.vkCmdDispatch(commands, groups, 1, 1)
             self.fn.vkCmdPipelineBarrier2(commands, barriers(memory=EVERYTHING))
+
+    def computes(self, work: Computation, extensions: Sequence[str] = ()) -> str:
+        """Return what is wrong with the results of `work`, or ""."""
+        output = self.output(work.words)
+        self.dispatch(work.source, [self.input(work.given), output], work.groups, extensions)
+        return work.wrong(self.read(output, work.expected.dtype))
 
     def graphics(
         self,
@@ -351,15 +391,3 @@ class Bench:
         self.fn.vkCmdBindPipeline(commands, program.bind_point, program.pipeline)
         sets = vk.array("VkDescriptorSet", [program.set])
         self.fn.vkCmdBindDescriptorSets(commands, program.bind_point, program.layout, 0, 1, sets, 0, vk.NULL)
-
-
-def differ(what: str, found: np.ndarray, expected: np.ndarray) -> str:
-    """Return "" where two arrays are equal, else how many of their values differ, and the first of these."""
-    wrong = np.flatnonzero(np.ravel(found != expected))
-    if not wrong.size:
-        return ""
-    first = int(wrong[0])
-    return (
-        f"{wrong.size} of {expected.size} {what} differ, the first ({first}) is {found.ravel()[first]} "
-        f"and should be {expected.ravel()[first]}"
-    )

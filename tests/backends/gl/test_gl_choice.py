@@ -9,6 +9,7 @@ import pytest
 from backends import choice
 from backends.choice import choose, decide
 from backends.gl import probe
+from backends.verdicts import Identity
 from common.errors import UnsupportedError, UserError
 
 NONE = None
@@ -68,7 +69,7 @@ def test_a_machine_with_neither_says_what_to_install():
 def test_what_is_asked_for_is_taken_or_refused_with_the_reason():
     ask, asked = machine("software", "software")
     assert choose("vulkan", ask) == "vulkan" and choose("gl", ask) == "gl"
-    assert asked == ["gl"]
+    assert asked == ["vulkan", "gl"]  # which tries the driver, where it was not tried yet
     with pytest.raises(UnsupportedError, match=r"No gl was found \(why\)"):
         choose("gl", machine("discrete", NONE)[0])
     with pytest.raises(UserError, match=r"There is no backend 'opengl'"):
@@ -101,8 +102,9 @@ def test_a_driver_that_crashes_or_hangs_counts_as_none(code, said):
 
 def test_the_last_line_counts():
     """Drivers print to the standard output."""
-    code = """print('MESA: hello'); print('{"kind": "discrete", "device": "a card"}')"""
-    assert probe.ask([sys.executable, "-c", code]) == ("discrete", "a card")
+    answer = '{"kind": "discrete", "device": "a card", "driver": "1", "build": "2", "advertised": ["fp64"]}'
+    found = probe.ask([sys.executable, "-c", f"print('MESA: hello'); print({answer!r})"])
+    assert found == probe.Found("discrete", Identity("a card", "1", "2"), ("fp64",))
     with pytest.raises(UnsupportedError, match="no process could be started"):
         probe.ask(["/no/such/python"])
 

@@ -10,7 +10,8 @@ import sys
 import numpy as np
 import pytest
 
-from backends.contract import FEATURES, resolve
+from backends.contract import resolve
+from backends.features import FEATURES
 from backends.gl import api as gl
 from backends.gl import capabilities as gc
 from backends.gl.context import Context, _headless_loader

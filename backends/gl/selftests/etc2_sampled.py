@@ -1,0 +1,12 @@
+"""Self-test: a block of ETC2 is sampled as the texels that its bits stand for."""
+
+from __future__ import annotations
+
+from backends import selftest_data as data
+from backends.gl.selftests.bench import Bench
+from backends.gl.selftests.block_compression_sampled import sampled
+
+
+def run(bench: Bench) -> str:
+    """Return what was wrong, or ""."""
+    return sampled(bench, data.etc2_block())

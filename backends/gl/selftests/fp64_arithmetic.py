@@ -1,0 +1,11 @@
+"""Self-test: 64-bit floats add, multiply, divide and take roots to the precision that both APIs ask for."""
+
+from __future__ import annotations
+
+from backends import selftest_data as data
+from backends.gl.selftests.bench import Bench
+
+
+def run(bench: Bench) -> str:
+    """Return what was wrong, or ""."""
+    return bench.computes(data.fp64())
