@@ -22,6 +22,7 @@ from common.lessons import Lesson
 from common.names import suggest
 
 if TYPE_CHECKING:
+    from backends.choice import Choice
     from backends.contract import Renderer
     from chapters.opened import OpenedRenderer
     from common.camera import View
@@ -119,14 +120,30 @@ def settings_class(which: Which) -> type:
 
 
 def choose_backend(wanted: str = "auto", which: Which | None = None) -> str:
-    """Return the backend to use, "vulkan" or "gl"; see `backends.choice.decide` for its errors.
+    """Return the backend to use, "vulkan" or "gl"; see `decide_backend`."""
+    return decide_backend(wanted, which).backend
 
-    Where nothing else is wanted, a study that has one version only chooses that.
+
+def decide_backend(wanted: str = "auto", which: Which | None = None) -> Choice:
+    """Choose a backend and say why; see `backends.choice.decide` for the order and the errors.
+
+    Where nothing else is wanted, a study that has one version only chooses that. A chapter takes a backend on which its
+    trial frame is right. Studies and forks are not tried themselves; they go by what is known of their chapter.
     """
-    from backends.choice import choose
+    from backends import choice
 
+    if isinstance(which, int):
+        from chapters import trial
+
+        return trial.decide(wanted, which)
     own = studies.backends(which) if isinstance(which, str) else ()
-    return choose(own[0] if wanted == "auto" and len(own) == 1 else wanted)
+    if wanted == "auto" and len(own) == 1:
+        wanted = own[0]
+    if wanted == "auto" and which is not None:
+        from chapters import trial
+
+        return trial.decide_for(studies.split(which)[0] if isinstance(which, str) else which.lesson.number)
+    return choice.decide(wanted)
 
 
 def renderer_module(which: Which, backend: str) -> ModuleType:

@@ -40,6 +40,7 @@ import numpy as np
 from rich.console import Console
 
 import chapters
+from backends import verdicts
 from chapters import bench_points, bench_scene, scenes
 from chapters.bench_load import ONCE
 from chapters.bench_points import Effort
@@ -119,7 +120,7 @@ def _measure(
     runs: dict[str, list[dict[str, Any]]] = {way: [] for way in WAYS}
     with tempfile.TemporaryDirectory(prefix="strata-bench-") as folder:
         pictures = {way: Path(folder) / f"{way}.npz" for way in ("plain", "cached", "blocks")}
-        environment = {**os.environ, "STRATA_CACHE": str(Path(folder) / "strata")}
+        environment = {**os.environ, **verdicts.variables(), "STRATA_CACHE": str(Path(folder) / "strata")}
 
         def run(way: str, picture: Path | None = None) -> dict[str, Any]:
             words = [str(which if isinstance(which, int) else which.path), backend, str(path)]

@@ -26,6 +26,7 @@ import numpy as np
 from rich.console import Console
 
 import chapters
+from backends import verdicts
 from backends.vulkan import api as vk
 from chapters.bench_points import Effort, difference
 from chapters.run import open_device
@@ -108,6 +109,7 @@ def _start(
     driver.mkdir()
     environment = {
         **os.environ,
+        **verdicts.variables(),
         "STRATA_CACHE": str(folder / "strata"),
         "MESA_SHADER_CACHE_DISABLE": "true",
         "MESA_SHADER_CACHE_DIR": str(driver),

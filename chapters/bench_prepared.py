@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 import chapters
+from backends import verdicts
 from chapters import scenes
 from chapters.bench_points import Effort, Subject, errors, on_front, picture
 from common.settings import Sweep, preset
@@ -109,7 +110,8 @@ def _made(subject: Subject, settings: Any, forget: Callable[[], None]) -> tuple[
 @contextmanager
 def _nothing_kept() -> Iterator[Callable[[], None]]:
     """Give the process an empty cache, and a function that empties it again but for compiled shaders."""
-    before = os.environ.get("STRATA_CACHE")
+    before = {name: os.environ.get(name) for name in ("STRATA_CACHE", "STRATA_VERDICTS")}
+    os.environ.update(verdicts.variables())
     with tempfile.TemporaryDirectory(prefix="strata-bench-") as folder:
 
         def forget() -> None:
@@ -121,7 +123,8 @@ def _nothing_kept() -> Iterator[Callable[[], None]]:
         try:
             yield forget
         finally:
-            if before is None:
-                del os.environ["STRATA_CACHE"]
-            else:
-                os.environ["STRATA_CACHE"] = before
+            for name, value in before.items():
+                if value is None:
+                    del os.environ[name]
+                else:
+                    os.environ[name] = value

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import chapters
+from backends import verdicts
 from common.errors import DeviceError
 from common.paths import ROOT
 
@@ -66,6 +67,7 @@ def cold_and_warm(
         with tempfile.TemporaryDirectory(prefix="strata-bench-") as folder:
             environment = {
                 **os.environ,
+                **verdicts.variables(),
                 "STRATA_CACHE": str(Path(folder) / "strata"),
                 "MESA_SHADER_CACHE_DIR": str(Path(folder) / "driver"),
             }

@@ -21,9 +21,11 @@ from typing import Any
 
 import chapters
 from backends import choice
-from backends.contract import FEATURES, Capabilities, resolve
+from backends import selftest as trials
+from backends.features import FEATURES
 from backends.verdicts import Identity
-from backends.vulkan import selftest as trials
+from chapters import trial
+from chapters.doctor_plans import capabilities_of, plans
 from common.errors import UnsupportedError
 from common.paths import ROOT, asset_dir, cache_problem, user_cache
 
@@ -80,17 +82,51 @@ def report(selftest: bool = False, progress: Progress = lambda what, part: None)
         questions = ("vulkan", "gl", "display", "compilers")
         vulkan, gl, display, compilers = pool.map(ask, questions)
     chosen = _chosen(vulkan)
-    if selftest and chosen is not None:
-        _try_out(chosen, progress)
+    if selftest:  # also devices that are not chosen, since an earlier trial may be why
+        for device in vulkan.get("devices", []):
+            if device["advertised"]:
+                _try_out("vulkan", device, progress, True)
         vulkan = ask("vulkan")
         chosen = _chosen(vulkan)
-    progress("looking at chapters and packages", 0.95)
+    tried: list[int] = []
+    # Where the chosen device is found unfit, the next one is chosen.
+    while chosen is not None and chosen["number"] not in tried:
+        tried.append(chosen["number"])
+        if _try_out("vulkan", chosen, progress, False):
+            vulkan = ask("vulkan")
+            chosen = _chosen(vulkan)
     # The question about OpenGL has one device, in a list like those of Vulkan.
     by_gl = None if gl.get("problem") else next(iter(gl.get("devices", [])), None)
+    if by_gl is not None and _try_out("gl", by_gl, progress, selftest):
+        gl = ask("gl")
+        by_gl = None if gl.get("problem") else next(iter(gl.get("devices", [])), None)
+    gl_device = by_gl
+    if by_gl is not None and by_gl["unfit"]:
+        gl["problem"] = f"{by_gl['name']} cannot be used for OpenGL: {by_gl['unfit']}"
+        by_gl = None
+    progress("looking at chapters and packages", 0.95)
     auto = automatic(vulkan, chosen, gl, by_gl)
-    used = None
-    if auto is not None:
-        used = capabilities_of(*((by_gl, "gl") if auto.backend == "gl" else (chosen, "vulkan")))
+    devices = {"vulkan": chosen, "gl": by_gl}
+    drivers = {
+        backend: Identity(device["name"], device["driver"], device["build"])
+        for backend, device in devices.items()
+        if device is not None
+    }
+    for backend, driver in drivers.items() if selftest else ():
+        for number in chapters.available():
+            progress(f"trying chapter {number} ({choice.NAMES[backend]})", 0.92)
+            trial.judge(number, backend, driver)
+    taken = devices[auto.backend] if auto else None
+    used = capabilities_of(taken, auto.backend) if auto and taken else None
+
+    def problem(number: int) -> tuple[str, bool]:
+        """Return what a chapter's trial on the taken backend found, and whether another backend draws it."""
+        problems = {
+            backend: trial.problem_kept(number, backend, driver) for backend, driver in drivers.items()
+        }
+        own = problems.pop(auto.backend) if auto else ""
+        return own, "" in problems.values()
+
     found: Report = {
         "works": auto is not None,
         "problem": None if auto else _problem(vulkan, gl),
@@ -108,12 +144,12 @@ def report(selftest: bool = False, progress: Progress = lambda what, part: None)
         },
         "opengl": {
             **{key: gl.get(key) for key in ("version", "renderer", "vendor", "problem")},
-            "device": by_gl,
+            "device": gl_device,
         },
         "display": {"kind": "headless", "detail": display.get("problem", ""), **display},
         "compilers": compilers.get("compilers", []),
         "environment": {name: value for name, value in sorted(os.environ.items()) if VARIABLES.match(name)},
-        "plan": _safely(lambda: plans(used), {}),
+        "plan": _safely(lambda: plans(used, problem), {}),
     }
     found["shadowed"] = _safely(lambda: shadowed(found), [])
     found["advice"] = _safely(lambda: advice(found), [])
@@ -202,19 +238,21 @@ def _problem(vulkan: Report, gl: Report) -> str:
     return f"Strata cannot draw here: {reason}."
 
 
-def _try_out(device: Report, progress: Progress) -> None:
-    """Run the self-tests of a device anew; their verdicts are kept on disk."""
-    uses = trials.uses_of(device["advertised"])
-    done = 0
-
-    def advance(use: str, verdict: str) -> None:
-        nonlocal done
-        done += 1
-        progress(f"trying {use}", 0.1 + 0.8 * done / len(uses))
-
+def _try_out(backend: str, device: Report, progress: Progress, again: bool) -> bool:
+    """Run the self-tests of a device that was not tried yet, or all `again`; return whether any ran."""
     identity = Identity(device["name"], device["driver"], device["build"])
-    software = device["kind"] == "software"
-    trials.judge_device(identity, device["number"], device["advertised"], software, advance, again=True)
+    advertised = device["advertised"]
+    every = trials.uses_of(backend, advertised)
+    uses = every if again else trials.untried(backend, identity, advertised)
+    behind = 0.1 if backend == "vulkan" else 0.5
+
+    def told(use: str, verdict: str) -> None:
+        if not verdict:
+            progress(f"trying {use} ({choice.NAMES[backend]})", behind + 0.4 * uses.index(use) / len(uses))
+
+    if uses:
+        trials.judge_device(backend, identity, device["number"], advertised, told, again=again)
+    return bool(uses)
 
 
 def _what_to_install() -> str:
@@ -347,51 +385,6 @@ def hidden_package(name: str, path: list[str] | None = None) -> list[str]:
 
 
 # --- plans and advice ---------------------------------------------------------------------------------------
-
-
-def capabilities_of(device: Report, backend: str = "vulkan") -> Capabilities:
-    """Return what `doctor_probe` said of a device as the record that plans are made from."""
-    major, minor, patch = map(int, device["api"].split("."))
-    return Capabilities(
-        backend=backend,
-        device=device["name"],
-        driver=device["driver"],
-        api_version=(major, minor, patch),
-        kind=device["kind"],
-        features=frozenset(device["features"]),
-        why_not=device["why_not"],
-        limits=device["limits"],
-        broken=device["broken"],
-    )
-
-
-def plans(device: Capabilities | None) -> Report:
-    """Return by chapter ("ch01") which path each feature takes on `device` and why, or why it cannot run."""
-    made: Report = {}
-    for number in chapters.available():
-        name = chapters.folder_name(number)
-        try:
-            lesson = chapters.lesson(number)
-            entry: Report = {"title": lesson.title, "runs": False, "problem": None, "choices": []}
-            made[name] = entry
-            if device is None:
-                entry["problem"] = "no device works"
-                continue
-            if device.backend == "gl" and not (chapters.FOLDER / name / "gl" / "renderer.py").is_file():
-                entry["problem"] = "it has no OpenGL version"
-                continue
-            plan = resolve(lesson.needs.required, lesson.needs.optional, device)
-            entry["runs"] = True
-            entry["choices"] = [
-                {"feature": c.feature, "native": c.native, "path": c.path, "reason": c.reason}
-                for c in plan.choices
-            ]
-        except UnsupportedError as error:
-            entry["problem"] = str(error).rstrip(".")
-        except Exception as error:  # a chapter that somebody is working on
-            problem = f"it cannot be imported: {type(error).__name__}: {error}"
-            made[name] = {"title": "", "runs": False, "problem": problem, "choices": []}
-    return made
 
 
 def advice(found: Report) -> list[str]:

@@ -38,9 +38,8 @@ def vulkan() -> Iterator[dict[str, Any]]:
     instance = Instance()
     devices = instance.devices()
     for number, physical in enumerate(devices):
-        unfit = physical.unfit()
+        lacking = physical.lacking()
         all_, found = vd.capabilities(physical, believe=True), vd.capabilities(physical)
-        identity = vd.identity(physical)
         yield {
             "device": {
                 "number": number,
@@ -49,15 +48,15 @@ def vulkan() -> Iterator[dict[str, Any]]:
                 "build": physical.cache_uuid,
                 "kind": physical.kind,
                 "api": _dotted(physical.version),
-                "unfit": unfit,
+                "unfit": physical.unfit(),
                 "extensions": len(physical.extensions),
                 "queues": [_queue(vk, family) for family in physical.families],
-                "advertised": sorted(all_.features) if unfit is None else [],
-                "features": sorted(found.features) if unfit is None else [],
+                "advertised": sorted(all_.features) if lacking is None else [],
+                "features": sorted(found.features) if lacking is None else [],
                 "why_not": dict(found.why_not),
                 "broken": dict(found.broken),
                 "limits": dict(found.limits),
-                "verdicts": verdicts.read(identity),
+                "verdicts": verdicts.read(physical.identity),
             }
         }
     chosen = choose(devices)  # raises where none is fit, and then `main` answers with its words
@@ -99,17 +98,27 @@ def _mapped(name: str) -> str | None:
 
 def gl() -> Iterator[dict[str, Any]]:
     """Yield what Strata's OpenGL context without a window says of itself, and what it can do."""
-    from backends.gl import api
+    from backends import verdicts
+    from backends.gl import api, capabilities
     from backends.gl.context import Context
 
-    with Context() as context:  # where there is none, or none fits, `main` answers with the error's words
+    with Context(
+        believe=True
+    ) as context:  # where there is none, or none fits, `main` answers with the error's words
         names = {"version": api.GL_VERSION, "renderer": api.GL_RENDERER, "vendor": api.GL_VENDOR}
         yield {key: api.text(context.fn.glGetString(name)) for key, name in names.items()}
-        found = context.capabilities
+        said = context.capabilities
+        identity, wrong = capabilities.identity(said), capabilities.wrong(said)
+        found = verdicts.apply(said, wrong)
         yield {
             "device": {
+                "number": 0,
                 "name": found.device,
                 "driver": found.driver,
+                "build": identity.build,
+                "unfit": verdicts.unfit(wrong),
+                "advertised": sorted(said.features),
+                "verdicts": verdicts.read(identity),
                 "kind": found.kind,
                 "api": _dotted(found.api_version),
                 "features": sorted(found.features),

@@ -7,6 +7,7 @@ from typing import Any
 from rich.console import Console
 from rich.markup import escape
 
+from backends.features import REQUIRED_USES
 from backends.verdicts import OK, UNCHECKED
 from chapters.tables import table
 
@@ -37,7 +38,9 @@ def show(report: Report, console: Console) -> None:
     _show_versions(report, console)
     _show_devices(report, console)
     for device in report["vulkan"]["devices"]:
-        _show_verdicts(device, console)
+        _show_verdicts(device, "Vulkan", console)
+    if report["opengl"]["device"]:
+        _show_verdicts(report["opengl"]["device"], "OpenGL", console)
     _show_plans(report, console)
 
 
@@ -108,19 +111,20 @@ def _show_devices(report: Report, console: Console) -> None:
     console.print(made)
 
 
-def _show_verdicts(device: Report, console: Console) -> None:
-    if device["unfit"]:
-        return
+def _show_verdicts(device: Report, api: str, console: Console) -> None:
     verdicts = device["verdicts"] or {}
-    title = f"Features of {device['name']}"
+    if device["unfit"] and not verdicts:
+        return
+    title = f"Features of {device['name']} by {api}"
     if not verdicts:
-        title += " as the driver says (./strata doctor --selftest tries them)"
+        title += ", as the driver says (./strata doctor --selftest tries them)"
     made = table(title, "feature", "use", "verdict")
     rows: dict[tuple[str, ...], str] = {}
     for feature in device["advertised"]:
         rows[feature, ""] = "there"
     for use, reason in device["broken"].items():
-        rows[tuple(use.split("/", 1))] = reason
+        if use.partition("/")[0] in {*device["advertised"], *REQUIRED_USES}:
+            rows[tuple(use.split("/", 1))] = reason
     for feature, uses in verdicts.items():
         rows.pop((feature, ""), None)
         for use, verdict in uses.items():
@@ -141,7 +145,8 @@ def _show_plans(report: Report, console: Console) -> None:
     made = table(f"How the chapters run here{by}", "chapter", "feature", "path", "why")
     for name, plan in report["plan"].items():
         if plan["problem"]:
-            made.add_row(name, "", "does not run", escape(plan["problem"]))
+            path = "runs by the other backend" if plan["runs"] else "does not run"
+            made.add_row(name, "", path, escape(plan["problem"]))
         elif not plan["choices"]:
             made.add_row(name, "", "runs; it uses no optional feature", "")
         for index, choice in enumerate(plan["choices"]):

@@ -35,6 +35,8 @@ VARIABLES = {
     "STRATA_DEVICE": "The Vulkan device to take, by a part of its name or its number in the list of ./strata doctor.",
     "STRATA_FEATURES": "The ledger of features, a table with their titles, where somebody has it; "
     "../shared/features.tsv without it.",
+    "STRATA_VERDICTS": "The folder for what was found out about drivers when they were tried; the folder "
+    "selftest of the cache without it.",
 }
 """What the environment can say to the program."""
 NEAR = 6

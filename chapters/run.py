@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import chapters
-from backends.choice import decide
 from chapters import quality, studies
 from chapters.console import Steps, say
 from chapters.folders import Folder
@@ -130,7 +129,7 @@ def run(request: Request) -> int:
     """Do what was asked; return the exit code. Raises StrataError."""
     began = clock.perf_counter()
     check(request)
-    choice = decide(request.backend)
+    choice = chapters.decide_backend(request.backend, request.chapter)
     if request.backend == "auto" and (request.verbose or choice.backend == "gl"):
         say(f"strata: drawing with {choice.reason}.")
     problem = cache_problem() if request.verbose else ""

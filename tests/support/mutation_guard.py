@@ -1,9 +1,9 @@
 """An audit hook that tells of every file which is opened outside of where a scene may lead.
 
-What is allowed, and nothing else: the scene's own folder, the clone, the cache (STRATA_CACHE), the Python installation
-with its packages, `DEVICES`, and the folder for results that the worker names. Paths count by where their links lead.
-In the scene's folder, too, only regular files and folders may be opened: a pipe has no end. The only programs that may
-be started are this Python and `PROGRAMS`.
+What is allowed, and nothing else: the scene's own folder, the clone, the caches (STRATA_CACHE, STRATA_VERDICTS), the
+Python installation with its packages, `DEVICES`, and the folder for results that the worker names. Paths count by
+where their links lead. In the scene's folder, too, only regular files and folders may be opened: a pipe has no end.
+The only programs that may be started are this Python and `PROGRAMS`.
 
 The hook sees what Python opens (`open`, `os.open`, `os.listdir`, `os.scandir`, sockets, programs), not what the C code
 of a driver opens by itself.
@@ -19,6 +19,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from backends import verdicts
 from common.paths import ROOT, user_cache
 
 OPENING = {"open", "os.listdir", "os.scandir"}
@@ -36,7 +37,9 @@ class Guard:
         self._report = report
         self._folder: str | None = None
         installed = {sys.prefix, sys.base_prefix, sys.exec_prefix, *sys.path[1:]}
-        self._allowed = _folders([str(ROOT), str(user_cache()), str(results), *installed])
+        self._allowed = _folders(
+            [str(ROOT), str(user_cache()), str(verdicts.folder()), str(results), *installed]
+        )
 
     def install(self) -> None:
         """Add the hook to this interpreter."""
