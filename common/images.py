@@ -39,7 +39,7 @@ def check_writable(path: Path, kinds: Sequence[str] = WRITABLE) -> None:
     if path.is_dir():
         raise UserError(f"{path} is a folder: name a file in it, such as {path / 'picture'}{kinds[0]}")
     if path.suffix.lower() not in kinds:
-        raise UserError(f"{path} has no suffix of a picture: write {', '.join(kinds[:-1])} or {kinds[-1]}")
+        raise UserError(f"{path} cannot be written as a picture: name {', '.join(kinds[:-1])} or {kinds[-1]}")
     target = written_file(path)
     if not target.parent.is_dir():
         raise UserError(f"there is no folder {target.parent} for {target.name}: create it first")

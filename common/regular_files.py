@@ -1,4 +1,4 @@
-"""Files that somebody else names are opened only if they are regular ones: a pipe blocks, a device need not end."""
+"""Files that a scene or a command names are opened only if they are regular: a pipe blocks, a device need not end."""
 
 from __future__ import annotations
 

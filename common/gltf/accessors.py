@@ -57,8 +57,12 @@ class Accessors:
         self._indices: dict[int, UInt32] = {}
 
     def count(self, index: int) -> int:
-        """Return the number of elements without decoding them."""
-        return int(self._entries[index]["count"])
+        """Return the number of elements, all of whose bytes are there.
+
+        Raises:
+            Refusal: bytes outside the buffer.
+        """
+        return len(self.raw(index))
 
     def floats(self, index: int, place: str, types: Sequence[str], finite: bool = True) -> Float32:
         """Return (N, C) float32: integers as they are, or scaled to [0, 1] or [-1, 1] where normalised.

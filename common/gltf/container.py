@@ -66,7 +66,7 @@ def map_file(path: Path, place: str = "") -> Bytes:
         refuse(
             place,
             f"{'names a folder, ' + path.name if place else 'is a folder'}",
-            "name the .gltf or .glb in it",
+            "name a file in it" if place else "name the .gltf or .glb in it",
         )
     except (FileNotFoundError, UnicodeEncodeError):  # the latter: no file can have this name
         if place:

@@ -66,7 +66,9 @@ class PrimitiveReader:
         if "indices" in entry:
             indices = self._accessors.indices(entry["indices"], f"{place}.indices", count)
         else:
-            indices = self._in_order.setdefault(count, np.arange(count, dtype=np.uint32))
+            if count not in self._in_order:
+                self._in_order[count] = np.arange(count, dtype=np.uint32)
+            indices = self._in_order[count]
         if mode > LINE_STRIP:
             key = (id(indices), mode)  # the accessors keep the array alive
             indices = self._triangles.setdefault(key, triangle_indices(indices, mode))

@@ -46,7 +46,7 @@ def path(tmp_path):
     for pixels in (
         made["smooth"],
         made["normal"],
-        made["smooth"],
+        made["smooth"][::-1].copy(),  # pictures of equal bytes would be one image of the scene
         made["smooth"][..., :3],
         made["noise"][:8, :8],
         deep,

@@ -19,7 +19,7 @@ RUN = ("run", "1", "--size", "32x32")
 @pytest.mark.parametrize("name", ["x.bmp", "x.hdr", "x", "x.png.jpg"])
 def test_what_is_advised_is_taken(strata, tmp_path, name):
     code, _, err = strata(*RUN, "--scene", triangle().write(tmp_path), "--out", name)
-    assert code == 2 and err == f"strata: {name} has no suffix of a picture: write .png or .exr\n"
+    assert code == 2 and err == f"strata: {name} cannot be written as a picture: name .png or .exr\n"
 
 
 def test_a_folder_is_called_one(strata, tmp_path):

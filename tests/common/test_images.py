@@ -138,8 +138,8 @@ def test_without_the_package_exr_is_one_sentence(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("name", "sentence"),
     [
-        ("a.bmp", "no suffix of a picture: write .png, .exr or .hdr"),
-        ("a", "no suffix of a picture"),
+        ("a.bmp", "cannot be written as a picture: name .png, .exr or .hdr"),
+        ("a", "cannot be written as a picture"),
         ("missing/a.png", "there is no folder"),
         ("folder.png", "is a folder: name a file in it"),
     ],

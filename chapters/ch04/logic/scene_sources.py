@@ -39,7 +39,7 @@ class State(NamedTuple):
 def state_of(path: Path, folder: Path | None = None) -> State:
     """Return the state of a file; what cannot be asked for, or is no regular file, is absent.
 
-    With `folder`, what a link leads to outside that folder is absent as well, as it is for who loads a scene.
+    With `folder`, what a link leads to outside that folder is absent as well, as it is when a scene is loaded.
     """
     try:
         found = path.stat()
