@@ -14,6 +14,7 @@ from backends.gl.queries import Statistics
 from backends.vulkan import api as vk
 from chapters.ch04.settings import Settings
 from common.scene import Image, Material
+from tests.support.drivers import needs_whole_quads
 from tests.support.jumble import CAMERA, jumble
 from tests.support.scenes import facing, quad_scene, texture, translated
 
@@ -105,6 +106,7 @@ def test_with_it_each_covered_pixel_is_shaded_once(chapter, graph, prepass):
 )
 def test_no_bit_of_the_picture_changes(chapter, settings):
     """Equal depth has to be equal to the bit, or surfaces would have gaps; and samples of masks the same ones."""
+    needs_whole_quads(chapter.device)
     scene = jumble(1)
     frames = {}
     for prepass in (False, True):

@@ -16,6 +16,7 @@ from common import shader_files
 from common.environment import Environment
 from common.errors import ShaderError, UserError
 from common.scene import Material
+from tests.support.drivers import needs_line_marks
 from tests.support.jumble import CAMERA, jumble
 from tests.support.scenes import facing, quad_scene
 
@@ -154,7 +155,10 @@ def test_the_graph_says_when_it_cannot_be(open_):
 
 
 @pytest.mark.variants("vulkan", "gl")
-def test_an_edited_kernel_is_taken_over_and_a_wrong_one_changes_nothing(open_, tmp_path, monkeypatch):
+def test_an_edited_kernel_is_taken_over_and_a_wrong_one_changes_nothing(
+    chapter, open_, tmp_path, monkeypatch
+):
+    needs_line_marks(chapter.device)
     folder = tmp_path / "shaders"
     shutil.copytree(on_vulkan.SHADERS, folder)
     monkeypatch.setattr(on_vulkan, "SHADERS", folder)

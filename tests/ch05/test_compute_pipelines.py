@@ -12,6 +12,7 @@ from backends.vulkan.shaders import compile_shader
 from chapters.ch05.logic.dispatches import MOST_GROUPS, group_count
 from chapters.ch05.logic.shared_memory import shared_bytes
 from common.errors import ShaderError, UnsupportedError
+from tests.support.drivers import needs_line_marks
 from tests.support.kernels import kernels_on
 
 AFFINE = """
@@ -163,7 +164,8 @@ def test_an_edited_kernel_is_built_anew_with_its_new_groups(kernels, shader):
     kernels.reload(file)
 
 
-def test_a_work_group_that_the_device_cannot_run_is_refused_in_a_sentence(kernels, shader):
+def test_a_work_group_that_the_device_cannot_run_is_refused_in_a_sentence(chapter, kernels, shader):
+    needs_line_marks(chapter.device)
     text = COPY.replace("local_size_x = 32", "local_size_x = 4096, local_size_y = 4096")
     with pytest.raises(ShaderError) as error:
         kernels.pipeline(shader(text))

@@ -49,7 +49,7 @@ def test_a_record_says_what_was_measured_where(record):
     assert record["size"] == [64, 36]
     assert record["scene"]["name"] == "cornell"
     assert record["scene"]["triangles"] > 0
-    assert record["backend"] == "vulkan"
+    assert record["backend"] == chapters.choose_backend("auto", 1)
     assert record["device"].keys() >= {"name", "driver", "class", "api_version"}
     assert all(record["device"].values())
     assert record["commit"]
@@ -117,7 +117,8 @@ def test_starts_and_stability_are_part_of_the_record(record):
         parts = [times[name] for name in ("python", "import", "load", "create", "first frame")]
         assert all(part > 0 for part in parts)
         assert sum(parts) == pytest.approx(times["total"], abs=0.01)
-    assert cold["shaders_compiled"] > 0
+    # OpenGL's driver compiles by itself, uncounted.
+    assert (cold["shaders_compiled"] > 0) == (record["backend"] == "vulkan")
     assert warm["shaders_compiled"] == 0
     assert record["stability"]["cases"] == [record["stability"]["worst"]]
     assert record["stability"]["worst"]["pixels_changed"] <= stability.BOUND == record["stability"]["bound"]

@@ -72,7 +72,7 @@ def test_a_file_name_that_is_no_utf8_is_printed(tmp_path):
     name = os.fsdecode(b"b\xff")
     done = shell(f"strata run 1 --scene {name}.gltf", tmp_path)
     assert done.returncode == 2
-    assert done.stderr == b"strata: There is no file b\\xff.gltf.\n"
+    assert done.stderr.splitlines()[-1] == b"strata: There is no file b\\xff.gltf."
     assert shown(f"{name} é") == "b\\xff é"
 
 
