@@ -76,7 +76,8 @@ def area_of(path: str) -> str:
     The stability of a chapter, tests/stability/test_ch01.py, belongs to that chapter.
     """
     parts = Path(path).parts
-    name = parts[2] if parts[1] == "stability" else parts[1]
+    of_chapter = parts[1] == "stability" and re.fullmatch(r"test_ch\d\d\.py", parts[2])
+    name = parts[2] if of_chapter else parts[1]
     return name.removeprefix("test_").removesuffix(".py")
 
 
