@@ -1,7 +1,8 @@
 """Run a command of this clone on a machine with Debian 12's own graphics drivers, Mesa 22.3.6, as many people have.
 
     sudo python3 .ci/old_mesa.py [--fresh] MACHINE [COMMAND...]
-    sudo python3 .ci/old_mesa.py --record MACHINE
+    sudo python3 .ci/old_mesa.py --record-drawing MACHINE
+    sudo python3 .ci/old_mesa.py --record-tests MACHINE
 
 The machines, each a folder below `out/machines/` that is made once, by debootstrap:
 
@@ -12,8 +13,9 @@ The machines, each a folder below `out/machines/` that is made once, by debootst
 
 A machine is a chroot with Python, git and a clone of the last commit in /strata. COMMAND runs there in an environment
 that holds nothing of this one; without a command it is a shell. `--fresh` makes the machine anew, so that a first start
-can be tried. The models of STRATA_ASSETS are in /models. `--record` draws every chapter and study there, by each
-backend that it has a version for, runs the tests, and keeps what came of it in docs/records/machines.json.
+can be tried. The models of STRATA_ASSETS are in /models. `--record-drawing` draws every chapter and study there, by each
+backend that it has a version for, `--record-tests` runs the tests, and both keep what came of it in
+docs/records/machines.json.
 """
 
 from __future__ import annotations
@@ -27,6 +29,7 @@ import sys
 import time
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 MACHINES = ROOT / "out" / "machines"
@@ -51,7 +54,7 @@ ENVIRONMENT = {
 
 def main(words: list[str]) -> int:
     """Make the machine where it is missing, bring its clone to the last commit, and run the command there."""
-    flags = {word for word in words[:1] if word in ("--fresh", "--record")}
+    flags = {word for word in words[:1] if word in ("--fresh", "--record-drawing", "--record-tests")}
     words = words[len(flags) :]
     if not words or words[0] not in DRIVERS:
         print(f"Name a machine: {', '.join(DRIVERS)}. {Path(__file__).name} begins with a description.")
@@ -65,8 +68,14 @@ def main(words: list[str]) -> int:
         shutil.rmtree(folder)  # nothing is mounted there: the mounts of `enter` end with the command
     make(name, folder)
     bring(folder)
-    if "--record" in flags:
-        return record(name, folder)
+    if "--record-drawing" in flags:
+        drawn, failed = draw_everything(name, folder)
+        keep(name, folder, "drawing", drawn)
+        return int(failed)
+    if "--record-tests" in flags:
+        tests, failed = run_tests(folder)
+        keep(name, folder, "tests", tests)
+        return int(failed)
     return enter(folder, f"cd /strata && exec {shlex.join(command)}", interactive=not words[1:])
 
 
@@ -82,8 +91,8 @@ for number in chapters.available():
 """Prints what can be drawn, and by which backends."""
 
 
-def record(name: str, folder: Path) -> int:
-    """Draw everything on a machine, run the tests there, and keep both; return 0 if nothing failed."""
+def draw_everything(name: str, folder: Path) -> tuple[dict[str, dict[str, str]], bool]:
+    """Return how each command to draw ended, by what is drawn and backend, and whether any failed."""
     listing = shlex.join([".venv/bin/python", "-P", "-c", EVERYTHING])
     # Set up by a command that draws: the launcher's own words are seen, too.
     listed = read(folder, f"./strata --no-install run 1 --headless --out /tmp/a.png >&2; {listing}")[1]
@@ -96,23 +105,31 @@ def record(name: str, folder: Path) -> int:
             ended = "drawn" if code == 0 else f"exit code {code}: {' '.join(said.splitlines()[-1:])}"
             drawn.setdefault(which, {})[backend] = ended
             print(f"{which} {backend}: {ended} ({time.monotonic() - began:.1f} s)", flush=True)
-    code, said = read(folder, "./strata --no-install test 2>&1")
+    return drawn, any(set(ends.values()) != {"drawn"} for ends in drawn.values())
+
+
+def run_tests(folder: Path) -> tuple[dict[str, Any], bool]:
+    """Return the exit code of the tests, their last line and what failed, and whether anything did."""
+    code, said = read(folder, "./strata --no-install test -q 2>&1")
     summary = next((line for line in reversed(said.splitlines()) if " passed" in line), "no summary")
-    print(f"tests: exit code {code}: {summary}", flush=True)
+    failed = [line.split()[1] for line in said.splitlines() if line.startswith(("FAILED ", "ERROR "))]
+    print(f"tests: exit code {code}: {summary}", *failed, sep="\n", flush=True)
+    return {"code": code, "summary": summary.strip(" ="), "failed": failed}, code != 0
+
+
+def keep(name: str, folder: Path, what: str, found: object) -> None:
+    """Write what was found on a machine into the record, with the versions of Mesa and of the clone."""
     try:
         kept = json.loads(RECORD.read_text("utf-8"))
     except FileNotFoundError:
         kept = {}
-    kept[name] = {
+    kept.setdefault(name, {})[what] = {
         "mesa": read(folder, "dpkg-query -W -f '${Version}' libgl1-mesa-dri")[1],
         "commit": output("git", "-C", str(ROOT), "rev-parse", "--short=12", "HEAD"),
         "when": datetime.now(UTC).isoformat(timespec="seconds"),
-        "drawn": drawn,
-        "tests": {"code": code, "summary": summary.strip(" =")},
+        "found": found,
     }
     RECORD.write_text(json.dumps(dict(sorted(kept.items())), indent=1) + "\n", "utf-8")
-    failed = [which for which, ends in drawn.items() if set(ends.values()) != {"drawn"}]
-    return 1 if failed or code else 0
 
 
 def read(folder: Path, command: str) -> tuple[int, str]:
