@@ -13,8 +13,8 @@ The machines, each a folder below `out/machines/` that is made once, by debootst
 
 A machine is a chroot with Python, git and a clone of the last commit in /strata. COMMAND runs there in an environment
 that holds nothing of this one; without a command it is a shell. `--fresh` makes the machine anew, so that a first start
-can be tried. The models of STRATA_ASSETS are in /models. `--record-drawing` draws every chapter and study there, by each
-backend that it has a version for, `--record-tests` runs the tests, and both keep what came of it in
+can be tried. The models of STRATA_ASSETS are in /models. `--record-drawing` draws every chapter and study there by
+each backend that it has a version for, `--record-tests` runs the tests, and both keep the results in
 docs/records/machines.json.
 """
 

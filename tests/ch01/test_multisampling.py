@@ -24,6 +24,7 @@ from common.scene import Image, Material, Sampler, Scene
 from common.settings import preset
 from common.transforms import matrix_from_quaternion, pose_looking_at
 from tests.support.chapter import on_path, targets_of
+from tests.support.drivers import needs_feature, needs_whole_quads
 from tests.support.scenes import facing, quad_scene, texture, translated
 
 pytestmark = pytest.mark.variants("gl")
@@ -85,8 +86,9 @@ def test_an_edge_has_one_level_more_than_samples_and_covers_what_it_should(opene
 
 
 @pytest.mark.parametrize("offset", [0.1, 0.3, 0.5, 0.8])
-def test_an_alpha_mask_covers_as_many_samples_as_it_fills_of_the_pixel(opened, offset):
+def test_an_alpha_mask_covers_as_many_samples_as_it_fills_of_the_pixel(opened, vulkan_device, offset):
     """Alpha is a ramp over 8 pixels, and 0.5 is crossed `offset` pixels inside of one."""
+    needs_whole_quads(vulkan_device)
     alpha = np.float32((0, 1, 1, 0))
     colors = np.ones((4, 4), np.float32)
     colors[:, 3] = alpha
@@ -316,8 +318,12 @@ def test_more_samples_are_less_error(opened, name):
 
 
 @pytest.mark.feature("textures/anisotropic-filtering")
-def test_anisotropic_filtering_comes_nearer_to_many_samples_and_keeps_more_contrast(opened):
+def test_anisotropic_filtering_comes_nearer_to_many_samples_and_keeps_more_contrast(
+    opened, vulkan_device, gl_context
+):
     """A grating on a floor at a grazing angle: lines run away from the viewer, and a trilinear filter blurs them."""
+    for device in (vulkan_device, gl_context):
+        needs_feature(device, "anisotropy")
     stripes = np.zeros((64, 64, 4), np.uint8)
     stripes[..., 3] = 255
     stripes[:, ::2, :3] = 255

@@ -10,6 +10,7 @@ from rich.table import Table
 from chapters.console import out, say
 from common.images import read_image
 from tests.common.gltf.test_hidden_text import BAD, SEEN, named
+from tests.support.drivers import needs_layers
 
 
 @pytest.fixture(autouse=True)
@@ -20,7 +21,9 @@ def cache(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("chapter", [1, 3, 5])
 @pytest.mark.parametrize("backend", ["vulkan", "gl"])
-def test_a_scene_of_such_names_is_drawn_like_any_other(strata, tmp_path, chapter, backend):
+def test_a_scene_of_such_names_is_drawn_like_any_other(strata, tmp_path, chapter, backend, vulkan_instance):
+    if backend == "vulkan":
+        needs_layers(vulkan_instance)
     pictures = []
     for text in ("plain", BAD):
         path = named(text).write(tmp_path)

@@ -17,3 +17,21 @@ def needs_line_marks(device: Any) -> None:
     """Skip on a driver whose GLSL compiler does not say in which file a line is, as that of Mesa 22."""
     if device.capabilities.backend == "gl" and " Mesa 22." in device.capabilities.driver:
         pytest.skip("the driver does not say in which file a line is")
+
+
+def needs_feature(device: Any, feature: str) -> None:
+    """Skip on a device that lacks a feature, or gets it wrong."""
+    if not device.has(feature):
+        pytest.skip(f"the device has no {feature}")
+
+
+def needs_layers(instance: Any) -> None:
+    """Skip where the Vulkan validation layers are not installed."""
+    if not instance.validates:
+        pytest.skip("the Vulkan validation layers are not installed")
+
+
+def needs_precise_products(device: Any) -> None:
+    """Skip on Mesa 22, whose compilers for Vulkan and OpenGL round a product of matrices in two ways."""
+    if " Mesa 22." in device.capabilities.driver:
+        pytest.skip("the compilers of this driver round a product in two ways")
