@@ -56,7 +56,9 @@ def test_a_named_device_is_taken_or_refused_never_replaced(monkeypatch):
     monkeypatch.setenv("STRATA_DEVICE", "small")
     assert choose(machine) is small
     assert choose(machine, "big") is big, "what is asked for here counts more than the environment"
-    with pytest.raises(UserError, match="No Vulkan device matches 'tiny'; there are 0: Big Card, 1: small"):
+    with pytest.raises(
+        UserError, match="No Vulkan device matches 'tiny'; the devices are: 0: Big Card, 1: small"
+    ):
         choose(machine, "tiny")
     with pytest.raises(UserError, match=r"'old' cannot be used: it offers Vulkan 1\.2\.0"):
         choose(machine, "old")

@@ -34,9 +34,9 @@ def test_a_long_wait_is_told_with_what_is_true_then(heard: tuple[list[str], thre
 
 def test_a_quick_wait_is_not_told(heard: tuple[list[str], threading.Event]) -> None:
     texts, event = heard
-    with waiting.told(lambda: "waiting.", after_s=0.05):
+    with waiting.told(lambda: "waiting.", after_s=0.4):
         pass
-    assert not event.wait(0.2)
+    assert not event.wait(0.5)
     assert not texts
 
 

@@ -35,6 +35,9 @@ COLD_FACTOR = 2.5
 """How much more a run may take that finds no compiled shader: the driver then compiles at each pipeline's first draw,
 which is no test's own time, and it happens once per machine (chapter 1 on Vulkan in software: 24 s warm, 43 s cold)."""
 
+WARM_SHADERS = 500
+"""A whole run leaves 1,470 compiled shaders, and trying the drivers a hundred: with fewer than this a run is cold."""
+
 COLD_TEST_BUDGET_S = 20.0
 """For one test then: the first to draw a scene of many materials compiles for all that follow."""
 
@@ -146,7 +149,7 @@ class Report:
         self.in_ci = os.environ.get("CI") == "true"
         self.complaints: list[str] = []
         compiled = user_cache() / "spirv"
-        self.cold = not compiled.is_dir() or not any(compiled.iterdir())
+        self.cold = not compiled.is_dir() or len(list(compiled.iterdir())) < WARM_SHADERS
 
     @property
     def device(self) -> str:
