@@ -39,7 +39,11 @@ def test_whatever_the_width_tables_and_help_can_be_read(tmp_path, columns, words
 def test_a_closed_stdout_is_one_sentence(tmp_path, words):
     done = shell(f"strata {words} >&-", tmp_path)
     assert done.returncode == 2
-    assert done.stderr == b"strata: The result cannot be printed: stdout is closed.\n"
+    said = done.stderr.splitlines()
+    assert said[-1] == b"strata: The result cannot be printed: stdout is closed."
+    assert all(
+        line.startswith(b"strata: still busy") for line in said[:-1]
+    )  # on a machine that takes long to answer
 
 
 def test_who_prints_nothing_needs_no_stdout(tmp_path, vulkan_instance):

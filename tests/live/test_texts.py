@@ -9,6 +9,7 @@ from backends.shader_text import build, describe_errors
 from backends.vulkan import glslang
 from backends.vulkan.shaders import Compiler
 from common.errors import ShaderError
+from tests.support.drivers import needs_line_marks
 
 MAIN = """// 1
 #ifdef A
@@ -37,6 +38,7 @@ def main(tmp_path):
 
 @pytest.mark.parametrize("defines", [{}, {"A": 1}, {"B": 1}, {"A": 1, "B": 1}], ids=str)
 def test_lines_are_counted_rightly_behind_includes_that_a_condition_leaves_out(main, defines, gl_context):
+    needs_line_marks(gl_context)
     vertex = main.with_name("main.vert")
     vertex.write_text("void main() { gl_Position = vec4(0.0); }\n")
     compilers = {
