@@ -58,7 +58,7 @@ def plans(
             ]
         except UnsupportedError as error:
             entry["problem"] = str(error).rstrip(".")
-        except Exception as error:  # a chapter that somebody is working on
+        except Exception as error:  # a chapter that is being changed may not import
             problem = f"it cannot be imported: {type(error).__name__}: {error}"
             made[name] = {"title": "", "runs": False, "problem": problem, "choices": []}
     return made

@@ -1,9 +1,9 @@
-"""Tries a chapter on a driver before it is first used there: `python -m chapters.trial BACKEND NUMBER chapter/N...`.
+"""Tries a chapter on a driver before it is first used there: `python -m chapters.trial BACKEND 0 chapter-1/frame ...`.
 
-What one chapter needs of a driver, its own first frame shows: a child process draws two squares at 16x16, and compares
-them with the light that was put in. A driver that crashes, hangs or draws something else costs a sentence, and `auto`
-takes another backend. Verdicts are kept beside those of the self-tests; one that failed is void once the chapter's
-files change.
+A chapter's own first frame uses what the chapter needs of a driver. A child process draws two squares at 16x16 by it,
+and compares them with the light that was put in. A driver that crashes, hangs or draws something else costs a
+sentence, and `auto` takes another backend. Verdicts are kept beside those of the self-tests; one that failed is void
+once the chapter's files change.
 """
 
 from __future__ import annotations
