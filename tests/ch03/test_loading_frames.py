@@ -359,12 +359,16 @@ class Chained(Image):
 
 
 @pytest.mark.needs("etcpak")
-@pytest.mark.parametrize("settings", [EXACT, replace(STREAM, upload_budget=1 / 64)])
-def test_levels_that_an_image_brings_are_copied_as_they_are(chapter, settings):
+@pytest.mark.parametrize("without", [(), ("bindless",)], ids=["as it is", "arrays"])
+@pytest.mark.parametrize("settings", [EXACT, replace(STREAM, upload_budget=1 / 64)], ids=["at once", "parts"])
+def test_levels_that_an_image_brings_are_copied_as_they_are(chapter, settings, without):
     images = [Chained(str(color), plain(color, (150, 70 + n))) for n, color in enumerate(COLORS)]
     refs = [texture(n, replace(NEAREST, mipmap="nearest")) for n in range(4)]
     scene = row_of(images, tuple(replace(UNLIT, base_color_texture=ref) for ref in refs))
-    with open_(chapter, scene, settings, (32, 8)) as renderer, chapter.calls() as calls:
+    with (
+        chapter.open(scene, (32, 8), settings, outputs={"color_linear"}, without=without) as renderer,
+        chapter.calls() as calls,
+    ):
         picture, _ = frames_until(renderer, loaded)[-1]
         made = [name for name in calls if name in ("vkCmdDispatch", "glDispatchCompute")]
     shown, truth = np.array(codes(picture[:, ::8])), np.array([color[:3] for color in COLORS])
