@@ -15,6 +15,7 @@ from backends.vulkan import api as vk
 from backends.vulkan.barriers import barriers
 from backends.vulkan.device import Device
 from backends.vulkan.upload import SETS, MipPipeline
+from common import blocks
 
 from ..logic.loading import Loading, Request, Wanted, refusal
 from ..logic.ring import rows_that_fit
@@ -56,9 +57,12 @@ class Loader:
         """Submissions with copies so far."""
 
     def prepare(self, formats: Iterable[tuple[str, bool]]) -> None:
-        """Make ahead what no frame should have to: pipelines for images of (format, whether arrays) with levels."""
+        """Make ahead what no frame should have to: pipelines for images of (format, whether arrays) with levels.
+
+        Compressed images bring their levels, and need none.
+        """
         if self._loading.streams and self._loading.busy:
-            pipelines = [self._pipeline(*key) for key in formats]
+            pipelines = [self._pipeline(*key) for key in formats if not blocks.is_compressed(key[0])]
             for pipeline in pipelines:
                 pipeline.build(srgb=False)
                 pipeline.build(srgb=True)
