@@ -82,9 +82,9 @@ def check(request: Request) -> None:
         )
     target = request.out
     if target is not None:
-        images.check_writable(target)
-        if target.suffix.lower() != ".png":
+        if target.suffix.lower() in (".exr", ".hdr"):
             raise UserError(f"--out {target}: the pictures and the map go to a .png.")
+        images.check_writable(target)
     made = request.json if request.json != STDOUT else None
     if made is not None and (made.is_dir() or not made.absolute().parent.is_dir()):
         raise UserError(f"--json {made} cannot be written: name a file in a folder that exists.")

@@ -18,7 +18,7 @@ from PIL import Image as PillowImage
 from PIL.PngImagePlugin import PngInfo
 
 from common import packages
-from common.errors import UserError
+from common.errors import UnsupportedError, UserError
 from common.exif import without_exif
 from common.names import visible
 from common.paths import temporary_folder, write_whole, written_file
@@ -230,7 +230,7 @@ def _openexr() -> ModuleType:
     try:
         return packages.load("OpenEXR")
     except ImportError as error:
-        raise UserError(
+        raise UnsupportedError(
             f"EXR needs the package OpenEXR, which {error}: run `pip install OpenEXR`, or write .png or .hdr"
         ) from None
 

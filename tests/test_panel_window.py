@@ -34,6 +34,7 @@ from common.pose import evaluate_pose
 from common.positioners import FirstPerson, Orbit
 from common.scene import Light, Material
 from common.transforms import pose_looking_at
+from tests.support import packages
 from tests.support.display import User, screenshot, virtual_display
 from tests.support.scenes import quad_scene
 from tests.support.timing import PATIENCE_S, once_more
@@ -462,7 +463,7 @@ class Session:
         yield
 
 
-@pytest.fixture(params=["vulkan", "gl"])
+@pytest.fixture(params=packages.BACKENDS)
 def session(request, display, monkeypatch):
     def run(script, **more):
         found = Session(display, request.param, script, monkeypatch, **more)

@@ -12,6 +12,7 @@ import pytest
 from common.images import read_image
 from common.paths import WholeFile, write_whole
 from tests.common.gltf.builder import QUAD, QUAD_INDICES, Gltf, triangle
+from tests.support import packages
 
 RUN = ("run", "1", "--size", "32x32")
 
@@ -117,7 +118,7 @@ def test_a_conversion_that_fits_is_whole(strata, tmp_path, monkeypatch):
     assert len([path for path in (tmp_path / "files").rglob("*") if path.is_file()]) == 6
 
 
-@pytest.mark.parametrize("backend", ["vulkan", "gl"])
+@pytest.mark.parametrize("backend", packages.BACKENDS)
 def test_a_scene_far_away_is_no_fault_of_the_code(strata, tmp_path, backend):
     gltf = triangle()
     gltf.json["nodes"][0].update(translation=[1e17, 1e17, 1e17], scale=[5.0] * 3)
@@ -126,7 +127,7 @@ def test_a_scene_far_away_is_no_fault_of_the_code(strata, tmp_path, backend):
     assert code == 0 and "m from its origin, where places are rounded to 16 m" in err and "Warning" not in err
 
 
-@pytest.mark.parametrize("backend", ["vulkan", "gl"])
+@pytest.mark.parametrize("backend", packages.BACKENDS)
 @pytest.mark.parametrize("chapter", [1, 2])
 def test_a_texture_without_coordinates_is_drawn_as_its_texel_at_zero(strata, tmp_path, backend, chapter):
     """The same picture as one texture of that colour alone."""

@@ -13,13 +13,15 @@ from common.errors import UserError
 from common.images import image_size, write_image
 from common.paths import asset_dir
 
+EXR = pytest.param(".exr", marks=pytest.mark.needs("OpenEXR"))
+
 
 def panorama(height=4):
     """Return random radiance (height, 2 * height, 3)."""
     return np.random.default_rng(1).random((height, 2 * height, 3)).astype(np.float32)
 
 
-@pytest.mark.parametrize("suffix", [".hdr", ".exr"])
+@pytest.mark.parametrize("suffix", [".hdr", EXR])
 def test_a_file_is_read_as_it_was_written(tmp_path, suffix):
     write_image(tmp_path / f"garden{suffix}", panorama())
     got = read_environment(tmp_path / f"garden{suffix}")
@@ -60,6 +62,7 @@ def test_content_is_that_of_the_pixels():
     assert constant(1.0, 2).content != constant(1.0, 4).content
 
 
+@pytest.mark.needs("OpenEXR")
 def test_texels_that_are_no_light_are_put_right_and_counted(tmp_path):
     pixels = panorama()
     pixels[0, 0, 1], pixels[1, 2, 0], pixels[1, 3], pixels[3, 7, 2] = np.nan, np.inf, -1.0, np.inf
@@ -90,7 +93,7 @@ def test_doubles_beyond_float32_are_as_bright_as_the_brightest_other_one():
         ((2, 8194), "wider than the 8192"),
     ],
 )
-@pytest.mark.parametrize("suffix", [".hdr", ".exr"])
+@pytest.mark.parametrize("suffix", [".hdr", EXR])
 def test_what_is_no_panorama_is_refused(tmp_path, shape, says, suffix):
     write_image(tmp_path / f"p{suffix}", np.ones((*shape, 3), np.float32))
     with pytest.raises(UserError, match=says):
@@ -113,7 +116,7 @@ def test_a_panorama_of_16k_is_refused_before_it_is_decoded(tmp_path, monkeypatch
         read_environment(tmp_path / "large.hdr")
 
 
-@pytest.mark.parametrize("suffix", [".hdr", ".exr"])
+@pytest.mark.parametrize("suffix", [".hdr", EXR])
 def test_files_that_are_cut_off_or_empty_are_refused(tmp_path, suffix):
     path = tmp_path / f"cut{suffix}"
     write_image(path, panorama(16))
@@ -124,6 +127,7 @@ def test_files_that_are_cut_off_or_empty_are_refused(tmp_path, suffix):
             read_environment(path)
 
 
+@pytest.mark.needs("OpenEXR")
 def test_files_without_light_or_of_other_kinds_are_refused(tmp_path):
     write_image(tmp_path / "nan.exr", np.full((2, 4, 3), np.nan, np.float32))
     for name, says in (("nan.exr", "no texel"), ("none.hdr", "no file"), ("sky.png", "name a panorama")):
@@ -137,6 +141,7 @@ def test_a_black_picture_is_refused(tmp_path):
         read_environment(tmp_path / "black.hdr")
 
 
+@pytest.mark.needs("OpenEXR")
 def test_texels_beyond_every_exposure_are_made_as_bright_as_any_fits(tmp_path):
     pixels = panorama()
     pixels[1, 2] = pixels[3, 3] = 3e38
@@ -151,6 +156,7 @@ def test_texels_beyond_every_exposure_are_made_as_bright_as_any_fits(tmp_path):
         constant(3e38)
 
 
+@pytest.mark.needs("OpenEXR")
 def test_grey_pictures_are_read_as_white_light(tmp_path):
     write_image(tmp_path / "grey.exr", panorama()[..., :1])
     assert np.array_equal(

@@ -13,6 +13,7 @@ from chapters.exercises import FOLDER, KINDS, answers, checking, of_chapter
 from chapters.exercises.patches import OutOfDate, apply, difference, files_of, states
 from chapters.folders import Folder
 from chapters.trees import write_files
+from common.errors import UnsupportedError
 
 ALL = [one for number in chapters.available() for one in of_chapter(number)]
 CODE = [one for one in ALL if one.kind != "predict"]
@@ -48,7 +49,10 @@ def verdict(exercise, backend, tree, folder, opener):
     one = replace(exercise, backends=(backend,) if backend else ())
     if one.validated and backend == "vulkan" and not opener(backend).enter_result.instance.validates:
         pytest.skip("the validation layers are not installed")
-    return checking.check(one, Folder(folder.resolve()), opener)
+    try:
+        return checking.check(one, Folder(folder.resolve()), opener)
+    except UnsupportedError as error:
+        pytest.skip(str(error))
 
 
 @pytest.mark.parametrize(("exercise", "backend"), on_backends(CODE))

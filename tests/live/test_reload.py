@@ -27,6 +27,7 @@ from common.errors import ShaderError
 from common.scene import Image, Light, Material
 from tests.live.conftest import PLAIN
 from tests.support.chapter import Chapter
+from tests.support.drivers import needs_line_marks
 from tests.support.scenes import facing, quad_scene, texture
 from tests.support.timing import least_time, once_more, timed
 
@@ -176,6 +177,7 @@ def test_a_broken_shader_leaves_the_last_good_picture_until_it_is_repaired(chapt
         run.follow()
         assert (run.picture() == good).all()
         assert run.handles() == handles
+        needs_line_marks(chapter.device)
         lines = path.read_text("utf-8").splitlines()
         number = next(i for i, line in enumerate(lines, 1) if "colour" in line)
         shown = run.live.error.splitlines()

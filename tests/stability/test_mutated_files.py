@@ -14,7 +14,7 @@ import pytest
 
 import chapters
 from common.errors import UnsupportedError
-from tests.support import mutation_run, mutation_sources, mutations
+from tests.support import mutation_run, mutation_sources, mutations, packages
 from tests.support.drawable import assert_drawable
 from tests.support.mutation_run import LIMIT_BYTES, LIMIT_S, Summary
 from tests.support.mutation_stubs import DOINGS
@@ -30,7 +30,6 @@ pytestmark = [
 ]
 
 WORKS = "tests.support.mutation_works"
-BACKENDS = ("vulkan", "gl")
 NEWEST = chapters.available()[-1]
 DRAWN_BY = (1, 3, NEWEST)
 """The first chapter, the first that keeps scenes in a cache, and the newest."""
@@ -81,13 +80,14 @@ def test_a_sample_is_loaded_or_refused(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("backend", packages.BACKENDS)
 def test_a_sample_is_drawn_or_refused(backend, draw):
     sample = cases(12, without=(*SLOW, "cloth"))  # to drape a cloth takes seconds
     hold(draw(sample, [NEWEST], backend))
 
 
 @pytest.mark.slow
+@pytest.mark.needs("moderngl", "glcontext")
 def test_a_sample_is_given_to_commands(tmp_path):
     sample = cases(8, without=(*SLOW, "cloth"))
     hold(run("Command", sample, tmp_path, chapters=[1], backend="gl"), parsed=False)
@@ -104,14 +104,14 @@ def test_twenty_thousand_are_loaded_or_refused(batch, tmp_path):
 
 @pytest.mark.long
 @pytest.mark.parametrize("batch", range(4))
-@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("backend", packages.BACKENDS)
 def test_a_thousand_are_drawn_or_refused(backend, batch, draw):
     drawn = cases(250, 250 * batch, without=SLOW)
     hold(draw(drawn, DRAWN_BY, backend))
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("backend", packages.BACKENDS)
 def test_panoramas_are_drawn_or_refused(backend, draw):
     here = [name for name in SLOW[1:] if name in mutation_sources.names()]
     drawn = [Case(name, seed) for name in here for seed in range(4)]
@@ -119,7 +119,7 @@ def test_panoramas_are_drawn_or_refused(backend, draw):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("backend", packages.BACKENDS)
 def test_hundreds_are_given_to_commands(backend, tmp_path):
     given = cases(250, without=SLOW)
     hold(run("Command", given, tmp_path, chapters=DRAWN_BY, backend=backend), parsed=False)

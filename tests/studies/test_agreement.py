@@ -10,6 +10,7 @@ import pytest
 import chapters
 from chapters import studies
 from common.paths import ROOT
+from tests.support.drivers import needs_feature
 from tests.support.gl_functions import assert_silent
 
 WITH_STUDIES = (1, 2, 3, 4, 5)
@@ -29,6 +30,8 @@ NOT_TWICE = {"5/fragment-order"}
 @pytest.mark.parametrize("which", [which for which in ALL if which not in ONE_BACKEND.keys() | NOT_TWICE])
 @pytest.mark.parametrize("time", [0.0, 1.3])
 def test_both_backends_draw_the_same_picture(vulkan_device, gl_context, which, time):
+    if which == "2/random-textures":
+        needs_feature(vulkan_device, "bindless")
     outputs = chapters.outputs_of(which)
     frames = {}
     for backend, device in (("vulkan", vulkan_device), ("gl", gl_context)):

@@ -13,6 +13,7 @@ from chapters import studies
 from common.errors import StaleFrameError, UnsupportedError, UserError
 from common.images import read_image
 from common.lessons import Study
+from tests.support.drivers import checked
 
 ALL = list(studies.available(1))
 ORDER = ["clear-window", "first-triangle", "rotating-cube", "textured-mesh", "one-light"]
@@ -82,7 +83,7 @@ def test_a_sentence_is_what_an_idea_is():
 
 @pytest.mark.parametrize("backend", ["vulkan", "gl"])
 def test_a_study_takes_the_options_of_a_chapter(request, strata, tmp_path, backend):
-    request.getfixturevalue("vulkan_instance" if backend == "vulkan" else "gl_context")
+    device = request.getfixturevalue("vulkan_instance" if backend == "vulkan" else "gl_context")
     code, out, err = strata(
         *(
             "run",
@@ -96,7 +97,7 @@ def test_a_study_takes_the_options_of_a_chapter(request, strata, tmp_path, backe
             "--time",
             "1.5",
         ),
-        *("--out", "cube.png", "--json", "run.json", "--validate", "-v"),
+        *("--out", "cube.png", "--json", "run.json", *checked(device, backend), "-v"),
     )
     assert code == 0, err
     assert "Study 1/rotating-cube" in err and "cube.png" in err

@@ -19,6 +19,12 @@ def needs_line_marks(device: Any) -> None:
         pytest.skip("the driver does not say in which file a line is")
 
 
+def needs_nans(device: Any) -> None:
+    """Skip on Mesa 22, whose compiler for Vulkan does not keep NaNs."""
+    if " Mesa 22." in device.capabilities.driver:
+        pytest.skip("the driver's arithmetic loses NaNs")
+
+
 def needs_feature(device: Any, feature: str) -> None:
     """Skip on a device that lacks a feature, or gets it wrong."""
     if not device.has(feature):
@@ -29,6 +35,11 @@ def needs_layers(instance: Any) -> None:
     """Skip where the Vulkan validation layers are not installed."""
     if not instance.validates:
         pytest.skip("the Vulkan validation layers are not installed")
+
+
+def checked(instance: Any, backend: str) -> tuple[str, ...]:
+    """Return the option of a command that has its calls checked, () where that takes layers that are not installed."""
+    return ("--validate",) if backend == "gl" or instance.validates else ()
 
 
 def needs_precise_products(device: Any) -> None:

@@ -62,6 +62,9 @@ WATCHED = {
     "platforms": frozenset({"etcpak", "OpenEXR"}),
 }
 
+BACKENDS = ("vulkan", pytest.param("gl", marks=pytest.mark.needs("moderngl", "glcontext")))
+"""Parameters of a test that names the backend to a command."""
+
 MODULES = frozenset(module for modules in (EXTRAS | PLATFORMS).values() for module in modules)
 
 

@@ -94,7 +94,8 @@ echo "$PWD: CI=$CI $*" >>"$LOG"
 case "$*" in *--uses=*)
     folder=${2#--uses=}
     mkdir -p "$folder"
-    echo tests/a.py >"$folder/extras.txt" ;;
+    echo tests/a.py >"$folder/extras.txt"
+    echo tests/b.py >"$folder/platforms.txt" ;;
 esac
 mkdir -p .venv/bin
 printf '#!/bin/sh\\necho "$PWD: python $*" >>"$LOG"\\n' >.venv/bin/python
@@ -113,8 +114,6 @@ def script(tmp_path, monkeypatch):
     (clone / "strata").write_text(STRATA)
     (clone / "strata").chmod(stat.S_IRWXU)
     (clone / ".gitignore").write_text("out/\n.venv/\n")
-    (clone / "tests").mkdir()
-    (clone / "tests" / "test_b.py").write_text('@pytest.mark.needs("etcpak")\n')
     git = ["git", "-c", "user.name=a", "-c", "user.email=a@b", "-C", str(clone)]
     for words in (["init", "-q"], ["add", "-A"], ["commit", "-qm", "a"]):
         subprocess.run([*git, *words], check=True)
@@ -149,13 +148,15 @@ def test_all_tests_run_with_all_extras_and_then_those_that_packages_matter_to_wi
         "clone: CI=true test --uses=clone/out/ci/uses",
         f"{inner}: CI= --no-install test -q tests/a.py",
     ]
-    assert ran[2].startswith(f"{inner}: python -m pip ") and ran[2].endswith(" etcpak")
-    assert ran[3:] == [f"{inner}: CI= --no-install test -q tests/test_b.py"]
+    assert ran[2].startswith(f"{inner}: python -m pip ") and ran[2].endswith(
+        " etcpak glcontext moderngl OpenEXR"
+    )
+    assert ran[3:] == [f"{inner}: CI= --no-install test -q tests/b.py"]
     assert script()[0] == 0, "a second time, over what the first one left"
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="the script is bash")
-@pytest.mark.parametrize(("fails", "runs"), [("--uses", 1), ("tests/a.py", 2), ("tests/test_b.py", 4)])
+@pytest.mark.parametrize(("fails", "runs"), [("--uses", 1), ("tests/a.py", 2), ("tests/b.py", 4)])
 def test_whichever_run_fails_fails_the_script_and_ends_it(script, fails, runs):
     code, last, ran = script(fails=fails)
     assert (code, last, len(ran)) == (1, "1 failed", runs)

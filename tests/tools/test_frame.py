@@ -17,6 +17,7 @@ from common.errors import StaleFrameError
 from common.images import read_image
 from tests.common.gltf.builder import triangle
 from tests.support.chapter import Chapter
+from tests.support.drivers import checked
 
 SIZE = (48, 32)
 
@@ -114,11 +115,11 @@ def test_what_is_looked_at_follows_the_size(vulkan_device, gl_context):
 
 
 @pytest.mark.parametrize("backend", ["vulkan", "gl"])
-def test_the_page_shows_all_there_is(strata, tmp_path, backend):
+def test_the_page_shows_all_there_is(strata, tmp_path, vulkan_instance, backend):
     scene = triangle().write(tmp_path)
     code, out, err = strata(
         *("frame", "1", "--backend", backend, "--scene", scene, "--size", "48x32", "--set", "msaa=4"),
-        *("--validate", "--json", "frame.json"),
+        *(*checked(vulkan_instance, backend), "--json", "frame.json"),
     )
     assert code == 0, err
     assert "resolve" in out and err.count("\n") == 1 and "index.html" in err
@@ -196,10 +197,11 @@ def test_what_is_wrong_is_said_in_one_sentence(strata, tmp_path):
 
 @pytest.mark.feature("tools/frame")
 @pytest.mark.parametrize("graph", ["deferred", "forward"])
-def test_a_frame_of_a_graph_is_shown_as_the_graph_connects_it(strata, tmp_path, graph):
+def test_a_frame_of_a_graph_is_shown_as_the_graph_connects_it(strata, tmp_path, vulkan_instance, graph):
     scene = triangle().write(tmp_path)
     draw = ("frame", "4", "--scene", scene, "--size", "16x12", "--set", f"graph={graph}", "--out", "here")
-    code, out, err = strata(*draw, "--set", "aperture=2", "--json", "frame.json", "--validate")
+    options = checked(vulkan_instance, "vulkan")
+    code, out, err = strata(*draw, "--set", "aperture=2", "--json", "frame.json", *options)
     assert code == 0, err
     made = json.loads((tmp_path / "frame.json").read_text())
     steps = {step["name"]: step for step in made["steps"]}

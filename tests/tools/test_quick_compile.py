@@ -11,9 +11,11 @@ import pytest
 
 from common.images import read_image
 from common.paths import ROOT
+from tests.support import packages
 
 
-@pytest.mark.parametrize("backend", ["vulkan", "gl"])
+@pytest.mark.needs("OpenEXR")
+@pytest.mark.parametrize("backend", packages.BACKENDS)
 def test_pictures_are_those_of_the_optimising_compiler(vulkan_instance, tmp_path, backend):
     pictures = []
     for options in ("nopt", ""):

@@ -104,8 +104,8 @@ def test_garbage_is_not_collected_meanwhile_and_then_again():
 
 def test_waiting_ends_soon_and_fails_in_the_end():
     event = threading.Event()
-    threading.Timer(0.02, event.set).start()
     began = time.monotonic()
+    threading.Timer(0.02, event.set).start()
     until(event.is_set)
     assert time.monotonic() - began >= 0.019
     with pytest.raises(AssertionError, match=r"it did not happen within 0\.02 s"):

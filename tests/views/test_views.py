@@ -23,6 +23,7 @@ from common.sky import sky
 from common.transforms import rotation
 from tests.support.bounds import codes_off, decoded_srgb, snapping
 from tests.support.chapter import Chapter
+from tests.support.drivers import needs_whole_quads
 from tests.support.scenes import facing, quad_scene, texture, translated
 
 SIZE = (16, 16)
@@ -159,6 +160,7 @@ def test_uv_are_fractions(chapter):
 @pytest.mark.parametrize(("uv_scale", "level"), [(0.25, 0.0), (1.0, 2.0), (2.0, 3.0), (1.41421356, 2.5)])
 def test_mip_level_follows_from_texels_a_pixel(chapter, uv_scale, level):
     """A texture of 64 texels over 16 pixels: 4 texels a pixel are level 2."""
+    needs_whole_quads(chapter.device)
     smooth = Sampler("linear", "linear", "linear")
     scene = quad_scene(
         Material(base_color_texture=texture(0, smooth)), images=(picture(4, 64),), uv_scale=uv_scale
