@@ -27,6 +27,27 @@ from common.scene import Sampler
 from tests.support.bounds import decoded_srgb
 from tests.support.drawing import draw
 
+NUMBERS = {
+    "r8": 9,
+    "rg8": 16,
+    "rgba8": 37,
+    "rgba8_srgb": 43,
+    "rgb10a2": 64,
+    "rg16f": 83,
+    "rgba16f": 97,
+    "r32ui": 98,
+    "r32f": 100,
+    "rgba32f": 109,
+    "d32f": 126,
+    "bc4": 139,
+    "bc5": 141,
+    "bc7": 145,
+    "bc7_srgb": 146,
+    "etc2": 147,
+    "etc2_srgb": 148,
+}
+"""The values of VkFormat, as the Vulkan specification numbers them ("Format Definition")."""
+
 COPIES = vk.VK_BUFFER_USAGE_TRANSFER_SRC_BIT | vk.VK_BUFFER_USAGE_TRANSFER_DST_BIT
 SAMPLED = vk.VK_IMAGE_USAGE_SAMPLED_BIT | vk.VK_IMAGE_USAGE_TRANSFER_DST_BIT | vk.VK_IMAGE_USAGE_STORAGE_BIT
 
@@ -113,6 +134,12 @@ def test_an_image_goes_with_all_its_views(vulkan_device):
     destroy_image(vulkan_device, image)
     left = {key for key in vulkan_device.alive if key not in before}
     assert all(kind == "VkDeviceMemory" for kind, _ in left), "blocks are kept for the next one"
+
+
+@pytest.mark.feature("device/textures")
+def test_every_format_has_the_number_of_the_specification():
+    """No picture shows this of the formats that the driver at hand lacks."""
+    assert {name: constant for name, (constant, *_) in FORMATS.items()} == NUMBERS
 
 
 def test_every_format_can_be_made_with_its_aspect(vulkan_device):

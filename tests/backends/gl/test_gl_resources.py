@@ -179,6 +179,35 @@ def test_each_dispatch_sees_its_own_row_of_push_constants(gl_context, bench):
 
 # --- images -----------------------------------------------------------------------------------------------------------
 
+RED, RG, RGBA, RED_INTEGER, DEPTH = 0x1903, 0x8227, 0x1908, 0x8D94, 0x1902
+BYTE, UINT, FLOAT, HALF, PACKED_10 = 0x1401, 0x1405, 0x1406, 0x140B, 0x8368
+NUMBERS = {
+    "r8": (0x8229, RED, BYTE),
+    "rg8": (0x822B, RG, BYTE),
+    "rgba8": (0x8058, RGBA, BYTE),
+    "rgba8_srgb": (0x8C43, RGBA, BYTE),
+    "rgb10a2": (0x8059, RGBA, PACKED_10),
+    "r32ui": (0x8236, RED_INTEGER, UINT),
+    "r32f": (0x822E, RED, FLOAT),
+    "rg16f": (0x822F, RG, HALF),
+    "rgba16f": (0x881A, RGBA, HALF),
+    "rgba32f": (0x8814, RGBA, FLOAT),
+    "d32f": (0x8CAC, DEPTH, FLOAT),
+    "bc4": (0x8DBB, RED, BYTE),
+    "bc5": (0x8DBD, RG, BYTE),
+    "bc7": (0x8E8C, RGBA, BYTE),
+    "bc7_srgb": (0x8E8D, RGBA, BYTE),
+    "etc2": (0x9274, RGBA, BYTE),
+    "etc2_srgb": (0x9275, RGBA, BYTE),
+}
+"""Internal format, format and type of pixels, as OpenGL's registry (gl.xml) numbers them."""
+
+
+@pytest.mark.feature("device/textures")
+def test_every_format_has_the_numbers_of_the_registry():
+    assert {name: tuple(described[:3]) for name, described in FORMATS.items()} == NUMBERS
+
+
 
 @pytest.mark.feature("device/textures")
 @pytest.mark.parametrize("format", sorted(FORMATS.keys() - BLOCK_BYTES.keys()))
