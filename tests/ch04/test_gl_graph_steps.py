@@ -22,7 +22,7 @@ from backends.gl.resources import (
 )
 from chapters.ch04.gl.commands import Commands
 from chapters.ch04.gl.graph_executor import GraphExecutor
-from chapters.ch04.gl.graph_images import sharing
+from chapters.ch04.gl.graph_images import GraphImages, sharing
 from chapters.ch04.gl.graph_sync import memory_barriers
 from chapters.ch04.gl.pipelines import Pipelines
 from chapters.ch04.gl.recordings import Recordings
@@ -227,6 +227,33 @@ def test_textures_that_are_shared_change_no_bit(stage, gl_context):
             assert held.alone == 9 * SIZE[0] * SIZE[1] * 16
     assert np.array_equal(*found)
     assert (found[0] == np.float32((46, 47, 48, 49))).all()
+
+
+@pytest.mark.feature("frame-graph/resource-aliasing")
+@pytest.mark.parametrize(("alias", "each"), [(True, 2), (False, 10)])
+def test_no_more_is_made_than_is_alive_at_once(gl_context, alias, each):
+    """Ten images and ten buffers in a row, where two of each are alive at once; an output, and a pair of histories."""
+    passes = []
+    for number in range(10):
+        before = [Access(f"image {number - 1}", "sampled"), Access(f"sums {number - 1}", "storage")]
+        image = Access(f"image {number}", "color", format="rgba32f")
+        passes.append(
+            Made(
+                f"pass {number}",
+                before if number else (),
+                (image, Access(f"sums {number}", "storage", bytes=64)),
+            )
+        )
+    last = (Access("image 9", "sampled"), Access("mean", "sampled", previous=True))
+    writes = [Access(name, "color", format="rgba32f") for name in ("shown", "mean")]
+    graph = compiled([*passes, Made("last", last, writes)], ("shown",))
+    with gl_functions.traced(gl_context) as names:
+        images = GraphImages(gl_context, graph, alias)
+    assert names.count("glTextureStorage2D") == names.count("glCreateTextures") == each + 1 + 2
+    assert names.count("glNamedBufferStorage") == each
+    with gl_functions.traced(gl_context) as names:
+        images.close()
+    assert names.count("glDeleteTextures") == each + 1 + 2 and names.count("glDeleteBuffers") == each
 
 
 @pytest.mark.feature("frame-graph/resource-aliasing")
