@@ -20,6 +20,7 @@ from backends.vulkan.resources import (
     mip_levels,
 )
 from backends.vulkan.upload import HALF, SETS, Uploader
+from tests.support.mip_levels import halved_codes
 
 COPIES = vk.VK_BUFFER_USAGE_TRANSFER_SRC_BIT | vk.VK_BUFFER_USAGE_TRANSFER_DST_BIT
 IMAGE = (
@@ -152,26 +153,6 @@ def test_an_exception_between_uploads_leaves_nothing(vulkan_device):
 # --- mip levels -------------------------------------------------------------------------------------------------------
 
 
-def box(count, above):
-    """Return (count, above) weights of a box filter: how much of each source cell a target cell covers.
-
-    Both rows of cells divide the same length; cells that are no multiple of each other overlap in part.
-    """
-    edges = np.arange(count + 1) * above / count
-    low, high = (
-        np.maximum.outer(edges[:-1], np.arange(above)),
-        np.minimum.outer(edges[1:], np.arange(1, above + 1)),
-    )
-    return np.clip(high - low, 0, None) * count / above
-
-
-def halved(texels):
-    """Return the level below `texels` (H, W, C) float64."""
-    height, width = texels.shape[:2]
-    down, across = box(max(1, height // 2), height), box(max(1, width // 2), width)
-    return np.einsum("yh,xw,hwc->yxc", down, across, texels)
-
-
 def levels_of(device, image):
     """Return every level of an image in state 'sampled'."""
     found = []
@@ -208,15 +189,6 @@ def uploaded_levels(device, format, pixels, **more):
     return found
 
 
-def light_of(codes):
-    c = codes / 255.0
-    return np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)  # IEC 61966-2-1
-
-
-def codes_of(light):
-    return 255.0 * np.where(light <= 0.0031308, light * 12.92, 1.055 * light ** (1 / 2.4) - 0.055)
-
-
 SIZES = [(1, 1), (2, 1), (1, 5), (3, 2), (8, 8), (17, 9), (100, 37), (64, 3)]
 
 
@@ -226,7 +198,7 @@ def test_every_level_is_the_box_filter_of_the_one_above(vulkan_device, size):
     levels = uploaded_levels(vulkan_device, "rgba8", pixels)
     assert np.array_equal(levels[0], pixels)
     for above, level in pairwise(levels):
-        truth = halved(above.astype(np.float64))
+        truth = halved_codes(above)
         assert level.shape == truth.shape
         assert np.abs(level - truth).max() <= 0.5 + 1e-3, "rounded to the nearest code"
 
@@ -236,12 +208,7 @@ def test_srgb_colour_is_averaged_as_light_and_alpha_as_it_is(vulkan_device, size
     pixels = np.random.default_rng(6).integers(0, 256, (size[1], size[0], 4), np.uint8)
     levels = uploaded_levels(vulkan_device, "rgba8", pixels, view_format="rgba8_srgb")
     for above, level in pairwise(levels):
-        light = light_of(above.astype(np.float64))
-        light[..., 3] = above[..., 3] / 255.0
-        mean = halved(light)
-        truth = codes_of(mean)
-        truth[..., 3] = mean[..., 3] * 255.0
-        assert np.abs(level - truth).max() <= 0.5 + 1e-2
+        assert np.abs(level - halved_codes(above, srgb=True)).max() <= 0.5 + 1e-2
 
 
 def test_light_is_kept_from_the_first_level_to_the_last(vulkan_device):
@@ -273,5 +240,5 @@ def test_more_levels_than_sets_go_up_in_several_submissions(vulkan_device, monke
     for image, some in zip(images, pixels, strict=True):
         levels = levels_of(vulkan_device, image)
         assert np.array_equal(levels[0], some)
-        assert np.abs(levels[1] - halved(some.astype(np.float64))).max() <= 0.5 + 1e-3
+        assert np.abs(levels[1] - halved_codes(some)).max() <= 0.5 + 1e-3
         destroy_image(vulkan_device, image)

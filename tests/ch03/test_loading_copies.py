@@ -35,6 +35,7 @@ from chapters.ch03.logic.loading import Loading, Wanted
 from chapters.ch03.logic.texels import Shape
 from chapters.ch03.logic.uploads import Upload, level_places
 from common.errors import SceneError
+from tests.support.odd_texels import ODD, random_pixels, rows_of
 
 pytestmark = pytest.mark.usefixtures("no_thread_left")
 USAGE = (
@@ -43,26 +44,6 @@ USAGE = (
     | vk.VK_IMAGE_USAGE_TRANSFER_SRC_BIT
     | vk.VK_IMAGE_USAGE_STORAGE_BIT
 )
-ODD = [
-    ("r8", (5, 3)),
-    ("rg8", (7, 13)),
-    ("rgba8", (33, 17)),
-    ("rgba16f", (3, 9)),
-    ("r8", (1, 1)),
-    ("rgba8", (64, 1)),
-]
-
-
-def rows_of(pixels):
-    return np.ascontiguousarray(pixels).view(np.uint8).reshape(pixels.shape[0], -1)
-
-
-def random_pixels(format, size, seed=0):
-    _, texel, dtype, channels = FORMATS[format]
-    codes = np.random.default_rng(seed).integers(0, 256, (size[1], size[0], texel), np.uint8)
-    if dtype is np.float16:
-        codes[..., 1::2] &= 0x3F  # neither infinite nor negative
-    return np.ascontiguousarray(codes).view(dtype).reshape(size[1], size[0], channels)
 
 
 @dataclass

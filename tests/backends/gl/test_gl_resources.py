@@ -208,7 +208,6 @@ def test_every_format_has_the_numbers_of_the_registry():
     assert {name: tuple(described[:3]) for name, described in FORMATS.items()} == NUMBERS
 
 
-
 @pytest.mark.feature("device/textures")
 @pytest.mark.parametrize("format", sorted(FORMATS.keys() - BLOCK_BYTES.keys()))
 def test_every_format_gives_back_its_bits(gl_context, bench, format):
