@@ -6,7 +6,6 @@ import weakref
 from collections import deque
 from dataclasses import dataclass, field
 from functools import partial
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -23,21 +22,22 @@ from backends.vulkan.resources import (
     destroy_image,
     mip_levels,
 )
-from backends.vulkan.upload import Uploader
 from chapters.ch03.graphics import loader as graphics_loader
 from chapters.ch03.graphics.copies import Target
 from chapters.ch03.graphics.loader import Loader
 from chapters.ch03.graphics.material_textures import takes_narrow
-from chapters.ch03.graphics.staging import LEAST_RING, MOST_RING, RING, ring_bytes
+from chapters.ch03.graphics.staging import LEAST_RING, RING
 from chapters.ch03.graphics.upload_barriers import Part, after_copy, before_copy, part_barrier
 from chapters.ch03.logic.frame import SLOTS
-from chapters.ch03.logic.loading import Loading, Wanted
+from chapters.ch03.logic.loading import AHEAD, Loading, Wanted
 from chapters.ch03.logic.texels import Shape
 from chapters.ch03.logic.uploads import Upload, level_places
 from common.errors import SceneError
+from tests.support.mip_levels import halved, halved_codes
 from tests.support.odd_texels import ODD, random_pixels, rows_of
 
 pytestmark = pytest.mark.usefixtures("no_thread_left")
+MIB = 1 << 20
 USAGE = (
     vk.VK_IMAGE_USAGE_SAMPLED_BIT
     | vk.VK_IMAGE_USAGE_TRANSFER_DST_BIT
@@ -74,10 +74,10 @@ class Owner:
 def opened(vulkan_device):
     made = []
 
-    def open_(ring=4096, streams=True, own_queue=True):
-        loading = Loading(2, streams)
+    def open_(ring=4096, streams=True, own_queue=True, budget=AHEAD):
+        loading = Loading(2, streams, budget)
         owner = Owner(vulkan_device)
-        loader = Loader(vulkan_device, owner, loading, own_queue, ring)
+        loader = Loader(vulkan_device, owner, loading, own_queue, **({"ring": ring} if ring else {}))
         loader.advance(1)  # the first frame, which copies nothing
         made.append((loader, owner))
         return loader, loading, owner
@@ -191,13 +191,33 @@ def test_levels_lie_behind_each_other_where_copies_may_begin():
     assert level_places(levels[1:2], 16) == ([0], 3)
 
 
-def test_the_ring_is_as_large_as_what_is_loaded_within_bounds(vulkan_device, opened):
-    def size(wanted, budget=0):
-        return ring_bytes(SimpleNamespace(wanted_bytes=wanted, budget=budget, streams=budget > 0))
+@pytest.mark.feature("async-loading/staging-buffer")
+@pytest.mark.parametrize(
+    ("wanted_mib", "budget_mib", "mib"),
+    [
+        (0, 0, 2),
+        (3, 0, 3),
+        (9, 0, 8),
+        (3, 16, 3),
+        (1024, 1, 8),
+        (1024, 8, 16),
+        (1024, 16, 32),
+        (1024, 1024, 64),
+    ],
+)
+def test_the_ring_has_2_to_64_mib(opened, vulkan_device, wanted_mib, budget_mib, mib):
+    """What is wanted, but 2 MiB at least and 8 at most, or 64 where two frames' budgets are that much."""
+    loader, loading, _ = opened(ring=None, streams=budget_mib > 0, budget=budget_mib * MIB)
+    small = Upload("small", Shape(4, 4, "rgba8", None, 1), False, (np.zeros((4, 16), np.uint8),))
+    loader.want({0: Wanted("small", wanted_mib * MIB, lambda: small)})
+    while loading.decoding:
+        loading.wait()
+    calls = traced(vulkan_device, loader.advance)
+    (size,) = [arguments[1].size for name, arguments in calls if name == "vkCreateBuffer"]
+    assert size == mib * MIB
 
-    assert [size(wanted) for wanted in (0, LEAST_RING + 1, RING + 1)] == [LEAST_RING, LEAST_RING + 1, RING]
-    # A frame's budget is copied in a frame, while that of the frame before may still be on its way.
-    assert [size(1 << 30, budget) for budget in (1, RING, 1 << 30)] == [RING, 2 * RING, MOST_RING]
+
+def test_the_ring_is_as_large_as_what_is_still_wanted(opened):
     loader, loading, _ = opened(ring=RING)
     small = Upload(
         "small", Shape(4, 4, "rgba8", None, 1), False, (rows_of(random_pixels("rgba8", (4, 4), 1)),)
@@ -265,7 +285,7 @@ def test_pixels_are_given_up_when_the_ring_has_them(opened):
 
 
 @pytest.mark.feature("async-loading/batched-mip-upload")
-def test_levels_are_those_of_the_plain_upload_all_in_one_submission(vulkan_device, opened):
+def test_levels_are_the_box_filter_of_the_one_above_all_in_one_submission(vulkan_device, opened):
     formats = [("rgba8", (13, 7)), ("rgba8", (16, 16)), ("r8", (9, 5)), ("rgba16f", (4, 8)), ("rg8", (1, 6))]
     if not takes_narrow(vulkan_device):
         formats = [one for one in formats if one[0] not in ("r8", "rg8")]
@@ -277,14 +297,20 @@ def test_levels_are_those_of_the_plain_upload_all_in_one_submission(vulkan_devic
     calls = [name for name, _ in traced(vulkan_device, loader.finish)]
     # On a queue of its own the copies are one submission, and making the levels is another one.
     assert calls.count("vkQueueSubmit2") == (1 if loader.one_family else 2)
-    for number, (format, size) in enumerate(formats):
-        plain = create_image(vulkan_device, format, size, USAGE, "plain", levels=mip_levels(*size))
-        with Uploader(vulkan_device) as uploader:
-            uploader.image(plain, pixels[number])
-        for level in range(plain.levels):
-            found = level_of(vulkan_device, owner.images[number], level)
-            assert np.array_equal(found, level_of(vulkan_device, plain, level)), (format, size, level)
-        destroy_image(vulkan_device, plain)
+    for number, (format, _) in enumerate(formats):
+        _, _, dtype, channels = FORMATS[format]
+        above = pixels[number]
+        for level in range(owner.images[number].levels):
+            rows = level_of(vulkan_device, owner.images[number], level)
+            texels = rows.view(dtype).reshape(len(rows), -1, channels)
+            if level == 0:
+                assert np.array_equal(texels, above)
+                continue
+            codes = dtype is np.uint8
+            truth = halved_codes(above) if codes else halved(above.astype(np.float64))
+            assert texels.shape == truth.shape
+            assert np.abs(texels - truth).max() <= (1.0 if codes else 1 / 255), (format, level)
+            above = texels
 
 
 def test_what_a_first_use_costs_is_paid_before_the_first_frame(vulkan_device, opened):

@@ -226,6 +226,21 @@ def test_at_most_the_budget_is_copied_in_a_frame_and_large_images_come_in_parts(
         assert codes(picture).count([255, 255, 255]) == 3 - len(finished)
 
 
+@pytest.mark.feature("async-loading/staging-buffer")
+def test_a_texture_of_a_budget_arrives_in_one_frame_and_a_larger_one_in_two(chapter, gated):
+    """16 MiB are a quarter of what a ring may be."""
+    pictures = gated(plain(COLORS[0], (2048, 2048)), plain(COLORS[1], (2048, 3072)))  # 16 and 24 MiB
+    with open_(chapter, row_of(pictures.images), replace(STREAM, upload_budget=16)) as renderer:
+        drawn(renderer)  # the first frame copies nothing
+        for number, mib in enumerate([[16], [16, 8]]):
+            pictures.open(number)
+            done = number + 1
+            found = frames_until(renderer, lambda _, work: work["textures_resident"] == done)  # noqa: B023
+            copied = [work["bytes_uploaded"] >> 20 for _, work in found]
+            assert [one for one in copied if one] == mib
+            assert codes(found[-1][0])[number] == list(COLORS[number][:3])
+
+
 def test_the_first_frame_copies_nothing_however_much_is_decoded(chapter, gated):
     pictures = gated(*(plain(color) for color in COLORS))
     pictures.open()
