@@ -230,15 +230,15 @@ def test_at_most_the_budget_is_copied_in_a_frame_and_large_images_come_in_parts(
 def test_a_texture_of_a_budget_arrives_in_one_frame_and_a_larger_one_in_two(chapter, gated):
     """16 MiB are a quarter of what a ring may be."""
     pictures = gated(plain(COLORS[0], (2048, 2048)), plain(COLORS[1], (2048, 3072)))  # 16 and 24 MiB
+    copied = []
     with open_(chapter, row_of(pictures.images), replace(STREAM, upload_budget=16)) as renderer:
         drawn(renderer)  # the first frame copies nothing
-        for number, mib in enumerate([[16], [16, 8]]):
+        for number in range(2):
             pictures.open(number)
-            done = number + 1
-            found = frames_until(renderer, lambda _, work: work["textures_resident"] == done)  # noqa: B023
-            copied = [work["bytes_uploaded"] >> 20 for _, work in found]
-            assert [one for one in copied if one] == mib
-            assert codes(found[-1][0])[number] == list(COLORS[number][:3])
+            found = frames_until(renderer, lambda _, work: work["textures_resident"] > number)  # noqa: B023
+            copied.append([work["bytes_uploaded"] / 2**20 for _, work in found if work["bytes_uploaded"]])
+    assert copied == [[16], [16, 8]]
+    assert codes(found[-1][0]) == [list(color[:3]) for color in COLORS[:2]]
 
 
 def test_the_first_frame_copies_nothing_however_much_is_decoded(chapter, gated):
