@@ -222,7 +222,6 @@ def test_levels_are_the_box_filter_of_the_one_above_all_in_one_frame(gl_context,
 @pytest.fixture
 def gpu(gl_context, monkeypatch):
     """Fences of a GPU that is as far as the test says: what is not in `gpu.done` is not reached."""
-
     fn, make = gl_context.fn, gl_context.fn.glFenceSync
     state = SimpleNamespace(made=[], done=set())
 
