@@ -274,10 +274,35 @@ def run_tests(
             show_default=False,
         ),
     ] = None,
+    mutants: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            min=0,
+            help="Change one token of the code, N times, and show which changes no test notices.",
+            show_default=False,
+        ),
+    ] = None,
+    seed: Annotated[
+        str | None,
+        typer.Option(metavar="WORD", help="What mutants are drawn by; the commit's hash if left out."),
+    ] = None,
+    jobs: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N", min=1, help="Mutants that are tried at a time; one for each core if left out."
+        ),
+    ] = None,
 ) -> int:
     """Run the tests: all, those of an area such as ch01, common or backends, or a chapter's on the folder of a fork."""
     from chapters import testing
 
+    if mutants is not None:
+        if long or bless or static or chapter is not None:
+            raise UserError("--mutants takes --seed, --jobs and --record alone: leave out other options.")
+        return testing.run_mutants(mutants, [*context.args], seed=seed, jobs=jobs, record=record)
+    if seed is not None or jobs is not None:
+        raise UserError("--seed and --jobs are for mutants: add --mutants N, or leave them out.")
     return testing.run([*context.args], long=long, bless=bless, static=static, record=record, chapter=chapter)
 
 

@@ -70,6 +70,20 @@ def run(
     return 1 if failed or done.returncode == 1 else done.returncode
 
 
+def run_mutants(count: int, words: list[str], *, seed: str | None, jobs: int | None, record: bool) -> int:
+    """Try mutants of the code (tests/support/mutants.py); return 0 whatever became of them, 2 for a wrong request.
+
+    `words` are areas, folders and files of tests: these alone try mutants, and these are of lines that they run.
+    """
+    options = [
+        f"--mutants={count}",
+        *([f"--seed={seed}"] if seed else []),
+        *([f"--jobs={jobs}"] if jobs else []),
+    ]
+    command = [sys.executable, "-P", "-m", "tests.support.mutants", *options, *["--record"] * record, *words]
+    return subprocess.run(command, cwd=ROOT, check=False).returncode
+
+
 def areas() -> list[str]:
     """Return the folders of tests/ that hold tests, and the files beside them: "panel" is tests/test_panel.py."""
     found = {path.relative_to(ROOT / "tests").parts[0] for path in (ROOT / "tests").glob("*/**/test_*.py")}

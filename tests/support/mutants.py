@@ -1,0 +1,398 @@
+"""`strata test --mutants N`: change one token of the product at a time, and see whether a test notices.
+
+The mutants are drawn by a seed, which is the commit's hash unless another word is given: half of them change an
+operator, half a constant. Each is tried in a copy of the clone below out/mutants/, by the tests that run its line
+(mutant_map.py), as many as fit in the time. The map of tests and lines is made first where it is missing.
+
+    killed       a test fails with the mutant, and the same tests pass without it
+    time-out     the tests take 60 s, and without the mutant less than half of that: it counts as killed
+    too slow     the tests take 60 s, and without the mutant about as long: nothing is known
+    survived     all tests pass, or no test runs the line
+"""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import json
+import os
+import queue
+import random
+import sys
+import time
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.markup import escape
+
+from chapters import console
+from chapters.history import git
+from chapters.tables import table
+from chapters.testing import areas, path_of
+from common.errors import StrataError, UserError
+from common.names import suggest
+from common.paths import ROOT, asset_dir, write_whole
+from tests.support import mutant_texts, mutant_trees
+from tests.support.mutant_map import Map, blobs, choose, entry, tiers
+from tests.support.mutant_texts import Mutant
+from tests.support.mutant_trees import Ran, Tree
+
+PRODUCT = ("backends", "chapters", "common")
+APART = ("chapters/exercises/",)
+"""Folders whose code is changed on purpose already."""
+LIMIT_S = 60.0
+AT_ONCE = 8
+"""Files of tests that are measured by one process."""
+MEASURE_S = 1500.0
+"""For that process: such files take up to five minutes, and twice as long while their lines are traced."""
+FORMAT = 1
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What became of a mutant: "killed", "time-out", "too slow" or "survived", by what, and in how many seconds."""
+
+    mutant: Mutant
+    result: str
+    by: str
+    seconds: float
+    text: str
+    """The line of the mutant, as it is without it."""
+
+    @property
+    def killed(self) -> bool:
+        return self.result in ("killed", "time-out")
+
+
+class Workshop:
+    """A clone, its map of tests and lines, and the copies in which its mutants are tried."""
+
+    def __init__(
+        self, root: Path, jobs: int, product: Sequence[str] = PRODUCT, limit_s: float = LIMIT_S
+    ) -> None:
+        """Raise UserError where the clone has changes that no commit has."""
+        self.root, self.product, self.limit_s = root, product, limit_s
+        changed = git("status", "--porcelain", "-z", folder=root).decode("utf-8", "replace").split("\0")[0]
+        if changed:
+            raise UserError(f"Mutants are made of a commit, and {changed[3:]} differs from it: commit first.")
+        self.commit = git("rev-parse", "HEAD", folder=root).decode().strip()
+        self.folder = root / "out" / "mutants"
+        self.folder.mkdir(parents=True, exist_ok=True)
+        self.map = Map(self.folder / "map.jsonl", root, self.commit)
+        self.devices: dict[str, str] = {}
+        self._cache = self.folder / "cache"
+        self._cache.mkdir(exist_ok=True)
+        self._sound: set[str] = set()
+        self._all = [Tree(root, self.folder / f"tree-{number}", self.commit) for number in range(jobs)]
+        self._trees: queue.SimpleQueue[Tree] = queue.SimpleQueue()
+        for tree in self._all:
+            self._trees.put(tree)
+        self._pool = ThreadPoolExecutor(jobs)
+        shaders = os.environ.get("MESA_SHADER_CACHE_DIR") or self.folder / "mesa"
+        assets = asset_dir()
+        self._environment = {"MESA_SHADER_CACHE_DIR": str(shaders)}
+        if assets is not None:
+            self._environment["STRATA_ASSETS"] = str(assets.resolve())
+
+    def stop(self) -> None:
+        """End all runs that are under way, and begin no others."""
+        self._pool.shutdown(wait=False, cancel_futures=True)
+        for tree in self._all:
+            tree.stop()
+
+    # --- the map ------------------------------------------------------------------------------------------------------
+
+    def measure(self, files: Sequence[str]) -> None:
+        """Bring the map up to date for these files of tests."""
+        missing = self.map.missing(files)
+        if not missing:
+            return
+        console.say(f"strata: measuring which lines the tests of {len(missing)} files run")
+        shares = [missing[i : i + AT_ONCE] for i in range(0, len(missing), AT_ONCE)]
+        there = blobs(self.root, self.commit)
+        done = 0
+        for share, ran in self._pool.map(lambda one: (one, self._measured(one)), shares):
+            done += len(share)
+            failed = ran.failed
+            told = f", without {len(failed)} tests that fail there" if failed else ""
+            if ran.code not in (0, 1, 5):
+                why = f"it took {MEASURE_S:g} s" if ran.code is None else f"pytest ended with {ran.code}"
+                console.say(
+                    f"strata: not measured: {', '.join(share)}: {why}, last in {ran.last or ran.broken}"
+                )
+                continue
+            with self.map.path.open("a", encoding="utf-8") as stream:
+                for file in share:
+                    tests = (one for one in ran.tests if one["id"].partition("::")[0] == file)
+                    stream.write(entry(file, there[file], self.commit, ran.devices, tests))
+            console.say(f"strata: measured {done} of {len(missing)} files in {ran.seconds:.0f} s{told}")
+        self.map.read()
+
+    def _measured(self, files: Sequence[str]) -> Ran:
+        tree = self._trees.get()
+        try:
+            return tree.run(files, MEASURE_S, self._cache, cover=self.product, environment=self._environment)
+        finally:
+            self._trees.put(tree)
+
+    # --- mutants ------------------------------------------------------------------------------------------------------
+
+    def sources(self) -> list[str]:
+        """Return the files that mutants are made of."""
+        names = sorted(blobs(self.root, self.commit))
+        below = tuple(f"{part}/" for part in self.product)
+        return [
+            name
+            for name in names
+            if name.endswith(".py") and name.startswith(below) and not name.startswith(APART)
+        ]
+
+    def draw(self, count: int, seed: str, chosen: Sequence[str] = ()) -> list[Mutant]:
+        """Return mutants, drawn by the seed; where files of tests are `chosen`, of lines that their tests run."""
+        groups: dict[bool, list[Mutant]] = {False: [], True: []}
+        for file in self.sources():
+            if chosen and file not in {
+                one for name in chosen if name in self.map.files for one in self.map.files[name].ran
+            }:
+                continue
+            text = self.text(file)
+            for one in mutant_texts.mutants(text, file):
+                groups[one.before in mutant_texts.REPLACED or not one.after].append(one)
+        chance = random.Random(seed)
+        drawn: list[Mutant] = []
+        for group in groups.values():
+            chance.shuffle(group)
+        while len(drawn) < count and any(groups.values()):
+            kind = chance.random() < 0.5
+            one = (groups[kind] or groups[not kind]).pop()
+            if not chosen or tiers(self.map, one, self.text(one.file), chosen):
+                drawn.append(one)
+        return drawn
+
+    def text(self, file: str) -> str:
+        return (self.root / file).read_text("utf-8")
+
+    def try_all(self, mutants: Sequence[Mutant], chosen: Sequence[str] = ()) -> Iterable[Verdict]:
+        """Yield what becomes of each mutant, in their order."""
+        # The choice of tests asks git and keeps what it said: in one thread.
+        tasks = [(one, choose(tiers(self.map, one, self.text(one.file), chosen))) for one in mutants]
+        return self._pool.map(lambda task: self._try(*task), tasks)
+
+    def _try(self, mutant: Mutant, ids: list[str]) -> Verdict:
+        began = time.perf_counter()
+        text = self.text(mutant.file)
+        line = text.splitlines()[mutant.line - 1].strip()
+        tree = self._trees.get()
+        try:
+            result, by = self._outcome(tree, mutant, mutant_texts.applied(text, mutant), ids)
+        finally:
+            self._trees.put(tree)
+        return Verdict(mutant, result, by, time.perf_counter() - began, line)
+
+    def _outcome(self, tree: Tree, mutant: Mutant, text: str, ids: list[str]) -> tuple[str, str]:
+        """Return the result for a mutant, and by which test."""
+        ids = list(ids)
+        while ids:
+            with tree.changed(mutant.file, text):
+                ran = self._run(tree, ids)
+            self.devices |= ran.devices
+            if (
+                ran.unknown
+            ):  # ids that depend on what the mutant changes, or of a chapter for which a test does not run
+                ids = [one for one in ids if one not in ran.unknown]
+                continue
+            if ran.code in (0, 5):
+                return "survived", f"{len(ran.tests)} tests" if ran.tests else "not covered"
+            if ran.code is None:
+                plain = self._run(tree, ids)
+                if plain.code == 0 and plain.seconds < self.limit_s / 2:
+                    return "time-out", f"in {ran.last}; without the mutant {plain.seconds:.0f} s"
+                return "too slow", f"{len(ids)} tests, without the mutant {plain.seconds:.0f} s"
+            killer = next(iter(ran.failed), "") or ran.broken or ran.last
+            if not killer:  # pytest did not come to any test
+                plain = self._run(tree, ids[:1])
+                if plain.code not in (0, 5):
+                    raise StrataError(f"pytest cannot run in {tree.root}:\n{plain.output[-2000:]}")
+                return "killed", "a module that every test imports"
+            if killer in self._sound or killer not in ids:
+                return "killed", killer
+            plain = self._run(tree, ids[: ids.index(killer) + 1])
+            if plain.code in (0, 5):
+                self._sound.add(killer)
+                return "killed", killer
+            ids = [one for one in ids if one not in plain.failed and one != killer]
+        return "survived", "not covered"
+
+    def _run(self, tree: Tree, ids: Sequence[str]) -> Ran:
+        """Run tests with a copy of the caches, so that what a mutant leaves in them is gone."""
+        cache = tree.root.with_name(f"{tree.root.name}-cache")
+        mutant_trees.link_copy(self._cache, cache)
+        return tree.run(ids, self.limit_s, cache, environment=self._environment)
+
+
+def test_files(root: Path, words: Sequence[str]) -> list[str]:
+    """Return the files of tests of some areas, files and folders; of all where there are no words."""
+    found: list[Path] = []
+    for word in words or ["tests"]:
+        path = root / word
+        if word.startswith("-") or "::" in word:
+            raise UserError(f"--mutants takes areas, folders and files of tests: leave out {word!r}.")
+        if "/" not in word and word != "tests":
+            name = f"ch{int(word):02d}" if word.isascii() and word.isdigit() else word
+            if name not in areas():
+                raise UserError(
+                    f"There are no tests called {word!r}{suggest(name, areas())}".rstrip(".") + "."
+                )
+            path = root / path_of(name)
+        if not path.exists():
+            raise UserError(f"There is no {word}: --mutants takes areas, folders and files of tests.")
+        found += sorted(path.rglob("test_*.py")) if path.is_dir() else [path]
+    return list(dict.fromkeys(one.resolve().relative_to(root.resolve()).as_posix() for one in found))
+
+
+# --- what is said and kept --------------------------------------------------------------------------------------------
+
+
+def show(verdicts: Sequence[Verdict], reasons: Callable[[Verdict], str]) -> None:
+    """Print the table of mutants, and what to do with those that survived."""
+    made = table("Mutants", "where", "change", "result", "by", ">seconds")
+    for one in verdicts:
+        mutant = one.mutant
+        by = f"{one.by}: {reasons(one)}" if reasons(one) else one.by
+        made.add_row(
+            *(
+                escape(console.shown(text))
+                for text in (f"{mutant.file}:{mutant.line}", mutant.change, one.result, by)
+            ),
+            f"{one.seconds:.1f}",
+        )
+    console.out.print(made)
+    counts = {
+        word: sum(one.result == word for one in verdicts)
+        for word in ("killed", "time-out", "survived", "too slow")
+    }
+    said = ", ".join(f"{count} {word}" for word, count in counts.items() if count)
+    console.out.print(f"{len(verdicts)} mutants: {said or 'none'}.", markup=False)
+
+
+def key(entry_: dict[str, Any]) -> tuple[str, ...]:
+    """Return what a survivor is known by when its line has moved."""
+    return tuple(str(entry_[name]) for name in ("file", "text", "before", "after"))
+
+
+def survivor(verdict: Verdict, reason: str) -> dict[str, Any]:
+    """Return the entry of a survivor in the record."""
+    mutant = verdict.mutant
+    return {
+        "file": mutant.file,
+        "line": mutant.line,
+        "before": mutant.before,
+        "after": mutant.after,
+        "text": verdict.text,
+        "tests": verdict.by,
+        "reason": reason,
+    }
+
+
+def read_record(path: Path) -> dict[str, Any]:
+    """Return the record; {} where there is none."""
+    try:
+        found: dict[str, Any] = json.loads(path.read_text("utf-8"))
+    except FileNotFoundError:
+        return {}
+    except ValueError as error:
+        raise UserError(f"{path} is no JSON: {error}.") from None
+    return found
+
+
+def reasons_of(record: dict[str, Any]) -> dict[tuple[str, ...], dict[str, Any]]:
+    """Return the survivors of a record that have a reason."""
+    survivors = [*record.get("survivors", []), *record.get("known", [])]
+    return {key(one): one for one in survivors if one["reason"]}
+
+
+def new_record(
+    verdicts: Sequence[Verdict], before: dict[str, Any], root: Path, head: dict[str, Any]
+) -> dict[str, Any]:
+    """Return the record of a run; reasons that were written into the one before stay while their lines do."""
+    reasons = reasons_of(before)
+    survivors = []
+    for one in (verdict for verdict in verdicts if verdict.result == "survived"):
+        found = survivor(one, "")
+        found["reason"] = reasons.pop(key(found), found)["reason"]
+        survivors.append(found)
+    known = [one for one in reasons.values() if _stands(root / one["file"], one["text"])]
+    counts = {
+        "n": len(verdicts),
+        "killed": sum(one.killed for one in verdicts),
+        "timeouts": sum(one.result == "time-out" for one in verdicts),
+        "too_slow": sum(one.result == "too slow" for one in verdicts),
+    }
+    return {"format": FORMAT, **head, **counts, "survivors": survivors, "known": known}
+
+
+def _stands(path: Path, text: str) -> bool:
+    return path.is_file() and text in (line.strip() for line in path.read_text("utf-8").splitlines())
+
+
+def run(count: int, seed: str, record: bool, words: Sequence[str], shop: Workshop) -> list[Verdict]:
+    """Make the map, try the mutants, print the table, and keep the record where that is asked for."""
+    files = test_files(shop.root, words)
+    shop.measure(files)
+    seed = seed or shop.commit
+    chosen = files if words else ()
+    drawn = shop.draw(count, seed, chosen)
+    verdicts = []
+    for one in shop.try_all(drawn, chosen):
+        verdicts.append(one)
+        where = f"{one.mutant.file}:{one.mutant.line}"
+        console.say(f"strata: {len(verdicts)} of {len(drawn)}: {where} {one.mutant.change}: {one.result}")
+    path = shop.root / "docs" / "records" / "mutants.json"
+    before = read_record(path)
+    known = reasons_of(before)
+    show(verdicts, lambda one: known.get(key(survivor(one, "")), {"reason": ""})["reason"])
+    if record:
+        head = {
+            "when": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+            "commit": shop.commit,
+            "seed": seed,
+            "devices": dict(sorted((shop.map.devices | shop.devices).items())),
+        }
+        made = new_record(verdicts, before, shop.root, head)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(path, (json.dumps(made, indent=1, ensure_ascii=False) + "\n").encode())
+        console.out.print(
+            f"{path.relative_to(shop.root).as_posix()} has the survivors: give each a reason, or a test."
+        )
+    return verdicts
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the command; return 0 whatever became of the mutants."""
+    parser = argparse.ArgumentParser(prog="strata test")
+    parser.add_argument("--mutants", type=int, required=True)
+    parser.add_argument("--seed", default="")
+    parser.add_argument("--jobs", type=int, default=0)
+    parser.add_argument("--record", action="store_true")
+    given, words = parser.parse_known_args(arguments)
+    try:
+        mutant_trees.require()
+        jobs = given.jobs or os.cpu_count() or 1
+        shop = Workshop(ROOT, jobs)
+        try:
+            run(given.mutants, given.seed, given.record, words, shop)
+        finally:
+            shop.stop()
+    except StrataError as error:
+        console.say(f"strata: {error}")
+        return error.exit_code
+    except KeyboardInterrupt:
+        return 130
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
