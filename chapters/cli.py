@@ -35,6 +35,7 @@ from chapters.cli_options import (
 from chapters.cli_snapshots import carry, fork, new
 from chapters.console import say
 from chapters.stopping import STOPPED
+from common.errors import UserError
 
 
 def _without_metavar(parameters: list[Any]) -> list[Any]:

