@@ -1,0 +1,532 @@
+"""`strata test --mutants`: what a mutant is, which tests are chosen for it, how long they may take, and what is kept."""
+
+from __future__ import annotations
+
+import ast
+import json
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+import types
+from dataclasses import replace
+
+import pytest
+
+from chapters import testing
+from common.errors import UserError
+from common.paths import ROOT
+from tests.support import mutant_glsl, mutant_map, mutant_texts, mutant_trees, mutants
+from tests.support.clones import Clone
+from tests.support.mutant_map import Map, Measured, Test, choose, tiers
+from tests.support.mutant_texts import Mutant, applied
+from tests.support.mutant_trees import MARK, Ran
+
+Test.__test__ = False  # which is a dataclass here
+
+
+def lines_of(text):
+    """Return the mutants of a text as the lines that they change, stripped."""
+    found = mutant_texts.mutants(text, "common/a.py")
+    return [applied(text, one).splitlines()[one.line - 1].strip() for one in found]
+
+
+@pytest.mark.parametrize(
+    ("line", "others"),
+    [
+        ("x = a < b", ["x = a <= b"]),
+        ("x = a >= b", ["x = a > b"]),
+        ("x = a == b != c", ["x = a != b != c", "x = a == b == c"]),
+        ("x = a is b", ["x = a is not b"]),
+        ("x = a not in b", ["x = a in b"]),
+        ("x = a + b", ["x = a - b"]),
+        ("x = (a) * (b)", ["x = (a) / (b)"]),
+        ("x = a // b", ["x = a * b"]),
+        ("x = a | b", ["x = a & b"]),
+        ("x <<= b", ["x >>= b"]),
+        ("x = a and b and c", ["x = a or b and c", "x = a and b or c"]),
+        ("x = not a", ["x = a"]),
+        ("x = b * -a", ["x = b / -a", "x = b * a"]),
+        ("x = f(-a)", ["x = f(a)"]),
+        ("x = 41", ["x = 42"]),
+        ("x = 0x0F", ["x = 0x10"]),
+        ("x = 0.25", ["x = 1.25"]),
+        ("x = True", ["x = False"]),
+        ("x = 'key'", ["x = 'key_'"]),
+        ("x = ''", ["x = '_'"]),
+        ("x = {'ü': a < b}", ["x = {'ü_': a < b}", "x = {'ü': a <= b}"]),
+        ("return a % 2", ["return a * 2", "return a % 3"]),
+        ("f(key='n', flag=False)", ["f(key='n_', flag=False)", "f(key='n', flag=True)"]),
+    ],
+)
+def test_each_kind_of_change(line, others):
+    assert lines_of(f"def f(a, b, c):\n    {line}\n") == others
+
+
+APART = {
+    "docstrings": '"""text"""\nclass A:\n    """text"""\n    x: int\n    """text"""\n    def f(): "text"',
+    "annotations": "x: 'A[1]'\ndef f(a: Literal['b'] = c, *, d: 3) -> Array[4]: pass",
+    "type checkers' own": "if TYPE_CHECKING:\n    x = 1",
+    "__all__": "__all__ = ['a', 'b']",
+    "what is shown": "print('a', 1 + 2)\nsay('a')\nwarnings.warn('a')",
+    "help": "Option(help='a', metavar='N', epilog='b')",
+    "errors": "def f(n):\n    raise UserError('a' if n == 1 else f'{n + 1}')",
+    "asserts": "def f(x):\n    assert x is not None, 'a'",
+    "texts for people": "x = 'two words'\ny = f'{a + 1}'\nz = 'a' 'b'",
+    "decorators": "@cache(64)\ndef f(): pass",
+    "imports": "from __future__ import annotations\nimport a.b as c",
+    "names": "T = TypeVar('T')\nx = cast('A', y)",
+    "unions of types": "Path = str | bytes",
+    "the last resort": "if __name__ == '__main__':\n    main(1)",
+    "strict": "zip(a, b, strict=True)",
+    "comments": "x = y  # a < b + 1",
+}
+
+
+@pytest.mark.parametrize("text", APART.values(), ids=APART)
+def test_what_is_no_behaviour_stays(text):
+    ast.parse(text)
+    assert lines_of(text) == []
+
+
+def test_a_mutant_knows_its_statement_and_its_function():
+    text = textwrap.dedent("""\
+        LIMIT = 4
+        def f(a, b=2):
+            if (a <
+                    b):
+                return [
+                    3,
+                ]
+            return LIMIT
+        """)
+    found = {one.before: one for one in mutant_texts.mutants(text, "common/a.py")}
+    assert (found["<"].line, found["<"].column, found["<"].span, found["<"].function) == (
+        3,
+        10,
+        (3, 4),
+        (3, 8),
+    )
+    assert (found["3"].span, found["3"].function) == ((5, 7), (3, 8))
+    assert found["2"].function is None and found["2"].uses == {3, 4, 5, 6, 7, 8}
+    assert found["4"].function is None and found["4"].uses == {8}
+
+
+def test_a_change_of_another_text_is_refused():
+    (one,) = mutant_texts.mutants("def f(a): return a < f\n", "common/a.py")
+    with pytest.raises(ValueError, match="does not have '<' at 19"):
+        applied("def f(a): return a > f\n", one)
+
+
+def test_mutants_of_a_shader_are_in_its_functions():
+    text = textwrap.dedent("""\
+        #version 450
+        layout(location = 0) in vec3 p;
+        const float A = 1.0;
+        struct S { float a[4]; };
+        #define F(a) (a < 1)
+        float f(float a) {  // a < 1
+            if (a < 1e3 && !(a == -p.x)) { return a * 2.5f; }  /* 3
+            4 */ return float(5u >> 6) - 0.5;
+        }
+        """)
+    found = mutant_glsl.mutants(text, "shaders/a.glsl")
+    said = [(one.line, one.change) for one in found]
+    first = [
+        "< → <=",
+        "1e3 → 1001.0",
+        "&& → ||",
+        "! → nothing",
+        "== → !=",
+        "- → nothing",
+        "* → /",
+        "2.5f → 3.5f",
+    ]
+    second = ["5u → 6u", ">> → <<", "6 → 7", "- → +", "0.5 → 1.5"]
+    assert said == [*((7, one) for one in first), *((8, one) for one in second)]
+    for one in found:
+        line = applied(text, one).splitlines()[one.line - 1]
+        assert line != text.splitlines()[one.line - 1] and one.after in line
+
+
+# --- the map and the choice -------------------------------------------------------------------------------------------
+
+
+def made_map(clone, *entries):
+    """Return a map of a repository: of each entry the file of tests, and by id its seconds and lines."""
+    path = clone.folder / "map.jsonl"
+    head = clone.git("rev-parse", "HEAD").strip()
+    there = mutant_map.blobs(clone.folder, head)
+    for file, tests in entries:
+        rows = [
+            {"id": f"{file}::{name}", "outcome": "passed", "setup": setup, "seconds": seconds, "lines": lines}
+            for name, (setup, seconds, lines) in tests.items()
+        ]
+        with path.open("a") as stream:
+            stream.write(mutant_map.entry(file, there[file], head, {}, rows))
+    return Map(path, clone.folder, head)
+
+
+@pytest.fixture
+def clone(tmp_path):
+    made = Clone(tmp_path, count=0, git=False)
+    for name, text in {
+        "../common/a.py": "LIMIT = 3\n\ndef f(x):\n    return x < LIMIT\n\ndef g(x):\n    return x + 1\n",
+        "../common/b.py": "SIZE = 3\n",
+        "../tests/common/test_a.py": "from common import a\n",
+        "../tests/cli/test_all.py": "import common.a\n",
+        "../tests/common/test_b.py": "\n",
+    }.items():
+        made.write(name, text)
+    made.begin()
+    return made
+
+
+def of(file, text, before):
+    return next(one for one in mutant_texts.mutants(text, file) if one.before == before)
+
+
+def ids(tests):
+    return [{one.partition("::")[2] for one in tier} for tier in tests]
+
+
+def test_the_tests_of_a_line_are_those_that_run_it(clone):
+    found = made_map(
+        clone,
+        ("tests/common/test_a.py", {"f": (0, 1, {"common/a.py": "4"}), "g": (0, 1, {"common/a.py": "7"})}),
+        ("tests/cli/test_all.py", {"all": (0, 9, {"common/a.py": "1-4,6-7"})}),
+        ("tests/common/test_b.py", {"b": (0, 1, {})}),
+    )
+    text = found.text(found.head, "common/a.py")
+    assert ids(tiers(found, of("common/a.py", text, "<"), text)) == [{"f", "all"}]
+    assert ids(tiers(found, of("common/a.py", text, "+"), text)) == [{"g", "all"}]
+    assert ids(tiers(found, of("common/a.py", text, "+"), text, ["tests/common/test_a.py"])) == [{"g"}]
+    # A constant has the tests of the line that uses it, of other functions, and of files that name its own.
+    nearest = ids(tiers(found, of("common/a.py", text, "3"), text))
+    assert nearest[:2] == [{"f", "all"}, {"f", "g", "all"}] and nearest[-1] == {"f", "g", "all"}
+    assert ids(tiers(found, of("common/b.py", "SIZE = 3\n", "3"), "SIZE = 3\n")) == [{"b"}]
+
+
+def test_a_line_that_no_test_runs_has_none(clone):
+    found = made_map(clone, ("tests/common/test_a.py", {"f": (0, 1, {"common/a.py": "1-4"})}))
+    text = found.text(found.head, "common/a.py")
+    assert tiers(found, of("common/a.py", text, "+"), text) == []
+    assert choose([]) == []
+
+
+def test_lines_are_followed_when_a_file_changes_and_new_ones_count_as_their_function(clone):
+    tests = {"f": (0, 1, {"common/a.py": "4"}), "g": (0, 1, {"common/a.py": "7"})}
+    made_map(clone, ("tests/common/test_a.py", tests), ("tests/common/test_b.py", {"b": (0, 1, {})}))
+    now = (
+        "LIMIT = 3\n# more\n\ndef f(x):\n    y = x * 5\n    return x < LIMIT\n\ndef g(x):\n    return x + 1\n"
+    )
+    clone.write("../common/a.py", now)
+    clone.write("../tests/common/test_b.py", "# changed\n")
+    head = clone.commit("change")
+    found = Map(clone.folder / "map.jsonl", clone.folder, head)
+    assert found.missing(["tests/common/test_a.py", "tests/common/test_b.py"]) == ["tests/common/test_b.py"]
+    for before, name in {"<": "f", "*": "f", "+": "g"}.items():
+        assert ids(tiers(found, of("common/a.py", now, before), now)) == [{name}], before
+
+
+def test_a_later_chapter_with_the_same_file_has_the_tests_of_the_earlier_one(tmp_path):
+    clone = Clone(tmp_path, count=0, git=False)
+    text = "def f(x):\n    return x < 1\n"
+    for chapter in ("ch01", "ch02", "ch03"):
+        clone.write(f"{chapter}/a.py", text + "# other\n" * (chapter == "ch03"))
+    clone.write("../tests/ch01/test_a.py", "\n")
+    clone.begin()
+    lines = {"f": (0, 1, {"chapters/ch01/a.py": "2"})}
+    found = made_map(clone, ("tests/ch01/test_a.py", lines))
+    by_chapter = {
+        chapter: tiers(found, of(f"chapters/{chapter}/a.py", text, "<"), text)
+        for chapter in ("ch01", "ch02", "ch03")
+    }
+    names = {chapter: [*one[0]] if one else [] for chapter, one in by_chapter.items()}
+    assert names == {
+        "ch01": ["tests/ch01/test_a.py::f"],
+        "ch02": ["tests/ch01/test_a.py::ch02::f"],
+        "ch03": [],
+    }
+
+
+def test_a_shader_has_all_tests_of_the_modules_that_read_it(clone):
+    clone.write("../shaders/a.glsl", "float f(float a) { return a * 2.0; }\n")
+    clone.commit("shader")
+    tests = {
+        "x[vulkan]": (3, 1, {"shaders/a.glsl": "*"}),
+        "y[vulkan]": (0, 1, {}),
+        "x[gl]": (3, 1, {}),
+    }
+    found = made_map(clone, ("tests/common/test_a.py", tests))
+    text = found.text(found.head, "shaders/a.glsl")
+    mutant = mutant_glsl.mutants(text, "shaders/a.glsl")[0]
+    assert ids(tiers(found, mutant, text)) == [{"x[vulkan]", "y[vulkan]"}]
+
+
+def test_of_each_file_the_nearest_test_is_first_and_the_time_is_kept():
+    def tests(*rows):
+        return {f"{name}": Test(name, setup, seconds, lines) for name, setup, seconds, lines in rows}
+
+    near = tests(
+        ("tests/a.py::wide", 0, 1, 500),
+        ("tests/a.py::unit", 0, 2, 5),
+        ("tests/b.py::wide", 0, 1, 900),
+        ("tests/c.py::slow", 0, 30, 900),
+    )
+    # a.py's nearest, b.py's only one, c.py's does not fit beside them, and then the fast ones.
+    assert choose([near], 6) == ["tests/a.py::unit", "tests/a.py::wide", "tests/b.py::wide"]
+    assert choose([near], 60)[-1] == "tests/c.py::slow"
+    far = tests(("tests/d.py::far", 0, 1, 1))
+    assert choose([near, far], 6)[-1] == "tests/d.py::far", "what is nearer has its time first"
+    # A module's set-up is needed whichever of its tests run, and once.
+    module = tests(("tests/e.py::first[gl]", 8, 1, 9), ("tests/e.py::second[gl]", 0, 1, 9))
+    assert choose([module], 9) == []
+    assert len(choose([module], 10)) == 1
+    assert len(choose([module], 11)) == 2
+
+
+# --- runs -------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(os.name != "posix", reason="process groups")
+def test_at_the_limit_nothing_is_left_of_what_a_run_started(tmp_path):
+    """A child in the group, and one that left it."""
+    code = textwrap.dedent(f"""
+        import subprocess, sys, time
+        child = [sys.executable, "-c", "import time; time.sleep(60)"]
+        numbers = [subprocess.Popen(child, start_new_session=new).pid for new in (False, True)]
+        path = {str(tmp_path / "numbers")!r}
+        open(path + ".new", "w").write(" ".join(map(str, numbers)))
+        import os
+        os.rename(path + ".new", path)
+        time.sleep(60)
+        """)
+    process = subprocess.Popen(
+        [sys.executable, "-c", code], start_new_session=True, env={**os.environ, MARK: "of this test"}
+    )
+    while not (tmp_path / "numbers").exists():
+        time.sleep(0.01)
+    children = [int(word) for word in (tmp_path / "numbers").read_text().split()]
+    if not sys.platform.startswith("linux"):
+        os.kill(children.pop(), signal.SIGKILL)  # found by /proc alone
+    began = time.perf_counter()
+    assert mutant_trees.wait(process, 0.1, "of this test") is None
+    assert time.perf_counter() - began < 5
+    assert process.returncode == -signal.SIGKILL
+    assert not [number for number in children if runs(number)]
+
+
+def runs(number):
+    """Whether a process is there and has not ended: one that has may wait for its parent to ask."""
+    for _ in range(100):
+        state = subprocess.run(
+            ["ps", "-o", "stat=", "-p", str(number)], capture_output=True, text=True
+        ).stdout
+        if not state.strip() or state.startswith("Z"):
+            return False
+        time.sleep(0.02)
+    return True
+
+
+MUTANT = Mutant("common/a.py", 1, 0, "<", "<=", (1, 1), (1, 1))
+
+
+def ran(code, *, seconds=1.0, failed=(), passed=(), last="", **more):
+    rows = [{"id": name, "outcome": "failed"} for name in failed]
+    return Ran(code, seconds, (*rows, *({"id": name, "outcome": "passed"} for name in passed)), last, **more)
+
+
+@pytest.mark.parametrize(
+    ("with_mutant", "without", "result"),
+    [
+        ([ran(1, failed=["t::b"])], [ran(0)], ("killed", "t::b")),
+        ([ran(-11, last="t::b")], [ran(0)], ("killed", "t::b")),
+        ([ran(2, broken="t")], [], ("killed", "t")),
+        ([ran(4)], [ran(0)], ("killed", "a module that every test imports")),
+        ([ran(0, passed=["t::a", "t::b"])], [], ("survived", "2 tests")),
+        ([ran(None, last="t::a")], [ran(0, seconds=29)], ("time-out", "in t::a; without the mutant 29 s")),
+        ([ran(None, last="t::a")], [ran(0, seconds=31)], ("too slow", "2 tests, without the mutant 31 s")),
+        ([ran(None, last="t::a")], [ran(None, seconds=60)], ("too slow", "2 tests, without the mutant 60 s")),
+        # A test that fails without the mutant too says nothing: it is left out.
+        (
+            [ran(1, failed=["t::a"]), ran(0, passed=["t::b"])],
+            [ran(1, failed=["t::a"])],
+            ("survived", "1 tests"),
+        ),
+        ([ran(4, unknown=("t::a",)), ran(0, passed=["t::b"])], [], ("survived", "1 tests")),
+        ([ran(4, unknown=("t::a", "t::b"))], [], ("survived", "not covered")),
+        ([ran(5)], [], ("survived", "not covered")),
+    ],
+)
+def test_what_a_run_says_of_a_mutant(with_mutant, without, result, tmp_path):
+    shop = mutants.Workshop.__new__(mutants.Workshop)
+    shop.limit_s, shop._sound, shop.devices = 60.0, set(), {}
+    (tmp_path / "common").mkdir()
+    (tmp_path / "common/a.py").write_text("whole")
+    tree = types.SimpleNamespace(root=tmp_path)
+    tree.changed = lambda file, text: mutant_trees.Tree.changed(tree, file, text)
+    answers = {True: iter(with_mutant), False: iter(without)}
+    shop._run = lambda tree, ids: next(answers[(tree.root / "common/a.py").read_text() == "mutant"])
+    assert shop._outcome(tree, MUTANT, "mutant", ["t::a", "t::b"]) == result
+    assert all(next(left, None) is None for left in answers.values())
+    assert (tmp_path / "common/a.py").read_text() == "whole"
+
+
+PROJECT = {
+    ".gitignore": "out/\n.venv/\n__pycache__/\n",
+    "pyproject.toml": "[tool.pytest.ini_options]\npythonpath = ['.']\n",
+    "common/__init__.py": "",
+    "common/sums.py": """\
+def larger(a, b):
+    return a if a > b else b
+
+def twice(x):
+    return x + x
+
+def never(x):
+    return not x
+
+def main():
+    import sys
+    sys.exit(len(sys.argv) - 3)
+""",
+    "tests/test_sums.py": """\
+import os, subprocess, sys
+from common.sums import larger, twice
+
+def test_larger():
+    assert larger(2, 3) == larger(3, 2) == 3
+
+def test_twice():
+    assert twice(2) == 4
+    assert not os.environ.get("DEFECT")
+
+def test_fails():
+    assert False
+
+def test_in_a_process():
+    code = "from common.sums import main; main()"
+    assert subprocess.run([sys.executable, "-c", code, "a", "b"]).returncode == 0
+""",
+}
+
+
+@pytest.mark.needs("coverage")
+@pytest.mark.skipif(os.name != "posix", reason="process groups")
+def test_a_small_project_from_its_map_to_its_record(tmp_path, capsys):
+    """`>` may as well be `>=`: that mutant survives; the sum is tested; nothing runs the third function."""
+    root = tmp_path / "clone"
+    clone = Clone(root, count=0, git=False)
+    for name, text in PROJECT.items():
+        clone.write(f"../{name}", text)
+    clone.begin()
+    shop = mutants.Workshop(root, 2, ("common",), 30.0)
+    try:
+        verdicts = mutants.run(99, "", True, (), shop)
+    finally:
+        shop.stop()
+    assert {f"{one.mutant.line} {one.mutant.change}": (one.result, one.by) for one in verdicts} == {
+        "2 > → >=": ("survived", "1 tests"),
+        "5 + → -": ("killed", "tests/test_sums.py::test_twice"),
+        "8 not → nothing": ("survived", "not covered"),
+        "12 - → +": ("killed", "tests/test_sums.py::test_in_a_process"),
+        "12 3 → 4": ("killed", "tests/test_sums.py::test_in_a_process"),
+    }
+    assert clone.git("status", "--porcelain") == "?? docs/\n", "the clone's own files stay"
+    record = json.loads((root / "docs/records/mutants.json").read_text())
+    head = clone.git("rev-parse", "HEAD").strip()
+    assert (record["commit"], record["seed"], record["n"], record["killed"]) == (head, head, 5, 3)
+    assert sorted((one["line"], one["before"], one["after"]) for one in record["survivors"]) == [
+        (2, ">", ">="),
+        (8, "not", ""),
+    ]
+    printed = capsys.readouterr()
+    assert "without 1 tests that fail there" in printed.err
+    assert "5 mutants: 3 killed, 2 survived." in printed.out
+
+
+# --- the command and the record ---------------------------------------------------------------------------------------
+
+
+def test_the_same_seed_draws_the_same_mutants(clone):
+    shop = mutants.Workshop.__new__(mutants.Workshop)
+    shop.root, shop.product, shop.commit = clone.folder, ("common",), clone.git("rev-parse", "HEAD").strip()
+    shop.map = Map(clone.folder / "none", clone.folder, shop.commit)
+    drawn = {seed: shop.draw(3, seed) for seed in ("a", "b", "c")}
+    assert all(shop.draw(3, seed) == drawn[seed] for seed in drawn)
+    assert len({tuple(one) for one in drawn.values()}) > 1
+    everything = shop.draw(99, "a")
+    assert len({*everything}) == len(everything) == 5, "none is drawn twice"
+
+
+def test_a_clone_with_changes_is_refused(clone):
+    clone.write("../common/a.py", "changed = 1\n")
+    with pytest.raises(UserError, match=r"common/a\.py differs from it: commit first"):
+        mutants.Workshop(clone.folder, 1)
+    assert not (clone.folder / "out").exists()
+
+
+def verdict(line=4, **more):
+    return mutants.Verdict(replace(MUTANT, line=line), "survived", "1 tests", 1.0, "return x < LIMIT", **more)
+
+
+def test_the_reason_of_a_survivor_stays_while_its_line_does(clone):
+    first = mutants.new_record([verdict()], {}, clone.folder, {"seed": "a"})
+    assert (first["n"], first["killed"], first["survivors"][0]["reason"]) == (1, 0, "")
+    first["survivors"][0]["reason"] = "the same for whole numbers"
+    again = mutants.new_record([verdict(line=40)], first, clone.folder, {"seed": "a"})
+    assert [(one["line"], one["reason"]) for one in again["survivors"]] == [
+        (40, "the same for whole numbers")
+    ]
+    assert again["known"] == []
+    later = mutants.new_record([], again, clone.folder, {"seed": "b"})
+    assert (later["survivors"], len(later["known"])) == ([], 1)
+    clone.write("../common/a.py", "\n")
+    assert mutants.new_record([], later, clone.folder, {"seed": "c"})["known"] == []
+
+
+@pytest.mark.parametrize(
+    ("words", "files"),
+    [
+        (["tests/common/test_names.py"], ["tests/common/test_names.py"]),
+        (["architecture"], ["tests/test_architecture.py"]),
+        (["architecture", "tests/test_architecture.py"], ["tests/test_architecture.py"]),
+    ],
+)
+def test_words_name_files_of_tests(words, files):
+    assert mutants.test_files(ROOT, words) == files
+
+
+def test_areas_and_no_words_name_many_files():
+    assert "tests/common/test_names.py" in mutants.test_files(ROOT, ["common"])
+    assert "tests/ch01/test_contract.py" in mutants.test_files(ROOT, ["1"])
+    assert {"tests/ch01/test_contract.py", "tests/test_panel.py"} < {*mutants.test_files(ROOT, [])}
+
+
+@pytest.mark.parametrize("word", ["-x", "tests/common/test_names.py::test_a", "comon", "tests/nothing"])
+def test_other_words_are_refused(word):
+    with pytest.raises(UserError):
+        mutants.test_files(ROOT, [word])
+
+
+@pytest.mark.parametrize(
+    "words",
+    [["--mutants", "3", "--long"], ["--mutants", "3", "--chapter", "1"], ["--seed", "a"], ["--jobs", "2"]],
+)
+def test_options_that_do_not_go_together_are_refused(words, strata):
+    code, _, told = strata("test", *words)
+    assert code == 2 and "leave" in told
+
+
+def test_the_command_starts_the_tool_of_the_tests(monkeypatch):
+    commands = []
+    monkeypatch.setattr(
+        testing.subprocess,
+        "run",
+        lambda command, **more: commands.append(command) or types.SimpleNamespace(returncode=0),
+    )
+    assert testing.run_mutants(5, ["common"], seed="a", jobs=None, record=True) == 0
+    assert commands[0][-5:] == ["tests.support.mutants", "--mutants=5", "--seed=a", "--record", "common"]
