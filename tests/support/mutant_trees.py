@@ -124,13 +124,19 @@ class Tree:
         cover: Sequence[str] = (),
         environment: Mapping[str, str] | None = None,
     ) -> Ran:
-        """Run pytest; `cover` are folders whose lines are measured."""
+        """Run pytest; `cover` are folders whose lines are measured.
+
+        It begins with a copy of `cache`, so that what a mutant leaves there is gone with it. Results that the product
+        keeps on disk are not among it: a line that makes one would run in the first of all runs alone.
+        """
+        own = self.root.with_name(f"{self.root.name}-cache")
+        link_copy(cache, own)
         log, words, output = (self._plugin / name for name in ("log.jsonl", "arguments", "output"))
         log.unlink(missing_ok=True)
         words.write_text("".join(f"{one}\n" for one in arguments), "utf-8")
         more = {
             "MUTANTS_LOG": str(log),
-            "STRATA_CACHE": str(cache),
+            "STRATA_CACHE": str(own),
             "PYTHONPATH": str(self._plugin),
             MARK: self._mark,
         }
@@ -217,6 +223,8 @@ def require() -> None:
 
 
 def link_copy(folder: Path, copy: Path) -> None:
-    """Copy a folder by links to its files, which are written whole and thus never changed in place."""
+    """Copy a folder, if there is one, by links to its files: they are written whole, never changed in place."""
     shutil.rmtree(copy, ignore_errors=True)
+    if not folder.is_dir():
+        return
     shutil.copytree(folder, copy, copy_function=os.link)

@@ -22,17 +22,16 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rich.markup import escape
-
+from backends import choice, verdicts
 from chapters import console
 from chapters.history import git
-from chapters.tables import table
 from chapters.testing import areas, path_of
-from common.errors import StrataError, UserError
+from common.errors import StrataError, UnsupportedError, UserError
 from common.names import suggest
 from common.paths import ROOT, asset_dir, write_whole
 from tests.support import mutant_glsl, mutant_texts, mutant_trees
@@ -46,8 +45,8 @@ SHADERS = ("shaders",)
 APART = ("chapters/exercises/",)
 """Folders whose code is changed on purpose already."""
 LIMIT_S = 60.0
-AT_ONCE = 8
-"""Files of tests that are measured by one process."""
+AT_ONCE = 12
+"""Files of tests that are measured by one process, at most."""
 MEASURE_S = 1500.0
 """For that process: such files take up to five minutes, and twice as long while their lines are traced."""
 FORMAT = 1
@@ -85,8 +84,8 @@ class Workshop:
         self.folder.mkdir(parents=True, exist_ok=True)
         self.map = Map(self.folder / "map.jsonl", root, self.commit)
         self.devices: dict[str, str] = {}
-        self._cache = self.folder / "cache"
-        self._cache.mkdir(exist_ok=True)
+        self.cache = self.folder / "cache"
+        self.cache.mkdir(exist_ok=True)
         self._sound: set[str] = set()
         self._all = [Tree(root, self.folder / f"tree-{number}", self.commit) for number in range(jobs)]
         self._trees: queue.SimpleQueue[Tree] = queue.SimpleQueue()
@@ -113,13 +112,14 @@ class Workshop:
         if not missing:
             return
         console.say(f"strata: measuring which lines the tests of {len(missing)} files run")
-        shares = [missing[i : i + AT_ONCE] for i in range(0, len(missing), AT_ONCE)]
+        size = min(AT_ONCE, -(-len(missing) // len(self._all)))
+        shares = [missing[i : i + size] for i in range(0, len(missing), size)]
         there = blobs(self.root, self.commit)
         done = 0
         for share, ran in self._pool.map(lambda one: (one, self._measured(one)), shares):
             done += len(share)
             failed = ran.failed
-            told = f", without {len(failed)} tests that fail there" if failed else ""
+            told = f", without {counted(failed)} that failed" if failed else ""
             if ran.code not in (0, 1, 5):
                 why = f"it took {MEASURE_S:g} s" if ran.code is None else f"pytest ended with {ran.code}"
                 console.say(
@@ -136,7 +136,7 @@ class Workshop:
     def _measured(self, files: Sequence[str]) -> Ran:
         tree = self._trees.get()
         try:
-            return tree.run(files, MEASURE_S, self._cache, cover=self.product, environment=self._environment)
+            return tree.run(files, MEASURE_S, self.cache, cover=self.product, environment=self._environment)
         finally:
             self._trees.put(tree)
 
@@ -210,12 +210,12 @@ class Workshop:
                 ids = [one for one in ids if one not in ran.unknown]
                 continue
             if ran.code in (0, 5):
-                return "survived", f"{len(ran.tests)} tests" if ran.tests else "not covered"
+                return "survived", counted(ran.tests) if ran.tests else "not covered"
             if ran.code is None:
                 plain = self._run(tree, ids)
                 if plain.code == 0 and plain.seconds < self.limit_s / 2:
                     return "time-out", f"in {ran.last}; without the mutant {plain.seconds:.0f} s"
-                return "too slow", f"{len(ids)} tests, without the mutant {plain.seconds:.0f} s"
+                return "too slow", f"{counted(ids)}, without the mutant {plain.seconds:.0f} s"
             killer = next(iter(ran.failed), "") or ran.broken or ran.last
             if not killer:  # pytest did not come to any test
                 plain = self._run(tree, ids[:1])
@@ -232,10 +232,13 @@ class Workshop:
         return "survived", "not covered"
 
     def _run(self, tree: Tree, ids: Sequence[str]) -> Ran:
-        """Run tests with a copy of the caches, so that what a mutant leaves in them is gone."""
-        cache = tree.root.with_name(f"{tree.root.name}-cache")
-        mutant_trees.link_copy(self._cache, cache)
-        return tree.run(ids, self.limit_s, cache, environment=self._environment)
+        """Run tests within the limit."""
+        return tree.run(ids, self.limit_s, self.cache, environment=self._environment)
+
+
+def counted(tests: Sequence[object]) -> str:
+    """Return "1 test", "2 tests"."""
+    return f"{len(tests)} test{'s' * (len(tests) != 1)}"
 
 
 def test_files(root: Path, words: Sequence[str]) -> list[str]:
@@ -262,23 +265,24 @@ def test_files(root: Path, words: Sequence[str]) -> list[str]:
 
 
 def show(verdicts: Sequence[Verdict], reasons: Callable[[Verdict], str]) -> None:
-    """Print the table of mutants, and what to do with those that survived."""
-    made = table("Mutants", "where", "change", "result", "by", ">seconds")
+    """Print the table of mutants: a line for each, whatever its length, so that a test's id can be copied."""
+    rows = [("result", "seconds", "where", "change", "by")]
     for one in verdicts:
-        mutant = one.mutant
         by = f"{one.by}: {reasons(one)}" if reasons(one) else one.by
-        made.add_row(
-            *(
-                escape(console.shown(text))
-                for text in (f"{mutant.file}:{mutant.line}", mutant.change, one.result, by)
-            ),
-            f"{one.seconds:.1f}",
+        where = f"{one.mutant.file}:{one.mutant.line}"
+        rows.append((one.result, f"{one.seconds:.1f}", where, one.mutant.change, console.shown(by)))
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for result, seconds, where, change, by in rows:
+        cells = (
+            result.ljust(widths[0]),
+            seconds.rjust(widths[1]),
+            where.ljust(widths[2]),
+            change.ljust(widths[3]),
+            by,
         )
-    console.out.print(made)
-    counts = {
-        word: sum(one.result == word for one in verdicts)
-        for word in ("killed", "time-out", "survived", "too slow")
-    }
+        console.out.print("  ".join(cells), markup=False, soft_wrap=True)
+    words = ("killed", "time-out", "survived", "too slow")
+    counts = {word: sum(one.result == word for one in verdicts) for word in words}
     said = ", ".join(f"{count} {word}" for word, count in counts.items() if count)
     console.out.print(f"{len(verdicts)} mutants: {said or 'none'}.", markup=False)
 
@@ -388,6 +392,10 @@ def main(arguments: Sequence[str]) -> int:
         jobs = given.jobs or os.cpu_count() or 1
         shop = Workshop(ROOT, jobs)
         try:
+            for api in ("vulkan", "gl"):
+                with suppress(UnsupportedError):
+                    choice.probe(api)
+            mutant_trees.link_copy(verdicts.folder(), shop.cache / verdicts.folder().name)
             run(given.mutants, given.seed, given.record, words, shop)
         finally:
             shop.stop()

@@ -354,9 +354,9 @@ def ran(code, *, seconds=1.0, failed=(), passed=(), last="", **more):
         (
             [ran(1, failed=["t::a"]), ran(0, passed=["t::b"])],
             [ran(1, failed=["t::a"])],
-            ("survived", "1 tests"),
+            ("survived", "1 test"),
         ),
-        ([ran(4, unknown=("t::a",)), ran(0, passed=["t::b"])], [], ("survived", "1 tests")),
+        ([ran(4, unknown=("t::a",)), ran(0, passed=["t::b"])], [], ("survived", "1 test")),
         ([ran(4, unknown=("t::a", "t::b"))], [], ("survived", "not covered")),
         ([ran(5)], [], ("survived", "not covered")),
     ],
@@ -429,7 +429,7 @@ def test_a_small_project_from_its_map_to_its_record(tmp_path, capsys):
     finally:
         shop.stop()
     assert {f"{one.mutant.line} {one.mutant.change}": (one.result, one.by) for one in verdicts} == {
-        "2 > → >=": ("survived", "1 tests"),
+        "2 > → >=": ("survived", "1 test"),
         "5 + → -": ("killed", "tests/test_sums.py::test_twice"),
         "8 not → nothing": ("survived", "not covered"),
         "12 - → +": ("killed", "tests/test_sums.py::test_in_a_process"),
@@ -444,7 +444,7 @@ def test_a_small_project_from_its_map_to_its_record(tmp_path, capsys):
         (8, "not", ""),
     ]
     printed = capsys.readouterr()
-    assert "without 1 tests that fail there" in printed.err
+    assert "without 1 test that failed" in printed.err
     assert "5 mutants: 3 killed, 2 survived." in printed.out
 
 
