@@ -1,4 +1,4 @@
-"""`strata test --mutants`: what a mutant is, which tests are chosen for it, how long they may take, and what is kept."""
+"""`strata test --mutants`: what a mutant is, which tests are chosen for it, the limit of time, and what is kept."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from common.errors import UserError
 from common.paths import ROOT
 from tests.support import mutant_glsl, mutant_map, mutant_texts, mutant_trees, mutants
 from tests.support.clones import Clone
-from tests.support.mutant_map import Map, Measured, Test, choose, tiers
+from tests.support.mutant_map import Map, Test, choose, tiers
 from tests.support.mutant_texts import Mutant, applied
 from tests.support.mutant_trees import MARK, Ran
 
@@ -389,12 +389,12 @@ def twice(x):
 def never(x):
     return not x
 
-def main():
+def main(words):
     import sys
-    sys.exit(len(sys.argv) - 3)
+    sys.exit(not words)
 """,
     "tests/test_sums.py": """\
-import os, subprocess, sys
+import subprocess, sys
 from common.sums import larger, twice
 
 def test_larger():
@@ -402,14 +402,13 @@ def test_larger():
 
 def test_twice():
     assert twice(2) == 4
-    assert not os.environ.get("DEFECT")
 
 def test_fails():
     assert False
 
 def test_in_a_process():
-    code = "from common.sums import main; main()"
-    assert subprocess.run([sys.executable, "-c", code, "a", "b"]).returncode == 0
+    code = "from common.sums import main; main('a')"
+    assert subprocess.run([sys.executable, "-c", code]).returncode == 0
 """,
 }
 
@@ -432,20 +431,19 @@ def test_a_small_project_from_its_map_to_its_record(tmp_path, capsys):
         "2 > → >=": ("survived", "1 test"),
         "5 + → -": ("killed", "tests/test_sums.py::test_twice"),
         "8 not → nothing": ("survived", "not covered"),
-        "12 - → +": ("killed", "tests/test_sums.py::test_in_a_process"),
-        "12 3 → 4": ("killed", "tests/test_sums.py::test_in_a_process"),
+        "12 not → nothing": ("killed", "tests/test_sums.py::test_in_a_process"),
     }
     assert clone.git("status", "--porcelain") == "?? docs/\n", "the clone's own files stay"
     record = json.loads((root / "docs/records/mutants.json").read_text())
     head = clone.git("rev-parse", "HEAD").strip()
-    assert (record["commit"], record["seed"], record["n"], record["killed"]) == (head, head, 5, 3)
+    assert (record["commit"], record["seed"], record["n"], record["killed"]) == (head, head, 4, 2)
     assert sorted((one["line"], one["before"], one["after"]) for one in record["survivors"]) == [
         (2, ">", ">="),
         (8, "not", ""),
     ]
     printed = capsys.readouterr()
     assert "without 1 test that failed" in printed.err
-    assert "5 mutants: 3 killed, 2 survived." in printed.out
+    assert "4 mutants: 2 killed, 2 survived." in printed.out
 
 
 # --- the command and the record ---------------------------------------------------------------------------------------
