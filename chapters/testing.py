@@ -81,7 +81,12 @@ def run_mutants(count: int, words: list[str], *, seed: str | None, jobs: int | N
         *([f"--jobs={jobs}"] if jobs else []),
     ]
     command = [sys.executable, "-P", "-m", "tests.support.mutants", *options, *["--record"] * record, *words]
-    return subprocess.run(command, cwd=ROOT, check=False).returncode
+    with subprocess.Popen(command, cwd=ROOT) as process:
+        try:
+            return process.wait()
+        except KeyboardInterrupt:
+            process.terminate()  # it ends its own processes, for which `subprocess.run` leaves it no time
+            raise
 
 
 def areas() -> list[str]:

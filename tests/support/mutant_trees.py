@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from chapters.history import git
-from common.errors import UserError
+from common.errors import StrataError, UserError
 
 PLUGIN = Path(__file__).with_name("mutant_watch.py")
 UNKNOWN = re.compile(r"^ERROR: not found: (.+)$", re.M)
@@ -71,9 +71,11 @@ class Tree:
         shutil.copy(PLUGIN, self._plugin)
         self._mark = uuid.uuid4().hex
         self._process: subprocess.Popen[bytes] | None = None
+        self._stopped = False
 
     def stop(self) -> None:
-        """End the run that is under way in another thread, if there is one."""
+        """End the run that is under way in another thread, if there is one, and let no other begin."""
+        self._stopped = True
         if self._process is not None:
             end(self._process, self._mark)
 
@@ -129,6 +131,8 @@ class Tree:
         It begins with a copy of `cache`, so that what a mutant leaves there is gone with it. Results that the product
         keeps on disk are not among it: a line that makes one would run in the first of all runs alone.
         """
+        if self._stopped:
+            raise StrataError("The run was stopped.")
         own = self.root.with_name(f"{self.root.name}-cache")
         link_copy(cache, own)
         log, words, output = (self._plugin / name for name in ("log.jsonl", "arguments", "output"))
@@ -157,6 +161,8 @@ class Tree:
                 env={**kept, **(environment or {}), **more},
                 start_new_session=True,
             )
+            if self._stopped:
+                self.stop()
             code = wait(self._process, limit_s, self._mark)
         seconds = time.perf_counter() - began
         return _read(log, code, seconds, output.read_text("utf-8", "replace"), self.root)

@@ -18,6 +18,7 @@ import json
 import os
 import queue
 import random
+import signal
 import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -387,6 +388,7 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--jobs", type=int, default=0)
     parser.add_argument("--record", action="store_true")
     given, words = parser.parse_known_args(arguments)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         mutant_trees.require()
         jobs = given.jobs or os.cpu_count() or 1
@@ -398,6 +400,8 @@ def main(arguments: Sequence[str]) -> int:
             mutant_trees.link_copy(verdicts.folder(), shop.cache / verdicts.folder().name)
             run(given.mutants, given.seed, given.record, words, shop)
         finally:
+            for number in (signal.SIGINT, signal.SIGTERM):
+                signal.signal(number, signal.SIG_IGN)  # a second one would leave processes behind
             shop.stop()
     except StrataError as error:
         console.say(f"strata: {error}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import contextlib
 import json
 import os
 import signal
@@ -519,12 +520,56 @@ def test_options_that_do_not_go_together_are_refused(words, strata):
     assert code == 2 and "leave" in told
 
 
+@pytest.mark.skipif(os.name != "posix", reason="process groups")
+def test_when_it_is_stopped_nothing_is_left(tmp_path, monkeypatch):
+    """Ctrl-C reaches the command alone here, as from a program; the run that it started is in a group of its own."""
+    path = tmp_path / "number"
+    run = f"import os, time; open({str(path)!r}, 'w').write(str(os.getpid())); time.sleep(60)"
+    tool = textwrap.dedent(f"""
+        import subprocess, sys
+        from tests.support import mutant_trees, mutants
+
+        class Shop:
+            def __init__(self, root, jobs): self.cache = __import__("pathlib").Path({str(tmp_path)!r})
+            def stop(self): mutant_trees.end(self.process, "none")
+
+        def run(count, seed, record, words, shop):
+            shop.process = subprocess.Popen([sys.executable, "-c", {run!r}], start_new_session=True)
+            shop.process.wait()
+
+        mutants.Workshop, mutants.run = Shop, run
+        mutants.choice.probe = lambda api: None
+        sys.exit(mutants.main(sys.argv[1:]))
+        """)
+    (tmp_path / "tool.py").write_text(tool)
+    real = testing.subprocess.Popen
+
+    class Interrupted(real):
+        def wait(self, timeout=None):
+            if not hasattr(self, "told"):
+                self.told = True
+                while not (path.exists() and path.read_text()):
+                    time.sleep(0.01)
+                raise KeyboardInterrupt
+            return super().wait(timeout)
+
+    def start(command, **more):
+        return Interrupted([*command[:2], str(tmp_path / "tool.py"), *command[4:]], **more)
+
+    monkeypatch.setattr(testing, "subprocess", types.SimpleNamespace(Popen=start))
+    with pytest.raises(KeyboardInterrupt):
+        testing.run_mutants(1, [], seed=None, jobs=None, record=False)
+    assert not runs(int(path.read_text()))
+
+
 def test_the_command_starts_the_tool_of_the_tests(monkeypatch):
     commands = []
-    monkeypatch.setattr(
-        testing.subprocess,
-        "run",
-        lambda command, **more: commands.append(command) or types.SimpleNamespace(returncode=0),
-    )
+
+    class Started(contextlib.nullcontext):
+        def __init__(self, command, **more):
+            commands.append(command)
+            super().__init__(types.SimpleNamespace(wait=lambda: 0))
+
+    monkeypatch.setattr(testing, "subprocess", types.SimpleNamespace(Popen=Started))
     assert testing.run_mutants(5, ["common"], seed="a", jobs=None, record=True) == 0
     assert commands[0][-5:] == ["tests.support.mutants", "--mutants=5", "--seed=a", "--record", "common"]
