@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import contextlib
+import io
 import json
 import os
 import signal
@@ -407,20 +408,38 @@ def test_twice():
 }
 
 
-@pytest.mark.needs("coverage")
-@pytest.mark.skipif(os.name != "posix", reason="process groups")
-def test_a_small_project_from_its_map_to_its_record(tmp_path, capsys):
-    """`>` may as well be `>=`: that mutant survives; a process of a test runs the sum; no test the third function."""
-    root = tmp_path / "clone"
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    """The project as a clone, the workshop of its mutants with the map, and what was said of that."""
+    if os.name != "posix":
+        pytest.skip("process groups")
+    root = tmp_path_factory.mktemp("small") / "clone"
     clone = Clone(root, count=0, git=False)
     for name, text in PROJECT.items():
         clone.write(f"../{name}", text)
     clone.begin()
     shop = mutants.Workshop(root, 2, ("common",), 30.0)
-    try:
-        verdicts = mutants.run(99, "", True, (), shop)
-    finally:
-        shop.stop()
+    said = io.StringIO()
+    with contextlib.redirect_stderr(said):
+        shop.measure(mutants.test_files(root, ()))
+    yield clone, shop, said.getvalue()
+    shop.stop()
+
+
+@pytest.mark.needs("coverage")
+def test_the_lines_of_tests_are_measured_in_the_processes_that_they_start_too(small):
+    _, shop, said = small
+    assert "without 1 test that failed" in said
+    found = {line: {*shop.map.covering("common/sums.py", [line])} for line in (2, 5, 8)}
+    assert found == {2: {"tests/test_sums.py::test_larger"}, 5: {"tests/test_sums.py::test_twice"}, 8: set()}
+
+
+@pytest.mark.needs("coverage")
+def test_the_mutants_of_a_small_project_and_their_record(small, capsys):
+    """`>` may as well be `>=`: it survives. A process of a test runs the sum. No test runs the third function."""
+    clone, shop, _ = small
+    root = clone.folder
+    verdicts = mutants.run(99, "", True, (), shop)
     assert {f"{one.mutant.line} {one.mutant.change}": (one.result, one.by) for one in verdicts} == {
         "2 > → >=": ("survived", "1 test"),
         "5 + → -": ("killed", "tests/test_sums.py::test_twice"),
@@ -434,9 +453,7 @@ def test_a_small_project_from_its_map_to_its_record(tmp_path, capsys):
         (2, ">", ">="),
         (8, "not", ""),
     ]
-    printed = capsys.readouterr()
-    assert "without 1 test that failed" in printed.err
-    assert "3 mutants: 1 killed, 2 survived." in printed.out
+    assert "3 mutants: 1 killed, 2 survived." in capsys.readouterr().out
 
 
 # --- the command and the record ---------------------------------------------------------------------------------------
