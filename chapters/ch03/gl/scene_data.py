@@ -233,9 +233,9 @@ class SceneData:
         """Return the sampler of this description, made at its first use."""
         key = (described, anisotropy)
         if key not in self._samplers:
-            self._samplers[key] = create_sampler(
-                self._context, described, anisotropy, f"sampler {len(self._samplers)}"
-            )
+            filters = f"{described.min}/{described.mag}/{described.mipmap}"
+            name = f"{filters} {described.wrap_u}/{described.wrap_v}"
+            self._samplers[key] = create_sampler(self._context, described, anisotropy, name)
         return self._samplers[key]
 
     # --- made anew when a material becomes another kind ---

@@ -241,6 +241,37 @@ def test_objects_carry_their_names(gl_context):
     destroy_buffer(gl_context, buffer)
 
 
+@pytest.mark.feature("device/debug-names-and-markers")
+def test_the_driver_hears_each_group_by_its_name_in_order(gl_context):
+    """KHR_debug: opening and closing a group are messages, both with the text of the group."""
+    heard = []
+    kinds = {gl.GL_DEBUG_TYPE_PUSH_GROUP: "open", gl.GL_DEBUG_TYPE_POP_GROUP: "close"}
+
+    def note(source, kind, number, severity, length, text, user):
+        if source == gl.GL_DEBUG_SOURCE_APPLICATION and kind in kinds:
+            heard.append((kinds[kind], gl.ffi.buffer(text, length)[:].decode()))
+
+    callback, any_, fn = gl.ffi.callback("GLDEBUGPROC", note), gl.GL_DONT_CARE, gl_context.fn
+    fn.glDebugMessageCallback(callback, gl.NULL)
+    fn.glDebugMessageControl(any_, any_, gl.GL_DEBUG_SEVERITY_NOTIFICATION, 0, gl.NULL, 1)
+    try:
+        with gl_context.label("frame"):
+            with gl_context.label("shadows"):
+                pass
+            with gl_context.label("tone mapping: é"):
+                pass
+    finally:
+        gl_context.sink.listen(fn)
+    assert heard == [
+        ("open", "frame"),
+        ("open", "shadows"),
+        ("close", "shadows"),
+        ("open", "tone mapping: é"),
+        ("close", "tone mapping: é"),
+        ("close", "frame"),
+    ]
+
+
 # --- conventions ------------------------------------------------------------------------------------------------------
 
 
