@@ -84,8 +84,8 @@ def test_near_the_origin_the_constants_are_those_of_the_formula(stage, way):
     angle = np.linspace(0.01, 3 * np.pi, 4001)
     place = ((angle / np.dot(way, (12.9898, 78.233)))[:, None] * way).astype(np.float32)
     got, exact = on_gpu(stage, place).astype(np.float64), sine_hash(place, np.float64)
-    # Unrelated values have 0.25 in the mean. Lavapipe and llvmpipe have 0.004: half a unit in the last place of an angle
-    # is 2^-22, and the factor makes 0.01 of it. Hardware sines that are exact to 20 bits add up to 0.04.
+    # Unrelated values have 0.25 in the mean. Lavapipe and llvmpipe have 0.004: half a unit in the last place of an
+    # angle is 2^-22, and the factor makes 0.01 of it. Hardware sines that are exact to 20 bits add up to 0.04.
     bound = 0.01 if stage.device.capabilities.is_software else 0.1
     assert apart(got, exact).mean() < bound
 
