@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 import chapters
+from backends.gl import api as gl
 from backends.gl.capabilities import extensions
 from chapters import studies
-from chapters.ch02.studies.texture_handles import ACROSS, COUNT, DOWN, EXTENSION, Settings, textures
+from chapters.ch02.studies.texture_handles import ACROSS, COUNT, DOWN, EXTENSION, Settings, defines, textures
 from common.errors import UnsupportedError
 from tests.support.bounds import codes_off
+from tests.support.gl_functions import noted
 
 WHICH = "2/texture-handles"
 SIZE = (40 * ACROSS, 40 * DOWN)
@@ -75,6 +79,49 @@ def test_handles_give_the_picture_of_bound_units_to_the_bit(gl_context):
             assert frame.work["draws"] == COUNT
     again, _ = drawn(gl_context, "handles")  # after all were given back
     assert (again == bound).all()
+
+
+@pytest.mark.feature("bindless/gl-texture-handles")
+def test_the_handle_of_each_draw_leads_to_the_texture_of_its_number(gl_context, monkeypatch):
+    """On any driver: the extension's calls are replaced by a table, and the shaders are those of units."""
+    module, fn = chapters.renderer_module(WHICH, "gl"), gl_context.fn
+    offered, unit_defines = extensions(fn) | {EXTENSION}, defines(Settings(way="units"))
+    table: dict[int, tuple[int, int]] = {}
+    resident: set[int] = set()
+
+    def handle_of(texture, sampler):
+        handle = (texture << 32) + (sampler << 8) + 7
+        table[handle] = texture, sampler
+        return handle
+
+    def give_back(handle):
+        assert ("texture", table[handle][0]) in gl_context.alive, "the texture was freed before its handle"
+        resident.discard(handle)
+
+    monkeypatch.setattr(module, "extensions", lambda fn: offered)
+    monkeypatch.setattr(module, "defines", lambda settings: unit_defines)
+    monkeypatch.setitem(vars(fn), "glGetTextureSamplerHandleARB", handle_of)
+    monkeypatch.setitem(vars(fn), "glMakeTextureHandleResidentARB", resident.add)
+    monkeypatch.setitem(vars(fn), "glMakeTextureHandleNonResidentARB", give_back)
+    calls: list[tuple[str, Any]] = []
+    with opened(gl_context, "handles") as renderer:
+        with noted(gl_context, lambda name, arguments: calls.append((name, arguments))):
+            renderer.render(chapters.view_of(renderer))
+        assert [arguments[3] for name, arguments in calls if name == "glMultiDrawElementsIndirect"] == [COUNT]
+        bound = [arguments for name, arguments in calls if name.startswith("glBindBuffer")]
+        (buffer,) = (one[2] for one in bound if one[:2] == (gl.GL_SHADER_STORAGE_BUFFER, 0))
+        handles = np.empty(COUNT, np.uint64)
+        fn.glGetNamedBufferSubData(buffer, 0, handles.nbytes, gl.pointer(handles))
+        assert len({*handles.tolist()}) == COUNT
+        for handle, texels in zip(handles.tolist(), textures(), strict=True):
+            assert handle in resident
+            texture, sampler = table[handle]
+            assert ("sampler", sampler) in gl_context.alive
+            out, (height, width) = np.empty_like(texels), texels.shape[:2]
+            form = (gl.GL_RGBA, gl.GL_UNSIGNED_BYTE, out.nbytes)
+            fn.glGetTextureSubImage(texture, *(0, 0, 0, 0), *(width, height, 1), *form, gl.pointer(out))
+            assert (out == texels).all()
+    assert not resident, "every handle was given back"
 
 
 @pytest.mark.feature("bindless/gl-texture-handles")
