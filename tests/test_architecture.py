@@ -71,6 +71,123 @@ def test_an_import_against_the_layers_is_named(tmp_path):
     assert against_the_layers("bootstrap", path) != []
 
 
+BY_NAME = {"import_module", "__import__"}
+BY_OTHER_MEANS = {"spec_from_file_location", "spec_from_loader", "SourceFileLoader", "run_module", "run_path"}
+BUILTIN = {"exec", "eval"}
+"""What imports, or runs text, without an import statement; `packages.load` of common does it, too."""
+
+WORDS = re.compile("|".join((*BY_NAME, *BY_OTHER_MEANS, *BUILTIN, "packages")))
+
+UNKNOWN_TARGETS = {
+    "assets/scenes.py": "the generator of a scene, which its entry in the list of scenes names",
+    "backends/selftest.py": "the self-test of a use, whose module `module_of` names in backends.*.selftests",
+    "backends/vulkan/api.py": "one file of the package vulkan, without the package",
+    "common/packages.py": "a package that may be missing; what calls `load` is looked at instead",
+}
+"""The places below the tools in which an import may have a target that its text does not show, and what it is."""
+
+
+def layered() -> list[Path]:
+    """The files that may not import everything: all but the tools around the chapters, and tests."""
+    chapter = re.compile(r"chapters/ch\d\d/")
+    return [
+        path
+        for path in files(".py")
+        if path.relative_to(ROOT).parts[0] in FORBIDDEN or chapter.match(shown(path))
+    ]
+
+
+@pytest.mark.feature("core/layer-rule")
+def test_no_import_by_name_goes_round_the_layers():
+    """import-linter sees statements alone: what `importlib` and the like import is held here."""
+    uses = {shown(path): dynamic_imports(path.read_text("utf-8")) for path in layered()}
+    wrong = [f"{name}: {target}" for name, targets in uses.items() for target in refused(name, targets)]
+    assert not wrong
+    assert {name for name, targets in uses.items() if None in targets} == {*UNKNOWN_TARGETS}
+
+
+@pytest.mark.feature("core/layer-rule")
+def test_an_import_by_name_against_the_layers_is_found():
+    text = """
+import builtins, importlib, importlib.util
+from importlib import import_module as fetch
+from common import packages
+importlib.import_module("chapters.ch02.renderer")
+fetch(f"backends.{backend}.resources")
+packages.load("moderngl")
+__import__("json")
+other = builtins.__import__
+importlib.util.spec_from_file_location("json", "chapters/ch02/renderer.py")
+fetch(name)
+fetch(f"chap{rest}")
+exec("import chapters")
+"""
+    targets = dynamic_imports(text)
+    assert targets.count(None) == 5
+    assert refused("common/packages.py", targets) == ["chapters.ch02.renderer", "backends", "moderngl"]
+    assert refused("backends/selftest.py", targets) == ["chapters.ch02.renderer"]
+    assert refused("common/images.py", targets)[3:] == ["not known from the text"] * 5
+    assert refused("chapters/ch02/renderer.py", targets[:4]) == []
+    assert refused("chapters/ch01/renderer.py", targets[:4]) == ["chapters.ch02.renderer"]
+    assert refused("chapters/ch02/logic/frame.py", targets[:4]) == ["backends", "moderngl"]
+    assert refused("chapters/ch02/renderer.py", ["chapters"]) == ["chapters"], "of any number"
+
+
+def dynamic_imports(text: str) -> list[str | None]:
+    """Return the target of each import by name in the order of the text, as far as that shows it; else None."""
+    if not WORDS.search(text):
+        return []
+    tree = ast.parse(text)
+    names = {name: name for name in BY_NAME | BY_OTHER_MEANS | BUILTIN}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom):
+            names |= {one.asname or one.name: one.name for one in node.names if one.name in names}
+            if node.module == "common.packages":
+                names |= {one.asname or one.name: "import_module" for one in node.names if one.name == "load"}
+    found: list[tuple[int, str | None]] = []
+    arguments = {id(node.func): node.args for node in ast.walk(tree) if isinstance(node, ast.Call)}
+    for node in ast.walk(tree):
+        means = ""
+        if isinstance(node, ast.Name):
+            means = names.get(node.id, "")
+        elif isinstance(node, ast.Attribute) and node.attr in BY_NAME | BY_OTHER_MEANS:
+            means = node.attr
+        elif isinstance(node, ast.Attribute) and ast.unparse(node).endswith("packages.load"):
+            means = "import_module"
+        if means:
+            given = arguments.get(id(node), ()) if means in BY_NAME else ()
+            found.append((node.lineno, known_part(given[0]) if given else None))
+    return [target for _, target in sorted(found, key=lambda one: one[0])]
+
+
+def known_part(argument: ast.expr) -> str | None:
+    """Return the packages that a name begins with: "a.b.c" of a text, "a.b" of f"a.b.{c}"; None where that is none."""
+    if isinstance(argument, ast.JoinedStr):
+        first = argument.values[0]
+        head = first.value if isinstance(first, ast.Constant) and isinstance(first.value, str) else ""
+        return head.rpartition(".")[0] or None
+    if isinstance(argument, ast.Constant) and isinstance(argument.value, str):
+        return None if argument.value.startswith(".") else argument.value
+    return None
+
+
+def refused(name: str, targets: list[str | None]) -> list[str]:
+    """Return the targets that the file `name` may not import."""
+    parts = name.split("/")
+    forbidden = FORBIDDEN.get(parts[0], set())
+    if "logic" in parts:
+        forbidden = forbidden | {"backends", "vulkan", "moderngl", "glcontext", "glfw", "cffi"}
+    wrong = []
+    for target in targets:
+        if target is None:
+            wrong += ["not known from the text"] if name not in UNKNOWN_TARGETS else []
+            continue
+        first, *rest = target.split(".")
+        another = first == parts[0] == "chapters" and rest[:1] != parts[1:2]
+        wrong += [target] if another or first in forbidden else []
+    return wrong
+
+
 def test_nothing_runs_the_python_layer_of_the_vulkan_package():
     """The binding takes its header alone; see backends/vulkan/api.py for what is wrong with the rest."""
     named = [
