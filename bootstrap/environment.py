@@ -10,6 +10,7 @@ import os
 import shutil
 import subprocess
 import sys
+import sysconfig
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -26,6 +27,9 @@ FOUND, COMPLETE, NOTHING = "found", "complete", "nothing"
 draws, so that the next command that draws looks again. Empty: the set-up has not looked yet."""
 
 UNFINISHED = "strata.unfinished"
+COMPILED = ("meshoptimizer",)
+"""Extras without wheels: they need a C++ compiler and the headers of Python."""
+
 # The launcher of Windows compares in cmd, which reads text in the console's own encoding.
 ENCODING = "oem" if sys.platform == "win32" else "utf-8"
 
@@ -187,6 +191,9 @@ def install(
             packages.locked(_read(root / LOCK).decode(), everything),
             ["--require-hashes", "--no-deps"],
         )
+    if everything and not can_compile():
+        text = packages.without(text, COMPILED)
+        say(f"Left out, since it takes a C++ compiler and Python's headers: {', '.join(COMPILED)}.")
     count = len(packages.names_in(text))
     say(f"Installing up to {count} Python packages into {environment.folder}.")
     descriptor, name = tempfile.mkstemp(suffix=".txt")
@@ -226,6 +233,12 @@ def install(
             f"The Python packages could not be installed; {advice}. The last lines of pip:\n  "
             + "\n  ".join(lines[-12:])
         )
+
+
+def can_compile() -> bool:
+    """Return whether pip can build a package that is written in C++."""
+    headers = Path(sysconfig.get_path("include"), "Python.h")
+    return all(shutil.which(name) for name in ("cc", "c++")) and headers.is_file()
 
 
 @contextmanager

