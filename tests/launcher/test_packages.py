@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 import tomllib
 from pathlib import Path
 
@@ -11,7 +12,7 @@ from packaging.markers import default_environment
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-from bootstrap import packages, relock
+from bootstrap import environment, packages, relock
 from common.paths import ROOT
 
 LOCK = (ROOT / packages.LOCK).read_text("utf-8")
@@ -130,3 +131,25 @@ def test_without_uv_the_lock_is_not_written_and_a_sentence_says_why(
     with pytest.raises(SystemExit, match="uv is not on the PATH"):
         relock.resolve([], tmp_path / "lock")
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("compiles", [True, False])
+def test_what_must_be_compiled_is_left_out_where_it_cannot_be(
+    compiles: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[str] = []
+    said: list[str] = []
+
+    def run_pip(command: list[str], *_: object) -> list[str]:
+        asked.append(Path(command[-1]).read_text("utf-8"))
+        return []
+
+    monkeypatch.setattr(environment, "_run_pip", run_pip)
+    monkeypatch.setattr(environment, "can_compile", lambda: compiles)
+    shutil.copy(ROOT / packages.LOCK, tmp_path)
+    made = environment.Environment(tmp_path)
+    environment.install(made, everything=True, latest=False, say=said.append)
+    (text,) = asked
+    whole = packages.names_in(packages.locked(LOCK, everything=True))
+    assert set(whole) - set(packages.names_in(text)) == (set() if compiles else {"meshoptimizer"})
+    assert any("meshoptimizer" in line for line in said) != compiles
