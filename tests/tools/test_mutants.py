@@ -294,14 +294,18 @@ def test_of_each_file_the_nearest_test_is_first_and_the_time_is_kept():
 
 
 @pytest.mark.skipif(os.name != "posix", reason="process groups")
-def test_at_the_limit_nothing_is_left_of_what_a_run_started(tmp_path):
-    """A child in the group, and one that left it."""
+@pytest.mark.parametrize("apart", [False, True])
+def test_at_the_limit_nothing_is_left_of_what_a_run_started(tmp_path, apart):
+    """A child in the group is ended by that, and one that left it by its mark, which /proc shows."""
+    if apart and not sys.platform.startswith("linux"):
+        pytest.skip("no /proc")
+    mark = "of this test" if apart else "of none"
     code = textwrap.dedent(f"""
         import subprocess, sys, time
         child = [sys.executable, "-c", "import time; time.sleep(60)"]
-        numbers = [subprocess.Popen(child, start_new_session=new).pid for new in (False, True)]
-        path = {str(tmp_path / "numbers")!r}
-        open(path + ".new", "w").write(" ".join(map(str, numbers)))
+        number = subprocess.Popen(child, start_new_session={apart}).pid
+        path = {str(tmp_path / "number")!r}
+        open(path + ".new", "w").write(str(number))
         import os
         os.rename(path + ".new", path)
         time.sleep(60)
@@ -309,16 +313,14 @@ def test_at_the_limit_nothing_is_left_of_what_a_run_started(tmp_path):
     process = subprocess.Popen(
         [sys.executable, "-c", code], start_new_session=True, env={**os.environ, MARK: "of this test"}
     )
-    while not (tmp_path / "numbers").exists():
+    while not (tmp_path / "number").exists():
         time.sleep(0.01)
-    children = [int(word) for word in (tmp_path / "numbers").read_text().split()]
-    if not sys.platform.startswith("linux"):
-        os.kill(children.pop(), signal.SIGKILL)  # found by /proc alone
+    child = int((tmp_path / "number").read_text())
     began = time.perf_counter()
-    assert mutant_trees.wait(process, 0.1, "of this test") is None
+    assert mutant_trees.wait(process, 0.1, mark) is None
     assert time.perf_counter() - began < 5
     assert process.returncode == -signal.SIGKILL
-    assert not [number for number in children if runs(number)]
+    assert not runs(child)
 
 
 def runs(number):
@@ -399,7 +401,7 @@ def test_larger():
     assert larger(2, 3) == larger(3, 2) == 3
 
 def test_fails():
-    assert False
+    assert larger(2, 3) == 2
 
 def test_twice():
     code = "import sys; from common.sums import twice; sys.exit(twice(2))"
