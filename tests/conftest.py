@@ -6,6 +6,7 @@ The tests of chapters run once per variant: on the device as it is, and with eve
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -87,6 +88,7 @@ def pytest_configure(config: pytest.Config) -> None:
     # Where a test has an empty cache, what was found out about the drivers stays known: trying them takes seconds.
     os.environ.setdefault("STRATA_VERDICTS", str(verdicts.folder()))
     compile_quickly(config.getoption("--long"))
+    hear_signals()
     config.pluginmanager.register(Report(config), "strata-report")
     later = snapshots.Snapshots(
         snapshots.official(), snapshots.chosen(config.getoption("--chapter")), config.getoption("--long")
@@ -117,6 +119,18 @@ def compile_quickly(long: bool) -> None:
     """
     if not long:
         os.environ.setdefault("GALLIVM_PERF", "nopt")
+
+
+def hear_signals() -> None:
+    """Undo what `nohup` and a shell's `&` do: they have a program ignore SIGHUP or SIGINT, and children inherit it.
+
+    Tests that send these signals to children would wait in vain.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    hangup = getattr(signal, "SIGHUP", None)  # Windows has none
+    if hangup is not None and signal.getsignal(hangup) is signal.SIG_IGN:
+        signal.signal(hangup, signal.SIG_DFL)
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
