@@ -52,20 +52,33 @@ def fullscreen(vulkan_device):
     vulkan_device.destroy("VkDescriptorSetLayout", made)
 
 
+class States(list):
+    """A log that reads the state of each pipeline when it is made: the structs do not outlive the call."""
+
+    def append(self, call):
+        name, arguments = call
+        if name == "vkCreateGraphicsPipelines":
+            super().append(state(arguments[3][0]))
+
+
 def created(device, made, described):
-    """Return the VkGraphicsPipelineCreateInfo with which `described` was built."""
-    log: list = []
-    device.fn.trace(log)
-    made.get([described])
-    device.fn.trace(None)
-    return dict(log)["vkCreateGraphicsPipelines"][3][0]
+    """Return the state of the VkGraphicsPipelineCreateInfo with which `described` was built."""
+    states = States()
+    device.fn.trace(states)
+    try:
+        made.get([described])
+    finally:
+        device.fn.trace(None)
+    (found,) = states
+    return found
 
 
 def state(info):
-    """Return what a pipeline's fixed state says, in plain numbers."""
+    """Return what a pipeline's state says, in plain numbers."""
     depth, blend = info.pDepthStencilState, info.pColorBlendState
     attachment = blend.pAttachments[0] if blend.attachmentCount else None
     rendering = vk.ffi.cast("VkPipelineRenderingCreateInfo *", info.pNext)
+    dynamic = info.pDynamicState
     return {
         "depth test": depth.depthTestEnable,
         "depth write": depth.depthWriteEnable,
@@ -76,6 +89,7 @@ def state(info):
         else (0, 0),
         "color": rendering.pColorAttachmentFormats[0] if rendering.colorAttachmentCount else 0,
         "depth format": rendering.depthAttachmentFormat,
+        "dynamic": {dynamic.pDynamicStates[i] for i in range(dynamic.dynamicStateCount)},
     }
 
 
@@ -98,7 +112,7 @@ def test_equal_descriptions_share_a_pipeline(pipelines, fullscreen, vulkan_devic
 @pytest.mark.feature("device/graphics-pipelines")
 def test_a_switch_changes_its_own_state_alone(pipelines, fullscreen, vulkan_device):
     base = replace(fullscreen, depth="write")
-    plain = state(created(vulkan_device, pipelines, base))
+    plain = created(vulkan_device, pipelines, base)
     compare = vk.VK_COMPARE_OP_GREATER_OR_EQUAL
     assert (plain["depth test"], plain["depth write"], plain["depth compare"]) == (1, 1, compare)
     cases = {
@@ -122,14 +136,12 @@ def test_a_switch_changes_its_own_state_alone(pipelines, fullscreen, vulkan_devi
         "color": ({"color": "rgba32f"}, {"color": vk.VK_FORMAT_R32G32B32A32_SFLOAT}),
     }
     for name, (switch, changed) in cases.items():
-        info = state(created(vulkan_device, pipelines, replace(base, **switch)))
+        info = created(vulkan_device, pipelines, replace(base, **switch))
         assert {key: value for key, value in info.items() if value != plain[key]} == changed, name
 
 
 def test_what_changes_from_draw_to_draw_is_dynamic(pipelines, fullscreen, vulkan_device):
-    info = created(vulkan_device, pipelines, fullscreen)
-    dynamic = info.pDynamicState
-    assert {dynamic.pDynamicStates[i] for i in range(dynamic.dynamicStateCount)} == {
+    assert created(vulkan_device, pipelines, fullscreen)["dynamic"] == {
         vk.VK_DYNAMIC_STATE_VIEWPORT,
         vk.VK_DYNAMIC_STATE_SCISSOR,
         vk.VK_DYNAMIC_STATE_CULL_MODE,
