@@ -24,14 +24,26 @@ def test_twin():
 def test_refused():
     with pytest.raises(ValueError):
         clock.tick()
+
+def test_plain():
+    with pytest.raises(ValueError):
+        clock.tick()
 """
 ENTRY = {
     "oracle": "float64",
     "held": "tests/a/test_x.py::test_twin",
     "negative": "tests/a/test_x.py::test_refused",
+    "backends": ["vulkan", "cpu"],
+}
+RECORDS = {
+    "docs/device.json": '{"device": {"name": "NVIDIA H200", "driver": "NVIDIA 580"}}',
+    "docs/devices.json": '{"devices": {"gl": "NVIDIA H200/PCIe/SSE2"}}',
+    "docs/software.json": '{"device": {"name": "llvmpipe (LLVM 15.0.6, 256 bits)"}}',
 }
 WHOLE = Table({"float64": "A second program in double precision."}, {"area/feature": ENTRY})
-MARKED = {"area/feature": (MarkedTest("tests/a/test_x.py::test_twin", "a"),)}
+MARKED = {
+    "area/feature": tuple(MarkedTest(f"tests/a/test_x.py::{name}", "a") for name in ("test_twin", "test_refused"))
+}
 
 
 @discipline
@@ -67,15 +79,21 @@ WRONG = {
         replace(WHOLE, kinds={**WHOLE.kinds, "magic": "No one knows how."}),
         "No feature is held by 'magic'",
     ),
-    "held": (entry(held="tests/a/test_x.py::test_refused"), "test_refused, which does not bear its mark"),
+    "held": (entry(held="tests/a/test_x.py::test_plain"), "test_plain, which does not bear its mark"),
     "no oracle": (without("oracle"), "'area/feature' has no oracle"),
     "no negative": (without("negative"), "'area/feature' has no negative"),
     "gone": (entry(negative="tests/a/test_x.py::test_gone"), "test_gone, is not there"),
     "no such file": (entry(negative="tests/a/test_z.py::test_refused"), "test_refused, is not there"),
     "not about it": (
-        entry(negative="tests/a/test_y.py::test_refused"),
-        "lies in a file that is not about it",
+        entry(negative="tests/a/test_x.py::test_plain"),
+        "The negative case of 'area/feature', tests/a/test_x.py::test_plain, does not bear its mark",
     ),
+    "no backends": (without("backends"), "'area/feature' has no backends"),
+    "an unknown backend": (entry(backends=["metal"]), "they are some of vulkan, gl, cpu"),
+    "backends in another order": (entry(backends=["cpu", "vulkan"]), "they are some of vulkan, gl, cpu"),
+    "no backend at all": (entry(backends=[]), "they are some of vulkan, gl, cpu"),
+    "no such record": (entry(record="docs/gone.json"), "docs/gone.json, which is not there"),
+    "a record of a software driver": (entry(record="docs/software.json"), "no device but a software driver"),
     "cannot fail": (
         entry(negative="tests/a/test_x.py::test_twin"),
         "nothing that is refused or that must differ",
@@ -96,11 +114,12 @@ WRONG = {
 @pytest.mark.parametrize("what", WRONG)
 def test_what_is_wrong_in_the_table_is_named_in_a_sentence(what, tmp_path):
     """One part of a table that is right is broken at a time."""
-    for name, text in (("test_x.py", TEXT), ("test_y.py", TEXT.replace("clock", "images"))):
-        path = tmp_path / "tests" / "a" / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, "utf-8")
-    assert faults(WHOLE, MARKED, tmp_path) == []
+    files = {"tests/a/test_x.py": TEXT, **RECORDS}
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text, "utf-8")
+    for right in (WHOLE, entry(record="docs/device.json"), entry(record="docs/devices.json")):
+        assert faults(right, MARKED, tmp_path) == []
     table, said = WRONG[what]
     found = faults(table, MARKED, tmp_path)
     assert any(said in one for one in found), found
@@ -108,12 +127,12 @@ def test_what_is_wrong_in_the_table_is_named_in_a_sentence(what, tmp_path):
 
 
 @discipline
-def test_a_beside_file_about_the_same_module_serves():
-    """And one in the same folder about another does not: that is a case of the test above."""
-    table = read()
-    negative = table.features["device/host-cached-readback"]["negative"]
-    files = {one.name.partition("::")[0] for one in features.marked_tests()["device/host-cached-readback"]}
-    assert negative.partition("::")[0] not in files
+def test_backends_are_those_of_the_ledger_where_that_is_here():
+    table, ledger = read().features, features.ledger()
+    rows = {slug: row for slug, row in ledger.items() if features.here(row)}
+    assert not {*rows} - {*table}, "rows without a test"
+    named = {slug: {*table[slug]["backends"]} for slug in rows}
+    assert named == {slug: {*row.backends} for slug, row in rows.items()}
 
 
 @discipline

@@ -346,7 +346,9 @@ def test_constant_and_wrong_series_make_no_nan(value):
         history.add({"x": value})
     low, high = history.limits()
     assert low < high and np.isfinite([low, high]).all()
-    assert np.isfinite(history.points("x", low, high)).all()
+    points = history.points("x", low, high)
+    assert np.isfinite(points).all()
+    assert (points[:, 1] >= 0.0).all() and (points[:, 1] <= 1.0).all(), "inside the chart, not left out of it"
 
 
 @pytest.mark.feature("ui/statistics-overlay")

@@ -366,6 +366,7 @@ def test_escape_and_c_reach_the_loop(display, monkeypatch):
     assert figures.drawn == 3
 
 
+@pytest.mark.feature("app/application-loop")
 @pytest.mark.feature("device/lifetime-and-leaks")
 @pytest.mark.parametrize("error", [ValueError("in the middle"), KeyboardInterrupt()])
 def test_an_exception_in_a_frame_closes_everything(display, validate, error):

@@ -83,6 +83,7 @@ def test_a_device_that_does_not_fit_is_passed_over_and_named_with_its_reason():
         choose([])
 
 
+@pytest.mark.feature("tasks/queue-family-selection")
 @pytest.mark.feature("device/bring-up")
 def test_family_0_is_an_answer_and_none_is_an_error():
     found = families(GRAPHICS | COMPUTE, COMPUTE, TRANSFER)
@@ -205,6 +206,7 @@ def test_without_takes_the_path_of_a_device_that_lacks_it():
         check_without({"mesh-shaders"})
 
 
+@pytest.mark.feature("tasks/queue-family-selection")
 def test_every_queue_is_of_the_family_that_was_chosen(vulkan_device):
     queues = [vulkan_device.queue, vulkan_device.compute_queue, vulkan_device.transfer_queue]
     for queue in filter(None, queues):

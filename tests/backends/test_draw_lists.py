@@ -151,6 +151,7 @@ def test_a_part_of_a_texture_is_replaced_and_a_new_size_makes_it_anew(paint):
     assert np.array_equal(pictures[3][:16, :16], wide)
 
 
+@pytest.mark.feature("ui/texture-windows")
 def test_a_texture_that_is_gone_or_new_in_part_is_an_error(paint):
     show = [quad((0, 0, 16, 8))], [Command(EVERYTHING, 5, 0, 6)]
     given = listed(*show, [TextureUpdate(5, (16, 8), glyphs())])
@@ -240,6 +241,7 @@ def test_a_list_survives_the_disk(tmp_path):
         assert np.array_equal(one.pixels, other.pixels)
 
 
+@pytest.mark.feature("ui/imgui-renderer")
 @pytest.mark.parametrize(
     "command",
     [

@@ -67,6 +67,7 @@ MACHINES = {
 }
 
 
+@pytest.mark.feature("device/host-cached-readback")
 @pytest.mark.feature("device/memory-suballocator")
 @pytest.mark.parametrize("machine", MACHINES)
 def test_the_type_for_each_use_is_the_expected_one(machine):
@@ -74,6 +75,7 @@ def test_the_type_for_each_use_is_the_expected_one(machine):
     assert tuple(choose_memory_type(types, ~0, use) for use in ("device", "upload", "readback")) == expected
 
 
+@pytest.mark.feature("device/host-cached-readback")
 @pytest.mark.feature("device/memory-suballocator")
 def test_only_allowed_types_are_chosen():
     types, _ = MACHINES["discrete, with a window of 256 MiB into its memory"]

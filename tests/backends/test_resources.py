@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from backends.vulkan import api as vk
+from backends.vulkan.barriers import barriers
 from backends.vulkan.memory import Allocation
 from backends.vulkan.once import submit_once
+from backends.vulkan.readback import TO_HOST
 from backends.vulkan.resources import (
     FORMATS,
     Buffer,
@@ -21,6 +23,7 @@ from backends.vulkan.resources import (
     destroy_image,
     mip_levels,
 )
+from backends.vulkan.selftests.bench import Bench
 from backends.vulkan.upload import Uploader
 from common.blocks import FEATURE
 from common.scene import Sampler
@@ -98,12 +101,127 @@ def test_random_bytes_survive_upload_copy_and_download(vulkan_device):
         destroy_buffer(vulkan_device, buffer)
 
 
+@pytest.mark.feature("device/buffers")
+@pytest.mark.parametrize("use", ["device", "upload"])
+def test_buffers_give_back_exact_bytes(vulkan_device, use):
+    """What goes up once, and what the CPU writes anew: copied by the GPU into what the CPU reads."""
+    fn = vulkan_device.fn
+    buffer = create_buffer(vulkan_device, 1031, COPIES, use, use)
+    back = create_buffer(vulkan_device, 1031, COPIES, "readback", "back")
+    for seed in range(2):
+        data = np.random.default_rng(seed).integers(0, 256, 1021, np.uint8)
+        if use == "upload":
+            buffer.mapped[7 : 7 + 1021] = data
+        else:
+            with Uploader(vulkan_device) as uploader:
+                uploader.buffer(buffer, data, 7)
+        with submit_once(vulkan_device) as commands:
+            fn.vkCmdCopyBuffer(commands, buffer.handle, back.handle, 1, vk.new("VkBufferCopy", size=1031))
+            fn.vkCmdPipelineBarrier2(commands, barriers(memory=TO_HOST))
+        vulkan_device.memory.invalidate(back.allocation)
+        assert np.array_equal(back.mapped[7 : 7 + 1021], data)
+    for made in (buffer, back):
+        destroy_buffer(vulkan_device, made)
+
+
+@pytest.mark.feature("device/buffers")
+def test_the_storage_of_a_buffer_is_bound_once(vulkan_device):
+    """What OpenGL refuses by itself, the layers say of Vulkan."""
+    if not vulkan_device.instance.validates:
+        pytest.skip("there are no validation layers")
+    buffer, sink = create_buffer(vulkan_device, 64, COPIES, "device", "once"), vulkan_device.sink
+    assert sink.report() == []
+    place = buffer.allocation.memory, buffer.allocation.offset
+    vulkan_device.fn.vkBindBufferMemory(vulkan_device.handle, buffer.handle, *place)
+    assert any("vkBindBufferMemory" in text and "once" in text for text in sink.report())
+    sink.messages.clear()
+    destroy_buffer(vulkan_device, buffer)
+
+
+RECORDS = """
+layout(local_size_x = 1) in;
+layout(set = 0, binding = 0) uniform Record { uvec4 place; vec4 value; };
+layout(set = 0, binding = 1, std430) buffer Found { float found[]; };
+void main() { found[place.x] = value.y; }
+"""
+
+
+@pytest.mark.feature("device/uniform-buffers")
+@pytest.mark.feature("device/buffers")
+def test_each_dispatch_sees_its_own_record_of_one_uniform_buffer(vulkan_device):
+    """Records lie at multiples of the device's alignment; at another place the layers name the binding."""
+    alignment = vulkan_device.capabilities.limits["minUniformBufferOffsetAlignment"]
+    stride = -(-32 // alignment) * alignment
+    records = np.zeros((5, stride // 4), np.float32)
+    records.view(np.uint32)[:, 0] = np.arange(5)[::-1]
+    records[:, 5] = np.arange(5) + 0.5
+    dynamic, storage = vk.VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER_DYNAMIC, vk.VK_DESCRIPTOR_TYPE_STORAGE_BUFFER
+    stage, point = vk.VK_SHADER_STAGE_COMPUTE_BIT, vk.VK_PIPELINE_BIND_POINT_COMPUTE
+    fn = vulkan_device.fn
+    with Bench(vulkan_device) as bench:
+        buffer = bench.input(records, vk.VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT)
+        found = bench.output(5)
+        kinds = (dynamic, storage)
+        bindings = [
+            {"binding": i, "descriptorType": kind, "descriptorCount": 1, "stageFlags": stage}
+            for i, kind in enumerate(kinds)
+        ]
+        of_set = bench.make(
+            "vkCreateDescriptorSetLayout", "VkDescriptorSetLayoutCreateInfo", pBindings=bindings
+        )
+        layout = bench.make("vkCreatePipelineLayout", "VkPipelineLayoutCreateInfo", pSetLayouts=[of_set])
+        sizes = [{"type": kind, "descriptorCount": 1} for kind in kinds]
+        pool = bench.make(
+            "vkCreateDescriptorPool", "VkDescriptorPoolCreateInfo", maxSets=1, pPoolSizes=sizes
+        )
+        sets = vk.ffi.new("VkDescriptorSet[1]")
+        allocate = vk.new("VkDescriptorSetAllocateInfo", descriptorPool=pool, pSetLayouts=[of_set])
+        vk.check(fn.vkAllocateDescriptorSets(vulkan_device.handle, allocate, sets), "vkAllocateDescriptorSets")
+        writes = [
+            {
+                "dstSet": sets[0],
+                "dstBinding": i,
+                "descriptorCount": 1,
+                "descriptorType": kind,
+                "pBufferInfo": [{"buffer": one.handle, "range": size}],
+            }
+            for i, (kind, one, size) in enumerate(((dynamic, buffer, 32), (storage, found, found.size)))
+        ]
+        fn.vkUpdateDescriptorSets(
+            vulkan_device.handle, 2, vk.array("VkWriteDescriptorSet", writes), 0, vk.NULL
+        )
+        (stages,) = bench.stages({"comp": RECORDS})
+        info = vk.new("VkComputePipelineCreateInfo", stage=stages, layout=layout)
+        infos = vk.array("VkComputePipelineCreateInfo", [info])
+        (pipeline,) = vulkan_device.create_pipelines("vkCreateComputePipelines", infos, ["records"])
+        bench.at_end(vulkan_device.destroy, "VkPipeline", pipeline)
+
+        def bind(commands, offset):
+            offsets = vk.ffi.new("uint32_t[1]", [offset])
+            fn.vkCmdBindDescriptorSets(commands, point, layout, 0, 1, sets, 1, offsets)
+
+        with submit_once(vulkan_device) as commands:
+            fn.vkCmdBindPipeline(commands, point, pipeline)
+            for index in range(5):
+                bind(commands, index * stride)
+                fn.vkCmdDispatch(commands, 1, 1, 1)
+            fn.vkCmdPipelineBarrier2(commands, barriers(memory=TO_HOST))
+        assert bench.read(found, np.float32).tolist() == [4.5, 3.5, 2.5, 1.5, 0.5]
+        assert vulkan_device.sink.report() == []
+        if vulkan_device.instance.validates:
+            with submit_once(vulkan_device) as commands:
+                bind(commands, stride // 2 if stride // 2 % alignment else alignment // 2)
+            assert any("vkCmdBindDescriptorSets" in text for text in vulkan_device.sink.report())
+            vulkan_device.sink.messages.clear()
+
+
 def test_a_buffer_is_never_empty_and_knows_its_size(vulkan_device):
     buffer = create_buffer(vulkan_device, 0, COPIES, "upload", "nothing")
     assert (buffer.size, len(buffer.mapped)) == (4, 4)
     destroy_buffer(vulkan_device, buffer)
 
 
+@pytest.mark.feature("device/persistent-mapping")
 def test_memory_that_the_cpu_cannot_reach_is_named():
     buffer = Buffer(None, 64, Allocation(None, 0, 64, None, True, None), "vertices")
     with pytest.raises(ValueError, match="'vertices' is in memory that the CPU cannot map"):

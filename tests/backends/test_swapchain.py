@@ -206,6 +206,7 @@ def test_copy_and_next_frame_wait_for_each_other(screen):
         assert waited == [one.srcStageMask for one in filled] == [transfer] * 2
 
 
+@pytest.mark.feature("device/screenshot")
 def test_a_renderer_without_a_picture_says_how_to_get_one(screen):
     with (
         Renderer(scene(), SIZE, outputs={"depth"}, device=screen.device) as renderer,
@@ -343,6 +344,7 @@ def test_a_suboptimal_image_is_shown_and_then_replaced(screen):
         assert (screen.swapchain.shown, screen.swapchain.made) == (2, 2)
 
 
+@pytest.mark.feature("device/swapchain")
 def test_an_error_of_the_display_is_raised_with_its_name(screen):
     with open_renderer(screen) as renderer:
         renderer.render(facing())

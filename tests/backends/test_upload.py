@@ -128,6 +128,7 @@ def test_an_image_larger_than_the_ring_goes_up_by_rows(vulkan_device, monkeypatc
     destroy_image(vulkan_device, image)
 
 
+@pytest.mark.feature("device/staging-copies")
 def test_what_does_not_fit_is_refused_by_name(vulkan_device):
     buffer = create_buffer(vulkan_device, 16, COPIES, "device", "small")
     image = create_image(vulkan_device, "rgba8", (4, 2), IMAGE, "picture", levels=3)

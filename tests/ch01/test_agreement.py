@@ -87,6 +87,19 @@ def test_the_same_scene_gives_the_same_picture(name, vulkan_device, gl_context):
         assert all(np.array_equal(again.image(output), first[output]) for output in OUTPUTS)
 
 
+@pytest.mark.feature("pbr/cross-backend-demo")
+def test_a_tenth_of_a_stop_is_beyond_the_tolerance(vulkan_device, gl_context):
+    scene = quad_scene(Material(metallic=0.0), lights=(Light("directional", node=0, intensity=2.0),))
+    with (
+        Vulkan(scene, SIZE, EXACT, outputs=OUTPUTS, device=vulkan_device) as vulkan,
+        OpenGL(scene, SIZE, EXACT, outputs=OUTPUTS, device=gl_context) as opengl,
+    ):
+        a, b = vulkan.render(facing()), opengl.render(replace(facing(), ev100=facing().ev100 + 0.1))
+        for exact in (True, False):
+            with pytest.raises(AssertionError):
+                same(a, b, exact)
+
+
 @pytest.mark.parametrize("name", ["cornell", "spheres"])
 def test_several_samples_a_pixel_lie_at_the_same_places(name, vulkan_device, gl_context):
     scene, settings = scenes.load(name), Settings(color_format="rgba32f", msaa=4)

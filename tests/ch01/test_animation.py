@@ -389,6 +389,7 @@ def test_a_model_moves_as_its_pose_says(chapter, models, name):
     assert len(seen) == 3
 
 
+@pytest.mark.feature("intro/rotating-cube")
 def test_the_raster_oracle_sees_a_hundredth_of_a_pixel_and_more():
     """The judge of the tests above: a square of known pixels, and one that is off by a fiftieth of its size."""
     view = facing(ymag=2.0)

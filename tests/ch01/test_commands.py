@@ -164,6 +164,7 @@ def test_every_pass_stands_in_a_label_of_its_name(vulkan_device):
     assert inside["copy outputs"] == {"vkCmdCopyImageToBuffer"}
 
 
+@pytest.mark.feature("device/debug-names-and-markers")
 def test_without_debug_utils_there_are_no_labels_and_the_same_picture(vulkan_device, monkeypatch):
     scene = quad_scene(Material(unlit=True))
     with Renderer(scene, SIZE, device=vulkan_device) as made:

@@ -43,6 +43,7 @@ def test_outputs_have_their_shapes_and_types(renderer):
     }
 
 
+@pytest.mark.feature("device/depth-format")
 def test_depth_is_that_of_the_projection(renderer):
     """Orthographic, reversed: (far - distance) / (far - near), for a square 2 m ahead, near 0.1, far 4."""
     depth = renderer.render(facing()).image("depth")
@@ -158,6 +159,7 @@ def test_resize_gives_the_picture_that_a_new_renderer_gives(chapter):
         assert np.array_equal(frame.image("depth"), depth)
 
 
+@pytest.mark.feature("device/viewport-resize")
 def test_impossible_sizes_are_refused(chapter):
     for size in ((0, 5), (5, 0), (-1, 5), (100_000, 5)):
         with pytest.raises(UserError, match="cannot be made"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from chapters.ch01.settings import Settings
 from common.camera import Orthographic, View
 from common.scene import Light, Material
 from common.transforms import pose_looking_at
+from tests.support import gl_functions
 from tests.support.scenes import quad_scene, translated
 
 pytestmark = pytest.mark.until(
@@ -36,14 +38,32 @@ def seen_from(z: float) -> View:
     return View(pose_looking_at((0.0, 0.0, z), (0.0, 0.0, 0.0)), Orthographic(1.5, 0.1, 20.0))
 
 
-def drawn(device: Any, renderer: Renderer, view: View) -> list[int]:
+class Pushed(list[int]):
+    """A log that reads the first word of all push constants when they are pushed."""
+
+    def append(self, call: Any) -> None:
+        name, arguments = call
+        if name == "vkCmdPushConstants":
+            super().append(int(vk.ffi.cast("uint32_t *", arguments[-1])[0]))
+
+
+def drawn(device: Any, renderer: Any, view: View) -> list[int]:
     """Return the instances of one frame's draws, in the order in which they were recorded."""
-    log: list[tuple[str, tuple[Any, ...]]] = []
-    device.fn.trace(log)
+    if renderer.capabilities.backend == "gl":
+        table, found = renderer._data.push, []
+
+        def note(name: str, arguments: tuple[Any, ...]) -> None:
+            if name == "glBindBufferRange" and arguments[2] == table.buffer.handle:
+                found.append(arguments[3] // table.stride)
+
+        with gl_functions.noted(device, note):
+            renderer.render(view)
+        return found
+    pushed = Pushed()
+    device.fn.trace(pushed)
     renderer.render(view)
     device.fn.trace(None)
-    pushes = [arguments[-1] for name, arguments in log if name == "vkCmdPushConstants"]
-    return [int(vk.ffi.cast("uint32_t *", pointer)[0]) for pointer in pushes]
+    return pushed
 
 
 def test_the_nearest_is_drawn_first_from_every_side(vulkan_device):
@@ -52,6 +72,36 @@ def test_the_nearest_is_drawn_first_from_every_side(vulkan_device):
         assert drawn(vulkan_device, renderer, seen_from(8.0)) == from_front
         assert drawn(vulkan_device, renderer, seen_from(-8.0)) == from_front[::-1]
         assert drawn(vulkan_device, renderer, seen_from(8.0)) == from_front
+
+
+@pytest.mark.feature("device/command-buffers")
+@pytest.mark.variants("vulkan", "without-all", "gl")
+def test_the_keys_of_recorded_draws_strictly_rise(chapter: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A draw's key: what is solid, then masks, then glass; in each the nearest first, but glass the farthest."""
+    rng = np.random.default_rng(7)
+    kinds, depths = rng.permutation(np.arange(12) % 3), rng.permutation(np.linspace(-3, 3, 12))
+    scene = quad_scene(
+        materials=(
+            Material(double_sided=True),
+            Material(double_sided=True, alpha_mode="mask"),
+            Material(double_sided=True, alpha_mode="blend", base_color=(1.0, 1.0, 1.0, 0.5)),
+        ),
+        matrices=tuple(translated(z=z) for z in depths),
+        instance_materials=tuple(kinds.tolist()),
+        lights=(Light("directional", node=0, intensity=3.0),),
+    )
+
+    def rise(side: float) -> bool:
+        with chapter.open(scene, SIZE) as renderer:
+            order = drawn(chapter.device, renderer, seen_from(side))
+        assert sorted(order) == list(range(12))
+        away = -np.sign(side) * depths
+        keys = [(int(kinds[i]), float(away[i] if kinds[i] < 2 else -away[i])) for i in order]
+        return all(first < second for first, second in pairwise(keys))
+
+    assert rise(8.0) and rise(-8.0)
+    monkeypatch.setattr(DrawLists, "nearest_first", lambda self, depth: self)
+    assert not rise(8.0), "the order of the scene is another"
 
 
 @pytest.mark.parametrize("output", ["color_linear", "instance_id", "depth"])

@@ -104,6 +104,7 @@ def test_linear_and_quadratic_light_return_with_their_factors(vulkan_device):
     quadratic = 1 / 3 + (n * n - 1 / 3) / 4
     truth = np.stack([0.5 + 0.4 * n * 2 / 3, quadratic, 0.1 + 0.3 * n * 2 / 3 + 0.5 * quadratic], axis=-1)
     assert np.abs(irradiance - truth).max() < 1e-3
+    assert np.abs(irradiance - light(cube_directions(8))).max() > 0.1, "light that is not spread is another"
 
 
 def test_the_mirrors_level_is_the_environment(vulkan_device):

@@ -81,6 +81,7 @@ def test_nothing_but_the_slot_that_is_needed_is_waited_for(chapter):
         assert not [name for name, _ in log if name in ("vkDeviceWaitIdle", "vkQueueWaitIdle")]
 
 
+@pytest.mark.feature("device/uniform-buffers")
 def test_both_slots_show_what_was_asked_of_them(chapter):
     """Four views in a row, each read two frames late: nobody sees the other slot's constants."""
     places = [-0.5, 0.0, 0.5, 1.0]

@@ -118,6 +118,7 @@ def test_results_that_are_not_ready_are_no_times():
     assert one_frame(FakeDevice(64, 1.0, [], ready=False))[1] == {}
 
 
+@pytest.mark.feature("device/gpu-timestamps")
 def test_a_queue_without_timestamps_is_asked_for_none():
     device = FakeDevice(0, 1.0, [])
     profiler, timings = one_frame(device)

@@ -208,6 +208,7 @@ def test_a_tilted_normal_map_tilts_the_normal(chapter):
     )
 
 
+@pytest.mark.feature("pbr/normal-mapping")
 def test_the_green_of_a_normal_map_is_up(chapter):
     """uv v grows downwards and the bitangent is cross(n, t) w: +y of the map leans towards smaller v, the top."""
     lights = tuple(Light("directional", node=index, intensity=1.0) for index in (1, 2))

@@ -69,6 +69,7 @@ def test_the_picture_is_the_same_with_skipping_turned_off(frames, name):
     assert np.allclose(skipped, whole, rtol=2e-3, atol=1e-6)  # one step of half precision in the target
 
 
+@pytest.mark.feature("gltf/prebuilt-descriptor-sets")
 def test_a_scene_without_textures_has_no_texture_sampler_or_material_set(chapter, frames):
     (_, skipped), (_, whole) = frames["lights"]
     assert skipped["textures"] == 0
@@ -171,6 +172,8 @@ def test_a_frame_is_the_golden_list_of_calls(chapter):
     ]
 
 
+@pytest.mark.feature("device/command-buffers")
+@pytest.mark.feature("device/api-trace")
 @pytest.mark.until(1, "bindless resources and indirect draws make other calls")
 @pytest.mark.variants("gl")
 def test_a_frame_on_opengl_is_the_golden_list_of_calls(chapter):

@@ -187,6 +187,7 @@ def test_there_is_one_set_for_the_life_of_the_renderer(native):
 FULL = r"^There are more textures than the 4 that one set holds on .*: use fewer, or run with --without bindless\.$"
 
 
+@pytest.mark.feature("bindless/global-descriptor-set")
 @bindless
 @pytest.mark.feature("bindless/support-check")
 @pytest.mark.parametrize("limit", ["ours", "the device's"])

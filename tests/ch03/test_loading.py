@@ -257,6 +257,7 @@ def test_wanted_again_while_it_is_still_decoded_for_nobody(opened):
     assert len(take_all(loading)) == 1 and len(begun) == 2
 
 
+@pytest.mark.feature("async-loading/file-decode")
 @pytest.mark.parametrize("error", [ValueError("7 bytes"), MemoryError(), SceneError("a.png: is damaged.")])
 def test_a_decoder_that_raises_fails_alone_with_one_sentence(opened, error):
     def make(number):

@@ -329,6 +329,7 @@ def test_what_a_first_use_costs_is_paid_before_the_first_frame(vulkan_device, op
         assert np.array_equal(level_of(vulkan_device, owner.images[number]), rows_of(texels))
 
 
+@pytest.mark.feature("async-loading/batched-mip-upload")
 def test_a_chain_that_the_image_brings_is_copied_level_by_level(vulkan_device, opened):
     loader, _, owner = opened(ring=1024)
     levels = [random_pixels("rgba8", size, size[0]) for size in ((20, 12), (10, 6), (5, 3), (2, 1), (1, 1))]

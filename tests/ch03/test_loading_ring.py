@@ -49,6 +49,7 @@ def test_a_mark_from_when_the_ring_was_empty_gives_nothing_back_that_was_taken_s
     assert place is not None and place[0] >= 40
 
 
+@pytest.mark.feature("async-loading/staging-buffer")
 def test_an_empty_ring_gives_all_of_itself_wherever_it_stood():
     ring = Ring(100)
     assert ring.take(lambda room: 30, 1) == (0, 30)

@@ -126,6 +126,7 @@ def test_an_empty_scene_has_no_parts(chapter):
         assert len(np.unique(frame.image("color").reshape(-1, 4), axis=0)) == 1
 
 
+@pytest.mark.feature("recording/parallel-draws")
 def test_an_error_in_a_part_tells_its_name_and_the_next_frame_is_whole(chapter, monkeypatch):
     """The threads are two for certain: the first two parts wait for one another."""
     part, both, seen = Groups.part, threading.Barrier(2, timeout=PATIENCE_S), set()

@@ -84,6 +84,7 @@ def test_one_flipped_byte_is_noticed_wherever_it_is(tmp_path):
     assert noticed["miss"] > 200 and noticed["picture"] > 0
 
 
+@pytest.mark.feature("scene-cache/file")
 @validity
 def test_a_file_cut_short_anywhere_is_refused(tmp_path):
     path = textured(tmp_path)

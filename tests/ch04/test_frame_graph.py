@@ -293,6 +293,8 @@ REFUSED = {
 }
 
 
+@types
+@pytest.mark.feature("frame-graph/render-targets")
 @edges
 @pytest.mark.parametrize("name", REFUSED)
 def test_a_graph_that_cannot_be_is_refused_in_one_sentence_with_the_names(name):

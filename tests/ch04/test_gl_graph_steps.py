@@ -135,6 +135,34 @@ def stage(gl_context):
 # --- attachments ---
 
 
+@pytest.mark.feature("device/offscreen-targets")
+def test_targets_without_a_size_are_as_large_as_the_frame(stage, gl_context):
+    """Colour alone, depth alone, and both in one pass; another with a size beside them."""
+    formats = {"picture": "rgba8", "shadow": "d32f", "light": "rgba32f", "depth": "d32f", "small": "rgba8"}
+    values = {"picture": (0.0, 1.0, 0.0, 1.0), "shadow": (0.75,), "light": (1.5, -2.0, 0.0, 4.0), "depth": (0.25,)}
+    values["small"] = (1.0, 0.0, 0.0, 1.0)
+    targets = {
+        name: Access(
+            name,
+            "depth" if format == "d32f" else "color",
+            format=format,
+            clear=values[name],
+            size=(3, 5) if name == "small" else None,
+        )
+        for name, format in formats.items()
+    }
+    passes = [Made(f"clears {name}", writes=(targets[name],)) for name in ("picture", "shadow", "small")]
+    passes.append(Made("clears both", writes=(targets["light"], targets["depth"])))
+    with stage.drawing(passes, tuple(targets)) as (executor, frame):
+        frame()
+        read = {name: read_image(gl_context, executor.images.image(0, name)) for name in targets}
+    width, height = SIZE
+    for name, pixels in read.items():
+        assert pixels.shape[:2] == ((5, 3) if name == "small" else (height, width)), name
+        scale = 255 if formats[name] == "rgba8" else 1
+        assert (pixels.reshape(-1, len(values[name])) == np.array(values[name]) * scale).all(), name
+
+
 @pytest.mark.feature("frame-graph/render-targets")
 def test_each_target_is_cleared_to_its_own_value(stage, gl_context):
     """Floats, bytes, integers beyond the exact ones of a float, and depth; one that is not cleared is given up."""

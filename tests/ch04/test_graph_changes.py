@@ -246,6 +246,7 @@ def watch_rendering(monkeypatch, backend):
     return happened
 
 
+@pytest.mark.feature("frame-graph/pass-registration")
 def test_what_does_not_fit_is_refused_in_one_sentence_and_changes_nothing(opened, invert):
     renderer = opened()
     before, graph = picture(renderer), renderer.graph

@@ -247,10 +247,14 @@ class Clear:
 
 
 @pytest.mark.variants("vulkan")
+@pytest.mark.feature("device/offscreen-targets")
 @pytest.mark.feature("frame-graph/render-targets")
 @pytest.mark.feature("frame-graph/external-resources")
 def test_targets_of_every_size_and_format_are_filled_completely(vulkan_device):
-    """Whole, half, double and absolute sizes; several targets of a pass; integers; an image of somebody else's."""
+    """Whole, half, double and absolute sizes; colour, depth or both in a pass; integers; an image from outside.
+
+    A target without a size is as large as the frame.
+    """
     device = vulkan_device
     usage = vk.VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT | vk.VK_IMAGE_USAGE_TRANSFER_SRC_BIT
     theirs = create_image(device, "rgba8", (5, 3), usage, "theirs")
@@ -262,10 +266,11 @@ def test_targets_of_every_size_and_format_are_filled_completely(vulkan_device):
         "half": Access("half", "color", format="rgba32f", clear=(1.5, 0, 0, 1), scale=0.5),
         "double": Access("double", "color", format="rgba8", clear=(0, 0, 1, 1), scale=2.0),
         "fixed": Access("fixed", "color", format="rgba8", clear=(1, 1, 1, 1), size=(7, 9)),
+        "shadow": Access("shadow", "depth", format="d32f", clear=(0.75,)),
     }
     passes = [
         Clear("several", mine["whole"], mine["second"], mine["depth"]),
-        *(Clear(name, mine[name]) for name in ("half", "double", "fixed", "theirs")),
+        *(Clear(name, mine[name]) for name in ("half", "double", "fixed", "shadow", "theirs")),
     ]
     left = Touch("color", frozenset({"color"}), frozenset({"color_write"}), True)
     anything = Touch("undefined", frozenset(), frozenset())
@@ -286,7 +291,9 @@ def test_targets_of_every_size_and_format_are_filled_completely(vulkan_device):
                 assert (
                     pixels.reshape(height * width, -1) == expected[: pixels.size // height // width]
                 ).all()
-            assert (read_image(device, executor.images.image(0, "depth"), "depth") == 0.25).all()
+            for name, value in (("depth", 0.25), ("shadow", 0.75)):
+                found = read_image(device, executor.images.image(0, name), "depth")
+                assert found.shape[:2] == (8, 8) and (found == value).all()
             assert (read_image(device, theirs, "color") == (0, 255, 0, 255)).all()
     finally:
         destroy_image(device, theirs)

@@ -65,6 +65,7 @@ def usual(chapter, scene):
     ids=lambda turned: " ".join(f"{name}={value}" for name, value in turned.items()),
 )
 @pytest.mark.feature("frame-graph/resource-aliasing")
+@pytest.mark.feature("device/command-buffers")
 def test_sharing_memory_recording_once_and_what_was_in_memory_change_no_bit(
     chapter, scene, usual, graph, turned
 ):

@@ -146,6 +146,7 @@ def test_an_empty_scene_is_its_background(open_):
     assert found.shape == (7, 9, 3) and np.ptp(found) == 0.0 and found.max() > 0.0
 
 
+@pytest.mark.feature("compute/fullscreen-lighting")
 @pytest.mark.variants("vulkan", "gl")
 def test_the_graph_says_when_it_cannot_be(open_):
     with pytest.raises(UserError, match=r"compute\.json has a G-buffer, which holds one sample a pixel"):

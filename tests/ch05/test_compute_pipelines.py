@@ -164,6 +164,7 @@ def test_an_edited_kernel_is_built_anew_with_its_new_groups(kernels, shader):
     kernels.reload(file)
 
 
+@pytest.mark.feature("compute/pipelines-and-buffers")
 def test_a_work_group_that_the_device_cannot_run_is_refused_in_a_sentence(chapter, kernels, shader):
     needs_line_marks(chapter.device)
     text = COPY.replace("local_size_x = 32", "local_size_x = 4096, local_size_y = 4096")

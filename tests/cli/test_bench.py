@@ -200,6 +200,7 @@ def test_a_preset_that_costs_more_and_shows_less_is_named():
     assert bench_points.dominated(points) == []
 
 
+@pytest.mark.feature("tools/bench")
 @pytest.mark.parametrize(
     ("options", "said"),
     [

@@ -11,7 +11,7 @@ from chapters import results
 from chapters.testing import areas, pytest_arguments
 from common.errors import UserError
 from common.paths import ROOT
-from tests.support import report
+from tests.support import oracles, report
 from tests.support.report import (
     ALLOWED_SKIPS,
     Outcome,
@@ -163,21 +163,25 @@ def test_what_was_not_run_has_not_passed():
     assert "1 tests were not run" in lines[-2]
 
 
-def run_inner(pytester, text: str, *options: str, **environment: str):
-    """Run a small suite of its own under the report."""
+def run_inner(pytester, text: str, *options: str, table: str = "", files=None, **environment: str):
+    """Run a small suite of its own under the report, with `table` as its table of truths and `files` beside it."""
     (pytester.path / "tests").mkdir()
+    if table:
+        (pytester.path / "tests" / "oracles.toml").write_text(table)
     pytester.makeconftest(
         f"import sys; sys.path.insert(0, {str(ROOT)!r})\n"
         "from tests.support.report import Report\n"
         "def pytest_addoption(parser):\n"
         "    for name in ('--long', '--record'): parser.addoption(name, action='store_true')\n"
         "def pytest_configure(config):\n"
-        "    config.addinivalue_line('markers', 'feature(slug)'); config.addinivalue_line('markers', 'long')\n"
+        "    for mark in ('feature(slug)', 'long', 'runs_on(backend)'):\n"
+        "        config.addinivalue_line('markers', mark)\n"
         "    config.pluginmanager.register(Report(config), 'strata-report')\n"
     )
     folder = pytester.path / "tests" / "area"
     folder.mkdir(parents=True)
-    (folder / "test_inner.py").write_text(text)
+    for name, content in {"test_inner.py": text, **(files or {})}.items():
+        (folder / name).write_text(content)
     for name, value in environment.items():
         pytester._monkeypatch.setenv(name, value)
     return pytester.runpytest_subprocess("tests", "-p", "no:cacheprovider", *options)
@@ -192,6 +196,134 @@ def test_a_skip_that_is_not_written_down_fails_in_ci_alone(pytester, tmp_path):
     done.stdout.fnmatch_lines(
         ["*test_b was skipped*which allowed_skips.txt does not allow*", "*1 passed, 1 skipped*"]
     )
+
+
+WHOLE = {
+    "importorskip": "pytest.importorskip('no_such_package_at_all', reason='no such thing here')",
+    "skip": "pytest.skip('no such thing here', allow_module_level=True)",
+}
+
+
+@pytest.mark.parametrize("way", WHOLE)
+def test_a_file_that_is_skipped_as_a_whole_fails_in_ci(pytester, tmp_path, way):
+    beside = {"test_beside.py": "def test_c(): pass\n"} if way == "skip" else {}
+    text = f"import pytest\n{WHOLE[way]}\ndef test_a(): pass\n"
+    done = run_inner(pytester, text, files=beside, CI="true", STRATA_CACHE=str(tmp_path))
+    assert done.ret == (1 if beside else 5), "5 is pytest's own, where no test was collected"
+    done.stdout.fnmatch_lines(
+        ["FAILED *test_inner.py was skipped as a whole*no such thing here*, which *.txt does not allow"]
+    )
+
+
+def test_a_file_that_is_skipped_as_a_whole_is_named_on_a_laptop(pytester, tmp_path):
+    text, beside = f"import pytest\n{WHOLE['skip']}\n", {"test_beside.py": "def test_c(): pass\n"}
+    done = run_inner(pytester, text, files=beside, CI="", STRATA_CACHE=str(tmp_path))
+    assert done.ret == 0
+    done.stdout.fnmatch_lines(["note: *test_inner.py was skipped as a whole*no such thing here*"])
+
+
+def test_a_file_that_may_be_skipped_as_a_whole_is_written_down_as_its_tests_are():
+    whole = outcome("tests/site/test_shown.py::", reason="Skipped: there is no Chromium")
+    assert is_allowed(whole, [("tests/site/test_shown.py::*", "no Chromium")])
+    assert not is_allowed(whole, [("tests/site/test_shown.py::test_a*", "no Chromium")])
+
+
+TABLE = """
+[kinds]
+"closed form" = "A formula worked out on paper."
+[features."a/b"]
+oracle = "closed form"
+held = "tests/area/test_inner.py::test_held"
+negative = "tests/area/test_inner.py::test_negative"
+backends = ["vulkan", "cpu"]
+"""
+PROVEN = """import pytest
+pytestmark = pytest.mark.feature('a/b')
+@pytest.mark.runs_on('vulkan')
+@pytest.mark.parametrize('x', [1, 2])
+def test_held(x): assert x == 1 or {held}
+def test_negative(): {negative}
+"""
+SKIP = "pytest.skip('not here')"
+LEFT_OUT = "def pytest_collection_modifyitems(items): del items[-1]\n"
+
+
+@pytest.mark.parametrize(
+    ("negative", "late", "code", "said"),
+    [
+        (SKIP, "", 0, "note: The negative case of 'a/b' is *::test_negative, which was only skipped."),
+        ("pass", LEFT_OUT, 1, "FAILED The negative case of 'a/b' is *::test_negative, which was not run."),
+    ],
+)
+def test_a_whole_run_is_held_to_the_table_of_truths(pytester, tmp_path, negative, late, code, said):
+    """A skip is a note where it is not CI; a test that is not run at all fails everywhere."""
+    text, files = PROVEN.format(held=SKIP, negative=negative), {"conftest.py": late}
+    done = run_inner(pytester, text, table=TABLE, files=files, CI="", STRATA_CACHE=str(tmp_path))
+    assert done.ret == code
+    done.stdout.fnmatch_lines([said])
+    done.stdout.no_fnmatch_line("*'a/b' is held by*")  # one of its two parameters has passed
+
+
+def ran(test: str, result: str, *backends: str) -> Outcome:
+    return outcome(f"tests/a/test_x.py::{test}[1]", result=result, backends=backends, features=("a/b",))
+
+
+@pytest.mark.parametrize(
+    ("backends", "more", "outcomes", "whole", "said"),
+    [
+        (["vulkan", "gl"], {}, [("without-all", "passed"), ("gl", "passed")], True, None),
+        (["vulkan", "gl"], {}, [("vulkan", "passed"), ("cpu", "passed")], True, ("gl: none passed", False)),
+        (["vulkan", "gl"], {}, [("vulkan", "passed"), ("cpu", "passed")], False, None),
+        (["vulkan", "gl"], {}, [("vulkan", "passed"), ("gl", "skipped")], True, ("gl: its tests", True)),
+        (
+            ["vulkan", "gl"],
+            {"record": "docs/x.json"},
+            [("vulkan", "passed"), ("gl", "skipped")],
+            True,
+            None,
+        ),
+        (["gl"], {"record": "docs/x.json"}, [("cpu", "passed")], True, ("gl: none passed", False)),
+    ],
+)
+def test_a_marked_test_must_have_passed_on_each_backend(backends, more, outcomes, whole, said):
+    """In a whole run; what is skipped for want of a device needs the record of one that has it."""
+    held = "tests/a/test_x.py::test_held"
+    entry = {"oracle": "calls", "held": held, "negative": held, "backends": backends, **more}
+    found = oracles.unproven(
+        oracles.Table({}, {"a/b": entry}),
+        [ran("test_held", "passed", "cpu"), *(ran("test_other", r, b) for b, r in outcomes)],
+        whole,
+    )
+    assert [(one.sentence.partition("on ")[2][: len(said[0])], one.skipped) for one in found] == (
+        [said] if said else []
+    )
+
+
+@pytest.mark.parametrize(
+    ("results", "whole", "more", "said"),
+    [
+        (["passed"], True, {}, []),
+        (["passed", "skipped"], True, {}, []),
+        (["passed", "failed"], True, {}, [("failed", False)]),
+        (["skipped", "failed"], False, {"record": "docs/x.json"}, [("failed", False)]),
+        (["skipped"], True, {}, [("was only skipped", True)]),
+        (["skipped"], False, {}, [("was only skipped", True)]),
+        (["skipped"], True, {"record": "docs/x.json"}, []),
+        ([], True, {}, [("was not run", False)]),
+        ([], True, {"record": "docs/x.json"}, [("was not run", False)]),
+        ([], False, {}, []),
+        (["not run"], False, {}, []),
+    ],
+)
+def test_a_test_of_the_table_must_have_passed_and_failed_with_no_parameter(results, whole, more, said):
+    """Where only some tests were run, that holds for those."""
+    entry = {"oracle": "calls", "held": "tests/a/test_x.py::test_held", **more}
+    other = [ran("test_other", "failed", "cpu")]
+    found = oracles.unproven(
+        oracles.Table({}, {"a/b": entry}), [*other, *(ran("test_held", one, "cpu") for one in results)], whole
+    )
+    sentence = "'a/b' is held by tests/a/test_x.py::test_held, which {}."
+    assert [(one.sentence, one.skipped) for one in found] == [(sentence.format(a), b) for a, b in said]
 
 
 def test_a_skip_is_no_failure_on_a_laptop(pytester, tmp_path):

@@ -43,6 +43,7 @@ def test_rows_are_converted_and_in_order():
     assert fill_rows([], 0, 3).shape == (0, 3)
 
 
+@pytest.mark.feature("core/uninitialised-arrays")
 @pytest.mark.parametrize("count", [2, 4])
 def test_blocks_must_cover_every_row(count):
     with pytest.raises(ValueError, match=f"instead of {count}"):

@@ -161,6 +161,7 @@ def test_a_view_as_text():
     )
 
 
+@pytest.mark.feature("camera/facade")
 @pytest.mark.parametrize(
     ("spec", "message"),
     [

@@ -65,6 +65,7 @@ def test_a_pause_makes_ten_steps_at_most():
     assert FixedStep(max_steps=3).advance(Duration(10**12)) == 3
 
 
+@pytest.mark.feature("core/frame-clock")
 def test_refused():
     for step, most in ((0, 10), (-1, 10), (1, 0)):
         with pytest.raises(ValueError, match="positive"):

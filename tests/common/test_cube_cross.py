@@ -41,6 +41,7 @@ def test_pixels_arrive_where_they_are_seen():
     assert np.isclose((cube * cube_solid_angles(height // 2)).sum() / (4 * np.pi), mean, rtol=1e-3)
 
 
+@pytest.mark.feature("environment/equirect-to-cube")
 def test_other_shapes_are_refused():
     with pytest.raises(ValueError):
         cross_from_panorama(np.zeros((4, 4, 3)))

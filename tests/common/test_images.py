@@ -166,6 +166,7 @@ def test_a_full_disk_leaves_the_old_file(tmp_path, monkeypatch):
     assert path.read_bytes() == b"old" and len(list(tmp_path.iterdir())) == 1
 
 
+@pytest.mark.feature("images/io")
 @pytest.mark.parametrize(
     ("name", "data", "sentence"),
     [

@@ -108,6 +108,7 @@ def test_arrays_and_cubes_come_back():
 GOOD = encode_ktx(random_texture("bc4", 8, 8, levels=3))
 
 
+@pytest.mark.feature("textures/etc2-ktx")
 @pytest.mark.parametrize(
     ("at", "word", "says"),
     [

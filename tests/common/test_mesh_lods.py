@@ -152,6 +152,7 @@ def test_tangents_of_every_triangle_are_no_seams(scene):
     assert counts[0] == counts[1] <= 480
 
 
+@pytest.mark.feature("mesh/lod-chain")
 def test_wrong_calls_and_a_missing_package(monkeypatch):
     one = scene_of(grid(2, 2))
     with pytest.raises(ValueError, match="0 to 7 further levels, not 8"):

@@ -179,6 +179,7 @@ def test_nothing_to_merge_gives_a_copy():
         assert np.array_equal(getattr(result.scene, name), getattr(scene, name))
 
 
+@pytest.mark.feature("mesh/merge-by-material")
 def test_a_merge_that_is_too_large_is_one_sentence(monkeypatch):
     scene = scene_of(grid(9, 9), matrices=(np.eye(4),) * 3, drawn=(0, 0, 0))
     monkeypatch.setattr("common.mesh_merge.MAX_VERTICES", 299)

@@ -157,6 +157,7 @@ def test_a_mesh_without_triangles_has_a_box_of_zeros():
     assert len(optimized(empty, OWN).positions) == 0
 
 
+@pytest.mark.feature("mesh/optimize")
 def test_a_missing_package_and_a_wrong_pass_are_one_sentence(monkeypatch):
     monkeypatch.setitem(sys.modules, "meshoptimizer", None)
     with pytest.raises(UserError) as caught:

@@ -264,6 +264,7 @@ def test_gradient_step_falls_with_jitter_and_averaging():
     assert gradient_step(on) < 0.2 * gradient_step(off)
 
 
+@pytest.mark.feature("metrics/banding")
 def test_gradient_step_refuses():
     with pytest.raises(ValueError, match="no window of 33 steps"):
         gradient_step(np.zeros((4, 33, 3)))

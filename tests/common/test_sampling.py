@@ -72,6 +72,7 @@ def test_halton():
     assert halton(0, 2, (2, 3, 5)).shape == (2, 3)
 
 
+@pytest.mark.feature("sampling/hammersley")
 def test_refused():
     with pytest.raises(ValueError, match="base 1"):
         radical_inverse([1], 1)

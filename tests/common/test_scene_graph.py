@@ -197,6 +197,7 @@ def test_children_cost_one_step_each_however_many_there_are():
     assert steps(201) == 2 * steps(101) > 0
 
 
+@pytest.mark.feature("scene/array-graph")
 def test_a_parent_must_be_there():
     graph = SceneGraph()
     graph.add()

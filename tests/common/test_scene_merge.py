@@ -112,6 +112,7 @@ def test_an_edit_of_the_merged_scene_leaves_the_others_alone():
     assert scenes[0].lights[0].kind == "point"
 
 
+@pytest.mark.feature("scene/merge-scenes")
 def test_what_a_scene_has_once_is_the_first_that_is_given():
     far = Environment("sky", np.ones((2, 4, 3), np.float32))
     scenes = [quad_scene(), replace(quad_scene(), ambient=3.0), replace(quad_scene(), ambient=4.0, ev100=9.0)]

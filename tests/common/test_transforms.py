@@ -176,6 +176,7 @@ def test_orthographic_meets_its_definition():
     assert np.allclose(tf.transform_points(clip, (0, 0, -10.25)), (0, 0, 0.5), atol=1e-15)
 
 
+@pytest.mark.feature("math/matrices-and-quaternions")
 def test_projections_refuse_what_has_no_volume():
     for wrong in ((0, 1, 0.1), (np.pi, 1, 0.1), (1, 0, 0.1), (1, 1, 0), (np.nan, 1, 1)):
         with pytest.raises(ValueError, match="no perspective"):

@@ -28,6 +28,7 @@ def test_a_window_has_a_pixel_at_least():
     assert window_size((-1, -1), (50, 50)) == (1, 1)
 
 
+@pytest.mark.feature("app/percent-window-size")
 @pytest.mark.parametrize(("asked", "name"), [((0, 720), "width is 0"), ((1280, -101), "height is -101")])
 def test_refused(asked, name):
     with pytest.raises(UserError, match=name):

@@ -88,6 +88,7 @@ def test_names_of_presets_do_not_lie_over_each_other() -> None:
     assert all(abs(a[1] - b[1]) >= 15 or abs(a[0] - b[0]) >= 24 for a in places for b in places if a is not b)
 
 
+@pytest.mark.feature("tools/site")
 def test_a_record_without_points_is_refused() -> None:
     with pytest.raises(KeyError):
         figure({"points": []}, "a.json")

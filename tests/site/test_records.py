@@ -11,14 +11,14 @@ import chapters
 from chapters import features, results
 from chapters.features import MarkedTest, OutOfDate
 from chapters.results import Area, Run
-from tests.support.records import areas_of, backend_of, whole_areas, why_partial
+from tests.support.records import areas_of, backends_of, whole_areas, why_partial
 
 RUN = Run("2026-01-02T03:04:05+00:00", "abc", {"vulkan": "a card", "cpu": "Python"})
 LATER = Run("2026-02-02T03:04:05+00:00", "def", {"gl": "another card"})
 
 
 def outcome(area: str, backend: str, result: str, *slugs: str) -> SimpleNamespace:
-    return SimpleNamespace(area=area, backend=backend, result=result, features=slugs)
+    return SimpleNamespace(area=area, backends=tuple(backend.split()), result=result, features=slugs)
 
 
 def area(run: Run = RUN, **slugs: str) -> Area:
@@ -32,11 +32,14 @@ def test_results_are_counted_by_area_backend_and_feature() -> None:
         outcome("ch01", "vulkan", "passed", "a/b", "c/d"),
         outcome("ch01", "vulkan", "failed", "a/b"),
         outcome("ch01", "gl", "skipped"),
+        outcome("ch01", "without-all gl", "passed", "c/d"),
         outcome("cli", "cpu", "passed"),
     ]
-    held = {"a/b": {"vulkan": {"passed": 1, "failed": 1}}, "c/d": {"vulkan": {"passed": 1}}}
+    both = {"vulkan": {"passed": 1}, "without-all": {"passed": 1}, "gl": {"passed": 1}}
+    held = {"a/b": {"vulkan": {"passed": 1, "failed": 1}}, "c/d": both}
     found = areas_of(outcomes, {}, {"ch01"}, RUN)
-    assert found == {"ch01": Area(RUN, {"vulkan": {"passed": 1, "failed": 1}, "gl": {"skipped": 1}}, held)}
+    tests = {"vulkan": {"passed": 1, "failed": 1}, "gl": {"skipped": 1}, "without-all": {"passed": 1}}
+    assert found == {"ch01": Area(RUN, tests, held)}, "a test of both backends is one test"
 
 
 def test_an_area_that_was_stopped_is_left_out() -> None:
@@ -96,15 +99,24 @@ def test_options_that_leave_tests_out_are_named(option, args, said) -> None:
     assert why_partial(SimpleNamespace(option=SimpleNamespace(**option), args=args)) == said
 
 
-def test_the_backend_is_that_of_the_parameters_or_of_the_fixtures(request) -> None:
-    def item(*fixtures: str, **parameters: object) -> SimpleNamespace:
-        return SimpleNamespace(fixturenames=fixtures, callspec=SimpleNamespace(params=parameters))
+def test_the_backends_are_those_of_the_parameters_the_fixtures_and_the_mark(request) -> None:
+    def item(*fixtures: str, marks: tuple[str, ...] = (), **parameters: object) -> SimpleNamespace:
+        return SimpleNamespace(
+            fixturenames=fixtures,
+            callspec=SimpleNamespace(params=parameters),
+            iter_markers=lambda name: [SimpleNamespace(args=marks)] if name == "runs_on" and marks else [],
+        )
 
-    assert backend_of(request.node) == "cpu"
-    assert backend_of(item("gl_context", variant="gl")) == "gl"
-    assert backend_of(item("chapter", "vulkan_instance", variant="without-all", size=[1, 2])) == "without-all"
-    assert backend_of(item("chapter", variant="deferred")) == "vulkan"
-    assert backend_of(item("strata", "vulkan_instance")) == "vulkan"
+    assert backends_of(request.node) == ("cpu",)
+    assert backends_of(item("gl_context", variant="gl")) == ("gl",)
+    fixtures = ("chapter", "vulkan_instance")
+    assert backends_of(item(*fixtures, variant="without-all", size=[1, 2])) == ("without-all",)
+    assert backends_of(item("chapter", variant="deferred")) == ("vulkan",)
+    assert backends_of(item("strata", "vulkan_instance")) == ("vulkan",)
+    both = ("vulkan_device", "vulkan_instance", "gl_context")
+    assert backends_of(item(*both)) == ("vulkan", "gl")
+    assert backends_of(item(*both, variant="without-all")) == ("without-all", "gl")
+    assert backends_of(item(marks=("vulkan", "gl"))) == ("vulkan", "gl"), "in a process of its own"
 
 
 # --- the file ---------------------------------------------------------------------------------------------------------

@@ -111,6 +111,7 @@ def test_none_that_still_burns_is_left_out_and_all_fit(fps):
         assert len(shown) <= CAPACITY and shown == sorted(shown, key=lambda one: one.start)
 
 
+@pytest.mark.feature("bindless/flipbook")
 def test_what_is_shown_by_itself_moves_and_is_the_same_for_the_same_time(stage):
     assert studies.study("2/flipbook").scene is None
     first, again, later = (stage.draw("2/flipbook", SIZE, time)["color"] for time in (1.3, 1.3, 1.4))

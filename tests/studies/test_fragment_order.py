@@ -141,6 +141,7 @@ def test_opengl_is_told_before_the_reset_and_between_the_draws(stage):
     assert [one for one in calls if one in frame] == frame * 2
 
 
+@orders
 @only_vulkan
 def test_a_device_whose_fragments_cannot_write_is_told_in_a_sentence(stage, monkeypatch):
     monkeypatch.setattr(

@@ -138,6 +138,7 @@ def test_lines_beyond_65536_are_dropped_and_reported(stage, monkeypatch):
     assert colors == {tuple(BACKGROUND), (0, 255, 0)}  # what came first is there, what came later is not
 
 
+@pytest.mark.feature("debug-draw/line-canvas")
 def test_an_empty_canvas_draws_nothing_and_a_line_from_behind_the_camera_is_cut(stage, monkeypatch):
     picture, work = drawn(stage, monkeypatch, lambda canvas: None, size=(16, 14))
     assert (work["draws"], work["lines"]) == (0, 0) and (picture == BACKGROUND).all()

@@ -103,6 +103,7 @@ def test_the_setting_marks_the_index_and_without_it_only_one_lot_a_group_counts(
         assert wrong["pixel", False] > 0.3 and wrong["triangle", False] == 0
 
 
+@pytest.mark.feature("bindless/nonuniform-indexing")
 def test_a_device_without_descriptor_indexing_is_refused_in_a_sentence(vulkan_instance):
     with Device(vulkan_instance, without={"bindless"}) as device:
         scene = studies.load("2/random-textures", None)

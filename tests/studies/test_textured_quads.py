@@ -97,6 +97,7 @@ def test_what_is_shown_by_itself_is_a_floor_a_ball_and_sky():
     assert np.isclose(NEAR / depth[-1, 0], 0.5 / math.tan(math.radians(25)) / (1 - 1 / 96), rtol=1e-6)
 
 
+@pytest.mark.feature("debug-draw/textured-quads")
 def test_no_quads_are_no_draw_and_too_many_are_refused(stage, monkeypatch):
     assert RECORD.itemsize == 32
     assert (drawn(stage, monkeypatch, [], noise(2, 2)) == BACKGROUND).all()

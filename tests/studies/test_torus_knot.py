@@ -248,6 +248,7 @@ def test_opengl_copies_behind_the_barrier_for_copies(stage):
     ]
 
 
+@knots
 @pytest.mark.parametrize(
     ("set_", "said"),
     [

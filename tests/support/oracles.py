@@ -1,26 +1,33 @@
 """By which truth each feature is held and where it is seen to fail: the table oracles.toml, and what is wrong in it.
 
-Nothing is imported and nothing is run: tests are read as text, their marks by chapters.features.
+`faults` reads tests as text, their marks by chapters.features. `unproven` reads what a run of them gave
+(tests/support/report.py).
 """
 
 from __future__ import annotations
 
 import ast
+import json
 import re
 import textwrap
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
+from typing import Any, Protocol
 
 from chapters.features import MarkedTest
 from common.paths import ROOT
 
 TABLE = ROOT / "tests" / "oracles.toml"
-HOMES = ("assets", "backends", "bootstrap", "chapters", "common", "shaders")
-"""Imports from here say what a file of tests is about."""
+PARTS = ("oracle", "held", "negative", "backends")
+"""What every entry has."""
+BACKENDS = ("vulkan", "gl", "cpu")
+SOFTWARE = ("llvmpipe", "lavapipe", "softpipe")
+"""A record of such a device stands for no other: it is the one on which the tests run."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +35,7 @@ class Table:
     """The kinds of truth with what counts as one, the entries by slug, and why some lack a part of theirs."""
 
     kinds: dict[str, str]
-    features: dict[str, dict[str, str]]
+    features: dict[str, dict[str, Any]]
     lacking: dict[str, str] = field(default_factory=dict)
 
 
@@ -40,7 +47,6 @@ def read(path: Path = TABLE) -> Table:
 
 # --- what a test says ---
 
-_IMPORT = re.compile(r"^ *(?:from ([\w.]+) )?import (\(.*?\)|[^\n]+)", re.MULTILINE | re.DOTALL)
 _NEXT = re.compile(r"^(?:@|def |class |[A-Za-z_#])", re.MULTILINE)
 
 
@@ -69,17 +75,6 @@ def function_of(name: str, root: Path = ROOT) -> ast.FunctionDef | None:
     except SyntaxError:  # of a class, or a text in it begins a line
         tree = ast.parse(text)
     return next(one for one in ast.walk(tree) if isinstance(one, ast.FunctionDef) and one.name == function)
-
-
-@cache
-def modules(name: str, root: Path = ROOT) -> frozenset[str]:
-    """Return what a file of tests imports from the project, module by module or name by name: what it is about."""
-    found = set()
-    for module, names in _IMPORT.findall(_text(name, root)):
-        words = [one.split()[0] for one in names.split("#")[0].strip("()").split(",") if one.strip()]
-        found |= {f"{module}.{one}" for one in words} if module else set(words)
-        found |= {module} if "." in module else set()
-    return frozenset(one for one in found if one.split(".")[0] in HOMES)
 
 
 def evidence(function: ast.FunctionDef) -> str:
@@ -165,27 +160,98 @@ def faults(table: Table, marked: Mapping[str, tuple[MarkedTest, ...]], root: Pat
 
 
 def _faults_of(slug: str, table: Table, tests: tuple[MarkedTest, ...], root: Path) -> Iterator[str]:
-    entry = table.features[slug]
-    if unknown := entry.keys() - {"oracle", "held", "negative"}:
+    entry, names = table.features[slug], {one.name for one in tests}
+    if unknown := entry.keys() - {*PARTS, "record"}:
         yield f"'{slug}' has {', '.join(sorted(unknown))}, which is no part of an entry."
-    for part in ("oracle", "held", "negative"):
+    for part in PARTS:
         if part not in entry and slug not in table.lacking:
             yield f"'{slug}' has no {part}."
     if (kind := entry.get("oracle")) and kind not in table.kinds:
         yield f"'{slug}' is held by '{kind}', which is none of {', '.join(table.kinds)}."
-    if (held := entry.get("held")) and held not in {one.name for one in tests}:
+    if (held := entry.get("held")) and held not in names:
         yield f"'{slug}' is held by {held}, which does not bear its mark."
     if negative := entry.get("negative"):
         function = function_of(negative, root)
         if function is None:
             yield f"The negative case of '{slug}', {negative}, is not there."
-        elif not _beside(negative.partition("::")[0], {one.name.partition("::")[0] for one in tests}, root):
-            yield f"The negative case of '{slug}', {negative}, lies in a file that is not about it."
+        elif negative not in names:
+            yield f"The negative case of '{slug}', {negative}, does not bear its mark."
         elif not evidence(function):
             yield f"The negative case of '{slug}', {negative}, shows nothing that is refused or that must differ."
+    backends = entry.get("backends", [BACKENDS[0]])
+    if not backends or backends != [one for one in BACKENDS if one in backends]:
+        yield f"'{slug}' names the backends {backends}: they are some of {', '.join(BACKENDS)}, in this order."
+    if (record := entry.get("record")) and not devices_of(root / record):
+        yield f"'{slug}' has the record {record}, which is not there or names no device but a software driver."
 
 
-def _beside(file: str, files: set[str], root: Path) -> bool:
-    """Whether a file has tests of a feature, or lies beside one that has and is about the same module."""
-    beside = (one for one in files if Path(one).parent == Path(file).parent)
-    return file in files or any(modules(one, root) & modules(file, root) for one in beside)
+def devices_of(path: Path) -> list[str]:
+    """Return the devices that a record of docs/ names, without those that are software; [] if it cannot be read."""
+    try:
+        found: dict[str, Any] = json.loads(path.read_text("utf-8"))
+        device = found.get("device", found.get("devices", {}))
+        named = [device] if isinstance(device, str) else [one for one in device.values() if isinstance(one, str)]
+    except (OSError, ValueError, AttributeError):
+        return []
+    return named if named and not any(word in one for one in named for word in SOFTWARE) else []
+
+
+# --- what a run has shown ---
+
+
+class Ran(Protocol):
+    """What became of one test of a run; its `test` is the function's name, the same for all of its parameters."""
+
+    features: tuple[str, ...]
+    backends: tuple[str, ...]
+    result: str
+
+    @property
+    def test(self) -> str: ...
+
+
+@dataclass(frozen=True)
+class Unproven:
+    """A sentence on an entry that a run does not bear out; `skipped`: only since the tests were skipped here."""
+
+    sentence: str
+    skipped: bool = False
+
+
+def unproven(table: Table, outcomes: Iterable[Ran], whole: bool) -> list[Unproven]:
+    """Return what a run does not bear out of the table.
+
+    The tests of each entry must have passed with some parameters and failed with none. In a `whole` run all of them
+    have to be there, and a marked test must have passed on each backend of the entry. In another one only what was
+    run counts. What is skipped for want of a device counts as shown where the entry has the record of another.
+    """
+    by_test: dict[str, set[str]] = defaultdict(set)
+    by_backend: dict[tuple[str, str], set[str]] = defaultdict(set)
+    for one in outcomes:
+        by_test[one.test].add(one.result)
+        for slug in one.features:
+            for backend in one.backends:
+                by_backend[slug, "vulkan" if backend == "without-all" else backend].add(one.result)
+    found: list[Unproven] = []
+    for slug, entry in table.features.items():
+        for part, words in (("held", f"'{slug}' is held by"), ("negative", f"The negative case of '{slug}' is")):
+            if test := entry.get(part):
+                found += _unproven(f"{words} {test}, which", by_test.get(test, set()), whole, "record" in entry)
+        for backend in entry.get("backends", ()) if whole else ():
+            results = by_backend.get((slug, backend), set())
+            if "passed" not in results and not ("record" in entry and results == {"skipped"}):
+                why = "its tests were skipped there" if results == {"skipped"} else "none passed there"
+                found.append(
+                    Unproven(f"'{slug}' needs a marked test on {backend}: {why}.", results == {"skipped"})
+                )
+    return found
+
+
+def _unproven(test: str, results: set[str], whole: bool, recorded: bool) -> list[Unproven]:
+    if "failed" in results:
+        return [Unproven(f"{test} failed.")]
+    if "passed" in results or (recorded and results == {"skipped"}):
+        return []
+    if results == {"skipped"}:
+        return [Unproven(f"{test} was only skipped.", skipped=True)]
+    return [Unproven(f"{test} was not run.")] if whole else []

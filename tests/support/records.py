@@ -27,12 +27,19 @@ FIXTURES = {"vulkan_device": "vulkan", "vulkan_instance": "vulkan", "gl_context"
 """Fixtures that open a device for tests that are run for no variant."""
 
 
-def backend_of(item: Any) -> str:
-    """Return the backend that a test runs on, as `chapters.results` names it; "cpu" if it opens no device."""
+def backends_of(item: Any) -> tuple[str, ...]:
+    """Return the backends that a test runs on, as `chapters.results` names them; "cpu" if it opens no device.
+
+    The mark `runs_on` names them where a test opens its devices itself, or has another process do that.
+    """
     parameters = getattr(getattr(item, "callspec", None), "params", {})
     named = [VARIANTS[value] for value in parameters.values() if isinstance(value, str) and value in VARIANTS]
+    named += [backend for mark in item.iter_markers("runs_on") for backend in mark.args]
     used = {*getattr(item, "fixturenames", ())}
-    return next(iter([*named, *(backend for name, backend in FIXTURES.items() if name in used)]), "cpu")
+    named += [FIXTURES[name] for name in FIXTURES if name in used and not (named and name == "vulkan_instance")]
+    if "without-all" in named:  # the device that its fixture opens is that one
+        named = [one for one in named if one != "vulkan"]
+    return tuple(dict.fromkeys(named)) or ("cpu",)
 
 
 def cpu() -> str:
@@ -77,11 +84,16 @@ def why_partial(config: pytest.Config) -> str:
 
 
 def areas_of(
-    outcomes: Iterable[Any], skipped: Mapping[str, str], whole: Collection[str], run: Run
+    outcomes: Iterable[Any],
+    skipped: Mapping[str, str],
+    whole: Collection[str],
+    run: Run,
+    root: Path = ROOT,
 ) -> dict[str, Area]:
     """Return the results of the areas `whole`, without those of which a test was not run.
 
-    An outcome has area, backend, result and features; `skipped` are files that were left at their import, with why.
+    An outcome has area, backends, result and features, and counts as a test of the first of its backends; `skipped` are
+    files that were left at their import, with why.
     """
     tests: dict[str, dict[str, Counter[str]]] = defaultdict(lambda: defaultdict(Counter))
     held: dict[str, dict[str, dict[str, Counter[str]]]] = defaultdict(
@@ -91,12 +103,13 @@ def areas_of(
     for one in outcomes:
         if one.result == "not run":
             unfinished.add(one.area)
-        tests[one.area][one.backend][one.result] += 1
+        tests[one.area][one.backends[0]][one.result] += 1
         for slug in one.features:
-            held[one.area][slug][one.backend][one.result] += 1
+            for backend in one.backends:
+                held[one.area][slug][backend][one.result] += 1
     for file in skipped:
         area = features.area_of(file)
-        for slugs in features.marked(ROOT / file).values():
+        for slugs in features.marked(root / file).values():
             for slug in slugs:
                 held[area][slug]["cpu"]["skipped"] += 1
         tests[area]["cpu"]["skipped"] += 1

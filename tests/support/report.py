@@ -1,6 +1,7 @@
 """What a test run leaves and says: counts per area, variant and feature; skips that CI does not allow; time budgets.
 
 tests/allowed_skips.txt   "test id pattern | part of the reason": what may be skipped in CI (`CI=true`)
+tests/oracles.toml        which tests must have passed, and on which backends (tests/support/oracles.py)
 docs/records/long.json    of every long test the last result, with commit, device and time
 docs/records/tests.json   with --record, results of whole areas for the site (tests/support/records.py); without it they
                           stay in the user's cache, for `strata list --features`
@@ -23,7 +24,7 @@ import chapters
 from chapters import features, results
 from chapters.bench import commit
 from common.paths import ROOT, user_cache, write_whole
-from tests.support import records
+from tests.support import oracles, records
 
 ALLOWED_SKIPS = ROOT / "tests" / "allowed_skips.txt"
 LONG_RECORD = ROOT / "docs" / "records" / "long.json"
@@ -56,7 +57,7 @@ class Outcome:
     result: str = "not run"  # until it was: a run may be stopped before
     reason: str = ""
     seconds: float = 0.0
-    backend: str = "cpu"
+    backends: tuple[str, ...] = ("cpu",)
     area: str = field(init=False)
     variant: str = field(init=False)
 
@@ -65,6 +66,12 @@ class Outcome:
         self.area = later[1] if later else features.area_of(self.nodeid.partition("::")[0])
         found = re.search(r"\[(vulkan|without-all|gl|deferred)\b", self.nodeid)
         self.variant = found[1] if found else "-"
+
+    @property
+    def test(self) -> str:
+        """The function's name, for whatever parameters and chapter: "tests/ch01/test_a.py::test_b"."""
+        file, *names = LATER.sub("::", self.nodeid).partition("[")[0].split("::")
+        return f"{file}::{names[-1]}" if names else file
 
 
 def allowed_skips(text: str) -> list[tuple[str, str]]:
@@ -136,6 +143,11 @@ def feature_counts(outcomes: list[Outcome]) -> dict[str, dict[str, int]]:
     return {slug: dict(counts) for slug, counts in found.items()}
 
 
+def why_skipped(report: pytest.TestReport | pytest.CollectReport) -> str:
+    """Return the reason that a skipped test or file gave."""
+    return report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)
+
+
 class Report:
     """The pytest plugin that collects all this and has the last word before pytest's own last line."""
 
@@ -144,10 +156,11 @@ class Report:
         self.outcomes: dict[str, Outcome] = {}
         self.devices: dict[str, str] = {}  # by backend
         self.files: set[str] = set()  # that were collected
-        self.skipped_files: dict[str, str] = {}
+        self.skipped_files: dict[str, str] = {}  # at their import
         self.said: list[str] = []
         self.in_ci = os.environ.get("CI") == "true"
-        self.complaints: list[str] = []
+        self.complaints: list[str] = []  # that fail a run in CI
+        self.faults: list[str] = []  # that fail any run
         compiled = user_cache() / "spirv"
         self.cold = not compiled.is_dir() or len(list(compiled.iterdir())) < WARM_SHADERS
 
@@ -160,14 +173,14 @@ class Report:
         file = report.nodeid.partition("::")[0]
         if file.endswith(".py"):
             self.files.add(file)
-            if report.skipped:
-                self.skipped_files[file] = str(report.longrepr)
+        if report.skipped:
+            self.skipped_files[file] = why_skipped(report)
 
     def pytest_collection_finish(self, session: pytest.Session) -> None:
         for item in session.items:
             slugs = tuple(slug for mark in item.iter_markers("feature") for slug in mark.args)
             long = item.get_closest_marker("long") is not None
-            self.outcomes[item.nodeid] = Outcome(item.nodeid, slugs, long, backend=records.backend_of(item))
+            self.outcomes[item.nodeid] = Outcome(item.nodeid, slugs, long, backends=records.backends_of(item))
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         outcome = self.outcomes.get(report.nodeid)
@@ -181,16 +194,18 @@ class Report:
             outcome.result = "passed"
         elif report.skipped and outcome.result != "failed":
             outcome.result = "skipped"
-            outcome.reason = (
-                report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)
-            )
+            outcome.reason = why_skipped(report)
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_sessionfinish(self, session: pytest.Session, exitstatus: int) -> None:
-        if self.config.option.collectonly or not self.outcomes:
+        if self.config.option.collectonly or not (self.outcomes or self.skipped_files):
             return
         outcomes = list(self.outcomes.values())
+        later: Any = self.config.pluginmanager.getplugin("strata-snapshots")
+        of_fork = later is not None and any(subject.is_fork for subject in later.chosen)
         self.complaints = over_budget(outcomes, self.cold)
+        if not of_fork:  # a fork that fails says nothing of the project's features
+            self._hold_to_the_table(outcomes)
         if self.in_ci:
             text = ALLOWED_SKIPS.read_text("utf-8") if ALLOWED_SKIPS.is_file() else ""
             allowed = allowed_skips(text)
@@ -199,11 +214,35 @@ class Report:
                 for o in outcomes
                 if o.result == "skipped" and not is_allowed(o, allowed)
             ]
-            if self.complaints and session.exitstatus == pytest.ExitCode.OK:
-                session.exitstatus = pytest.ExitCode.TESTS_FAILED
-        later: Any = self.config.pluginmanager.getplugin("strata-snapshots")
-        if later is None or not any(subject.is_fork for subject in later.chosen):
-            self._keep(outcomes)  # a fork that fails says nothing of the project's features
+            self.complaints += [
+                f"{name} was skipped as a whole ({reason}), which {ALLOWED_SKIPS.name} does not allow"
+                for name, reason in self.skipped_files.items()
+                if not is_allowed(Outcome(f"{name}::", (), False, "skipped", reason), allowed)
+            ]
+        if (self.faults or self.in_ci and self.complaints) and session.exitstatus == pytest.ExitCode.OK:
+            session.exitstatus = pytest.ExitCode.TESTS_FAILED
+        if not of_fork and outcomes:
+            self._keep(outcomes)
+
+    def _hold_to_the_table(self, outcomes: list[Outcome]) -> None:
+        """Complain of what the run does not bear out of the table of truths."""
+        path = self.config.rootpath / "tests" / oracles.TABLE.name
+        if not path.is_file():
+            return
+        left = [
+            Outcome(f"{file}::{name}", slugs, False, "skipped", reason, backends=oracles.BACKENDS)
+            for file, reason in self.skipped_files.items()
+            if file.endswith(".py")
+            for name, slugs in features.marked(self.config.rootpath / file).items()
+        ]
+        for one in oracles.unproven(oracles.read(path), [*outcomes, *left], self.is_whole()):
+            (self.complaints if one.skipped else self.faults).append(one.sentence)
+
+    def is_whole(self) -> bool:
+        """Whether all tests were run, but those that take minutes and those that were skipped."""
+        wanted = {features.area_of(file) for file in records.files_there(self.config.rootpath)}
+        found = {area for area, why in self.whole_areas().items() if not why}
+        return wanted <= found and all(one.result != "not run" for one in self.outcomes.values())
 
     def _keep(self, outcomes: list[Outcome]) -> None:
         """Write the results of whole areas, for `strata list --features` and the site, and those of long tests."""
@@ -231,7 +270,8 @@ class Report:
         devices = {**self.devices, "cpu": records.cpu()}
         run = results.Run(when, at, devices, self.config.getoption("--long"))
         whole = [area for area, why in found.items() if not why]
-        areas = records.areas_of(outcomes, self.skipped_files, whole, run)
+        skipped = {name: why for name, why in self.skipped_files.items() if name.endswith(".py")}
+        areas = records.areas_of(outcomes, skipped, whole, run, self.config.rootpath)
         results.keep_here(areas, there)
         if not self.config.getoption("--record", default=False):
             return
@@ -242,7 +282,7 @@ class Report:
         self.said += [f"It keeps what it had of {area}: {left[area]}." for area in left if area not in areas]
 
     def pytest_terminal_summary(self, terminalreporter: Any) -> None:
-        if self.config.option.collectonly or not self.outcomes:
+        if self.config.option.collectonly or not (self.outcomes or self.skipped_files):
             return
         terminalreporter.section("strata", sep="=")
         cache = "shaders were compiled in this run" if self.cold else "compiled shaders were there"
@@ -253,6 +293,10 @@ class Report:
             terminalreporter.line(line)
         for line in self.said:
             terminalreporter.line(line)
+        for name, reason in () if self.in_ci else self.skipped_files.items():
+            terminalreporter.line(f"note: {name} was skipped as a whole ({reason})")
+        for text in self.faults:
+            terminalreporter.line("FAILED " + text, red=True)
         for text in self.complaints:
             terminalreporter.line(("FAILED " if self.in_ci else "note: ") + text, red=self.in_ci)
 

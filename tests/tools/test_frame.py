@@ -175,6 +175,7 @@ def test_the_contact_sheet_of_any_size_is_small(strata, tmp_path, size):
     assert read_image(tmp_path / "here" / "3-tonemap-color.png").shape[:2] == size[::-1]
 
 
+@pytest.mark.feature("tools/frame")
 def test_what_is_wrong_is_said_in_one_sentence(strata, tmp_path):
     scene = triangle().write(tmp_path)
     (tmp_path / "file").write_text("")

@@ -47,6 +47,7 @@ def test_a_mistake_is_shown_in_its_file_with_the_includes(programs, tmp_path):
     assert len(programs) == 0
 
 
+@pytest.mark.feature("device/program-variants")
 def test_stages_that_do_not_fit_together_are_named(programs):
     vertex = build_text(VERTEX % "1.0", "vert", "gl", name="a.vert")
     wrong = (

@@ -101,12 +101,17 @@ def random_pixels(format: str, shape: tuple[int, ...], seed: int = 3) -> np.ndar
 # --- buffers ----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.feature("device/staging-copies")
 @pytest.mark.feature("device/buffers")
 def test_buffers_give_back_exact_bytes(gl_context, bench):
     data = np.random.default_rng(1).integers(0, 256, 1021, np.uint8)
     buffer = bench.buffer(1031)
     write_buffer(gl_context, buffer, data, 7)
     assert np.array_equal(read_buffer(gl_context, buffer)[7 : 7 + 1021], data)
+    other = bench.buffer(1031, "readback")  # by way of the GPU, from an odd place to another
+    gl_context.fn.glCopyNamedBufferSubData(buffer.handle, other.handle, 7, 3, 1021)
+    Fence(gl_context).wait()
+    assert np.array_equal(other.mapped[3 : 3 + 1021], data)
     with pytest.raises(ValueError, match="do not fit into 'buffer' of 1031 bytes"):
         write_buffer(gl_context, buffer, data, 11)
     with pytest.raises(ValueError, match="cannot map"):
@@ -146,7 +151,7 @@ def test_mapped_memory_is_seen_by_the_gpu_and_by_the_cpu_after_a_fence(gl_contex
         assert np.array_equal(result.view(np.uint32), np.arange(16) * 100 + frame + 1)
 
 
-@pytest.mark.feature("device/uniform-buffers", "device/push-constants")
+@pytest.mark.feature("device/uniform-buffers", "device/push-constants", "device/buffers")
 def test_each_dispatch_sees_its_own_row_of_push_constants(gl_context, bench):
     text = """
     layout(local_size_x = 1) in;
@@ -160,7 +165,8 @@ def test_each_dispatch_sees_its_own_row_of_push_constants(gl_context, bench):
     rows[:, 5] = np.arange(5) + 0.5
     table = PushTable(gl_context, rows, "rows")
     bench.stack.callback(table.close)
-    assert table.stride % gl_context.limits["minUniformBufferOffsetAlignment"] == 0
+    alignment = gl_context.limits["minUniformBufferOffsetAlignment"]
+    assert table.stride % alignment == 0
     buffer = bench.buffer(20)
     bind_buffer(gl_context, "storage", 0, buffer)
     gl_context.fn.glUseProgram(bench.program(comp=text).handle)
@@ -175,6 +181,10 @@ def test_each_dispatch_sees_its_own_row_of_push_constants(gl_context, bench):
     assert read_buffer(gl_context, buffer, np.float32).tolist() == [4.5, 3.5, 0.0, 1.5, 0.5]
     with pytest.raises(ValueError, match="more than 256"):
         gl_context.push(np.zeros(65, np.uint32))
+    if alignment > 1:
+        with pytest.raises(DeviceError, match="glBindBufferRange"):
+            gl_context.fn.glBindBufferRange(gl.GL_UNIFORM_BUFFER, 0, table.buffer.handle, alignment // 2, 16)
+        gl_context.sink.messages.clear()
 
 
 # --- images -----------------------------------------------------------------------------------------------------------
@@ -240,6 +250,7 @@ def test_layers_are_written_and_read_one_by_one_and_together(gl_context, bench, 
     assert np.array_equal(read_image(gl_context, image, level=1, layer=1), pixels[0, ::2, ::2])
 
 
+@pytest.mark.feature("device/textures")
 def test_wrong_pixels_are_refused_before_the_driver_reads_past_them(gl_context, bench):
     image = bench.image("rgba8", (4, 4))
     for wrong in (
@@ -525,6 +536,7 @@ def test_all_layers_are_cleared_and_drawn_to_at_once(gl_context, bench, shape):
         assert (read_image(gl_context, depth, layer=layer) == 0.75).all()
 
 
+@pytest.mark.feature("device/offscreen-targets")
 def test_an_impossible_framebuffer_is_a_sentence(gl_context, bench):
     small, large = bench.image("rgba8", (4, 4)), bench.image("d32f", (8, 8))
     with pytest.raises(ValueError, match="different sizes"):

@@ -120,6 +120,7 @@ def test_matrices_are_mathematical():
     assert np.array_equal(matrix @ (0, 0, 0, 1), (7, 8, 9, 1))
 
 
+@pytest.mark.feature("scene/gltf-loader")
 @pytest.mark.parametrize(
     ("change", "fault"),
     [
