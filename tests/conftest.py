@@ -235,6 +235,24 @@ def gl_context(request: pytest.FixtureRequest, variant: str | None) -> Iterator[
         yield context
 
 
+@pytest.fixture(params=["vulkan", "gl"])
+def either_device(request: pytest.FixtureRequest) -> Iterator[Device | Context]:
+    """A device of each backend in turn (`tests.support.either` runs shaders on it); a message fails the test."""
+    if request.param == "gl":
+        context: Context = request.getfixturevalue("gl_context")
+        context.make_current()
+        context.sink.messages.clear()
+        yield context
+        assert_silent(context)
+        return
+    device: Device = request.getfixturevalue("vulkan_device")
+    device.sink.messages.clear()
+    yield device
+    messages = device.sink.report()
+    device.sink.messages.clear()
+    assert not messages, "the validation layers say:\n" + "\n".join(messages)
+
+
 @pytest.fixture(scope="module")
 def chapter(request: pytest.FixtureRequest, variant: str | None) -> Iterator[Chapter]:
     """The chapter that the test runs for, on a device of the variant: `chapter.open(scene, size)`."""

@@ -18,7 +18,7 @@ from chapters.panel import EV_RANGE, History, PanelActions, open_panel, preset_o
 from chapters.panel_knobs import value_of, widget_of, widgets
 from common.draw_lists import FONT
 from common.settings import knob, knobs
-from tests.support.panel import PanelUser, example
+from tests.support.panel import PanelUser, example, seen
 
 
 @dataclass
@@ -349,6 +349,33 @@ def test_constant_and_wrong_series_make_no_nan(value):
     points = history.points("x", low, high)
     assert np.isfinite(points).all()
     assert (points[:, 1] >= 0.0).all() and (points[:, 1] <= 1.0).all(), "inside the chart, not left out of it"
+
+
+@pytest.mark.feature("ui/camera-mode-combo")
+@pytest.mark.feature("ui/statistics-overlay")
+def test_each_backend_shows_the_camera_the_times_and_the_rate(user, vulkan_device, gl_context):
+    """Another mode changes its own box; times and the rate change the chart and the corner."""
+
+    def shown(**state):
+        user.state = example(Settings(), **state)
+        user.panel.event(Event("move", 1.0, 1.0))
+        user.wait()
+        return seen(user, vulkan_device, gl_context)
+
+    orbit, again, walks = shown(), shown(), shown(mode="first person")
+    left, top, right, bottom = np.rint(user.panel.places["mode"]).astype(int)
+    for number in range(2):
+        assert np.array_equal(orbit[number], again[number])
+        changed = (orbit[number] != walks[number]).any(-1)
+        assert changed[top:bottom, left:right].any()
+        changed[top:bottom, left:right] = False
+        assert not changed.any(), "the mode is shown in one place"
+    for step in range(60):
+        user.panel.history.add({"forward": 1.0 + step % 3})
+    rated = shown(frame_rate=60.0)
+    for before, after in zip(orbit, rated, strict=True):
+        changed = (before != after).any(-1)
+        assert changed[:40, 560:].any() and changed[:, :560].sum() > 100, "the rate in the corner, and the chart"
 
 
 @pytest.mark.feature("ui/statistics-overlay")

@@ -9,7 +9,7 @@ import pytest
 
 from chapters.panel import open_panel
 from common.settings import knob
-from tests.support.panel import PanelUser, example
+from tests.support.panel import PanelUser, example, seen
 from tests.support.scenes import nodes_at, quad_scene, translated
 from tests.support.timing import least_time, timed
 
@@ -66,6 +66,21 @@ def test_branches_unfold_and_a_click_chooses_a_node(panel):
     user.state = example(Settings(), scene=house())
     user.wait()
     assert user.panel._tree.chosen is None, "another scene has other nodes"
+
+
+@pytest.mark.feature("scene/tree-inspector")
+def test_each_backend_shows_the_entries_and_which_one_is_chosen(panel, vulkan_device, gl_context):
+    user = opened(panel, house())
+    plain, boxes = seen(user, vulkan_device, gl_context), [user.panel.places[f"node {n}"] for n in (0, 1, 2)]
+    assert not user.click(*user.place("node 2", 0.5))
+    assert not [*user.wait()] and user.panel._tree.chosen == 2
+    for before, after in zip(plain, seen(user, vulkan_device, gl_context), strict=True):
+        changed = []
+        for left, top, right, bottom in np.rint(boxes).astype(int):
+            here = before[top:bottom, left:right]
+            assert len(np.unique(here.reshape(-1, 4), axis=0)) > 1, "letters on their ground"
+            changed.append((here != after[top:bottom, left:right]).any(-1).mean())
+        assert changed[2] > 0.5 and changed[0] == changed[1] == 0.0
 
 
 def test_a_hundred_thousand_roots_are_listed_once_and_drawn_where_they_are_seen(panel):

@@ -22,7 +22,7 @@ from common.paths import ROOT
 from common.positioners import FirstPerson, Orbit
 from common.scene import Light, Material
 from tests.support.display import User, screenshot, virtual_display
-from tests.support.scenes import quad_scene
+from tests.support.scenes import quad_scene, translated
 
 STEP_NS = 10_000_000
 
@@ -236,6 +236,42 @@ def test_every_key_of_the_loop_is_in_the_help_and_moves_no_camera():
     for key, said in (("C", "C to change"), ("SPACE", "space to stop"), ("ESCAPE", "Esc to close")):
         assert said in HELP
         assert key not in BINDINGS
+
+
+@pytest.mark.feature("app/application-loop")
+def test_a_subclass_runs_its_frames_without_a_display_and_leaves_nothing(either_device):
+    """Five frames of a renderer on a real device, in a window that only takes notes."""
+    device = either_device
+    before = {key: name for key, name in device.alive.items() if key[0] != "VkDeviceMemory"}
+    module = chapters.renderer_module(1, device.capabilities.backend)
+
+    class Demo(module.Renderer):
+        frames = 0
+
+        def render(self, view, time=0.0):
+            self.frames += 1
+            return super().render(view, time)
+
+    window, pictures = FakeWindow(), []
+    camera = Camera(FirstPerson.at(translated(z=2.0)), Perspective())
+    scene = quad_scene(Material(unlit=True, base_color=(1.0, 0.0, 0.0, 1.0)))
+    with Demo(scene, window.size, device=device) as demo:
+        loop = Loop(
+            window,
+            FakeScreen(),
+            demo,
+            camera,
+            "Demo",
+            timer_ns=lambda: window.now_ns,
+            on_frame=lambda renderer, frame: pictures.append(frame.image("color")),
+        )
+        figures = loop.run(5)
+        assert {key for key in device.alive if key[0] != "VkDeviceMemory"} > {*before}
+    assert (figures.drawn, figures.shown, figures.idle, demo.frames) == (5, 5, 0, 5)
+    red, green, blue = pictures[0][16, 32].tolist()
+    assert red > 200 and max(green, blue) < 100, "the square is seen"
+    assert len(pictures) == 5 and all(np.array_equal(one, pictures[0]) for one in pictures)
+    assert {key: name for key, name in device.alive.items() if key[0] != "VkDeviceMemory"} == before
 
 
 # --- a real window ----------------------------------------------------------------------------------------------------

@@ -18,6 +18,7 @@ from backends.vulkan.once import submit_once
 from backends.vulkan.resources import create_buffer, destroy_buffer
 from common.errors import UnsupportedError
 
+pytestmark = pytest.mark.runs_on("vulkan")
 HERE = f"tests/backends/{Path(__file__).name}"
 COPIES = vk.VK_BUFFER_USAGE_TRANSFER_SRC_BIT | vk.VK_BUFFER_USAGE_TRANSFER_DST_BIT
 

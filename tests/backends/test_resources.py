@@ -140,7 +140,7 @@ def test_the_storage_of_a_buffer_is_bound_once(vulkan_device):
 
 RECORDS = """
 layout(local_size_x = 1) in;
-layout(set = 0, binding = 0) uniform Record { uvec4 place; vec4 value; };
+layout(set = 0, binding = 0) uniform Record { uvec4 place; vec4 value; float more; };
 layout(set = 0, binding = 1, std430) buffer Found { float found[]; };
 void main() { found[place.x] = value.y; }
 """
@@ -151,7 +151,8 @@ void main() { found[place.x] = value.y; }
 def test_each_dispatch_sees_its_own_record_of_one_uniform_buffer(vulkan_device):
     """Records lie at multiples of the device's alignment; at another place the layers name the binding."""
     alignment = vulkan_device.capabilities.limits["minUniformBufferOffsetAlignment"]
-    stride = -(-32 // alignment) * alignment
+    size = 36  # more than a multiple of the smallest alignment that there is, 16
+    stride = -(-size // alignment) * alignment
     records = np.zeros((5, stride // 4), np.float32)
     records.view(np.uint32)[:, 0] = np.arange(5)[::-1]
     records[:, 5] = np.arange(5) + 0.5
@@ -183,9 +184,9 @@ def test_each_dispatch_sees_its_own_record_of_one_uniform_buffer(vulkan_device):
                 "dstBinding": i,
                 "descriptorCount": 1,
                 "descriptorType": kind,
-                "pBufferInfo": [{"buffer": one.handle, "range": size}],
+                "pBufferInfo": [{"buffer": one.handle, "range": length}],
             }
-            for i, (kind, one, size) in enumerate(((dynamic, buffer, 32), (storage, found, found.size)))
+            for i, (kind, one, length) in enumerate(((dynamic, buffer, size), (storage, found, found.size)))
         ]
         fn.vkUpdateDescriptorSets(
             vulkan_device.handle, 2, vk.array("VkWriteDescriptorSet", writes), 0, vk.NULL
@@ -210,7 +211,7 @@ def test_each_dispatch_sees_its_own_record_of_one_uniform_buffer(vulkan_device):
         assert vulkan_device.sink.report() == []
         if vulkan_device.instance.validates:
             with submit_once(vulkan_device) as commands:
-                bind(commands, stride // 2 if stride // 2 % alignment else alignment // 2)
+                bind(commands, alignment // 2)
             assert any("vkCmdBindDescriptorSets" in text for text in vulkan_device.sink.report())
             vulkan_device.sink.messages.clear()
 

@@ -10,10 +10,16 @@ import threading
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from backends.shader_text import ShaderSource, build, build_text
+from backends.vulkan import api as vk
 from backends.vulkan import glslang, shaders
+from backends.vulkan.barriers import barriers
+from backends.vulkan.readback import TO_HOST
+from backends.vulkan.selftests import bindings
+from backends.vulkan.selftests.bench import Bench, Program
 from backends.vulkan.shaders import Compiler, Counters, check_module
 from common.errors import ShaderError, UnsupportedError
 
@@ -42,6 +48,34 @@ def test_the_second_start_compiles_nothing(tmp_path: Path) -> None:
     assert second.counters == Counters(cached=5)
     assert [second.compile(one) for one in sources] == made
     assert second.counters == Counters(cached=5, reused=5)
+
+
+@spirv_compile
+def test_a_device_takes_what_was_compiled_and_what_was_kept(vulkan_device, tmp_path: Path) -> None:
+    """Two starts, a pipeline of each: the layers have nothing to say, and both give the same numbers."""
+    text = """layout(local_size_x = 1) in;
+    layout(set = 0, binding = 0, std430) buffer Found { uint found[]; };
+    void main() { found[gl_WorkGroupID.x] = gl_WorkGroupID.x * gl_WorkGroupID.x + uint(N); }"""
+    kernel = build_text(text, "comp", "vulkan", name="squares.comp", defines={"N": 7})
+    for counters in (Counters(compiled=1), Counters(cached=1)):
+        compiler = Compiler(tmp_path)
+        code = compiler.compile(kernel)
+        assert compiler.counters == counters
+        with Bench(vulkan_device) as bench:
+            found = bench.output(5)
+            layout, bound = bindings.layout(bench, [found])
+            module = bench.make(
+                "vkCreateShaderModule", "VkShaderModuleCreateInfo", codeSize=len(code), pCode=code
+            )
+            stage = {"stage": vk.VK_SHADER_STAGE_COMPUTE_BIT, "module": module, "pName": "main"}
+            infos = vk.array("VkComputePipelineCreateInfo", [{"stage": stage, "layout": layout}])
+            (pipeline,) = vulkan_device.create_pipelines("vkCreateComputePipelines", infos, ["squares"])
+            bench.at_end(vulkan_device.destroy, "VkPipeline", pipeline)
+            with bench.submit() as commands:
+                bench.bind(commands, Program(pipeline, layout, bound, vk.VK_PIPELINE_BIND_POINT_COMPUTE))
+                vulkan_device.fn.vkCmdDispatch(commands, 5, 1, 1)
+                vulkan_device.fn.vkCmdPipelineBarrier2(commands, barriers(memory=TO_HOST))
+            assert bench.read(found, np.uint32).tolist() == [7, 8, 11, 16, 23]
 
 
 @spirv_compile

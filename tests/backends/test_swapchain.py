@@ -147,6 +147,7 @@ def shows(display, picture):
     return seen(display, picture.shape[1::-1], lambda pixels: np.array_equal(pixels, picture))
 
 
+@pytest.mark.runs_on("vulkan")
 @pytest.mark.feature("device/swapchain")
 @pytest.mark.feature("device/screenshot")
 def test_thirty_frames_are_shown_pixel_for_pixel(display, screen):
@@ -161,6 +162,7 @@ def test_thirty_frames_are_shown_pixel_for_pixel(display, screen):
     assert screen.swapchain.made == 1
 
 
+@pytest.mark.runs_on("vulkan")
 @pytest.mark.feature("device/swapchain")
 def test_a_picture_that_nobody_reads_back_is_shown_too(display, screen):
     with open_renderer(screen, outputs=()) as renderer:
@@ -206,6 +208,7 @@ def test_copy_and_next_frame_wait_for_each_other(screen):
         assert waited == [one.srcStageMask for one in filled] == [transfer] * 2
 
 
+@pytest.mark.runs_on("vulkan")
 @pytest.mark.feature("device/screenshot")
 def test_a_renderer_without_a_picture_says_how_to_get_one(screen):
     with (
@@ -224,6 +227,7 @@ def resized(window, size):
     pytest.fail(f"the window does not become {size}")
 
 
+@pytest.mark.runs_on("vulkan")
 @pytest.mark.feature("device/swapchain")
 @pytest.mark.feature("device/viewport-resize")
 def test_every_new_size_shows_its_own_picture(display, window, screen):
@@ -344,6 +348,7 @@ def test_a_suboptimal_image_is_shown_and_then_replaced(screen):
         assert (screen.swapchain.shown, screen.swapchain.made) == (2, 2)
 
 
+@pytest.mark.runs_on("vulkan")
 @pytest.mark.feature("device/swapchain")
 def test_an_error_of_the_display_is_raised_with_its_name(screen):
     with open_renderer(screen) as renderer:

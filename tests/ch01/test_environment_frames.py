@@ -144,6 +144,7 @@ def test_a_second_start_makes_nothing(vulkan_device, monkeypatch):
     assert np.array_equal(first, second)
 
 
+@pytest.mark.feature("environment/skybox")
 @pytest.mark.parametrize("energy", ["gltf", "conserving"])
 def test_opengl_draws_the_same(vulkan_device, gl_context, energy):
     from chapters.ch01.gl.renderer import Renderer as OpenGL

@@ -33,6 +33,7 @@ def on_opengl(context, environment):
         maps.close(context)
 
 
+@pytest.mark.feature("ibl/irradiance-convolution")
 def test_both_backends_make_the_same_maps(gl_context, vulkan_device, monkeypatch):
     monkeypatch.setattr(logic, "cache_dir", lambda name: None)  # else one would read what the other has made
     made, levels = on_opengl(gl_context, sunny())
@@ -62,6 +63,7 @@ def test_what_vulkan_kept_is_read(gl_context, vulkan_device, tmp_path, monkeypat
         assert np.array_equal(one, other)
 
 
+@pytest.mark.feature("ibl/irradiance-convolution")
 @pytest.mark.parametrize("nits", [0.25, 3000.0])
 def test_a_constant_environment_stays_constant(gl_context, tmp_path, monkeypatch, nits):
     monkeypatch.setenv("STRATA_CACHE", str(tmp_path))

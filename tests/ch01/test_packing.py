@@ -51,7 +51,6 @@ def test_positions_are_relative_to_the_origin_before_they_are_rounded():
     assert record["position"][0] == 0.125
 
 
-@pytest.mark.feature("lighting/punctual-lights")
 def test_the_cone_is_one_inside_and_zero_outside():
     """glTF: ((cos - cos outer) / (cos inner - cos outer))^2, clamped; scale and offset are those of the line."""
     inner, outer = 0.3, 0.7

@@ -10,6 +10,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
+from backends.gl import api as gl
 from backends.vulkan import api as vk
 from chapters.ch01.graphics.pipelines import GraphicsPipeline, Pipelines
 from chapters.ch01.logic.packing import ROLES, material_variant
@@ -17,6 +18,7 @@ from chapters.ch01.logic.snippets import PUSH_SIZE
 from chapters.ch01.renderer import Renderer
 from chapters.ch01.settings import Settings
 from common.scene import Image, Light, Material
+from tests.support import gl_functions
 from tests.support.chapter import on_path
 from tests.support.scenes import facing, quad_scene, texture, translated
 
@@ -156,7 +158,91 @@ def test_shader_modules_go_when_the_pipeline_is_built(pipelines, fullscreen, vul
     assert not [kind for kind, _ in vulkan_device.alive if kind == "VkShaderModule"]
 
 
+OPENGL = {
+    "glDepthFunc": "depth compare",
+    "glDepthMask": "depth write",
+    "glUseProgram": "program",
+    "glBlendFuncSeparate": "blend factors",
+}
+SWITCHES = {gl.GL_DEPTH_TEST: "depth test", gl.GL_BLEND: "blend", gl.GL_CULL_FACE: "cull"}
+
+
+def bound_on_opengl(context, pipelines, described):
+    """Return the state that a pipeline sets where it is bound, in plain numbers."""
+    (built,) = pipelines.get([described])
+    found = {}
+
+    def note(name, arguments):
+        if name in ("glEnable", "glDisable"):
+            found[SWITCHES[arguments[0]]] = int(name == "glEnable")
+        elif name in OPENGL:
+            found[OPENGL[name]] = arguments if len(arguments) > 1 else arguments[0]
+
+    with gl_functions.noted(context, note):
+        pipelines.bind(built, True, "counter_clockwise")
+    return found
+
+
+@pytest.mark.until(1, "a pipeline's description is another one")
+@pytest.mark.feature("device/graphics-pipelines")
+def test_a_switch_changes_its_own_state_alone_on_opengl(gl_context):
+    """Descriptions that are equal share a pipeline there, too, and binding it makes nothing."""
+    from chapters.ch01.gl.pipelines import GraphicsPipeline as Described
+    from chapters.ch01.gl.pipelines import Pipelines as OpenGL
+
+    base, made = Described(("fullscreen.vert", "tonemap.frag"), name="plain"), OpenGL(gl_context)
+    try:
+        plain = bound_on_opengl(gl_context, made, base)
+        assert (plain["depth test"], plain["depth write"], plain["depth compare"]) == (1, 1, gl.GL_GEQUAL)
+        one, over = gl.GL_ONE, gl.GL_ONE_MINUS_SRC_ALPHA
+        cases = {
+            "test": ({"depth": "test"}, {"depth write": 0}),
+            "equal": ({"depth": "equal"}, {"depth write": 0, "depth compare": gl.GL_EQUAL}),
+            "none": ({"depth": None}, {"depth test": 0, "depth write": 0}),
+            "add": ({"blend": "add"}, {"blend": 1, "blend factors": (one, one, one, one)}),
+            "over": (
+                {"blend": "over"},
+                {"blend": 1, "blend factors": (gl.GL_SRC_ALPHA, over, one, over)},
+            ),
+        }
+        for name, (switch, changed) in cases.items():
+            found = bound_on_opengl(gl_context, made, replace(base, **switch))
+            assert {key: value for key, value in found.items() if value != plain.get(key)} == changed, name
+        with gl_functions.traced(gl_context) as calls:
+            assert made.get([replace(base)])[0] is made.get([base])[0]
+        assert calls == [] and len(made) == 1 + len(cases)
+        (other,) = made.get([replace(base, defines=(("BACKGROUND", 1),))])
+        assert other.program.handle != plain["program"], "another text is another program"
+    finally:
+        made.close()
+
+
 # --- variants ---
+
+
+@pytest.mark.until(1, "layouts come from the shaders, which these tests of chapter 2 hold")
+@pytest.mark.feature("device/program-variants")
+def test_two_vertex_and_three_fragment_shaders_make_six_pipelines_once(pipelines, vulkan_device, tmp_path):
+    for number in range(2):
+        (tmp_path / f"{number}.vert").write_text(
+            f"layout(location = 0) out float c;\nvoid main() {{ c = {number}.5; gl_Position = vec4(0); }}"
+        )
+    for number in range(3):
+        (tmp_path / f"{number}.frag").write_text(
+            "layout(location = 0) in float c;\nlayout(location = 0) out vec4 o;\n"
+            f"void main() {{ o = vec4(c * {number}.0); }}"
+        )
+    pairs = itertools.product(range(2), range(3))
+    wanted = [
+        replace(FULLSCREEN, shaders=(str(tmp_path / f"{v}.vert"), str(tmp_path / f"{f}.frag"))) for v, f in pairs
+    ]
+    made = pipelines.get(wanted)
+    assert len({int(vk.ffi.cast("uint64_t", one.handle)) for one in made}) == len(pipelines) == 6
+    log: list = []
+    vulkan_device.fn.trace(log)
+    assert all(a is b for a, b in zip(pipelines.get(wanted), made, strict=True))
+    vulkan_device.fn.trace(None)
+    assert not log, "a pair that was asked for before is there"
 
 
 def needs(material, **more):

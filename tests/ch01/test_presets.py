@@ -11,6 +11,7 @@ from tests.support import snapshots
 
 
 @pytest.mark.every_chapter
+@pytest.mark.runs_on("vulkan")
 @pytest.mark.feature("tools/presets")
 def test_no_preset_is_slower_and_less_true_than_another_in_the_newest_record(request):
     number = snapshots.tested(request.node).number

@@ -54,6 +54,7 @@ def checker(cells=4):
     return Image("checker", pixels)
 
 
+@everywhere
 @pytest.mark.feature("pbr/forward-ggx")
 @pytest.mark.parametrize("metallic", [0.0, 0.5, 1.0])
 @pytest.mark.parametrize("roughness", [0.1, 0.5, 1.0])
@@ -81,6 +82,7 @@ def test_a_lit_square_equals_the_float64_twin(chapter, metallic, roughness):
     assert np.allclose(picture, expected, rtol=2e-5, atol=1e-6 * expected.max())
 
 
+@everywhere
 @pytest.mark.feature("lighting/punctual-lights")
 def test_a_directional_light_has_no_falloff_and_pi_lux_on_white_is_one_nit(chapter):
     light = Light("directional", node=0, intensity=math.pi)

@@ -427,6 +427,7 @@ def written(folder, vertex, fragment, **more):
     return GraphicsPipeline(paths, color="rgba32f", depth=None, **more)
 
 
+@pytest.mark.feature("reflection/spirv-parser")
 @layout
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])
 def test_the_projects_shaders_need_no_layout_by_hand(pipelines, order):
@@ -456,6 +457,7 @@ void main() {
 """
 
 
+@pytest.mark.feature("device/uniform-buffers")
 @layout
 def test_a_draw_reads_constants_push_constants_and_a_dynamic_buffer(pipelines, vulkan_device, tmp_path):
     """Everything that was derived, at work: values by name and by id, an offset at the bind, 16 pushed bytes."""

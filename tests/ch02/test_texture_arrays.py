@@ -286,6 +286,7 @@ def test_nearest_texels_are_those_of_the_image(chapter):
     assert (low <= found).all() and (found <= high).all()
 
 
+@pytest.mark.feature("bindless/default-and-dummy-textures")
 @pytest.mark.parametrize("levels", [True, False], ids=["mip levels", "one level"])
 def test_two_samplers_read_one_image_each_in_its_way(chapter, levels):
     """The left square is nearest, the right linear: one upload with bindless, and neither takes the other's filter."""

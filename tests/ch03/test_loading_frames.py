@@ -209,6 +209,7 @@ def test_any_order_of_arrival_ends_in_the_picture_of_eager_loading(chapter, gate
     assert tuple(pictures.decoded) == order
 
 
+@pytest.mark.feature("async-loading/staging-buffer")
 def test_at_most_the_budget_is_copied_in_a_frame_and_large_images_come_in_parts(chapter, gated):
     arrays = [plain(color, (96, 96)) for color in COLORS[:3]]
     pictures = gated(*arrays)
@@ -313,6 +314,7 @@ def test_frames_after_the_last_arrival_copy_and_build_nothing(chapter, gated):
 # --- what goes wrong ---
 
 
+@pytest.mark.feature("async-loading/file-decode")
 def test_a_texture_that_cannot_be_decoded_stays_white_and_is_told_once(chapter, gated):
     pictures = gated(*(plain(color) for color in COLORS))
     pictures.errors = {1: ValueError("cut short"), 2: SceneError("c.png: changed since it was opened.")}

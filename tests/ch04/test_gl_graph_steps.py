@@ -18,7 +18,10 @@ from backends.gl.resources import (
     Image,
     bind_buffer,
     bind_storage_image,
+    create_image,
     create_sampler,
+    destroy_image,
+    write_image,
 )
 from chapters.ch04.gl.commands import Commands
 from chapters.ch04.gl.graph_executor import GraphExecutor
@@ -90,12 +93,12 @@ class Stage:
         return draw
 
     @contextmanager
-    def drawing(self, passes, outputs, alias=True):
+    def drawing(self, passes, outputs, alias=True, externals=None, held=None):
         """Yield (executor, function that draws a frame and returns its calls)."""
-        graph = compiled(passes, outputs, alias=alias)
-        executor = GraphExecutor(
-            self.context, graph, {one.name: one for one in passes}, self.sampler, alias=alias
-        )
+        graph = compiled(passes, outputs, externals, alias)
+        named = {one.name: one for one in passes}
+        given = (lambda images: [held] * len(images.in_slot)) if held else None
+        executor = GraphExecutor(self.context, graph, named, self.sampler, given, alias)
         self.frames.forget()
 
         with gl_functions.traced(self.context) as names:
@@ -257,6 +260,42 @@ def test_textures_that_are_shared_change_no_bit(stage, gl_context):
     assert (found[0] == np.float32((46, 47, 48, 49))).all()
 
 
+@pytest.mark.feature("frame-graph/external-resources")
+def test_what_comes_from_outside_is_read_and_is_neither_shared_nor_freed(stage, gl_context):
+    """Its texture looks like those of the passes, which are shared; it is read last, and is there afterwards."""
+    theirs = create_image(gl_context, "rgba32f", SIZE, "theirs")
+    content = np.random.default_rng(2).random((SIZE[1], SIZE[0], 4), np.float32)
+    write_image(gl_context, theirs, content)
+    text = """layout(BIND(0, 0, 0)) uniform sampler2D mine;
+    layout(BIND(0, 1, 1)) uniform sampler2D theirs;
+    layout(location = 0) out vec4 c;
+    void main() { ivec2 at = ivec2(gl_FragCoord); c = texelFetch(mine, at, 0) + texelFetch(theirs, at, 0); }"""
+    sums = Made(
+        "sums",
+        (Access("step 3", "sampled"), Access("theirs", "sampled")),
+        (Access("sum", "color", format="rgba32f"),),
+    )
+    draw = stage.fullscreen(text)
+
+    def record(commands):
+        commands.bind_textures(sums.source)
+        draw(commands)
+
+    sums.source, sums.record = (), record
+    externals = {"theirs": External("rgba32f", SIZE, Touch("sampled", frozenset(), frozenset()), None)}
+    passes = [*chain(stage, 4), sums]
+    with stage.drawing(passes, ("sum",), True, externals, {"theirs": theirs}) as (executor, frame):
+        for _ in range(3):
+            frame()
+        held = executor.images.in_slot[0]
+        found = read_image(gl_context, executor.images.image(0, "sum"))
+        assert held["theirs"] is theirs
+        assert not any(held[name] is theirs for name in held if name != "theirs")
+    assert np.array_equal(found, np.float32((7, 8, 9, 10)) + content)
+    assert np.array_equal(read_image(gl_context, theirs), content), "it outlives the graph, unchanged"
+    destroy_image(gl_context, theirs)
+
+
 @pytest.mark.feature("frame-graph/resource-aliasing")
 @pytest.mark.parametrize(("alias", "each"), [(True, 2), (False, 10)])
 def test_no_more_is_made_than_is_alive_at_once(gl_context, alias, each):
@@ -345,6 +384,7 @@ layout(location = 0) out vec4 c;
 void main() { c = texelFetch(stored, ivec2(gl_FragCoord), 0); c.w = float(sums[int(gl_FragCoord.y)]); }"""
 
 
+@pytest.mark.feature("frame-graph/resource-types")
 @pytest.mark.feature("frame-graph/barriers")
 def test_what_shaders_store_is_there_for_the_next_pass(stage, gl_context):
     """A compute pass stores an image and sums in a buffer; one draw reads both, after one call with both bits."""

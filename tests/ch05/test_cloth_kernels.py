@@ -413,6 +413,7 @@ def test_normals_and_tangents_are_those_of_the_cpu(chapter):
     assert stats["not_finite"][0] == 0.0
 
 
+@pytest.mark.feature("cloth/soa-buffers")
 @surface
 def test_only_what_is_asked_for_is_written_and_each_where_it_belongs(chapter):
     made, drawn, begin = [], [], []

@@ -59,6 +59,17 @@ def test_a_record_says_what_was_measured_where(record):
 
 
 @pytest.mark.feature("tools/bench")
+def test_a_record_of_opengl_has_the_same(gl_context, tmp_path):
+    path = tmp_path / "gl.json"
+    assert invoke([*QUICK, "--backend", "gl", "--only", "settings", "--json", str(path)]) == 0
+    record = bench.read_record(path)
+    assert record["backend"] == "gl" and record["device"]["name"] == gl_context.capabilities.device
+    assert {point["name"] for point in record["points"]} >= {"low", "medium", "high", "reference"}
+    assert all(point["wall_ms"] > 0 and point["work"]["draws"] > 0 for point in record["points"])
+    assert all(point["error"]["relative_mse"] >= 0 for point in record["points"])
+
+
+@pytest.mark.feature("tools/bench")
 def test_every_setting_has_time_error_and_work(record):
     names = [point["name"] for point in record["points"]]
     assert names == ["low", "medium", "high", "reference"]  # a quick look turns no knob alone

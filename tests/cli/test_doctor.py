@@ -140,6 +140,8 @@ def test_the_tables_show_what_the_report_says(healthy) -> None:
 # --- a machine with OpenGL alone ----------------------------------------------------------------------------
 
 
+@pytest.mark.feature("cli/doctor")
+@pytest.mark.runs_on("gl")
 @pytest.mark.skipif(sys.platform != "linux", reason="drivers are found in other ways there")
 def test_opengl_alone_is_enough(monkeypatch: pytest.MonkeyPatch) -> None:
     if "problem" in doctor.ask("gl"):

@@ -109,7 +109,10 @@ def test_slow_frames_are_few(monkeypatch):
     assert len(drawn) == 2
 
 
-def test_a_window_of_8192_pixels_is_chosen_for_soon_and_it_is_said(vulkan_instance, monkeypatch):
+@pytest.mark.feature("tools/presets")
+@pytest.mark.parametrize("backend", ["vulkan", "gl"])
+def test_a_window_of_8192_pixels_is_chosen_for_soon_and_it_is_said(request, backend, monkeypatch):
+    request.getfixturevalue("vulkan_instance" if backend == "vulkan" else "gl_context")
     from tests.support.scenes import quad_scene
 
     measured = []
@@ -122,9 +125,9 @@ def test_a_window_of_8192_pixels_is_chosen_for_soon_and_it_is_said(vulkan_instan
     monkeypatch.setattr(running.chapters, "open", opened)
     monkeypatch.setattr(quality, "frame_ms", lambda draw: 1.0)
     monkeypatch.setattr(quality, "cache_dir", lambda name: None)
-    name, note = running.chosen_quality(running.Request(1, backend="vulkan", size=(8192, 8192)), quad_scene())
+    name, note = running.chosen_quality(running.Request(1, backend=backend, size=(8192, 8192)), quad_scene())
     assert name == "low"  # 1 ms for 960x960 is 73 ms for 8192x8192
-    assert "judged by 960x960" in note
+    assert "judged by 960x960" in note and "quality low (73 ms a frame here" in note
     assert measured == [(960, 960)] * 3
 
 

@@ -83,13 +83,13 @@ def test_refused():
 
 @pytest.mark.feature("sampling/hammersley")
 @pytest.mark.parametrize("count", [4096, 1000, 7])
-def test_glsl_gives_the_same_bits(vulkan_device, count):
-    from tests.support.gpu_functions import evaluate
+def test_glsl_gives_the_same_bits(either_device, count):
+    from tests.support.either import evaluate
 
     index = np.arange(count, dtype=np.uint32)
     inverse = np.full(count, np.float32(1) / np.float32(count), np.float32)
     got = evaluate(
-        vulkan_device,
+        either_device,
         ["sampling.glsl"],
         "point = hammersley(index, inverse); other = radical_inverse_2(wild);",
         inputs={"index": index, "inverse": inverse, "wild": np.resize(INDICES[::-1], count)},

@@ -9,7 +9,7 @@ import pytest
 
 from common import shading_environment as ibl
 from common.shading import metallic_roughness
-from tests.support.gpu_functions import evaluate
+from tests.support.either import evaluate
 
 integrate = pytest.importorskip("scipy.integrate", reason="scipy is in the extra reference")
 
@@ -173,24 +173,24 @@ def split_sum(device, roughness, n_dot_v, masking, samples=2**14):
 
 
 @pytest.mark.feature("pbr/brdf-lut")
-def test_the_rows_of_the_cookbook(vulkan_device):
+def test_the_rows_of_the_cookbook(either_device):
     """The rows were made with Schlick's masking x / (x (1 - k) + k): the same estimator meets them with it."""
 
     def schlick(x):
         return f"({x} / ({x} * (1.0 - k) + k))"
 
     masking = f"{schlick('n_dot_l')} * {schlick('v.z')} / masking_ggx(v.z, alpha)"
-    got = split_sum(vulkan_device, COOKBOOK[:, 0], COOKBOOK[:, 1], masking)
+    got = split_sum(either_device, COOKBOOK[:, 0], COOKBOOK[:, 1], masking)
     assert np.abs(got - COOKBOOK[:, 2:]).max() < 5e-3
     assert (got.sum(axis=1) <= 1).all()
     # The fit without a table, against what it was fitted to; and the masking that glTF prints is another one.
     rows = np.float32(COOKBOOK[:, :2])
     body, inputs = "ab = split_sum_fit(p.y, p.x);", {"p": rows}
-    fit = evaluate(vulkan_device, ["ibl.glsl"], body, inputs, {"ab": "vec2"})["ab"]
+    fit = evaluate(either_device, ["ibl.glsl"], body, inputs, {"ab": "vec2"})["ab"]
     assert np.abs(fit - np.stack(ibl.split_sum_fit(rows[:, 1], rows[:, 0]), axis=1)).max() < 1e-5
     assert np.abs(fit - COOKBOOK[:, 2:]).max() < 0.21
     assert fit.min() >= 0
-    ours = split_sum(vulkan_device, COOKBOOK[:, 0], COOKBOOK[:, 1], "masking_ggx(n_dot_l, alpha)")
+    ours = split_sum(either_device, COOKBOOK[:, 0], COOKBOOK[:, 1], "masking_ggx(n_dot_l, alpha)")
     truth = np.stack(ibl.specular_albedo(COOKBOOK[:, 1], COOKBOOK[:, 0] ** 2), axis=1)
     assert np.abs(ours - truth).max() < 5e-4
     assert np.abs(truth - COOKBOOK[:, 2:]).max() > 0.05

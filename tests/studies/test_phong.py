@@ -56,16 +56,23 @@ def test_diffuse_and_specular_meet_their_closed_forms(stage):
     assert functions(stage, "value = phong_specular(n, l, v, p);", behind) == 0
 
 
+@pytest.mark.feature("lighting/punctual-lights")
 @pytest.mark.feature("lighting/phong")
 def test_attenuation_and_cone_meet_their_closed_forms(stage):
     distance = np.array([0.0, 0.5, 2.0, 10.0], np.float32)
     terms = np.tile(np.float32((1.0, 0.2, 0.1)), (4, 1))
     got = functions(stage, "value = polynomial_attenuation(d, t);", {"d": distance, "t": terms})
     assert np.abs(got - [1.0, 1 / 1.125, 1 / 1.8, 1 / 13]).max() < 1e-6
+    assert np.abs(got[2:] - 1 / distance[2:] ** 2).min() > 0.05, "the square of the distance alone is another law"
     cosines = np.tile(np.float32((0.5, 0.75)), (5, 1))
     cosine = np.array([0.4, 0.5, 0.5625, 0.625, 0.8], np.float32)
     got = functions(stage, "value = smooth_cone(c, b);", {"c": cosine, "b": cosines})
     assert np.abs(got - [0.0, 0.0, 0.15625, 0.5, 1.0]).max() < 1e-6  # t^2 (3 - 2 t) at a quarter is 10/64
+    edges = np.cos(np.radians([30.0, 25.0]))  # 0.8660 and 0.9063
+    cosine = edges[0] + np.float32([-0.1, 0.0, 0.25, 0.5, 1.0, 1.2]) * (edges[1] - edges[0])
+    inputs = {"c": cosine.astype(np.float32), "b": np.tile(np.float32(edges), (6, 1))}
+    got = functions(stage, "value = smooth_cone(c, b);", inputs)
+    assert np.abs(got - [0.0, 0.0, 0.15625, 0.5, 1.0, 1.0]).max() < 1e-5
 
 
 def truth(settings: Settings, time: float, base: tuple[float, ...] = BASE) -> dict[str, np.ndarray]:

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from backends.contract import Choice, Plan
+from backends.gl.context import Context
+from backends.vulkan.device import Device
 from backends.window import Event
 from chapters.panel import Panel, PanelActions, PanelState, open_panel
 from common.draw_lists import TextureUpdate, save
+from tests.support.draw_lists import on_gl, on_vulkan
 
 RECORDED = Path(__file__).with_name("panel.npz")
 """A panel's draw list with all its glyphs, for machines without the package that makes such lists."""
@@ -87,10 +93,16 @@ def example(settings: Any, **more: Any) -> PanelState:
     return PanelState(settings, **{**shown, "camera": "1,2,3:0,0,0:50", **more})
 
 
+def seen(user: PanelUser, vulkan: Device, opengl: Context) -> list[np.ndarray]:
+    """Return what each backend shows of the panel over grey, (H, W, 4) uint8."""
+    assert user.panel.drawn is not None
+    drawn = replace(user.panel.drawn, updates=tuple(user.updates))
+    grey = np.full((user.size[1], user.size[0], 4), (90, 110, 130, 255), np.uint8)
+    return [*on_vulkan(vulkan, [drawn], grey), *on_gl(opengl, [drawn], grey)]
+
+
 def record() -> None:
     """Write `RECORDED` anew, with chapter 1's settings."""
-    from dataclasses import replace
-
     from chapters.ch01.settings import Settings
 
     panel = open_panel()
