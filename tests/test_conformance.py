@@ -42,7 +42,9 @@ RECORDS = {
 }
 WHOLE = Table({"float64": "A second program in double precision."}, {"area/feature": ENTRY})
 MARKED = {
-    "area/feature": tuple(MarkedTest(f"tests/a/test_x.py::{name}", "a") for name in ("test_twin", "test_refused"))
+    "area/feature": tuple(
+        MarkedTest(f"tests/a/test_x.py::{name}", "a") for name in ("test_twin", "test_refused")
+    )
 }
 
 

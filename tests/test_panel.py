@@ -375,7 +375,9 @@ def test_each_backend_shows_the_camera_the_times_and_the_rate(user, vulkan_devic
     rated = shown(frame_rate=60.0)
     for before, after in zip(orbit, rated, strict=True):
         changed = (before != after).any(-1)
-        assert changed[:40, 560:].any() and changed[:, :560].sum() > 100, "the rate in the corner, and the chart"
+        assert changed[:40, 560:].any() and changed[:, :560].sum() > 100, (
+            "the rate in the corner, and the chart"
+        )
 
 
 @pytest.mark.feature("ui/statistics-overlay")

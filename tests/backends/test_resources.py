@@ -172,12 +172,12 @@ def test_each_dispatch_sees_its_own_record_of_one_uniform_buffer(vulkan_device):
         )
         layout = bench.make("vkCreatePipelineLayout", "VkPipelineLayoutCreateInfo", pSetLayouts=[of_set])
         sizes = [{"type": kind, "descriptorCount": 1} for kind in kinds]
-        pool = bench.make(
-            "vkCreateDescriptorPool", "VkDescriptorPoolCreateInfo", maxSets=1, pPoolSizes=sizes
-        )
+        pool = bench.make("vkCreateDescriptorPool", "VkDescriptorPoolCreateInfo", maxSets=1, pPoolSizes=sizes)
         sets = vk.ffi.new("VkDescriptorSet[1]")
         allocate = vk.new("VkDescriptorSetAllocateInfo", descriptorPool=pool, pSetLayouts=[of_set])
-        vk.check(fn.vkAllocateDescriptorSets(vulkan_device.handle, allocate, sets), "vkAllocateDescriptorSets")
+        vk.check(
+            fn.vkAllocateDescriptorSets(vulkan_device.handle, allocate, sets), "vkAllocateDescriptorSets"
+        )
         writes = [
             {
                 "dstSet": sets[0],

@@ -234,7 +234,8 @@ def test_two_vertex_and_three_fragment_shaders_make_six_pipelines_once(pipelines
         )
     pairs = itertools.product(range(2), range(3))
     wanted = [
-        replace(FULLSCREEN, shaders=(str(tmp_path / f"{v}.vert"), str(tmp_path / f"{f}.frag"))) for v, f in pairs
+        replace(FULLSCREEN, shaders=(str(tmp_path / f"{v}.vert"), str(tmp_path / f"{f}.frag")))
+        for v, f in pairs
     ]
     made = pipelines.get(wanted)
     assert len({int(vk.ffi.cast("uint64_t", one.handle)) for one in made}) == len(pipelines) == 6

@@ -142,7 +142,12 @@ def stage(gl_context):
 def test_targets_without_a_size_are_as_large_as_the_frame(stage, gl_context):
     """Colour alone, depth alone, and both in one pass; another with a size beside them."""
     formats = {"picture": "rgba8", "shadow": "d32f", "light": "rgba32f", "depth": "d32f", "small": "rgba8"}
-    values = {"picture": (0.0, 1.0, 0.0, 1.0), "shadow": (0.75,), "light": (1.5, -2.0, 0.0, 4.0), "depth": (0.25,)}
+    values = {
+        "picture": (0.0, 1.0, 0.0, 1.0),
+        "shadow": (0.75,),
+        "light": (1.5, -2.0, 0.0, 4.0),
+        "depth": (0.25,),
+    }
     values["small"] = (1.0, 0.0, 0.0, 1.0)
     targets = {
         name: Access(

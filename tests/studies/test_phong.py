@@ -63,7 +63,9 @@ def test_attenuation_and_cone_meet_their_closed_forms(stage):
     terms = np.tile(np.float32((1.0, 0.2, 0.1)), (4, 1))
     got = functions(stage, "value = polynomial_attenuation(d, t);", {"d": distance, "t": terms})
     assert np.abs(got - [1.0, 1 / 1.125, 1 / 1.8, 1 / 13]).max() < 1e-6
-    assert np.abs(got[2:] - 1 / distance[2:] ** 2).min() > 0.05, "the square of the distance alone is another law"
+    assert np.abs(got[2:] - 1 / distance[2:] ** 2).min() > 0.05, (
+        "the square of the distance alone is another law"
+    )
     cosines = np.tile(np.float32((0.5, 0.75)), (5, 1))
     cosine = np.array([0.4, 0.5, 0.5625, 0.625, 0.8], np.float32)
     got = functions(stage, "value = smooth_cone(c, b);", {"c": cosine, "b": cosines})

@@ -190,7 +190,9 @@ def devices_of(path: Path) -> list[str]:
     try:
         found: dict[str, Any] = json.loads(path.read_text("utf-8"))
         device = found.get("device", found.get("devices", {}))
-        named = [device] if isinstance(device, str) else [one for one in device.values() if isinstance(one, str)]
+        named = (
+            [device] if isinstance(device, str) else [one for one in device.values() if isinstance(one, str)]
+        )
     except (OSError, ValueError, AttributeError):
         return []
     return named if named and not any(word in one for one in named for word in SOFTWARE) else []
@@ -234,9 +236,14 @@ def unproven(table: Table, outcomes: Iterable[Ran], whole: bool) -> list[Unprove
                 by_backend[slug, "vulkan" if backend == "without-all" else backend].add(one.result)
     found: list[Unproven] = []
     for slug, entry in table.features.items():
-        for part, words in (("held", f"'{slug}' is held by"), ("negative", f"The negative case of '{slug}' is")):
+        for part, words in (
+            ("held", f"'{slug}' is held by"),
+            ("negative", f"The negative case of '{slug}' is"),
+        ):
             if test := entry.get(part):
-                found += _unproven(f"{words} {test}, which", by_test.get(test, set()), whole, "record" in entry)
+                found += _unproven(
+                    f"{words} {test}, which", by_test.get(test, set()), whole, "record" in entry
+                )
         for backend in entry.get("backends", ()) if whole else ():
             results = by_backend.get((slug, backend), set())
             if "passed" not in results and not ("record" in entry and results == {"skipped"}):

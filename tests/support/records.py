@@ -36,7 +36,9 @@ def backends_of(item: Any) -> tuple[str, ...]:
     named = [VARIANTS[value] for value in parameters.values() if isinstance(value, str) and value in VARIANTS]
     named += [backend for mark in item.iter_markers("runs_on") for backend in mark.args]
     used = {*getattr(item, "fixturenames", ())}
-    named += [FIXTURES[name] for name in FIXTURES if name in used and not (named and name == "vulkan_instance")]
+    named += [
+        FIXTURES[name] for name in FIXTURES if name in used and not (named and name == "vulkan_instance")
+    ]
     if "without-all" in named:  # the device that its fixture opens is that one
         named = [one for one in named if one != "vulkan"]
     return tuple(dict.fromkeys(named)) or ("cpu",)

@@ -219,7 +219,7 @@ class Report:
                 for name, reason in self.skipped_files.items()
                 if not is_allowed(Outcome(f"{name}::", (), False, "skipped", reason), allowed)
             ]
-        if (self.faults or self.in_ci and self.complaints) and session.exitstatus == pytest.ExitCode.OK:
+        if (self.faults or (self.in_ci and self.complaints)) and session.exitstatus == pytest.ExitCode.OK:
             session.exitstatus = pytest.ExitCode.TESTS_FAILED
         if not of_fork and outcomes:
             self._keep(outcomes)
