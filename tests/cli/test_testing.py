@@ -326,6 +326,19 @@ def test_a_test_of_the_table_must_have_passed_and_failed_with_no_parameter(resul
     assert [(one.sentence, one.skipped) for one in found] == [(sentence.format(a), b) for a, b in said]
 
 
+@pytest.mark.parametrize(
+    ("result", "said"), [("skipped", []), ("failed", ["failed"]), ("passed", ["no excuse"])]
+)
+def test_what_the_table_says_is_not_shown_may_be_skipped_and_no_more(result, said):
+    """And where it is shown, the table has to say so."""
+    held = "tests/a/test_x.py::test_held"
+    entry = {"oracle": "calls", "held": held, "negative": held, "backends": ["cpu"]}
+    table = oracles.Table({}, {"a/b": entry}, unshown={"a/b": "No machine has such a device."})
+    found = oracles.unproven(table, [ran("test_held", result, "cpu")], True)
+    assert len(found) == (3 if said == ["failed"] else len(said))
+    assert all(said[0] in one.sentence for one in found[:1]), found
+
+
 def test_a_skip_is_no_failure_on_a_laptop(pytester, tmp_path):
     done = run_inner(pytester, SKIPPING, CI="", STRATA_CACHE=str(tmp_path))
     assert done.ret == 0

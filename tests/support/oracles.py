@@ -32,17 +32,19 @@ SOFTWARE = ("llvmpipe", "lavapipe", "softpipe")
 
 @dataclass(frozen=True)
 class Table:
-    """The kinds of truth with what counts as one, the entries by slug, and why some lack a part of theirs."""
+    """The kinds of truth with what counts as one, the entries by slug, why some lack a part of theirs, and why what
+    some name has run on no machine that the project tests on."""
 
     kinds: dict[str, str]
     features: dict[str, dict[str, Any]]
     lacking: dict[str, str] = field(default_factory=dict)
+    unshown: dict[str, str] = field(default_factory=dict)
 
 
 def read(path: Path = TABLE) -> Table:
     """Return the table of a file."""
     found = tomllib.loads(path.read_text("utf-8"))
-    return Table(found["kinds"], found["features"], found.get("lacking", {}))
+    return Table(found["kinds"], found["features"], found.get("lacking", {}), found.get("unshown", {}))
 
 
 # --- what a test says ---
@@ -154,6 +156,11 @@ def faults(table: Table, marked: Mapping[str, tuple[MarkedTest, ...]], root: Pat
         entry = table.features.get(slug, {})
         if {"oracle", "held", "negative"} <= entry.keys() or len(reason.split()) < 5:
             said.append(f"'{slug}' is lacking nothing, or does not say in a sentence what.")
+    for slug, reason in table.unshown.items():
+        if slug not in table.features or "record" in table.features[slug] or len(reason.split()) < 5:
+            said.append(
+                f"'{slug}' has a record, is no feature, or does not say in a sentence why it is not shown."
+            )
     for slug in sorted({*table.features} & {*marked}):
         said += _faults_of(slug, table, marked[slug], root)
     return said
@@ -225,7 +232,8 @@ def unproven(table: Table, outcomes: Iterable[Ran], whole: bool) -> list[Unprove
 
     The tests of each entry must have passed with some parameters and failed with none. In a `whole` run all of them
     have to be there, and a marked test must have passed on each backend of the entry. In another one only what was
-    run counts. What is skipped for want of a device counts as shown where the entry has the record of another.
+    run counts. What is skipped for want of a device counts as shown where the entry has the record of another, and is
+    let through where the table says that nothing shows it.
     """
     by_test: dict[str, set[str]] = defaultdict(set)
     by_backend: dict[tuple[str, str], set[str]] = defaultdict(set)
@@ -236,28 +244,30 @@ def unproven(table: Table, outcomes: Iterable[Ran], whole: bool) -> list[Unprove
                 by_backend[slug, "vulkan" if backend == "without-all" else backend].add(one.result)
     found: list[Unproven] = []
     for slug, entry in table.features.items():
+        excused = "record" in entry or slug in table.unshown
+        missing: list[Unproven] = []
         for part, words in (
             ("held", f"'{slug}' is held by"),
             ("negative", f"The negative case of '{slug}' is"),
         ):
             if test := entry.get(part):
-                found += _unproven(
-                    f"{words} {test}, which", by_test.get(test, set()), whole, "record" in entry
-                )
+                missing += _unproven(f"{words} {test}, which", by_test.get(test, set()), whole)
         for backend in entry.get("backends", ()) if whole else ():
             results = by_backend.get((slug, backend), set())
-            if "passed" not in results and not ("record" in entry and results == {"skipped"}):
-                why = "its tests were skipped there" if results == {"skipped"} else "none passed there"
-                found.append(
-                    Unproven(f"'{slug}' needs a marked test on {backend}: {why}.", results == {"skipped"})
-                )
+            if "passed" not in results:
+                skipped = results == {"skipped"}
+                why = "its tests were skipped there" if skipped else "none passed there"
+                missing.append(Unproven(f"'{slug}' needs a marked test on {backend}: {why}.", skipped))
+        if whole and slug in table.unshown and not missing:
+            found.append(Unproven(f"'{slug}' is shown here: it needs no excuse in the table.", skipped=True))
+        found += [one for one in missing if not (excused and one.skipped)]
     return found
 
 
-def _unproven(test: str, results: set[str], whole: bool, recorded: bool) -> list[Unproven]:
+def _unproven(test: str, results: set[str], whole: bool) -> list[Unproven]:
     if "failed" in results:
         return [Unproven(f"{test} failed.")]
-    if "passed" in results or (recorded and results == {"skipped"}):
+    if "passed" in results:
         return []
     if results == {"skipped"}:
         return [Unproven(f"{test} was only skipped.", skipped=True)]
