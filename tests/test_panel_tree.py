@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
+from backends.window import Event
 from chapters.panel import open_panel
 from common.settings import knob
 from tests.support.panel import PanelUser, example, seen
@@ -73,7 +74,8 @@ def test_each_backend_shows_the_entries_and_which_one_is_chosen(panel, vulkan_de
     user = opened(panel, house())
     plain, boxes = seen(user, vulkan_device, gl_context), [user.panel.places[f"node {n}"] for n in (0, 1, 2)]
     assert not user.click(*user.place("node 2", 0.5))
-    assert not [*user.wait()] and user.panel._tree.chosen == 2
+    user.frame(Event("move", 1.0, 1.0))  # what is under the mouse is bright, chosen or not
+    assert not user.wait() and user.panel._tree.chosen == 2
     for before, after in zip(plain, seen(user, vulkan_device, gl_context), strict=True):
         changed = []
         for left, top, right, bottom in np.rint(boxes).astype(int):

@@ -138,7 +138,6 @@ def test_an_exception_in_a_callback_is_shown_and_kept_and_breaks_nothing(device,
     assert device.sink.messages, "the message itself is kept"
 
 
-@pytest.mark.feature("device/debug-names-and-markers")
 def test_objects_without_a_name_are_shown_by_their_type(device, buffers):
     nameless = create_buffer(device, 64, COPIES, "device", "")
     with submit_once(device) as commands:

@@ -566,6 +566,7 @@ def test_a_skin_that_stands_still_is_not_copied_again(chapter):
         assert made.render(facing(), time=7.0).work["bytes_written"] == FRAME
 
 
+@pytest.mark.feature("device/debug-names-and-markers")
 @on_vulkan
 def test_every_object_of_a_renderer_has_a_name(chapter):
     images = (GREY,)
