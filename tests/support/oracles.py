@@ -240,7 +240,7 @@ def unproven(table: Table, outcomes: Iterable[Ran], whole: bool) -> list[Unprove
     for one in outcomes:
         by_test[one.test].add(one.result)
         for slug in one.features:
-            for backend in one.backends:
+            for backend in one.backends:  # without its options it is Vulkan still
                 by_backend[slug, "vulkan" if backend == "without-all" else backend].add(one.result)
     found: list[Unproven] = []
     for slug, entry in table.features.items():
