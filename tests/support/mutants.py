@@ -6,7 +6,7 @@ operator, half a constant. Each is tried in a copy of the clone below out/mutant
 
     killed       a test fails with the mutant, and the same tests pass without it
     time-out     the tests take 60 s, and without the mutant less than half of that: it counts as killed
-    too slow     the tests take 60 s, and without the mutant about as long: nothing is known
+    too slow     the tests take 60 s, and without the mutant about as long, or fail without it too: nothing is known
     survived     all tests pass, or no test runs the line
 """
 
@@ -22,7 +22,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -50,6 +50,8 @@ AT_ONCE = 12
 """Files of tests that are measured by one process, at most."""
 MEASURE_S = 1500.0
 """For that process: such files take up to five minutes, and twice as long while their lines are traced."""
+ATTEMPTS = 6
+"""To try a mutant, without the tests that turned out to fail without it."""
 FORMAT = 1
 
 
@@ -182,10 +184,11 @@ class Workshop:
         return self.map.text(self.commit, file)
 
     def try_all(self, mutants: Sequence[Mutant], chosen: Sequence[str] = ()) -> Iterable[Verdict]:
-        """Yield what becomes of each mutant, in their order."""
+        """Yield what becomes of each mutant, as it is known."""
         # The choice of tests asks git and keeps what it said: in one thread.
         tasks = [(one, choose(tiers(self.map, one, self.text(one.file), chosen))) for one in mutants]
-        return self._pool.map(lambda task: self._try(*task), tasks)
+        running = [self._pool.submit(self._try, *task) for task in tasks]
+        return (one.result() for one in as_completed(running))
 
     def _try(self, mutant: Mutant, ids: list[str]) -> Verdict:
         began = time.perf_counter()
@@ -201,7 +204,9 @@ class Workshop:
     def _outcome(self, tree: Tree, mutant: Mutant, text: str, ids: list[str]) -> tuple[str, str]:
         """Return the result for a mutant, and by which test."""
         ids = list(ids)
-        while ids:
+        for _ in range(ATTEMPTS):
+            if not ids:
+                break
             with tree.changed(mutant.file, text):
                 ran = self._run(tree, ids)
             self.devices |= ran.devices
@@ -230,6 +235,11 @@ class Workshop:
                 self._sound.add(killer)
                 return "killed", killer
             ids = [one for one in ids if one not in plain.failed and one != killer]
+        if ids:
+            return (
+                "too slow",
+                f"after {ATTEMPTS} attempts, each with a test that fails without the mutant, too",
+            )
         return "survived", "not covered"
 
     def _run(self, tree: Tree, ids: Sequence[str]) -> Ran:
@@ -355,11 +365,12 @@ def run(count: int, seed: str, record: bool, words: Sequence[str], shop: Worksho
     seed = seed or shop.commit
     chosen = files if words else ()
     drawn = shop.draw(count, seed, chosen)
-    verdicts = []
+    verdicts: list[Verdict] = []
     for one in shop.try_all(drawn, chosen):
         verdicts.append(one)
         where = f"{one.mutant.file}:{one.mutant.line}"
         console.say(f"strata: {len(verdicts)} of {len(drawn)}: {where} {one.mutant.change}: {one.result}")
+    verdicts.sort(key=lambda one: drawn.index(one.mutant))
     path = shop.root / "docs" / "records" / "mutants.json"
     before = read_record(path)
     known = reasons_of(before)
