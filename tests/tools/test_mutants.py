@@ -26,6 +26,7 @@ from tests.support.mutant_map import Map, Test, choose, tiers
 from tests.support.mutant_texts import Mutant, applied
 from tests.support.mutant_trees import MARK, Ran
 
+pytestmark = pytest.mark.needs("coverage")
 Test.__test__ = False  # which is a dataclass here
 
 
@@ -560,6 +561,7 @@ def test_when_it_is_stopped_nothing_is_left(tmp_path, monkeypatch):
             if not hasattr(self, "told"):
                 self.told = True
                 while not (path.exists() and path.read_text()):
+                    assert self.poll() is None, "it ended before it was stopped"
                     time.sleep(0.01)
                 raise KeyboardInterrupt
             return super().wait(timeout)
