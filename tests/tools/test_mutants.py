@@ -380,6 +380,17 @@ def test_what_a_run_says_of_a_mutant(with_mutant, without, result, tmp_path):
     assert (tmp_path / "common/a.py").read_text() == "whole"
 
 
+def test_a_test_that_only_the_mutant_brings_into_being_is_confirmed_by_that_of_the_chapter_before():
+    """While two chapters have the same file, its tests run for the earlier one alone."""
+    shop = mutants.Workshop.__new__(mutants.Workshop)
+    asked, answers = [], iter([ran(4, unknown=("t/a.py::ch04::b",)), ran(0)])
+    shop._run = lambda _, ids: (asked.append([*ids]), next(answers))[1]
+    assert shop._plain(None, ["t/a.py::ch04::b", "t/a.py::b", "t/a.py::ch05::c"]).code == 0
+    assert asked[1] == ["t/a.py::b", "t/a.py::ch05::c"]
+    answers = iter([ran(1)])
+    assert shop._plain(None, ["t/a.py::ch04::b"]).code == 1, "known to pytest: it is not replaced"
+
+
 PROJECT = {
     ".gitignore": "out/\n.venv/\n__pycache__/\n",
     "pyproject.toml": "[tool.pytest.ini_options]\npythonpath = ['.']\n",
