@@ -166,7 +166,9 @@ class Map:
             test.id: test
             for one, measured in self.files.items()
             if (not chosen or one in chosen)
-            and (Path(one).stem == f"test_{name}" or by_name.search(self.text(self.head, one)))
+            and (
+                f"{Path(one).stem}_".startswith(f"test_{name}_") or by_name.search(self.text(self.head, one))
+            )
             for test in measured.tests
         }
 
@@ -204,6 +206,19 @@ def tiers(found: Map, mutant: Mutant, text: str, chosen: Collection[str] = ()) -
     if twin := first_of_equals(found, mutant.file):
         tests += [for_chapter(found.covering(twin, lines, chosen), mutant.file) for lines in wanted]
     return [one for one in tests if one]
+
+
+def nearest(found: Map, mutant: Mutant, text: str, chosen: Collection[str] = ()) -> list[dict[str, Test]]:
+    """Return the same tests, and before them those of these whose file is named after the mutant's file, or names it.
+
+    Hundreds of tests run a line of a renderer; those that say what it must do are most often there.
+    """
+    found_tiers = tiers(found, mutant, text, chosen)
+    named = found.named(mutant.file, chosen)
+    first = {
+        name: test for tests in found_tiers for name, test in tests.items() if LATER.sub("", name) in named
+    }
+    return [first, *found_tiers] if first else found_tiers
 
 
 def _is_new(found: Map, mutant: Mutant) -> bool:

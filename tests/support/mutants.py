@@ -36,7 +36,7 @@ from common.errors import StrataError, UnsupportedError, UserError
 from common.names import suggest
 from common.paths import ROOT, asset_dir, write_whole
 from tests.support import mutant_glsl, mutant_texts, mutant_trees
-from tests.support.mutant_map import LATER, Map, blobs, choose, entry, tiers
+from tests.support.mutant_map import LATER, Map, blobs, choose, entry, nearest, tiers
 from tests.support.mutant_texts import Mutant
 from tests.support.mutant_trees import Ran, Tree
 
@@ -186,7 +186,7 @@ class Workshop:
     def try_all(self, mutants: Sequence[Mutant], chosen: Sequence[str] = ()) -> Iterable[Verdict]:
         """Yield what becomes of each mutant, as it is known."""
         # The choice of tests asks git and keeps what it said: in one thread.
-        tasks = [(one, choose(tiers(self.map, one, self.text(one.file), chosen))) for one in mutants]
+        tasks = [(one, choose(nearest(self.map, one, self.text(one.file), chosen))) for one in mutants]
         running = [self._pool.submit(self._try, *task) for task in tasks]
         return (one.result() for one in as_completed(running))
 

@@ -22,7 +22,7 @@ from common.errors import UserError
 from common.paths import ROOT
 from tests.support import mutant_glsl, mutant_map, mutant_texts, mutant_trees, mutants
 from tests.support.clones import Clone
-from tests.support.mutant_map import Map, Test, choose, tiers
+from tests.support.mutant_map import Map, Test, choose, nearest, tiers
 from tests.support.mutant_texts import Mutant, applied
 from tests.support.mutant_trees import MARK, Ran
 
@@ -207,9 +207,21 @@ def test_the_tests_of_a_line_are_those_that_run_it(clone):
     assert ids(tiers(found, of("common/a.py", text, "+"), text)) == [{"g", "all"}]
     assert ids(tiers(found, of("common/a.py", text, "+"), text, ["tests/common/test_a.py"])) == [{"g"}]
     # A constant has the tests of the line that uses it, of other functions, and of files that name its own.
-    nearest = ids(tiers(found, of("common/a.py", text, "3"), text))
-    assert nearest[:2] == [{"f", "all"}, {"f", "g", "all"}] and nearest[-1] == {"f", "g", "all"}
+    constant = ids(tiers(found, of("common/a.py", text, "3"), text))
+    assert constant[:2] == [{"f", "all"}, {"f", "g", "all"}] and constant[-1] == {"f", "g", "all"}
     assert ids(tiers(found, of("common/b.py", "SIZE = 3\n", "3"), "SIZE = 3\n")) == [{"b"}]
+
+
+def test_tests_in_a_file_that_is_named_after_the_mutants_come_first(clone):
+    found = made_map(
+        clone,
+        ("tests/common/test_a.py", {"f": (0, 1, {"common/a.py": "4"}), "g": (0, 1, {"common/a.py": "7"})}),
+        ("tests/common/test_b.py", {"b": (0, 1, {"common/a.py": "4"})}),
+    )
+    text = found.text(found.head, "common/a.py")
+    mutant = of("common/a.py", text, "<")
+    assert ids(tiers(found, mutant, text)) == [{"f", "b"}]
+    assert ids(nearest(found, mutant, text)) == [{"f"}, {"f", "b"}]
 
 
 def test_a_line_that_no_test_runs_has_none(clone):
