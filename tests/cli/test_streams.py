@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 
-from chapters.__main__ import run
 from chapters.console import shown
 from common.paths import ROOT
 
@@ -87,33 +86,35 @@ def test_a_folder_that_is_no_utf8_is_printed_to_a_strict_stdout(tmp_path):
     assert b"c\\udcff" in done.stdout or b"c\\xff" in done.stdout
 
 
-def test_help_shows_no_value_for_a_flag_and_every_kind_of_scene(tmp_path):
+def test_help_shows_no_value_for_a_flag_and_every_kind_of_scene(strata, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "120")
     for words in ("--help", "run --help"):
-        text = shell(f"strata {words}", tmp_path, COLUMNS="120").stdout.decode()
+        text = strata(*words.split())[1]
         assert "--help" in text and "bool" not in text.lower()
         if words == "run --help":
             assert ".obj" in text
-    assert ".obj" in shell("strata list --scenes", tmp_path, COLUMNS="120").stdout.decode()
+    assert ".obj" in strata("list", "--scenes")[1]
 
 
-def test_a_record_can_be_printed_and_all_else_goes_to_stderr(tmp_path, vulkan_instance):
+def test_a_record_can_be_printed_and_all_else_goes_to_stderr(strata, tmp_path):
     words = "run 1 --scene cornell --size 16x16 --headless --out a.png -v"
-    done = shell(f"strata {words} --json -", tmp_path)
+    done = shell(f"strata {words} --json -", tmp_path)  # in a child: what libraries print is seen, too
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["size"] == [16, 16]
     assert b"Milliseconds" in done.stderr and b"a.png" in done.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["a.png"]
-    done = shell(f"strata {words} --json /dev/null", tmp_path)
-    assert done.returncode == 0 and b"Milliseconds" in done.stdout
+    code, out, _ = strata(*words.split(), "--json", "/dev/null")
+    assert code == 0 and "Milliseconds" in out
 
 
-def test_a_cache_that_cannot_be_written_is_said(tmp_path, vulkan_instance, monkeypatch, capsys):
+def test_a_cache_that_cannot_be_written_is_said(strata, tmp_path, monkeypatch):
     (tmp_path / "file").write_text("a file where the folder should be")
     monkeypatch.setenv("STRATA_CACHE", str(tmp_path / "file"))
     words = ["run", "1", "--scene", "cornell", "--size", "16x16", "--out", str(tmp_path / "a.png")]
     for verbose, said in (([], 0), (["-v"], 1)):
-        assert run([*words, "--headless", *verbose]) == 0
-        assert capsys.readouterr().err.count("file cannot be written (File exists)") == said
+        code, _, err = strata(*words, "--headless", *verbose)
+        assert code == 0 and err.count("file cannot be written (File exists)") == said
+    # In a child: a name is taken from the folder in which the process began.
     found = json.loads(shell("strata doctor --json", tmp_path, STRATA_CACHE="file/x").stdout)["strata"]
     assert found["cache"] == str(tmp_path / "file" / "x")
     assert "cannot be written (Not a directory)" in found["cache_problem"]

@@ -197,6 +197,10 @@ class Page:
         for letter in text:
             self.press(letter, letter)
 
+    def paste(self, text: str) -> None:
+        """Write a text into what has the focus, in the place of what is selected there, with no key pressed."""
+        self._call("Input.insertText", text=text)
+
     def until(self, expression: str) -> Any:
         """Return the value of JavaScript as soon as it is true, also of the page that comes next; or TimeoutError."""
         until = time.monotonic() + PATIENCE_S
