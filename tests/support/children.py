@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -33,7 +34,7 @@ class Done:
 
 
 def commands(
-    *commands: tuple[tuple[str, ...], dict[str, str | None]], cwd: Path, **variables: str
+    *commands: tuple[tuple[str, ...], Mapping[str, str | None]], cwd: Path, **variables: str
 ) -> list[Done]:
     """Run commands one after the other in one child, without a display and outside the clone.
 
