@@ -24,7 +24,7 @@ from chapters.ch03.logic.loading import (
     sentence,
 )
 from chapters.ch03.logic.texels import Shape
-from chapters.ch03.logic.uploads import Upload
+from chapters.ch03.logic.uploads import Upload, cost
 from chapters.ch03.settings import Settings
 from common import layouts
 from common.camera import Perspective, View
@@ -386,3 +386,13 @@ def test_frames_are_not_waited_for_in_a_window_only():
         ("stream", True),
     }
     assert Loading.of(Settings(upload_budget=0.5), True).budget == 1 << 19
+
+
+# --- what a frame spends ---
+
+
+@pytest.mark.parametrize(("levels", "brought", "made"), [(1, 1, 0), (9, 1, 8), (9, 9, 0), (9, 4, 5)])
+def test_each_level_that_the_gpu_makes_costs_as_much_as_the_image_itself(levels, brought, made):
+    rows = tuple(np.zeros((1, 4), np.uint8) for _ in range(brought))
+    image = Upload("one", Shape(256, 256, "rgba8", None, levels), False, rows)
+    assert cost(image) == (1 + made) * 131_072, "an eighth of a MiB each"

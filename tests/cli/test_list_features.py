@@ -71,6 +71,8 @@ def test_json_has_tests_states_counts_and_the_runs(strata) -> None:
     code, printed, _ = strata("list", "--features", "--json")
     found = json.loads(printed)
     first, second, third, _ = found["features"]
+    assert {*found} == {"backends", "features", "runs"}
+    assert found["backends"]["gl"] == "OpenGL"
     assert code == 0 and first["tests"] == ["tests/ch01/test_x.py::test_none_is_missing"]
     assert first["state"] == {"vulkan": "passed", "without-all": None, "gl": "skipped", "cpu": None}
     assert first["counts"]["vulkan"] == {"passed": 3, "skipped": 1}

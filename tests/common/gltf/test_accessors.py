@@ -7,7 +7,7 @@ import struct
 import numpy as np
 import pytest
 
-from common.gltf.accessors import Accessors
+from common.gltf.accessors import Accessors, within
 from common.gltf.container import Container
 from common.gltf.document import Document
 from common.gltf.refusal import Refusal
@@ -21,6 +21,16 @@ def accessors(gltf):
     data = np.frombuffer(bytes(gltf.data), np.uint8)
     root = {**gltf.json, "buffers": [{"byteLength": max(len(data), 1)}]}
     return Accessors(Document(root, Container(None, None, data)))
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 1000])
+@pytest.mark.parametrize("largest", [0.0, 0.4, 0.7, 0.71, 0.99, 1.0, 1.01, 1.2, 1.42, 3.0, np.inf, np.nan])
+def test_numbers_are_within_a_limit_where_the_largest_is(count, largest):
+    """However many there are beside it, and of whatever size below it."""
+    for others in (0.0, 0.5, 1.0):
+        values = np.full((count, 3), others * 1e18 if others <= largest else 0.0, np.float32)
+        values[count // 2, 1] = -largest * 1e18
+        assert within(values, 1e18) == (largest <= 1.0)
 
 
 @pytest.mark.feature("scene/gltf-loader")
