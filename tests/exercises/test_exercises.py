@@ -69,12 +69,21 @@ def test_the_solution_passes(exercise, backend, tmp_path, opener):
 
 @pytest.mark.parametrize("exercise", named(PREDICTIONS))
 def test_the_recorded_answers_are_those_of_a_run_today(exercise, opener):
-    found, _ = checking.measure(exercise, opener)
     kept = answers.recorded(exercise)
-    assert found.keys() == kept.keys() == {one.name for one in exercise.questions}
+    assert kept.keys() == {one.name for one in exercise.questions}
     for question in exercise.questions:
         assert answers.malformed(question, kept[question.name]) is None
-        assert answers.right(question, found[question.name], kept[question.name]), question.name
+
+    def wrong():
+        found, _ = checking.measure(exercise, opener)
+        assert found.keys() == kept.keys()
+        return [
+            one.name for one in exercise.questions if not answers.right(one, found[one.name], kept[one.name])
+        ]
+
+    # Some answers compare times, which other programs spoil: three times in a row they do not.
+    first = wrong()
+    assert not first or not wrong() or not wrong(), first
 
 
 @pytest.mark.parametrize("exercise", named(ALL))
