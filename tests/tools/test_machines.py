@@ -44,6 +44,13 @@ def test_every_chapter_and_study_was_drawn(record: dict[str, Any], name: str) ->
         assert all(end == "drawn" or end.startswith("exit code 2: strata: ") for end in ends.values())
 
 
+@pytest.mark.parametrize("name", MACHINES)
+def test_the_tests_passed(record: dict[str, Any], name: str) -> None:
+    ended = record[name]["tests"]["found"]
+    assert ended["code"] == 0 and ended["failed"] == []
+    assert int(ended["summary"].split(" passed")[0].split()[-1]) > 8000
+
+
 def test_readme_names_the_version_that_was_tried(record: dict[str, Any]) -> None:
     text = (ROOT / "README.md").read_text("utf-8")
     for name in MACHINES:
