@@ -58,6 +58,53 @@ def test_hardware_comes_before_software_and_vulkan_before_opengl(vulkan, gl, gpu
         assert "no gl was found (why)" in found.reason
 
 
+@pytest.mark.parametrize(
+    ("vulkan", "gl", "gpu", "reason"),
+    [
+        ("discrete", NONE, True, "Vulkan on a discrete device of vulkan"),
+        (
+            "software",
+            "discrete",
+            True,
+            "OpenGL on a discrete device of gl, since Vulkan has a software driver only",
+        ),
+        (NONE, "discrete", True, "OpenGL on a discrete device of gl, since no vulkan was found (why)"),
+        (
+            "software",
+            NONE,
+            False,
+            "Vulkan's software driver, since there is no GPU (a software device of vulkan)",
+        ),
+        (
+            "software",
+            "software",
+            True,
+            "Vulkan's software driver, since no GPU was found (a software device of vulkan)",
+        ),
+        (
+            "software",
+            NONE,
+            True,
+            "Vulkan's software driver, since no GPU was found (a software device of vulkan), and no gl was found (why)",
+        ),
+        (
+            NONE,
+            "software",
+            True,
+            "OpenGL's software driver (a software device of gl), since no vulkan was found (why)",
+        ),
+    ],
+)
+def test_each_choice_says_why_the_other_backend_was_not_taken(vulkan, gl, gpu, reason):
+    assert decide("auto", machine(vulkan, gl)[0], lambda: gpu).reason == reason
+
+
+def test_a_backend_that_was_asked_for_says_so():
+    ask, _ = machine("software", "software")
+    assert decide("vulkan", ask).reason == "asked for"
+    assert decide("gl", ask).reason == "asked for, on a software device of gl"
+
+
 def test_a_machine_with_neither_says_what_to_install():
     with pytest.raises(UnsupportedError) as caught:
         choose("auto", machine(NONE, NONE)[0])
