@@ -320,6 +320,21 @@ def test_a_full_disk_is_a_sentence(server, sources, model, monkeypatch):
     assert server.asked == []
 
 
+def test_room_for_exactly_what_is_missing_is_enough(server, sources, model, monkeypatch):
+    """Bytes of a part are here already and need no room."""
+    part = asset_store.folder_of(model) / "Duo.gltf.part"
+    part.parent.mkdir(parents=True)
+    part.write_bytes(MAIN[:1000])
+    missing = len(MAIN) - 1000 + len(DATA)
+    room = SimpleNamespace(free=missing - 1)
+    monkeypatch.setattr(asset_fetch.shutil, "disk_usage", lambda _folder: room)
+    with pytest.raises(UserError, match="full"):
+        fetch(model, sources=sources)
+    assert server.asked == []
+    room.free = missing
+    assert fetch(model, sources=sources) == missing and lying(model) == FILES
+
+
 def test_a_disk_that_fills_up_meanwhile_is_a_sentence(server, sources, model, monkeypatch):
     class Full(io.FileIO):
         def write(self, data) -> int:
