@@ -7,7 +7,15 @@ import math
 import numpy as np
 import pytest
 
-from chapters.ch01.studies.textured_quads import CAPACITY, NEAR, RECORD, Quad, Settings, depth_texels
+from chapters.ch01.studies.textured_quads import (
+    CAPACITY,
+    NEAR,
+    RECORD,
+    Quad,
+    Settings,
+    depth_texels,
+    quads_for,
+)
 from common.camera import Perspective, View
 from common.errors import UserError
 from tests.support import gl_functions, gpu_functions
@@ -105,3 +113,19 @@ def test_no_quads_are_no_draw_and_too_many_are_refused(stage, monkeypatch):
     with pytest.raises(UserError, match="256 quads at most, not 257"):
         drawn(stage, monkeypatch, many, noise(2, 2))
     assert (drawn(stage, monkeypatch, many[1:], noise(2, 2))[2:, 2:] == BACKGROUND).all()
+
+
+@pytest.mark.parametrize(
+    "size", [(640, 360), (1920, 1080), (256, 400), (300, 300), (400, 220), (220, 1000), (3840, 2160)]
+)
+def test_the_quads_of_a_picture_lie_within_it_and_apart(size):
+    """Each pixel is counted once for each quad over it; both textures are there by the texel and larger."""
+    covered = np.zeros((size[1], size[0]), int)
+    quads = quads_for(size)
+    for quad in quads:
+        assert quad.x >= 0 and quad.y >= 0 and quad.width > 0 and quad.height > 0
+        assert quad.x + quad.width <= size[0] and quad.y + quad.height <= size[1]
+        covered[quad.y : quad.y + quad.height, quad.x : quad.x + quad.width] += 1
+    assert covered.max() == 1
+    assert sorted(quad.shows for quad in quads) == ["depth", "depth", "picture", "picture"]
+    assert [(quad.width, quad.height) for quad in quads[::2]] == [(96, 96)] * 2
