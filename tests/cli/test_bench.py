@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -18,9 +19,39 @@ from chapters.ch01.settings import Settings
 from chapters.cli import invoke
 from common import stability
 from common.errors import UnsupportedError, UserError
-from common.settings import preset
+from common.settings import Knob, preset
 
 QUICK = ["bench", "1", "--quick", "--scene", "cornell", "--size", "64x36"]
+
+KEYS = {
+    *(
+        "format",
+        "chapter",
+        "title",
+        "parts",
+        "backend",
+        "device",
+        "system",
+        "python",
+        "load_before",
+        "commit",
+    ),
+    *("date", "scene", "size", "cache_state", "frames", "rounds", "quick", "reference", "points", "prepared"),
+    *("start_s", "scales", "pipelines", "threads", "loads", "readback", "stability"),
+}
+"""Of a record of chapter 1; later chapters have more parts."""
+KEYS_WITHIN = {
+    "device": {"name", "driver", "class", "api_version"},
+    "scene": {"name", "instances", "triangles"},
+    "reference": {"preset", "samples_per_pixel"},
+    "start_s": {"cold", "warm"},
+    "stability": {"bound", "worst", "cases"},
+}
+POINT_KEYS = {
+    *("name", "kind", "settings", "passes_ms", "error", "work", "front"),
+    *("gpu_ms", "wall_ms", "cpu_ms", "noise_ms", "wall_noise_ms", "cpu_noise_ms"),
+    *("least_ms", "wall_least_ms", "cpu_least_ms"),
+}
 
 
 @pytest.fixture(scope="module")
@@ -45,6 +76,10 @@ def record(tmp_path_factory):
 
 @pytest.mark.feature("tools/bench")
 def test_a_record_says_what_was_measured_where(record):
+    assert record.keys() == KEYS
+    for key, within in KEYS_WITHIN.items():
+        assert record[key].keys() == within
+    assert all(point.keys() == POINT_KEYS for point in record["points"])
     assert record["chapter"] == 1
     assert record["size"] == [64, 36]
     assert record["scene"]["name"] == "cornell"
@@ -147,6 +182,24 @@ def test_settings_are_the_presets_and_each_of_their_knobs_turned_alone():
     assert all(
         point.kind == ("preset" if name in Settings.PRESETS else "knob") for name, point in found.items()
     )
+
+
+@pytest.mark.parametrize(
+    ("presets", "swept"),
+    [
+        ((1, 16), [1, 2, 4, 8, 16]),
+        ((1, 2, 5), [1, 2, 4, 5]),
+        ((3, 12, 6), [3, 6, 12]),
+        ((0, 1, 4), [0, 1, 2, 4]),
+        ((0.5, 3.0), [0.5, 1.0, 2.0, 3.0]),
+        ((7, 7), [7]),
+        ((0, 0), [0]),
+    ],
+)
+def test_a_knob_is_doubled_from_its_least_preset_to_its_largest_and_no_value_comes_twice(presets, swept):
+    knob = Knob(presets[0], "a knob")
+    found = list(bench_points._values("knob", knob, {str(n): {"knob": v} for n, v in enumerate(presets)}))
+    assert found == swept and all(a < b for a, b in pairwise(found))
 
 
 def test_a_supersampled_picture_is_the_mean_of_its_samples():

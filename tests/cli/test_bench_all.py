@@ -47,6 +47,7 @@ def test_every_chapter_is_measured_on_every_backend(strata, measured):
         (row,) = [row for row in rows if row[:2] == [str(number), bench_all.NAMES[api]]]
         assert row[2:] == ["10.00", "0.10", "1.00", "0.0700", "470", "-", "0"]
     found = json.loads(Path("all.json").read_text("utf-8"))
+    assert found.keys() == {"format", "kind", "date", "commit", "quick", "records", "failures"}
     assert len(found["records"]) == len(wanted) and found["failures"] == []
     assert strata("bench", "--compare", "all.json", "all.json")[0] == 0
 

@@ -336,6 +336,12 @@ def test_a_comparison_is_json_too(strata, files):
     assert code == 1 and found["regressions"] == 1 and "regression" in said
     (change,) = found["comparisons"][0]["changes"]
     assert (change["point"], change["verdict"], change["new"]["value"]) == ("medium", "worse", 20.0)
+    assert found.keys() == {"kind", "old", "new", "regressions", "notes", "failing", "comparisons"}
+    assert found["comparisons"][0].keys() == {
+        *("chapter", "backend", "compared", "blames", "apart", "changes", "only_old", "only_new")
+    }
+    assert change.keys() == {"part", "point", "figure", "kind", "verdict", "old", "new"}
+    assert change["old"].keys() == change["new"].keys() == {"value", "noise", "least"}
     assert strata("bench", "--compare", old, new, "--json", "found.json")[0] == 1
     assert json.loads(Path("found.json").read_text("utf-8")) == found
 

@@ -24,6 +24,19 @@ from common.settings import preset
 SIZE = (48, 32)
 SMALL = ("--scene", "cornell", "--size", "48x32")
 
+KEYS = {
+    *("format", "strata", "differs", "scene", "environment", "camera", "size", "time", "frames", "fps"),
+    *("A", "B", "error", "work_that_differs", "picture"),
+}
+"""Of the record of `--json`; scripts read it by these names."""
+ERROR_KEYS = {"of", "relative_mse", "max_abs", "flip", "pixels_changed", "not_finite", "same"}
+SIDE_KEYS = {
+    *("text", "kind", "chapter", "backend", "device", "quality", "without", "plan", "settings"),
+    *("gpu_ms", "wall_ms", "cpu_ms", "noise_ms", "wall_noise_ms", "cpu_noise_ms"),
+    *("least_ms", "wall_least_ms", "cpu_least_ms", "passes_ms", "work"),
+}
+"""Of a side that is a chapter; a picture has fewer."""
+
 pytestmark = pytest.mark.feature("tools/compare")
 
 
@@ -77,6 +90,9 @@ def test_equal_sides_differ_in_nothing_and_the_clock_has_60_steps_a_second(
     assert error["same"] is True
     assert error["relative_mse"] == error["max_abs"] == error["pixels_changed"] == 0
     assert error["flip"] in (0, None)
+    assert record.keys() == KEYS
+    assert error.keys() == ERROR_KEYS
+    assert record["A"].keys() == record["B"].keys() == SIDE_KEYS
     assert record["work_that_differs"] == {}
     assert record["A"]["passes_ms"].keys() == {"forward", "tonemap"}
     assert record["A"]["gpu_ms"] > 0 and record["B"]["cpu_ms"] > 0

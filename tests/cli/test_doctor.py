@@ -40,6 +40,11 @@ KEYS = {
     "shadowed",
     "advice",
 }
+KEYS_WITHIN = {
+    "auto": {"backend", "reason"},
+    "vulkan": {"loader", "layers", "drivers", "devices", "chosen", "problem"},
+    "opengl": {"version", "renderer", "vendor", "problem", "device"},
+}
 
 
 LOADER = find_library("vulkan") is not None
@@ -90,6 +95,11 @@ def healthy(vulkan_instance) -> dict[str, Any]:
 @pytest.mark.feature("cli/doctor")
 def test_the_report_names_loader_device_layers_and_compilers(healthy, vulkan_instance) -> None:
     assert healthy.keys() == KEYS
+    for key, within in KEYS_WITHIN.items():
+        assert healthy[key].keys() == within, key
+    assert healthy["display"].keys() - {"problem"} == {"kind", "detail"}
+    plan_keys = {"title", "runs", "problem", "choices"}
+    assert all(plan.keys() == plan_keys for plan in healthy["plan"].values())
     assert healthy["works"] is True
     assert healthy["problem"] is None
     assert healthy["install"] is None
@@ -135,6 +145,43 @@ def test_the_tables_show_what_the_report_says(healthy) -> None:
         assert (
             feature in chosen["advertised"] or reason.split(":")[0] in text
         )  # else its verdict stands there
+
+
+def test_a_first_cell_that_repeats_is_left_empty(healthy) -> None:
+    """The table of what is here, of a device's features, and of the chapters' plans."""
+    number = healthy["vulkan"]["chosen"]
+    device = healthy["vulkan"]["devices"][number] | {
+        "advertised": ["fp64"],
+        "broken": {},
+        "why_not": {},
+        "verdicts": {"fp64": {"first use": "ok", "second use": "ok"}},
+    }
+    taken = [{"feature": name, "path": "a path", "reason": "a reason"} for name in ("feature a", "feature b")]
+    compiler = healthy["compilers"][0]
+    text = shown(
+        healthy
+        | {
+            "environment": {"STRATA_A": "1", "VK_B": "2"},
+            "compilers": [compiler | {"path": "/compiler/a"}, compiler | {"path": "/compiler/b"}],
+            "vulkan": healthy["vulkan"] | {"devices": [device], "chosen": device["number"]},
+            "opengl": healthy["opengl"] | {"device": None},
+            "auto": {"backend": "vulkan", "reason": "a reason"},
+            "plan": {"ch01": {"runs": True, "problem": None, "choices": taken}},
+        }
+    )
+    lines = text.splitlines()
+
+    def first_cell(part: str) -> str:
+        (line,) = [line for line in lines if part in line]
+        return line.partition("  ")[0].strip()
+
+    for once, again, label in (
+        ("STRATA_A=1", "VK_B=2", "environment"),
+        ("/compiler/a", "/compiler/b", "GLSL compiler"),
+        ("first use", "second use", "fp64"),
+        ("feature a", "feature b", "ch01"),
+    ):
+        assert first_cell(once) == label and first_cell(again) == ""
 
 
 # --- a machine with OpenGL alone ----------------------------------------------------------------------------

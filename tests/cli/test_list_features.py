@@ -73,6 +73,7 @@ def test_json_has_tests_states_counts_and_the_runs(strata) -> None:
     first, second, third, _ = found["features"]
     assert {*found} == {"backends", "features", "runs"}
     assert found["backends"]["gl"] == "OpenGL"
+    assert first.keys() == {"feature", "chapters", "tests", "state", "counts", "areas"}
     assert code == 0 and first["tests"] == ["tests/ch01/test_x.py::test_none_is_missing"]
     assert first["state"] == {"vulkan": "passed", "without-all": None, "gl": "skipped", "cpu": None}
     assert first["counts"]["vulkan"] == {"passed": 3, "skipped": 1}
@@ -93,6 +94,12 @@ def test_where_the_ledger_is_titles_are_shown_and_rows_without_a_test(strata, tm
     assert "to-come" not in printed and "1 more belong to chapters that are still to come." in printed
     _, printed, _ = strata("list", "--features", "--tests", "--find", "there")
     assert 'Alone "there"' in printed
+    found = json.loads(strata("list", "--features", "--json", "--find", "there")[1])["features"][0]
+    assert (found["title"], found["home"], found["wanted_on"]) == (
+        'Alone "there"',
+        "tools",
+        ["vulkan", "cpu"],
+    )
 
 
 def test_options_of_features_ask_for_them(strata) -> None:

@@ -24,6 +24,22 @@ from tests.common.gltf.builder import TRIANGLE, Gltf, triangle
 from tests.support import children
 from tests.support.drivers import needs_layers
 
+KEYS = {
+    *("strata", "chapter", "title", "backend", "device", "system", "plan", "scene", "size", "quality"),
+    *("settings", "start_s", "shaders", "median_ms", "frames", "pictures"),
+}
+"""Of the record of `--json`; scripts read it by these names."""
+KEYS_WITHIN = {
+    "device": {"name", "driver", "api_version", "kind"},
+    "scene": {
+        *("name", "path", "meshes", "instances", "triangles", "indices"),
+        *("materials", "images", "lights", "environment", "warnings"),
+    },
+    "shaders": {"compiled", "cached", "reused"},
+    "median_ms": {"forward", "tonemap", "cpu"},
+}
+FRAME_KEYS = {"index", "cpu_ms", "timings_ms", "work", "reset"}
+
 
 @pytest.fixture
 def box(tmp_path) -> Path:
@@ -44,6 +60,11 @@ def test_a_picture_and_a_record_are_written_where_they_were_asked_for(strata, tm
     assert picture.shape == (48, 64, 3)
     assert len(np.unique(picture)) > 1
     record = json.loads((tmp_path / "run.json").read_text())
+    assert record.keys() == KEYS
+    for key, within in KEYS_WITHIN.items():
+        assert record[key].keys() == within
+    assert all(frame.keys() == FRAME_KEYS for frame in record["frames"])
+    assert all(step.keys() == {"feature", "native", "path", "reason"} for step in record["plan"])
     assert record["scene"]["triangles"] == 1
     assert record["size"] == [64, 48]
     assert [frame["index"] for frame in record["frames"]] == [0, 1, 2]

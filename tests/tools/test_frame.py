@@ -21,6 +21,14 @@ from tests.support.drivers import checked
 
 SIZE = (48, 32)
 
+KEYS = {
+    *("chapter", "title", "scene", "backend", "device", "size", "time", "settings", "work", "cpu_ms"),
+    *("left_out", "skipped", "resources", "steps", "fork"),
+}
+"""Of the record of `--json`; scripts read it by these names."""
+STEP_KEYS = {"number", "name", "sentence", "gpu_ms", "work", "reads", "writes"}
+RESOURCE_KEYS = {"name", "use", "format", "size", "samples", "written_by"}
+
 
 def both(vulkan_device, gl_context) -> list[Chapter]:
     return [Chapter(1, "vulkan", vulkan_device), Chapter(1, "gl", gl_context)]
@@ -125,7 +133,11 @@ def test_the_page_shows_all_there_is(strata, tmp_path, vulkan_instance, backend)
     assert "resolve" in out and err.count("\n") == 1 and "index.html" in err
     folder = tmp_path / "out" / "frame-ch01-scene"
     made = json.loads((tmp_path / "frame.json").read_text())
+    assert made.keys() == KEYS
+    assert all(step.keys() == STEP_KEYS for step in made["steps"])
     outputs = [output for step in made["steps"] for output in step["writes"]]
+    assert all(output.keys() == RESOURCE_KEYS | {"file", "mapping"} for output in outputs)
+    assert all(one.keys() == RESOURCE_KEYS for step in made["steps"] for one in step["reads"])
     page = (folder / "index.html").read_text()
     assert [step["name"] for step in made["steps"]] == ["forward", "instance_id", "resolve", "tonemap"]
     files = {output["file"] for output in outputs} | {"contact.png", "index.html"}
