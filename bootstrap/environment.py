@@ -191,7 +191,7 @@ def install(
             packages.locked(_read(root / LOCK).decode(), everything),
             ["--require-hashes", "--no-deps"],
         )
-    if everything and not can_compile():
+    if everything and sys.platform == "linux" and not can_compile():  # elsewhere the lock leaves them out
         text = packages.without(text, COMPILED)
         say(f"Left out, since it takes a C++ compiler and Python's headers: {', '.join(COMPILED)}.")
     count = len(packages.names_in(text))

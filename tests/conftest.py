@@ -236,21 +236,12 @@ def gl_context(request: pytest.FixtureRequest, variant: str | None) -> Iterator[
 
 
 @pytest.fixture(params=["vulkan", "gl"])
-def either_device(request: pytest.FixtureRequest) -> Iterator[Device | Context]:
-    """A device of each backend in turn (`tests.support.either` runs shaders on it); a message fails the test."""
-    if request.param == "gl":
-        context: Context = request.getfixturevalue("gl_context")
-        context.make_current()
-        context.sink.messages.clear()
-        yield context
-        assert_silent(context)
-        return
-    device: Device = request.getfixturevalue("vulkan_device")
-    device.sink.messages.clear()
-    yield device
-    messages = device.sink.report()
-    device.sink.messages.clear()
-    assert not messages, "the validation layers say:\n" + "\n".join(messages)
+def either_device(request: pytest.FixtureRequest) -> Device | Context:
+    """A device of each backend in turn; `tests.support.either` runs shaders on it."""
+    device: Device | Context = request.getfixturevalue(
+        "gl_context" if request.param == "gl" else "vulkan_device"
+    )
+    return device
 
 
 @pytest.fixture(scope="module")
@@ -264,32 +255,42 @@ def chapter(request: pytest.FixtureRequest, variant: str | None) -> Iterator[Cha
 
 @pytest.fixture(autouse=True)
 def _no_gl_message(request: pytest.FixtureRequest, variant: str | None) -> Iterator[None]:
-    """Fail a test on any message of the OpenGL driver, and on an error that nobody asked for."""
+    """Fail a test on any message of the OpenGL driver, and on an error that the test did not ask for."""
+    for context in _contexts(request, variant):
+        context.make_current()  # the test before may have had a context of its own
+        context.sink.messages.clear()
+    yield
+    for context in _contexts(request, variant):
+        assert_silent(context)
+
+
+def _contexts(request: pytest.FixtureRequest, variant: str | None) -> list[Context]:
+    """Return the contexts that a test uses; after the test also those that it asked for while it ran."""
     used = request.fixturenames
     contexts: list[Context] = [request.getfixturevalue("gl_context")] if "gl_context" in used else []
     if "chapter" in used and variant == "gl":
         contexts.append(request.getfixturevalue("chapter").device)
-    for context in contexts:
-        context.make_current()  # the test before may have had a context of its own
-        context.sink.messages.clear()
-    yield
-    for context in contexts:
-        assert_silent(context)
+    return contexts
 
 
 @pytest.fixture(autouse=True)
 def _no_validation_message(request: pytest.FixtureRequest, variant: str | None) -> Iterator[None]:
     """Fail a test on any message of the layers or the driver."""
+    if (sink := _sink(request, variant)) is not None:
+        sink.messages.clear()
+    yield
+    if (sink := _sink(request, variant)) is not None:
+        messages = sink.report()
+        sink.messages.clear()
+        assert not messages, "the validation layers say:\n" + "\n".join(messages)
+
+
+def _sink(request: pytest.FixtureRequest, variant: str | None) -> Any:
+    """Return where the layers write to if a test uses Vulkan; after the test also if it asked for it while it ran."""
     used = {*request.fixturenames}
     if not {"vulkan_instance", "vulkan_device"} & used and not ("chapter" in used and variant != "gl"):
-        yield
-        return
-    sink: Any = request.getfixturevalue("vulkan_instance").sink
-    sink.messages.clear()
-    yield
-    messages = sink.report()
-    sink.messages.clear()
-    assert not messages, "the validation layers say:\n" + "\n".join(messages)
+        return None
+    return request.getfixturevalue("vulkan_instance").sink
 
 
 @pytest.fixture(scope="session")

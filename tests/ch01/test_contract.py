@@ -197,7 +197,20 @@ def test_an_edit_is_seen_in_the_next_frame_and_costs_what_it_touched(chapter):
             edit.set_visible(0, False)
         hidden = made.render(facing())
         assert hidden.work["draws"] == 2  # the other square and the tone-mapping triangle
+        assert hidden.work["triangles"] == 2 + 1
+        assert hidden.work.get("draw_calls", 2) == 2
         assert len(np.unique(hidden.image("color"))) == 1
+
+
+def test_a_light_that_changes_is_written_beside_the_number_of_lights(chapter):
+    """A record of a light has 64 bytes, the number 16 with its padding (std430 aligns the array to 16)."""
+    scene = lit_quad()
+    with chapter.open(scene, SIZE) as made:
+        for _ in range(4):
+            quiet = made.render(facing()).work["bytes_written"]
+        with scene.edit() as edit:
+            edit.set_light(0, replace(SUN, intensity=1.0))
+        assert made.render(facing()).work["bytes_written"] - quiet == 16 + 64
 
 
 def test_two_renderers_share_a_scene(chapter):

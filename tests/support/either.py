@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -11,15 +11,8 @@ from backends.vulkan.device import Device
 from tests.support import gl_functions, gpu_functions
 
 
-def evaluate(
-    device: Device | Context,
-    includes: Sequence[str],
-    body: str,
-    inputs: Mapping[str, np.ndarray],
-    outputs: Mapping[str, str],
-    defines: Mapping[str, int | float | str] | None = None,
-) -> dict[str, np.ndarray]:
-    """Return the arrays that `body` wrote; everything is as in `tests.support.gpu_functions.evaluate`."""
-    if isinstance(device, Context):
-        return gl_functions.evaluate(device, includes, body, inputs, outputs, defines)
-    return gpu_functions.evaluate(device, includes, body, inputs, outputs, defines)
+def evaluate(device: Device | Context, *what: Any, **more: Any) -> dict[str, np.ndarray]:
+    """Return the arrays that a body of GLSL wrote; everything is as in `tests.support.gpu_functions.evaluate`."""
+    functions = gl_functions if isinstance(device, Context) else gpu_functions
+    written: dict[str, np.ndarray] = functions.evaluate(device, *what, **more)
+    return written

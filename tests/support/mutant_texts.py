@@ -33,7 +33,7 @@ SHOWN = {"print", "say", "warn"}
 HELP = {"help", "epilog", "metavar", "description", "title", "doc"}
 """Keywords whose values are."""
 GUARDS = {"strict"}
-"""Keywords that matter only to a caller who is wrong: `zip(a, b, strict=True)`."""
+"""Keywords that matter only where a call is wrong: `zip(a, b, strict=True)`."""
 NAMES = {"TypeVar", "cast", "NewType", "NamedTuple", "namedtuple", "ParamSpec"}
 """Functions whose strings repeat a name or a type."""
 STRING = re.compile(r"""(['"])([^\s\\'"{}]*)\1""")

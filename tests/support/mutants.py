@@ -210,9 +210,7 @@ class Workshop:
             with tree.changed(mutant.file, text):
                 ran = self._run(tree, ids)
             self.devices |= ran.devices
-            if (
-                ran.unknown
-            ):  # ids that depend on what the mutant changes, or of a chapter for which a test does not run
+            if ran.unknown:  # ids with a value that the mutant changes, or of a chapter that skips the test
                 ids = [one for one in ids if one not in ran.unknown]
                 continue
             if ran.code in (0, 5):
