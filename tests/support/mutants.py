@@ -119,22 +119,28 @@ class Workshop:
         shares = [missing[i : i + size] for i in range(0, len(missing), size)]
         there = blobs(self.root, self.commit)
         done = 0
-        for share, ran in self._pool.map(lambda one: (one, self._measured(one)), shares):
-            done += len(share)
-            failed = ran.failed
-            told = f", without {counted(failed)} that failed" if failed else ""
-            if ran.code not in (0, 1, 5):
-                why = f"it took {MEASURE_S:g} s" if ran.code is None else f"pytest ended with {ran.code}"
-                console.say(
-                    f"strata: not measured: {', '.join(share)}: {why}, last in {ran.last or ran.broken}"
-                )
-                continue
-            with self.map.path.open("a", encoding="utf-8") as stream:
-                for file in share:
-                    tests = (one for one in ran.tests if one["id"].partition("::")[0] == file)
-                    stream.write(entry(file, there[file], self.commit, ran.devices, tests))
-            console.say(f"strata: measured {done} of {len(missing)} files in {ran.seconds:.0f} s{told}")
+        for parts in self._pool.map(self._in_parts, shares):
+            for share, ran in parts:
+                done += len(share)
+                failed = ran.failed
+                told = f", without {counted(failed)} that failed" if failed else ""
+                if not measured(ran):
+                    why = f"it took {MEASURE_S:g} s" if ran.code is None else f"pytest ended with {ran.code}"
+                    console.say(f"strata: not measured: {share[0]}: {why}, last in {ran.last or ran.broken}")
+                    continue
+                with self.map.path.open("a", encoding="utf-8") as stream:
+                    for file in share:
+                        tests = (one for one in ran.tests if one["id"].partition("::")[0] == file)
+                        stream.write(entry(file, there[file], self.commit, ran.devices, tests))
+                console.say(f"strata: measured {done} of {len(missing)} files in {ran.seconds:.0f} s{told}")
         self.map.read()
+
+    def _in_parts(self, files: list[str]) -> list[tuple[list[str], Ran]]:
+        """Measure files in one process; where a file ends that process, each file in one of its own."""
+        ran = self._measured(files)
+        if measured(ran) or len(files) == 1:
+            return [(files, ran)]
+        return [([file], self._measured([file])) for file in files]
 
     def _measured(self, files: Sequence[str]) -> Ran:
         tree = self._trees.get()
@@ -255,6 +261,11 @@ class Workshop:
     def _run(self, tree: Tree, ids: Sequence[str]) -> Ran:
         """Run tests within the limit."""
         return tree.run(ids, self.limit_s, self.cache, environment=self._environment)
+
+
+def measured(ran: Ran) -> bool:
+    """Return whether pytest came to its end: all passed, some failed, or there were no tests."""
+    return ran.code in (0, 1, 5)
 
 
 def counted(tests: Sequence[object]) -> str:

@@ -403,6 +403,21 @@ def test_a_test_that_only_the_mutant_brings_into_being_is_confirmed_by_that_of_t
     assert shop._plain(None, ["t/a.py::ch04::b"]).code == 1, "known to pytest: it is not replaced"
 
 
+def test_a_file_that_ends_pytest_costs_no_other_file_its_lines():
+    shop, asked = mutants.Workshop.__new__(mutants.Workshop), []
+    shop._measured = lambda files: (asked.append(files), ran(2 if "b" in files else 0))[1]
+    parts = shop._in_parts(["a", "b", "c"])
+    assert [(files, mutants.measured(one)) for files, one in parts] == [
+        (["a"], True),
+        (["b"], False),
+        (["c"], True),
+    ]
+    assert [files for files, _ in shop._in_parts(["a", "c"])] == [["a", "c"]], (
+        "one process for all that end well"
+    )
+    assert asked == [["a", "b", "c"], ["a"], ["b"], ["c"], ["a", "c"]]
+
+
 PROJECT = {
     ".gitignore": "out/\n.venv/\n__pycache__/\n",
     "pyproject.toml": "[tool.pytest.ini_options]\npythonpath = ['.']\n",
