@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import assets
+import chapters
 from chapters import scenes
+from chapters.ch01.logic.views import NAMES
 from common.camera import view_of_scene
 from common.gltf import load_scene
 from common.paths import asset_dir
 from common.pose import evaluate_pose
-from common.scene import Scene
+from common.scene import Image, Material, Scene
 from tests.support.chapter import Chapter
+from tests.support.scenes import facing, quad_scene, texture, translated
 
 SIZE = (64, 48)
 OUTPUTS = ("color_linear", "depth", "instance_id")
@@ -47,6 +51,34 @@ def loaded():
         return held[name]
 
     return load
+
+
+def check_views(chapter: Chapter, names: Sequence[str], materials: Sequence[Material]) -> None:
+    """Two squares show the same under each of these views as in chapter 1."""
+    image = Image("noise", np.random.default_rng(1).integers(0, 256, (8, 8, 4), np.uint8))
+    places = (translated(-0.6, 0.0, 0.0), translated(0.6, 0.0, 0.1))
+    for material in materials:
+        scene = quad_scene(material, images=(image,), matrices=places)
+        for name in names:
+            found = []
+            for opened in (Chapter(1, chapter.backend, chapter.device), chapter):
+                settings = chapters.settings_class(opened.which)(view=name)
+                with opened.open(scene, SIZE, settings, outputs=("color",)) as renderer:
+                    found.append(renderer.render(facing()).image("color").astype(int))
+            assert np.abs(found[0] - found[1]).max() <= (not chapter.device.capabilities.is_software), name
+
+
+PLAIN = Material(base_color=(0.5, 0.25, 1.0, 1.0))
+
+
+def test_every_view_shows_what_it_shows_in_chapter_1(chapter):
+    check_views(chapter, NAMES, (PLAIN, Material(base_color_texture=texture())))
+
+
+@pytest.mark.every_chapter
+def test_coordinates_are_shown_where_nothing_is_sampled(chapter):
+    """The material has uv and no texture, so its shaders have neither slots nor arrays to look into."""
+    check_views(chapter, ("uv",), (PLAIN,))
 
 
 @pytest.mark.parametrize("name", CASES)
