@@ -1,7 +1,7 @@
 // Materials: one record each, which says by number what each role samples. Roles that a material lacks cost nothing: the
 // pipeline is built without them, and then there is no fetch.
 
-#ifdef TEXTURED
+#if defined(BINDLESS) || defined(ARRAYS) // a material with uv may sample nothing: a view shows them alone
 #include "textures.glsl"
 
 // In which arrays its materials have textures of each role, a bit an array: a shader has no code for the others.
