@@ -62,7 +62,7 @@ REQUIRED_USES: dict[str, tuple[str, ...]] = {
     "timeline-semaphore": ("order",),  # every Vulkan 1.3 device has it; OpenGL needs none
 }
 """What all chapters rely on; a device on which one of these uses fails cannot be used. What one chapter needs beyond
-them is tried by that chapter itself (`chapters.trial`)."""
+them is tried by that chapter itself (`tools.doctor.trial`)."""
 
 OTHER_USES: dict[str, tuple[str, ...]] = {
     "mesh-shader": ("indirect-count", "statistics"),

@@ -24,9 +24,9 @@ from common.names import suggest
 if TYPE_CHECKING:
     from backends.choice import Choice
     from backends.contract import Renderer
-    from chapters.opened import OpenedRenderer
     from common.camera import View
     from common.scene import Scene
+    from tools.run.opened import OpenedRenderer
 
 FOLDER = Path(__file__).parent
 COUNT = 15
@@ -133,14 +133,14 @@ def decide_backend(wanted: str = "auto", which: Which | None = None) -> Choice:
     from backends import choice
 
     if isinstance(which, int):
-        from chapters import trial
+        from tools.doctor import trial
 
         return trial.decide(wanted, which)
     own = studies.backends(which) if isinstance(which, str) else ()
     if wanted == "auto" and len(own) == 1:
         wanted = own[0]
     if wanted == "auto" and which is not None:
-        from chapters import trial
+        from tools.doctor import trial
 
         return trial.decide_for(studies.split(which)[0] if isinstance(which, str) else which.lesson.number)
     return choice.decide(wanted)
@@ -174,7 +174,7 @@ def open(  # the name of the contract: chapters.open(6, ...)
 ) -> OpenedRenderer:
     """Open a chapter (1, "1" or "ch01"), a study ("1/first-triangle") or a fork (Path("my-ch01")) on `scene`.
 
-    Returns its renderer, which is a context manager and whose frames can show themselves (`chapters.opened`).
+    Returns its renderer, which is a context manager and whose frames can show themselves (`tools.run.opened`).
 
     `settings` is the chapter's `Settings` (None: its defaults), `without` names features to do without, `outputs` are
     the images that can be read. Further arguments go to the backend's renderer (`device=` shares a device).
@@ -182,7 +182,7 @@ def open(  # the name of the contract: chapters.open(6, ...)
     """
     wanted = parse(which)
     module = renderer_module(wanted, choose_backend(backend, wanted))
-    from chapters.opened import showing
+    from tools.run.opened import showing
 
     opened: OpenedRenderer = showing(module.Renderer, wanted)(
         scene, size, settings=settings, without=without, outputs=outputs, validate=validate, **more

@@ -11,7 +11,7 @@ from typing import NoReturn
 from common.errors import ShaderError, StrataError
 from common.paths import ROOT
 
-LIBRARY = ("common", "backends", "chapters", "assets", "bootstrap")
+LIBRARY = ("common", "backends", "chapters", "tools", "assets", "bootstrap")
 """Folders of the clone whose frames a traceback shows only with -v; a chapter's own folder is the reader's code."""
 
 
@@ -30,11 +30,11 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
 
 def run(words: list[str]) -> int:
     """Run one command and return its exit code; nothing is raised."""
-    from chapters import console
+    from tools.cli import console
 
     console.prepare()
     try:
-        from chapters.cli import invoke
+        from tools.cli.commands import invoke
 
         code = invoke(words)
         sys.stdout.flush()  # here, where a full disk is a sentence

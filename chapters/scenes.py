@@ -9,11 +9,11 @@ import os
 from pathlib import Path
 
 import assets
-from chapters import asset_store
 from common.environment import Environment, read_environment
 from common.errors import SceneError, UserError
 from common.gltf import load_scene
 from common.gltf.load import Progress
+from common.models import store
 from common.names import suggest
 from common.obj import load_obj
 from common.scene import Scene
@@ -52,10 +52,10 @@ def find(text: str) -> Path:
 def _by_name(text: str) -> Path:
     """Return the file of a scene of our own, or of a model that `strata assets` knows."""
     if text.partition(":")[0] not in assets.SCENES:
-        model = asset_store.locate(text)
+        model = store.locate(text)
         if model is not None:
             return model
-        near = suggest(text, asset_store.names())
+        near = suggest(text, store.names())
         if near.endswith("?"):
             raise SceneError(f"There is no scene or model {text!r}{near}")
     return assets.locate(text)

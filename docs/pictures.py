@@ -29,9 +29,7 @@ sys.path.insert(0, str(ROOT))  # so that it runs from any folder, installed or n
 
 import chapters  # noqa: E402
 from assets import SCENES, locate  # noqa: E402
-from chapters import bench, bench_report, site_inputs, site_pairs, studies  # noqa: E402
-from chapters.frame import step_through  # noqa: E402
-from chapters.run import Request  # noqa: E402
+from chapters import studies  # noqa: E402
 from common.color import decode_srgb, encode_srgb, quantize  # noqa: E402
 from common.errors import StrataError  # noqa: E402
 from common.gltf import load_scene  # noqa: E402
@@ -39,6 +37,11 @@ from common.images import read_image  # noqa: E402
 from common.names import suggest  # noqa: E402
 from common.settings import preset  # noqa: E402
 from common.small_pictures import write_small  # noqa: E402
+from tools.bench import bench, report  # noqa: E402
+from tools.frames.frame import step_through  # noqa: E402
+from tools.run.run import Request  # noqa: E402
+from tools.site import inputs as site_inputs  # noqa: E402
+from tools.site import pairs  # noqa: E402
 
 SIZE = (640, 360)
 FOLDER = ROOT / "docs" / "pictures"
@@ -253,8 +256,8 @@ def everything() -> dict[str, Made]:
     all_studies = [f"{number}/{name}" for number in WITH_STUDIES for name in studies.available(number)]
     found = {name: drawn(name) for name in (*SCENES, *all_studies, *SHEETS)}
     for number in chapters.available():
-        for pair in site_pairs.pairs_of(number):
-            found[f"pairs/{pair.name}"] = Made(site_pairs.inputs_of(pair), partial(_make_pair, pair))
+        for pair in pairs.pairs_of(number):
+            found[f"pairs/{pair.name}"] = Made(pairs.inputs_of(pair), partial(_make_pair, pair))
     for record in sorted(bench.FOLDER.glob("ch[0-9][0-9]-*.json")):
         plot = record.with_suffix(".png")
         if plot.is_file():
@@ -262,12 +265,12 @@ def everything() -> dict[str, Made]:
     return found
 
 
-def _make_pair(pair: site_pairs.Pair, _: Path) -> None:
-    site_pairs.make(pair)
+def _make_pair(pair: pairs.Pair, _: Path) -> None:
+    pairs.make(pair)
 
 
 def _make_plot(plot: Path, record: Path, _: Path) -> None:
-    bench_report.plot(plot, bench.read_record(record))
+    report.plot(plot, bench.read_record(record))
 
 
 def wanted() -> dict[str, str]:

@@ -309,8 +309,8 @@ def strata(vulkan_instance, capsys, tmp_path, monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
 
-    from chapters import console
     from chapters.__main__ import run
+    from tools.cli import console
 
     for made in (console.out, console.err):  # a narrow terminal of one test is none of the next
         monkeypatch.setattr(made, "_width", made._width)

@@ -12,17 +12,17 @@ from pathlib import Path
 import pytest
 
 import chapters
-from chapters.new_chapter import HEADINGS
 from common.paths import ROOT
+from tools.snapshots.new_chapter import HEADINGS
 
-FOLDERS = ("common", "backends", "chapters", "assets", "bootstrap", "shaders", "tests")
+FOLDERS = ("common", "backends", "chapters", "tools", "assets", "bootstrap", "shaders", "tests")
 LONGEST = 450
 """Lines of a module; the aim is 400. Tests may have more: they are lists of cases."""
 FORBIDDEN = {
-    "common": {"backends", "chapters", "vulkan", "moderngl", "glfw"},
-    "backends": {"chapters"},
-    "assets": {"backends", "chapters"},
-    "bootstrap": {"common", "backends", "chapters", "assets"},
+    "common": {"backends", "chapters", "tools", "vulkan", "moderngl", "glfw"},
+    "backends": {"chapters", "tools"},
+    "assets": {"backends", "chapters", "tools"},
+    "bootstrap": {"common", "backends", "chapters", "tools", "assets"},
 }
 
 
@@ -241,7 +241,7 @@ def test_no_file_names_a_machine_or_is_left_undone():
 @pytest.mark.parametrize("number", chapters.available())
 def test_a_lesson_is_complete(number):
     """Its README is there, and what it tells to read exists and says in its first sentence what it is."""
-    from chapters.sentences import first_sentence
+    from tools.diff.sentences import first_sentence
 
     folder = ROOT / "chapters" / chapters.folder_name(number)
     lesson = chapters.lesson(number)
@@ -302,8 +302,8 @@ def anchor(heading: str) -> str:
 
 @pytest.mark.parametrize("number", chapters.available())
 def test_presets_are_those_of_the_command_line(number):
-    from chapters.run import QUALITIES
     from common.settings import preset
+    from tools.run.run import QUALITIES
 
     kind = chapters.settings_class(number)
     assert tuple(kind.PRESETS) == QUALITIES[1:]

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import pytest
 
-from chapters import features
-from chapters.features import MarkedTest
 from tests.support.oracles import Table, evidence, faults, read
+from tools.ledger import features
+from tools.ledger.features import MarkedTest
 
 discipline = pytest.mark.feature("tests/conformance-discipline")
 MOST_LACKING = 0

@@ -13,12 +13,12 @@ import pytest
 
 import chapters
 from backends.window import Event
-from chapters import panel_imgui
-from chapters.panel import EV_RANGE, History, PanelActions, open_panel, preset_of
-from chapters.panel_knobs import value_of, widget_of, widgets
 from common.draw_lists import FONT
 from common.settings import knob, knobs
 from tests.support.panel import PanelUser, example, seen
+from tools.panel import imgui
+from tools.panel.knobs import value_of, widget_of, widgets
+from tools.panel.panel import EV_RANGE, History, PanelActions, open_panel, preset_of
 
 
 @dataclass
@@ -314,7 +314,7 @@ def test_without_the_package_there_is_no_panel_and_no_error(missing, monkeypatch
     for name in [name for name in sys.modules if name.split(".")[0] == "imgui_bundle"]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "imgui_bundle", None)
-    assert panel_imgui.load() is None
+    assert imgui.load() is None
     assert open_panel() is None
 
 

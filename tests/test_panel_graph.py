@@ -11,11 +11,11 @@ from backends.contract import Access
 from chapters.ch04.logic.frame_graph import compile_graph
 from chapters.ch04.logic.graph_types import GraphError, Node
 from chapters.ch04.settings import Settings
-from chapters.panel import PanelActions, open_panel
-from chapters.panel_graph import GraphLook, PassRow
-from chapters.window_graph import WindowGraph
-from chapters.window_stop import Stop
 from tests.support.panel import PanelUser, example
+from tools.panel.graph import GraphLook, PassRow
+from tools.panel.panel import PanelActions, open_panel
+from tools.window.graph import WindowGraph
+from tools.window.stop import Stop
 
 NODES = [
     Node("surface", (), (Access("albedo", "color", "rgba16f"), Access("depth", "depth", "d32f"))),

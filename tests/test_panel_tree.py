@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from backends.window import Event
-from chapters.panel import open_panel
 from common.settings import knob
 from tests.support.panel import PanelUser, example, seen
 from tests.support.scenes import nodes_at, quad_scene, translated
 from tests.support.timing import least_time, timed
+from tools.panel.panel import open_panel
 
 
 @dataclass

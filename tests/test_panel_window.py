@@ -17,14 +17,7 @@ import pytest
 import chapters
 from backends.gl import present
 from backends.vulkan.instance import VALIDATION_LAYER, Instance
-from chapters import panel_imgui
-from chapters import window as module
 from chapters.ch01.settings import Settings
-from chapters.panel import PanelActions
-from chapters.window import Loop, panel_help, run_window
-from chapters.window_camera import camera_text
-from chapters.window_open import Opened, Refused
-from chapters.window_stop import Stop
 from common.camera import Camera, Orthographic, Perspective, view_of_scene
 from common.draw_lists import VERTEX, Command, DrawList
 from common.errors import UserError
@@ -39,6 +32,13 @@ from tests.support import packages
 from tests.support.display import User, screenshot, virtual_display
 from tests.support.scenes import quad_scene
 from tests.support.timing import PATIENCE_S, once_more
+from tools.panel import imgui
+from tools.panel.panel import PanelActions
+from tools.window import window as module
+from tools.window.camera import camera_text
+from tools.window.opening import Opened, Refused
+from tools.window.stop import Stop
+from tools.window.window import Loop, panel_help, run_window
 
 # --- the loop alone, with a panel that asks for what a script says ----------------------------------------------------
 
@@ -336,9 +336,9 @@ def test_the_text_of_a_view_gives_it_back(positioner):
 
 
 def test_the_help_names_the_keys_of_the_panel_or_how_to_get_one(monkeypatch):
-    monkeypatch.setattr(panel_imgui, "load", lambda: None)
+    monkeypatch.setattr(imgui, "load", lambda: None)
     assert "--extras" in panel_help()
-    monkeypatch.setattr(panel_imgui, "load", lambda: panel_imgui)
+    monkeypatch.setattr(imgui, "load", lambda: imgui)
     assert "F1 or Tab" in panel_help()
 
 
@@ -355,7 +355,7 @@ import sys
 from chapters.__main__ import run
 code = run(["run", "1/first-triangle", "--size", "16x16", "--headless", "--out", "a.png"])
 print(code, [name for name in ("imgui_bundle", "glfw") if name in sys.modules])
-import chapters.window
+import tools.window.window
 print([name for name in ("imgui_bundle",) if name in sys.modules])
 """
 
@@ -381,7 +381,7 @@ BESIDE = (slice(60, None), slice(430, None))
 
 @pytest.fixture(scope="module")
 def display():
-    if panel_imgui.load() is None:
+    if imgui.load() is None:
         pytest.skip("the extra ui is not installed")
     with virtual_display() as name:
         yield name

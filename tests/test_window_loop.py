@@ -13,8 +13,6 @@ import pytest
 
 import chapters
 from backends.vulkan.instance import VALIDATION_LAYER, Instance
-from chapters.window import BINDINGS, HELP, IDLE_WAIT_S, MINIMISED_WAIT_S, Loop, run_window
-from chapters.window_camera import open_camera
 from common.camera import Camera, Perspective
 from common.errors import UnsupportedError
 from common.inputs import Inputs
@@ -23,6 +21,8 @@ from common.positioners import FirstPerson, Orbit
 from common.scene import Light, Material
 from tests.support.display import User, screenshot, virtual_display
 from tests.support.scenes import quad_scene, translated
+from tools.window.camera import open_camera
+from tools.window.window import BINDINGS, HELP, IDLE_WAIT_S, MINIMISED_WAIT_S, Loop, run_window
 
 STEP_NS = 10_000_000
 
@@ -352,7 +352,7 @@ def test_the_user_resizes_and_closes_while_it_runs(display, validate, monkeypatc
 
 def catch_windows(monkeypatch):
     """Return a list to which every window that is opened is added."""
-    from chapters import window as module
+    from tools.window import window as module
 
     made = []
     monkeypatch.setattr(module, "Window", windows_of(module.Window, made))
@@ -460,7 +460,7 @@ def windows_of(real, made):
 DIES = """
 from functools import partial
 import chapters
-from chapters.window import run_window
+from tools.window.window import run_window
 from tests.support.scenes import quad_scene
 
 def say(renderer, frame):

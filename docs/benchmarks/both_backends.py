@@ -25,8 +25,8 @@ from backends.gl.context import Context  # noqa: E402
 from backends.vulkan.device import Device  # noqa: E402
 from backends.vulkan.instance import Instance  # noqa: E402
 from chapters import scenes  # noqa: E402
-from chapters.bench import commit  # noqa: E402
 from common.scene import Scene  # noqa: E402
+from tools.bench.bench import commit  # noqa: E402
 
 SIZES = ((640, 360), (1920, 1080))
 WARM_UP, FRAMES = 20, 100

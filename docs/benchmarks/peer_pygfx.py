@@ -232,7 +232,7 @@ def main() -> None:
     if not given.peer or not given.models or given.runs < 2:
         parser.error("--peer and --models are needed, and at least 2 runs")
     sys.path.insert(0, str(ROOT))
-    from chapters.bench import commit
+    from tools.bench.bench import commit
 
     versions = "import pygfx, wgpu; print(pygfx.__version__, wgpu.__version__)"
     pygfx, wgpu = subprocess.run(

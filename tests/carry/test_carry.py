@@ -9,11 +9,11 @@ import sys
 import pytest
 
 from bootstrap.environment import try_lock
-from chapters import carry, carry_state, trees
-from chapters.carry_state import place
 from common.errors import UserError
 from common.paths import ROOT
 from tests.support.clones import PASS, Clone
+from tools.snapshots import carry, carry_state, trees
+from tools.snapshots.carry_state import place
 
 pytestmark = pytest.mark.feature("tools/carry")
 FORWARD = "passes/forward.py"

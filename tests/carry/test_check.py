@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from chapters import carry, carry_check
-from chapters.exceptions import read_exceptions
 from common.errors import UserError
 from tests.support.clones import PASS, Clone
+from tools.snapshots import carry, carry_check
+from tools.snapshots.exceptions import read_exceptions
 
 pytestmark = pytest.mark.feature("tools/carry")
 FORWARD = "passes/forward.py"

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from chapters.merging import (
+from common.errors import UserError
+from tools.snapshots.merging import (
     Labels,
     has_markers,
     line_ends,
@@ -14,7 +15,6 @@ from chapters.merging import (
     show_conflict,
     writes,
 )
-from common.errors import UserError
 
 pytestmark = pytest.mark.feature("tools/carry")
 

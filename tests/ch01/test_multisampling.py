@@ -10,7 +10,6 @@ import pytest
 
 import chapters
 from chapters import scenes
-from chapters.bench_points import _averaged
 from chapters.ch01.gl.renderer import Renderer as OpenGL
 from chapters.ch01.logic.frame import OUTPUTS
 from chapters.ch01.logic.samples import choose_samples
@@ -26,6 +25,7 @@ from common.transforms import matrix_from_quaternion, pose_looking_at
 from tests.support.chapter import on_path, targets_of
 from tests.support.drivers import needs_feature, needs_whole_quads
 from tests.support.scenes import facing, quad_scene, texture, translated
+from tools.bench.points import _averaged
 
 pytestmark = pytest.mark.variants("gl")
 

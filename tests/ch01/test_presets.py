@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from backends.vulkan.instance import Instance, choose
-from chapters import bench, bench_points
 from common.errors import UnsupportedError
 from tests.support import snapshots
+from tools.bench import bench, points
 
 
 @pytest.mark.every_chapter
@@ -27,6 +27,6 @@ def test_no_preset_is_slower_and_less_true_than_another_in_the_newest_record(req
         )
     record = bench.read_record(path)
     assert {point["name"] for point in record["points"]} >= {"low", "medium", "high", "reference"}
-    assert bench_points.dominated(record["points"]) == []
+    assert points.dominated(record["points"]) == []
     for swept in record["prepared"]:
-        assert bench_points.dominated(swept["points"]) == [], swept["name"]
+        assert points.dominated(swept["points"]) == [], swept["name"]

@@ -10,7 +10,6 @@ from functools import partial
 import numpy as np
 import pytest
 
-from chapters import bench_scene
 from chapters.ch03.logic import scene_cache
 from chapters.ch03.logic.importance import material_sizes
 from chapters.ch03.logic.loading import (
@@ -34,6 +33,7 @@ from common.scene import Material
 from common.transforms import pose_looking_at
 from tests.support.scenes import facing, quad_scene, translated
 from tests.support.timing import PATIENCE_S, until
+from tools.bench.lessons import scene as bench_scene
 
 pytestmark = pytest.mark.usefixtures("no_thread_left")
 

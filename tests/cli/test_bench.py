@@ -13,13 +13,15 @@ import numpy as np
 import pytest
 
 import chapters
-from chapters import bench, bench_points, bench_prepared, scenes
-from chapters.bench_prepared import prepared_points
+from chapters import scenes
 from chapters.ch01.settings import Settings
-from chapters.cli import invoke
 from common import stability
 from common.errors import UnsupportedError, UserError
 from common.settings import Knob, preset
+from tools.bench import bench, prepared
+from tools.bench import points as bench_points
+from tools.bench.prepared import prepared_points
+from tools.cli.commands import invoke
 
 QUICK = ["bench", "1", "--quick", "--scene", "cornell", "--size", "64x36"]
 
@@ -69,7 +71,7 @@ def record(tmp_path_factory):
     except UnsupportedError as error:
         pytest.skip(f"no Vulkan: {error}")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(bench_prepared, "preset", small)
+        patch.setattr(prepared, "preset", small)
         assert invoke([*QUICK, "--json", str(path)]) == 0
     return bench.read_record(path)
 

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 import chapters
-from chapters import bench, bench_all, bench_points
 from common.errors import UnsupportedError, UserError
 from tests.cli.test_bench_compare import DEVICE, made, point
+from tools.bench import all_chapters, bench, points
 
 BARE = make_dataclass("Settings", [])()
 
@@ -29,8 +29,8 @@ def measured(monkeypatch, tmp_path):
             return "the device was lost."
         return made(point(), chapter=wanted["which"], backend=wanted["backend"])
 
-    monkeypatch.setattr(bench_all, "one", one)
-    monkeypatch.setattr(bench_all, "probe", lambda api: ("software", api))
+    monkeypatch.setattr(all_chapters, "one", one)
+    monkeypatch.setattr(all_chapters, "probe", lambda api: ("software", api))
     return asked, failing
 
 
@@ -41,10 +41,10 @@ def test_every_chapter_is_measured_on_every_backend(strata, measured):
     assert code == 0
     wanted = {(number, api) for number in chapters.available() for api in ("vulkan", "gl")}
     assert {(one["which"], one["backend"]) for one in asked} == wanted
-    assert all(one["size"] == bench_all.SIZE and one["quick"] for one in asked)
+    assert all(one["size"] == all_chapters.SIZE and one["quick"] for one in asked)
     rows = [line.split() for line in printed.splitlines()]
     for number, api in wanted:
-        (row,) = [row for row in rows if row[:2] == [str(number), bench_all.NAMES[api]]]
+        (row,) = [row for row in rows if row[:2] == [str(number), all_chapters.NAMES[api]]]
         assert row[2:] == ["10.00", "0.10", "1.00", "0.0700", "470", "-", "0"]
     found = json.loads(Path("all.json").read_text("utf-8"))
     assert found.keys() == {"format", "kind", "date", "commit", "quick", "records", "failures"}
@@ -70,7 +70,7 @@ def test_a_backend_that_is_not_here_is_said_and_is_no_failure(strata, measured, 
             raise UnsupportedError("There is no OpenGL 4.5.")
         return "software", api
 
-    monkeypatch.setattr(bench_all, "probe", probe)
+    monkeypatch.setattr(all_chapters, "probe", probe)
     code, _, said = strata("bench", "--all", "--quick")
     assert code == 0 and "OpenGL is not measured: There is no OpenGL 4.5." in said
     assert {one["backend"] for one in measured[0]} == {"vulkan"}
@@ -152,8 +152,8 @@ def test_a_process_says_why_it_failed(monkeypatch):
         ("import os; os.abort()", "its process ended with"),
         ("", "its process ended with exit code 0"),  # it left no record
     ):
-        monkeypatch.setattr(bench_all, "COMMAND", ["-c", program])
-        said = bench_all.one(asked)
+        monkeypatch.setattr(all_chapters, "COMMAND", ["-c", program])
+        said = all_chapters.one(asked)
         assert why in said and (why == said) == (why == "no such thing.")
 
 
@@ -164,13 +164,13 @@ def test_what_a_bench_raises_is_one_line_of_its_process(monkeypatch, capsys, tmp
     monkeypatch.setattr(bench, "measure", broken)
     asked = {"which": 1, "size": [4, 4], "quick": True, "path": str(tmp_path / "record.json")}
     monkeypatch.setattr("sys.argv", ["bench_all", json.dumps(asked)])
-    assert bench_all.main() == bench_all.FAILED
+    assert all_chapters.main() == all_chapters.FAILED
     assert capsys.readouterr().err == "there is no such thing.\n"
 
 
 def test_a_brief_record_says_how_noisy_its_times_are():
     frames = [{"gpu": gpu, "wall": gpu + 1, "cpu": 1.0, "forward": gpu} for gpu in (4.0, 5.0, 6.0, 9.0)]
-    few = bench_points.Point("medium", "preset", BARE, rounds=[frames[:2], frames[2:]])
+    few = points.Point("medium", "preset", BARE, rounds=[frames[:2], frames[2:]])
     assert (few.record({})["noise_ms"], few.record({})["least_ms"]) == (1.0, 4.0)  # quartiles 4.75 and 6.75
-    many = bench_points.Point("medium", "preset", BARE, rounds=[[frames[0]], [frames[1]], [frames[3]]])
+    many = points.Point("medium", "preset", BARE, rounds=[[frames[0]], [frames[1]], [frames[3]]])
     assert (many.record({})["noise_ms"], many.record({})["wall_noise_ms"]) == (1.25, 1.25)  # 4.5 and 7

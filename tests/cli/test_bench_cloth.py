@@ -11,20 +11,27 @@ import pytest
 from rich.console import Console
 
 from backends.vulkan.device import Device
-from chapters import (
-    bench,
-    bench_async,
-    bench_cloth,
-    bench_drift,
-    bench_executions,
-    bench_pacing,
-    bench_report,
-    scenes,
-)
-from chapters.bench_points import Effort, Subject
-from chapters.bench_sheet import level_sheet, medium_of, opened, states, timed_step
-from chapters.run import open_device
+from chapters import scenes
 from common.errors import UserError
+from tools.bench import bench, report
+from tools.bench.lessons import (
+    async_compute,
+)
+from tools.bench.lessons import (
+    cloth as bench_cloth,
+)
+from tools.bench.lessons import (
+    drift as bench_drift,
+)
+from tools.bench.lessons import (
+    executions as bench_executions,
+)
+from tools.bench.lessons import (
+    pacing as bench_pacing,
+)
+from tools.bench.lessons.sheet import level_sheet, medium_of, opened, states, timed_step
+from tools.bench.points import Effort, Subject
+from tools.run.run import open_device
 
 SMALL = Effort(1, 1, 1, 1, 1, everything=False)
 TINY = bench_cloth.Sweep(edge=4, steps=4, numbers=(8,), truth=32)
@@ -134,9 +141,9 @@ def test_pacing_is_told_for_each_way(pacing):
 @pytest.mark.feature("tools/bench")
 def test_without_a_family_for_compute_the_record_says_so(subject, monkeypatch):
     monkeypatch.setattr(subject.device, "compute_queue", None)
-    made = strict(bench_async.measure(subject, SMALL, nothing))
+    made = strict(async_compute.measure(subject, SMALL, nothing))
     assert made["family"] is False and made["why"] and made["scenes"] == []
-    assert bench_async.sentences(made) == [f"Nothing runs beside drawing here: {made['why']}."]
+    assert async_compute.sentences(made) == [f"Nothing runs beside drawing here: {made['why']}."]
 
 
 def test_frames_with_the_setting_on_and_off_are_the_same(subject, monkeypatch):
@@ -145,16 +152,16 @@ def test_frames_with_the_setting_on_and_off_are_the_same(subject, monkeypatch):
         monkeypatch.setattr(subject.device, "compute_queue", subject.device.queue)
     assert isinstance(subject.device, Device)
     drawn = Subject(5, "vulkan", level_sheet(6), (16, 8), subject.device)
-    monkeypatch.setattr(bench_async, "STAMPED", 2)
+    monkeypatch.setattr(async_compute, "STAMPED", 2)
     # One queue has one name, and so its stamps are of no use but to be taken.
     assert (
-        not bench_async.clocks_agree(subject.device)
+        not async_compute.clocks_agree(subject.device)
         or subject.device.compute_queue is not subject.device.queue
     )
-    monkeypatch.setattr(bench_async, "clocks_agree", lambda device: True)
-    one = strict(bench_async.frames_of(drawn, SMALL, nothing, balanced=True, frames=3))
+    monkeypatch.setattr(async_compute, "clocks_agree", lambda device: True)
+    one = strict(async_compute.frames_of(drawn, SMALL, nothing, balanced=True, frames=3))
     assert one["error"] == {"max_abs": 0.0, "pixels_differ": 0}
-    assert 1 <= one["substeps"] <= bench_async.MOST_SUBSTEPS
+    assert 1 <= one["substeps"] <= async_compute.MOST_SUBSTEPS
     assert one["ratio"] == pytest.approx(one["off"]["frame_ms"] / one["on"]["frame_ms"])
     assert one["stamps"] is None or one["stamps"]["submissions"] >= 4  # warm-up, frames, and those alone
     for run in (one["on"], one["off"]):
@@ -165,7 +172,7 @@ def test_the_large_sheet_hangs_in_the_building(subject, monkeypatch):
     from chapters.ch05.logic.cloth_scene import cloth_scene
 
     monkeypatch.setattr(scenes, "load", lambda name: subject.scene)  # the atrium takes a second
-    scene = bench_async.building_with_sheet(12)
+    scene = async_compute.building_with_sheet(12)
     (sheet,) = cloth_scene(scene).cloths
     assert len(scene.instances) == len(subject.scene.instances) + 1
     places = sheet.positions + sheet.anchor
@@ -183,7 +190,7 @@ def test_a_chapter_without_cloth_has_none_of_these_parts(subject):
     with pytest.raises(UserError, match="OpenGL has one queue"):
         bench.parts_of(5, "gl", ["async"])
     older = Subject(4, "vulkan", subject.scene, (16, 8), subject.device)
-    for part in (bench_cloth, bench_drift, bench_async, bench_pacing):
+    for part in (bench_cloth, bench_drift, async_compute, bench_pacing):
         assert part.measure(older, SMALL, nothing) is None
 
 
@@ -210,18 +217,18 @@ def queues(on_ms, off_ms, **more):
 
 
 def test_what_a_queue_of_its_own_spares():
-    first, second = bench_async.sentences(queues(4.0, 5.0))
+    first, second = async_compute.sentences(queues(4.0, 5.0))
     assert "takes 0.80 times as long" in first and "+1.000 ms are spared of the 2.000 ms" in first
     assert "noise" not in first and "same to the bit" in second
-    (slower, _) = bench_async.sentences(queues(5.1, 5.0))
+    (slower, _) = async_compute.sentences(queues(5.1, 5.0))
     assert "takes 1.02 times as long" in slower and "within the noise" in slower
     stamps = {"submissions": 12, "compute_ms": 24.0, "both_ms": 20.0}
-    (told, _) = bench_async.sentences(queues(4.0, 5.0, stamps=stamps))
+    (told, _) = async_compute.sentences(queues(4.0, 5.0, stamps=stamps))
     assert "for 24.00 ms, and for 20.00 ms of it drawing" in told
     bound = queues(4.0, 5.0)
     bound["scenes"][0]["on"]["cpu_ms"] = 3.9
     bound["scenes"][0]["error"]["pixels_differ"] = 2
-    first, second = bench_async.sentences(bound)
+    first, second = async_compute.sentences(bound)
     assert "the GPU waits for it" in first and "differ" in second
 
 
@@ -242,18 +249,18 @@ def test_a_dispatch_pays_from_where_it_pays_for_good():
 def test_tables_and_panels_show_every_part(cloth, drift, pacing, capsys):
     made = {"cloth": cloth, "drift": drift, "async": queues(4.0, 5.0), "pacing": pacing}
     for part in PARTS:
-        bench_report.FRAME_PARTS[part].show(made[part], Console(width=100))
+        report.FRAME_PARTS[part].show(made[part], Console(width=100))
     said = capsys.readouterr().out
     for word in ("XPBD, iterations", "dispatch", "euler", "float64", "queues", "fences", "spared"):
         assert word in said
-    if bench_report.can_plot():
+    if report.can_plot():
         from matplotlib.figure import Figure
 
-        drawn = [(bench_report.FRAME_PARTS[part], made[part]) for part in PARTS]
+        drawn = [(report.FRAME_PARTS[part], made[part]) for part in PARTS]
         for shown, one in (*drawn, (bench_executions, cloth["executions"])):
             axes = Figure().add_subplot()
             shown.plot(axes, one)
             assert axes.get_title() and axes.get_ylabel() and axes.get_legend() is not None
         axes = Figure().add_subplot()
-        bench_async.plot(axes, {"family": False, "why": "there is one queue", "size": [4, 4], "scenes": []})
+        async_compute.plot(axes, {"family": False, "why": "there is one queue", "size": [4, 4], "scenes": []})
         assert axes.texts[0].get_text() == "there is one queue"

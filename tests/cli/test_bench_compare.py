@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from chapters import bench, bench_compare, bench_compare_show
-from chapters.bench_figures import Figure, figures
 from common.paths import ROOT
+from tools.bench import bench, compare, compare_show
+from tools.bench.figures import Figure, figures
 
 DEVICE = {"name": "a card", "driver": "driver 1", "class": "discrete", "api_version": "1.3"}
 
@@ -63,7 +63,7 @@ def made(*points, **more):
 
 def verdicts(old, new, only=()):
     """Return {figure's name: verdict} of what changed."""
-    return {one.key[2]: one.verdict for one in bench_compare.compare(old, new, only).changes}
+    return {one.key[2]: one.verdict for one in compare.compare(old, new, only).changes}
 
 
 @pytest.fixture
@@ -151,10 +151,10 @@ def test_a_time_without_a_noise_has_to_move_furthest():
     ],
 )
 def test_no_number_is_worse_than_any(old, new, verdict):
-    assert bench_compare.judged(Figure("error", old), Figure("error", new)) == verdict
+    assert compare.judged(Figure("error", old), Figure("error", new)) == verdict
     if old:
         times = (Figure("time", old, 0.1), Figure("time", new, 0.1))
-        assert bench_compare.judged(*times) == verdict
+        assert compare.judged(*times) == verdict
 
 
 def test_errors_move_by_the_last_bit_of_a_format_and_one_code_of_one_pixel():
@@ -185,7 +185,7 @@ def test_errors_move_by_the_last_bit_of_a_format_and_one_code_of_one_pixel():
     ],
 )
 def test_another_device_or_driver_is_said_and_is_no_regression(change, word):
-    found = bench_compare.compare(made(), made(point(gpu=30.0), **change))
+    found = compare.compare(made(), made(point(gpu=30.0), **change))
     assert [one.verdict for one in found.changes] == ["worse"]
     assert found.regressions == []
     assert [one for one in found.apart if one.startswith(f"The {word} is another one")]
@@ -195,7 +195,7 @@ def test_another_device_or_driver_is_said_and_is_no_regression(change, word):
     "change", [{"size": [128, 72]}, {"scene": {"name": "atrium", "instances": 1, "triangles": 3}}]
 )
 def test_another_picture_is_not_compared_at_all(change):
-    found = bench_compare.compare(made(), made(point(gpu=30.0), **change))
+    found = compare.compare(made(), made(point(gpu=30.0), **change))
     assert (found.compared, found.changes) == (0, [])
     assert "nothing is compared" in found.apart[0]
 
@@ -207,7 +207,7 @@ def test_errors_against_another_reference_are_not_compared():
 
 
 def test_a_point_with_other_settings_is_another_point():
-    found = bench_compare.compare(made(), made(point(gpu=30.0, settings={"msaa": 8})))
+    found = compare.compare(made(), made(point(gpu=30.0, settings={"msaa": 8})))
     assert (found.compared, found.changes) == (0, [])
     assert "msaa" in found.apart[0]
 
@@ -219,7 +219,7 @@ def test_points_and_parts_that_one_record_lacks_are_listed():
     }
     old = made(point(), point("low"))
     new = made(point(work={"draws": 470, "samples": 1, "barriers": 3}), point("high"), threads=threads)
-    found = bench_compare.compare(old, new)
+    found = compare.compare(old, new)
     assert found.changes == []
     assert found.only_old == [("settings", "low", "")]
     assert found.only_new == [
@@ -239,12 +239,12 @@ def test_only_some_parts_can_be_compared():
 def test_a_later_record_in_front_and_a_busy_machine_are_said():
     worse = point(gpu=30.0, work={"draws": 471, "samples": 1})
     old, late = made(load_before=4.1), made(worse, date="2025-01-01T00:00:00+00:00")
-    found = bench_compare.compare(old, late)
+    found = compare.compare(old, late)
     said = " ".join(found.apart)
     assert "the wrong way round" in said and "busy before the first (load 4.1 on 2 processors)" in said
     assert {one.key[2] for one in found.changes} == {"gpu_ms", "draws"}
     assert [one.key[2] for one in found.regressions] == ["draws"]  # a count is the same on a busy machine
-    quiet = bench_compare.compare(made(load_before=3.9), made(worse))
+    quiet = compare.compare(made(load_before=3.9), made(worse))
     assert quiet.apart == [] and len(quiet.regressions) == 2
 
 
@@ -272,7 +272,7 @@ def test_every_part_of_every_record_is_compared(path):
     assert {part for part, _, _ in found} == {part for part in bench.PARTS if measured(record, part)}
     slow = json.loads(path.read_text("utf-8"), parse_float=float)
     slower(slow)
-    changes = bench_compare.compare(record, slow).changes
+    changes = compare.compare(record, slow).changes
     times = {key for key, one in found.items() if one.kind == "time" and one.value > 0}
     missed = {key for key in times - {one.key for one in changes} if found[key].noise is None}
     assert not missed
@@ -318,8 +318,8 @@ def test_a_regression_is_named_and_ends_with_1(strata, files):
     ],
 )
 def test_changes_of_any_size_are_short(old, new, change):
-    one = bench_compare.Change(("a", "b", "c"), Figure("time", old), Figure("time", new), "worse")
-    assert bench_compare_show._change(one) == change and bench_compare_show._grown(one) >= 0
+    one = compare.Change(("a", "b", "c"), Figure("time", old), Figure("time", new), "worse")
+    assert compare_show._change(one) == change and compare_show._grown(one) >= 0
 
 
 def test_a_part_that_did_not_move_is_not_blamed(strata, files):

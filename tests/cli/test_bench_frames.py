@@ -10,12 +10,16 @@ import pytest
 from rich.console import Console
 
 import chapters
-from chapters import bench, bench_gbuffer, bench_graph, bench_prepass, bench_report, scenes
-from chapters.bench_points import Effort, Subject, middle
+from chapters import scenes
 from chapters.ch04.settings import Settings
-from chapters.run import open_device
 from common.crowds import layers
 from common.errors import UserError
+from tools.bench import bench, report
+from tools.bench import prepass as bench_prepass
+from tools.bench.lessons import gbuffer
+from tools.bench.lessons import graph as bench_graph
+from tools.bench.points import Effort, Subject, middle
+from tools.run.run import open_device
 
 SMALL = Effort(1, 1, 1, 1, 1, everything=False)
 SIZE = (16, 8)
@@ -119,7 +123,7 @@ def test_without_a_counter_the_scene_says_how_often_is_shaded(subject, monkeypat
 
 @pytest.mark.feature("tools/bench")
 def test_every_format_has_its_bytes_and_errors_of_its_own(subject):
-    (made,) = strict(bench_gbuffer.measure(subject, SMALL, nothing, "cornell"))
+    (made,) = strict(gbuffer.measure(subject, SMALL, nothing, "cornell"))
     points = {point["format"]: point for point in made["points"]}
     # Base colour, normal, material, emission, depth.
     assert {name: point["bytes"] for name, point in points.items()} == {
@@ -132,7 +136,7 @@ def test_every_format_has_its_bytes_and_errors_of_its_own(subject):
         errors = {name: point["error"][truth]["relative_mse"] for name, point in points.items()}
         assert errors["full"] < 1e-6 < 10 * errors["compact"] < 1e-2
     for point in points.values():
-        assert point["gpu_ms"] > 0 and point["passes_ms"].keys() == set(bench_gbuffer.PASSES)
+        assert point["gpu_ms"] > 0 and point["passes_ms"].keys() == set(gbuffer.PASSES)
         assert 0 < point["gpu_ms"] < 1e5 and made["forward_ms"] > 0
 
 
@@ -144,7 +148,7 @@ def test_a_chapter_without_a_graph_has_none_of_these_parts(subject):
     older = Subject(3, "vulkan", subject.scene, SIZE, subject.device)
     assert bench_graph.measure(older, SMALL, nothing) is None
     assert bench_prepass.measure(older, SMALL, nothing) is None
-    assert bench_gbuffer.measure(older, SMALL, nothing, "cornell") == []
+    assert gbuffer.measure(older, SMALL, nothing, "cornell") == []
 
 
 # --- what is said -----------------------------------------------------------------------------------------------------
@@ -205,16 +209,16 @@ def test_tables_and_panels_show_every_part(graph, capsys):
     point = {"format": "tiny", "bytes": 12, **times, "error": {"full": error, "forward": error}}
     made = {"graph": graph, "prepass": prepass(*points), "gbuffer": [{"scene": "box", "points": [point]}]}
     for part in made:
-        bench_report.FRAME_PARTS[part].show(made[part], Console(width=100))
+        report.FRAME_PARTS[part].show(made[part], Console(width=100))
     said = capsys.readouterr().out
     for word in ("deferred with a lens", "vkQueueSubmit2", "camera moves", "4.00", "tiny", "0.0040"):
         assert word in said
-    if bench_report.can_plot():
+    if report.can_plot():
         from matplotlib.figure import Figure
 
         for part in made:
             axes = Figure().add_subplot()
-            bench_report.FRAME_PARTS[part].plot(axes, made[part])
+            report.FRAME_PARTS[part].plot(axes, made[part])
             assert axes.get_title() and axes.get_ylabel() and axes.get_legend() is not None
 
 

@@ -12,14 +12,15 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from chapters import bench, bench_pipelines, bench_report, bench_scale
-from chapters.bench_points import QUICK, Subject, difference
 from chapters.ch02.settings import SIDES, Settings
-from chapters.cli import invoke
-from chapters.run import open_device
 from common.crowds import crowd
 from common.errors import UnsupportedError, UserError
 from common.settings import Scale, Side
+from tools.bench import bench, pipelines, report
+from tools.bench import scale as bench_scale
+from tools.bench.points import QUICK, Subject, difference
+from tools.cli.commands import invoke
+from tools.run.run import open_device
 
 SMALL = replace(QUICK, warm_up=0, frames=1)
 
@@ -156,10 +157,10 @@ def test_a_difference_of_the_last_bit_is_seen():
 def test_a_start_times_the_drivers_calls_first_and_again(subject, tmp_path, monkeypatch):
     monkeypatch.setattr(Settings, "PIPELINES", staticmethod(lambda: crowd(1, 1)))
     picture = tmp_path / "picture.npy"
-    found = bench_pipelines.once(2, (8, 8), picture)
+    found = pipelines.once(2, (8, 8), picture)
     assert found["pipelines"] == 2  # one kind of material, and the mip levels of its picture
     assert min(found["first"], found["again"]) > 0
-    assert found["cache_bytes"] >= bench_pipelines.HEADER_BYTES
+    assert found["cache_bytes"] >= pipelines.HEADER_BYTES
     assert np.load(picture).shape == (8, 8, 3)
 
 
@@ -186,17 +187,17 @@ def test_states_are_processes_of_their_own_with_caches_of_their_own(monkeypatch)
                 {"first": first, "again": 2.0, "pipelines": 8, "cache_bytes": 999, "loaded_bytes": 999 * warm}
             )
 
-    monkeypatch.setattr(bench_pipelines.subprocess, "run", Run)
-    made = bench_pipelines.measure(2, (8, 8), QUICK, lambda what, part: None)
-    assert seen == ["cold"] + ["cold", "warm"] * bench_pipelines.LEAST_STARTS + ["cold", "warm"]
+    monkeypatch.setattr(pipelines.subprocess, "run", Run)
+    made = pipelines.measure(2, (8, 8), QUICK, lambda what, part: None)
+    assert seen == ["cold"] + ["cold", "warm"] * pipelines.LEAST_STARTS + ["cold", "warm"]
     assert {state: one["times_faster"] for state, one in made["states"].items()} == {
         "cold": 1.0,
         "memory": 10.0,
         "disk": 4.0,
     }
     assert made["error"] == {"max_abs": 0.0, "pixels_differ": 0}
-    assert "4.0 times faster than cold" in " ".join(bench_pipelines.sentences(made))
-    empty = " ".join(bench_pipelines.sentences({**made, "cache_bytes": 32}))
+    assert "4.0 times faster than cold" in " ".join(pipelines.sentences(made))
+    empty = " ".join(pipelines.sentences({**made, "cache_bytes": 32}))
     assert "keeps nothing in a pipeline cache" in empty and "times faster" not in empty
 
 
@@ -238,7 +239,7 @@ def test_one_part_alone_is_measured_written_shown_and_drawn(small, tmp_path, mon
         "--json",
         str(tmp_path / "a.json"),
     ]
-    words += ["--plot", str(tmp_path / "a.png")] if bench_report.can_plot() else []
+    words += ["--plot", str(tmp_path / "a.png")] if report.can_plot() else []
     assert invoke(words) == 0
     record = bench.read_record(tmp_path / "a.json")
     assert record["parts"] == ["scales"]
@@ -249,7 +250,7 @@ def test_one_part_alone_is_measured_written_shown_and_drawn(small, tmp_path, mon
     assert "Python ms a frame by number of draws" in shown
     assert "all pictures are the same to the bit" in " ".join(shown.split())
     assert "Not measured: chapter 1 at 200" in shown
-    if bench_report.can_plot():
+    if report.can_plot():
         assert (tmp_path / "a.png").stat().st_size > 1000
 
 

@@ -8,9 +8,9 @@ import pytest
 from rich.console import Console
 
 import chapters
-from chapters import bench_threads
-from chapters.bench_points import Effort, Subject
-from chapters.run import open_device
+from tools.bench import threads as bench_threads
+from tools.bench.points import Effort, Subject
+from tools.run.run import open_device
 
 SMALL = Effort(1, 1, 1, 1, 1, everything=False)
 

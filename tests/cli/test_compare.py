@@ -11,15 +11,17 @@ import numpy as np
 import pytest
 
 import chapters
-from chapters import compare_measure, compare_report, compare_sheet, scenes
-from chapters.bench_points import Point
-from chapters.compare import Request, load_scene
-from chapters.compare_measure import Measured
-from chapters.compare_sides import Drawn, Picture, read_side
+from chapters import scenes
 from common import metrics
 from common.errors import UserError
 from common.images import read_image, write_image
 from common.settings import preset
+from tools.bench.points import Point
+from tools.compare import measure, report
+from tools.compare import sheet as compare_sheet
+from tools.compare.compare import Request, load_scene
+from tools.compare.measure import Measured
+from tools.compare.sides import Drawn, Picture, read_side
 
 SIZE = (48, 32)
 SMALL = ("--scene", "cornell", "--size", "48x32")
@@ -44,7 +46,7 @@ pytestmark = pytest.mark.feature("tools/compare")
 def strata(strata, monkeypatch):
     """Run a command as everywhere, with few frames to time."""
     for name, count in (("ROUNDS", 2), ("FRAMES", 1), ("WARM_UP", 1)):
-        monkeypatch.setattr(compare_measure, name, count)
+        monkeypatch.setattr(measure, name, count)
     return strata
 
 
@@ -220,7 +222,7 @@ def test_chapters_plans_and_wishes_that_differ_are_said():
 
     a = measured(1, replace(kind(), msaa=8), {"anisotropy": "x", "msaa": "4 samples a pixel"})
     b = measured(2, Later(tone_curve="none"), {"anisotropy": "y", "bindless": "z"})
-    assert compare_report.differences(a, b) == (
+    assert report.differences(a, b) == (
         "The chapter differs: 1, 2; msaa: 8, 1; tone_curve: neutral, none; B alone has the settings bloom; "
         "anisotropy is x, y; msaa of A is 4 samples a pixel here."
     )
@@ -231,7 +233,7 @@ def test_times_stand_in_the_order_of_the_frame_and_without_timestamps_there_are_
         1, None, {}, passes_ms={"f": 1.0, "t": 2.0}, gpu_ms=3.0, noise_ms=0.1, cpu_ms=4.0, wall_ms=5.0
     )
     b = measured(1, None, {}, passes_ms={"s": 6.0, "f": 7.0, "r": 8.0, "t": 9.0})
-    rows = compare_report.times(a, b)
+    rows = report.times(a, b)
     assert [row[:3] for row in rows[:4]] == [
         ("s, GPU ms", None, 6.0),
         ("f, GPU ms", 1.0, 7.0),
@@ -242,7 +244,7 @@ def test_times_stand_in_the_order_of_the_frame_and_without_timestamps_there_are_
     c = measured(
         1, None, {}, passes_ms={}, gpu_ms=5.0, cpu_ms=4.0, wall_ms=5.0
     )  # gpu_ms is the wall clock here
-    assert compare_report.times(c, c)[0] == ("all passes, GPU ms", None, None, (None, None))
+    assert report.times(c, c)[0] == ("all passes, GPU ms", None, None, (None, None))
 
 
 def test_times_are_taken_in_turns():
@@ -259,7 +261,7 @@ def test_times_are_taken_in_turns():
             return {"wall": self.seconds * 1e3}
 
     fast, slow = Timed("A", 0.01), Timed("B", 0.2)
-    compare_measure._time([fast, slow], lambda what, part: None)
+    measure._time([fast, slow], lambda what, part: None)
     assert "".join(order) == "AAABBB" + "AAAABB" * 5  # the slow one is given fewer frames in each turn
     assert [len(one) for one in slow.point.rounds] == [2] * 5
 
@@ -442,9 +444,9 @@ def test_labels_fit_whatever_the_names_are(tmp_path):
 def test_one_bright_pixel_does_not_darken_the_map():
     values = np.full((100, 100), 0.1, np.float32)
     values[0, 0] = 0.9
-    assert compare_measure._limit("flip", values) == (0.1, True)
-    assert compare_measure._limit("flip", np.zeros((4, 4), np.float32)) == (0.01, False)
-    assert compare_measure._limit("difference", np.full((4, 4), np.nan, np.float32))[1] is False
+    assert measure._limit("flip", values) == (0.1, True)
+    assert measure._limit("flip", np.zeros((4, 4), np.float32)) == (0.01, False)
+    assert measure._limit("difference", np.full((4, 4), np.nan, np.float32))[1] is False
 
 
 def test_the_bar_of_a_sheet_shows_the_colours_of_the_map():

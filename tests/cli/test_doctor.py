@@ -19,10 +19,10 @@ from rich.console import Console
 import chapters
 from backends import selftest
 from backends.features import FEATURES
-from chapters import doctor
-from chapters.doctor_tables import show
 from common.lessons import Lesson, Needs
 from common.paths import ROOT
+from tools.doctor import doctor
+from tools.doctor.tables import show
 
 KEYS = {
     "works",

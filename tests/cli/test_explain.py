@@ -11,10 +11,11 @@ from pathlib import Path
 import pytest
 
 import chapters
-from chapters import explain, features, glossary, results, studies
-from chapters.glossary import normal
+from chapters import studies
 from common.paths import ROOT
 from common.settings import knob, knobs, preset
+from tools.ledger import explain, features, glossary, results
+from tools.ledger.glossary import normal
 
 
 def one_line(text: str) -> str:
@@ -171,7 +172,7 @@ def test_owners_in_words(owners: list[str], said: str) -> None:
 def test_environment_variables_are_those_that_the_program_reads(strata) -> None:
     """All of them, and no others; those of tests are the tests' own."""
     read = set()
-    for folder in ("common", "backends", "chapters", "bootstrap"):
+    for folder in ("common", "backends", "chapters", "tools", "bootstrap"):
         for path in (ROOT / folder).rglob("*.py"):
             read.update(re.findall(r"environ(?:\.get\(|\[)\"(STRATA_\w+)\"", path.read_text("utf-8")))
     assert read == {*explain.VARIABLES}

@@ -7,10 +7,10 @@ import json
 import pytest
 from rich.table import Table
 
-from chapters.console import out, say
 from common.images import read_image
 from tests.common.gltf.test_hidden_text import BAD, SEEN, named
 from tests.support.drivers import needs_layers
+from tools.cli.console import out, say
 
 
 @pytest.fixture(autouse=True)

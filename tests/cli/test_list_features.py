@@ -6,9 +6,9 @@ import json
 
 import pytest
 
-from chapters import features, list_features, results
-from chapters.features import Feature, MarkedTest, Row
-from chapters.results import Area, Run
+from tools.ledger import features, list_features, results
+from tools.ledger.features import Feature, MarkedTest, Row
+from tools.ledger.results import Area, Run
 
 OLD = Run("2026-01-02T03:04:05+00:00", "abc", {"vulkan": "a card", "gl": "a card by OpenGL"})
 NEW = Run("2026-02-02T03:04:05+00:00", "def", {"vulkan": "another card"})

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from chapters import notebooks
 from common.metrics import relative_mse
 from common.paths import ROOT
 from common.pose import evaluate_pose
+from tools.run import notebooks
 
 PATH = ROOT / "examples" / "notebook.ipynb"
 MOST_BYTES = 150_000
@@ -95,7 +95,7 @@ def run(*code: str) -> list[list[str]]:
 
 
 def test_what_is_printed_and_what_is_shown_stay_in_order():
-    table = "from chapters.shown import Table\nTable('t', ['<a>'], [['b']])"
+    table = "from tools.run.shown import Table\nTable('t', ['<a>'], [['b']])"
     shown = run("a = 1\nprint('one <', a)\nprint('two')\n2 * a", f"{table}\nprint(a)", table, "a = 2", "None")
     assert shown[0] == ["<pre>one &lt; 1\ntwo\n</pre>", "<pre>2</pre>"]
     assert shown[1] == ["<pre>1\n</pre>"]
@@ -104,13 +104,13 @@ def test_what_is_printed_and_what_is_shown_stay_in_order():
 
 
 def test_pictures_between_lines_are_between_them():
-    picture = "from chapters.shown import Picture\nimport numpy as np\nPicture(np.zeros((2, 2, 3), np.uint8)).show()"
+    picture = "from tools.run.shown import Picture\nimport numpy as np\nPicture(np.zeros((2, 2, 3), np.uint8)).show()"
     (shown,) = run(f"print(1)\n{picture}\nprint(2)\nprint(3)")
     assert [shown[0], shown[2]] == ["<pre>1\n</pre>", "<pre>2\n3\n</pre>"] and shown[1].startswith("<figure")
 
 
 def test_a_cell_that_fails_stops_it_and_pictures_go_where_they_went_before(monkeypatch):
-    from chapters import shown
+    from tools.run import shown
 
     with pytest.raises(ZeroDivisionError):
         run("1 / 0", "pytest.fail('it went on')")

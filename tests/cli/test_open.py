@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 import chapters
-from chapters import scenes, shown
+from chapters import scenes
 from common.errors import UserError
 from common.images import read_image
 from common.paths import ROOT
 from tests.support.scenes import facing, quad_scene
+from tools.run import shown
 
 
 @pytest.mark.parametrize("backend", ["vulkan", "gl"])

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from backends.contract import Capabilities
-from chapters import quality
-from chapters import run as running
-from chapters.quality import (
+from tools.run import quality
+from tools.run import run as running
+from tools.run.quality import (
     CANDIDATES,
     GOAL_MS,
     MOST_PIXELS,

@@ -16,13 +16,13 @@ import numpy as np
 import pytest
 
 from backends.gl import api as gl
-from chapters.run import Request, expose
 from common.environment import constant
 from common.images import read_image, read_layers
 from common.paths import ROOT
 from tests.common.gltf.builder import TRIANGLE, Gltf, triangle
 from tests.support import children
 from tests.support.drivers import needs_layers
+from tools.run.run import Request, expose
 
 KEYS = {
     *("strata", "chapter", "title", "backend", "device", "system", "plan", "scene", "size", "quality"),
@@ -405,7 +405,7 @@ def test_a_chapter_that_fails_leaves_the_old_picture(strata, tmp_path, box, monk
     assert code == 1
     assert "a slip of the pen" in err
     assert 'test_run.py", line' in err  # the reader's own line, and none of the foundation's
-    assert "chapters/run.py" not in err
+    assert "tools/run/run.py" not in err
     assert (tmp_path / "a.png").read_bytes() == b"the picture from before"
 
 

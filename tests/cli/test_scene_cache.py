@@ -12,9 +12,9 @@ from PIL import Image
 
 from chapters.ch03.logic import sections
 from chapters.ch03.logic.scene_cache import open_scene
-from chapters.opening import Opening
 from common.images import read_image
 from tests.common.gltf.builder import TRIANGLE, Gltf, triangle
+from tools.run.opening import Opening
 
 
 @pytest.fixture

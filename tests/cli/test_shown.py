@@ -18,14 +18,15 @@ import pytest
 from PIL import Image
 
 import chapters
-from chapters import compare_sheet, shown
 from chapters.ch01.settings import Settings
-from chapters.shown import Figures, Picture, Table, compared, figures
 from common.errors import StaleFrameError, UserError
 from common.images import read_image
 from common.scene import Light, Material
 from tests.support import notebooks
 from tests.support.scenes import facing, quad_scene
+from tools.compare import sheet
+from tools.run import shown
+from tools.run.shown import Figures, Picture, Table, compared, figures
 
 SIZE = (12, 8)
 EVERYTHING = ("color", "color_linear", "depth", "instance_id")
@@ -328,7 +329,7 @@ def test_figures_need_titles(given):
 
 def panel(picture: Picture, index: int) -> np.ndarray:
     """Return picture `index` of a sheet of pictures of `SIZE`."""
-    times, (x, y) = compare_sheet.magnification(SIZE), compare_sheet.origin(index, SIZE)
+    times, (x, y) = sheet.magnification(SIZE), sheet.origin(index, SIZE)
     return picture.pixels[y : y + SIZE[1] * times : times, x : x + SIZE[0] * times : times]
 
 

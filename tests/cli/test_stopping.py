@@ -10,16 +10,16 @@ import time
 
 import pytest
 
-from chapters import run as running
 from chapters.__main__ import run
 from common.paths import ROOT
+from tools.run import run as running
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals are sent as on POSIX")
 
 BUSY = """
 import hashlib, os
 from pathlib import Path
-from chapters.stopping import prompt_stop
+from tools.cli.stopping import prompt_stop
 from common.paths import temporary_folder, write_whole
 
 with prompt_stop(), temporary_folder() as folder:

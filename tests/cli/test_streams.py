@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from chapters.console import shown
 from common.paths import ROOT
+from tools.cli.console import shown
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="redirections are those of a POSIX shell")
 

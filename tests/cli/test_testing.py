@@ -7,8 +7,6 @@ from dataclasses import replace
 
 import pytest
 
-from chapters import results
-from chapters.testing import areas, pytest_arguments
 from common.errors import UserError
 from common.paths import ROOT
 from tests.support import oracles, report
@@ -21,6 +19,8 @@ from tests.support.report import (
     over_budget,
     summary,
 )
+from tools.ledger import results
+from tools.ledger.testing import areas, pytest_arguments
 
 CHAPTER = ["tests/ch01", "tests/stability/test_ch01.py", "--chapter=1"]
 

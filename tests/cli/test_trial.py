@@ -15,8 +15,8 @@ import chapters
 from backends import choice, selftest, verdicts
 from backends.choice import Choice
 from backends.verdicts import UNCHECKED, Identity
-from chapters import trial
 from common.errors import UnsupportedError
+from tools.doctor import trial
 
 VULKAN, GL = Identity("a card", "driver 1", "00"), Identity("llvmpipe", "Mesa 1", "OpenGL")
 
@@ -184,7 +184,7 @@ def test_a_chapter_that_draws_something_else_fails(
     shader.write_text(text.replace(before, after, 1))
     child = selftest.child_environment()
     done = subprocess.run(
-        [sys.executable, "-P", "-m", "chapters.trial", "vulkan", "0", "chapter-1/frame"],
+        [sys.executable, "-P", "-m", "tools.doctor.trial", "vulkan", "0", "chapter-1/frame"],
         env={**child, "PYTHONPATH": os.pathsep.join([str(tmp_path), child["PYTHONPATH"]])},
         cwd=tmp_path,
         capture_output=True,

@@ -8,11 +8,11 @@ import sys
 
 import pytest
 
-from chapters.exercises import answers, command, find, of_chapter
-from chapters.exercises.patches import difference, files_of, states
 from chapters.folders import Folder
-from chapters.forks import is_fork, own_files, read_fork
-from chapters.trees import digest, read_tree
+from tools.exercises import answers, command, find, of_chapter
+from tools.exercises.patches import difference, files_of, states
+from tools.snapshots.forks import is_fork, own_files, read_fork
+from tools.snapshots.trees import digest, read_tree
 
 pytestmark = pytest.mark.feature("tools/exercises")
 

@@ -9,11 +9,11 @@ from functools import cache
 import pytest
 
 import chapters
-from chapters.exercises import FOLDER, KINDS, answers, checking, of_chapter
-from chapters.exercises.patches import OutOfDate, apply, difference, files_of, states
 from chapters.folders import Folder
-from chapters.trees import write_files
 from common.errors import UnsupportedError
+from tools.exercises import FOLDER, KINDS, answers, checking, of_chapter
+from tools.exercises.patches import OutOfDate, apply, difference, files_of, states
+from tools.snapshots.trees import write_files
 
 ALL = [one for number in chapters.available() for one in of_chapter(number)]
 CODE = [one for one in ALL if one.kind != "predict"]

@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import pytest
 
-from chapters.exercises import checking, find
-from chapters.exercises.patches import states
 from chapters.folders import Folder
-from chapters.trees import write_files
 from common.errors import UnsupportedError
+from tools.exercises import checking, find
+from tools.exercises.patches import states
+from tools.snapshots.trees import write_files
 
 pytestmark = pytest.mark.feature("tools/exercises")
 

@@ -6,10 +6,10 @@ import json
 
 import pytest
 
-from chapters.diff import difference
-from chapters.forks import BASE, base_files, is_fork, make_fork, own_files, read_fork
-from chapters.trees import read_tree
 from common.errors import UserError
+from tools.diff.diff import difference
+from tools.snapshots.forks import BASE, base_files, is_fork, make_fork, own_files, read_fork
+from tools.snapshots.trees import read_tree
 
 pytestmark = pytest.mark.feature("tools/fork")
 

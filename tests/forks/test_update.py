@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from chapters import trees
-from chapters.fork_update import update
-from chapters.forks import make_fork, own_files, read_fork
-from chapters.trees import read_tree
 from common.errors import UserError
 from tests.support.clones import PASS, Clone
+from tools.snapshots import trees
+from tools.snapshots.fork_update import update
+from tools.snapshots.forks import make_fork, own_files, read_fork
+from tools.snapshots.trees import read_tree
 
 pytestmark = pytest.mark.feature("tools/fork")
 FORWARD = "passes/forward.py"

@@ -18,10 +18,10 @@ from bootstrap import bundle as reading
 from bootstrap import offline
 from bootstrap.bundle import CLONE, HISTORY, MANIFEST, Entry, open_bundle
 from bootstrap.environment import Environment, SetupError, Supply
-from chapters import bundle
-from chapters.bundle_wheels import Fetched
 from common.errors import UserError
 from tests.launcher.clone import Clone, make_clone, make_environment
+from tools.bundle import bundle
+from tools.bundle.wheels import Fetched
 
 PYTHON = "{}.{}".format(*sys.version_info[:2])
 NOWHERE = "http://127.0.0.1:9"
@@ -514,7 +514,7 @@ def test_a_disk_that_gets_full_leaves_nothing_half(
 def test_no_bundle_is_written_that_could_not_be_set_up_from(
     packed: Packed, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(bundle.bundle_wheels, "fetch", lambda *_: Fetched((), ("Tiny",)))
+    monkeypatch.setattr(bundle.wheels, "fetch", lambda *_: Fetched((), ("Tiny",)))
     with pytest.raises(UserError, match=r"Python 3\.99 there are no wheels of Tiny, without which Strata"):
         bundle.run(tmp_path / "b.zip", pythons=["3.99"], root=packed.clone.root)
     assert list(tmp_path.iterdir()) == []

@@ -10,11 +10,11 @@ import pytest
 
 from bootstrap import packages
 from bootstrap.bundle import SYSTEMS, this_system
-from chapters import bundle_wheels
-from chapters.bundle_wheels import fetch, needed, tags
 from common.errors import UserError
 from common.paths import ROOT
 from tests.launcher.clone import make_wheel
+from tools.bundle import wheels
+from tools.bundle.wheels import fetch, needed, tags
 
 LOCK = (ROOT / packages.LOCK).read_text("utf-8")
 
@@ -46,7 +46,7 @@ def test_requirements_keep_their_hashes_and_lose_their_markers() -> None:
 
 def test_tags_name_the_system(monkeypatch: pytest.MonkeyPatch) -> None:
     assert tags(this_system())
-    monkeypatch.setattr(bundle_wheels, "this_system", lambda: "none of them")
+    monkeypatch.setattr(wheels, "this_system", lambda: "none of them")
     assert tags("windows") == ["win_amd64"]
     assert tags("macos-arm64") == ["macosx_14_0_arm64"]
     assert {"manylinux_2_28_x86_64", "manylinux_2_35_x86_64", "manylinux2014_x86_64"} <= set(tags("linux"))

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 import chapters
-from chapters.live import Live
-from chapters.window_open import Opened
 from common.errors import StaleFrameError
 from common.scene import Scene
 from tests.live.test_reload import ticking
 from tests.support.scenes import facing, quad_scene
+from tools.run.live import Live
+from tools.window.opening import Opened
 
 STUDIES = {
     # name: (file, a piece of it, what it becomes, what cannot be compiled)

@@ -12,11 +12,7 @@ import pytest
 
 import chapters
 from backends.vulkan.instance import VALIDATION_LAYER, Instance
-from chapters import watch as watching
-from chapters import window as windows
 from chapters.__main__ import run as strata
-from chapters.panel import PanelState, open_panel
-from chapters.window import run_window
 from common.errors import UnsupportedError, UserError
 from common.images import read_image
 from common.scene import Light, Material
@@ -26,6 +22,10 @@ from tests.support.drivers import checked
 from tests.support.panel import SIZE, PanelUser
 from tests.support.scenes import quad_scene
 from tests.support.timing import PATIENCE_S, once_more
+from tools.panel.panel import PanelState, open_panel
+from tools.run import watch as watching
+from tools.window import window as windows
+from tools.window.window import run_window
 
 BACKENDS = ("vulkan", "gl")
 

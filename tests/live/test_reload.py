@@ -20,8 +20,6 @@ from chapters.ch01 import renderer as on_vulkan
 from chapters.ch01.gl import renderer as on_gl
 from chapters.ch01.logic import stream
 from chapters.ch01.logic.environment import files_at_start
-from chapters.live import Live
-from chapters.window_open import Opened
 from common import shader_files
 from common.errors import ShaderError
 from common.scene import Image, Light, Material
@@ -30,6 +28,8 @@ from tests.support.chapter import Chapter
 from tests.support.drivers import needs_line_marks
 from tests.support.scenes import facing, quad_scene, texture
 from tests.support.timing import least_time, once_more, timed
+from tools.run.live import Live
+from tools.window.opening import Opened
 
 SUN = Light("directional", node=0, intensity=np.pi)
 SIZE = (32, 32)

@@ -6,9 +6,9 @@ import os
 
 import pytest
 
-from chapters.live import RETURNS_S, SETTLED_S, Watcher
 from common import shader_files
 from common.shader_files import load, pinned, refreshed
+from tools.run.live import RETURNS_S, SETTLED_S, Watcher
 
 
 class Clock:

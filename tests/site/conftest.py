@@ -9,14 +9,14 @@ from pathlib import Path
 
 import pytest
 
-from chapters import site, site_code, site_serve
 from tests.support import browser as browsers
+from tools.site import code, serve, site
 
 
 @pytest.fixture
 def plain(monkeypatch: pytest.MonkeyPatch) -> None:
     """Code without its colours, which take a chapter's page from a tenth of a second to two."""
-    monkeypatch.setattr(site_code, "highlighted", lambda source: [escape(line) for line in source.lines])
+    monkeypatch.setattr(code, "highlighted", lambda source: [escape(line) for line in source.lines])
 
 
 @pytest.fixture(scope="session")
@@ -24,14 +24,14 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> site.Built:
     """The site of one chapter; without colours it is built in a second, and all links are there."""
     pytest.importorskip("material", reason="mkdocs-material is not installed")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(site_code, "highlighted", lambda source: [escape(line) for line in source.lines])
+        patch.setattr(code, "highlighted", lambda source: [escape(line) for line in source.lines])
         return site.build(tmp_path_factory.mktemp("site") / "built", [1], drawing=False)
 
 
 @pytest.fixture(scope="session")
 def address(built: site.Built) -> Iterator[str]:
     """Where the built site is served, "http://127.0.0.1:port"."""
-    with site_serve.server(built.folder, 0) as serving:
+    with serve.server(built.folder, 0) as serving:
         thread = threading.Thread(target=serving.serve_forever, args=(0.01,), daemon=True)
         thread.start()
         yield f"http://127.0.0.1:{serving.server_address[1]}"

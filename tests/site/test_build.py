@@ -13,22 +13,15 @@ import numpy as np
 import pytest
 
 import chapters
-from chapters import (
-    bench,
-    notebooks,
-    site,
-    site_chapter,
-    site_draft,
-    site_notebook,
-    site_pairs,
-    site_serve,
-    site_tables,
-)
-from chapters.diff_style import DARK, LIGHT
-from chapters.shown import Picture
-from chapters.site_draft import TEXTS, Draft
 from common.errors import UserError
 from common.paths import ROOT
+from tools.bench import bench
+from tools.diff.style import DARK, LIGHT
+from tools.run import notebooks
+from tools.run.shown import Picture
+from tools.site import chapter, notebook, pairs, serve, site, tables
+from tools.site import draft as site_draft
+from tools.site.draft import TEXTS, Draft
 
 VOID = {
     *("img", "input", "br", "link", "meta", "hr", "wbr"),
@@ -96,8 +89,8 @@ def test_a_chapter_s_page_has_all_its_parts(built) -> None:
         "what-a-frame-does",
     ):
         assert f'id="{part}"' in text
-    assert text.count('<figure class="overlay"') == len(site_pairs.pairs_of(1))
-    records = site_chapter.records_of(1)
+    assert text.count('<figure class="overlay"') == len(pairs.pairs_of(1))
+    records = chapter.records_of(1)
     assert text.count('<figure class="plot"') == len(records) >= 2
     points = sum(len(made["points"]) for made in records.values())
     assert text.count('<g class="point ') == points
@@ -108,25 +101,25 @@ def test_a_chapter_s_page_has_all_its_parts(built) -> None:
 @pytest.mark.feature("tools/site")
 def test_the_figures_of_a_pair_are_those_of_its_record(built) -> None:
     text = pages(built)["chapters/ch01.html"]
-    for pair in site_pairs.pairs_of(1):
-        record = site_pairs.read()[pair.name]
+    for pair in pairs.pairs_of(1):
+        record = pairs.read()[pair.name]
         figure = next(part for part in text.split("</figure>") if f"pairs/{pair.name}.png" in part)
         assert f'data-changed="{record["error"]["pixels_changed"]}"' in figure and record["verdict"] in figure
-        for file in site_pairs.files_of(pair):
+        for file in pairs.files_of(pair):
             assert (built.folder / "pictures" / "pairs" / file.name).read_bytes() == file.read_bytes()
 
 
 @pytest.mark.feature("tools/site")
 def test_a_chapter_that_changes_something_has_its_difference() -> None:
     draft = Draft((1, 2))
-    shown = site_chapter._changes(draft, 2, "chapters/ch02.md", drawing=False)
+    shown = chapter._changes(draft, 2, "chapters/ch02.md", drawing=False)
     assert "line by line](ch02-diff.html)" in shown and draft.lacks == []
     assert b"From chapter 1 to chapter 2" in draft.files["chapters/ch02-diff.html"]
 
 
 def test_what_is_made_once_is_kept_until_a_file_changes(tmp_path, monkeypatch) -> None:
     monkeypatch.setenv("STRATA_CACHE", str(tmp_path))
-    monkeypatch.setattr(site_chapter, "ROOT", tmp_path)
+    monkeypatch.setattr(chapter, "ROOT", tmp_path)
     made = []
 
     def make() -> tuple[bytes, bool]:
@@ -135,26 +128,24 @@ def test_what_is_made_once_is_kept_until_a_file_changes(tmp_path, monkeypatch) -
 
     source = tmp_path / "a.py"
     source.write_bytes(b"x = 1")
-    assert [site_chapter._kept("x", [source], make) for _ in range(3)] == [b"1", b"2", b"2"]
+    assert [chapter._kept("x", [source], make) for _ in range(3)] == [b"1", b"2", b"2"]
     source.write_bytes(b"x = 2")
-    assert site_chapter._kept("x", [source], make) == b"3"
+    assert chapter._kept("x", [source], make) == b"3"
 
 
 def test_a_chapter_that_fails_to_draw_leaves_the_rest_of_its_page(plain, monkeypatch) -> None:
     def broken(*_: object) -> None:
         raise RuntimeError("the device is lost")
 
-    monkeypatch.setattr(site_chapter.graph, "compiled", broken)
-    monkeypatch.setattr(site_chapter, "cache_dir", lambda name: None)
-    monkeypatch.setattr(site_chapter, "_changes", lambda *_: "changes")
-    with_graph = [
-        n for n in chapters.available() if (chapters.folder_of(n) / site_chapter.graph.REPORT).is_file()
-    ]
+    monkeypatch.setattr(chapter.graph, "compiled", broken)
+    monkeypatch.setattr(chapter, "cache_dir", lambda name: None)
+    monkeypatch.setattr(chapter, "_changes", lambda *_: "changes")
+    with_graph = [n for n in chapters.available() if (chapters.folder_of(n) / chapter.graph.REPORT).is_file()]
     if not with_graph:
         pytest.skip("no chapter has a graph")
     number = with_graph[0]
     draft = Draft((number,))
-    site_chapter.add(draft, number)
+    chapter.add(draft, number)
     page = f"chapters/{chapters.folder_name(number)}.md"
     assert draft.lacks == [f"{page}: the frame graph, since the device is lost."]
     assert "What a frame does" in draft.pages[page] and "Not here: the frame graph" in draft.pages[page]
@@ -162,10 +153,10 @@ def test_a_chapter_that_fails_to_draw_leaves_the_rest_of_its_page(plain, monkeyp
 
 def test_a_chapter_without_records_says_which_command_makes_them(plain, tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(bench, "FOLDER", tmp_path)
-    monkeypatch.setattr(site_pairs, "RECORD", tmp_path / "pairs.json")
+    monkeypatch.setattr(pairs, "RECORD", tmp_path / "pairs.json")
     (tmp_path / "ch01-odd.json").write_text(json.dumps({"format": 1}), "utf-8")
     draft = Draft((1,))
-    site_chapter.add(draft, 1, drawing=False)
+    chapter.add(draft, 1, drawing=False)
     said = " ".join(draft.lacks)
     assert "./strata bench 1 --record" in said and "docs/pictures.py pairs/" in said
 
@@ -174,7 +165,7 @@ def test_a_page_without_its_text_is_named_and_the_others_are_there(plain, tmp_pa
     monkeypatch.setattr(site, "OWN", tmp_path)
     monkeypatch.setitem(TEXTS, "CHANGELOG.md", "changelog.md")
     monkeypatch.setattr(site_draft, "ROOT", tmp_path)
-    monkeypatch.setattr(site_chapter, "add", lambda *_: None)
+    monkeypatch.setattr(chapter, "add", lambda *_: None)
     draft = site.draft_of([1], drawing=False)
     assert {*site.PAGES, "changelog.md"} <= {*draft.pages}
     assert "speed.md: its text: docs/site/speed.md is missing." in draft.lacks
@@ -292,8 +283,8 @@ def test_without_mkdocs_the_pages_are_left_as_markdown(out, monkeypatch) -> None
 
 
 def test_a_port_in_use_is_one_sentence(tmp_path) -> None:
-    with site_serve.server(tmp_path, 0) as first, pytest.raises(UserError, match="--port"):
-        site_serve.server(tmp_path, first.server_address[1])
+    with serve.server(tmp_path, 0) as first, pytest.raises(UserError, match="--port"):
+        serve.server(tmp_path, first.server_address[1])
 
 
 def test_the_command_refuses_before_it_builds(strata, tmp_path) -> None:
@@ -369,7 +360,7 @@ def test_what_cells_show_is_below_them_and_their_pictures_are_files(monkeypatch)
 
     monkeypatch.setattr(notebooks, "run", ran)
     draft = Draft((1,))
-    site_notebook.add(draft)
+    notebook.add(draft)
     (shown,) = re.findall('<div class="shown" .*', draft.pages["notebook.md"])
     assert '"><pre>a&#10;&#10;b&#10;</pre><figure' in shown and shown.endswith("</div>")
     assert re.findall('src="([^"]+)"', shown) == ["notebook/1.png", "notebook/2.png"]
@@ -377,33 +368,33 @@ def test_what_cells_show_is_below_them_and_their_pictures_are_files(monkeypatch)
 
 
 def test_a_notebook_without_text_has_a_heading(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(site_notebook, "ROOT", tmp_path)
-    (tmp_path / site_notebook.PATH).parent.mkdir()
-    (tmp_path / site_notebook.PATH).write_text('{"cells": []}', "utf-8")
+    monkeypatch.setattr(notebook, "ROOT", tmp_path)
+    (tmp_path / notebook.PATH).parent.mkdir()
+    (tmp_path / notebook.PATH).write_text('{"cells": []}', "utf-8")
     draft = Draft((1,))
-    site_notebook.add(draft)
-    assert draft.pages[site_notebook.PAGE].startswith("# In a notebook")
+    notebook.add(draft)
+    assert draft.pages[notebook.PAGE].startswith("# In a notebook")
 
 
 @pytest.mark.parametrize(
     "text", [None, "{x", "{}", "[" * 100_000, '{"cells": [{"cell_type": "code"}]}', "[]"]
 )
 def test_a_notebook_that_is_none_costs_its_page_alone(tmp_path, monkeypatch, text) -> None:
-    monkeypatch.setattr(site_notebook, "ROOT", tmp_path)
+    monkeypatch.setattr(notebook, "ROOT", tmp_path)
     if text is not None:
-        (tmp_path / site_notebook.PATH).parent.mkdir()
-        (tmp_path / site_notebook.PATH).write_text(text, "utf-8")
+        (tmp_path / notebook.PATH).parent.mkdir()
+        (tmp_path / notebook.PATH).write_text(text, "utf-8")
     draft = Draft((1,))
-    site_notebook.add(draft)
+    notebook.add(draft)
     assert len(draft.lacks) == 1 and "the notebook, since" in draft.lacks[0]
-    assert draft.pages[site_notebook.PAGE].startswith("# In a notebook") and not draft.files
+    assert draft.pages[notebook.PAGE].startswith("# In a notebook") and not draft.files
 
 
 def test_records_of_pairs_that_are_none_are_none(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(site_pairs, "RECORD", tmp_path / "pairs.json")
+    monkeypatch.setattr(pairs, "RECORD", tmp_path / "pairs.json")
     for text in ("[]", '{"pairs": []}', "[" * 100_000, "{", '{"a": 1}'):
-        site_pairs.RECORD.write_text(text, "utf-8")
-        assert site_pairs.read() == {}
+        pairs.RECORD.write_text(text, "utf-8")
+        assert pairs.read() == {}
 
 
 def test_what_a_record_says_is_text_and_no_html(tmp_path, monkeypatch) -> None:
@@ -420,11 +411,11 @@ def test_what_a_record_says_is_text_and_no_html(tmp_path, monkeypatch) -> None:
     draft = Draft((1,))
     monkeypatch.setattr(draft, "file", lambda path, page: path)
     for text in (
-        site_tables.speed_table(draft, "speed.md"),
-        site_tables.starts_table(draft, "speed.md"),
-        site_tables.stability_table(draft, "accuracy.md"),
-        site_chapter._plots(draft, 1, "chapters/ch01.md"),
-        site_chapter._work(draft, 1, "chapters/ch01.md"),
+        tables.speed_table(draft, "speed.md"),
+        tables.starts_table(draft, "speed.md"),
+        tables.stability_table(draft, "accuracy.md"),
+        chapter._plots(draft, 1, "chapters/ch01.md"),
+        chapter._work(draft, 1, "chapters/ch01.md"),
     ):
         assert "&lt;script&gt;" in text and "<script" not in text
         rows = [line for line in text.splitlines() if line.startswith("|")]
@@ -437,7 +428,7 @@ def test_a_notebook_that_fails_costs_what_it_shows(monkeypatch) -> None:
 
     monkeypatch.setattr(notebooks, "run", fails)
     draft = Draft((1,))
-    site_notebook.add(draft)
+    notebook.add(draft)
     assert draft.lacks == ["notebook.md: what its cells show, since No device can draw here."]
     assert (
         "chapters.open(1" in draft.pages["notebook.md"] and 'class="shown"' not in draft.pages["notebook.md"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from chapters.site_check import faults
+from tools.site.check import faults
 
 GOOD = '<html lang="en"><body><h1 id="top">a</h1><a href="b/c.html#here">c</a>'
 GOOD += '<img src="p.png" alt="a picture"></body></html>'

@@ -6,9 +6,9 @@ import json
 
 import pytest
 
-from chapters import site_code
 from common.paths import ROOT
 from tests.support import contrast
+from tools.site import code
 
 LONG = pytest.mark.long
 PAGES = {
@@ -59,7 +59,7 @@ def test_the_parts_of_a_chapter_s_page_are_all_looked_at(browser, address, dark)
 @pytest.mark.parametrize("path", ["chapters/ch01/settings.py", "chapters/ch01/shaders/tonemap.frag"])
 def test_code_has_contrast_in_its_colours(browser, tmp_path, path, dark) -> None:
     """Of pages that show a file, which have no theme; those of differences have the same colours."""
-    (tmp_path / "code.html").write_text(site_code.page(path, (ROOT / path).read_bytes()), "utf-8")
+    (tmp_path / "code.html").write_text(code.page(path, (ROOT / path).read_bytes()), "utf-8")
     opened = browser.open((tmp_path / "code.html").as_uri(), dark=dark)
     colours = opened.value(
         "new Set([...document.querySelectorAll('.code span')].map((one) => getComputedStyle(one).color)).size"

@@ -8,12 +8,13 @@ import pytest
 
 import chapters
 from bootstrap.plan import decide
-from chapters import site_pairs, site_tables
-from chapters.results import Area, Run
-from chapters.site_draft import Draft
-from chapters.site_overlay import overlays
 from common.errors import UserError
 from common.paths import ROOT
+from tools.ledger.results import Area, Run
+from tools.site import pairs as site_pairs
+from tools.site import tables
+from tools.site.draft import Draft
+from tools.site.overlay import overlays
 
 
 @pytest.mark.parametrize(
@@ -84,15 +85,15 @@ def test_what_fails_costs_a_sentence_and_not_the_site() -> None:
 
 
 def test_pieces_are_put_where_a_page_asks_for_them(monkeypatch) -> None:
-    monkeypatch.setitem(site_tables.PIECES, "long", lambda draft, page: f"table of {page}")
+    monkeypatch.setitem(tables.PIECES, "long", lambda draft, page: f"table of {page}")
     text = "one\n\n<!-- strata: long -->\n\ntwo"
-    assert site_tables.filled(Draft(), text, "a.md") == "one\n\ntable of a.md\n\ntwo"
+    assert tables.filled(Draft(), text, "a.md") == "one\n\ntable of a.md\n\ntwo"
 
 
 def test_a_piece_that_nobody_makes_is_named_with_those_there_are() -> None:
     draft = Draft()
-    site_tables.filled(draft, "<!-- strata: sped -->", "a.md")
-    assert draft.lacks == [f"a.md: what it calls sped: there are {', '.join(site_tables.PIECES)}."]
+    tables.filled(draft, "<!-- strata: sped -->", "a.md")
+    assert draft.lacks == [f"a.md: what it calls sped: there are {', '.join(tables.PIECES)}."]
 
 
 def test_a_record_that_lacks_a_number_costs_its_place_alone(monkeypatch) -> None:
@@ -116,20 +117,20 @@ def test_a_chapter_that_cannot_be_imported_costs_its_row_alone(monkeypatch) -> N
         return lesson(which)
 
     monkeypatch.setattr(chapters, "lesson", broken)
-    monkeypatch.setattr(site_tables.results, "read", dict)
+    monkeypatch.setattr(tables.results, "read", dict)
     draft = Draft()
-    rows = site_tables.chapters_table(draft, "index.md").splitlines()
+    rows = tables.chapters_table(draft, "index.md").splitlines()
     assert draft.lacks[0] == "index.md: what chapter 1 says of itself, since invalid syntax."
     assert any(lesson(2).title in row for row in rows)
 
 
 def test_without_records_each_table_says_which_command_makes_them(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(site_tables.results, "read", dict)
-    monkeypatch.setattr(site_tables, "LONG", tmp_path / "long.json")
-    monkeypatch.setattr(site_tables.site_pairs, "RECORD", tmp_path / "pairs.json")
-    monkeypatch.setattr(site_tables, "records_of", lambda number: {})
+    monkeypatch.setattr(tables.results, "read", dict)
+    monkeypatch.setattr(tables, "LONG", tmp_path / "long.json")
+    monkeypatch.setattr(tables.site_pairs, "RECORD", tmp_path / "pairs.json")
+    monkeypatch.setattr(tables, "records_of", lambda number: {})
     draft = Draft((1,))
-    for name, make in site_tables.PIECES.items():
+    for name, make in tables.PIECES.items():
         assert make(draft, f"{name}.md") is not None
     said = "\n".join(draft.lacks)
     for command in (
@@ -145,18 +146,18 @@ def test_the_table_of_chapters_counts_what_was_recorded(monkeypatch) -> None:
     held = {"a/b": {"vulkan": {"passed": 3}}, "c/d": {"vulkan": {"skipped": 1}, "cpu": {"failed": 1}}}
     run = Run("2026-01-02T03:04:05", "abc", {"vulkan": "a card", "cpu": "Python"})
     made = {"ch01": Area(run, {"vulkan": {"passed": 7, "skipped": 2}, "cpu": {"failed": 1}}, held)}
-    monkeypatch.setattr(site_tables.results, "read", lambda: made)
-    text = site_tables.chapters_table(Draft((1,)), "index.md")
+    monkeypatch.setattr(tables.results, "read", lambda: made)
+    text = tables.chapters_table(Draft((1,)), "index.md")
     row = next(line for line in text.splitlines() if line.startswith("| 1 |"))
     cells = "7 passed, 2 skipped<br><small>1 features</small> | not run | not run | 1 failed |"
     assert row.endswith(cells)
     assert "Tests as they went on 2026-01-02, commit abc, on a card; Python." in text
 
 
-@pytest.mark.parametrize("name", site_tables.SYSTEMS)
+@pytest.mark.parametrize("name", tables.SYSTEMS)
 def test_the_setup_page_shows_what_the_launcher_would(name: str) -> None:
-    page = site_tables.setup_commands(Draft(), "setup.md")
-    commands = list(decide(site_tables.SYSTEMS[name], install=False).commands())
+    page = tables.setup_commands(Draft(), "setup.md")
+    commands = list(decide(tables.SYSTEMS[name], install=False).commands())
     part = page.split(f"### {name}\n", 1)[1].split("\n### ", 1)[0]
     assert commands and all(command in part for command in commands)
 

@@ -7,11 +7,12 @@ import re
 import pytest
 
 import chapters
-from chapters import glossary, site_glossary
-from chapters.glossary import Entry
-from chapters.site_draft import Draft
 from common.errors import UserError
 from common.paths import ROOT
+from tools.ledger import glossary
+from tools.ledger.glossary import Entry
+from tools.site import glossary as site_glossary
+from tools.site.draft import Draft
 
 LINK = re.compile(r'\[([^\[\]]+)\]\((?:\.\./)?glossary\.md#([\w-]+) "([^"]*)"\)\{ \.term( #[\w-]+)? \}')
 

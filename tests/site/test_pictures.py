@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from chapters import site, site_inputs, site_pairs
 from common.paths import ROOT
 from common.small_pictures import MOST_BYTES, encode_small
+from tools.site import inputs, pairs, site
 
 ALL_BYTES = 15_000_000
 FILES = sorted(
@@ -34,8 +34,8 @@ def test_no_picture_is_out_of_date() -> None:
 def test_records_of_pairs_are_those_of_the_chapters_pairs() -> None:
     import chapters
 
-    wanted = {pair.name for number in chapters.available() for pair in site_pairs.pairs_of(number)}
-    assert wanted <= {*site_pairs.read()}
+    wanted = {pair.name for number in chapters.available() for pair in pairs.pairs_of(number)}
+    assert wanted <= {*pairs.read()}
 
 
 # --- how a hash tells -------------------------------------------------------------------------------------------------
@@ -62,32 +62,32 @@ def test_comments_and_docstrings_change_no_hash() -> None:
         .replace("# why", "#")
         .replace("\n\n\n", "\n")
     )
-    assert site_inputs.code_of(other) == site_inputs.code_of(CODE)
-    assert "#define NO_COMMENT" in site_inputs.code_of(CODE) and "why" not in site_inputs.code_of(CODE)
+    assert inputs.code_of(other) == inputs.code_of(CODE)
+    assert "#define NO_COMMENT" in inputs.code_of(CODE) and "why" not in inputs.code_of(CODE)
 
 
 @pytest.mark.parametrize(
     "change", [("2 * x", "3 * x"), ("#define NO", "#define A_NO"), ("text =", "words =")]
 )
 def test_code_changes_it(change: tuple[str, str]) -> None:
-    assert site_inputs.code_of(CODE.replace(*change)) != site_inputs.code_of(CODE)
+    assert inputs.code_of(CODE.replace(*change)) != inputs.code_of(CODE)
 
 
 def test_each_way_of_being_out_of_date_is_told(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(site_inputs, "ROOT", tmp_path)
+    monkeypatch.setattr(inputs, "ROOT", tmp_path)
     picture = tmp_path / "a.png"
-    assert site_inputs.stale({"a.png": "1"}, {}) == {"a.png": "is missing"}
+    assert inputs.stale({"a.png": "1"}, {}) == {"a.png": "is missing"}
     picture.write_bytes(b"one")
-    assert site_inputs.stale({"a.png": "1"}, {}) == {"a.png": "is in no record"}
-    known = {"a.png": site_inputs.entry(picture, "1", {})}
-    assert site_inputs.stale({"a.png": "1"}, known) == {}
-    assert site_inputs.stale({"a.png": "2"}, known) == {"a.png": "is older than what it is made from"}
+    assert inputs.stale({"a.png": "1"}, {}) == {"a.png": "is in no record"}
+    known = {"a.png": inputs.entry(picture, "1", {})}
+    assert inputs.stale({"a.png": "1"}, known) == {}
+    assert inputs.stale({"a.png": "2"}, known) == {"a.png": "is older than what it is made from"}
     picture.write_bytes(b"two")
-    assert site_inputs.stale({"a.png": "1"}, known) == {"a.png": "is not the file that was made"}
+    assert inputs.stale({"a.png": "1"}, known) == {"a.png": "is not the file that was made"}
 
 
 def test_a_shader_s_comment_changes_nothing_and_its_code_does(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(site_inputs, "ROOT", tmp_path)
+    monkeypatch.setattr(inputs, "ROOT", tmp_path)
     texts = {
         "a": "void main() { x = 1.0; } // one",
         "b": "/* two\n*/ void main()\n{ x = 1.0; }",
@@ -98,7 +98,7 @@ def test_a_shader_s_comment_changes_nothing_and_its_code_does(tmp_path, monkeypa
         path = tmp_path / name / "s.frag"
         path.parent.mkdir()
         path.write_text(text, "utf-8")
-        found[name] = site_inputs._content(path)
+        found[name] = inputs._content(path)
     assert found["a"] == found["b"] != found["c"]
 
 
@@ -109,7 +109,7 @@ def test_drawn_anew_every_picture_is_the_same(tmp_path) -> None:
 
     with Instance() as instance:
         name = next(device for device in instance.devices() if device.unfit() is None).name
-    if not all(record["device"].startswith(name) for record in site_pairs.read().values()):
+    if not all(record["device"].startswith(name) for record in pairs.read().values()):
         pytest.skip("the pictures were drawn by another device")
     program = site.pictures_program()
     changed = []
@@ -118,7 +118,7 @@ def test_drawn_anew_every_picture_is_the_same(tmp_path) -> None:
             continue
         made.make(tmp_path)
         changed += [p.name for p in made.inputs if (tmp_path / p.name).read_bytes() != p.read_bytes()]
-    for pair in site_pairs.pairs_of(1):
-        pictures, _ = site_pairs.draw(pair)
+    for pair in pairs.pairs_of(1):
+        pictures, _ = pairs.draw(pair)
         changed += [p.name for p, pixels in pictures.items() if encode_small(pixels) != p.read_bytes()]
     assert changed == []

@@ -8,10 +8,10 @@ from types import SimpleNamespace
 import pytest
 
 import chapters
-from chapters import features, results
-from chapters.features import MarkedTest, OutOfDate
-from chapters.results import Area, Run
 from tests.support.records import areas_of, backends_of, whole_areas, why_partial
+from tools.ledger import features, results
+from tools.ledger.features import MarkedTest, OutOfDate
+from tools.ledger.results import Area, Run
 
 RUN = Run("2026-01-02T03:04:05+00:00", "abc", {"vulkan": "a card", "cpu": "Python"})
 LATER = Run("2026-02-02T03:04:05+00:00", "def", {"gl": "another card"})

@@ -8,11 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from chapters import features, site_records
-from chapters.diff_page import allowed
-from chapters.diff_style import SCRIPT
-from chapters.site_code import following
-from chapters.site_plot import short
+from tools.diff.page import allowed
+from tools.diff.style import SCRIPT
+from tools.ledger import features
+from tools.site import records
+from tools.site.code import following
+from tools.site.plot import short
 
 LONG = pytest.mark.long
 CODE = "source/chapters/ch01/renderer.py.html"
@@ -76,7 +77,7 @@ def test_one_pair_is_shown_at_a_time(browser, address) -> None:
 
 def test_a_plot_tells_the_numbers_of_the_point_that_is_pointed_at(browser, address) -> None:
     opened = browser.open(f"{address}/chapters/ch01.html")
-    name, made = next(iter(site_records.records_of(1).items()))
+    name, made = next(iter(records.records_of(1).items()))
     plot = f"document.querySelector('.plot[data-record=\"{name}\"]')"
     names = opened.value(f"[...{plot}.querySelectorAll('.point')].map((p) => p.dataset.name)")
     assert sorted(names) == sorted(point["name"] for point in made["points"])

@@ -7,8 +7,9 @@ import json
 import pytest
 
 import chapters
-from chapters import bench, site_tables
-from chapters.site_draft import Draft
+from tools.bench import bench
+from tools.site import tables as site_tables
+from tools.site.draft import Draft
 
 SOFTWARE = {"name": "llvmpipe (LLVM 15.0.6, 256 bits)", "driver": "Mesa 25", "class": "software"}
 CARD = {"name": "NVIDIA H200", "driver": "NVIDIA 580", "class": "discrete"}

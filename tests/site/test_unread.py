@@ -7,8 +7,9 @@ import json
 import pytest
 
 import chapters
-from chapters import bench, site_chapter, site_records, site_tables
-from chapters.site_draft import Draft
+from tools.bench import bench
+from tools.site import chapter, records, tables
+from tools.site.draft import Draft
 
 GOOD = json.loads((bench.FOLDER / "ch01-software.json").read_text("utf-8"))
 WRONG = {
@@ -43,9 +44,9 @@ def drafted(monkeypatch):
     draft = Draft((1,))
     monkeypatch.setattr(draft, "file", lambda path, page: path)
     made = {
-        "chapters/ch01.md": site_chapter._plots(draft, 1, "chapters/ch01.md"),
-        "speed.md": site_tables.speed_table(draft, "speed.md"),
-        "accuracy.md": site_tables.stability_table(draft, "accuracy.md"),
+        "chapters/ch01.md": chapter._plots(draft, 1, "chapters/ch01.md"),
+        "speed.md": tables.speed_table(draft, "speed.md"),
+        "accuracy.md": tables.stability_table(draft, "accuracy.md"),
     }
     return made, draft.lacks
 
@@ -72,9 +73,9 @@ def test_all_that_is_good_and_what_is_no_record_of_a_bench_is_not_complained_of(
     (folder / "ch01-both-software.json").write_text(json.dumps({"chapter": 1, "scenes": []}), "utf-8")
     (folder / "ch01-parts.json").write_text(json.dumps({**GOOD, "points": []}), "utf-8")
     (folder / "ch02-discrete.json").write_text("", "utf-8")
-    assert [*site_records.records_of(1)] == ["ch01-software.json"]
-    assert drafted(monkeypatch)[1] == [] == [*site_records.unreadable(1)]
-    assert [*site_records.unreadable(2)] == ["ch02-discrete.json"]
+    assert [*records.records_of(1)] == ["ch01-software.json"]
+    assert drafted(monkeypatch)[1] == [] == [*records.unreadable(1)]
+    assert [*records.unreadable(2)] == ["ch02-discrete.json"]
 
 
 def test_with_no_good_record_at_all_the_bad_one_is_named_too(folder, monkeypatch):
@@ -86,6 +87,6 @@ def test_with_no_good_record_at_all_the_bad_one_is_named_too(folder, monkeypatch
 
 
 def test_every_record_of_the_repository_is_read():
-    assert {number: site_records.unreadable(number) for number in chapters.available()} == {
+    assert {number: records.unreadable(number) for number in chapters.available()} == {
         number: {} for number in chapters.available()
     }

@@ -1,12 +1,12 @@
-"""The rules of snapshots, held by the chapters of this clone; what they are is in `chapters/snapshots.py`."""
+"""The rules of snapshots, held by the chapters of this clone; what they are is in `tools/snapshots/rules.py`."""
 
 from __future__ import annotations
 
 import pytest
 
 import chapters
-from chapters.exceptions import read_exceptions
-from chapters.snapshots import check
+from tools.snapshots.exceptions import read_exceptions
+from tools.snapshots.rules import check
 
 
 @pytest.fixture(scope="module")

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from chapters import new_chapter
-from chapters.trees import lesson_of, read_tree
 from common.errors import StrataError, UserError
 from tests.support.clones import Clone
+from tools.snapshots import new_chapter
+from tools.snapshots.trees import lesson_of, read_tree
 
 INIT = '''"""Chapter 1."""
 

@@ -6,9 +6,9 @@ import re
 
 import pytest
 
-from chapters import snapshots
-from chapters.snapshots import RULES, check, names_of
 from common.errors import UserError
+from tools.snapshots import rules
+from tools.snapshots.rules import RULES, check, names_of
 
 CODE = "".join(f"def function_{number}():\n    return {number}\n" for number in range(100))
 """200 lines."""
@@ -68,7 +68,7 @@ def test_a_copy_keeps_all_rules(trees):
 
 def test_a_folder_that_does_not_say_what_it_is_is_no_chapter_yet(trees):
     trees.write(3, "logic/tasks.py", '"""Made before the copy of chapter 2."""\n')
-    assert [chapter.number for chapter in snapshots.read_chapters(trees.root)] == [1, 2]
+    assert [chapter.number for chapter in rules.read_chapters(trees.root)] == [1, 2]
     assert check(trees.root) == []
 
 
@@ -167,7 +167,7 @@ def test_imports_of_the_foundation_are_free(trees):
     trees.write(
         2,
         "passes/new.py",
-        "import chapters.run\nfrom common import paths\nfrom .. import settings\nfrom . import sky\n",
+        "import tools.run.run\nfrom common import paths\nfrom .. import settings\nfrom . import sky\n",
     )
     assert trees.broken() == []
 
@@ -313,5 +313,5 @@ def test_an_exception_from_no_rule_is_one_sentence(trees):
 
 
 def test_the_rules_are_those_of_the_docstring():
-    told = re.findall(r"^ {0,4}([a-z]+) {2,}", snapshots.__doc__, re.M)
+    told = re.findall(r"^ {0,4}([a-z]+) {2,}", rules.__doc__, re.M)
     assert tuple(told) == RULES

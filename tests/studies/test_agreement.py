@@ -53,7 +53,7 @@ def test_both_backends_draw_the_same_picture(vulkan_device, gl_context, which, t
 
 def test_studies_are_small_and_each_follows_the_one_before():
     """At most about 150 lines a file, on both backends; the way in without gaps; a first sentence in each."""
-    from chapters.sentences import first_sentence
+    from tools.diff.sentences import first_sentence
 
     for number, first in ((1, 5), (2, 4), (3, 2), (4, 5), (5, 5)):
         order = [about.order for about in studies.available(number).values()]

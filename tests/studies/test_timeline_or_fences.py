@@ -10,9 +10,9 @@ import pytest
 import chapters
 from backends.vulkan import api as vk
 from chapters import studies
-from chapters.bench_pacing import COUNTED, measure_pacing
 from chapters.ch05.logic.frame import SLOTS
 from chapters.ch05.studies.timeline_or_fences import CELLS, WAYS, Settings
+from tools.bench.lessons.pacing import COUNTED, measure_pacing
 
 WHICH = "5/timeline-or-fences"
 SIZE = (CELLS, CELLS)

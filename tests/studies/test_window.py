@@ -12,9 +12,9 @@ import chapters
 from backends.gl.context import Context
 from backends.vulkan.instance import VALIDATION_LAYER, Instance
 from chapters import studies
-from chapters.window import run_window
 from common.errors import UnsupportedError
 from tests.support.display import User, screenshot, virtual_display
+from tools.window.window import run_window
 
 SIZE = (96, 64)
 
@@ -44,7 +44,7 @@ def opener(which: str, backend: str):
 @pytest.mark.feature("intro/first-triangle")
 def test_escape_closes_the_window_of_a_study(backend, monkeypatch):
     from backends.gl import present
-    from chapters import window as module
+    from tools.window import window as module
 
     name, _, validate = backend
     made, seen = [], []

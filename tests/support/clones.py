@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-from chapters.history import git
+from tools.snapshots.history import git
 
 PASS = "".join(f"line {number}\n" for number in range(1, 21))
 

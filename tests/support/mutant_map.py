@@ -22,8 +22,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from chapters.history import call, git
 from tests.support.mutant_texts import Mutant
+from tools.snapshots.history import call, git
 
 BUDGET_S = 45.0
 """For the tests of one mutant, as long as they took while they were measured."""

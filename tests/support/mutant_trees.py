@@ -20,8 +20,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from chapters.history import git
 from common.errors import StrataError, UserError
+from tools.snapshots.history import git
 
 PLUGIN = Path(__file__).with_name("mutant_watch.py")
 UNKNOWN = re.compile(r"^ERROR: not found: (.+)$", re.M)

@@ -29,9 +29,6 @@ from pathlib import Path
 from typing import Any
 
 from backends import choice, verdicts
-from chapters import console
-from chapters.history import git
-from chapters.testing import areas, path_of
 from common.errors import StrataError, UnsupportedError, UserError
 from common.names import suggest
 from common.paths import ROOT, asset_dir, write_whole
@@ -39,8 +36,11 @@ from tests.support import mutant_glsl, mutant_texts, mutant_trees
 from tests.support.mutant_map import LATER, Map, blobs, choose, entry, nearest, tiers
 from tests.support.mutant_texts import Mutant
 from tests.support.mutant_trees import Ran, Tree
+from tools.cli import console
+from tools.ledger.testing import areas, path_of
+from tools.snapshots.history import git
 
-PRODUCT = ("backends", "chapters", "common")
+PRODUCT = ("backends", "chapters", "common", "tools")
 SHADERS = ("shaders",)
 """Folders that hold shaders alone."""
 APART = ("chapters/exercises/",)

@@ -16,7 +16,6 @@ import chapters
 from backends.gl.context import Context
 from backends.vulkan.device import Device
 from backends.vulkan.instance import VALIDATION_LAYER, Instance
-from chapters import opening
 from common.environment import read_environment
 from common.gltf import load_scene
 from common.obj import load_obj
@@ -27,6 +26,7 @@ from tests.support.drawable import assert_drawable
 from tests.support.mutate_values import FORGED
 from tests.support.mutation_worker import PRINTED, RESULTS, SAID, is_hidden
 from tests.support.mutations import Case, Mutant, write
+from tools.run import opening
 
 SIZE = (32, 32)
 PANORAMAS = (".hdr", ".exr")

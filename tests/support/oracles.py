@@ -1,6 +1,6 @@
 """By which truth each feature is held and where it is seen to fail: the table oracles.toml, and what is wrong in it.
 
-`faults` reads tests as text, their marks by chapters.features. `unproven` reads what a run of them gave
+`faults` reads tests as text, their marks by tools.ledger.features. `unproven` reads what a run of them gave
 (tests/support/report.py).
 """
 
@@ -19,8 +19,8 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, Protocol
 
-from chapters.features import MarkedTest
 from common.paths import ROOT
+from tools.ledger.features import MarkedTest
 
 TABLE = ROOT / "tests" / "oracles.toml"
 PARTS = ("oracle", "held", "negative", "backends")

@@ -12,9 +12,9 @@ from backends.contract import Choice, Plan
 from backends.gl.context import Context
 from backends.vulkan.device import Device
 from backends.window import Event
-from chapters.panel import Panel, PanelActions, PanelState, open_panel
 from common.draw_lists import TextureUpdate, save
 from tests.support.draw_lists import on_gl, on_vulkan
+from tools.panel.panel import Panel, PanelActions, PanelState, open_panel
 
 RECORDED = Path(__file__).with_name("panel.npz")
 """A panel's draw list with all its glyphs, for machines without the package that makes such lists."""

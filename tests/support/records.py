@@ -1,4 +1,4 @@
-"""What is kept of a run of tests: the results of each area that was run as a whole, in a record of `chapters.results`.
+"""What is kept of a run of tests: the results of each area that was run as a whole (`tools.ledger.results`).
 
 An area is whole when all its files were collected and nothing but our own rules left tests out. That of a chapter needs
 the files of all chapters before it, whose tests it has to pass too. What was run in part keeps what was known of it.
@@ -15,9 +15,9 @@ from typing import Any
 
 import pytest
 
-from chapters import features
-from chapters.results import Area, Run
 from common.paths import ROOT
+from tools.ledger import features
+from tools.ledger.results import Area, Run
 
 PARTIAL = {"keyword": "-k", "markexpr": "-m", "deselect": "--deselect", "lf": "--lf", "stepwise": "--sw"}
 """Options of pytest that leave tests out of every area."""
@@ -28,7 +28,7 @@ FIXTURES = {"vulkan_device": "vulkan", "vulkan_instance": "vulkan", "gl_context"
 
 
 def backends_of(item: Any) -> tuple[str, ...]:
-    """Return the backends that a test runs on, as `chapters.results` names them; "cpu" if it opens no device.
+    """Return the backends that a test runs on, as `tools.ledger.results` names them; "cpu" if it opens no device.
 
     The mark `runs_on` names them where a test opens its devices itself, or has another process do that.
     """

@@ -21,10 +21,10 @@ from typing import Any
 import pytest
 
 import chapters
-from chapters import features, results
-from chapters.bench import commit
 from common.paths import ROOT, user_cache, write_whole
 from tests.support import oracles, records
+from tools.bench.bench import commit
+from tools.ledger import features, results
 
 ALLOWED_SKIPS = ROOT / "tests" / "allowed_skips.txt"
 LONG_RECORD = ROOT / "docs" / "records" / "long.json"

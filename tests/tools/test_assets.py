@@ -16,13 +16,16 @@ from types import SimpleNamespace
 import pytest
 
 from bootstrap.environment import try_lock
-from chapters import asset_command, asset_fetch, asset_store, scenes
-from chapters.asset_fetch import fetch
-from chapters.asset_manifest import LICENCES, MANIFEST, SOURCES, is_name, read_manifest
+from chapters import scenes
 from common.errors import SceneError, UserError
+from common.models import store
+from common.models.manifest import LICENCES, MANIFEST, SOURCES, is_name, read_manifest
 from common.paths import ROOT, asset_dir
 from tests.support.file_server import serving
 from tests.support.timing import PATIENCE_S
+from tools.assets import command
+from tools.assets import fetch as asset_fetch
+from tools.assets.fetch import fetch
 
 COMMIT = "0123456789abcdef0123456789abcdef01234567"
 MAIN = b'{"asset": {"version": "2.0"}}' + b" " * 3000
@@ -87,7 +90,7 @@ def model(manifest, sources):
 
 def lying(model) -> dict[str, bytes]:
     """Return the files of a model that are here, without the lock."""
-    folder = asset_store.folder_of(model)
+    folder = store.folder_of(model)
     return {
         path.relative_to(folder).as_posix(): path.read_bytes()
         for path in folder.rglob("*")
@@ -115,20 +118,20 @@ def test_what_the_manifest_pins_are_the_bytes_of_the_models_at_hand():
         for file in model.files:
             path = folder / "models" / model.name / file.name
             if path.is_file():
-                assert asset_store.is_whole(path, file), path
+                assert store.is_whole(path, file), path
                 held += 1
     assert held
 
 
 @pytest.mark.feature("assets/manifest")
 def test_a_second_run_downloads_nothing(server, sources, manifest, model, capsys):
-    assert asset_command.get(["duo"], True, manifest, sources) == 0
+    assert command.get(["duo"], True, manifest, sources) == 0
     assert lying(model) | {"NOTICE.txt": b""} == {**FILES, "NOTICE.txt": b""}
     assert len(server.asked) == 2 and server.sent == len(MAIN) + len(DATA)
     first = capsys.readouterr()
     assert Path(first.out.strip()).read_bytes() == MAIN
     assert (
-        asset_command.get(["Duo"], False, manifest, sources) == 0
+        command.get(["Duo"], False, manifest, sources) == 0
     )  # nobody is asked: there is nothing to agree to
     assert len(server.asked) == 2
     assert capsys.readouterr().out == first.out
@@ -146,7 +149,7 @@ def test_a_wrong_hash_is_rejected(server, sources, model, where):
     with pytest.raises(UserError, match=r"data\.bin from 127\.0\.0\.1 is not the file of the manifest"):
         fetch(model, sources=sources)
     assert lying(model) == {"Duo.gltf": MAIN}
-    assert not asset_store.is_here(model)
+    assert not store.is_here(model)
     server.files[path] = DATA
     assert fetch(model, sources=sources) == len(DATA)
     assert lying(model) == FILES
@@ -162,7 +165,7 @@ def test_an_unknown_source_type_is_rejected(tmp_path):
         read_manifest(path)
     path.write_text(entry(source='"ftp"'), "utf-8")
     with pytest.raises(UserError, match="no type of source 'ftp'; known are 'github'"):
-        asset_command.get(["Duo"], True, path)
+        command.get(["Duo"], True, path)
 
 
 @pytest.mark.parametrize(
@@ -226,7 +229,7 @@ def test_what_never_goes_on_is_given_up_and_kept(server, sources, model):
     ):
         fetch(model, sources=sources, pause_s=0)
     assert lying(model) == {"Duo.gltf.part": MAIN[:100]}
-    assert asset_fetch.unfinished(model) == 100 and not asset_store.is_here(model)
+    assert asset_fetch.unfinished(model) == 100 and not store.is_here(model)
     server.cuts = []
     fetch(model, sources=sources)
     assert lying(model) == FILES
@@ -251,7 +254,7 @@ def test_an_answer_that_begins_elsewhere_is_not_appended(server, sources, model)
 @pytest.mark.parametrize("length", [0, 700, 5000])
 def test_a_part_of_something_else_never_becomes_a_file(server, sources, model, length):
     """Junk under the name of a part: longer than the file it is dropped, else found out by the hash."""
-    folder = asset_store.folder_of(model)
+    folder = store.folder_of(model)
     folder.mkdir(parents=True)
     (folder / "Duo.gltf.part").write_bytes(b"x" * length)
     if length == 700:
@@ -263,7 +266,7 @@ def test_a_part_of_something_else_never_becomes_a_file(server, sources, model, l
 
 
 def test_a_part_that_is_whole_is_taken_without_asking(server, sources, model):
-    folder = asset_store.folder_of(model)
+    folder = store.folder_of(model)
     folder.mkdir(parents=True)
     (folder / "Duo.gltf.part").write_bytes(MAIN)
     assert fetch(model, sources=sources) == len(DATA)
@@ -272,7 +275,7 @@ def test_a_part_that_is_whole_is_taken_without_asking(server, sources, model):
 
 def test_a_file_that_was_damaged_here_is_fetched_anew(server, sources, model):
     fetch(model, sources=sources)
-    (asset_store.folder_of(model) / "Duo.gltf").write_bytes(MAIN[:-1] + b"!")
+    (store.folder_of(model) / "Duo.gltf").write_bytes(MAIN[:-1] + b"!")
     assert fetch(model, sources=sources) == len(MAIN)
     assert lying(model) == FILES
 
@@ -322,7 +325,7 @@ def test_a_full_disk_is_a_sentence(server, sources, model, monkeypatch):
 
 def test_room_for_exactly_what_is_missing_is_enough(server, sources, model, monkeypatch):
     """Bytes of a part are here already and need no room."""
-    part = asset_store.folder_of(model) / "Duo.gltf.part"
+    part = store.folder_of(model) / "Duo.gltf.part"
     part.parent.mkdir(parents=True)
     part.write_bytes(MAIN[:1000])
     missing = len(MAIN) - 1000 + len(DATA)
@@ -348,7 +351,7 @@ def test_a_disk_that_fills_up_meanwhile_is_a_sentence(server, sources, model, mo
     )
     with pytest.raises(UserError, match=r"The disk of .* is full"):
         fetch(model, sources=sources)
-    assert not asset_store.is_here(model)
+    assert not store.is_here(model)
 
 
 def test_a_cache_that_cannot_be_written_is_a_sentence(tmp_path, monkeypatch, server, sources, model):
@@ -359,7 +362,7 @@ def test_a_cache_that_cannot_be_written_is_a_sentence(tmp_path, monkeypatch, ser
 
 
 def test_two_at_once_are_one(server, sources, model):
-    folder = asset_store.folder_of(model)
+    folder = store.folder_of(model)
     folder.mkdir(parents=True)
     with open(folder / ".lock", "ab") as other:
         assert try_lock(other.fileno())
@@ -373,8 +376,8 @@ def test_two_at_once_are_one(server, sources, model):
 def test_ctrl_c_keeps_what_came(server, sources, model, manifest, cache):
     server.gate = threading.Event()
     code = (
-        "import sys; from pathlib import Path; from chapters import asset_command;"
-        "asset_command.get(['Duo'], True, Path(sys.argv[1]), {'local': sys.argv[2]})"
+        "import sys; from pathlib import Path; from tools.assets import command;"
+        "command.get(['Duo'], True, Path(sys.argv[1]), {'local': sys.argv[2]})"
     )
     begun = subprocess.Popen(
         [sys.executable, "-c", code, str(manifest), sources["local"]],
@@ -384,7 +387,7 @@ def test_ctrl_c_keeps_what_came(server, sources, model, manifest, cache):
         text=True,
     )
     assert server.halfway.wait(PATIENCE_S)
-    part = asset_store.folder_of(model) / "Duo.gltf.part"
+    part = store.folder_of(model) / "Duo.gltf.part"
     while not part.is_file() or part.stat().st_size < len(MAIN) // 2:
         assert begun.poll() is None
     begun.send_signal(signal.SIGINT)
@@ -405,7 +408,7 @@ def test_the_licence_is_shown_before_anything_is_asked_of_the_server(
     with pytest.raises(
         UserError, match=r"no terminal to ask at: \./strata assets get Duo --yes agrees to CC-BY-4\.0"
     ):
-        asset_command.get(["Duo"], False, manifest, sources)
+        command.get(["Duo"], False, manifest, sources)
     shown = capsys.readouterr().err
     assert "Somebody, 2020" in shown and "CC-BY-4.0: name the author" in shown
     assert LICENCES["CC-BY-4.0"][0] in shown and COMMIT[:12] in shown
@@ -421,24 +424,24 @@ def test_at_a_terminal_the_reader_is_asked(
             return True
 
     monkeypatch.setattr(sys, "stdin", Terminal(answer))
-    monkeypatch.setattr(asset_command.err, "_force_terminal", True)
-    assert asset_command.get(["Duo"], False, manifest, sources) == code
-    assert asset_store.is_here(model) == (code == 0)
+    monkeypatch.setattr(command.err, "_force_terminal", True)
+    assert command.get(["Duo"], False, manifest, sources) == code
+    assert store.is_here(model) == (code == 0)
     assert ("Nothing was fetched." in capsys.readouterr().err) == (code == 1)
 
 
 def test_a_notice_lies_beside_the_model(server, sources, manifest, model):
-    asset_command.get(["Duo"], True, manifest, sources)
+    command.get(["Duo"], True, manifest, sources)
     notice = lying(model)["NOTICE.txt"].decode()
     assert "By Somebody, 2020. CC-BY-4.0" in notice and COMMIT in notice
-    (asset_store.folder_of(model) / asset_store.NOTICE).unlink()
-    asset_command.get(["Duo"], False, manifest, sources)
+    (store.folder_of(model) / store.NOTICE).unlink()
+    command.get(["Duo"], False, manifest, sources)
     assert lying(model)["NOTICE.txt"].decode() == notice, "it belongs to the files, and comes back to them"
 
 
 def test_an_unknown_name_is_a_sentence(server, sources, manifest):
     with pytest.raises(UserError, match="There is no model 'Doe' to fetch; did you mean 'Duo'"):
-        asset_command.get(["Duo", "Doe"], True, manifest, sources)
+        command.get(["Duo", "Doe"], True, manifest, sources)
     assert server.asked == []
 
 
@@ -449,7 +452,7 @@ def test_a_fetched_model_is_found_by_its_name(cache, monkeypatch):
         SceneError, match=r"Box is a model of others that is not here yet: \./strata assets get Box"
     ):
         scenes.find("box")
-    folder = asset_store.folder_of(model)
+    folder = store.folder_of(model)
     folder.mkdir(parents=True)
     (folder / "Box.glb.part").write_bytes(bytes(model.size))
     with pytest.raises(SceneError, match="not here yet"):
@@ -459,7 +462,7 @@ def test_a_fetched_model_is_found_by_its_name(cache, monkeypatch):
         scenes.find("Box")
     (folder / "Box.glb").write_bytes(bytes(model.size))
     assert scenes.find("bOX") == folder / "Box.glb"
-    assert asset_store.remove("box") == "The files of Box were removed."
+    assert store.remove("box") == "The files of Box were removed."
     assert not folder.exists()
 
 
@@ -469,9 +472,9 @@ def test_other_bytes_have_another_folder(tmp_path):
     path.write_text(entry(), "utf-8")
     first = read_manifest(path, {"local": ""})["Duo"]
     path.write_text(entry(commit=f'"{"f" * 40}"'), "utf-8")
-    assert asset_store.folder_of(read_manifest(path, {"local": ""})["Duo"]) == asset_store.folder_of(first)
+    assert store.folder_of(read_manifest(path, {"local": ""})["Duo"]) == store.folder_of(first)
     path.write_text(entry(files=f'[{{ name = "Duo.gltf", size = 5, sha256 = "{"0" * 64}" }}]'), "utf-8")
-    assert asset_store.folder_of(read_manifest(path, {"local": ""})["Duo"]) != asset_store.folder_of(first)
+    assert store.folder_of(read_manifest(path, {"local": ""})["Duo"]) != store.folder_of(first)
 
 
 def test_the_address_of_a_file_is_that_of_its_commit():
@@ -496,4 +499,4 @@ def test_the_address_of_a_file_is_that_of_its_commit():
     ],
 )
 def test_bytes_in_words(count, words):
-    assert asset_store.in_bytes(int(count)) == words
+    assert store.in_bytes(int(count)) == words

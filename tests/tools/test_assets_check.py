@@ -7,10 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from chapters import asset_command, asset_store, scenes
-from chapters.asset_check import examine
+from chapters import scenes
 from common.errors import SceneError, UserError
+from common.models import store
 from tests.common.gltf.builder import Gltf, triangle
+from tools.assets import command
+from tools.assets.check import examine
 
 UV = np.array([(0, 0), (1, 0), (0, 1)], np.float32)
 NORMALS = np.array([(0, 0, 1)] * 3, np.float32)
@@ -121,7 +123,7 @@ def test_a_size_that_is_no_size_in_metres_is_told(tmp_path, scale, told):
 def test_a_texture_that_some_devices_do_not_take_is_told(tmp_path, monkeypatch):
     path = with_normal_map(NORMAL=NORMALS, TEXCOORD_0=UV).write(tmp_path)
     assert not any("do not take" in text for text in examine(path).hints)
-    monkeypatch.setattr("chapters.asset_check.EVERY_DEVICE", 1)
+    monkeypatch.setattr("tools.assets.check.EVERY_DEVICE", 1)
     assert "1 texture is larger than 1 pixels, which some devices do not take." in examine(path).hints
 
 
@@ -130,7 +132,7 @@ def test_a_model_of_nothing_is_told(tmp_path, capsys):
     made.node()
     found = examine(made.write(tmp_path))
     assert found.hints == ["Nothing of it is drawn: it has no triangles."]
-    asset_command.report(found)
+    command.report(found)
     assert "All of it is drawn" not in capsys.readouterr().out
 
 
@@ -138,7 +140,7 @@ def test_an_extension_is_told_with_what_is_drawn_instead(tmp_path, capsys):
     made = gltf(NORMAL=NORMALS)
     add_material(made, extensions={"KHR_materials_clearcoat": {}, "KHR_materials_unlit": {}})
     made.json["extensionsUsed"] = ["KHR_materials_clearcoat", "KHR_materials_unlit"]
-    assert asset_command.add(made.write(tmp_path), "coat") == 0
+    assert command.add(made.write(tmp_path), "coat") == 0
     shown = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
     assert "KHR_materials_clearcoat 1 of materials the surface below the coat" in shown
     assert "KHR_materials_unlit 1 of materials all of it" in shown
@@ -149,41 +151,41 @@ def test_a_model_that_requires_what_strata_lacks_is_not_added(tmp_path, capsys):
     """Every extension is told, not the first alone, and what to do."""
     made = gltf(NORMAL=NORMALS)
     made.json["extensionsRequired"] = ["KHR_draco_mesh_compression", "EXT_meshopt_compression"]
-    assert asset_command.add(made.write(tmp_path), "packed") == 2
+    assert command.add(made.write(tmp_path), "packed") == 2
     printed = capsys.readouterr()
     shown = " ".join(printed.out.split())
     assert "required: export it without Draco compression" in shown
     assert "required: export it without meshopt compression" in shown
     assert "extensionsRequired names KHR_draco_mesh_compression" in printed.err
-    assert asset_store.own_models() == {}
+    assert store.own_models() == {}
 
 
 def test_a_damaged_file_is_a_sentence_and_not_added(tmp_path, capsys):
     (tmp_path / "broken.gltf").write_text("{", "utf-8")
-    assert asset_command.add(tmp_path / "broken.gltf") == 2
+    assert command.add(tmp_path / "broken.gltf") == 2
     assert "is not valid JSON" in capsys.readouterr().err
-    assert asset_store.own_models() == {}
+    assert store.own_models() == {}
 
 
 def test_a_name_means_the_file_from_then_on(tmp_path, monkeypatch, capsys):
     path = triangle().write(tmp_path)
     monkeypatch.chdir(tmp_path)
-    assert asset_command.add(Path(path.name), "Mine") == 0
+    assert command.add(Path(path.name), "Mine") == 0
     monkeypatch.chdir("/")
     assert scenes.find("mine") == path
     with pytest.raises(SceneError, match="There is no scene or model 'nine'; did you mean 'Mine'"):
         scenes.find("nine")
     assert scenes.load("Mine").triangle_count == 1
     other = triangle().write(tmp_path, "gltf")
-    assert asset_command.add(other, "mine") == 0
+    assert command.add(other, "mine") == 0
     assert f"mine was {path} before." in capsys.readouterr().err
-    assert asset_store.own_models() == {"mine": other}
+    assert store.own_models() == {"mine": other}
     other.unlink()
     with pytest.raises(SceneError, match=r"Your model mine was .* which is gone: \./strata assets add PATH"):
         scenes.find("Mine")
-    assert "stays where it is" in asset_store.remove("MINE")
+    assert "stays where it is" in store.remove("MINE")
     with pytest.raises(UserError, match="There is nothing of mine to remove"):
-        asset_store.remove("mine")
+        store.remove("mine")
 
 
 @pytest.mark.parametrize(
@@ -192,8 +194,8 @@ def test_a_name_means_the_file_from_then_on(tmp_path, monkeypatch, capsys):
 def test_without_a_name_it_is_that_of_the_file(tmp_path, stem, name):
     path = triangle().write(tmp_path)
     renamed = path.rename(tmp_path / f"{stem}{path.suffix}")
-    asset_command.add(renamed)
-    assert asset_store.own_models() == {name: renamed}
+    command.add(renamed)
+    assert store.own_models() == {name: renamed}
 
 
 @pytest.mark.parametrize(
@@ -211,12 +213,12 @@ def test_without_a_name_it_is_that_of_the_file(tmp_path, stem, name):
 def test_a_name_that_means_something_else_is_refused(tmp_path, name, fault):
     path = triangle().write(tmp_path)
     with pytest.raises(UserError) as raised:
-        asset_command.add(path, name)
+        command.add(path, name)
     assert fault in str(raised.value) and "--name NAME gives it another" in str(raised.value)
 
 
 def test_a_list_that_cannot_be_read_is_a_sentence():
-    asset_store.writable_place().joinpath("own.json").write_text("[1", "utf-8")
+    store.writable_place().joinpath("own.json").write_text("[1", "utf-8")
     with pytest.raises(UserError, match=r"own\.json, cannot be read: remove it"):
         scenes.find("mine")
     assert scenes.find("atrium").is_file()  # our own scenes need no list
@@ -227,7 +229,7 @@ def test_nothing_that_steers_a_terminal_comes_from_a_file(tmp_path, capsys):
     made.add("cameras", {"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1}})
     made.json["nodes"][0] |= {"camera": 0, "name": "\x1b[31mred [bold]x[/bold]"}
     made.json["extensionsUsed"] = ["\x1b]0;title"]
-    asset_command.add(made.write(tmp_path), "red")
+    command.add(made.write(tmp_path), "red")
     shown = capsys.readouterr().out
     assert "\x1b" not in shown and "[31mred [bold]x[/bold]" in shown
 

@@ -9,13 +9,14 @@ from types import SimpleNamespace
 import pytest
 
 from backends.vulkan.device import Device
-from chapters import bench_load, bench_scene
 from chapters.ch03.graphics.pipelines import Pipelines
 from chapters.ch03.logic import scene_cache
 from chapters.ch03.logic.cached_images import CachedImage, compress, image_uses
 from common.errors import UnsupportedError
 from common.gltf import load_scene
 from tests.support.timing import least_times
+from tools.bench.lessons import load as bench_load
+from tools.bench.lessons import scene as bench_scene
 
 SIZE = (16, 16)
 CHAINS = [(True, True, "rgba"), (False, True, "r"), (False, False, "gb")]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from backends.vulkan.once import submit_once
-from chapters.bench_overlap import Stamps, can_stamp, common_ms, merged, record
+from tools.bench.lessons.overlap import Stamps, can_stamp, common_ms, merged, record
 
 
 def test_what_two_lists_have_in_common_is_what_counting_says():

@@ -9,13 +9,13 @@ from rich.console import Console
 
 from backends.vulkan import api as vk
 from backends.vulkan.memory import choose_memory_type
-from chapters import bench_readback
-from chapters.bench_points import QUICK
+from tools.bench import readback
+from tools.bench.points import QUICK
 
 
 @pytest.mark.variants("vulkan")
 def test_every_kind_of_memory_gives_what_the_gpu_wrote(vulkan_device):
-    made = bench_readback.measure(vulkan_device, QUICK, lambda name, part: None, 1 << 20)
+    made = readback.measure(vulkan_device, QUICK, lambda name, part: None, 1 << 20)
     visible = [
         kind for kind in vulkan_device.memory.types if kind.flags & vk.VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT
     ]
@@ -25,7 +25,7 @@ def test_every_kind_of_memory_gives_what_the_gpu_wrote(vulkan_device):
         assert point["gb_per_s"] == pytest.approx((1 << 20) / point["ms"] / 1e6)
         assert point["times_faster"] >= 1.0
     text = StringIO()
-    bench_readback.show(made, Console(file=text, width=80))
+    readback.show(made, Console(file=text, width=80))
     assert all(point["kind"].split(",")[0] in text.getvalue() for point in made["points"])
 
 

@@ -8,12 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from chapters import convert, scenes
+from chapters import scenes
 from common import instance_file, mesh_file, scene_graph_file
 from common.images import read_image
 from common.pose import evaluate_pose
 from common.scene import Image, Material
 from tests.support.scenes import quad_scene, texture
+from tools.assets import convert
 
 pytestmark = pytest.mark.feature("convert/scene-converter")
 

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 import chapters
-from chapters.diff import TreeDifference, difference
-from chapters.diff_files import Source
-from chapters.diff_functions import outline
+from tools.diff.diff import TreeDifference, difference
+from tools.diff.files import Source
+from tools.diff.functions import outline
 
 pytestmark = pytest.mark.feature("tools/diff")
 

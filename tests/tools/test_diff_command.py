@@ -14,15 +14,16 @@ from PIL import Image
 from rich.console import Console
 
 import chapters
-from chapters import diff_pictures, diff_style, diff_terminal, scenes
+from chapters import scenes
 from chapters.__main__ import run
-from chapters.diff_files import Source
-from chapters.diff_lesson import compare, pass_of
-from chapters.diff_page import highlighted, page
-from chapters.diff_pictures import Pictures
-from chapters.diff_sides import files_of, tree_of, twin
 from common.errors import UnsupportedError, UserError
 from tests.tools.test_diff import RENDERER, SHADER, tree
+from tools.diff import pictures, style, terminal
+from tools.diff.files import Source
+from tools.diff.lesson import compare, pass_of
+from tools.diff.page import highlighted, page
+from tools.diff.pictures import Pictures
+from tools.diff.sides import files_of, tree_of, twin
 
 pytestmark = pytest.mark.feature("tools/diff")
 
@@ -84,7 +85,7 @@ def versions():
 def printed(made, everything=False, width=100, stat=False, **more) -> str:
     """Return what the terminal shows."""
     to = Console(file=io.StringIO(), width=width, highlight=False, **more)
-    diff_terminal.show_stat(made, to) if stat else diff_terminal.show(made, to, everything)
+    terminal.show_stat(made, to) if stat else terminal.show(made, to, everything)
     return to.file.getvalue()
 
 
@@ -396,7 +397,7 @@ def test_odd_sources_keep_their_lines(text):
     assert len(highlighted(source)) >= len(source.lines)
 
 
-@pytest.mark.parametrize("colors", [diff_style.LIGHT, diff_style.DARK])
+@pytest.mark.parametrize("colors", [style.LIGHT, style.DARK])
 def test_all_text_can_be_read_on_its_ground(colors):
     """The contrast of WCAG 2.1, level AA, of every colour of text on every ground that it can stand on."""
 
@@ -445,7 +446,7 @@ def test_a_disk_that_refuses_is_said(command, sides, monkeypatch):
     def refuse(*_):
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr("chapters.diff_command.write_whole", refuse)
+    monkeypatch.setattr("tools.diff.command.write_whole", refuse)
     code, _, err = command("old", "new", "--html", "d.html", "--no-pictures")
     assert code == 2 and "--html d.html cannot be written: Permission denied." in err
 
@@ -464,7 +465,7 @@ def test_the_chapters_differ_in_what_their_lessons_say(command):
 def fork(tmp_path, monkeypatch):
     """A copy of chapter 1 whose forward pass is brighter; pictures are of a small scene."""
     monkeypatch.setattr(scenes, "DEFAULT", "cornell")
-    monkeypatch.setattr(diff_pictures, "SIZE", (48, 27))
+    monkeypatch.setattr(pictures, "SIZE", (48, 27))
     folder = tmp_path / "my-ch01"
     ignored = shutil.ignore_patterns("studies", "__pycache__")
     shutil.copytree(chapters.FOLDER / "ch01", folder, ignore=ignored)
@@ -482,8 +483,8 @@ def brightness(png: bytes) -> float:
 @pytest.mark.usefixtures("vulkan_instance")
 def test_a_changed_pass_is_drawn_before_and_after(command, fork):
     made = compare(tree_of("1@vulkan"), tree_of(f"{fork}@vulkan"))
-    steps = diff_pictures.Steps(enabled=False)
-    found = diff_pictures.draw(made, steps)
+    steps = pictures.Steps(enabled=False)
+    found = pictures.draw(made, steps)
     assert found.problems == () and found.passes.keys() == {"forward"}
     before, after = found.passes["forward"]
     assert brightness(after) > brightness(before) + 10
@@ -494,8 +495,8 @@ def test_a_changed_pass_is_drawn_before_and_after(command, fork):
 def test_a_pass_that_writes_buffers_alone_has_no_picture_and_costs_none(monkeypatch):
     """Cloth writes vertices."""
     monkeypatch.setattr(scenes, "DEFAULT", "cloth")
-    found = diff_pictures.passes_of(tree_of("5@vulkan"), {"cloth", "tonemap"})
-    assert set(found) == {"tonemap"} and Image.open(io.BytesIO(found["tonemap"])).size == diff_pictures.SIZE
+    found = pictures.passes_of(tree_of("5@vulkan"), {"cloth", "tonemap"})
+    assert set(found) == {"tonemap"} and Image.open(io.BytesIO(found["tonemap"])).size == pictures.SIZE
 
 
 @pytest.mark.usefixtures("vulkan_instance")

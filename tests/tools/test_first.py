@@ -7,10 +7,10 @@ import sys
 
 import pytest
 
-from chapters.testing import first_arguments, run
 from common.errors import UserError
 from common.paths import ROOT
 from tests.support import first
+from tools.ledger.testing import first_arguments, run
 
 pytest_plugins = ["pytester"]
 
@@ -175,7 +175,7 @@ def test_options_of_whole_runs_are_refused_beside_it(option):
 def test_the_command_line_passes_it_on(strata, monkeypatch):
     calls = []
     monkeypatch.delenv("CI", raising=False)  # there the static checks are commands, too
-    monkeypatch.setattr("chapters.testing.subprocess.run", lambda words, **_: calls.append(words) or Done)
+    monkeypatch.setattr("tools.ledger.testing.subprocess.run", lambda words, **_: calls.append(words) or Done)
     assert strata("test", "--chapter", "2", "-k", "alpha")[0] == 0
     assert strata("test", "--chapter=2")[0] == 0
     prefix = [sys.executable, "-P", "-m", "pytest"]

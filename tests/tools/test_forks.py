@@ -16,15 +16,16 @@ import numpy as np
 import pytest
 
 import chapters
-from chapters import bench_points, bench_prepared, scenes
+from chapters import scenes
 from chapters.__main__ import is_readers
 from chapters.folders import Folder
-from chapters.live import Live
-from chapters.run import validation
-from chapters.testing import pytest_arguments
 from common.errors import UserError
 from common.images import read_image
 from common.paths import ROOT
+from tools.bench import points, prepared
+from tools.ledger.testing import pytest_arguments
+from tools.run.live import Live
+from tools.run.run import validation
 
 pytestmark = pytest.mark.feature("tools/fork")
 
@@ -203,11 +204,11 @@ def test_a_frame_of_a_fork_is_a_page(fork, strata, tmp_path):
 
 def test_a_bench_of_a_fork_starts_and_measures_the_fork(fork, strata, tmp_path, monkeypatch):
     """Least of all that can be measured: one frame of one preset."""
-    every = bench_points.points
-    monkeypatch.setattr(bench_points, "QUICK", replace(bench_points.QUICK, warm_up=0, frames=1, samples=1))
-    monkeypatch.setattr(bench_points, "points", lambda kind: every(kind)[:1])
-    monkeypatch.setattr(bench_points, "stability_cases", lambda *_: [{"case": "none", "pixels_changed": 0.0}])
-    monkeypatch.setattr(bench_prepared, "sweeps", lambda *_: [])
+    every = points.points
+    monkeypatch.setattr(points, "QUICK", replace(points.QUICK, warm_up=0, frames=1, samples=1))
+    monkeypatch.setattr(points, "points", lambda kind: every(kind)[:1])
+    monkeypatch.setattr(points, "stability_cases", lambda *_: [{"case": "none", "pixels_changed": 0.0}])
+    monkeypatch.setattr(prepared, "sweeps", lambda *_: [])
     with (fork / "renderer.py").open("a", encoding="utf-8") as file:
         file.write("with Path(__file__).with_name('started').open('a') as file:\n    file.write('x')\n")
     code, out, err = strata("bench", NAME, "--quick", *SMALL, "--json", "b.json")
@@ -317,7 +318,7 @@ def test_a_fork_beside_the_project_s_folders_is_the_reader_s_code(tmp_path, monk
     files = (
         "my-ch01/renderer.py",
         "chapters/ch01/renderer.py",
-        "chapters/run.py",
+        "tools/run/run.py",
         "common/a.py",
         ".venv/site-packages/a.py",
     )

@@ -8,10 +8,10 @@ from dataclasses import replace
 import pytest
 
 import chapters
-from chapters import glossary
-from chapters.glossary import Entry
 from common.errors import UserError
 from common.paths import ROOT
+from tools.ledger import glossary
+from tools.ledger.glossary import Entry
 
 ENTRIES = glossary.read()
 LESSONS = {

@@ -17,7 +17,6 @@ from dataclasses import replace
 
 import pytest
 
-from chapters import testing
 from common.errors import UserError
 from common.paths import ROOT
 from tests.support import mutant_glsl, mutant_map, mutant_texts, mutant_trees, mutants
@@ -25,6 +24,7 @@ from tests.support.clones import Clone
 from tests.support.mutant_map import Map, Test, choose, nearest, tiers
 from tests.support.mutant_texts import Mutant, applied
 from tests.support.mutant_trees import MARK, Ran
+from tools.ledger import testing
 
 pytestmark = pytest.mark.needs("coverage")
 Test.__test__ = False  # which is a dataclass here

@@ -12,7 +12,6 @@ from chapters import scenes
 from chapters.ch01.logic.packing import material_variant
 from chapters.ch01.logic.views import NAMES, VIEWS, number_of
 from chapters.ch01.settings import Settings
-from chapters.views import views_of
 from common import palette
 from common.camera import view_of_scene
 from common.color import decode_srgb, encode_srgb
@@ -25,6 +24,7 @@ from tests.support.bounds import codes_off, decoded_srgb, snapping
 from tests.support.chapter import Chapter
 from tests.support.drivers import needs_whole_quads
 from tests.support.scenes import facing, quad_scene, texture, translated
+from tools.run.views import views_of
 
 SIZE = (16, 16)
 OUTPUTS = {"color", "color_linear", "depth", "instance_id"}

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from chapters.exercises.checking import Given
 from common.scene import Image, Material, Sampler
 from tests.support.scenes import facing, quad_scene, texture
+from tools.exercises.checking import Given
 
 
 def light_of(code: float) -> float:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from chapters.exercises.checking import Given
 from common.scene import Material
 from common.transforms import rotation
 from tests.support.scenes import facing, quad_scene
+from tools.exercises.checking import Given
 
 
 def check(given: Given) -> None:

@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
-from chapters.exercises.checking import Given
 from common.camera import Perspective, View
 from common.scene import Material
 from common.transforms import pose_looking_at, rotation
 from tests.support.scenes import facing, quad_scene
+from tools.exercises.checking import Given
 
 
 def check(given: Given) -> None:

@@ -7,12 +7,12 @@ import math
 
 import numpy as np
 
-from chapters.exercises import Answer
-from chapters.exercises.checking import Given
 from common.paths import ROOT
 from common.scene import Material
 from common.transforms import rotation
 from tests.support.scenes import facing, quad_scene
+from tools.exercises import Answer
+from tools.exercises.checking import Given
 
 RECORD = ROOT / "docs" / "benchmarks" / "ch01-software.json"
 

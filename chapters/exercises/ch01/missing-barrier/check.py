@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from chapters.exercises.checking import Given
 from common.scene import Material
 from tests.support.scenes import facing, quad_scene
+from tools.exercises.checking import Given
 
 
 def check(given: Given) -> None:

@@ -6,10 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from chapters.exercises.checking import Given
 from common.color import encode_srgb
 from common.scene import Material
 from tests.support.scenes import facing, quad_scene, translated
+from tools.exercises.checking import Given
 
 LIGHT = (0.0, 0.02, 0.18, 0.7, 1.0, 6.0)
 

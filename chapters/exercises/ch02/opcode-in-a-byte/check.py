@@ -5,8 +5,8 @@ from __future__ import annotations
 import struct
 from typing import Any
 
-from chapters.exercises.checking import Given, NotYet
 from common.errors import ShaderError
+from tools.exercises.checking import Given, NotYet
 
 
 def instruction(opcode: int, *operands: int) -> list[int]:

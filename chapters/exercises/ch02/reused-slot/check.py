@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from chapters.exercises.checking import Given
 from common.errors import UnsupportedError
 from common.scene import Image, Material
 from tests.support.scenes import facing, quad_scene, texture
+from tools.exercises.checking import Given
 
 
 def check(given: Given) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 from backends import shader_text
 from backends.vulkan.shaders import compile_shader
-from chapters.exercises.checking import Given
+from tools.exercises.checking import Given
 
 SHADER = """
 layout(set = 2, binding = 10) uniform usampler2D textures_uint[];

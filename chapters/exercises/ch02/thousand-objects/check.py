@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from chapters.exercises import Answer
-from chapters.exercises.checking import Given
 from common.scene import Image, Material, Scene
 from tests.support.scenes import facing, quad_scene, texture
+from tools.exercises import Answer
+from tools.exercises.checking import Given
 
 MATERIALS, FRAMES = 10, 12
 

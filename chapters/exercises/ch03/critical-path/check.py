@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
-from chapters.exercises.checking import Given
+from tools.exercises.checking import Given
 
 FRAME = {
     "read": (4.0, ()),

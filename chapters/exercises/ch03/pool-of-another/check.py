@@ -6,8 +6,8 @@ import threading
 from typing import Any
 
 from backends.vulkan import api as vk
-from chapters.exercises.checking import Given
 from tests.support.scenes import quad_scene
+from tools.exercises.checking import Given
 
 WORKERS = 2
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from chapters.exercises.checking import Given
+from tools.exercises.checking import Given
 
 LATER_NS = 60 * 10**9
 OLD, NEW = b"one scene", b"other one"

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 import chapters
-from chapters.exercises import Answer
-from chapters.exercises.checking import Given
 from common.scene import Material, Scene
 from tests.support.scenes import facing, quad_scene
+from tools.exercises import Answer
+from tools.exercises.checking import Given
 
 WORKERS, LEAST = 3, 150
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from backends.vulkan import api as vk
-from chapters.exercises.checking import Given
+from tools.exercises.checking import Given
 
 GIVER, TAKER = 2, 0
 

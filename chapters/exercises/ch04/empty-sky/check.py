@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from chapters.exercises.checking import Given
 from common.scene import Material
 from tests.support.scenes import facing, quad_scene
+from tools.exercises.checking import Given
 
 GREY = 0.25
 SQUARE = 0.5

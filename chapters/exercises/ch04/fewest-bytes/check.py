@@ -6,7 +6,7 @@ import random
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from chapters.exercises.checking import Given
+from tools.exercises.checking import Given
 
 Uses = Mapping[str, Mapping[str, int]]
 

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from chapters.exercises.checking import Given
 from common.camera import Orthographic, Perspective, View
 from common.scene import Material, Scene
 from common.transforms import pose_looking_at
 from tests.support.scenes import quad_scene
+from tools.exercises.checking import Given
 
 SIZE = (24, 16)
 YFOV = 1.2

@@ -6,7 +6,7 @@ import random
 from itertools import combinations
 from typing import Any
 
-from chapters.exercises.checking import Given
+from tools.exercises.checking import Given
 
 UNIT = 256
 

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from chapters.exercises import Answer
-from chapters.exercises.checking import Given
 from common.camera import View
 from common.scene import Light, Material, Scene
 from tests.support.scenes import facing, quad_scene, translated
+from tools.exercises import Answer
+from tools.exercises.checking import Given
 
 SOLID = Material(base_color=(0.8, 0.6, 0.4, 1.0))
 GREEN = Material(base_color=(0.2, 0.9, 0.4, 0.5), alpha_mode="blend")

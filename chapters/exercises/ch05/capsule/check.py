@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from chapters.exercises.checking import Given
 from tests.support.cloths import run, sheet
+from tools.exercises.checking import Given
 
 SKIN = 0.01
 TOLERANCE = 1e-5

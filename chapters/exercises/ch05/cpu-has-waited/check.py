@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from backends.contract import Access
-from chapters.exercises.checking import Given
+from tools.exercises.checking import Given
 
 SLOTS = 2
 FRAMES = 6

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from chapters.exercises.checking import Given
 from tests.support.cloths import sheet
+from tools.exercises.checking import Given
 
 Pair = tuple[int, int]
 

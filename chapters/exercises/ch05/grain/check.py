@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from chapters.exercises.checking import Given
 from common.scene import Material, Scene
 from tests.support.scenes import facing, quad_scene
+from tools.exercises.checking import Given
 
 SIZE = (37, 21)
 """No multiple of a work group's."""

@@ -9,7 +9,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from chapters.exercises.checking import Given
 from common.camera import View
 from common.errors import DeviceError
 from common.scene import Scene
@@ -17,6 +16,7 @@ from tests.support.cloth_runs import VIEW
 from tests.support.cloth_scenes import cloth, cloth_scene_of
 from tests.support.pacing import ends, number
 from tests.support.scenes import facing, quad_scene
+from tools.exercises.checking import Given
 
 FRAMES = 9
 

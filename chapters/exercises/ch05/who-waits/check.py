@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from backends.contract import Access
-from chapters.exercises import Answer
-from chapters.exercises.checking import Given
+from tools.exercises import Answer
+from tools.exercises.checking import Given
 
 OUTPUT = "picture"
 

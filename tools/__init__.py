@@ -1,0 +1,1 @@
+"""What people do with chapters: one package for each kind of work, none of which a lesson teaches."""

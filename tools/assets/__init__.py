@@ -1,0 +1,1 @@
+"""`strata assets` and `strata convert`: models fetched, examined, shrunk and converted."""

@@ -1,0 +1,394 @@
+"""`strata bench N`: time, error and work of a chapter's settings, its start, and its worst case of stability."""
+
+from __future__ import annotations
+
+import datetime
+import json
+import os
+import platform
+import re
+import subprocess
+from collections.abc import Callable, Collection, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import chapters
+from chapters import scenes
+from common import stability
+from common.errors import UserError
+from common.names import suggest
+from common.paths import ROOT, write_whole
+from tools.bench import (
+    pipelines as bench_pipelines,
+)
+from tools.bench import (
+    points as bench_points,
+)
+from tools.bench import (
+    prepared as bench_prepared,
+)
+from tools.bench import (
+    prepass,
+    scale,
+    start,
+)
+from tools.bench import (
+    readback as bench_readback,
+)
+from tools.bench import (
+    threads as bench_threads,
+)
+from tools.bench.lessons import (
+    async_compute,
+    cloth,
+    drift,
+    gbuffer,
+    graph,
+    pacing,
+    sheet,
+)
+from tools.bench.lessons import (
+    loads as bench_loads,
+)
+from tools.bench.points import Effort, Subject
+from tools.bench.report import can_plot, plot, show
+from tools.cli.console import Steps, err, out, say
+from tools.run.record import STDOUT, naming
+from tools.run.run import open_device
+
+FORMAT = 2
+"""Of the record; readers refuse another."""
+
+PARTS = {
+    "settings": "time and error of presets and knobs",
+    "prepared": "what is made before the first frame",
+    "start": "from nothing to the first picture, cold and warm",
+    "stability": "how much the worst case changes the picture",
+    "scales": "what objects and materials cost",
+    "pipelines": "building pipelines cold and warm",
+    "threads": "recording draws by several threads",
+    "loads": "loading scenes, with their cache and without",
+    "readback": "reading what the GPU wrote, by the kind of memory",
+    "graph": "what a frame graph costs and spares",
+    "prepass": "the depth pre-pass against overdraw",
+    "gbuffer": "formats of the G-buffer against their error",
+    "cloth": "how far cloth is from the truth, by how its steps are cut",
+    "drift": "energy and length of cloth that is left alone",
+    "async": "frames with compute work on a queue of its own",
+    "pacing": "the processor's time for waiting and submitting",
+}
+"""What a bench measures; a chapter may lack any of those that come after `stability`, and `prepared`."""
+
+DRAWN = {
+    "cloth",
+    "drift",
+    "async",
+    "pacing",
+    "settings",
+    "prepared",
+    "scales",
+    "pipelines",
+    "loads",
+    "graph",
+    "prepass",
+    "gbuffer",
+}
+"""The parts that a plot has a panel for."""
+
+FOLDER = ROOT / "docs" / "benchmarks"
+PLOTS = (".png", ".svg", ".pdf")
+
+
+def run(
+    which: chapters.Whole,
+    backend: str = "auto",
+    scene: str = scenes.DEFAULT,
+    size: tuple[int, int] = (640, 360),
+    quick: bool = False,
+    json_path: Path | None = None,
+    plot_path: Path | None = None,
+    record: bool = False,
+    only: Sequence[str] = (),
+) -> int:
+    """Measure a chapter or a fork and say what came out; return the exit code.
+
+    `json_path` and `plot_path` get the record and its plot; `record` keeps both in `docs/benchmarks` too, among those
+    of the device. `only` names the PARTS that are measured, all by default. Raises UserError for a wrong argument,
+    before anything is measured.
+    """
+    api = chapters.choose_backend(backend)
+    parts = parts_of(which, api, only)
+    check_paths(json_path, plot_path)
+    if json_path is not None and plot_path is not None and json_path.absolute() == plot_path.absolute():
+        raise UserError(f"--json and --plot both name {json_path}: the record and the plot are two files.")
+    if plot_path is not None and plot_path.suffix.lower() not in PLOTS:
+        raise UserError(f"--plot {plot_path}: write one of {', '.join(PLOTS)}.")
+    check_record(record, quick, only)
+    if record and not isinstance(which, int):
+        raise UserError(
+            "--record keeps records of the project's own chapters: write that of a fork by --json FILE."
+        )
+    if plot_path is not None and not DRAWN.intersection(parts):
+        raise UserError(f"--plot {plot_path}: of {' and '.join(parts)} there is nothing to draw.")
+    if plot_path is not None and not can_plot():
+        raise UserError("--plot needs the package matplotlib: run `pip install matplotlib`, or leave it out.")
+    with Steps() as steps:
+        effort = bench_points.QUICK if quick else bench_points.FULL
+        made = measure(which, backend, scene, size, effort, steps, parts)
+    made["quick"] = quick
+    if record:
+        for written in keep(made):
+            say(f"Wrote {written}")
+    printed = json_path == STDOUT
+    if printed:
+        print(json.dumps(made, indent=1))
+    elif json_path is not None:
+        write_record(json_path, made)
+    if plot_path is not None:
+        plot(plot_path, made)
+    show(made, err if printed else out)
+    for path in (json_path, plot_path):
+        if path is not None and path != STDOUT:
+            say(f"Wrote {path}")
+    return 0
+
+
+def check_paths(*paths: Path | None) -> None:
+    """Raise UserError for a file that cannot be written, since its folder is not there."""
+    for path in paths:
+        if path is not None and (path.is_dir() or not path.absolute().parent.is_dir()):
+            raise UserError(f"{path} cannot be written: name a file in a folder that exists.")
+
+
+def check_record(record: bool, quick: bool, only: Sequence[str]) -> None:
+    """Raise UserError where --record would keep what is no record."""
+    if record and quick:
+        raise UserError("A quick look is no record: leave out --quick, or --record.")
+    if record and only:
+        raise UserError("A part is no record: leave out --only, or --record.")
+
+
+def keep(made: dict[str, Any]) -> list[Path]:
+    """Keep a record among those of its device, with its plot where matplotlib is; return the files."""
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    path = path_of(made)
+    write_record(path, made)
+    if not can_plot():
+        return [path]
+    plot(path.with_suffix(".png"), made)
+    return [path, path.with_suffix(".png")]
+
+
+def path_of(made: dict[str, Any]) -> Path:
+    """Return where a record is kept: under the class of its device, or where another device has that, its name too."""
+    path = record_path(made["chapter"], made["device"]["class"])
+    try:
+        other = read_record(path)["device"]["name"] if path.is_file() else made["device"]["name"]
+    except (UserError, KeyError, TypeError):  # a record that nobody can read is none to spare
+        return path
+    if _plain(other) == _plain(made["device"]["name"]):
+        return path
+    return path.with_stem(f"{path.stem}-{_plain(made['device']['name'])}")
+
+
+def _plain(device: str) -> str:
+    """Return a device's name as part of a file's: "llvmpipe (LLVM 15.0.6, 256 bits)" is "llvmpipe" in every version."""
+    return re.sub(r"[^a-z0-9]+", "-", re.sub(r"\(.*?\)", "", device).lower()).strip("-") or "device"
+
+
+def record_path(number: int, device_class: str) -> Path:
+    """Return where the record of a chapter on the first device of a class is kept."""
+    return FOLDER / f"{chapters.folder_name(number)}-{device_class}.json"
+
+
+def read_record(path: Path) -> dict[str, Any]:
+    """Return a record; raise UserError if it is none, or of another format."""
+    made = read_object(path)
+    if made.get("format") != FORMAT:
+        raise UserError(f"{path} is a record of format {made.get('format')}, not {FORMAT}: measure again.")
+    return made
+
+
+def read_object(path: Path) -> dict[str, Any]:
+    """Return the object that a file of JSON holds; raise UserError if it holds none."""
+    try:
+        made: dict[str, Any] = dict(json.loads(path.read_text("utf-8")))
+    except (OSError, ValueError, TypeError, RecursionError) as error:
+        said = error.strerror if isinstance(error, OSError) else None
+        raise UserError(f"{path} is no record of a bench: {said or error}.") from None
+    return made
+
+
+def write_record(path: Path, made: dict[str, Any]) -> None:
+    """Write a record, whole or not at all."""
+    try:
+        write_whole(path.absolute(), (json.dumps(made, indent=1) + "\n").encode())
+    except OSError as error:
+        raise UserError(f"{path} cannot be written: {error.strerror or error}.") from None
+
+
+def parts_of(which: chapters.Whole, api: str, only: Sequence[str] = ()) -> tuple[str, ...]:
+    """Return the PARTS to measure of a chapter on a graphics API: those of `only`, or all that it has.
+
+    Raises UserError for a part that there is not.
+    """
+    settings_class, missing = chapters.settings_class(which), {}
+    spoken = f"chapter {which}" if isinstance(which, int) else f"the fork {which.path}"
+    for part, names in (
+        ("scales", "SCALES"),
+        ("pipelines", "PIPELINES"),
+        ("prepared", "PREPARED"),
+        ("threads", "THREADS"),
+        ("loads", "LOADS"),
+        ("readback", "LOADS"),
+        ("graph", graph.KNOB),
+        ("prepass", prepass.PREPASS),
+        ("gbuffer", gbuffer.KNOB),
+        ("cloth", sheet.KNOB),
+        ("drift", sheet.KNOB),
+        ("async", async_compute.KNOB),
+        ("pacing", pacing.KNOB),
+    ):
+        if not hasattr(settings_class, names):
+            missing[part] = f"{spoken} names none in its settings ({names})"
+    if api != "vulkan":
+        missing.setdefault("pipelines", "OpenGL has no pipeline objects")
+        missing.setdefault("readback", "OpenGL does not say where a buffer lies")
+        missing.setdefault("async", "OpenGL has one queue")
+        missing.setdefault("pacing", "OpenGL paces its frames by itself")
+    for part in only:
+        if part not in PARTS:
+            raise UserError(
+                f"--only {part}: a bench has no such part{suggest(part, PARTS)}.".replace("?.", "?")
+            )
+        if part in missing:
+            raise UserError(f"--only {part}: there is nothing to measure, since {missing[part]}.")
+    return tuple(part for part in PARTS if part not in missing and (not only or part in only))
+
+
+def measure(
+    which: chapters.Whole,
+    backend: str,
+    scene: str,
+    size: tuple[int, int],
+    effort: Effort,
+    steps: Steps,
+    parts: Collection[str] = tuple(PARTS),
+) -> dict[str, Any]:
+    """Return the record of one bench of `parts`."""
+    steps("load", 0.0)
+    loaded = scenes.load(scene)
+    load_before = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
+
+    def within(begin: float, end: float, what: str = "") -> Callable[[str, float], None]:
+        """Return how a part of the bench reports: its own 0 to 1 is `begin` to `end` of the whole."""
+        return lambda name, part: steps(f"{what} {name}".strip(), begin + (end - begin) * part)
+
+    starts, found, prepared, grown, pipelines, threads, cases = {}, [], [], [], None, None, []
+    loads: list[dict[str, Any]] = []
+    readback: dict[str, Any] | None = None
+    framed: dict[str, Any] = {}
+    if "start" in parts:
+        steps("start, cold and warm", 0.02)
+        starts = start.cold_and_warm(which, backend, scene, size, effort.starts)
+    if "pipelines" in parts:
+        pipelines = bench_pipelines.measure(which, size, effort, within(0.1, 0.15, "pipelines,"))
+    if "loads" in parts:
+        loads = bench_loads.measure(which, backend, size, effort, within(0.15, 0.25, "load"))
+    with ExitStack() as stack:
+        device = open_device(stack, backend)
+        capabilities = device.capabilities
+        subject = Subject(which, backend, loaded, size, device)
+        if "settings" in parts:
+            found = bench_points.sweep(subject, effort, within(0.25, 0.4))
+        if "prepared" in parts:
+            prepared = bench_prepared.sweeps(subject, effort, within(0.4, 0.6, "prepare"))
+        if "scales" in parts:
+            grown = scale.scales(subject, effort, within(0.6, 0.7))
+        if "threads" in parts:
+            threads = bench_threads.measure(subject, effort, within(0.7, 0.75))
+        if "readback" in parts:
+            readback = bench_readback.measure(device, effort, within(0.75, 0.76, "read back"))
+        if "graph" in parts:
+            framed["graph"] = graph.measure(subject, effort, within(0.76, 0.8))
+        if "prepass" in parts:
+            framed["prepass"] = prepass.measure(subject, effort, within(0.8, 0.85, "pre-pass,"))
+        if "gbuffer" in parts:
+            framed["gbuffer"] = gbuffer.measure(subject, effort, within(0.85, 0.87, "G-buffer,"), scene)
+        if "cloth" in parts:
+            framed["cloth"] = cloth.measure(subject, effort, within(0.87, 0.89, "cloth,"))
+        if "drift" in parts:
+            framed["drift"] = drift.measure(subject, effort, within(0.89, 0.9, "cloth left alone,"))
+        if "async" in parts:
+            framed["async"] = async_compute.measure(subject, effort, within(0.9, 0.92, "queues,"))
+        if "pacing" in parts:
+            framed["pacing"] = pacing.measure(subject, effort, within(0.92, 0.93))
+        if "stability" in parts:
+            steps("stability", 0.93)
+            cases = bench_points.stability_cases(subject, effort)
+    defaults = vars(chapters.settings_class(which)())
+    points = [point.record(defaults) for point in found]
+    for point in points:
+        point["front"] = bench_points.on_front(point, points)
+    made = {
+        "format": FORMAT,
+        **naming(which),
+        "title": chapters.title_of(which),
+        "parts": [part for part in PARTS if part in parts],
+        "backend": capabilities.backend,
+        "device": {
+            "name": capabilities.device,
+            "driver": capabilities.driver,
+            "class": capabilities.kind,
+            "api_version": ".".join(map(str, capabilities.api_version)),
+        },
+        "system": f"{platform.system()} {platform.machine()}, {os.cpu_count()} CPUs",
+        "python": platform.python_version(),
+        "load_before": load_before,
+        "commit": commit(),
+        "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        "scene": {
+            "name": scene,
+            "instances": len(loaded.instances),
+            "triangles": loaded.triangle_count,
+        },
+        "size": list(size),
+        "cache_state": f"shaders and driver warm, {effort.warm_up} frames before each round",
+        "frames": effort.frames,
+        "rounds": effort.rounds,
+        "reference": {"preset": "reference", "samples_per_pixel": effort.samples**2},
+        "points": points,
+        "prepared": prepared,
+        "start_s": starts,
+        "scales": grown,
+        "pipelines": pipelines,
+        "threads": threads,
+        "loads": loads,
+        "readback": readback,
+        **framed,
+        "stability": None,
+    }
+    if cases:
+        worst = max(cases, key=lambda case: case["pixels_changed"])
+        made["stability"] = {"bound": stability.BOUND, "worst": worst, "cases": cases}
+    return made
+
+
+def commit() -> str:
+    """Return the commit of the clone, with "+" after it if files differ from it.
+
+    A copy without its own history, as one carried to another machine, takes what the environment's STRATA_COMMIT says.
+    """
+    if said := os.environ.get("STRATA_COMMIT"):
+        return said
+
+    def git(*words: str) -> str:
+        run = subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True, check=True)
+        return run.stdout.strip()
+
+    try:
+        changed = git("status", "--porcelain", "--untracked-files=no")
+        return git("rev-parse", "--short=12", "HEAD") + ("+" if changed else "")
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"

@@ -1,0 +1,1 @@
+"""`strata bundle`: the clone with its packages and models in one file."""

@@ -1,0 +1,61 @@
+"""Ctrl-C that takes effect soon, also while a driver draws or an encoder packs and Python has no say.
+
+Python runs its handler of a signal between two of its own instructions. A frame of 8192x8192 pixels on a software
+driver, or its PNG, is one instruction that takes many seconds. The byte that the signal leaves in a socket is there at
+once, and a thread that waits for it can end the process.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from common.paths import remove_unfinished
+from tools.cli.console import err, say
+
+STOPPED = 130
+"""The exit code after Ctrl-C: 128 and the signal's number, as shells have it."""
+
+GRACE_S = 0.5
+"""How long the program may take to end in its own way, with every object released."""
+
+
+@contextmanager
+def prompt_stop() -> Iterator[None]:
+    """End the process `GRACE_S` after Ctrl-C, if what is done inside has not ended by itself until then.
+
+    Files that were being written are removed; what is on the GPU goes with the process. Outside of the main thread,
+    where no signal arrives, this does nothing.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    reader, writer = socket.socketpair()
+    writer.setblocking(False)
+    before = signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
+    over = threading.Event()
+    threading.Thread(target=_watch, args=(reader, over), daemon=True).start()
+    try:
+        yield
+    finally:
+        over.set()
+        signal.set_wakeup_fd(before)
+        writer.close()  # which ends the thread, and that closes the other end
+
+
+def _watch(reader: socket.socket, over: threading.Event) -> None:
+    with reader:
+        while received := reader.recv(64):
+            if signal.SIGINT in received and not over.wait(GRACE_S):
+                _end()
+
+
+def _end() -> None:
+    remove_unfinished()
+    err.show_cursor(True)  # a progress bar hides it
+    say("strata: stopped.")
+    os._exit(STOPPED)

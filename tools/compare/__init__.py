@@ -1,0 +1,1 @@
+"""`strata compare`: two pictures of the same moment, and how far they are apart."""

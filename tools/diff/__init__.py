@@ -1,0 +1,1 @@
+"""`strata diff`: what one chapter adds to another, in the terminal and as a page."""

@@ -1,0 +1,1 @@
+"""`strata frame` and `strata graph`: one frame pass by pass, and the graph behind it."""
