@@ -335,7 +335,7 @@ def test_two_carries_at_once(clone):
     clone.write(f"ch01/{FORWARD}", FIX)
     with carry_state.alone(clone.root):
         code = (
-            "import sys; from pathlib import Path; from chapters import carry\n"
+            "import sys; from pathlib import Path; from tools.snapshots import carry\n"
             f"carry.start(Path(sys.argv[1]), 1, [{FORWARD!r}])"
         )
         done = subprocess.run(

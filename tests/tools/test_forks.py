@@ -300,7 +300,10 @@ def test_a_fault_of_a_fork_shows_the_fork_s_lines_alone(name, fork, strata):
     assert shown and all(f'File "{fork.resolve()}' in text for text in shown)
     assert str(Path(file)) in shown[-1] and line in "\n".join(rest)
     whole = strata(*words, "-v")[2]
-    assert str(ROOT / "chapters" / "run.py") in whole or str(ROOT / "chapters" / "cli.py") in whole
+    assert (
+        str(ROOT / "tools" / "run" / "run.py") in whole
+        or str(ROOT / "tools" / "cli" / "commands.py") in whole
+    )
 
 
 def test_a_wrong_shader_of_a_fork_is_named_with_its_line(fork, strata):
