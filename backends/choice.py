@@ -12,9 +12,9 @@ from pathlib import Path
 from backends import selftest, verdicts
 from backends.contract import BACKENDS
 from backends.verdicts import Identity
-from common import waiting
 from common.errors import StrataError, UnsupportedError, UserError
 from common.names import suggest
+from common.reports import waiting
 
 NOTHING = (
     "This machine has neither Vulkan 1.3 nor OpenGL 4.5: install the driver of its graphics card, or Mesa's software "

@@ -21,8 +21,8 @@ from common.names import suggest
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from common.camera import View
     from common.scene import Scene
+    from common.view.camera import View
 
 BACKENDS = ("vulkan", "gl")
 
@@ -281,11 +281,11 @@ def check_arguments(
 
 def check_moment(view: Any, time: Any) -> None:
     """Raise UserError unless `view` is a View and `time` a number of seconds that a frame can show."""
-    from common.camera import View
+    from common.view.camera import View
 
     if not isinstance(view, View):
         raise UserError(
-            f"{_brief(view)} is no view: common.camera.View is one, and chapters.view_of gives one."
+            f"{_brief(view)} is no view: common.view.camera.View is one, and chapters.view_of gives one."
         )
     check_time(time)
 

@@ -13,7 +13,7 @@ from itertools import zip_longest
 from pathlib import Path
 
 from common.errors import ShaderError
-from common.shader_files import shown_path
+from common.files.shader_files import shown_path
 
 
 @dataclass(frozen=True)

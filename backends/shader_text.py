@@ -22,8 +22,8 @@ from types import MappingProxyType
 from typing import Any, Literal
 
 from common.errors import ShaderError
+from common.files.shader_files import File, in_memory, is_there, lines_of, load, shown_path
 from common.paths import ROOT
-from common.shader_files import File, in_memory, is_there, lines_of, load, shown_path
 
 Backend = Literal["vulkan", "gl"]
 Constant = int | float | bool | str

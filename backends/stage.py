@@ -21,10 +21,10 @@ import numpy as np
 
 from backends.contract import Reloaded, check_arguments, check_moment, check_names, check_size, resolve
 from backends.creation import ImageCreation
-from common.camera import View, exposure
 from common.errors import StaleFrameError
 from common.lessons import Study
 from common.scene import Scene
+from common.view.camera import View, exposure
 
 Made = TypeVar("Made")
 

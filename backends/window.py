@@ -13,7 +13,7 @@ from typing import Any, Literal, Protocol
 
 from backends import x11
 from common.errors import UnsupportedError
-from common.inputs import Inputs
+from common.view.inputs import Inputs
 
 NO_WINDOW = "No window can be opened here ({}): run with --headless to get a picture without one."
 

@@ -24,8 +24,8 @@ from common.names import suggest
 if TYPE_CHECKING:
     from backends.choice import Choice
     from backends.contract import Renderer
-    from common.camera import View
     from common.scene import Scene
+    from common.view.camera import View
     from tools.run.opened import OpenedRenderer
 
 FOLDER = Path(__file__).parent
@@ -200,8 +200,8 @@ def outputs_of(which: Which) -> tuple[str, ...]:
 
 def view_of(renderer: Renderer, camera: str | None = None, time: float = 0.0) -> View:
     """Return a view of the renderer's scene: its first camera, or what `camera` names (see `view_of_scene`)."""
-    from common.camera import view_of_scene
-    from common.pose import evaluate_pose
+    from common.scene.pose import evaluate_pose
+    from common.view.camera import view_of_scene
 
     scene = renderer.scene
     return view_of_scene(scene, evaluate_pose(scene, time), camera, renderer.size[0] / renderer.size[1])

@@ -10,14 +10,14 @@ from pathlib import Path
 
 import assets
 from common.environment import Environment, read_environment
+from common.environment.sky import sky
 from common.errors import SceneError, UserError
 from common.gltf import load_scene
 from common.gltf.load import Progress
+from common.mesh.obj import load_obj
 from common.models import store
 from common.names import suggest
-from common.obj import load_obj
 from common.scene import Scene
-from common.sky import sky
 
 DEFAULT = "atrium"
 SUFFIXES = (".gltf", ".glb", ".obj")

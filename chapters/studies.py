@@ -121,7 +121,7 @@ def load(which: Which, text: str | None, progress: Progress | None = None, aroun
     if text is not None and about.scene is None:
         raise UserError(f"The study {which} brings what it draws: leave --scene out.")
     if text is None and about.scene is None:
-        from common.primitive import nothing
+        from common.scene.primitive import nothing
 
         return nothing("no scene")
     if text is None and about.scene == OWN:

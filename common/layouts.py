@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from common.camera import Orthographic, Projection, View, exposure
-from common.transforms import invert_rigid, normal_matrix, translation
+from common.numerics.transforms import invert_rigid, normal_matrix, translation
+from common.view.camera import Orthographic, Projection, View, exposure
 
 Float64 = NDArray[np.float64]
 

@@ -30,13 +30,13 @@ sys.path.insert(0, str(ROOT))  # so that it runs from any folder, installed or n
 import chapters  # noqa: E402
 from assets import SCENES, locate  # noqa: E402
 from chapters import studies  # noqa: E402
-from common.color import decode_srgb, encode_srgb, quantize  # noqa: E402
 from common.errors import StrataError  # noqa: E402
 from common.gltf import load_scene  # noqa: E402
 from common.images import read_image  # noqa: E402
+from common.images.color import decode_srgb, encode_srgb, quantize  # noqa: E402
+from common.images.small_pictures import write_small  # noqa: E402
 from common.names import suggest  # noqa: E402
 from common.settings import preset  # noqa: E402
-from common.small_pictures import write_small  # noqa: E402
 from tools.bench import bench, report  # noqa: E402
 from tools.frames.frame import step_through  # noqa: E402
 from tools.run.run import Request  # noqa: E402

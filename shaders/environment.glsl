@@ -1,7 +1,7 @@
 // Directions of an environment: to and from the picture of a panorama, and the faces of a cube map.
 //
 // The world is right-handed with y up. The middle of a panorama is seen along -z, where a camera looks that was not
-// turned; u grows to the right, v down from the zenith. `common/directions.py` has the same functions in float64.
+// turned; u grows to the right, v down from the zenith. `common/environment/directions.py` has the same functions in float64.
 
 const float TURN = 6.28318530717959;
 

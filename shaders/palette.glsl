@@ -1,4 +1,4 @@
-// Colours for numbers that are no light: heat for how many, a hue drawn by lot for which one. `common/palette.py` is
+// Colours for numbers that are no light: heat for how many, a hue drawn by lot for which one. `common/images/palette.py` is
 // the same in numpy. What comes out is shown as it is, without an sRGB curve.
 
 // Black, blue, cyan, green, yellow, red, white, evenly spaced over t from 0 to 1; beyond, the ends.

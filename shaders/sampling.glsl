@@ -1,4 +1,4 @@
-// Points that fill the unit square evenly; common/sampling.py has the same functions, bit for bit.
+// Points that fill the unit square evenly; common/numerics/sampling.py has the same functions, bit for bit.
 
 // The bits of `index` mirrored at the binary point, in [0, 1). The upper 24 mirrored bits are all that a float holds;
 // rounding the other eight would be the device's choice, and could give 1.0.

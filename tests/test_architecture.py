@@ -126,7 +126,7 @@ exec("import chapters")
     assert targets.count(None) == 5
     assert refused("common/packages.py", targets) == ["chapters.ch02.renderer", "backends", "moderngl"]
     assert refused("backends/selftest.py", targets) == ["chapters.ch02.renderer"]
-    assert refused("common/images.py", targets)[3:] == ["not known from the text"] * 5
+    assert refused("common/images/images.py", targets)[3:] == ["not known from the text"] * 5
     assert refused("chapters/ch02/renderer.py", targets[:4]) == []
     assert refused("chapters/ch01/renderer.py", targets[:4]) == ["chapters.ch02.renderer"]
     assert refused("chapters/ch02/logic/frame.py", targets[:4]) == ["backends", "moderngl"]

@@ -13,8 +13,8 @@ import pytest
 
 import chapters
 from backends.window import Event
-from common.draw_lists import FONT
 from common.settings import knob, knobs
+from common.view.draw_lists import FONT
 from tests.support.panel import PanelUser, example, seen
 from tools.panel import imgui
 from tools.panel.knobs import value_of, widget_of, widgets

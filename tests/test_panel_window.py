@@ -18,16 +18,16 @@ import chapters
 from backends.gl import present
 from backends.vulkan.instance import VALIDATION_LAYER, Instance
 from chapters.ch01.settings import Settings
-from common.camera import Camera, Orthographic, Perspective, view_of_scene
-from common.draw_lists import VERTEX, Command, DrawList
 from common.errors import UserError
 from common.images import read_image
-from common.inputs import Inputs
+from common.numerics.transforms import pose_looking_at
 from common.paths import ROOT
-from common.pose import evaluate_pose
-from common.positioners import FirstPerson, Orbit
 from common.scene import Light, Material
-from common.transforms import pose_looking_at
+from common.scene.pose import evaluate_pose
+from common.view.camera import Camera, Orthographic, Perspective, view_of_scene
+from common.view.draw_lists import VERTEX, Command, DrawList
+from common.view.inputs import Inputs
+from common.view.positioners import FirstPerson, Orbit
 from tests.support import packages
 from tests.support.display import User, screenshot, virtual_display
 from tests.support.scenes import quad_scene

@@ -13,12 +13,12 @@ import pytest
 
 import chapters
 from backends.vulkan.instance import VALIDATION_LAYER, Instance
-from common.camera import Camera, Perspective
 from common.errors import UnsupportedError
-from common.inputs import Inputs
 from common.paths import ROOT
-from common.positioners import FirstPerson, Orbit
 from common.scene import Light, Material
+from common.view.camera import Camera, Perspective
+from common.view.inputs import Inputs
+from common.view.positioners import FirstPerson, Orbit
 from tests.support.display import User, screenshot, virtual_display
 from tests.support.scenes import quad_scene, translated
 from tools.window.camera import open_camera

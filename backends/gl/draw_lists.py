@@ -29,9 +29,9 @@ from backends.gl.resources import (
     write_buffer,
 )
 from backends.gl.targets import Framebuffer, create_framebuffer, destroy_framebuffer
-from common.draw_lists import GREY, VERTEX, DrawList, TextureUpdate
 from common.paths import ROOT
 from common.scene import Sampler
+from common.view.draw_lists import GREY, VERTEX, DrawList, TextureUpdate
 
 SHADERS = (ROOT / "shaders" / "draw_list.vert", ROOT / "shaders" / "draw_list.frag")
 

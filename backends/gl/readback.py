@@ -10,7 +10,7 @@ from backends.gl import api as gl
 from backends.gl.context import Context
 from backends.gl.resources import FORMATS, Image, create_buffer, destroy_buffer, level_size
 from common.errors import DeviceError
-from common.packed import unpacked
+from common.images.packed import unpacked
 
 
 class Fence:

@@ -13,16 +13,16 @@ import numpy as np
 
 from backends.gl import api as gl
 from backends.gl.context import Context
-from common import blocks
 from common.errors import UnsupportedError
+from common.images import blocks
 from common.scene import Sampler
 
 
 class Format(NamedTuple):
     """OpenGL's name of a format, how pixels of it lie in the CPU's memory, and the same in numpy's words.
 
-    Of the formats of `common.blocks`, `texel` is the bytes of a block of 4x4 texels; the rest says how they are read
-    back, unpacked.
+    Of the formats of `common.images.blocks`, `texel` is the bytes of a block of 4x4 texels; the rest says how they are
+    read back, unpacked.
     """
 
     internal: int
@@ -222,7 +222,7 @@ def create_image(
     An image that is sampled as sRGB and written by compute is made as "rgba8" with the view "rgba8_srgb": image stores
     know no sRGB formats.
 
-    Raises UnsupportedError for a compressed format that the device lacks: `common.blocks.storage_of` chooses another.
+    Raises UnsupportedError for a compressed format that the device lacks: `blocks.storage_of` chooses another.
     """
     width, height = size
     if format.startswith("etc2") and view_format not in (None, format):

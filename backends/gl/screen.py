@@ -18,7 +18,7 @@ from backends.gl.draw_lists import DrawLists
 from backends.gl.present import present
 from backends.gl.readback import read_image
 from backends.window import Window
-from common.draw_lists import DrawList
+from common.view.draw_lists import DrawList
 
 
 class Screen:

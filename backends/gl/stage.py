@@ -27,9 +27,9 @@ from backends.gl.resources import (
 )
 from backends.gl.targets import Framebuffer, begin, create_framebuffer, destroy_framebuffer
 from backends.stage import Stage as AnyStage
-from common.camera import View
 from common.errors import StaleFrameError
 from common.scene import Sampler
+from common.view.camera import View
 
 
 class Graphics(NamedTuple):

@@ -22,7 +22,7 @@ from backends.gl.resources import (
     level_size,
     write_image,
 )
-from common import blocks
+from common.images import blocks
 from common.paths import ROOT
 
 
@@ -122,7 +122,7 @@ class Uploader:
 def _write_level(context: Context, image: Image, rows: np.ndarray, *, level: int, layer: int) -> None:
     """Copy a level of a layer as it is stored: (rows, bytes of a row) uint8, rows of blocks if the format has blocks.
 
-    ValueError for bytes of another shape than `common.blocks.stored_shape` says.
+    ValueError for bytes of another shape than `common.images.blocks.stored_shape` says.
     """
     described = FORMATS[image.storage_format]
     width, height = level_size(image, level)

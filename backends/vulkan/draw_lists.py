@@ -25,9 +25,9 @@ from backends.vulkan.resources import (
     destroy_image,
 )
 from backends.vulkan.shaders import compile_all
-from common.draw_lists import GREY, VERTEX, DrawList, TextureUpdate
 from common.paths import ROOT
 from common.scene import Sampler
+from common.view.draw_lists import GREY, VERTEX, DrawList, TextureUpdate
 
 TEXTURES = 64
 """Textures at most."""

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from backends.vulkan import api as vk
-from common.allocators import BlockAllocator
 from common.errors import DeviceError
+from common.numerics.allocators import BlockAllocator
 
 if TYPE_CHECKING:
     from backends.vulkan.device import Device

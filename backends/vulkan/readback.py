@@ -9,7 +9,7 @@ import numpy as np
 from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 from backends.vulkan.resources import FORMATS, Buffer, Image, create_buffer, destroy_buffer
-from common.packed import unpacked
+from common.images.packed import unpacked
 
 
 class Readback:

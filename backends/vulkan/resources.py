@@ -11,12 +11,12 @@ import numpy as np
 from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 from backends.vulkan.memory import Allocation, MemoryUse
-from common import blocks
 from common.errors import UnsupportedError
+from common.images import blocks
 from common.scene import Sampler
 
 # Short names of formats, as passes declare them: (Vulkan's constant, bytes of a texel, numpy type, channels);
-# of the formats of `common.blocks` the bytes are those of a block of 4x4 texels.
+# of the formats of `common.images.blocks` the bytes are those of a block of 4x4 texels.
 FORMATS: dict[str, tuple[int, int, type, int]] = {
     "r8": (vk.VK_FORMAT_R8_UNORM, 1, np.uint8, 1),
     "rg8": (vk.VK_FORMAT_R8G8_UNORM, 2, np.uint8, 2),
@@ -214,7 +214,7 @@ def create_image(
 
     The view of an sRGB format is for sampling alone, so that the image itself can also be written by compute.
 
-    Raises UnsupportedError for a compressed format that the device lacks: `common.blocks.storage_of` chooses another.
+    Raises UnsupportedError for a compressed format that the device lacks: `blocks.storage_of` chooses another.
     """
     width, height = size
     allocation = None

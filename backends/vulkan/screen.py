@@ -21,8 +21,8 @@ from backends.vulkan.instance import Instance, PhysicalDevice, choose
 from backends.vulkan.readback import read_image
 from backends.vulkan.swapchain import Swapchain
 from backends.window import Window
-from common.draw_lists import DrawList
 from common.errors import UnsupportedError
+from common.view.draw_lists import DrawList
 
 
 def loader_address() -> int:

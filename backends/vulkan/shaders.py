@@ -21,8 +21,8 @@ from pathlib import Path
 
 from backends.shader_text import ShaderSource, describe_errors
 from backends.vulkan import glslang
-from common.disk_cache import mark_read, prune
 from common.errors import ShaderError
+from common.files.disk_cache import mark_read, prune
 from common.paths import cache_dir, write_whole
 
 MAGIC = 0x07230203  # first word of every SPIR-V module (SPIR-V specification, 2.3)

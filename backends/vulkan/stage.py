@@ -26,9 +26,9 @@ from backends.vulkan.resources import (
     destroy_image,
 )
 from backends.vulkan.upload import Uploader
-from common.camera import View
 from common.errors import StaleFrameError
 from common.scene import Sampler
+from common.view.camera import View
 
 USAGES = BUFFER_USAGES
 """The bit of each use that a study has for a buffer."""

@@ -14,8 +14,8 @@ from backends.vulkan.barriers import barriers, image_barrier
 from backends.vulkan.device import Device
 from backends.vulkan.draw_lists import DrawLists
 from backends.vulkan.resources import Image
-from common.draw_lists import DrawList
 from common.errors import UnsupportedError
+from common.view.draw_lists import DrawList
 
 SLOTS = 2
 """Copies in flight: as many as renderers have frames."""

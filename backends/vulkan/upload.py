@@ -24,7 +24,7 @@ from backends.vulkan.resources import (
     destroy_buffer,
 )
 from backends.vulkan.shaders import compile_shader
-from common import blocks
+from common.images import blocks
 from common.paths import ROOT
 
 HALF = 8 << 20

@@ -29,11 +29,11 @@ from backends.vulkan.inspection import Inspection
 from backends.vulkan.instance import Instance
 from backends.vulkan.readback import TO_HOST, Readback
 from backends.vulkan.resources import Image
-from common.camera import View, exposure
 from common.errors import StaleFrameError
-from common.pose import evaluate_pose
+from common.numerics.transforms import translation
 from common.scene import Change, Sampler, Scene
-from common.transforms import translation
+from common.scene.pose import evaluate_pose
+from common.view.camera import View, exposure
 
 from . import LESSON
 from .graphics.commands import Commands, Rendering

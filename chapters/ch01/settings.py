@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from common.settings import AtMost, Sweep, knob
-from common.shading_environment import ENERGIES
+from common.twins.shading_environment import ENERGIES
 
 from .logic.views import CHOICES, PICTURE
 

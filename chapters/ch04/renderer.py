@@ -28,10 +28,10 @@ from backends.vulkan.device import Device
 from backends.vulkan.inspection import Inspection
 from backends.vulkan.instance import Instance
 from backends.vulkan.resources import FORMATS, Image
-from common.camera import View, exposure
 from common.errors import ShaderError, StaleFrameError
-from common.pose import evaluate_pose
 from common.scene import Scene
+from common.scene.pose import evaluate_pose
+from common.view.camera import View, exposure
 
 from . import LESSON
 from .graphics.copy_outputs import CopyOutputs

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, ClassVar
 
-from common.crowds import crowd, kinds
 from common.scene import Scene
+from common.scene.crowds import crowd, kinds
 from common.settings import AtMost, Scale, Side, Sweep, knob
-from common.shading_environment import ENERGIES
+from common.twins.shading_environment import ENERGIES
 
 from .logic.frame_plan import POISONS
 from .logic.views import CHOICES, PICTURE

@@ -29,9 +29,9 @@ from backends.vulkan.device import Device
 from backends.vulkan.inspection import Inspection
 from backends.vulkan.instance import Instance
 from backends.vulkan.resources import FORMATS, Image
-from common.camera import View, exposure
 from common.errors import ShaderError, StaleFrameError
 from common.scene import Scene
+from common.view.camera import View, exposure
 
 from . import LESSON
 from .graphics.copy_outputs import CopyOutputs

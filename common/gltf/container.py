@@ -21,8 +21,8 @@ from urllib.parse import unquote, unquote_to_bytes
 import numpy as np
 from numpy.typing import NDArray
 
+from common.files.regular_files import NOT_REGULAR, leads_outside, open_regular
 from common.gltf.refusal import refuse
-from common.regular_files import NOT_REGULAR, leads_outside, open_regular
 
 Bytes = NDArray[np.uint8]
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from common.deform import Vertices, flat, morph
 from common.gltf.accessors import Accessors
 from common.gltf.completion import any_tangents, unit
 from common.gltf.document import Document, Object
@@ -15,6 +14,7 @@ from common.gltf.nodes import Forest
 from common.gltf.refusal import refuse
 from common.gltf.surface import MAX_VERTICES, Surface
 from common.scene import Float32, Float64
+from common.scene.deform import Vertices, flat, morph
 
 MAX_SETS = 4
 """Sets of four joints that a vertex may have."""

@@ -22,12 +22,12 @@ from PIL.ImageFile import ImageFile
 from PIL.PngImagePlugin import PngImageFile
 
 from common.errors import SceneError
-from common.exif import without_exif
 from common.gltf.container import Bytes
 from common.gltf.document import Document
 from common.gltf.refusal import Refusal, refuse
+from common.images.exif import without_exif
 from common.names import visible
-from common.scene_images import EncodedImage, Image, Pixels
+from common.scene.images import EncodedImage, Image, Pixels
 
 MAX_SIDE = 16_384
 """Pixels along a side: what graphics cards take as a texture."""

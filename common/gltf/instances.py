@@ -16,8 +16,8 @@ from common.gltf.pools import Pools
 from common.gltf.primitives import PrimitiveReader
 from common.gltf.refusal import refuse
 from common.gltf.surface import Surface
+from common.numerics.transforms import compose
 from common.scene import Animation, Deformation, Float64, Instances
-from common.transforms import compose
 
 MAX_INSTANCES = 2**22
 

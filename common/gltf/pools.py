@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from common.arrays import fill_rows
 from common.gltf.completion import any_tangents
 from common.gltf.refusal import refuse
 from common.gltf.surface import MAX_VERTICES, Surface
+from common.numerics.arrays import fill_rows
 from common.scene import MESH_DTYPE, Float32, UInt32
 
 MAX_INDICES = 2**28

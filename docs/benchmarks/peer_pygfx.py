@@ -51,9 +51,9 @@ def draw_by_strata(job: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
     """Open chapter 1; return a function that draws frame i, and what is worth noting."""
     sys.path.insert(0, str(ROOT))
     import chapters
-    from common.camera import Perspective, View
     from common.gltf import load_scene
-    from common.transforms import pose_looking_at
+    from common.numerics.transforms import pose_looking_at
+    from common.view.camera import Perspective, View
 
     camera = job["camera"]
     renderer = chapters.open(1, scene=load_scene(Path(job["scene"])), size=SIZE)
@@ -147,8 +147,8 @@ def write_boxes(folder: Path) -> Path:
 
 def framed(scene: Path) -> dict[str, Any]:
     """Return the camera that frames a scene, in plain numbers for both sides."""
-    from common.camera import framed_view
     from common.gltf import load_scene
+    from common.view.camera import framed_view
 
     loaded = load_scene(scene)
     view = framed_view(loaded, SIZE[0] / SIZE[1])

@@ -23,14 +23,14 @@ sys.path.insert(0, str(ROOT))
 
 import numpy as np  # noqa: E402
 
-from common.object_graph import ObjectNode  # noqa: E402
+from common.numerics.transforms import normalize  # noqa: E402
 from common.paths import write_whole  # noqa: E402
-from common.pose import evaluate_pose, local_matrices  # noqa: E402
 from common.scene import Animation, AnimationChannel, Instances, Nodes, Scene  # noqa: E402
+from common.scene.pose import evaluate_pose, local_matrices  # noqa: E402
 from common.scene_graph import SceneGraph, graph_from_arrays  # noqa: E402
-from common.scene_graph_edit import delete_nodes  # noqa: E402
-from common.scene_graph_file import graph_bytes  # noqa: E402
-from common.transforms import normalize  # noqa: E402
+from common.scene_graph.edit import delete_nodes  # noqa: E402
+from common.scene_graph.file import graph_bytes  # noqa: E402
+from common.scene_graph.objects import ObjectNode  # noqa: E402
 from tests.support.scenes import quad_scene  # noqa: E402
 from tools.bench.bench import commit  # noqa: E402
 

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from assets import SCENES, locate
-from common.camera import view_of_scene
 from common.gltf import load_scene
-from common.pose import evaluate_pose
+from common.scene.pose import evaluate_pose
+from common.view.camera import view_of_scene
 
 ROLES = {"base_color", "metallic_roughness", "normal", "occlusion", "emissive"}
 EXTENSIONS = {

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from assets import SCENES
-from common.color import decode_srgb
 from common.images import read_image
+from common.images.color import decode_srgb
 from common.paths import ROOT
 
 SCRIPT = runpy.run_path(str(ROOT / "docs" / "pictures.py"))

@@ -12,9 +12,9 @@ from backends.vulkan.resources import create_image, destroy_image, mip_levels
 from backends.vulkan.selftests.bench import Bench
 from backends.vulkan.selftests.bindings import Texture
 from backends.vulkan.upload import Uploader
-from common.blocks import PLAIN, storage_of
 from common.errors import UnsupportedError
-from common.mips import mip_chain
+from common.images.blocks import PLAIN, storage_of
+from common.images.mips import mip_chain
 from tests.support.block_pictures import DECODED, by_level, chains, check, pictures, sampling
 
 USAGE = vk.VK_IMAGE_USAGE_SAMPLED_BIT | vk.VK_IMAGE_USAGE_TRANSFER_DST_BIT

@@ -9,7 +9,7 @@ import pytest
 
 from backends.gl import api as gl
 from backends.gl.context import Context
-from common.draw_lists import FONT, GREY, VERTEX, Command, DrawList, TextureUpdate, load, save
+from common.view.draw_lists import FONT, GREY, VERTEX, Command, DrawList, TextureUpdate, load, save
 from tests.support.draw_lists import QUAD, blended, on_gl, on_vulkan, quad
 from tests.support.panel import RECORDED
 

@@ -14,7 +14,7 @@ from backends.vulkan.once import submit_once
 from backends.vulkan.readback import TO_HOST, Readback, read_image
 from backends.vulkan.resources import FORMATS, create_buffer, create_image, destroy_buffer, destroy_image
 from backends.vulkan.upload import Uploader
-from common.blocks import BLOCK_BYTES
+from common.images.blocks import BLOCK_BYTES
 from tests.support.packed import channels_of
 
 USAGE = (

@@ -25,7 +25,7 @@ from backends.vulkan.resources import (
 )
 from backends.vulkan.selftests.bench import Bench
 from backends.vulkan.upload import Uploader
-from common.blocks import FEATURE
+from common.images.blocks import FEATURE
 from common.scene import Sampler
 from tests.support.bounds import decoded_srgb
 from tests.support.drawing import draw

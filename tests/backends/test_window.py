@@ -7,10 +7,10 @@ import pytest
 
 from backends import window as module
 from backends.window import Event, Window, display_available
-from common.camera import Camera, Perspective
 from common.errors import UnsupportedError
-from common.inputs import Action, Inputs
-from common.positioners import FirstPerson
+from common.view.camera import Camera, Perspective
+from common.view.inputs import Action, Inputs
+from common.view.positioners import FirstPerson
 from tests.support.display import User, virtual_display
 
 

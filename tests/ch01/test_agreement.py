@@ -24,8 +24,8 @@ from chapters.ch01.passes.resolve import ResolvePass
 from chapters.ch01.passes.tonemap import TonemapPass
 from chapters.ch01.renderer import Renderer as Vulkan
 from chapters.ch01.settings import Settings
-from common.metrics import flip_mean
 from common.paths import asset_dir
+from common.reports.metrics import flip_mean
 from common.scene import Light, Material
 from tests.support.chapter import on_path
 from tests.support.scenes import facing, quad_scene, translated

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from chapters.ch01.settings import Settings
-from common import shading
-from common.camera import Perspective, View, framed_view
 from common.gltf import load_scene
-from common.pose import evaluate_pose
+from common.numerics.transforms import pose_looking_at
 from common.scene import Animation, AnimationChannel, Deformation, Image, Light, Material
-from common.transforms import pose_looking_at
+from common.scene.pose import evaluate_pose
+from common.twins import shading
+from common.view.camera import Perspective, View, framed_view
 from tests.support.bounds import snapping
 from tests.support.scenes import facing, nodes_at, quad_scene, texture, translated
 

@@ -10,10 +10,10 @@ import pytest
 
 from chapters.ch01.logic.frame import OUTPUTS
 from chapters.ch01.settings import Settings
-from common.camera import UNIT_EV100, Orthographic, View, exposure
 from common.errors import StaleFrameError, UnsupportedError, UserError
+from common.numerics.transforms import pose_looking_at
 from common.scene import Image, Light, Material, Sampler
-from common.transforms import pose_looking_at
+from common.view.camera import UNIT_EV100, Orthographic, View, exposure
 from tests.support.scenes import facing, quad_scene, texture, translated
 
 pytestmark = pytest.mark.every_chapter

@@ -10,11 +10,11 @@ import pytest
 
 from assets import locate
 from chapters.ch01.settings import Settings
-from common.camera import view_of_scene
 from common.gltf import load_scene
-from common.pose import evaluate_pose
+from common.numerics.transforms import pose_looking_at
 from common.scene import Animation, AnimationChannel, Light, Material
-from common.transforms import pose_looking_at
+from common.scene.pose import evaluate_pose
+from common.view.camera import view_of_scene
 from tests.support.scenes import facing, nodes_at, quad_scene, translated
 
 pytestmark = pytest.mark.every_chapter

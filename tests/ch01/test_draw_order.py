@@ -12,9 +12,9 @@ from backends.vulkan import api as vk
 from chapters.ch01.logic.draw_lists import DrawLists
 from chapters.ch01.renderer import Renderer
 from chapters.ch01.settings import Settings
-from common.camera import Orthographic, View
+from common.numerics.transforms import pose_looking_at
 from common.scene import Light, Material
-from common.transforms import pose_looking_at
+from common.view.camera import Orthographic, View
 from tests.support import gl_functions
 from tests.support.scenes import quad_scene, translated
 

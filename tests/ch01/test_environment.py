@@ -17,18 +17,18 @@ from chapters.ch01.graphics.environment import create_environment, read_levels
 from chapters.ch01.logic import environment as logic
 from chapters.ch01.logic.environment import SMOOTH, Sizes
 from chapters.ch01.settings import Settings
-from common import shading_environment as ibl
-from common.directions import (
+from common.environment import Environment, constant, read_environment
+from common.environment.directions import (
     cube_directions,
     cube_solid_angles,
     panorama_directions,
     panorama_solid_angles,
     turn_back,
 )
-from common.environment import Environment, constant, read_environment
 from common.paths import asset_dir
 from common.settings import knobs
-from common.shading import distribution_ggx
+from common.twins import shading_environment as ibl
+from common.twins.shading import distribution_ggx
 
 pytestmark = pytest.mark.variants("vulkan")  # the kernels need nothing that a device may lack
 

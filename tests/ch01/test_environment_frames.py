@@ -10,12 +10,12 @@ import pytest
 from chapters.ch01.logic import environment as logic
 from chapters.ch01.renderer import Renderer
 from chapters.ch01.settings import Settings
-from common import shading_environment as ibl
-from common.camera import View, exposure
-from common.directions import panorama_directions
 from common.environment import Environment, constant
+from common.environment.directions import panorama_directions
+from common.numerics.transforms import pose_looking_at
 from common.scene import Light, Material
-from common.transforms import pose_looking_at
+from common.twins import shading_environment as ibl
+from common.view.camera import View, exposure
 from tests.support.scenes import facing, quad_scene, translated
 
 SIZE = (16, 16)

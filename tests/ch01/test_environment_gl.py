@@ -9,8 +9,8 @@ from chapters.ch01.gl import environment as on_gl
 from chapters.ch01.graphics import environment as on_vulkan
 from chapters.ch01.logic import environment as logic
 from chapters.ch01.logic.environment import Sizes
-from common.directions import panorama_directions
 from common.environment import Environment, constant
+from common.environment.directions import panorama_directions
 
 SMALL = Sizes(face=32, irradiance_face=4, irradiance_source=32, table=16, table_samples=64, lobe_part=0.3)
 

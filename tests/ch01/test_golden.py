@@ -8,10 +8,10 @@ import pytest
 from assets import locate
 from chapters.ch01.renderer import Renderer
 from chapters.ch01.settings import Settings
-from common.camera import view_of_scene
-from common.color import LUMINANCE
 from common.gltf import load_scene
-from common.pose import evaluate_pose
+from common.images.color import LUMINANCE
+from common.scene.pose import evaluate_pose
+from common.view.camera import view_of_scene
 from tests.support.chapter import as_modelled, on_path
 
 SIZE = (128, 72)

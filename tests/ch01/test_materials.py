@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from chapters.ch01.settings import Settings
-from common import shading
-from common.camera import Orthographic, View, exposure
-from common.color import decode_srgb
+from common.images.color import decode_srgb
+from common.numerics.transforms import pose_looking_at
 from common.scene import Image, Light, Material
-from common.transforms import pose_looking_at
+from common.twins import shading
+from common.view.camera import Orthographic, View, exposure
 from tests.support.scenes import facing, nodes_at, quad_scene, texture, translated
 
 pytestmark = [pytest.mark.every_chapter, pytest.mark.variants("vulkan", "without-all")]

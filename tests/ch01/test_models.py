@@ -10,10 +10,10 @@ import pytest
 
 from backends.gl import api as gl
 from chapters.ch01.renderer import Renderer
-from common.camera import exposure, view_of_scene
 from common.gltf import load_scene
 from common.paths import asset_dir
-from common.pose import evaluate_pose
+from common.scene.pose import evaluate_pose
+from common.view.camera import exposure, view_of_scene
 from tests.support import gl_functions
 from tests.support.recorded import draws
 

@@ -15,13 +15,13 @@ from chapters.ch01.logic.frame import OUTPUTS
 from chapters.ch01.logic.samples import choose_samples
 from chapters.ch01.renderer import Renderer as Vulkan
 from chapters.ch01.settings import Settings
-from common.camera import Perspective, View
-from common.color import decode_srgb
 from common.environment import constant
 from common.errors import UserError
+from common.images.color import decode_srgb
+from common.numerics.transforms import matrix_from_quaternion, pose_looking_at
 from common.scene import Image, Material, Sampler, Scene
 from common.settings import preset
-from common.transforms import matrix_from_quaternion, pose_looking_at
+from common.view.camera import Perspective, View
 from tests.support.chapter import on_path, targets_of
 from tests.support.drivers import needs_feature, needs_whole_quads
 from tests.support.scenes import facing, quad_scene, texture, translated

@@ -19,9 +19,9 @@ from chapters.ch01.logic.packing import (
     pack_materials,
 )
 from common import layouts
-from common.pose import evaluate_pose
+from common.numerics.transforms import pose_looking_at
 from common.scene import Light, Material
-from common.transforms import pose_looking_at
+from common.scene.pose import evaluate_pose
 from tests.support.scenes import nodes_at, quad_scene, texture, translated
 
 

@@ -9,7 +9,7 @@ from backends.vulkan import api as vk
 from chapters.ch01.graphics.frames import SLOTS
 from chapters.ch01.graphics.resources import DeferredDeletion, Resources
 from chapters.ch01.renderer import Renderer
-from common.pools import StaleHandleError
+from common.numerics.pools import StaleHandleError
 from common.scene import Image, Material, Sampler
 from tests.support.scenes import facing, quad_scene, texture
 

@@ -15,10 +15,10 @@ from chapters.ch01.logic.packing import material_variant
 from chapters.ch01.logic.texels import half_texels
 from chapters.ch01.settings import Settings
 from common import layouts
-from common.camera import UNIT_EV100, exposure
-from common.color import decode_srgb
 from common.errors import SceneError, ShaderError
+from common.images.color import decode_srgb
 from common.scene import Deformation, Image, Instances, Light, Material, Sampler
+from common.view.camera import UNIT_EV100, exposure
 from tests.support.bounds import decoded_srgb
 from tests.support.chapter import building
 from tests.support.scenes import facing, nodes_at, quad_scene, texture, translated

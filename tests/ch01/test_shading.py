@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from chapters.ch01.settings import Settings
-from common import shading
-from common.camera import exposure
-from common.color import decode_srgb, encode_srgb
+from common.images.color import decode_srgb, encode_srgb
 from common.scene import Image, Light, Material, Sampler
+from common.twins import shading
+from common.view.camera import exposure
 from tests.support.scenes import facing, nodes_at, quad_scene, texture, translated
 
 pytestmark = [pytest.mark.every_chapter, pytest.mark.variants("vulkan", "without-all")]

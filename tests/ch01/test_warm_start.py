@@ -26,9 +26,9 @@ import hashlib, json, sys
 from assets import locate
 from backends.vulkan import glslang, shaders
 import chapters
-from common.camera import view_of_scene
+from common.view.camera import view_of_scene
 from common.gltf import load_scene
-from common.pose import evaluate_pose
+from common.scene.pose import evaluate_pose
 
 scene = load_scene(locate("cornell"))
 which, outputs = sys.argv[1], {"color", "instance_id"}

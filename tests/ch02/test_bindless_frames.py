@@ -16,9 +16,9 @@ from chapters.ch02.graphics import pipelines, scene_data
 from chapters.ch02.graphics.pipelines import SHADERS, source_of
 from chapters.ch02.graphics.set_layouts import Layouts
 from chapters.ch02.settings import Settings
-from common.camera import UNIT_EV100
 from common.errors import ShaderError, UnsupportedError
 from common.scene import MESH_DTYPE, Image, Instances, Material, Sampler, Scene
+from common.view.camera import UNIT_EV100
 from tests.support.devices import ALL_BITS, described
 from tests.support.scenes import NEAREST, facing, nodes_at, quad_scene, texture, translated
 

@@ -14,9 +14,9 @@ from chapters.ch02.logic.draw_lists import COMMAND, build_draw_lists
 from chapters.ch02.logic.packing import Variant, material_variant
 from chapters.ch02.logic.scene_draws import SceneDraws
 from common import layouts
-from common.camera import Orthographic, View
+from common.numerics.transforms import pose_looking_at
 from common.scene import MESH_DTYPE, Image, Instances, Material, Scene
-from common.transforms import pose_looking_at
+from common.view.camera import Orthographic, View
 from tests.support.scenes import nodes_at, quad_scene, texture
 
 KINDS = [

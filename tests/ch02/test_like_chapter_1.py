@@ -12,11 +12,11 @@ import assets
 import chapters
 from chapters import scenes
 from chapters.ch01.logic.views import NAMES
-from common.camera import view_of_scene
 from common.gltf import load_scene
 from common.paths import asset_dir
-from common.pose import evaluate_pose
 from common.scene import Image, Material, Scene
+from common.scene.pose import evaluate_pose
+from common.view.camera import view_of_scene
 from tests.support.chapter import Chapter
 from tests.support.scenes import facing, quad_scene, texture, translated
 

@@ -11,8 +11,8 @@ import pytest
 from chapters.ch02.logic.packing import MATERIAL
 from chapters.ch02.settings import Settings
 from common import layouts
-from common.camera import UNIT_EV100, View
 from common.scene import Image, Light, Material, Sampler, Scene
+from common.view.camera import UNIT_EV100, View
 from tests.ch02.test_bindless import TEXEL, Reader, one_color
 from tests.support.scenes import NEAREST, facing, nodes_at, quad_scene, texture
 

@@ -12,8 +12,8 @@ from chapters.ch02.logic import geometry, pages
 from chapters.ch02.logic.pages import MESH, deformed, mesh_records, page_arrays, plan_pages
 from chapters.ch02.settings import Settings
 from common.errors import SceneError
-from common.pose import evaluate_pose
 from common.scene import MESH_DTYPE, Deformation, Image, Instances, Light, Material, Pose, Scene
+from common.scene.pose import evaluate_pose
 from tests.support.scenes import facing, nodes_at, quad_scene, texture, translated
 
 ALL = list(geometry.STREAMS)

@@ -16,8 +16,8 @@ from chapters.ch02.logic.packing import ROLES, material_variant
 from chapters.ch02.logic.texture_arrays import ARRAYS, LAYER_SHIFT, plan_arrays
 from chapters.ch02.logic.texture_reads import image_roles, uses
 from chapters.ch02.settings import Settings
-from common.camera import UNIT_EV100
 from common.scene import Image, Light, Material, Sampler, Scene
+from common.view.camera import UNIT_EV100
 from tests.support.bounds import decoded_srgb
 from tests.support.drivers import needs_whole_quads
 from tests.support.scenes import NEAREST, facing, nodes_at, quad_scene, texture, translated

@@ -15,8 +15,8 @@ from backends.vulkan.readback import TO_HOST
 from backends.vulkan.resources import create_buffer, destroy_buffer
 from chapters.ch03.logic import pages
 from chapters.scenes import load
-from common.camera import UNIT_EV100
-from common.crowds import crowd
+from common.scene.crowds import crowd
+from common.view.camera import UNIT_EV100
 from tests.support.meshes import grid, scene_of, shuffled
 from tests.support.scenes import facing
 

@@ -26,11 +26,11 @@ from chapters.ch03.logic.texels import Shape
 from chapters.ch03.logic.uploads import Upload, cost
 from chapters.ch03.settings import Settings
 from common import layouts
-from common.camera import Perspective, View
 from common.errors import SceneError
 from common.gltf.images import _Maker
+from common.numerics.transforms import pose_looking_at
 from common.scene import Material
-from common.transforms import pose_looking_at
+from common.view.camera import Perspective, View
 from tests.support.scenes import facing, quad_scene, translated
 from tests.support.timing import PATIENCE_S, until
 from tools.bench.lessons import scene as bench_scene

@@ -15,7 +15,7 @@ from chapters.ch03.gl.loader import Loader
 from chapters.ch03.logic.loading import Loading, Wanted
 from chapters.ch03.logic.texels import Shape
 from chapters.ch03.logic.uploads import Upload
-from common.blocks import FEATURE, stored_shape
+from common.images.blocks import FEATURE, stored_shape
 from tests.support.gl_functions import noted
 from tests.support.mip_levels import halved, halved_codes
 from tests.support.odd_texels import ODD, random_pixels, rows_of

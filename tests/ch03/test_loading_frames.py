@@ -15,12 +15,12 @@ import chapters
 from chapters.ch03.logic.draw_lists import COMMAND
 from chapters.ch03.logic.frame import SLOTS
 from chapters.ch03.settings import Settings
-from common import blocks
-from common.camera import UNIT_EV100
 from common.errors import SceneError
-from common.mips import mip_chain
+from common.images import blocks
+from common.images.mips import mip_chain
 from common.scene import Image, Light, Material
-from common.scene_images import Chain, EncodedImage
+from common.scene.images import Chain, EncodedImage
+from common.view.camera import UNIT_EV100
 from tests.support.scenes import NEAREST, facing, quad_scene, texture, translated
 from tests.support.timing import PATIENCE_S
 

@@ -11,10 +11,10 @@ from chapters.ch03.logic import scene_cache
 from chapters.ch03.logic.cached_images import image_uses
 from chapters.ch03.logic.scene_cache import cache_file, open_scene, read_cache
 from chapters.ch03.logic.sections import SectionFile
-from common import blocks
 from common.errors import UnsupportedError
 from common.gltf import load_scene
-from common.mips import mip_chain
+from common.images import blocks
+from common.images.mips import mip_chain
 from tests.common.gltf.builder import QUAD, QUAD_INDICES, Gltf
 from tests.support.block_pictures import decoded, pictures
 from tests.support.scene_equality import difference

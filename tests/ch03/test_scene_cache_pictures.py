@@ -7,8 +7,8 @@ import pytest
 
 from assets import locate
 from chapters.ch03.logic.scene_cache import cache_file, open_scene, read_cache
-from common.camera import framed_view
 from common.gltf import load_scene
+from common.view.camera import framed_view
 from tests.common.gltf.builder import QUAD, QUAD_INDICES, Gltf
 from tests.support.block_pictures import pictures
 from tests.support.drivers import needs_whole_quads

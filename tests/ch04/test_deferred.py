@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 from chapters.ch04.settings import Settings
-from common import shading
-from common.camera import exposure
-from common.color import decode_srgb
 from common.environment import constant
+from common.images.color import decode_srgb
 from common.scene import Light, Material, Scene
+from common.twins import shading
+from common.view.camera import exposure
 from tests.support.jumble import CAMERA, KINDS, jumble
 from tests.support.scenes import facing, quad_scene, translated
 

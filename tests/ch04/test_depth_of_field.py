@@ -9,9 +9,9 @@ import pytest
 
 from chapters.ch04.logic.lens import LARGEST_RADIUS, SENSOR_HEIGHT_M
 from chapters.ch04.settings import Settings
-from common.camera import Perspective, View
+from common.numerics.transforms import pose_looking_at
 from common.scene import Image, Material
-from common.transforms import pose_looking_at
+from common.view.camera import Perspective, View
 from tests.support.scenes import facing, quad_scene, texture, translated
 
 pytestmark = pytest.mark.variants("vulkan", "gl")

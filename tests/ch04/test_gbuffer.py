@@ -9,9 +9,9 @@ import pytest
 
 from chapters.ch04.logic.deferred import FORMATS, TARGETS
 from chapters.ch04.settings import Settings
-from common.camera import exposure
-from common.color import encode_srgb
+from common.images.color import encode_srgb
 from common.scene import Image, Material
+from common.view.camera import exposure
 from tests.support.bounds import codes_off
 from tests.support.scenes import facing, quad_scene, texture
 

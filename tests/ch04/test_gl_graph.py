@@ -15,9 +15,9 @@ from backends.gl.resources import create_image, destroy_image
 from backends.gl.targets import create_framebuffer, destroy_framebuffer
 from chapters.ch04.gl.renderer import Renderer
 from chapters.ch04.settings import Settings
-from common.camera import View
 from common.errors import DeviceError, UnsupportedError
 from common.scene import Image, Light, Material
+from common.view.camera import View
 from tests.support.chapter import Chapter, building
 from tests.support.scenes import facing, quad_scene, texture, translated
 from tests.support.timing import least_times, timed

@@ -15,11 +15,11 @@ from chapters.ch04.logic.graph_json import graph_path
 from chapters.ch04.logic.graph_report import counts
 from chapters.ch04.logic.graph_types import GraphError
 from chapters.ch04.settings import Settings
-from common import shader_files
-from common.camera import Perspective, View, exposure
 from common.errors import ShaderError, StaleFrameError
+from common.files import shader_files
+from common.numerics.transforms import pose_looking_at
 from common.scene import Light, Material
-from common.transforms import pose_looking_at
+from common.view.camera import Perspective, View, exposure
 from tests.support.scenes import quad_scene, translated
 
 pytestmark = pytest.mark.variants("vulkan", "gl")

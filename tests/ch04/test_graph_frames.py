@@ -11,8 +11,8 @@ import pytest
 
 from chapters.ch04.logic.graph_json import graph_path
 from chapters.ch04.settings import Settings
-from common.camera import View
 from common.scene import Image, Light, Material
+from common.view.camera import View
 from tests.support.chapter import building
 from tests.support.scenes import facing, quad_scene, texture, translated
 

@@ -13,8 +13,8 @@ from chapters.ch05.logic.cloth_layout import CLOTH_FRAME, GLOBALS, STATS, WRITE
 from chapters.ch05.logic.cloth_scene import cloth_scene
 from chapters.ch05.logic.pages import plan_pages
 from chapters.ch05.settings import Settings
-from common.camera import Perspective, View
-from common.transforms import pose_looking_at, translation
+from common.numerics.transforms import pose_looking_at, translation
+from common.view.camera import Perspective, View
 from tests.support.cloth_scenes import cloth, cloth_scene_of
 
 SPHERE = {"shape": "sphere", "radius_m": 1.0}

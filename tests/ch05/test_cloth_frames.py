@@ -11,9 +11,9 @@ import chapters
 from chapters.ch05.logic.cloth_scene import cloth_scene
 from chapters.ch05.logic.cloth_twin import Twin
 from chapters.ch05.settings import Settings
-from common.pose import evaluate_pose
+from common.numerics.transforms import translation
 from common.scene import Material
-from common.transforms import translation
+from common.scene.pose import evaluate_pose
 from tests.support.cloth_runs import AWAY, VIEW, at_rate, picture, run, state
 from tests.support.cloth_scenes import cloth, cloth_scene_of
 from tests.support.scenes import quad_scene

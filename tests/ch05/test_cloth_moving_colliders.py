@@ -21,7 +21,7 @@ from chapters.ch05.logic.cloth_twin import Twin
 from chapters.ch05.logic.cloth_types import Cloth, Collider, Forces, State, Steps
 from chapters.ch05.logic.environment import SHADERS
 from chapters.ch05.settings import Settings
-from common.transforms import translation
+from common.numerics.transforms import translation
 from tests.support import cloths
 from tests.support.cloth_runs import VIEW, state
 from tests.support.cloth_scenes import cloth, cloth_scene_of

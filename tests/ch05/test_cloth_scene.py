@@ -13,10 +13,10 @@ from chapters.ch05.logic.cloth_scene import MOST_VERTICES, cloth_scene
 from chapters.ch05.logic.scene_records import put_together, take_apart
 from chapters.scenes import load
 from common.errors import SceneError
-from common.mesh_merge import merged_by_material
-from common.pose import evaluate_pose
+from common.mesh.merge import merged_by_material
+from common.numerics.transforms import translation
 from common.scene import Change, Deformation
-from common.transforms import translation
+from common.scene.pose import evaluate_pose
 from tests.support.cloth_scenes import cloth, cloth_scene_of
 
 TURNED = np.array([[0, 0, 2, 3.0], [0, 2, 0, 5], [-2, 0, 0, 7], [0, 0, 0, 1]])

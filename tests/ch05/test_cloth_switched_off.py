@@ -9,8 +9,8 @@ import pytest
 
 from chapters.ch05.logic.cloth_clock import CALM_SECONDS, ClothClock
 from chapters.ch05.settings import Settings
+from common.numerics.transforms import translation
 from common.scene import Material
-from common.transforms import translation
 from tests.support.cloth_runs import AWAY, VIEW, at_rate, picture, run, state
 from tests.support.cloth_scenes import cloth, cloth_scene_of
 from tools.panel.graph import PassRow, graph_of

@@ -12,9 +12,9 @@ from chapters.ch05.gl import pipelines as on_gl
 from chapters.ch05.graphics import pipelines as on_vulkan
 from chapters.ch05.logic.frame_plan import COPY
 from chapters.ch05.settings import Settings
-from common import shader_files
 from common.environment import Environment
 from common.errors import ShaderError, UserError
+from common.files import shader_files
 from common.scene import Material
 from tests.support.drivers import needs_line_marks
 from tests.support.jumble import CAMERA, jumble

@@ -15,8 +15,8 @@ import pytest
 import chapters
 from chapters import scenes
 from chapters.ch01.settings import Settings
-from common import stability
 from common.errors import UnsupportedError, UserError
+from common.scene import stability
 from common.settings import Knob, preset
 from tools.bench import bench, prepared
 from tools.bench import points as bench_points

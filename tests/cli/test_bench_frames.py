@@ -12,8 +12,8 @@ from rich.console import Console
 import chapters
 from chapters import scenes
 from chapters.ch04.settings import Settings
-from common.crowds import layers
 from common.errors import UserError
+from common.scene.crowds import layers
 from tools.bench import bench, report
 from tools.bench import prepass as bench_prepass
 from tools.bench.lessons import gbuffer

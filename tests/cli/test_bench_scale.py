@@ -13,8 +13,8 @@ import pytest
 from rich.console import Console
 
 from chapters.ch02.settings import SIDES, Settings
-from common.crowds import crowd
 from common.errors import UnsupportedError, UserError
+from common.scene.crowds import crowd
 from common.settings import Scale, Side
 from tools.bench import bench, pipelines, report
 from tools.bench import scale as bench_scale

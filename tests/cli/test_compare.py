@@ -12,9 +12,9 @@ import pytest
 
 import chapters
 from chapters import scenes
-from common import metrics
 from common.errors import UserError
 from common.images import read_image, write_image
+from common.reports import metrics
 from common.settings import preset
 from tools.bench.points import Point
 from tools.compare import measure, report

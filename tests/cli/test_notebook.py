@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from common.metrics import relative_mse
 from common.paths import ROOT
-from common.pose import evaluate_pose
+from common.reports.metrics import relative_mse
+from common.scene.pose import evaluate_pose
 from tools.run import notebooks
 
 PATH = ROOT / "examples" / "notebook.ipynb"

@@ -106,7 +106,7 @@ def test_what_a_pass_left_is_shown_by_its_declared_format(vulkan_device):
 
 
 def test_a_study_s_frame_shows_itself_too(vulkan_device):
-    from common.primitive import nothing
+    from common.scene.primitive import nothing
 
     with chapters.open(
         "1/first-triangle", "vulkan", scene=nothing("none"), size=SIZE, device=vulkan_device

@@ -6,7 +6,7 @@ import random
 
 import pytest
 
-from common.allocators import (
+from common.numerics.allocators import (
     BlockAllocator,
     DoubleEndedAllocator,
     LinearAllocator,

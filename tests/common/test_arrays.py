@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from common.arrays import fill_rows
+from common.numerics.arrays import fill_rows
 from tests.support.timing import least_times, timed
 
 COUNT = 5_592_405  # texels of a picture of 2048 x 2048 with all of its mips

@@ -9,8 +9,8 @@ import random
 import numpy as np
 import pytest
 
-from common.blobs import ALIGNMENT, BlobError, read_blob, write_blob
 from common.errors import UserError
+from common.files.blobs import ALIGNMENT, BlobError, read_blob, write_blob
 
 JSON = """
 {"name": "atrium – Ünïcode \\ud83d\\ude00 \\u0000", "empty": {}, "none": [], "": null, "yes": true, "no": false,

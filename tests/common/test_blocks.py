@@ -8,8 +8,9 @@ import sys
 import numpy as np
 import pytest
 
-from common import blocks
-from common.blocks import (
+from common.errors import UnsupportedError
+from common.images import blocks
+from common.images.blocks import (
     BLOCK_BYTES,
     FEATURE,
     PLAIN,
@@ -19,8 +20,7 @@ from common.blocks import (
     stored_bytes,
     stored_shape,
 )
-from common.errors import UnsupportedError
-from common.mips import mip_chain
+from common.images.mips import mip_chain
 from tests.support.block_pictures import decoded, exact_bc4, pictures, random_blocks
 
 CHANNELS = {"bc4": [0], "bc5": [0, 1], "bc7": [0, 1, 2, 3], "etc2": [0, 1, 2]}

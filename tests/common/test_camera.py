@@ -8,7 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from common.camera import (
+from common.errors import SceneError, UserError
+from common.numerics.transforms import compose, pose_looking_at, rotation, transform_points
+from common.scene import Pose, SceneCamera
+from common.view.camera import (
     UNIT_EV100,
     Camera,
     Orthographic,
@@ -18,11 +21,8 @@ from common.camera import (
     framed_view,
     view_of_scene,
 )
-from common.errors import SceneError, UserError
-from common.inputs import Inputs
-from common.positioners import FirstPerson, Fixed, MoveTo, Orbit
-from common.scene import Pose, SceneCamera
-from common.transforms import compose, pose_looking_at, rotation, transform_points
+from common.view.inputs import Inputs
+from common.view.positioners import FirstPerson, Fixed, MoveTo, Orbit
 
 
 def a_scene(*cameras, low=(-1, -2, -3), high=(3, 2, 1), name="test"):
@@ -193,8 +193,8 @@ def test_a_scene_without_cameras_says_what_to_write():
 
 
 def test_the_exposure_is_the_user_s_then_the_author_s_then_that_of_the_environment():
-    from common.camera import LIGHT_GREY, UNIT_EV100, exposure, framed_view
     from common.environment import constant
+    from common.view.camera import LIGHT_GREY, UNIT_EV100, exposure, framed_view
     from tests.support.scenes import quad_scene
 
     scene = quad_scene()

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import pytest
 
-from common.clock import Duration, FixedStep, FrameClock
+from common.view.clock import Duration, FixedStep, FrameClock
 
 
 def clock_of(*times: int) -> FrameClock:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from common.crowds import GAP, TEXTURE_SIZES, crowd, kinds
+from common.scene.crowds import GAP, TEXTURE_SIZES, crowd, kinds
 from tests.support.timing import least_time, timed
 
 

@@ -5,8 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from common.cube_cross import cross_directions, cross_from_panorama, faces_from_cross
-from common.directions import cube_directions, cube_solid_angles, panorama_directions, panorama_solid_angles
+from common.environment.cube_cross import cross_directions, cross_from_panorama, faces_from_cross
+from common.environment.directions import (
+    cube_directions,
+    cube_solid_angles,
+    panorama_directions,
+    panorama_solid_angles,
+)
 
 
 @pytest.mark.feature("environment/equirect-to-cube")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 
-from common.disk_cache import DAY_S, mark_read, prune
+from common.files.disk_cache import DAY_S, mark_read, prune
 
 NOW = time.time()
 

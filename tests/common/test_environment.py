@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from common import environment
-from common.camera import fitting_ev100
-from common.directions import panorama_directions, panorama_solid_angles
 from common.environment import Environment, clean, constant, read_environment
+from common.environment.directions import panorama_directions, panorama_solid_angles
 from common.errors import UserError
 from common.images import image_size, write_image
 from common.paths import asset_dir
+from common.view.camera import fitting_ev100
 
 EXR = pytest.param(".exr", marks=pytest.mark.needs("OpenEXR"))
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from common.blocks import encode
-from common.etc2 import DIFFERENTIAL, PLANAR, H, T, decode, modes
+from common.images.blocks import encode
+from common.images.etc2 import DIFFERENTIAL, PLANAR, H, T, decode, modes
 from tests.support.block_pictures import decoded, pictures, random_blocks
 
 

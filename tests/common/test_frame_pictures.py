@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from common import palette
-from common.camera import Orthographic, Perspective, View
-from common.color import encode_srgb
-from common.frame_pictures import distance, picture_of
-from common.transforms import pose_looking_at
+from common.images import palette
+from common.images.color import encode_srgb
+from common.images.frame_pictures import distance, picture_of
+from common.numerics.transforms import pose_looking_at
+from common.view.camera import Orthographic, Perspective, View
 
 POSE = pose_looking_at((0, 0, 0), (0, 0, -1))
 FAR_SEEING = View(POSE, Perspective(1.0, 0.25))

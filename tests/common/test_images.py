@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from common import color, images
-from common.bitmap import Bitmap
+from common import images
 from common.errors import UserError
-from common.images import read_image, read_layers, write_image, write_layers
-from common.png16 import SIGNATURE, decode_png16, encode_png16
+from common.images import color, read_image, read_layers, write_image, write_layers
+from common.images.bitmap import Bitmap
+from common.images.png16 import SIGNATURE, decode_png16, encode_png16
 
 RNG = np.random.default_rng(1)
 

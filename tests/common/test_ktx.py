@@ -7,10 +7,10 @@ import struct
 import numpy as np
 import pytest
 
-from common.blocks import encode_chain, stored_shape
 from common.errors import UserError
-from common.ktx import FORMATS, Ktx, decode_ktx, encode_ktx, read_ktx, write_ktx
-from common.mips import mip_chain
+from common.images.blocks import encode_chain, stored_shape
+from common.images.ktx import FORMATS, Ktx, decode_ktx, encode_ktx, read_ktx, write_ktx
+from common.images.mips import mip_chain
 from tests.support.block_pictures import pictures
 
 

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from common import layouts
-from common.camera import UNIT_EV100, Orthographic, Perspective, View
 from common.layouts import (
     CONSTANTS,
     INSTANCE_MIRRORED,
@@ -23,7 +22,8 @@ from common.layouts import (
     glsl,
     glsl_constants,
 )
-from common.transforms import compose, pose_looking_at, transform_points
+from common.numerics.transforms import compose, pose_looking_at, transform_points
+from common.view.camera import UNIT_EV100, Orthographic, Perspective, View
 
 RNG = np.random.default_rng(1)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from common.errors import SceneError
-from common.material_import import (
+from common.materials.importer import (
     SourceMaterial,
     import_materials,
     map_name,
@@ -17,7 +17,7 @@ from common.material_import import (
     read_mtl,
     words_of,
 )
-from common.material_records import (
+from common.materials.records import (
     MATERIAL_CAST_SHADOW,
     MATERIAL_HEIGHT_MAP,
     MATERIAL_RECEIVE_SHADOW,

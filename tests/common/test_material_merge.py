@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from common.errors import SceneError
-from common.material_merge import TextureNames, merged
-from common.material_records import (
+from common.materials.merge import TextureNames, merged
+from common.materials.records import (
     NO_TEXTURE,
     SLOTS,
     MaterialList,

@@ -8,9 +8,9 @@ import zlib
 import numpy as np
 import pytest
 
-from common import material_records as records
 from common.errors import SceneError
-from common.material_records import (
+from common.materials import records as records
+from common.materials.records import (
     FIELDS,
     NO_TEXTURE,
     RECORD_DTYPE,

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from common import mesh_file
 from common.errors import SceneError
-from common.instance_file import INSTANCE_DTYPE, instance_list, read_instance_file, write_instance_file
-from common.mesh_pools import mesh_indices, mesh_positions
+from common.mesh import file as mesh_file
+from common.mesh.instances import INSTANCE_DTYPE, instance_list, read_instance_file, write_instance_file
+from common.mesh.pools import mesh_indices, mesh_positions
 from tests.support.meshes import grid, scene_of
 from tests.support.scenes import translated
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from common.errors import UserError
-from common.mesh_lods import lod_chain, simplified
-from common.mesh_metrics import hausdorff
-from common.mesh_pools import mesh_indices, mesh_positions
+from common.mesh.lods import lod_chain, simplified
+from common.mesh.metrics import hausdorff
+from common.mesh.pools import mesh_indices, mesh_positions
 from common.scene import Scene
 from tests.support.meshes import grid, scene_of
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from common.errors import UserError
-from common.mesh_merge import mergeable, merged_by_material
-from common.mesh_pools import mesh_bounds, mesh_indices
-from common.pose import evaluate_pose
+from common.mesh.merge import mergeable, merged_by_material
+from common.mesh.pools import mesh_bounds, mesh_indices
+from common.numerics.transforms import compose, quaternion_from_axis_angle
 from common.scene import Animation, AnimationChannel, Deformation, Instances, Material, Scene
-from common.transforms import compose, quaternion_from_axis_angle
+from common.scene.pose import evaluate_pose
 from tests.support.meshes import grid, scene_of
 from tests.support.scenes import nodes_at, translated
 
@@ -182,7 +182,7 @@ def test_nothing_to_merge_gives_a_copy():
 @pytest.mark.feature("mesh/merge-by-material")
 def test_a_merge_that_is_too_large_is_one_sentence(monkeypatch):
     scene = scene_of(grid(9, 9), matrices=(np.eye(4),) * 3, drawn=(0, 0, 0))
-    monkeypatch.setattr("common.mesh_merge.MAX_VERTICES", 299)
+    monkeypatch.setattr("common.mesh.merge.MAX_VERTICES", 299)
     with pytest.raises(UserError) as caught:
         merged_by_material(scene)
     assert str(caught.value) == (

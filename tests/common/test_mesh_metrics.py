@@ -7,7 +7,7 @@ from collections import deque
 import numpy as np
 import pytest
 
-from common.mesh_metrics import cache_use, distances_to_triangles, hausdorff, surely_within
+from common.mesh.metrics import cache_use, distances_to_triangles, hausdorff, surely_within
 from tests.support.meshes import grid
 
 

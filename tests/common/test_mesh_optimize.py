@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from common.errors import UserError
-from common.mesh_metrics import cache_use
-from common.mesh_optimize import PASSES, optimized
-from common.mesh_pools import ATTRIBUTES, mesh_bounds, mesh_indices, mesh_positions
+from common.mesh.metrics import cache_use
+from common.mesh.optimize import PASSES, optimized
+from common.mesh.pools import ATTRIBUTES, mesh_bounds, mesh_indices, mesh_positions
 from common.scene import Change, Deformation, Instances, Material, Scene, TextureRef
 from tests.support.meshes import grid, scene_of, shuffled
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from common.errors import UserError
-from common.metrics import (
+from common.reports.metrics import (
     NonFiniteError,
     check_finite,
     error_map,

@@ -7,8 +7,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from common.color import decode_srgb, encode_srgb
-from common.mips import halved, mip_chain
+from common.images.color import decode_srgb, encode_srgb
+from common.images.mips import halved, mip_chain
 
 SIZES = [(1, 1), (2, 1), (1, 5), (3, 2), (8, 8), (17, 9), (100, 37), (64, 3)]
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from common.errors import SceneError
-from common.obj import load_obj
+from common.mesh.obj import load_obj
 from common.scene import Scene
 
 CUBE = """

@@ -6,7 +6,7 @@ import random
 
 import pytest
 
-from common.pools import Handle, Pool, PoolExhaustedError, StaleHandleError
+from common.numerics.pools import Handle, Pool, PoolExhaustedError, StaleHandleError
 
 
 @pytest.mark.feature("device/handle-pools")

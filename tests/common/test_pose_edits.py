@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from common.pose import FEW, evaluate_pose
+from common.numerics.transforms import compose
 from common.scene import Pose
-from common.transforms import compose
+from common.scene.pose import FEW, evaluate_pose
 from tests.support.forests import forest_scene
 
 COUNT = FEW + 44

@@ -8,9 +8,9 @@ import random
 import numpy as np
 import pytest
 
-from common.inputs import KEYS, Action, Inputs
-from common.positioners import FirstPerson, MoveTo, Orbit, fly
-from common.transforms import pose_looking_at, rotation
+from common.numerics.transforms import pose_looking_at, rotation
+from common.view.inputs import KEYS, Action, Inputs
+from common.view.positioners import FirstPerson, MoveTo, Orbit, fly
 
 START = pose_looking_at((0, 10, 10), (0, 10, 0))
 

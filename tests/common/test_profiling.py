@@ -10,9 +10,16 @@ from collections.abc import Iterator
 
 import pytest
 
-from common import profiling
 from common.errors import UserError
-from common.profiling import BlockProfiler, FpsCounter, NullProfiler, Record, UnbalancedError, load_capture
+from common.reports import profiling
+from common.reports.profiling import (
+    BlockProfiler,
+    FpsCounter,
+    NullProfiler,
+    Record,
+    UnbalancedError,
+    load_capture,
+)
 
 
 @pytest.fixture(autouse=True)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from common.images.radiance import decode_radiance, encode_radiance, float_to_rgbe, rgbe_to_float
 from common.paths import asset_dir
-from common.radiance import decode_radiance, encode_radiance, float_to_rgbe, rgbe_to_float
 
 RNG = np.random.default_rng(1)
 HEADER = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n"

@@ -11,12 +11,12 @@ import pytest
 
 from common.environment import read_environment
 from common.errors import SceneError, UserError
+from common.files.regular_files import leads_outside, open_regular, read_regular
 from common.gltf import load_scene
-from common.ktx import read_ktx
-from common.mesh_file import read_mesh_file
-from common.obj import load_obj
-from common.regular_files import leads_outside, open_regular, read_regular
-from common.scene_graph_file import load_graph
+from common.images.ktx import read_ktx
+from common.mesh.file import read_mesh_file
+from common.mesh.obj import load_obj
+from common.scene_graph.file import load_graph
 from tests.common.gltf.builder import triangle
 
 posix = pytest.mark.skipif(

@@ -7,7 +7,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from common.sampling import MAX_HAMMERSLEY, halton, hammersley, radical_inverse, radical_inverse_2
+from common.numerics.sampling import MAX_HAMMERSLEY, halton, hammersley, radical_inverse, radical_inverse_2
 
 RNG = np.random.default_rng(3)
 INDICES = np.concatenate(

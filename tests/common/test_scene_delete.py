@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from common.errors import UserError
-from common.pose import evaluate_pose
-from common.scene_delete import delete_nodes, without_unused
+from common.scene.delete import delete_nodes, without_unused
+from common.scene.pose import evaluate_pose
 from tests.support.forests import assert_same_drawing, attached_places, drawn, forest_scene
 
 

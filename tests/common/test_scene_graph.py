@@ -7,11 +7,11 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from common.ancestry import Ancestry
-from common.object_graph import ObjectNode
+from common.numerics.transforms import compose, normalize
+from common.scene.ancestry import Ancestry
+from common.scene.tree import Response, show_tree, tree_entries
 from common.scene_graph import SceneGraph, Shape, graph_from_arrays
-from common.scene_tree import Response, show_tree, tree_entries
-from common.transforms import compose, normalize
+from common.scene_graph.objects import ObjectNode
 
 
 def random_parents(count: int, seed: int, roots: float = 0.05) -> np.ndarray:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from common.object_graph import ObjectNode
+from common.numerics.transforms import compose, normalize
 from common.scene_graph import SceneGraph
-from common.scene_graph_edit import delete_nodes, merge_graphs
-from common.transforms import compose, normalize
+from common.scene_graph.edit import delete_nodes, merge_graphs
+from common.scene_graph.objects import ObjectNode
 
 
 def random_graph(count: int, seed: int) -> tuple[SceneGraph, list[ObjectNode]]:

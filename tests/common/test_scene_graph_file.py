@@ -10,7 +10,7 @@ import pytest
 
 from common.errors import SceneError, UserError
 from common.scene_graph import SceneGraph
-from common.scene_graph_file import graph_bytes, load_graph, save_graph
+from common.scene_graph.file import graph_bytes, load_graph, save_graph
 
 
 def sample(named: bool = True, count: int = 12) -> SceneGraph:

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from common.pose import evaluate_pose
-from common.scene_delete import delete_nodes as delete_from_scene
-from common.scene_graph_edit import delete_nodes, merge_graphs
-from common.scene_graph_file import load_graph, save_graph
-from common.scene_graph_scene import graph_of, scene_with
-from common.transforms import compose, translation
+from common.numerics.transforms import compose, translation
+from common.scene.delete import delete_nodes as delete_from_scene
+from common.scene.pose import evaluate_pose
+from common.scene_graph.edit import delete_nodes, merge_graphs
+from common.scene_graph.exchange import graph_of, scene_with
+from common.scene_graph.file import load_graph, save_graph
 from tests.support.forests import assert_same_drawing, drawn, forest_scene
 
 

@@ -9,9 +9,9 @@ import pytest
 
 from common.environment import Environment
 from common.errors import UserError
-from common.pose import evaluate_pose
-from common.scene_merge import merge_scenes
-from common.transforms import compose, normalize
+from common.numerics.transforms import compose, normalize
+from common.scene.merge import merge_scenes
+from common.scene.pose import evaluate_pose
 from tests.support.forests import assert_same_drawing, attached_places, drawn, forest_scene
 from tests.support.scenes import quad_scene
 

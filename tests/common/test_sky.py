@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from common import sky
-from common.color import LUMINANCE
-from common.directions import panorama_directions, panorama_solid_angles
+from common.environment import sky
+from common.environment.directions import panorama_directions, panorama_solid_angles
+from common.images.color import LUMINANCE
 
 ALTITUDES = np.radians([5, 20, 45, 70])
 

@@ -10,7 +10,7 @@ from PIL import Image
 
 from common.errors import UserError
 from common.images import read_image
-from common.small_pictures import encode_small, write_small
+from common.images.small_pictures import encode_small, write_small
 
 NOISE = np.random.default_rng(1).integers(0, 256, (64, 96, 3), dtype=np.uint8)
 """Nothing compresses it: three bytes a pixel."""

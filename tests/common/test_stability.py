@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from common.camera import Orthographic, Perspective, View
-from common.pose import evaluate_pose
+from common.numerics.transforms import pose_looking_at
 from common.scene import Light
-from common.stability import BOUND, FACTORS, OFFSETS_M, cases, moved, pixels_changed, scaled
-from common.transforms import pose_looking_at
+from common.scene.pose import evaluate_pose
+from common.scene.stability import BOUND, FACTORS, OFFSETS_M, cases, moved, pixels_changed, scaled
+from common.view.camera import Orthographic, Perspective, View
 from tests.support.scenes import quad_scene, translated
 
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from common.statistics import (
+from common.numerics.statistics import (
     Estimate,
     chi_square,
     chi_square_tail,

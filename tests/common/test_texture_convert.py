@@ -12,18 +12,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from common import texture_convert
 from common.errors import UserError
-from common.file_repair import Finder, as_typed
-from common.material_import import SourceMaterial, import_materials
-from common.material_textures import convert_materials
-from common.texture_convert import (
-    PLACEHOLDERS,
-    TextureRequest,
-    convert_textures,
-    pictures_in,
-    resized,
-)
+from common.files.file_repair import Finder, as_typed
+from common.materials import convert as texture_convert
+from common.materials.convert import PLACEHOLDERS, TextureRequest, convert_textures, pictures_in, resized
+from common.materials.importer import SourceMaterial, import_materials
+from common.materials.textures import convert_materials
 
 offline = pytest.mark.feature("textures/offline-conversion")
 RNG = np.random.default_rng(11)

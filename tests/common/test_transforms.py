@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from common import transforms as tf
+from common.numerics import transforms as tf
 
 RNG = np.random.default_rng(7)
 QUATERNIONS = RNG.normal(size=(200, 4))

@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from common import waiting
+from common.reports import waiting
 
 
 @pytest.fixture

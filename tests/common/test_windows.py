@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from common.errors import UserError
-from common.windows import window_size
+from common.view.windows import window_size
 
 MONITOR = (1920, 1080)
 

@@ -20,8 +20,8 @@ from chapters.ch01 import renderer as on_vulkan
 from chapters.ch01.gl import renderer as on_gl
 from chapters.ch01.logic import stream
 from chapters.ch01.logic.environment import files_at_start
-from common import shader_files
 from common.errors import ShaderError
+from common.files import shader_files
 from common.scene import Image, Light, Material
 from tests.live.conftest import PLAIN
 from tests.support.chapter import Chapter

@@ -6,8 +6,8 @@ import os
 
 import pytest
 
-from common import shader_files
-from common.shader_files import load, pinned, refreshed
+from common.files import shader_files
+from common.files.shader_files import load, pinned, refreshed
 from tools.run.live import RETURNS_S, SETTLED_S, Watcher
 
 

@@ -10,13 +10,13 @@ import pytest
 
 from chapters.ch01.logic import environment as logic
 from chapters.ch01.settings import Settings
-from common import shading_environment as ibl
-from common.camera import Perspective, View
-from common.directions import panorama_directions
 from common.environment import Environment, constant, read_environment
+from common.environment.directions import panorama_directions
+from common.numerics.transforms import pose_looking_at
 from common.paths import asset_dir
 from common.scene import Light, Material
-from common.transforms import pose_looking_at
+from common.twins import shading_environment as ibl
+from common.view.camera import Perspective, View
 from tests.reference import mitsuba_sphere as truth
 from tests.support.scenes import nodes_at, quad_scene
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from common import ggx_sampling
-from common.shading import distribution_ggx
+from common.twins import ggx_sampling
+from common.twins.shading import distribution_ggx
 from tests.support.either import evaluate
 
 integrate = pytest.importorskip("scipy.integrate", reason="scipy is in the extra reference")

@@ -7,8 +7,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from common import shading_environment as ibl
-from common.shading import metallic_roughness
+from common.twins import shading_environment as ibl
+from common.twins.shading import metallic_roughness
 from tests.support.either import evaluate
 
 integrate = pytest.importorskip("scipy.integrate", reason="scipy is in the extra reference")

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from common import shading
+from common.twins import shading
 from tests.support.gpu_functions import evaluate
 
 POINT, SPOT, DIRECTIONAL = 0, 1, 2

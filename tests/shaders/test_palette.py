@@ -1,10 +1,10 @@
-"""The colours of `shaders/palette.glsl` against `common/palette.py`, and that against closed forms."""
+"""The colours of `shaders/palette.glsl` against `common/images/palette.py`, and that against closed forms."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from common import palette
+from common.images import palette
 from tests.support.gpu_functions import evaluate
 
 IDS = np.concatenate(

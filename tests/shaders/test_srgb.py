@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from common.color import decode_srgb, encode_srgb
+from common.images.color import decode_srgb, encode_srgb
 from tests.support.drivers import needs_nans
 from tests.support.either import evaluate
 from tests.support.gpu_functions import ulps

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from common.shading import tone_neutral
+from common.twins.shading import tone_neutral
 from tests.support.gpu_functions import evaluate
 
 LARGEST = 65504.0

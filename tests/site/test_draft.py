@@ -54,12 +54,12 @@ def test_links_hold_on_the_site(path: str, page: str, text: str, expected: str) 
 def test_files_that_are_linked_to_come_along() -> None:
     draft = Draft((1,))
     draft.localised(
-        "![a](docs/pictures/atrium.png) [b](common/clock.py) [c](chapters/ch01/studies)",
+        "![a](docs/pictures/atrium.png) [b](common/view/clock.py) [c](chapters/ch01/studies)",
         "README.md",
         "index.md",
     )
     assert draft.files["pictures/atrium.png"].startswith(b"\x89PNG")
-    assert b'id="L1"' in draft.files["source/common/clock.py.html"]
+    assert b'id="L1"' in draft.files["source/common/view/clock.py.html"]
     folder = draft.files["source/chapters/ch01/studies/index.html"].decode()
     assert (
         'href="phong/index.html"' in folder and "source/chapters/ch01/studies/phong/index.html" in draft.files

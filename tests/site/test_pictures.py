@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from common.images.small_pictures import MOST_BYTES, encode_small
 from common.paths import ROOT
-from common.small_pictures import MOST_BYTES, encode_small
 from tools.site import inputs, pairs, site
 
 ALL_BYTES = 15_000_000

@@ -13,10 +13,10 @@ import pytest
 
 from assets import locate
 from chapters.ch01.settings import Settings
-from common.camera import view_of_scene
 from common.gltf import load_scene
-from common.pose import evaluate_pose
 from common.scene import Image, Light, Material
+from common.scene.pose import evaluate_pose
+from common.view.camera import view_of_scene
 from tests.support.scenes import (
     facing,
     moved,
@@ -150,7 +150,7 @@ def test_light_that_overflows_half_is_the_largest_colour(chapter):
     bright = Material(emissive=(1e30, 3e4, 1e38))
     view = facing()
     linear = picture(chapter, quad_scene(bright), view, "color_linear", size=(16, 16))
-    from common.camera import exposure
+    from common.view.camera import exposure
 
     assert np.isfinite(linear).all()
     assert np.allclose(linear[..., 0] * exposure(view.ev100), 65504.0)

@@ -12,7 +12,7 @@ import pytest
 import chapters
 from backends.contract import Renderer
 from chapters import studies
-from common.camera import View
+from common.view.camera import View
 from tests.support import gl_functions, gpu_functions
 from tests.support.gl_functions import assert_silent
 

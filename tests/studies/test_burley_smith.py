@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from chapters.ch01.studies.burley_smith import BALLS, EVEN, SUN, Settings, irradiance
-from common.color import encode_srgb
-from common.directions import panorama_directions
 from common.environment import Environment
+from common.environment.directions import panorama_directions
+from common.images.color import encode_srgb
 from tests.support.bounds import codes_off
 
 FILE = "burley_smith/burley.glsl"

@@ -155,7 +155,7 @@ def test_a_backend_that_a_study_lacks_is_named_with_the_other(monkeypatch):
 
 
 def test_an_empty_scene_has_no_object_to_draw(stage):
-    from common.primitive import nothing
+    from common.scene.primitive import nothing
 
     for name in ("textured-mesh", "one-light"):
         with pytest.raises(UserError, match="draws nothing"):

@@ -16,7 +16,7 @@ from chapters.ch05.studies.dispatch_size import (
     room,
     work_of,
 )
-from common.palette import id_color
+from common.images.palette import id_color
 from tests.support.hazards import find_hazards
 from tests.support.kernel_calls import events_of, gl_calls, owed, use, without_each
 

@@ -9,7 +9,7 @@ import pytest
 
 import chapters
 from chapters.ch03.studies.factor_folding.folding import BLACK, folded
-from common.color import decode_srgb
+from common.images.color import decode_srgb
 from common.scene import Image, Light, Material, Sampler, TextureRef
 from tests.support.bounds import codes_off
 from tests.support.scenes import facing, quad_scene, translated

@@ -11,7 +11,7 @@ from backends.gl.resources import write_buffer
 from backends.vulkan.upload import Uploader
 from chapters.ch05.studies.fragment_order import Settings, shown
 from common.errors import UnsupportedError
-from common.palette import heat
+from common.images.palette import heat
 from tests.support.frame_calls import calls_of_a_frame, not_waited_for, views_made
 from tests.support.hazards import find_hazards
 from tests.support.kernel_calls import events_of, gl_calls, use, without_each

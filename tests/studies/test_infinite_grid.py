@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from chapters.ch01.studies.infinite_grid import Settings
-from common.camera import Orthographic, Perspective, View
-from common.transforms import pose_looking_at
+from common.numerics.transforms import pose_looking_at
+from common.view.camera import Orthographic, Perspective, View
 from tests.support import gl_functions, gpu_functions
 
 INCLUDE = "../chapters/ch01/studies/infinite_grid/grid.glsl"

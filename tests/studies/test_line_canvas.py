@@ -10,8 +10,8 @@ import pytest
 
 from chapters.ch01.studies.line_canvas import CAPACITY, Settings
 from chapters.ch01.studies.line_canvas.canvas import VERTEX, Canvas
-from common.camera import Orthographic, Perspective, View
-from common.transforms import pose_looking_at
+from common.numerics.transforms import pose_looking_at
+from common.view.camera import Orthographic, Perspective, View
 
 SIZE = (64, 56)
 YFOV = math.radians(40.0)

@@ -11,11 +11,11 @@ import pytest
 import chapters
 from chapters import studies
 from chapters.ch01.studies.one_light import Settings
-from common.camera import Perspective, View
-from common.color import encode_srgb
-from common.primitive import primitive_of, scene_of
+from common.images.color import encode_srgb
+from common.numerics.transforms import pose_looking_at, rotation
 from common.scene import Material
-from common.transforms import pose_looking_at, rotation
+from common.scene.primitive import primitive_of, scene_of
+from common.view.camera import Perspective, View
 from tests.support.bounds import codes_off
 from tests.support.scenes import facing, quad_scene
 

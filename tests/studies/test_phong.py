@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from chapters.ch01.studies.phong import LAMP_COLOR, SPOT_COLOR, SPOT_PLACE, Settings
-from common.camera import Perspective, View
-from common.color import decode_srgb, encode_srgb
+from common.images.color import decode_srgb, encode_srgb
+from common.numerics.transforms import pose_looking_at
 from common.scene import Material
-from common.transforms import pose_looking_at
+from common.view.camera import Perspective, View
 from tests.support.bounds import codes_off
 from tests.support.scenes import quad_scene
 

@@ -11,7 +11,7 @@ from chapters import studies
 from chapters.ch02.logic.spirv_numbers import Op
 from chapters.ch02.studies.random_textures import CELL, Settings, grid
 from common.errors import UnsupportedError
-from common.palette import scrambled
+from common.images.palette import scrambled
 from tests.support.drivers import needs_feature
 
 SIZE = (150, 100)

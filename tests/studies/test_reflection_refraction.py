@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from chapters.ch01.studies.reflection_refraction import RADIUS, Settings, around
-from common.camera import Orthographic, Perspective, View
-from common.color import encode_srgb
-from common.directions import panorama_uv
-from common.transforms import pose_looking_at
+from common.environment.directions import panorama_uv
+from common.images.color import encode_srgb
+from common.numerics.transforms import pose_looking_at
+from common.view.camera import Orthographic, Perspective, View
 
 FILE = "reflection_refraction/optics.glsl"
 SIZE = (36, 24)

@@ -9,8 +9,8 @@ import pytest
 
 import chapters
 from chapters.ch01.studies.rotating_cube import matrices
-from common.camera import Perspective, View
-from common.transforms import pose_looking_at
+from common.numerics.transforms import pose_looking_at
+from common.view.camera import Perspective, View
 from tests.support.bounds import codes_off, snapping
 
 SIZE = (48, 40)

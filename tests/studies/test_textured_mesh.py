@@ -11,11 +11,11 @@ import chapters
 from chapters import studies
 from chapters.ch01.settings import Settings as ChapterSettings
 from chapters.ch01.studies.textured_mesh import Settings
-from common.camera import View
-from common.color import decode_srgb, encode_srgb
 from common.errors import UserError
+from common.images.color import decode_srgb, encode_srgb
+from common.numerics.transforms import rotation
 from common.scene import Image, Material, Sampler, TextureRef
-from common.transforms import rotation
+from common.view.camera import View
 from tests.support.bounds import codes_off
 from tests.support.drivers import needs_whole_quads
 from tests.support.scenes import NEAREST, facing, quad_scene, translated

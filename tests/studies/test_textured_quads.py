@@ -16,8 +16,8 @@ from chapters.ch01.studies.textured_quads import (
     depth_texels,
     quads_for,
 )
-from common.camera import Perspective, View
 from common.errors import UserError
+from common.view.camera import Perspective, View
 from tests.support import gl_functions, gpu_functions
 from tests.support.bounds import codes_off
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from chapters.ch01.studies.wireframe import EDGE, FACE, Settings
-from common.camera import Perspective, View
-from common.primitive import scene_of
+from common.numerics.transforms import pose_looking_at
 from common.scene import Material
-from common.transforms import pose_looking_at
+from common.scene.primitive import scene_of
+from common.view.camera import Perspective, View
 from tests.support import gl_functions, gpu_functions
 from tests.support.bounds import codes_off
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from backends.contract import Capabilities
-from common.blocks import BLOCK_BYTES, stored_shape
-from common.color import quantize
+from common.images.blocks import BLOCK_BYTES, stored_shape
+from common.images.color import quantize
 from tests.support.bounds import decoded_srgb
 
 DECODED = [

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from backends.gl.capabilities import integer
-from common.color import decode_srgb
+from common.images.color import decode_srgb
 
 
 def decoded_srgb(codes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from common.camera import Perspective, View
-from common.transforms import pose_looking_at
+from common.numerics.transforms import pose_looking_at
+from common.view.camera import Perspective, View
 
 VIEW = View(pose_looking_at((0.3, -0.3, 2.2), (0, -0.5, 0)), Perspective(np.radians(50), 0.1))
 AWAY = View(pose_looking_at((0.3, -0.3, 2.2), (0.3, -0.3, 9)), Perspective(np.radians(50), 0.1))

@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from common.sheets import SHEET, cloth, cloth_scene_of, sheet
+from common.scene.sheets import SHEET, cloth, cloth_scene_of, sheet
 
 __all__ = ["SHEET", "cloth", "cloth_scene_of", "sheet"]

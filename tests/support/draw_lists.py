@@ -19,7 +19,7 @@ from backends.vulkan.once import submit_once
 from backends.vulkan.readback import read_image
 from backends.vulkan.resources import FORMATS, create_image, destroy_image
 from backends.vulkan.upload import Uploader
-from common.draw_lists import VERTEX, DrawList
+from common.view.draw_lists import VERTEX, DrawList
 
 
 def on_vulkan(device: Device, lists: Sequence[DrawList], background: np.ndarray) -> list[np.ndarray]:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from common.pose import evaluate_pose
 from common.scene import Scene
+from common.scene.pose import evaluate_pose
 
 
 def assert_drawable(scene: Scene) -> None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from common.pose import evaluate_pose
+from common.numerics.transforms import compose, normalize
 from common.scene import (
     MESH_DTYPE,
     Animation,
@@ -21,7 +21,7 @@ from common.scene import (
     SceneCamera,
     TextureRef,
 )
-from common.transforms import compose, normalize
+from common.scene.pose import evaluate_pose
 from tests.support.scenes import quad_scene
 
 MESHES = 5

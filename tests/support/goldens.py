@@ -31,10 +31,10 @@ import pytest
 
 from backends.contract import Capabilities
 from chapters import folder_name
-from common import metrics
 from common.errors import UserError
 from common.images import read_image, write_image
 from common.paths import ROOT, write_whole
+from common.reports import metrics
 from tests.support.snapshots import first_chapter, tested
 
 GOLDENS = ROOT / "tests" / "goldens"

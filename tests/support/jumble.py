@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from common.camera import Perspective, View
+from common.numerics.transforms import pose_looking_at
 from common.scene import Image, Light, Material, Scene
-from common.transforms import pose_looking_at
+from common.view.camera import Perspective, View
 from tests.support.scenes import quad_scene, texture
 
 CAMERA = View(pose_looking_at((1.0, 2.0, 4.0), (0.0, 0.0, 0.0)), Perspective(0.7, 0.1))

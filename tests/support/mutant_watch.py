@@ -67,7 +67,7 @@ class Lines:
     def begin(self, name: str) -> None:
         """Begin with a test."""
         self._read.clear()
-        kept = sys.modules.get("common.shader_files")
+        kept = sys.modules.get("common.files.shader_files")
         if kept is not None:
             kept.__dict__.get("_analysed", {}).clear()  # a text that is kept would be read by one test alone
         self._coverage.switch_context(name)

@@ -18,7 +18,7 @@ from backends.vulkan.device import Device
 from backends.vulkan.instance import VALIDATION_LAYER, Instance
 from common.environment import read_environment
 from common.gltf import load_scene
-from common.obj import load_obj
+from common.mesh.obj import load_obj
 from common.paths import user_cache
 from common.scene import Scene
 from tests.support import mutation_sources

@@ -12,7 +12,7 @@ from backends.contract import Choice, Plan
 from backends.gl.context import Context
 from backends.vulkan.device import Device
 from backends.window import Event
-from common.draw_lists import TextureUpdate, save
+from common.view.draw_lists import TextureUpdate, save
 from tests.support.draw_lists import on_gl, on_vulkan
 from tools.panel.panel import Panel, PanelActions, PanelState, open_panel
 

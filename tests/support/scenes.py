@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from common.camera import Orthographic, View
+from common.numerics.transforms import pose_looking_at
 from common.scene import MESH_DTYPE, Image, Instances, Light, Material, Nodes, Sampler, Scene, TextureRef
-from common.stability import moved, pixels_changed, scaled
-from common.transforms import pose_looking_at
+from common.scene.stability import moved, pixels_changed, scaled
+from common.view.camera import Orthographic, View
 
 __all__ = [
     "NEAREST",

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from common.material_records import read_material_file
+from common.materials.records import read_material_file
 
 pytestmark = pytest.mark.feature("textures/offline-conversion")
 

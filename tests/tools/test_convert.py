@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 from chapters import scenes
-from common import instance_file, mesh_file, scene_graph_file
 from common.images import read_image
-from common.pose import evaluate_pose
+from common.mesh import file as mesh_file
+from common.mesh import instances
 from common.scene import Image, Material
+from common.scene.pose import evaluate_pose
+from common.scene_graph import file as scene_graph_file
 from tests.support.scenes import quad_scene, texture
 from tools.assets import convert
 
@@ -46,7 +48,7 @@ def triangles_of_files(folder):
     about = json.loads((folder / "scene.json").read_text())
     meshes = mesh_file.read_mesh_file(folder / "scene.meshes")
     found = []
-    for one in instance_file.read_instance_file(folder / "scene.instances", meshes):
+    for one in instances.read_instance_file(folder / "scene.instances", meshes):
         mesh = int(one["mesh"])
         positions = meshes.stream(mesh)[:, :12].copy().view("<f4").astype(np.float64)
         matrix = one["transform"].astype(np.float64)

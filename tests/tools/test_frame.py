@@ -11,10 +11,9 @@ import pytest
 import chapters
 from chapters import scenes
 from chapters.ch01.settings import Settings
-from common import palette
-from common.camera import exposure
 from common.errors import StaleFrameError
-from common.images import read_image
+from common.images import palette, read_image
+from common.view.camera import exposure
 from tests.common.gltf.builder import triangle
 from tests.support.chapter import Chapter
 from tests.support.drivers import checked

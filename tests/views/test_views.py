@@ -12,14 +12,14 @@ from chapters import scenes
 from chapters.ch01.logic.packing import material_variant
 from chapters.ch01.logic.views import NAMES, VIEWS, number_of
 from chapters.ch01.settings import Settings
-from common import palette
-from common.camera import view_of_scene
-from common.color import decode_srgb, encode_srgb
+from common.environment.sky import sky
+from common.images import palette
+from common.images.color import decode_srgb, encode_srgb
+from common.numerics.transforms import rotation
 from common.paths import ROOT
-from common.pose import evaluate_pose
 from common.scene import Image, Light, Material, Sampler
-from common.sky import sky
-from common.transforms import rotation
+from common.scene.pose import evaluate_pose
+from common.view.camera import view_of_scene
 from tests.support.bounds import codes_off, decoded_srgb, snapping
 from tests.support.chapter import Chapter
 from tests.support.drivers import needs_whole_quads

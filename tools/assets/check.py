@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from chapters import scenes
-from common.animation import playing
 from common.errors import SceneError
 from common.gltf.container import open_container
 from common.gltf.document import parse
@@ -21,6 +20,7 @@ from common.gltf.load import Progress, images_read
 from common.gltf.refusal import Refusal
 from common.models.store import in_bytes
 from common.scene import Scene
+from common.scene.animation import playing
 
 EVERY_DEVICE = 4096
 """Pixels along a side of a texture that every Vulkan 1.3 device takes; most take 16384."""

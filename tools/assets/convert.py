@@ -1,8 +1,8 @@
 """`strata convert SCENE FOLDER`: a scene as files that a program of one's own reads without parsing.
 
-    scene.meshes       indices, vertices and levels of detail        common/mesh_file.py
-    scene.instances    which mesh is drawn where                     common/instance_file.py
-    scene.graph        the nodes, with names, meshes and materials   common/scene_graph_file.py
+    scene.meshes       indices, vertices and levels of detail        common/mesh/file.py
+    scene.instances    which mesh is drawn where                     common/mesh/instances.py
+    scene.graph        the nodes, with names, meshes and materials   common/scene_graph/file.py
     scene.boxes        float32 (meshes, 2, 3): the corners of the box round each mesh, in its own space
     scene.json         names, materials and their textures, where zero is, what was left out
     textures/          the pictures, each once
@@ -21,15 +21,17 @@ from pathlib import Path
 from typing import Any
 
 from chapters import scenes
-from common import instance_file, mesh_file, scene_graph_file
 from common.errors import UserError
 from common.images import write_image
-from common.mesh_lods import lod_chain
-from common.mesh_merge import merged_by_material
-from common.mesh_pools import mesh_bounds
+from common.mesh import file as mesh_file
+from common.mesh import instances
+from common.mesh.lods import lod_chain
+from common.mesh.merge import merged_by_material
+from common.mesh.pools import mesh_bounds
 from common.paths import write_whole
 from common.scene import Scene, UInt32
-from common.scene_graph_scene import graph_of
+from common.scene_graph import file as scene_graph_file
+from common.scene_graph.exchange import graph_of
 from tools.cli.console import Steps, out, shown
 from tools.cli.tables import table
 
@@ -101,7 +103,7 @@ def _write_all(
     packed = mesh_file.from_scene(scene, levels, uv, normals)
     pictures = [_write_picture(scene, number, folder) for number in range(len(scene.images))]
     mesh_file.write_mesh_file(folder / "scene.meshes", packed)
-    instance_file.write_instance_file(folder / "scene.instances", instance_file.instance_list(scene, packed))
+    instances.write_instance_file(folder / "scene.instances", instances.instance_list(scene, packed))
     scene_graph_file.save_graph(graph_of(scene)[0], folder / "scene.graph")
     about = _about(scene, pictures, uv, normals)
     write_whole(folder / "scene.boxes", mesh_bounds(scene).astype("<f4").tobytes())

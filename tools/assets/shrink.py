@@ -1,6 +1,6 @@
 """`strata assets shrink`: textures as small PNGs, and the materials of .mtl files as records that name them.
 
-What is written stands in `common.texture_convert` and `common.material_records`. A second run with the same sources
+What is written stands in `common.materials.convert` and `common.materials.records`. A second run with the same sources
 writes nothing.
 """
 
@@ -13,13 +13,13 @@ from typing import Any
 
 from rich.markup import escape
 
-from common import material_records
 from common.errors import UserError
-from common.material_import import import_materials, read_mtl
-from common.material_merge import merged
-from common.material_records import MaterialList
-from common.material_textures import convert_materials
-from common.texture_convert import SUFFIXES, Converted, TextureRequest, convert_textures, pictures_in
+from common.materials import records
+from common.materials.convert import SUFFIXES, Converted, TextureRequest, convert_textures, pictures_in
+from common.materials.importer import import_materials, read_mtl
+from common.materials.merge import merged
+from common.materials.records import MaterialList
+from common.materials.textures import convert_materials
 from tools.cli.console import Steps, out, say, shown
 from tools.cli.tables import table
 
@@ -109,13 +109,13 @@ def _library(path: Path, root: Path) -> MaterialList:
 
 
 def _write(path: Path, materials: MaterialList) -> None:
-    data = material_records.to_bytes(materials)
+    data = records.to_bytes(materials)
     try:
         if path.read_bytes() == data:
             return
     except OSError:
         pass  # it is new, or writing says what is wrong with it
-    material_records.write_material_file(path, materials)
+    records.write_material_file(path, materials)
 
 
 def _show(done: Sequence[Converted], folder: Path) -> None:

@@ -15,10 +15,10 @@ from typing import Any
 
 import chapters
 from chapters import scenes
-from common import stability
 from common.errors import UserError
 from common.names import suggest
 from common.paths import ROOT, write_whole
+from common.scene import stability
 from tools.bench import (
     pipelines as bench_pipelines,
 )

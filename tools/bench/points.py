@@ -18,10 +18,10 @@ import numpy as np
 
 import chapters
 from backends.contract import Frame, Renderer
-from common import metrics, stability
-from common.color import decode_srgb, encode_srgb
 from common.errors import UserError
-from common.scene import Scene
+from common.images.color import decode_srgb, encode_srgb
+from common.reports import metrics
+from common.scene import Scene, stability
 from common.settings import Knob, knobs, preset
 
 Array = np.ndarray
@@ -283,7 +283,7 @@ def sweep(subject: Subject, effort: Effort, step: Callable[[str, float], None]) 
 
 
 def stability_cases(subject: Subject, effort: Effort) -> list[dict[str, Any]]:
-    """Return for each case of `common.stability` the fraction of pixels that change by more than 1/255."""
+    """Return for each case of `common.scene.stability` the fraction of pixels that change by more than 1/255."""
     settings: Any = preset(chapters.settings_class(subject.chapter), "medium")
     with subject.open(settings, {"color"}) as renderer:
         view = chapters.view_of(renderer)

@@ -21,7 +21,7 @@ from rich.console import Console
 
 import chapters
 from backends.contract import Renderer
-from common.crowds import layers
+from common.scene.crowds import layers
 from common.settings import knobs, preset
 from tools.bench.points import Effort, Subject, difference, middle
 from tools.cli.tables import table

@@ -13,8 +13,8 @@ from PIL import Image
 from rich.console import Console
 
 from common.errors import UserError
+from common.images.small_pictures import encode_small
 from common.paths import write_whole
-from common.small_pictures import encode_small
 from tools.bench import pipelines, prepass, readback, scale, threads
 from tools.bench import points as bench_points
 from tools.bench.lessons import async_compute, cloth, drift, executions, gbuffer, graph, loads, pacing

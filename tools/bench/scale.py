@@ -25,10 +25,10 @@ from rich.console import Console
 
 import chapters
 from backends.contract import Frame, Renderer
-from common.camera import View
+from common.numerics.transforms import translation
 from common.scene import Scene
 from common.settings import Scale, Side, preset
-from common.transforms import translation
+from common.view.camera import View
 from tools.bench.points import Effort, Subject, difference, forward_path
 from tools.cli.tables import table
 from tools.run.run import open_device

@@ -19,7 +19,7 @@ from rich.console import Console
 
 import chapters
 from backends.contract import Renderer
-from common.crowds import crowd
+from common.scene.crowds import crowd
 from common.settings import preset
 from tools.bench import points as bench_points
 from tools.bench.points import Effort, Subject, difference

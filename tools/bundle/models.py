@@ -12,8 +12,8 @@ from urllib.parse import unquote
 from bootstrap.bundle import inside
 from chapters import scenes
 from common.errors import SceneError, UserError
+from common.files.regular_files import leads_outside
 from common.gltf.container import open_container
-from common.regular_files import leads_outside
 
 PAPERS = ("licen", "notice", "readme", "copying")
 """How the names of files begin that travel with a model, since somebody made it."""

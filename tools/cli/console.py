@@ -15,9 +15,9 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
-from common import waiting
 from common.errors import UserError
 from common.names import visible
+from common.reports import waiting
 
 PATIENCE_S = 0.8
 """A bar appears when something has taken this long."""

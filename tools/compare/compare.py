@@ -17,8 +17,8 @@ from typing import Any
 from backends.contract import check_time
 from chapters import studies
 from common import images
-from common.color import quantize
 from common.errors import UserError
+from common.images.color import quantize
 from common.names import suggest
 from common.paths import write_whole
 from common.scene import Scene

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 import chapters
 from backends.contract import Frame, Renderer
-from common import metrics
-from common.camera import View, exposure
-from common.color import LUMINANCE, encode_srgb
 from common.errors import UserError
+from common.images.color import LUMINANCE, encode_srgb
+from common.reports import metrics
 from common.scene import Scene
+from common.view.camera import View, exposure
 from tools.bench import points
 from tools.compare.sides import Drawn, Float32, Picture, Side, shown_values
 

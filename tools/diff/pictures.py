@@ -21,7 +21,7 @@ from PIL import Image
 import chapters
 from chapters import scenes
 from common.errors import UserError
-from common.frame_pictures import picture_of
+from common.images.frame_pictures import picture_of
 from common.names import stable_hash
 from tools.cli.console import Steps
 from tools.diff.lesson import Comparison, pass_of

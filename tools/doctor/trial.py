@@ -21,8 +21,8 @@ import numpy as np
 import chapters
 from backends import choice, selftest, verdicts
 from backends.verdicts import OK, UNCHECKED, Identity
-from common import waiting
 from common.errors import UnsupportedError
+from common.reports import waiting
 
 if TYPE_CHECKING:
     from backends.choice import Choice
@@ -198,9 +198,9 @@ def scene() -> Scene:
 
 def run(number: int, backend: str) -> str:
     """Return what is wrong with a chapter's frame on a backend, or ""."""
-    from common.camera import Orthographic, View, exposure
-    from common.color import decode_srgb
-    from common.transforms import pose_looking_at
+    from common.images.color import decode_srgb
+    from common.numerics.transforms import pose_looking_at
+    from common.view.camera import Orthographic, View, exposure
 
     view = View(pose_looking_at((0.0, 0.0, 2.0), (0.0, 0.0, 0.0)), Orthographic(2.0, 0.1, 4.0), ev100=0.0)
     renderer = chapters.renderer_module(number, backend).Renderer

@@ -14,9 +14,9 @@ import numpy as np
 
 import chapters
 from backends.contract import Renderer
-from common.camera import View
 from common.errors import UnsupportedError, UserError
 from common.scene import Scene
+from common.view.camera import View
 from tools.exercises import Answer, Exercise
 
 NAMES = {"vulkan": "Vulkan", "gl": "OpenGL", "": ""}

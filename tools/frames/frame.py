@@ -20,8 +20,8 @@ from rich.console import Console
 import chapters
 from chapters import studies
 from common.errors import UserError
-from common.frame_pictures import picture_of
 from common.images import write_image
+from common.images.frame_pictures import picture_of
 from common.names import suggest
 from common.paths import write_whole
 from common.settings import preset

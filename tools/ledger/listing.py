@@ -9,8 +9,8 @@ from rich.markup import escape
 import chapters
 from chapters import studies
 from common.errors import UserError
+from common.files.shader_files import shown_path
 from common.settings import describe, knobs, preset
-from common.shader_files import shown_path
 from tools.cli.console import out
 from tools.cli.tables import table
 from tools.diff.sentences import first_sentence

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from backends.window import Event
-from common.draw_lists import FONT, VERTEX, Command, DrawList, TextureUpdate
+from common.view.draw_lists import FONT, VERTEX, Command, DrawList, TextureUpdate
 
 FIRST_ATLAS = 1 << 15
 """Numbers of the textures that later hold glyphs, when the first has become too small: far from those of pictures."""

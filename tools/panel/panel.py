@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from backends.window import Event
-from common.draw_lists import DrawList
 from common.scene import Scene
 from common.settings import preset
+from common.view.draw_lists import DrawList
 from tools.panel import imgui as panel_imgui
 from tools.panel.error import show_error
 from tools.panel.graph import GraphSection, GraphState

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from common.pose import evaluate_pose
+from common.numerics.transforms import decompose
 from common.scene import Scene
-from common.scene_tree import Entry, Response, show_tree
-from common.transforms import decompose
+from common.scene.pose import evaluate_pose
+from common.scene.tree import Entry, Response, show_tree
 
 ROWS = 12
 """Of the tree that are seen at once; it scrolls."""

@@ -8,7 +8,7 @@
             renderer.render(view, time)
 
 A shader that is wrong changes nothing: the renderer goes on with the last good ones, and so does every pipeline and
-every renderer that is made meanwhile (`common.shader_files.pinned`). The file of a frame graph is followed like them.
+every renderer that is made meanwhile (`shader_files.pinned`). The file of a frame graph is followed like them.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from typing import TYPE_CHECKING
 from backends.contract import Reloaded
 from backends.shader_text import STAGES
 from backends.vulkan.live import check_alone, compiled_alone
-from common import shader_files
 from common.errors import ShaderError, StrataError
-from common.shader_files import State, shown_path
+from common.files import shader_files
+from common.files.shader_files import State, shown_path
 from tools.cli.console import say
 
 if TYPE_CHECKING:

@@ -18,9 +18,9 @@ import numpy as np
 
 import chapters
 from chapters import studies
-from common import frame_pictures
-from common.camera import exposure
 from common.errors import StaleFrameError
+from common.images import frame_pictures
+from common.view.camera import exposure
 from tools.run.shown import Bundle, Figures, Picture, Table, figures
 from tools.run.views import stored_as
 from tools.window.stop import nodes_of
@@ -28,7 +28,7 @@ from tools.window.stop import nodes_of
 if TYPE_CHECKING:
     from backends.contract import Frame, Renderer
     from chapters import Which
-    from common.camera import View
+    from common.view.camera import View
 else:
     Renderer = object  # what is inherited at run time is the chapter's renderer
 

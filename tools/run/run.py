@@ -350,7 +350,7 @@ def expose(scene: Scene, request: Request) -> None:
     scene.ev100 = request.ev100
     if scene.environment is None or request.ev100 is not None:
         return
-    from common.camera import exposure, fitting_ev100, framed_view
+    from common.view.camera import exposure, fitting_ev100, framed_view
 
     light = scene.environment.mean_luminance
     fits = fitting_ev100(light, least=sys.float_info.min)

@@ -13,7 +13,7 @@ from tools.run.live import POLL_S, Live
 
 if TYPE_CHECKING:
     from backends.contract import Frame, Renderer
-    from common.camera import View
+    from common.view.camera import View
 
 MOST_FRAMES = 64
 """Frames until a picture is written, even if a temporal pass were still at work."""

@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import Any
 
 from assets import locate
-from common.color import quantize
 from common.gltf import load_scene
+from common.images.color import quantize
+from common.images.small_pictures import write_small
 from common.paths import ROOT, write_whole
-from common.small_pictures import write_small
 from tools.bench.bench import commit
 from tools.compare import report
 from tools.compare.measure import ErrorMap, Errors, Measured, Moment, Stand, errors

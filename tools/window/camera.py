@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import chapters
-from common.camera import Camera, Perspective, Positioner
-from common.positioners import FirstPerson, Orbit
+from common.view.camera import Camera, Perspective, Positioner
+from common.view.positioners import FirstPerson, Orbit
 
 if TYPE_CHECKING:
     from backends.contract import Renderer
@@ -30,7 +30,7 @@ def orbit(world_from_view: np.ndarray, scene: Scene) -> Orbit:
 
 
 def open_camera(renderer: Renderer, spec: str | None, time: float) -> Camera:
-    """Return the camera to begin with, from the view that `spec` names (see `common.camera.view_of_scene`).
+    """Return the camera to begin with, from the view that `spec` names (see `common.view.camera.view_of_scene`).
 
     A scene that brings a camera is a place to fly through; one without is a thing to turn in the hand.
     """
@@ -42,7 +42,7 @@ def open_camera(renderer: Renderer, spec: str | None, time: float) -> Camera:
 
 
 def camera_text(camera: Camera, scene: Scene) -> str:
-    """Return the camera's view as --camera takes it (`common.camera.view_of_scene`), "" where that has no text.
+    """Return the camera's view as --camera takes it (`common.view.camera.view_of_scene`), "" where that has no text.
 
     Such a text says nothing of roll: it stands upright.
     """

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from backends.window import Window
 from common.errors import StrataError
-from common.shader_files import refreshed
+from common.files.shader_files import refreshed
 
 if TYPE_CHECKING:
     from backends.contract import Renderer

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from common.draw_lists import VERTEX, Command, DrawList, TextureUpdate
-from common.frame_pictures import picture_of
+from common.images.frame_pictures import picture_of
+from common.view.draw_lists import VERTEX, Command, DrawList, TextureUpdate
 from tools.run.views import stored_as
 
 if TYPE_CHECKING:
     from backends.contract import Frame, Renderer
-    from common.camera import View
+    from common.view.camera import View
 
 TEXTURE = 1
 """The number of the picture's texture, beside those of the panel's glyphs."""

@@ -18,12 +18,12 @@ import numpy as np
 
 from backends.window import Window
 from common import images
-from common.camera import Camera
-from common.clock import FrameClock
 from common.errors import StrataError
-from common.inputs import KEYS, Action, Inputs
-from common.positioners import Orbit
 from common.settings import set_live
+from common.view.camera import Camera
+from common.view.clock import FrameClock
+from common.view.inputs import KEYS, Action, Inputs
+from common.view.positioners import Orbit
 from tools.cli.console import say
 from tools.panel import imgui
 from tools.panel.panel import Panel, PanelActions, PanelState, open_panel
@@ -35,7 +35,7 @@ from tools.window.stop import Stop, nodes_of
 
 if TYPE_CHECKING:
     from backends.contract import Frame, Renderer
-    from common.draw_lists import DrawList
+    from common.view.draw_lists import DrawList
 
 HELP = (
     "Drag to look, W A S D 1 2 to move, shift to be faster, U to level, wheel to come nearer, "

@@ -18,7 +18,7 @@ from backends.vulkan.features import CORE
 from backends.vulkan.resources import Buffer
 from backends.vulkan.upload import Uploader
 from common.errors import UnsupportedError
-from common.pools import Handle
+from common.numerics.pools import Handle
 from common.scene import Change, Pose, Sampler, Scene, TextureRef
 
 from ..logic import environment, geometry, records, texels, views

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from backends.vulkan import api as vk
 from backends.vulkan.resources import Image
 from backends.vulkan.upload import Uploader
-from common.pools import Handle
+from common.numerics.pools import Handle
 from common.scene import Scene, TextureRef
 
 from ..logic import texels

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from common.camera import View
 from common.scene import Light, Pose, Scene
+from common.view.camera import View
 
 from ..settings import Settings
 from .environment import needed

@@ -6,8 +6,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from common.camera import View
 from common.errors import StaleFrameError
+from common.view.camera import View
 
 SLOTS = 2
 """Frames in flight. With one slot, CPU and GPU would take turns; a third adds a frame of latency and no speed."""

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from common.color import decode_srgb
 from common.errors import SceneError
+from common.images.color import decode_srgb
 from common.scene import Scene, TextureRef
 
 NEUTRAL = {

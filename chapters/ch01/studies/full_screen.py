@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from common.camera import Orthographic, View
 from common.environment import Environment
 from common.scene import Sampler
+from common.view.camera import Orthographic, View
 
 AROUND = Sampler(mipmap=None, wrap_u="repeat", wrap_v="clamp")
 """How a panorama is read: its left edge meets its right one, its top row is the zenith."""

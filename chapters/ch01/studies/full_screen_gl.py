@@ -16,7 +16,7 @@ from backends.gl.resources import (
     destroy_image,
     write_image,
 )
-from common.camera import View
+from common.view.camera import View
 
 from ..gl.frames import FrameSlot
 from ..gl.pipelines import GraphicsPipeline

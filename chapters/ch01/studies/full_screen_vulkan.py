@@ -16,7 +16,7 @@ from backends.vulkan.resources import (
     destroy_image,
 )
 from backends.vulkan.upload import Uploader
-from common.camera import View
+from common.view.camera import View
 
 from ..graphics.commands import Commands
 from ..graphics.descriptors import Binding, Texture

@@ -24,7 +24,7 @@ from backends.vulkan.resources import (
     destroy_image,
     sample_counts,
 )
-from common.pools import Handle, Pool
+from common.numerics.pools import Handle, Pool
 from common.scene import Sampler
 
 from ..logic.frame import SLOTS

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from common.color import decode_srgb
 from common.errors import SceneError
+from common.images.color import decode_srgb
 from common.scene import Scene, TextureRef
 
 NEUTRAL = {

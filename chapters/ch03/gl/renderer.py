@@ -28,10 +28,10 @@ from backends.gl.inspection import Inspection
 from backends.gl.readback import Readback
 from backends.gl.resources import Image, create_image, destroy_image, sample_counts
 from backends.gl.targets import Framebuffer, create_framebuffer, destroy_framebuffer
-from common.camera import View, exposure
 from common.errors import StaleFrameError
-from common.pose import evaluate_pose
 from common.scene import Sampler, Scene
+from common.scene.pose import evaluate_pose
+from common.view.camera import View, exposure
 
 from .. import LESSON
 from ..logic.constants import frame_constants

@@ -20,9 +20,9 @@ from backends.vulkan.device import Device
 from backends.vulkan.features import CORE
 from backends.vulkan.resources import Buffer
 from backends.vulkan.upload import Uploader
-from common.camera import View
 from common.errors import UnsupportedError
 from common.scene import Change, Pose, Scene
+from common.view.camera import View
 
 from ..logic import environment, geometry, packing, pages, records, texels, views
 from ..logic.draw_lists import COMMAND

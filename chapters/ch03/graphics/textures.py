@@ -9,7 +9,7 @@ from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 from backends.vulkan.resources import Image
 from backends.vulkan.upload import Uploader
-from common.pools import Handle
+from common.numerics.pools import Handle
 from common.scene import Scene
 
 from ..logic import texels

@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from common import blocks
 from common.errors import SceneError
 from common.gltf import load_scene
-from common.mips import mip_chain
+from common.images import blocks
+from common.images.mips import mip_chain
 from common.scene import Image, Scene
-from common.scene_images import Chain, EncodedImage, Pixels
+from common.scene.images import Chain, EncodedImage, Pixels
 
 from .packing import material_variant
 from .sections import DamagedError, SectionFile
@@ -31,7 +31,7 @@ LEAST_TEXELS = 64 * 64
 """Of a picture that is compressed: below, it has 16 KB at most."""
 
 EFFORT: blocks.Effort = "fast"
-"""Of the BC7 encoder: the others take 3 and 8 times as long for 1 and 2 dB (see `common.blocks`)."""
+"""Of the BC7 encoder: the others take 3 and 8 times as long for 1 and 2 dB (see `common.images.blocks`)."""
 
 Use = tuple[bool, bool, str]
 """How a picture is read: as colour (sRGB), with mip levels, which channels."""

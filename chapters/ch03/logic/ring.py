@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from common.allocators import align_up
+from common.numerics.allocators import align_up
 
 
 class Ring:

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Self
 
-from common.camera import View
 from common.scene import Scene
+from common.view.camera import View
 
 from ..settings import Settings
 from .environment import files_at_start

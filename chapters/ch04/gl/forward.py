@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from backends.contract import Access
-from common.camera import View
 from common.scene import Scene
+from common.view.camera import View
 
 from ..logic import views
 from ..logic.draw_lists import Batch

@@ -17,7 +17,7 @@ from backends.gl.context import Context
 from backends.gl.readback import Fence
 from backends.gl.resources import FORMATS, Image, create_buffer, create_view, destroy_buffer, level_size
 from backends.gl.upload import Uploader
-from common.blocks import is_compressed
+from common.images.blocks import is_compressed
 
 from ..logic.loading import Loading, Request, Wanted, refusal
 from ..logic.ring import Ring, rows_that_fit

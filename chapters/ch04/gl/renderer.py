@@ -30,10 +30,10 @@ from backends.gl.context import Context
 from backends.gl.inspection import Inspection
 from backends.gl.resources import FORMATS, sample_counts
 from backends.gl.targets import Framebuffer
-from common.camera import View, exposure
 from common.errors import StaleFrameError
-from common.pose import evaluate_pose
 from common.scene import Scene
+from common.scene.pose import evaluate_pose
+from common.view.camera import View, exposure
 
 from .. import LESSON
 from ..logic.constants import frame_constants

@@ -27,8 +27,8 @@ from backends.gl.resources import (
     write_buffer,
     write_image,
 )
-from common.camera import View
 from common.scene import Change, Pose, Sampler, Scene
+from common.view.camera import View
 
 from ..logic import environment, geometry, packing, pages, placeholders, records, texels, views
 from ..logic.array_arrivals import ArrayArrivals, array_name

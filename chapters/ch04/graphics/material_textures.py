@@ -17,7 +17,7 @@ from backends.vulkan.device import Device
 from backends.vulkan.features import CORE
 from backends.vulkan.once import submit_once
 from backends.vulkan.upload import Uploader
-from common.pools import Handle
+from common.numerics.pools import Handle
 from common.scene import Scene
 
 from ..logic import placeholders, texels

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from common import layouts
-from common.camera import View
 from common.scene import Scene
+from common.view.camera import View
 
 
 def frame_constants(

@@ -17,12 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from common.blobs import BlobError, read_blob, write_blob
-from common.disk_cache import mark_read, prune
 from common.environment import Environment
+from common.files.blobs import BlobError, read_blob, write_blob
+from common.files.disk_cache import mark_read, prune
+from common.files.shader_files import load
 from common.paths import ROOT, cache_dir, write_whole
 from common.scene import Sampler, Scene
-from common.shader_files import load
 
 from ..settings import Settings
 from .views import is_lit

@@ -29,7 +29,7 @@ from pathlib import Path
 from typing import Protocol
 
 from backends.contract import Access
-from common import shader_files
+from common.files import shader_files
 from common.names import suggest
 from common.paths import ROOT
 
@@ -147,7 +147,7 @@ def graph_path(text: str) -> Path:
 
 
 def read_graph(path: Path) -> GraphFile:
-    """Read a file, as shaders are read: it may be edited while frames are drawn (common/shader_files.py).
+    """Read a file, as shaders are read: it may be edited while frames are drawn (common/files/shader_files.py).
 
     Raises GraphError for what cannot be read, what is no JSON, and what is no graph.
     """

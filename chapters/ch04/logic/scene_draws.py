@@ -9,9 +9,9 @@ from typing import Any, Protocol
 import numpy as np
 
 from common import layouts
-from common.camera import View
+from common.numerics.transforms import translation
 from common.scene import Change, Scene
-from common.transforms import translation
+from common.view.camera import View
 
 from . import packing
 from .draw_lists import NOTHING, Batch, build_draw_lists

@@ -19,7 +19,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from common.regular_files import leads_outside, open_regular
+from common.files.regular_files import leads_outside, open_regular
 
 RACY_NS = 2_000_000_000
 """Two seconds: the coarsest clock of a file system in use (FAT)."""

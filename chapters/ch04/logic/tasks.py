@@ -40,7 +40,7 @@ from queue import Empty
 from types import TracebackType
 from typing import Any, TypeVar
 
-from common.profiling import Record
+from common.reports.profiling import Record
 
 from .pinned_loop import PinnedLoop
 from .task_errors import TaskCancelledError, TaskError, error_from, error_of

@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Literal, Protocol
 
-from common.camera import View, exposure
 from common.scene import Material, Scene
+from common.view.camera import View, exposure
 
 from .packing import Variant, material_variant, shape_alone
 from .prepass import has_prepass

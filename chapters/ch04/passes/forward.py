@@ -9,8 +9,8 @@ import numpy as np
 
 from backends.contract import Access
 from backends.vulkan import api as vk
-from common.camera import View
 from common.scene import Scene
+from common.view.camera import View
 
 from ..graphics.commands import Commands, DrawGroup
 from ..graphics.pipelines import Built, GraphicsPipeline, Pipelines

@@ -31,9 +31,9 @@ from backends.gl.context import Context
 from backends.gl.inspection import Inspection
 from backends.gl.resources import FORMATS, sample_counts
 from backends.gl.targets import Framebuffer
-from common.camera import View, exposure
 from common.errors import StaleFrameError
 from common.scene import Scene
+from common.view.camera import View, exposure
 
 from .. import LESSON
 from ..logic.cloth_scene import cloth_scene

@@ -18,7 +18,7 @@ from backends.vulkan.once import submit_once
 from backends.vulkan.readback import TO_HOST
 from backends.vulkan.resources import Buffer, create_buffer, destroy_buffer
 from backends.vulkan.upload import Uploader
-from common.pools import Handle
+from common.numerics.pools import Handle
 
 from ..logic.cloth_layout import Packed
 from ..logic.cloth_pass import FRAME, STATE

@@ -15,7 +15,7 @@ from backends.vulkan import api as vk
 from backends.vulkan.barriers import barriers
 from backends.vulkan.device import Device
 from backends.vulkan.upload import SETS, MipPipeline
-from common import blocks
+from common.images import blocks
 
 from ..logic.loading import Loading, Request, Wanted, refusal
 from ..logic.ring import rows_that_fit

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from common.camera import View
+from common.numerics.transforms import frustum_planes
 from common.scene import Pose
-from common.transforms import frustum_planes
+from common.view.camera import View
 
 from . import pages
 from .cloth_clock import ClothClock

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backends.contract import Access
-from common.camera import View
 from common.scene import Pose, Scene
+from common.view.camera import View
 
 from .cloth_dispatches import Dispatch, Kernel, states_of
 from .cloth_frames import ClothFrames, Plan, drawn_from

@@ -15,11 +15,11 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from common.deform import tidied
 from common.errors import SceneError
-from common.pose import evaluate_pose
+from common.numerics.transforms import normal_matrix, translation
 from common.scene import Deformation, Instances, Pose, Scene
-from common.transforms import normal_matrix, translation
+from common.scene.deform import tidied
+from common.scene.pose import evaluate_pose
 
 from .cloth_build import build_cloth
 from .cloth_fields import check_cloth, check_collider, named, properties

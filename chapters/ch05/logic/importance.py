@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from common.camera import Perspective, View
 from common.scene import Scene
+from common.view.camera import Perspective, View
 
 
 def material_sizes(scene: Scene, records: np.ndarray, view: View) -> np.ndarray:

@@ -10,7 +10,7 @@ import numpy as np
 from common import layouts
 from common.errors import SceneError
 from common.scene import Light, Material, Pose, Scene
-from common.shading_environment import ENERGIES
+from common.twins.shading_environment import ENERGIES
 
 MATERIAL = np.dtype(
     [

@@ -24,14 +24,14 @@ from typing import Any
 
 import numpy as np
 
-from common import blocks
-from common.disk_cache import mark_read, prune
 from common.errors import SceneError, UnsupportedError
+from common.files.disk_cache import mark_read, prune
 from common.gltf import load_scene
 from common.gltf.load import Progress
+from common.images import blocks
 from common.paths import ROOT, cache_dir, user_cache
 from common.scene import EncodedImage, Image, Scene
-from common.scene_images import Pixels
+from common.scene.images import Pixels
 
 from . import scene_sources
 from .cached_images import CachedImage, Source, chain_record, compress, image_uses, is_compressible
@@ -49,10 +49,10 @@ VERSION = 1
 
 _MAKERS = (
     "common/gltf/*.py",
-    "common/scene.py",
-    "common/scene_images.py",
-    "common/blocks.py",
-    "common/mips.py",
+    "common/scene/scene.py",
+    "common/scene/images.py",
+    "common/images/blocks.py",
+    "common/images/mips.py",
 )
 _PARTS = (
     "scene_cache",

@@ -2,7 +2,7 @@
 
     header       64 bytes, always the same: what kind of file this is
     sections     the arrays, each at a multiple of 64 bytes, with zeros up to the next
-    directory    a blob (`common.blobs`): of each section the place, shape, type and checksum, and what the writer adds
+    directory    a blob (`common.files.blobs`): place, shape, type and checksum of each section, what the writer adds
     trailer      40 bytes: where the directory is, how long the file is, and the checksums of directory and trailer
 
 The directory stands behind the arrays because its checksums are known only when they are written, and each is written
@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from common.blobs import ALIGNMENT, BlobError, read_blob, write_blob
+from common.files.blobs import ALIGNMENT, BlobError, read_blob, write_blob
 from common.paths import WholeFile
 
 VERSION = 1

@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from common import blocks
-from common.color import decode_srgb
 from common.errors import SceneError
+from common.images import blocks
+from common.images.color import decode_srgb
 from common.scene import Scene, TextureRef
-from common.scene_images import Chain, Image
+from common.scene.images import Chain, Image
 
 NEUTRAL = {
     # What a role without a texture would have to sample for the picture to stay the same.

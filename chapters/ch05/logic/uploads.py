@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from common import blocks
-from common.allocators import align_up
+from common.images import blocks
+from common.numerics.allocators import align_up
 from common.scene import Scene
 
 from . import texels

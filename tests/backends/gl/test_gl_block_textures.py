@@ -19,7 +19,7 @@ from backends.gl.resources import (
 )
 from backends.gl.upload import Uploader
 from backends.shader_text import build_text
-from common.ktx import Ktx, read_ktx, write_ktx
+from common.images.ktx import Ktx, read_ktx, write_ktx
 from tests.support.block_pictures import DECODED, by_level, chains, check, sampling
 
 

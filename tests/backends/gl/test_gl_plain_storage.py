@@ -7,9 +7,9 @@ import pytest
 
 from backends.gl.context import Context
 from backends.gl.resources import create_image
-from common.blocks import PLAIN, storage_of
 from common.errors import UnsupportedError
-from common.mips import mip_chain
+from common.images.blocks import PLAIN, storage_of
+from common.images.mips import mip_chain
 from tests.backends.gl.test_gl_block_textures import sampled
 from tests.support.block_pictures import pictures
 

@@ -30,9 +30,9 @@ from backends.gl.resources import (
 )
 from backends.gl.targets import Attachment, begin, copy, create_framebuffer, destroy_framebuffer
 from backends.shader_text import build_text
-from common.blocks import BLOCK_BYTES
-from common.color import decode_srgb
 from common.errors import DeviceError
+from common.images.blocks import BLOCK_BYTES
+from common.images.color import decode_srgb
 from common.scene import Sampler
 from tests.support.bounds import decoded_srgb
 from tests.support.packed import channels_of

@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from common.animation import sample
 from common.gltf import load_scene
-from common.pose import evaluate_pose
 from common.scene import Scene
+from common.scene.animation import sample
+from common.scene.pose import evaluate_pose
 from tests.common.gltf.builder import Gltf, triangle
 from tests.common.gltf.test_nodes import rotation_of
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from common.gltf import load_scene
-from common.pose import evaluate_pose
 from common.scene import Scene
+from common.scene.pose import evaluate_pose
 from tests.common.gltf.builder import QUAD, QUAD_INDICES, TRIANGLE, Gltf
 from tests.common.gltf.test_animation import channel
 from tests.common.gltf.test_nodes import trs

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from common.camera import framed_view, view_of_scene
 from common.errors import SceneError, UserError
-from common.exif import without_exif
 from common.gltf import load_scene
 from common.images import image_size, read_image
+from common.images.exif import without_exif
 from common.layouts import dtype, fill_frame_constants
-from common.pose import evaluate_pose
+from common.scene.pose import evaluate_pose
+from common.view.camera import framed_view, view_of_scene
 from tests.common.gltf.builder import QUAD, QUAD_INDICES, TRIANGLE, Gltf, triangle
 
 UV = np.array([(0, 0), (1, 0), (0, 1)], "f4")

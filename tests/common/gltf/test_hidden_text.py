@@ -10,7 +10,7 @@ import pytest
 
 from common.errors import SceneError
 from common.gltf import load_scene
-from common.obj import load_obj
+from common.mesh.obj import load_obj
 from tests.common.gltf.builder import TRIANGLE, Gltf, triangle
 
 BAD = "\ud800\x1b[2J\nstrata: all is well\u202e\x00"

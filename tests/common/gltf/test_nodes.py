@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from common.gltf import load_scene
-from common.pose import evaluate_pose
+from common.scene.pose import evaluate_pose
 from tests.common.gltf.builder import QUAD, TRIANGLE, Gltf, triangle
 
 RNG = np.random.default_rng(12)

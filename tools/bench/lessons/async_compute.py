@@ -28,9 +28,9 @@ from backends.contract import Renderer
 from backends.vulkan.once import submit_once
 from chapters import scenes
 from common.scene import Scene
-from common.scene_merge import merge_scenes
+from common.scene.merge import merge_scenes
+from common.scene.sheets import cloth, cloth_scene_of
 from common.settings import knobs
-from common.sheets import cloth, cloth_scene_of
 from tools.bench.lessons.overlap import Stamps, can_stamp, common_ms, merged
 from tools.bench.lessons.sheet import FABRIC, PASS, medium_of
 from tools.bench.points import Effort, Subject, difference, middle

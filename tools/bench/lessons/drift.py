@@ -20,8 +20,8 @@ import numpy as np
 from rich.console import Console
 
 import chapters
+from common.scene.sheets import cloth, cloth_scene_of
 from common.settings import knobs
-from common.sheets import cloth, cloth_scene_of
 from tools.bench.lessons.sheet import KNOB, logic_of
 from tools.bench.points import Effort, Subject
 from tools.cli.tables import table

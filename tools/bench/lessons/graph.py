@@ -27,8 +27,8 @@ from rich.console import Console
 import chapters
 from backends.contract import Access, Renderer
 from chapters import scenes
-from common.camera import View
 from common.settings import knobs, preset
+from common.view.camera import View
 from tools.bench.points import Effort, Subject, middle
 from tools.bench.scale import moved_view
 from tools.cli.tables import table

@@ -31,11 +31,11 @@ import numpy as np
 import chapters
 from backends.vulkan.device import Device
 from backends.vulkan.upload import MipPipeline
-from common.crowds import crowd
 from common.errors import DeviceError
 from common.gltf import load_scene
 from common.scene import Material, Scene
-from common.scene_images import Chain, Image
+from common.scene.crowds import crowd
+from common.scene.images import Chain, Image
 from common.settings import preset
 from tools.bench.lessons import overlap as bench_overlap
 from tools.bench.lessons.overlap import Stamps, can_stamp

@@ -13,8 +13,8 @@ import numpy as np
 import chapters
 from backends.contract import Renderer
 from common.scene import Scene
+from common.scene.sheets import cloth, cloth_scene_of
 from common.settings import preset
-from common.sheets import cloth, cloth_scene_of
 from tools.bench.points import Subject
 
 KNOB = "cloth_method"

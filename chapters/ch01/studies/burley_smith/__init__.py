@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from common.directions import panorama_directions, panorama_solid_angles
 from common.environment import Environment
+from common.environment.directions import panorama_directions, panorama_solid_angles
+from common.environment.sky import sky
 from common.lessons import Study
 from common.settings import knob
-from common.sky import sky
 
 STUDY = Study(
     title="Burley and Smith",

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from common.camera import View
 from common.environment import Environment
+from common.view.camera import View
 
 from ..full_screen_vulkan import FullScreen
 from . import STUDY, UNIFORM_BYTES, Settings, around, uniforms

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from backends.gl import api as gl
-from common.camera import View
+from common.view.camera import View
 
 from ...gl.frames import FrameSlot
 from ..stage_gl import Stage

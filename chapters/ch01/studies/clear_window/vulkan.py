@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from backends.vulkan import api as vk
-from common.camera import View
+from common.view.camera import View
 
 from ...graphics.commands import Commands
 from ..stage_vulkan import Stage

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from common.camera import View
+from common.view.camera import View
 
 from ..full_screen_gl import FullScreen
 from . import STUDY, UNIFORM_BYTES, Settings, uniforms

@@ -7,7 +7,7 @@ from pathlib import Path
 from backends import shader_text
 from backends.gl import api as gl
 from backends.gl.programs import Programs
-from common.camera import View
+from common.view.camera import View
 
 from ...gl.frames import FrameSlot
 from ..stage_gl import Stage

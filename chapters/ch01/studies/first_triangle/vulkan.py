@@ -8,7 +8,7 @@ from typing import Any
 from backends import shader_text
 from backends.vulkan import api as vk
 from backends.vulkan.shaders import compile_shader
-from common.camera import View
+from common.view.camera import View
 
 from ...graphics.commands import Commands
 from ..stage_vulkan import Stage

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from common.camera import View
 from common.lessons import Study
 from common.settings import knob
+from common.view.camera import View
 
 from ..drawing import Drawn
 

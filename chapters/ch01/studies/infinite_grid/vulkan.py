@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from common.camera import View
+from common.view.camera import View
 
 from ...graphics.commands import Commands
 from ...graphics.descriptors import Binding

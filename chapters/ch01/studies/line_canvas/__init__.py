@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from backends.stage import Work
-from common.camera import Perspective, View
 from common.lessons import Study
+from common.numerics.transforms import pose_looking_at, rotation, translation
 from common.settings import knob
-from common.transforms import pose_looking_at, rotation, translation
+from common.view.camera import Perspective, View
 
 from ..drawing import Drawn
 from .canvas import CAPACITY, VERTEX, Canvas

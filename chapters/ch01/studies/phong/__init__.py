@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from common.camera import Orthographic, View, exposure
 from common.lessons import Study
-from common.primitive import Primitive, matrices
 from common.scene import Scene
+from common.scene.primitive import Primitive, matrices
 from common.settings import knob
+from common.view.camera import Orthographic, View, exposure
 
 from .. import one_light
 

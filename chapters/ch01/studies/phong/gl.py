@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from common.camera import View
+from common.view.camera import View
 
 from ..textured_mesh.gl import Renderer as TexturedMesh
 from . import STREAMS, STUDY, UNIFORM_BYTES, Settings, uniforms

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from common.camera import View, exposure
-from common.directions import panorama_directions
 from common.environment import Environment
+from common.environment.directions import panorama_directions
+from common.environment.sky import sky
 from common.lessons import Study
 from common.settings import knob
-from common.sky import sky
+from common.view.camera import View, exposure
 
 from ..full_screen import rays
 

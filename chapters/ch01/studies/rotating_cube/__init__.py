@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from common.camera import View
 from common.lessons import Study
-from common.transforms import rotation
+from common.numerics.transforms import rotation
+from common.view.camera import View
 
 STUDY = Study(
     title="rotating cube",

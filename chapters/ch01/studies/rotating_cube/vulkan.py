@@ -6,7 +6,7 @@ import numpy as np
 
 from backends.vulkan import api as vk
 from backends.vulkan.resources import Buffer, create_buffer, destroy_buffer
-from common.camera import View
+from common.view.camera import View
 
 from ...graphics.commands import Commands
 from ...graphics.descriptors import Binding

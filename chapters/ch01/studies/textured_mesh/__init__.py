@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from common.camera import View
 from common.lessons import OWN, Study
-from common.primitive import Primitive, cube, matrices
 from common.scene import Image, Material, Scene, TextureRef
+from common.scene.primitive import Primitive, cube, matrices
 from common.settings import knob
+from common.view.camera import View
 
 STUDY = Study(
     title="textured mesh",

@@ -19,9 +19,9 @@ from backends.gl.resources import (
     write_buffer,
 )
 from backends.gl.upload import Uploader
-from common.camera import View
-from common.primitive import alone, primitive_of
 from common.scene import Sampler, Scene
+from common.scene.primitive import alone, primitive_of
+from common.view.camera import View
 
 from ...gl.frames import FrameSlot
 from ...gl.pipelines import GraphicsPipeline

@@ -15,9 +15,9 @@ from backends.vulkan.resources import (
     destroy_image,
 )
 from backends.vulkan.upload import Uploader
-from common.camera import View
-from common.primitive import alone, primitive_of
 from common.scene import Sampler, Scene
+from common.scene.primitive import alone, primitive_of
+from common.view.camera import View
 
 from ...graphics.commands import Commands
 from ...graphics.descriptors import Binding, Texture

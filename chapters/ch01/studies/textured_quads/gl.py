@@ -10,8 +10,8 @@ import numpy as np
 from backends.gl import api as gl
 from backends.gl.resources import bind_buffer, bind_texture, create_image, create_sampler, destroy_image
 from backends.gl.upload import Uploader
-from common.camera import View
 from common.scene import Sampler
+from common.view.camera import View
 
 from ...gl.frames import FrameSlot
 from ..drawing_gl import Drawing

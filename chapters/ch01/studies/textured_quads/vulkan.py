@@ -10,8 +10,8 @@ import numpy as np
 from backends.vulkan import api as vk
 from backends.vulkan.resources import create_image, create_sampler, destroy_image
 from backends.vulkan.upload import Uploader
-from common.camera import View
 from common.scene import Sampler
+from common.view.camera import View
 
 from ...graphics.commands import Commands
 from ...graphics.descriptors import Binding, Texture

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from common.camera import View
 from common.lessons import OWN, Study
-from common.primitive import Primitive, matrices
 from common.scene import Scene
+from common.scene.primitive import Primitive, matrices
 from common.settings import knob
+from common.view.camera import View
 
 from ..drawing import Attribute, Drawn
 from ..textured_mesh import own_scene

@@ -8,9 +8,9 @@ import numpy as np
 
 from backends.gl import api as gl
 from backends.gl.resources import bind_buffer
-from common.camera import View
-from common.primitive import alone, primitive_of
 from common.scene import Scene
+from common.scene.primitive import alone, primitive_of
+from common.view.camera import View
 
 from ...gl.frames import FrameSlot
 from ..drawing_gl import Drawing

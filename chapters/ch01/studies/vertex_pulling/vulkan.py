@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from backends.vulkan import api as vk
-from common.camera import View
-from common.primitive import alone, primitive_of
 from common.scene import Scene
+from common.scene.primitive import alone, primitive_of
+from common.view.camera import View
 
 from ...graphics.commands import Commands
 from ...graphics.descriptors import Binding

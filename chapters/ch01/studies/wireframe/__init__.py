@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from backends.contract import Plan, resolve
-from common.camera import View
 from common.lessons import OWN, Study
-from common.primitive import Primitive, matrices, scene_of
 from common.scene import Material, Scene
+from common.scene.primitive import Primitive, matrices, scene_of
 from common.settings import knob
+from common.view.camera import View
 
 from ..drawing import Attribute, Drawn
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from common.camera import View
 from common.lessons import OWN, Study
-from common.primitive import Primitive, cube, matrices
 from common.scene import Material, Scene
+from common.scene.primitive import Primitive, cube, matrices
 from common.settings import knob
+from common.view.camera import View
 
 STUDY = Study(
     title="buffer address",

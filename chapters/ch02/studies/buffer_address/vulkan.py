@@ -8,9 +8,9 @@ import numpy as np
 
 from backends.vulkan import api as vk
 from backends.vulkan.resources import buffer_address
-from common.camera import View
-from common.primitive import alone, primitive_of
 from common.scene import Scene
+from common.scene.primitive import alone, primitive_of
+from common.view.camera import View
 
 from ...graphics.commands import Commands
 from ...graphics.pipelines import GraphicsPipeline

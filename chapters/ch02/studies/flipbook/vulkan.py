@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from backends.vulkan import api as vk
-from common.camera import View
+from common.view.camera import View
 
 from ...graphics.commands import Commands
 from ...graphics.descriptors import Texture

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from common.images.palette import id_color
 from common.lessons import Study
-from common.palette import id_color
 from common.scene import Sampler
 from common.settings import knob
 

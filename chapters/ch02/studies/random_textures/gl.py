@@ -6,7 +6,7 @@ import numpy as np
 
 from backends.gl import api as gl
 from backends.gl.resources import bind_buffer, bind_texture
-from common.camera import View
+from common.view.camera import View
 
 from ...gl.frames import FrameSlot
 from ...gl.pipelines import GraphicsPipeline

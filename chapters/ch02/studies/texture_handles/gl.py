@@ -8,8 +8,8 @@ from backends.gl import api as gl
 from backends.gl.capabilities import extensions
 from backends.gl.draws import create_vertex_array
 from backends.gl.resources import bind_buffer, bind_texture
-from common.camera import View
 from common.errors import UnsupportedError
+from common.view.camera import View
 
 from ...gl.frames import FrameSlot
 from ...gl.pipelines import GraphicsPipeline

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from common.color import decode_srgb
+from common.images.color import decode_srgb
 from common.scene import Image, Material, Scene, TextureRef
-from common.scene_parts import changed
+from common.scene.parts import changed
 
 Float64 = NDArray[np.float64]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from backends.gl import api as gl
 from backends.gl.targets import begin
-from common.camera import View
+from common.view.camera import View
 
 from ...gl.frames import FrameSlot
 from ...gl.pipelines import GraphicsPipeline

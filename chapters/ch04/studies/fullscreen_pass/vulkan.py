@@ -6,7 +6,7 @@ from typing import Any
 
 from backends.vulkan import api as vk
 from backends.vulkan.barriers import barriers, image_barrier
-from common.camera import View
+from common.view.camera import View
 
 from ...graphics.commands import Commands, Rendering
 from ...graphics.pipelines import GraphicsPipeline

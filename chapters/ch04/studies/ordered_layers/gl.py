@@ -5,8 +5,8 @@ from __future__ import annotations
 from backends.gl import api as gl
 from backends.gl.resources import Image, bind_texture
 from backends.gl.targets import begin
-from common.camera import View
 from common.scene import Sampler
+from common.view.camera import View
 
 from ...gl.frames import FrameSlot
 from ...gl.pipelines import GraphicsPipeline

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 from backends.vulkan import api as vk
 from backends.vulkan.barriers import barriers, image_barrier
 from backends.vulkan.resources import Image
-from common.camera import View
 from common.scene import Sampler
+from common.view.camera import View
 
 from ...graphics.commands import Commands, Rendering
 from ...graphics.descriptors import Sets, Texture

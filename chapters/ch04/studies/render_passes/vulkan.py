@@ -6,8 +6,8 @@ from time import perf_counter_ns as now_ns
 from typing import Any
 
 from backends.vulkan import api as vk
-from common.camera import View
 from common.scene import Sampler
+from common.view.camera import View
 
 from ...graphics.commands import Commands
 from ...graphics.descriptors import Texture

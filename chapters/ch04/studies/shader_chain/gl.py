@@ -6,7 +6,7 @@ from backends.gl import api as gl
 from backends.gl.program_interface import interface_of
 from backends.gl.resources import Image, bind_texture
 from backends.gl.targets import begin
-from common.camera import View
+from common.view.camera import View
 
 from ...gl.frames import FrameSlot
 from ...gl.pipelines import Built, GraphicsPipeline

@@ -6,7 +6,7 @@ import numpy as np
 
 from backends.gl import api as gl
 from backends.gl.resources import bind_buffer, write_buffer
-from common.camera import View
+from common.view.camera import View
 
 from ...gl.compute_pipelines import ComputePipeline
 from ...gl.frames import FrameSlot

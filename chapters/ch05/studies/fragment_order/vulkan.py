@@ -7,8 +7,8 @@ import numpy as np
 from backends.vulkan import api as vk
 from backends.vulkan import features as vf
 from backends.vulkan.barriers import barriers, image_barrier
-from common.camera import View
 from common.errors import UnsupportedError
+from common.view.camera import View
 
 from ...graphics.commands import Commands, Rendering
 from ...graphics.pipelines import GraphicsPipeline

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from backends.gl import api as gl
 from backends.gl.resources import bind_storage_image, bind_texture, create_image, destroy_image
-from common.camera import View
+from common.view.camera import View
 
 from ...gl.compute_pipelines import ComputePipeline
 from ...gl.frames import FrameSlot

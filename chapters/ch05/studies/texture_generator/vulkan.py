@@ -9,7 +9,7 @@ from typing import Any
 from backends.vulkan import api as vk
 from backends.vulkan.barriers import barriers, image_barrier
 from backends.vulkan.resources import create_image, destroy_image
-from common.camera import View
+from common.view.camera import View
 
 from ...graphics.commands import Commands
 from ...graphics.compute_pipelines import ComputePipeline

@@ -16,11 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from backends.stage import Work
-from common.camera import View
 from common.errors import UserError
 from common.lessons import Study
+from common.numerics.transforms import rotation
 from common.settings import knob
-from common.transforms import rotation
+from common.view.camera import View
 
 from .knot import REACH
 

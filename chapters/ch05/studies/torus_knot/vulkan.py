@@ -9,7 +9,7 @@ import numpy as np
 
 from backends.vulkan import api as vk
 from backends.vulkan.barriers import barriers
-from common.camera import View
+from common.view.camera import View
 
 from ...graphics.commands import Commands
 from ...graphics.compute_pipelines import ComputePipeline

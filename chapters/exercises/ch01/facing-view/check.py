@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from common.camera import Perspective, View
+from common.numerics.transforms import pose_looking_at, rotation
 from common.scene import Material
-from common.transforms import pose_looking_at, rotation
+from common.view.camera import Perspective, View
 from tests.support.scenes import facing, quad_scene
 from tools.exercises.checking import Given
 

@@ -7,9 +7,9 @@ import math
 
 import numpy as np
 
+from common.numerics.transforms import rotation
 from common.paths import ROOT
 from common.scene import Material
-from common.transforms import rotation
 from tests.support.scenes import facing, quad_scene
 from tools.exercises import Answer
 from tools.exercises.checking import Given

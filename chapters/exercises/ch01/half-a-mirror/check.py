@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from common.numerics.transforms import rotation
 from common.scene import Material
-from common.transforms import rotation
 from tests.support.scenes import facing, quad_scene, translated
 from tools.exercises.checking import Given
 

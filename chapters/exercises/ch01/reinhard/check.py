@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from common.color import encode_srgb
+from common.images.color import encode_srgb
 from common.scene import Material
 from tests.support.scenes import facing, quad_scene, translated
 from tools.exercises.checking import Given

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from common.camera import Orthographic, Perspective, View
+from common.numerics.transforms import pose_looking_at
 from common.scene import Material, Scene
-from common.transforms import pose_looking_at
+from common.view.camera import Orthographic, Perspective, View
 from tests.support.scenes import quad_scene
 from tools.exercises.checking import Given
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from common.camera import View
 from common.scene import Light, Material, Scene
+from common.view.camera import View
 from tests.support.scenes import facing, quad_scene, translated
 from tools.exercises import Answer
 from tools.exercises.checking import Given

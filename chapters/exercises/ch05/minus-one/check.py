@@ -9,9 +9,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from common.camera import View
 from common.errors import DeviceError
 from common.scene import Scene
+from common.view.camera import View
 from tests.support.cloth_runs import VIEW
 from tests.support.cloth_scenes import cloth, cloth_scene_of
 from tests.support.pacing import ends, number

@@ -1,0 +1,1 @@
+"""Materials as records, and their textures as small files."""

@@ -1,0 +1,1 @@
+"""Linear algebra, sampling, statistics, and the allocators that hand out ranges and handles."""
