@@ -127,7 +127,7 @@ def test_a_chapter_that_cannot_be_imported_costs_its_row_alone(monkeypatch) -> N
 def test_without_records_each_table_says_which_command_makes_them(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(tables.results, "read", dict)
     monkeypatch.setattr(tables, "LONG", tmp_path / "long.json")
-    monkeypatch.setattr(tables.site_pairs, "RECORD", tmp_path / "pairs.json")
+    monkeypatch.setattr(tables.pairs, "RECORD", tmp_path / "pairs.json")
     monkeypatch.setattr(tables, "records_of", lambda number: {})
     draft = Draft((1,))
     for name, make in tables.PIECES.items():
