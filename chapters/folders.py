@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import hashlib
 import importlib.util
+import json
 import os
 import re
 import sys
@@ -24,6 +25,9 @@ from common.lessons import Lesson
 from common.names import suggest
 
 NEEDED = ("__init__.py", "renderer.py")
+RECORD = "fork.json"
+FORMAT = 2
+"""Of `fork.json`. It changes when files or modules that a fork names move: then an older fork cannot be imported."""
 _CHAPTER = re.compile(r"(?:ch)?\d+(?:/.*)?", re.ASCII | re.IGNORECASE)
 """What is a chapter or a study whatever folders there are: "3", "ch03", "3/first-triangle"."""
 
@@ -127,4 +131,25 @@ def read(path: Path, text: str = "") -> Folder | int:
     missing = [name for name in NEEDED if not (place / name).is_file()]
     if missing:
         raise UserError(f"{text} holds no copy of a chapter: it has no {' and no '.join(missing)}.")
+    check_format(place, text)
     return Folder(place, text)
+
+
+def check_format(place: Path, text: str) -> None:
+    """Raise UserError if the fork in `place`, which the user calls `text`, was made before files of the project moved.
+
+    A folder without a record is a copy made by hand: what it lacks is said when it is imported.
+    """
+    try:
+        record = json.loads((place / RECORD).read_text("utf-8"))
+        format_, commit = record["format"], record["commit"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return  # `strata fork --update` says what is wrong with the record
+    made = f"{text} was forked from commit {commit or 'unknown'} of Strata"
+    if format_ == 1:
+        raise UserError(
+            f"{made}, and files that it imports have moved since: draw with it in a clone of that commit, or make "
+            "a new fork and put your changes into it."
+        )
+    if format_ != FORMAT:
+        raise UserError(f"{made}, which is newer than this one: update this clone.")

@@ -6,6 +6,7 @@ import json
 
 import pytest
 
+from chapters import folders
 from common.errors import UserError
 from tools.diff.diff import difference
 from tools.snapshots.forks import BASE, base_files, is_fork, make_fork, own_files, read_fork
@@ -103,12 +104,21 @@ def test_a_broken_record_is_one_sentence(root, tmp_path, change):
         read_fork(made.folder)
 
 
-def test_a_record_of_another_format_is_refused(root, tmp_path):
+@pytest.mark.parametrize(
+    ("format_", "says"),
+    [(1, "commit abc of Strata.* draw with it in a clone of that"), (99, "update this clone")],
+)
+def test_a_record_of_another_format_is_refused(root, tmp_path, format_, says):
+    """By what merges, and by what imports and draws: a fork names files of the project that may have moved."""
     made = fork_of(root, tmp_path / "mine")
     record = json.loads((made.folder / "fork.json").read_text())
-    (made.folder / "fork.json").write_text(json.dumps(record | {"format": 99}))
-    with pytest.raises(UserError, match="has format 99"):
-        read_fork(made.folder)
+    (made.folder / "renderer.py").write_text("")
+    for read in (read_fork, folders.read):
+        read(made.folder)
+    (made.folder / "fork.json").write_text(json.dumps(record | {"format": format_, "commit": "abc"}))
+    for read in (read_fork, folders.read):
+        with pytest.raises(UserError, match=says):
+            read(made.folder)
 
 
 def test_what_is_no_fork_says_how_to_make_one(tmp_path):

@@ -20,15 +20,14 @@ from pathlib import Path
 from typing import Any
 
 import chapters
+from chapters.folders import FORMAT, RECORD, check_format
 from common.errors import UserError
 from common.paths import ROOT
 from tools.cli.console import out, quoted, say
 from tools.snapshots.history import History
 from tools.snapshots.trees import Tree, digest, numbers, put, read_tree
 
-RECORD = "fork.json"
 BASE = ".base"
-FORMAT = 1
 PROJECT = (
     "assets",
     "backends",
@@ -87,7 +86,7 @@ def read_fork(folder: Path) -> Fork:
         raise UserError(f"{folder} {what}; `strata fork 1 {folder.name or 'my-ch01'}` makes one.")
     try:
         record: dict[str, Any] = json.loads((folder / RECORD).read_text("utf-8"))
-        number, made_of, format_ = record["chapter"], record["made_of"], record["format"]
+        number, made_of, _ = record["chapter"], record["made_of"], record["format"]
         conflicts = tuple(record["conflicts"])
         commit, studies = record["commit"], record["studies"]
         right = isinstance(number, int) and isinstance(made_of, str) and isinstance(studies, bool)
@@ -99,10 +98,7 @@ def read_fork(folder: Path) -> Fork:
             f"{folder / RECORD} cannot be read as the record of a fork: take it from a copy, "
             "or make a new fork and put your files into it."
         )
-    if format_ != FORMAT:
-        raise UserError(
-            f"{folder / RECORD} has format {format_}, and this Strata reads {FORMAT}: take the one that made it."
-        )
+    check_format(folder, str(folder))
     return Fork(number, folder, made_of, commit, studies, conflicts)
 
 
