@@ -153,10 +153,10 @@ def renderer_module(which: Which, backend: str) -> ModuleType:
     """
     if isinstance(which, str):
         return studies.renderer_module(which, backend)
-    if backend == "gl" and not (folder_of(which) / "gl" / "renderer.py").is_file():
+    if backend == "gl" and not (folder_of(which) / "gl_renderer.py").is_file():
         raise UnsupportedError(f"{studies.spoken(which)} has no OpenGL version: use --backend vulkan.")
     return import_module(
-        f"{package_of(which)}.gl.renderer" if backend == "gl" else f"{package_of(which)}.renderer"
+        f"{package_of(which)}.gl_renderer" if backend == "gl" else f"{package_of(which)}.renderer"
     )
 
 

@@ -6,7 +6,7 @@ import os
 import shutil
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
@@ -161,3 +161,17 @@ def asset_dir() -> Path | None:
     chosen = os.environ.get("STRATA_ASSETS")
     folder = Path(chosen) if chosen else ROOT.parent / "shared" / "assets"
     return folder if folder.is_dir() else None
+
+
+def matched(patterns: Iterable[str], root: Path = ROOT) -> list[Path]:
+    """Return the files below `root` that paths and globs name, each once, in the order of their paths.
+
+    Raises FileNotFoundError for one that names nothing: a table whose files moved would lose them silently.
+    """
+    found: set[Path] = set()
+    for pattern in patterns:
+        files = [path for path in root.glob(pattern) if path.is_file()]
+        if not files:
+            raise FileNotFoundError(f"no file of {root} matches {pattern}")
+        found.update(files)
+    return sorted(found)

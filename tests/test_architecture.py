@@ -6,6 +6,7 @@ import ast
 import re
 import subprocess
 import sys
+from collections.abc import Collection
 from functools import cache
 from pathlib import Path
 
@@ -129,7 +130,7 @@ exec("import chapters")
     assert refused("common/images/images.py", targets)[3:] == ["not known from the text"] * 5
     assert refused("chapters/ch02/renderer.py", targets[:4]) == []
     assert refused("chapters/ch01/renderer.py", targets[:4]) == ["chapters.ch02.renderer"]
-    assert refused("chapters/ch02/logic/frame.py", targets[:4]) == ["backends", "moderngl"]
+    assert refused("chapters/ch02/frames/frame.py", targets[:4]) == ["backends", "moderngl"]
     assert refused("chapters/ch02/renderer.py", ["chapters"]) == ["chapters"], "of any number"
 
 
@@ -175,8 +176,8 @@ def refused(name: str, targets: list[str | None]) -> list[str]:
     """Return the targets that the file `name` may not import."""
     parts = name.split("/")
     forbidden = FORBIDDEN.get(parts[0], set())
-    if "logic" in parts:
-        forbidden = forbidden | {"backends", "vulkan", "moderngl", "glcontext", "glfw", "cffi"}
+    if chapter_file(name) and not api_of(name):
+        forbidden = forbidden | {"backends", *GRAPHICS}
     wrong = []
     for target in targets:
         if target is None:
@@ -186,6 +187,80 @@ def refused(name: str, targets: list[str | None]) -> list[str]:
         another = first == parts[0] == "chapters" and rest[:1] != parts[1:2]
         wrong += [target] if another or first in forbidden else []
     return wrong
+
+
+# --- inside a chapter: what a file may import follows from its name ---
+
+GRAPHICS = {"vulkan", "moderngl", "glcontext", "glfw", "cffi"}
+"""Packages that talk to a driver or a window."""
+APIS = {"vulkan": re.compile(r"(vulkan(_\w+)?|renderer)\.py"), "gl": re.compile(r"gl(_\w+)?\.py")}
+
+
+def chapter_file(name: str) -> bool:
+    """Whether a file belongs to what chapters hand on: not to a study."""
+    return bool(re.match(r"chapters/ch\d\d/(?!studies/|benches/)", name))
+
+
+def api_of(name: str) -> str:
+    """Return the backend that a file of a chapter may use by its name: "vulkan", "gl", or "" for none."""
+    file = name.rpartition("/")[2]
+    return next((api for api, pattern in APIS.items() if pattern.fullmatch(file)), "")
+
+
+def against_its_name(name: str, text: str, known: Collection[str]) -> list[str]:
+    """Return what a file of a chapter imports against its name; `known` are all files of the chapters."""
+    api, folder, wrong = api_of(name), name.split("/")[:-1], []
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Import):
+            wrong += [one.name for one in node.names if one.name.split(".")[0] in GRAPHICS - {api}]
+        elif isinstance(node, ast.ImportFrom) and node.level:
+            parts = [*folder[: len(folder) - node.level + 1], *(node.module or "").split(".")]
+            module = "/".join(part for part in parts if part)
+            for one in node.names:
+                target = f"{module}/{one.name}.py" if f"{module}/{one.name}.py" in known else f"{module}.py"
+                wrong += [target] if api_of(target) not in ("", api) else []
+        elif isinstance(node, ast.ImportFrom):
+            first, *rest = (node.module or "").split(".")
+            shared = first == "backends" and rest[:1] not in (["vulkan"], ["gl"])
+            free = first not in {"backends", *GRAPHICS} or rest[:1] == ["contract"]
+            wrong += [] if free or (api and (shared or rest[:1] == [api])) else [str(node.module)]
+    return wrong
+
+
+@pytest.mark.feature("core/layer-rule")
+def test_files_of_a_chapter_import_what_their_names_allow():
+    """`vulkan*.py` and `gl*.py` import their own backend; every other file of a subject needs no graphics API."""
+    known = {shown(path) for path in files(".py") if chapter_file(shown(path))}
+    wrong = {name: against_its_name(name, (ROOT / name).read_text("utf-8"), known) for name in sorted(known)}
+    assert {name: found for name, found in wrong.items() if found} == {}
+
+
+@pytest.mark.feature("core/layer-rule")
+@pytest.mark.parametrize(
+    ("name", "allowed"),
+    [
+        ("model.py", {"contract", "own"}),
+        ("vulkan.py", {"contract", "own", "vulkan", "vulkan_b", "shared"}),
+        ("gl_parts.py", {"contract", "own", "gl", "gl_b", "shared"}),
+        ("glow.py", {"contract", "own"}),
+    ],
+)
+def test_an_import_against_a_file_s_name_is_found(name, allowed):
+    lines = {
+        "contract": "from backends.contract import Pass",
+        "shared": "from backends.shader_text import build",
+        "vulkan": "from backends.vulkan.device import Device",
+        "gl": "from backends.gl.context import Context",
+        "own": "from ..scene.records import Records",
+        "vulkan_b": "from ..scene import vulkan_data",
+        "gl_b": "from ..scene.gl_data import Data",
+        "binding": "import moderngl",
+    }
+    known = {f"chapters/ch02/scene/{file}.py" for file in ("records", "vulkan_data", "gl_data")}
+    found = {
+        key for key, line in lines.items() if not against_its_name(f"chapters/ch02/fog/{name}", line, known)
+    }
+    assert found == allowed
 
 
 def test_nothing_runs_the_python_layer_of_the_vulkan_package():

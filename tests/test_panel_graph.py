@@ -8,8 +8,8 @@ from types import SimpleNamespace
 import pytest
 
 from backends.contract import Access
-from chapters.ch04.logic.frame_graph import compile_graph
-from chapters.ch04.logic.graph_types import GraphError, Node
+from chapters.ch04.graph.frame_graph import compile_graph
+from chapters.ch04.graph.types import GraphError, Node
 from chapters.ch04.settings import Settings
 from tests.support.panel import PanelUser, example
 from tools.panel.graph import GraphLook, PassRow

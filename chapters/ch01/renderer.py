@@ -36,25 +36,25 @@ from common.scene.pose import evaluate_pose
 from common.view.camera import View, exposure
 
 from . import LESSON
-from .graphics.commands import Commands, Rendering
-from .graphics.descriptors import Descriptors, Sets, Texture
-from .graphics.frames import Frames, FrameSlot
-from .graphics.pipelines import Pipelines
-from .graphics.profiler import Profiler
-from .graphics.resources import Resources, offered_samples
-from .graphics.scene_data import SceneData
-from .logic.constants import frame_constants
-from .logic.default_light import DefaultLight
-from .logic.environment import files_at_start
-from .logic.frame import OUTPUTS, SLOTS, SOURCES, Frame, check_outputs, output_of, reset_by
-from .logic.samples import choose_samples
-from .logic.stream import FrameStream
-from .logic.views import shown_exposure
-from .passes.forward import ForwardPass
-from .passes.instance_id import InstanceIdPass
-from .passes.resolve import ResolvePass
-from .passes.tonemap import BINDINGS, TonemapPass
+from .environment.model import files_at_start
+from .frames.frame import OUTPUTS, SLOTS, SOURCES, Frame, check_outputs, output_of, reset_by
+from .frames.stream import FrameStream
+from .frames.vulkan import Frames, FrameSlot
+from .frames.vulkan_commands import Commands, Rendering
+from .frames.vulkan_profiler import Profiler
+from .frames.vulkan_resources import Resources, offered_samples
+from .pipelines.vulkan import Pipelines
+from .pipelines.vulkan_descriptors import Descriptors, Sets, Texture
+from .post.vulkan_resolve import ResolvePass
+from .post.vulkan_tonemap import BINDINGS, TonemapPass
+from .scene.constants import frame_constants
+from .scene.default_light import DefaultLight
+from .scene.vulkan_data import SceneData
 from .settings import Settings
+from .shading.samples import choose_samples
+from .shading.views import shown_exposure
+from .shading.vulkan_forward import ForwardPass
+from .shading.vulkan_instance_id import InstanceIdPass
 
 
 class Renderer(FrameStream):

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 from common.settings import AtMost, Sweep, knob
 from common.twins.shading_environment import ENERGIES
 
-from .logic.views import CHOICES, PICTURE
+from .shading.views import CHOICES, PICTURE
 
 
 @dataclass

@@ -12,8 +12,8 @@ from common.scene.crowds import crowd, kinds
 from common.settings import AtMost, Scale, Side, Sweep, knob
 from common.twins.shading_environment import ENERGIES
 
-from .logic.frame_plan import POISONS
-from .logic.views import CHOICES, PICTURE
+from .graph.plan import POISONS
+from .shading.views import CHOICES, PICTURE
 
 SIDES = (
     Side(chapter=1, most=10_000, why="where every draw is recorded anew, a frame takes a second"),

@@ -2,13 +2,13 @@
 
     update     constants, instances and lights go into this frame's slot, textures that have arrived into theirs
     cloth      steps that have become due, as compute: beside the frame before, where there is a queue for it
-    passes     what the graph says, in its order (graphs/*.json). Deferred: gbuffer, lighting, transparent -> color_hdr,
+    passes     what the graph says, in its order (graph/*.json). Deferred: gbuffer, lighting, transparent -> color_hdr,
                depth; forward: the one pass of that name, and resolve with several samples a pixel. Then three for a
                lens -> color_focused; tonemap -> color; and instance_id, if somebody asks
     copy       the outputs that were asked for go to the CPU
 
 Which passes there are, in which order, and what stands between them, follows from what they declare: the frame is a
-graph (logic/frame_graph.py), compiled when its structure changes. It is recorded once for each slot and submitted again
+graph (graph/frame_graph.py), compiled when its structure changes. It is recorded once for each slot and submitted again
 while the recording is good, so that a frame in which only the camera moves costs a few writes and one call.
 """
 
@@ -34,38 +34,38 @@ from common.scene import Scene
 from common.view.camera import View, exposure
 
 from . import LESSON
-from .graphics.copy_outputs import CopyOutputs
-from .graphics.descriptors import Descriptors
-from .graphics.first_uses import rehearse
-from .graphics.frame_passes import make_passes
-from .graphics.graph_executor import GraphExecutor
-from .graphics.graph_images import GraphMemory
-from .graphics.pipeline_cache import PipelineCache
-from .graphics.pipelines import Pipelines
-from .graphics.profiler import Profiler
-from .graphics.queue_submission import QueueFrames
-from .graphics.queues import Queues
-from .graphics.recordings import RecordedSlot
-from .graphics.resources import Resources, offered_samples
-from .graphics.scene_data import SceneData
-from .graphics.secondaries import open_commands
-from .graphics.set_layouts import CAPACITY, SetLayout
-from .logic.cloth_scene import cloth_scene
-from .logic.constants import frame_constants
-from .logic.default_light import DefaultLight
-from .logic.environment import files_at_start
-from .logic.frame import OUTPUTS, SLOTS, SOURCES, Frame, check_outputs, output_of, reset_by
-from .logic.frame_plan import COPY, FramePlan, check_samples, graph_name
-from .logic.graph_json import graph_path, read_graph
-from .logic.graph_queues import QUEUES
-from .logic.graph_stream import GraphStream
-from .logic.graph_types import Graph
-from .logic.loading import Loading
-from .logic.samples import choose_samples
-from .logic.views import shown_exposure
-from .logic.workers import ALONE, Workers
-from .passes.cloth import ClothPass
+from .cloth.scene import cloth_scene
+from .cloth.vulkan import ClothPass
+from .environment.model import files_at_start
+from .frames.frame import OUTPUTS, SLOTS, SOURCES, Frame, check_outputs, output_of, reset_by
+from .frames.queues.vulkan_queues import Queues
+from .frames.queues.vulkan_submission import QueueFrames
+from .frames.recording.vulkan_recordings import RecordedSlot
+from .frames.recording.vulkan_secondaries import open_commands
+from .frames.vulkan_outputs import CopyOutputs
+from .frames.vulkan_profiler import Profiler
+from .frames.vulkan_resources import Resources, offered_samples
+from .graph.execute.vulkan import GraphExecutor
+from .graph.file import graph_path, read_graph
+from .graph.memory.vulkan_images import GraphMemory
+from .graph.plan import COPY, FramePlan, check_samples, graph_name
+from .graph.stream import GraphStream
+from .graph.sync.queues import QUEUES
+from .graph.types import Graph
+from .graph.vulkan_passes import make_passes
+from .loading.loading import Loading
+from .loading.vulkan_first_uses import rehearse
+from .pipelines.vulkan import Pipelines
+from .pipelines.vulkan_cache import PipelineCache
+from .pipelines.vulkan_descriptors import Descriptors
+from .pipelines.vulkan_layouts import CAPACITY, SetLayout
+from .scene.constants import frame_constants
+from .scene.default_light import DefaultLight
+from .scene.vulkan_data import SceneData
 from .settings import Settings
+from .shading.samples import choose_samples
+from .shading.views import shown_exposure
+from .tasks.workers import ALONE, Workers
 
 
 class Renderer(GraphStream):

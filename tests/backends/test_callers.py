@@ -20,7 +20,7 @@ def defined_in(path: str):
 @pytest.mark.parametrize(
     "path",
     [
-        "chapters/ch01/graphics/commands.py",
+        "chapters/ch01/frames/vulkan_commands.py",
         "chapters/ch15/gl/commands.py",
         "backends/gl/draws.py",
         "../a fork/gl/commands.py",
@@ -33,7 +33,11 @@ def test_a_wrapper_is_passed_over(path):
 
 @pytest.mark.parametrize(
     "path",
-    ["chapters/ch01/passes/forward.py", "chapters/ch01/gl/forward.py", "chapters/ch01/graphics/frames.py"],
+    [
+        "chapters/ch01/shading/vulkan_forward.py",
+        "chapters/ch01/shading/gl_forward.py",
+        "chapters/ch01/frames/vulkan.py",
+    ],
 )
 def test_a_pass_is_named(path):
     assert defined_in(path)() == f"{path}:2"

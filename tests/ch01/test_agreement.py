@@ -14,16 +14,17 @@ import pytest
 
 import chapters
 from chapters import scenes
-from chapters.ch01.gl import forward, instance_id, resolve, tonemap
-from chapters.ch01.gl.renderer import Renderer as OpenGL
-from chapters.ch01.logic import environment as logic_of_environments
-from chapters.ch01.logic.frame import OUTPUTS
-from chapters.ch01.passes.forward import ForwardPass
-from chapters.ch01.passes.instance_id import InstanceIdPass
-from chapters.ch01.passes.resolve import ResolvePass
-from chapters.ch01.passes.tonemap import TonemapPass
+from chapters.ch01.environment import model as logic_of_environments
+from chapters.ch01.frames.frame import OUTPUTS
+from chapters.ch01.gl_renderer import Renderer as OpenGL
+from chapters.ch01.post import gl_resolve, gl_tonemap
+from chapters.ch01.post.vulkan_resolve import ResolvePass
+from chapters.ch01.post.vulkan_tonemap import TonemapPass
 from chapters.ch01.renderer import Renderer as Vulkan
 from chapters.ch01.settings import Settings
+from chapters.ch01.shading import gl_forward, gl_instance_id
+from chapters.ch01.shading.vulkan_forward import ForwardPass
+from chapters.ch01.shading.vulkan_instance_id import InstanceIdPass
 from common.paths import asset_dir
 from common.reports.metrics import flip_mean
 from common.scene import Light, Material
@@ -250,10 +251,10 @@ def test_passes_declare_the_same_on_both_backends():
     """What a pass reads and writes is what chapter 4 derives barriers from: its twin must not say anything else."""
     scene = quad_scene()
     pairs = [
-        (ForwardPass, forward.ForwardPass),
-        (InstanceIdPass, instance_id.InstanceIdPass),
-        (ResolvePass, resolve.ResolvePass),
-        (TonemapPass, tonemap.TonemapPass),
+        (ForwardPass, gl_forward.ForwardPass),
+        (InstanceIdPass, gl_instance_id.InstanceIdPass),
+        (ResolvePass, gl_resolve.ResolvePass),
+        (TonemapPass, gl_tonemap.TonemapPass),
     ]
     for settings in (Settings(), Settings(color_format="rgba32f", background=0.5), Settings(msaa=4)):
         written: dict[str, object] = {}

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from backends.vulkan import api as vk
-from chapters.ch01.graphics.commands import Rendering
+from chapters.ch01.frames.vulkan_commands import Rendering
 from chapters.ch01.renderer import OUTPUTS, Renderer
 from chapters.ch01.settings import Settings
 from common.scene import Image, Light, Material

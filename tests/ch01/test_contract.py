@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from chapters.ch01.logic.frame import OUTPUTS
+from chapters.ch01.frames.frame import OUTPUTS
 from chapters.ch01.settings import Settings
 from common.errors import StaleFrameError, UnsupportedError, UserError
 from common.numerics.transforms import pose_looking_at

@@ -23,8 +23,8 @@ from backends.vulkan.resources import (
     destroy_buffer,
     destroy_image,
 )
-from chapters.ch01.graphics.environment import cube_view, fill
-from chapters.ch01.logic.environment import SMOOTH
+from chapters.ch01.environment.model import SMOOTH
+from chapters.ch01.environment.vulkan import cube_view, fill
 
 LOOKUP = """
 layout(local_size_x = 1) in;

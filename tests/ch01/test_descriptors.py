@@ -16,8 +16,8 @@ from backends.vulkan.resources import (
     destroy_buffer,
     destroy_image,
 )
-from chapters.ch01.graphics.descriptors import Binding, Descriptors, Texture, pool_sizes
-from chapters.ch01.logic.frame import SLOTS
+from chapters.ch01.frames.frame import SLOTS
+from chapters.ch01.pipelines.vulkan_descriptors import Binding, Descriptors, Texture, pool_sizes
 from chapters.ch01.renderer import Renderer
 from chapters.ch01.settings import Settings
 from common.scene import Image, Light, Material, Sampler

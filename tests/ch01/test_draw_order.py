@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from backends.vulkan import api as vk
-from chapters.ch01.logic.draw_lists import DrawLists
 from chapters.ch01.renderer import Renderer
+from chapters.ch01.scene.draw_lists import DrawLists
 from chapters.ch01.settings import Settings
 from common.numerics.transforms import pose_looking_at
 from common.scene import Light, Material

@@ -13,9 +13,9 @@ from backends.vulkan.barriers import barriers
 from backends.vulkan.compute import Kernel, Sampled
 from backends.vulkan.once import submit_once
 from backends.vulkan.resources import create_buffer, create_sampler, destroy_buffer
-from chapters.ch01.graphics.environment import create_environment, read_levels
-from chapters.ch01.logic import environment as logic
-from chapters.ch01.logic.environment import SMOOTH, Sizes
+from chapters.ch01.environment import model as logic
+from chapters.ch01.environment.model import SMOOTH, Sizes
+from chapters.ch01.environment.vulkan import create_environment, read_levels
 from chapters.ch01.settings import Settings
 from common.environment import Environment, constant, read_environment
 from common.environment.directions import (

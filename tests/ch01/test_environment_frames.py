@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from chapters.ch01.logic import environment as logic
+from chapters.ch01.environment import model as logic
 from chapters.ch01.renderer import Renderer
 from chapters.ch01.settings import Settings
 from common.environment import Environment, constant
@@ -147,7 +147,7 @@ def test_a_second_start_makes_nothing(vulkan_device, monkeypatch):
 @pytest.mark.feature("environment/skybox")
 @pytest.mark.parametrize("energy", ["gltf", "conserving"])
 def test_opengl_draws_the_same(vulkan_device, gl_context, energy):
-    from chapters.ch01.gl.renderer import Renderer as OpenGL
+    from chapters.ch01.gl_renderer import Renderer as OpenGL
 
     scene = around(
         quad_scene(

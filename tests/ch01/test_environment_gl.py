@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from chapters.ch01.gl import environment as on_gl
-from chapters.ch01.graphics import environment as on_vulkan
-from chapters.ch01.logic import environment as logic
-from chapters.ch01.logic.environment import Sizes
+from chapters.ch01.environment import gl as on_gl
+from chapters.ch01.environment import model as logic
+from chapters.ch01.environment import vulkan as on_vulkan
+from chapters.ch01.environment.model import Sizes
 from common.environment import Environment, constant
 from common.environment.directions import panorama_directions
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from backends.vulkan import api as vk
-from chapters.ch01.graphics.frames import SLOTS, Frames
+from chapters.ch01.frames.vulkan import SLOTS, Frames
 from common.errors import StaleFrameError
 from common.scene import Light, Material
 from tests.support.chapter import record_anew, targets_of

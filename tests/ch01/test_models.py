@@ -138,7 +138,7 @@ def test_flight_helmet_is_six_draws(vulkan_device, models, opened):
 @pytest.mark.feature("gltf/gpu-upload")
 def test_flight_helmet_is_six_draws_on_opengl(gl_context, models, opened):
     """All of one buffer of indices, each at an offset of its own; a part that is hidden is missing."""
-    from chapters.ch01.gl.renderer import Renderer as OpenGL
+    from chapters.ch01.gl_renderer import Renderer as OpenGL
 
     if "FlightHelmet" not in FILES:
         pytest.skip("FlightHelmet is not among the models")

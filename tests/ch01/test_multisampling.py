@@ -10,11 +10,11 @@ import pytest
 
 import chapters
 from chapters import scenes
-from chapters.ch01.gl.renderer import Renderer as OpenGL
-from chapters.ch01.logic.frame import OUTPUTS
-from chapters.ch01.logic.samples import choose_samples
+from chapters.ch01.frames.frame import OUTPUTS
+from chapters.ch01.gl_renderer import Renderer as OpenGL
 from chapters.ch01.renderer import Renderer as Vulkan
 from chapters.ch01.settings import Settings
+from chapters.ch01.shading.samples import choose_samples
 from common.environment import constant
 from common.errors import UserError
 from common.images.color import decode_srgb

@@ -15,7 +15,7 @@ import pytest
 
 from backends.gl import api as gl
 from backends.vulkan import api as vk
-from chapters.ch01.logic.frame import OUTPUTS
+from chapters.ch01.frames.frame import OUTPUTS
 from common.scene import Image, Light, Material, Sampler
 from tests.support.chapter import record_anew, targets_of
 from tests.support.gl_functions import noted

@@ -9,7 +9,7 @@ from inspect import signature
 import numpy as np
 import pytest
 
-from chapters.ch01.logic.packing import (
+from chapters.ch01.scene.packing import (
     LIGHT_KINDS,
     ROLES,
     back_to_front,

@@ -12,10 +12,10 @@ import pytest
 
 from backends.gl import api as gl
 from backends.vulkan import api as vk
-from chapters.ch01.graphics.pipelines import GraphicsPipeline, Pipelines
-from chapters.ch01.logic.packing import ROLES, material_variant
-from chapters.ch01.logic.snippets import PUSH_SIZE
+from chapters.ch01.pipelines.snippets import PUSH_SIZE
+from chapters.ch01.pipelines.vulkan import GraphicsPipeline, Pipelines
 from chapters.ch01.renderer import Renderer
+from chapters.ch01.scene.packing import ROLES, material_variant
 from chapters.ch01.settings import Settings
 from common.scene import Image, Light, Material
 from tests.support import gl_functions
@@ -187,8 +187,8 @@ def bound_on_opengl(context, pipelines, described):
 @pytest.mark.feature("device/graphics-pipelines")
 def test_a_switch_changes_its_own_state_alone_on_opengl(gl_context):
     """Descriptions that are equal share a pipeline there, too, and binding it makes nothing."""
-    from chapters.ch01.gl.pipelines import GraphicsPipeline as Described
-    from chapters.ch01.gl.pipelines import Pipelines as OpenGL
+    from chapters.ch01.pipelines.gl import GraphicsPipeline as Described
+    from chapters.ch01.pipelines.gl import Pipelines as OpenGL
 
     base, made = Described(("fullscreen.vert", "tonemap.frag"), name="plain"), OpenGL(gl_context)
     try:

@@ -9,7 +9,7 @@ from dataclasses import replace
 import pytest
 
 from backends import shader_text
-from chapters.ch01.gl.pipelines import GraphicsPipeline, Pipelines
+from chapters.ch01.pipelines.gl import GraphicsPipeline, Pipelines
 from common.scene import Light, Material
 from tests.support.gl_functions import noted
 from tests.support.scenes import facing, quad_scene

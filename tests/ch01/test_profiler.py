@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from backends.vulkan import api as vk
-from chapters.ch01.graphics.profiler import Profiler
+from chapters.ch01.frames.vulkan_profiler import Profiler
 from chapters.ch01.renderer import OUTPUTS, Renderer
 from chapters.ch01.settings import Settings
 from common.scene import Light, Material

@@ -15,8 +15,8 @@ import pytest
 from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 from backends.vulkan.instance import Instance
-from chapters.ch01.graphics.commands import Commands
-from chapters.ch01.graphics.frames import FrameSlot
+from chapters.ch01.frames.vulkan import FrameSlot
+from chapters.ch01.frames.vulkan_commands import Commands
 from chapters.ch01.renderer import Renderer
 from common.errors import UnsupportedError
 from common.scene import Image, Material

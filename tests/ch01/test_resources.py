@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from backends.vulkan import api as vk
-from chapters.ch01.graphics.frames import SLOTS
-from chapters.ch01.graphics.resources import DeferredDeletion, Resources
+from chapters.ch01.frames.vulkan import SLOTS
+from chapters.ch01.frames.vulkan_resources import DeferredDeletion, Resources
 from chapters.ch01.renderer import Renderer
 from common.numerics.pools import StaleHandleError
 from common.scene import Image, Material, Sampler

@@ -9,10 +9,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from chapters.ch01.logic import draw_lists, packing
-from chapters.ch01.logic.geometry import STREAMS, stream_offsets, used_streams
-from chapters.ch01.logic.packing import material_variant
-from chapters.ch01.logic.texels import half_texels
+from chapters.ch01.scene import draw_lists, packing
+from chapters.ch01.scene.geometry import STREAMS, stream_offsets, used_streams
+from chapters.ch01.scene.packing import material_variant
+from chapters.ch01.scene.textures.texels import half_texels
 from chapters.ch01.settings import Settings
 from common import layouts
 from common.errors import SceneError, ShaderError

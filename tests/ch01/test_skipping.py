@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from chapters.ch01.logic.packing import material_variant
 from chapters.ch01.renderer import Renderer
+from chapters.ch01.scene.packing import material_variant
 from chapters.ch01.settings import Settings
 from common import layouts
 from common.environment import constant

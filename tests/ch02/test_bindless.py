@@ -16,13 +16,13 @@ from backends.vulkan.readback import read_image
 from backends.vulkan.resources import FORMATS, Image, create_buffer, destroy_buffer
 from backends.vulkan.shaders import compile_shader
 from backends.vulkan.upload import Uploader
-from chapters.ch02.graphics.bindless import DUMMY, Bindless
-from chapters.ch02.graphics.descriptors import Descriptors, Texture
-from chapters.ch02.graphics.frames import SLOTS
-from chapters.ch02.graphics.pipelines import SHADERS
-from chapters.ch02.graphics.reflection import Stage, merge
-from chapters.ch02.graphics.resources import Resources
-from chapters.ch02.graphics.set_layouts import Layouts
+from chapters.ch02.frames.vulkan import SLOTS
+from chapters.ch02.frames.vulkan_resources import Resources
+from chapters.ch02.pipelines.vulkan import SHADERS
+from chapters.ch02.pipelines.vulkan_descriptors import Descriptors, Texture
+from chapters.ch02.pipelines.vulkan_layouts import Layouts
+from chapters.ch02.pipelines.vulkan_reflection import Stage, merge
+from chapters.ch02.scene.textures.vulkan_bindless import DUMMY, Bindless
 from common.errors import UnsupportedError
 from common.scene import Sampler
 

@@ -12,9 +12,10 @@ import pytest
 from backends.vulkan import features as vf
 from backends.vulkan.device import capabilities
 from backends.vulkan.shaders import compile_shader
-from chapters.ch02.graphics import pipelines, scene_data
-from chapters.ch02.graphics.pipelines import SHADERS, source_of
-from chapters.ch02.graphics.set_layouts import Layouts
+from chapters.ch02.pipelines import vulkan
+from chapters.ch02.pipelines.vulkan import SHADERS, source_of
+from chapters.ch02.pipelines.vulkan_layouts import Layouts
+from chapters.ch02.scene import vulkan_data
 from chapters.ch02.settings import Settings
 from common.errors import ShaderError, UnsupportedError
 from common.scene import MESH_DTYPE, Image, Instances, Material, Sampler, Scene
@@ -198,9 +199,9 @@ def test_more_textures_than_there_is_room_for_are_one_sentence(native, monkeypat
         return Layouts(device, 4)
 
     if limit == "ours":
-        monkeypatch.setattr(scene_data, "slots_for", lambda *_: 4)
+        monkeypatch.setattr(vulkan_data, "slots_for", lambda *_: 4)
     else:
-        monkeypatch.setattr(pipelines, "Layouts", of_four)
+        monkeypatch.setattr(vulkan, "Layouts", of_four)
 
     def alive():  # blocks of memory are kept for the next one
         return {key for key in native.device.alive if key[0] != "VkDeviceMemory"}

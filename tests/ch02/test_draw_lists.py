@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from chapters.ch02.logic import packing
-from chapters.ch02.logic.draw_lists import COMMAND, build_draw_lists
-from chapters.ch02.logic.packing import Variant, material_variant
-from chapters.ch02.logic.scene_draws import SceneDraws
+from chapters.ch02.scene import packing
+from chapters.ch02.scene.draw_lists import COMMAND, build_draw_lists
+from chapters.ch02.scene.packing import Variant, material_variant
+from chapters.ch02.scene.scene_draws import SceneDraws
 from common import layouts
 from common.numerics.transforms import pose_looking_at
 from common.scene import MESH_DTYPE, Image, Instances, Material, Scene

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from chapters.ch02.logic import pages
+from chapters.ch02.scene import pages
 from chapters.ch02.settings import Settings
 from common.errors import SceneError, ShaderError
 from common.scene import Image, Instances, Light, Material, Sampler, Scene

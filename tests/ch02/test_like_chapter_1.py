@@ -11,7 +11,7 @@ import pytest
 import assets
 import chapters
 from chapters import scenes
-from chapters.ch01.logic.views import NAMES
+from chapters.ch01.shading.views import NAMES
 from common.gltf import load_scene
 from common.paths import asset_dir
 from common.scene import Image, Material, Scene

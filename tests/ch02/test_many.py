@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from chapters.ch02.logic.packing import MATERIAL
+from chapters.ch02.scene.packing import MATERIAL
 from chapters.ch02.settings import Settings
 from common import layouts
 from common.scene import Image, Light, Material, Sampler, Scene

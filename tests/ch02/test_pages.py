@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from chapters.ch02.logic import geometry, pages
-from chapters.ch02.logic.pages import MESH, deformed, mesh_records, page_arrays, plan_pages
+from chapters.ch02.scene import geometry, pages
+from chapters.ch02.scene.pages import MESH, deformed, mesh_records, page_arrays, plan_pages
 from chapters.ch02.settings import Settings
 from common.errors import SceneError
 from common.scene import MESH_DTYPE, Deformation, Image, Instances, Light, Material, Pose, Scene

@@ -13,9 +13,9 @@ import pytest
 
 from backends.vulkan import api as vk
 from backends.vulkan.device import Device
-from chapters.ch02.graphics import pipeline_cache
-from chapters.ch02.graphics.pipeline_cache import PipelineCache
-from chapters.ch02.graphics.pipelines import GraphicsPipeline, Pipelines
+from chapters.ch02.pipelines import vulkan_cache
+from chapters.ch02.pipelines.vulkan import GraphicsPipeline, Pipelines
+from chapters.ch02.pipelines.vulkan_cache import PipelineCache
 from common import paths
 
 disk_cache = pytest.mark.feature("pipeline-cache/disk-cache")
@@ -157,7 +157,7 @@ def test_a_body_that_the_driver_refuses_is_replaced(vulkan_device, file, monkeyp
 
 
 def test_a_file_too_large_is_not_read(vulkan_device, file, monkeypatch):
-    monkeypatch.setattr(pipeline_cache, "MOST_BYTES", PREFIX + 31)
+    monkeypatch.setattr(vulkan_cache, "MOST_BYTES", PREFIX + 31)
     cache = used(vulkan_device, file.parent)
     assert cache.loaded_bytes == 0 and "larger than any" in cache.warnings[0]
     assert not file.exists(), "it is begun anew rather than grow for ever"
@@ -237,16 +237,16 @@ def test_pipelines_live_on_when_the_cache_is_closed(vulkan_device, tmp_path):
 def test_two_devices_have_a_file_each(vulkan_device, tmp_path, monkeypatch):
     """The second is a device of our own making: another number, so another file and another header."""
     real = used(vulkan_device, tmp_path)
-    original = pipeline_cache._identity
+    original = vulkan_cache._identity
     driver, header, name = original(vulkan_device)
     other = (*header[:3], header[3] + 1, header[4])
-    monkeypatch.setattr(pipeline_cache, "_identity", lambda device: (driver, other, f"other-{name}"))
+    monkeypatch.setattr(vulkan_cache, "_identity", lambda device: (driver, other, f"other-{name}"))
     cache = used(vulkan_device, tmp_path)
     assert cache.path != real.path
     assert (cache.loaded_bytes, cache.saved, cache.warnings) == (0, 0, []), (
         "what is not its own it does not write"
     )
-    monkeypatch.setattr(pipeline_cache, "_identity", lambda device: (driver, other, name))
+    monkeypatch.setattr(vulkan_cache, "_identity", lambda device: (driver, other, name))
     cache = used(vulkan_device, tmp_path)
     assert cache.loaded_bytes == 0 and "its device is" in cache.warnings[0]
 

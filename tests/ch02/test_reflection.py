@@ -16,11 +16,11 @@ from backends.vulkan.once import submit_once
 from backends.vulkan.readback import read_image
 from backends.vulkan.resources import create_buffer, create_image, destroy_buffer, destroy_image
 from backends.vulkan.shaders import compile_shader
-from chapters.ch02.graphics import set_layouts
-from chapters.ch02.graphics.pipeline_cache import PipelineCache
-from chapters.ch02.graphics.pipelines import GraphicsPipeline, Pipelines
-from chapters.ch02.graphics.reflection import STAGES, Binding, Push, Stage, merge
-from chapters.ch02.graphics.set_layouts import CAPACITY, Layouts
+from chapters.ch02.pipelines import vulkan_layouts
+from chapters.ch02.pipelines.vulkan import GraphicsPipeline, Pipelines
+from chapters.ch02.pipelines.vulkan_cache import PipelineCache
+from chapters.ch02.pipelines.vulkan_layouts import CAPACITY, Layouts
+from chapters.ch02.pipelines.vulkan_reflection import STAGES, Binding, Push, Stage, merge
 from common.errors import ShaderError, UnsupportedError
 
 layout = pytest.mark.feature("reflection/pipeline-layout")
@@ -284,7 +284,7 @@ def test_equal_tables_share_their_layouts_and_any_order_of_stages_is_one(layouts
         vulkan_device, "vkCreateDescriptorSetLayout", lambda: layouts.pipeline(merge(made))
     )
     tables = [bindings_of(info) for info in infos]
-    uniform, storage, texture = (set_layouts.TYPES[kind] for kind in ("uniform", "storage", "texture"))
+    uniform, storage, texture = (vulkan_layouts.TYPES[kind] for kind in ("uniform", "storage", "texture"))
     assert tables == [[(0, uniform, 1), (1, storage, 1)], [(3, texture, 1)], []]
     stages = {info.pBindings[i].stageFlags for info in infos for i in range(info.bindingCount)}
     assert stages == {all_graphics(vulkan_device)}
@@ -373,7 +373,7 @@ def test_an_open_array_gets_no_more_than_the_device_has(vulkan_device):
         limits = {name: limit for name, limit in limits.items() if limit >= room}
         layouts._indexing = SimpleNamespace(**dict.fromkeys(most, 10**7) | limits)
         counts = layouts.sets(merged)[2].counts
-        assert counts[0] == 1 and sum(counts) == min(room - set_layouts._RESERVED, 10**6 + 1)
+        assert counts[0] == 1 and sum(counts) == min(room - vulkan_layouts._RESERVED, 10**6 + 1)
     two = FRAGMENT.replace("binding = 10) uniform sampler3D", "binding = 12) uniform sampler3D")
     layouts._indexing = SimpleNamespace(
         **dict.fromkeys(most, 10**7) | {"maxUpdateAfterBindDescriptorsInAllPools": 1065}
@@ -476,7 +476,7 @@ def test_a_draw_reads_constants_push_constants_and_a_dynamic_buffer(pipelines, v
         info = vk.new(
             "VkDescriptorPoolCreateInfo",
             maxSets=1,
-            pPoolSizes=[{"type": set_layouts.TYPES["dynamic uniform"], "descriptorCount": 1}],
+            pPoolSizes=[{"type": vulkan_layouts.TYPES["dynamic uniform"], "descriptorCount": 1}],
         )
         pool = device.create("vkCreateDescriptorPool", info, "tints")
         stack.callback(device.destroy, "VkDescriptorPool", pool)
@@ -488,7 +488,7 @@ def test_a_draw_reads_constants_push_constants_and_a_dynamic_buffer(pipelines, v
             dstSet=sets[0],
             dstBinding=2,
             descriptorCount=1,
-            descriptorType=set_layouts.TYPES["dynamic uniform"],
+            descriptorType=vulkan_layouts.TYPES["dynamic uniform"],
             pBufferInfo=[{"buffer": buffer.handle, "range": 16}],
         )
         fn.vkUpdateDescriptorSets(device.handle, 1, write, 0, vk.NULL)

@@ -10,9 +10,9 @@ import pytest
 
 from backends import shader_text
 from backends.vulkan.shaders import compile_shader
-from chapters.ch02.logic.declared import mismatch
-from chapters.ch02.logic.spirv import parse
-from chapters.ch02.logic.spirv_words import SpirvError, instructions, words_of
+from chapters.ch02.pipelines.spirv.declared import mismatch
+from chapters.ch02.pipelines.spirv.parser import parse
+from chapters.ch02.pipelines.spirv.words import SpirvError, instructions, words_of
 from common import layouts
 from common.errors import ShaderError
 from tests.support.timing import least_time, timed

@@ -11,10 +11,10 @@ import pytest
 from backends import shader_text
 from backends.shader_text import STAGES
 from backends.vulkan.shaders import shared
-from chapters.ch02.logic import spirv
-from chapters.ch02.logic.declared import Kind
-from chapters.ch02.logic.snippets import SNIPPETS
-from chapters.ch02.logic.spirv_words import instructions, words_of
+from chapters.ch02.pipelines.snippets import SNIPPETS
+from chapters.ch02.pipelines.spirv import parser
+from chapters.ch02.pipelines.spirv.declared import Kind
+from chapters.ch02.pipelines.spirv.words import instructions, words_of
 from common.errors import ShaderError
 from common.paths import ROOT
 from tests.backends.test_glslang import SHADERS as STAGE_SHADERS
@@ -159,7 +159,7 @@ def test_declarations_are_what_the_disassembly_says(modules):
 
     seen = set()
     for code, where, text in modules:
-        module = spirv.parse(code)
+        module = parser.parse(code)
         assert (module.version, module.bound) == (text.version, text.bound), where
         assert [(one.stage, one.name, one.local_size) for one in module.entries] == text.entries(), where
         resources = [

@@ -9,12 +9,12 @@ from itertools import cycle, islice
 import numpy as np
 import pytest
 
-from chapters.ch02.gl import scene_data as on_gl
-from chapters.ch02.graphics import material_textures as on_vulkan
-from chapters.ch02.logic import texels, texture_arrays
-from chapters.ch02.logic.packing import ROLES, material_variant
-from chapters.ch02.logic.texture_arrays import ARRAYS, LAYER_SHIFT, plan_arrays
-from chapters.ch02.logic.texture_reads import image_roles, uses
+from chapters.ch02.scene import gl_data as on_gl
+from chapters.ch02.scene.packing import ROLES, material_variant
+from chapters.ch02.scene.textures import arrays, texels
+from chapters.ch02.scene.textures import vulkan_materials as on_vulkan
+from chapters.ch02.scene.textures.arrays import ARRAYS, LAYER_SHIFT, plan_arrays
+from chapters.ch02.scene.textures.reads import image_roles, uses
 from chapters.ch02.settings import Settings
 from common.scene import Image, Light, Material, Sampler, Scene
 from common.view.camera import UNIT_EV100
@@ -379,4 +379,4 @@ def test_arrays_of_one_layer_are_named_after_it():
     made = [texels.texels_of(scene, role, key) for key, role in image_roles(reads(scene)).items()]
     assert texels.array_name(made) == "image 0"
     assert texels.array_name(made * 3) == "image 0 and 2 more"
-    assert texture_arrays.ARRAYS + 3 <= 16, "what every device has, with the environment's three"
+    assert arrays.ARRAYS + 3 <= 16, "what every device has, with the environment's three"

@@ -13,7 +13,7 @@ from backends.vulkan.compute import Kernel
 from backends.vulkan.once import submit_once
 from backends.vulkan.readback import TO_HOST
 from backends.vulkan.resources import create_buffer, destroy_buffer
-from chapters.ch03.logic import pages
+from chapters.ch03.scene import pages
 from chapters.scenes import load
 from common.scene.crowds import crowd
 from common.view.camera import UNIT_EV100

@@ -10,9 +10,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-from chapters.ch03.logic import scene_cache
-from chapters.ch03.logic.importance import material_sizes
-from chapters.ch03.logic.loading import (
+from chapters.ch03.loading.importance import material_sizes
+from chapters.ch03.loading.loading import (
     AHEAD,
     MOST_AHEAD,
     Loading,
@@ -22,8 +21,9 @@ from chapters.ch03.logic.loading import (
     report_failures,
     sentence,
 )
-from chapters.ch03.logic.texels import Shape
-from chapters.ch03.logic.uploads import Upload, cost
+from chapters.ch03.loading.uploads import Upload, cost
+from chapters.ch03.scene.textures.texels import Shape
+from chapters.ch03.scene_cache import cache
 from chapters.ch03.settings import Settings
 from common import layouts
 from common.errors import SceneError
@@ -356,7 +356,7 @@ def test_few_pictures_are_decoded_while_geometry_is_read(tmp_path, monkeypatch, 
     monkeypatch.setattr(os, "cpu_count", lambda: processors)
     begun = []
     monkeypatch.setattr(_Maker, "begin", lambda self, pool, copied: begun.append(self))
-    opened = scene_cache.open_scene(path, cached=cached)
+    opened = cache.open_scene(path, cached=cached)
     assert len(opened.scene.images) == 6 and len(begun) == images
 
 

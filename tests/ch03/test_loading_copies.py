@@ -22,16 +22,16 @@ from backends.vulkan.resources import (
     destroy_image,
     mip_levels,
 )
-from chapters.ch03.graphics import loader as graphics_loader
-from chapters.ch03.graphics.copies import Target
-from chapters.ch03.graphics.loader import Loader
-from chapters.ch03.graphics.material_textures import takes_narrow
-from chapters.ch03.graphics.staging import LEAST_RING, RING
-from chapters.ch03.graphics.upload_barriers import Part, after_copy, before_copy, part_barrier
-from chapters.ch03.logic.frame import SLOTS
-from chapters.ch03.logic.loading import AHEAD, Loading, Wanted
-from chapters.ch03.logic.texels import Shape
-from chapters.ch03.logic.uploads import Upload, level_places
+from chapters.ch03.frames.frame import SLOTS
+from chapters.ch03.loading import vulkan as graphics_loader
+from chapters.ch03.loading.loading import AHEAD, Loading, Wanted
+from chapters.ch03.loading.uploads import Upload, level_places
+from chapters.ch03.loading.vulkan import Loader
+from chapters.ch03.loading.vulkan_barriers import Part, after_copy, before_copy, part_barrier
+from chapters.ch03.loading.vulkan_copies import Target
+from chapters.ch03.loading.vulkan_staging import LEAST_RING, RING
+from chapters.ch03.scene.textures.texels import Shape
+from chapters.ch03.scene.textures.vulkan_materials import takes_narrow
 from common.errors import SceneError
 from tests.support.mip_levels import halved, halved_codes
 from tests.support.odd_texels import ODD, random_pixels, rows_of

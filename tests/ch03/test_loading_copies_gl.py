@@ -11,10 +11,10 @@ import pytest
 from backends.gl import api as gl
 from backends.gl.readback import read_image
 from backends.gl.resources import create_image, destroy_image, level_size, mip_levels
-from chapters.ch03.gl.loader import Loader
-from chapters.ch03.logic.loading import Loading, Wanted
-from chapters.ch03.logic.texels import Shape
-from chapters.ch03.logic.uploads import Upload
+from chapters.ch03.loading.gl import Loader
+from chapters.ch03.loading.loading import Loading, Wanted
+from chapters.ch03.loading.uploads import Upload
+from chapters.ch03.scene.textures.texels import Shape
 from common.images.blocks import FEATURE, stored_shape
 from tests.support.gl_functions import noted
 from tests.support.mip_levels import halved, halved_codes

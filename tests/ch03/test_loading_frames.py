@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import chapters
-from chapters.ch03.logic.draw_lists import COMMAND
-from chapters.ch03.logic.frame import SLOTS
+from chapters.ch03.frames.frame import SLOTS
+from chapters.ch03.scene.draw_lists import COMMAND
 from chapters.ch03.settings import Settings
 from common.errors import SceneError
 from common.images import blocks
@@ -128,7 +128,7 @@ def test_a_first_frame_that_fills_in_finds_its_records_written(chapter, gated):
 def test_threads_decode_while_pipelines_are_made(chapter, gated, monkeypatch):
     """Where frames wait for textures, too: nothing here is decoded before the first pipeline is asked for."""
     images, made = gated(*map(plain, COLORS)), []
-    module = importlib.import_module(f"{chapters.package_of(chapter.which)}.graphics.pipelines")
+    module = importlib.import_module(f"{chapters.package_of(chapter.which)}.pipelines.vulkan")
     get = module.Pipelines.get
 
     def begin(self, wanted):

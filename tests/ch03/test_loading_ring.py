@@ -8,7 +8,7 @@ from collections import deque
 import numpy as np
 import pytest
 
-from chapters.ch03.logic.ring import Ring, rows_that_fit
+from chapters.ch03.loading.ring import Ring, rows_that_fit
 
 
 @pytest.mark.feature("async-loading/staging-buffer")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from assets import locate
-from chapters.ch03.logic.material_types import (
+from chapters.ch03.scene.material_types import (
     TYPES,
     index_offsets,
     material_ranges,

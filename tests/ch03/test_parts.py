@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from chapters.ch03.logic.draw_lists import Batch
-from chapters.ch03.logic.recording import DrawList, Groups, part_count, pool_index
-from chapters.ch03.logic.task_errors import TaskError
-from chapters.ch03.logic.tasks import split
-from chapters.ch03.logic.workers import Workers
+from chapters.ch03.frames.recording.parts import DrawList, Groups, part_count, pool_index
+from chapters.ch03.scene.draw_lists import Batch
+from chapters.ch03.tasks.errors import TaskError
+from chapters.ch03.tasks.scheduler import split
+from chapters.ch03.tasks.workers import Workers
 from tests.support.timing import PATIENCE_S
 
 pytestmark = pytest.mark.usefixtures("no_thread_left")

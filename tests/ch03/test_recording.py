@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from backends.vulkan import api as vk
-from chapters.ch03.graphics.command_pools import CommandPools
-from chapters.ch03.logic.frame import SLOTS
-from chapters.ch03.logic.recording import Groups, pool_index
-from chapters.ch03.logic.task_errors import TaskError
+from chapters.ch03.frames.frame import SLOTS
+from chapters.ch03.frames.recording.parts import Groups, pool_index
+from chapters.ch03.frames.recording.vulkan_pools import CommandPools
 from chapters.ch03.settings import Settings
+from chapters.ch03.tasks.errors import TaskError
 from common.scene import Image, Material, Scene
 from tests.support import recorded
 from tests.support.chapter import record_anew

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from assets import locate
-from chapters.ch03.logic import scene_cache
-from chapters.ch03.logic.material_types import TYPES
-from chapters.ch03.logic.scene_cache import cache_file, open_scene, read_cache, sorted_types
-from chapters.ch03.logic.sections import SectionFile
+from chapters.ch03.scene.material_types import TYPES
+from chapters.ch03.scene_cache import cache as scene_cache
+from chapters.ch03.scene_cache.cache import cache_file, open_scene, read_cache, sorted_types
+from chapters.ch03.scene_cache.sections import SectionFile
 from common.gltf import load_scene
 from common.paths import asset_dir
 from common.scene import Animation

@@ -7,10 +7,10 @@ import json
 import numpy as np
 import pytest
 
-from chapters.ch03.logic import scene_cache
-from chapters.ch03.logic.cached_images import image_uses
-from chapters.ch03.logic.scene_cache import cache_file, open_scene, read_cache
-from chapters.ch03.logic.sections import SectionFile
+from chapters.ch03.scene_cache import cache as scene_cache
+from chapters.ch03.scene_cache.cache import cache_file, open_scene, read_cache
+from chapters.ch03.scene_cache.images import image_uses
+from chapters.ch03.scene_cache.sections import SectionFile
 from common.errors import UnsupportedError
 from common.gltf import load_scene
 from common.images import blocks

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from assets import locate
-from chapters.ch03.logic.scene_cache import cache_file, open_scene, read_cache
+from chapters.ch03.scene_cache.cache import cache_file, open_scene, read_cache
 from common.gltf import load_scene
 from common.view.camera import framed_view
 from tests.common.gltf.builder import QUAD, QUAD_INDICES, Gltf

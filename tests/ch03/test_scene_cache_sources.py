@@ -10,9 +10,10 @@ import sys
 import numpy as np
 import pytest
 
-from chapters.ch03.logic import scene_cache, scene_sources
-from chapters.ch03.logic.scene_cache import CacheMiss, cache_file, open_scene, read_cache
-from chapters.ch03.logic.sections import SectionFile
+from chapters.ch03.scene_cache import cache as scene_cache
+from chapters.ch03.scene_cache import sources
+from chapters.ch03.scene_cache.cache import CacheMiss, cache_file, open_scene, read_cache
+from chapters.ch03.scene_cache.sections import SectionFile
 from common.paths import ROOT
 from tests.common.gltf.builder import TRIANGLE, Gltf, triangle
 
@@ -68,7 +69,7 @@ def test_the_names_of_a_record_are_those_that_the_loader_opened(tmp_path):
 _OPEN = """
 import os, sys
 from pathlib import Path
-from chapters.ch03.logic.scene_cache import open_scene
+from chapters.ch03.scene_cache.cache import open_scene
 path = Path(sys.argv[1])
 folder = os.path.realpath(path.parent)
 seen = []
@@ -127,8 +128,8 @@ def test_a_source_that_became_something_else_is_not_read(tmp_path, monkeypatch, 
         (tmp_path / "p.png").write_bytes(picture())
         (folder / "p.png").symlink_to(tmp_path / "p.png")
     asked = []
-    real = scene_sources.digest
-    monkeypatch.setattr(scene_sources, "digest", lambda file: asked.append(file.name) or real(file))
+    real = sources.digest
+    monkeypatch.setattr(sources, "digest", lambda file: asked.append(file.name) or real(file))
     with pytest.raises(CacheMiss, match="changed"):
         read_cache(cache_file(path), path)
     assert "p.png" not in asked

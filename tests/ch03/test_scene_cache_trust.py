@@ -11,9 +11,10 @@ import sys
 import numpy as np
 import pytest
 
-from chapters.ch03.logic import scene_cache, scene_sources, sections
-from chapters.ch03.logic.scene_cache import CacheMiss, cache_file, open_scene, read_cache
-from chapters.ch03.logic.sections import DamagedError, SectionFile, SectionWriter
+from chapters.ch03.scene_cache import cache as scene_cache
+from chapters.ch03.scene_cache import sections, sources
+from chapters.ch03.scene_cache.cache import CacheMiss, cache_file, open_scene, read_cache
+from chapters.ch03.scene_cache.sections import DamagedError, SectionFile, SectionWriter
 from common import paths
 from common.gltf import load_scene
 from common.paths import ROOT
@@ -172,9 +173,9 @@ def test_a_file_that_went_missing_is_noticed(tmp_path):
 
 def test_content_is_not_read_again_where_nobody_can_have_written(tmp_path, monkeypatch):
     path = textured(tmp_path)
-    monkeypatch.setattr(scene_sources, "RACY_NS", -(10**12))  # as if all had been written long ago
+    monkeypatch.setattr(sources, "RACY_NS", -(10**12))  # as if all had been written long ago
     target = write(path)
-    monkeypatch.setattr(scene_sources, "digest", lambda _: pytest.fail("a file was read"))
+    monkeypatch.setattr(sources, "digest", lambda _: pytest.fail("a file was read"))
     read_cache(target, path)
 
 
@@ -182,7 +183,7 @@ def test_what_was_written_just_before_is_read_again(tmp_path, monkeypatch):
     path = textured(tmp_path)
     target = write(path)
     asked = []
-    monkeypatch.setattr(scene_sources, "digest", lambda file: asked.append(file.name) or "")
+    monkeypatch.setattr(sources, "digest", lambda file: asked.append(file.name) or "")
     with pytest.raises(CacheMiss):
         read_cache(target, path)
     assert sorted(asked) == ["scene.bin", "scene.gltf"]
@@ -270,13 +271,13 @@ def test_a_damaged_picture_is_an_error_of_the_scene_and_not_of_the_cache(tmp_pat
 _OPEN = """
 import sys
 from pathlib import Path
-from chapters.ch03.logic.scene_cache import open_scene
+from chapters.ch03.scene_cache.cache import open_scene
 for _ in range(20):
     opened = open_scene(Path(sys.argv[1]))
     if opened.writer is not None:
         opened.writer.finish()
     elif int(sys.argv[2]):
-        from chapters.ch03.logic.scene_cache import cache_file
+        from chapters.ch03.scene_cache.cache import cache_file
         cache_file(Path(sys.argv[1])).unlink(missing_ok=True)
     assert all(image.pixels.sum() == 2016 for image in opened.scene.images)
     assert not opened.scene.warnings, opened.scene.warnings

@@ -8,8 +8,8 @@ import time
 
 import pytest
 
-from chapters.ch03.logic.loading import Loading, Wanted
-from chapters.ch03.logic.switching import INTERVAL_S, QuickTurns
+from chapters.ch03.loading.loading import Loading, Wanted
+from chapters.ch03.tasks.switching import INTERVAL_S, QuickTurns
 from tests.ch03.test_loading import upload
 from tests.support.timing import PATIENCE_S, least_time, timed
 

@@ -12,8 +12,8 @@ from itertools import pairwise
 
 import pytest
 
-from chapters.ch03.logic.task_graph import TaskGraph
-from chapters.ch03.logic.tasks import Scheduler, split
+from chapters.ch03.tasks.graph import TaskGraph
+from chapters.ch03.tasks.scheduler import Scheduler, split
 from tests.support.threads import within
 from tests.support.timing import PATIENCE_S
 

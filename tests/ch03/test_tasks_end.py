@@ -13,11 +13,11 @@ import traceback
 
 import pytest
 
-from chapters.ch03.logic import task_order
-from chapters.ch03.logic.task_errors import TaskCancelledError, TaskError
-from chapters.ch03.logic.task_graph import TaskGraph
-from chapters.ch03.logic.task_state import State
-from chapters.ch03.logic.tasks import Scheduler
+from chapters.ch03.tasks import order
+from chapters.ch03.tasks.errors import TaskCancelledError, TaskError
+from chapters.ch03.tasks.graph import TaskGraph
+from chapters.ch03.tasks.scheduler import Scheduler
+from chapters.ch03.tasks.state import State
 from common.errors import SceneError
 from common.paths import ROOT
 from tests.support.threads import within
@@ -308,7 +308,7 @@ def test_a_task_cannot_close_what_runs_it():
 
 CTRL_C = """
 import threading, time
-from chapters.ch03.logic.tasks import Scheduler
+from chapters.ch03.tasks.scheduler import Scheduler
 
 ran = []
 try:
@@ -352,7 +352,7 @@ def test_ctrl_c_leaves_nothing_running(workers, wait):
 
 ANY_TIME = """
 import _thread, random, threading, time
-from chapters.ch03.logic.tasks import Scheduler
+from chapters.ch03.tasks.scheduler import Scheduler
 
 stopped = 0
 for seed in range(120):
@@ -434,7 +434,7 @@ def test_an_interrupt_between_two_steps_leaves_nobody_waiting_for_ever(place, mo
         if place.startswith("before a task"):
             monkeypatch.setattr(tasks, "_run", interrupted(tasks._run))
         else:
-            monkeypatch.setattr(task_order, "_inherit", interrupted(task_order._inherit))
+            monkeypatch.setattr(order, "_inherit", interrupted(order._inherit))
         with pytest.raises(KeyboardInterrupt):
             tasks.wait(last)
         monkeypatch.undo()

@@ -9,8 +9,8 @@ from itertools import pairwise
 
 import pytest
 
-from chapters.ch03.logic.task_graph import TaskGraph
-from chapters.ch03.logic.tasks import Scheduler
+from chapters.ch03.tasks.graph import TaskGraph
+from chapters.ch03.tasks.scheduler import Scheduler
 
 scheduler = pytest.mark.feature("tasks/scheduler")
 

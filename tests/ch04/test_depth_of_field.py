@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from chapters.ch04.logic.lens import LARGEST_RADIUS, SENSOR_HEIGHT_M
+from chapters.ch04.post.lens import LARGEST_RADIUS, SENSOR_HEIGHT_M
 from chapters.ch04.settings import Settings
 from common.numerics.transforms import pose_looking_at
 from common.scene import Image, Material

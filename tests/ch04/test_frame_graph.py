@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from backends.contract import Access
-from chapters.ch04.logic import graph_types as words
-from chapters.ch04.logic.frame_graph import compile_graph
-from chapters.ch04.logic.graph_types import External, GraphError, Node, Touch
+from chapters.ch04.graph import types as words
+from chapters.ch04.graph.frame_graph import compile_graph
+from chapters.ch04.graph.types import External, GraphError, Node, Touch
 from tests.support.graph_truths import PREVIOUS, Truth
 from tests.support.random_graphs import random_graph
 

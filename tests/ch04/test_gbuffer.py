@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from chapters.ch04.logic.deferred import FORMATS, TARGETS
 from chapters.ch04.settings import Settings
+from chapters.ch04.shading.deferred import FORMATS, TARGETS
 from common.images.color import encode_srgb
 from common.scene import Image, Material
 from common.view.camera import exposure

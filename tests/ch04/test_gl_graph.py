@@ -13,7 +13,7 @@ from backends.gl.context import Context
 from backends.gl.present import blit
 from backends.gl.resources import create_image, destroy_image
 from backends.gl.targets import create_framebuffer, destroy_framebuffer
-from chapters.ch04.gl.renderer import Renderer
+from chapters.ch04.gl_renderer import Renderer
 from chapters.ch04.settings import Settings
 from common.errors import DeviceError, UnsupportedError
 from common.scene import Image, Light, Material

@@ -23,14 +23,14 @@ from backends.gl.resources import (
     destroy_image,
     write_image,
 )
-from chapters.ch04.gl.commands import Commands
-from chapters.ch04.gl.graph_executor import GraphExecutor
-from chapters.ch04.gl.graph_images import GraphImages, sharing
-from chapters.ch04.gl.graph_sync import memory_barriers
-from chapters.ch04.gl.pipelines import Pipelines
-from chapters.ch04.gl.recordings import Recordings
-from chapters.ch04.logic.frame_graph import compile_graph
-from chapters.ch04.logic.graph_types import External, Node, Touch
+from chapters.ch04.frames.gl_commands import Commands
+from chapters.ch04.frames.recording.gl_recordings import Recordings
+from chapters.ch04.graph.execute.gl import GraphExecutor
+from chapters.ch04.graph.frame_graph import compile_graph
+from chapters.ch04.graph.memory.gl_images import GraphImages, sharing
+from chapters.ch04.graph.sync.gl import memory_barriers
+from chapters.ch04.graph.types import External, Node, Touch
+from chapters.ch04.pipelines.gl import Pipelines
 from tests.support import gl_functions
 
 pytestmark = pytest.mark.variants("gl")

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from backends.contract import Access
-from chapters.ch04.logic import frame_plan
-from chapters.ch04.logic import graph_types as words
-from chapters.ch04.logic.frame import OUTPUTS
-from chapters.ch04.logic.frame_graph import compile_graph
-from chapters.ch04.logic.graph_types import External, GraphError, Node, Touch
+from chapters.ch04.frames.frame import OUTPUTS
+from chapters.ch04.graph import plan as frame_plan
+from chapters.ch04.graph import types as words
+from chapters.ch04.graph.frame_graph import compile_graph
+from chapters.ch04.graph.types import External, GraphError, Node, Touch
 from chapters.ch04.settings import Settings
 from common.scene import Material
 from tests.support.graph_truths import Truth, events_of, places_of

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from backends.contract import Access
-from chapters.ch04.logic import frame_plan
-from chapters.ch04.logic.graph_json import graph_path
-from chapters.ch04.logic.graph_report import counts
-from chapters.ch04.logic.graph_types import GraphError
+from chapters.ch04.graph import plan
+from chapters.ch04.graph.file import graph_path
+from chapters.ch04.graph.report import counts
+from chapters.ch04.graph.types import GraphError
 from chapters.ch04.settings import Settings
 from common.errors import ShaderError, StaleFrameError
 from common.files import shader_files
@@ -73,13 +73,13 @@ def invert(chapter, tmp_path):
     file = tmp_path / "invert.frag"
     file.write_text(INVERT)
     if chapter.backend == "gl":
-        from chapters.ch04.gl.fullscreen import FullscreenPass
-        from chapters.ch04.gl.pipelines import GraphicsPipeline
+        from chapters.ch04.pipelines.gl import GraphicsPipeline
+        from chapters.ch04.post.gl_fullscreen import FullscreenPass
 
         formats = {}
     else:
-        from chapters.ch04.graphics.pipelines import GraphicsPipeline
-        from chapters.ch04.passes.fullscreen import FullscreenPass
+        from chapters.ch04.pipelines.vulkan import GraphicsPipeline
+        from chapters.ch04.post.vulkan_fullscreen import FullscreenPass
 
         formats = {"color": "rgba16f"}
 
@@ -202,7 +202,7 @@ def test_another_implementation_draws_without_another_graph(opened, invert, chap
     before, graph = picture(renderer), renderer.graph
     of_chapter = next(made for made in renderer.passes if made.name == "depth_of_field")
     picture(renderer)
-    monkeypatch.setattr(frame_plan, "compile_graph", lambda *_: pytest.fail("nothing is to be compiled"))
+    monkeypatch.setattr(plan, "compile_graph", lambda *_: pytest.fail("nothing is to be compiled"))
 
     class Other(invert):
         name = "depth_of_field"
@@ -227,11 +227,11 @@ def test_another_implementation_draws_without_another_graph(opened, invert, chap
 def watch_rendering(monkeypatch, backend):
     """Return a list of when rendering begins and ends from now on."""
     if backend == "gl":
-        from chapters.ch04.gl.targets import Targets as kind
+        from chapters.ch04.graph.execute.gl_targets import Targets as kind
 
         calls = {"begin": "begin", "end": "end"}
     else:
-        from chapters.ch04.graphics.commands import Commands as kind
+        from chapters.ch04.frames.vulkan_commands import Commands as kind
 
         calls = {"begin_rendering": "begin", "end_rendering": "end"}
     happened = []

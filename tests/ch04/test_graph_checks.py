@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from backends.contract import Access
-from chapters.ch04.logic.graph_checks import check_access, check_name, check_output, check_pass, check_readers
-from chapters.ch04.logic.graph_json import graph_path
-from chapters.ch04.logic.graph_types import GraphError
+from chapters.ch04.graph.checks import check_access, check_name, check_output, check_pass, check_readers
+from chapters.ch04.graph.file import graph_path
+from chapters.ch04.graph.types import GraphError
 from chapters.ch04.settings import Settings
 from tests.support.scenes import facing, quad_scene
 

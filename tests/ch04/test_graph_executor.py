@@ -14,15 +14,15 @@ from backends.vulkan import api as vk
 from backends.vulkan.compute import Kernel, Sampled
 from backends.vulkan.readback import read_image
 from backends.vulkan.resources import create_buffer, create_image, destroy_buffer, destroy_image
-from chapters.ch04.graphics.commands import Commands
-from chapters.ch04.graphics.descriptors import Descriptors
-from chapters.ch04.graphics.graph_executor import GraphExecutor
-from chapters.ch04.graphics.graph_images import GraphMemory
-from chapters.ch04.graphics.profiler import Profiler
-from chapters.ch04.graphics.recordings import Recordings
-from chapters.ch04.graphics.resources import Resources
-from chapters.ch04.logic.frame_graph import compile_graph
-from chapters.ch04.logic.graph_types import External, Node, Touch
+from chapters.ch04.frames.recording.vulkan_recordings import Recordings
+from chapters.ch04.frames.vulkan_commands import Commands
+from chapters.ch04.frames.vulkan_profiler import Profiler
+from chapters.ch04.frames.vulkan_resources import Resources
+from chapters.ch04.graph.execute.vulkan import GraphExecutor
+from chapters.ch04.graph.frame_graph import compile_graph
+from chapters.ch04.graph.memory.vulkan_images import GraphMemory
+from chapters.ch04.graph.types import External, Node, Touch
+from chapters.ch04.pipelines.vulkan_descriptors import Descriptors
 
 N = 64
 BYTES = 4 * N

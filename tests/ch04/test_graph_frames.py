@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from chapters.ch04.logic.graph_json import graph_path
+from chapters.ch04.graph.file import graph_path
 from chapters.ch04.settings import Settings
 from common.scene import Image, Light, Material
 from common.view.camera import View

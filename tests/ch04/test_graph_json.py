@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 
 from backends.contract import Access
-from chapters.ch04.logic.frame_graph import compile_graph
-from chapters.ch04.logic.graph_json import GRAPHS, MAX_BYTES, graph_path, read_graph
-from chapters.ch04.logic.graph_types import GraphError, Node
-from chapters.ch04.logic.json_places import JsonError, line_and_column, parse
+from chapters.ch04.graph.file import GRAPHS, MAX_BYTES, graph_path, read_graph
+from chapters.ch04.graph.frame_graph import compile_graph
+from chapters.ch04.graph.json_places import JsonError, line_and_column, parse
+from chapters.ch04.graph.types import GraphError, Node
 
 FORMATS = ("rgba8", "rgba16f", "r32ui", "d32f")
 OUTPUTS = ("color", "color_linear", "depth")

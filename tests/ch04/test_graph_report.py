@@ -13,10 +13,10 @@ from xml.etree import ElementTree
 import pytest
 
 from backends.contract import Access
-from chapters.ch04.logic.frame_graph import compile_graph
-from chapters.ch04.logic.graph_report import counts, record, rows, sharing, text
-from chapters.ch04.logic.graph_svg import net, svg
-from chapters.ch04.logic.graph_types import External, Node, Touch
+from chapters.ch04.graph.frame_graph import compile_graph
+from chapters.ch04.graph.report import counts, record, rows, sharing, text
+from chapters.ch04.graph.svg import net, svg
+from chapters.ch04.graph.types import External, Node, Touch
 
 SIZE = (64, 32)  # 2 KiB of depth or of rgba8, 4 KiB of rgba16f
 SVG = "{http://www.w3.org/2000/svg}"

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from backends.contract import Access
-from chapters.ch04.logic import graph_types as words
-from chapters.ch04.logic.frame_graph import compile_graph
-from chapters.ch04.logic.graph_types import Attachment, External, Node, Touch
+from chapters.ch04.graph import types as words
+from chapters.ch04.graph.frame_graph import compile_graph
+from chapters.ch04.graph.types import Attachment, External, Node, Touch
 from tests.support.graph_truths import Truth
 from tests.support.random_graphs import SIZE, random_graph
 

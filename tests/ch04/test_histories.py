@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from backends.contract import Access
-from chapters.ch04.logic.frame_graph import compile_graph
-from chapters.ch04.logic.graph_types import Node
-from chapters.ch04.logic.histories import BITS, Histories
+from chapters.ch04.graph.frame_graph import compile_graph
+from chapters.ch04.graph.histories import BITS, Histories
+from chapters.ch04.graph.types import Node
 from common import layouts
 
 

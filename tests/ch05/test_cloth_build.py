@@ -7,10 +7,10 @@ from functools import partial
 import numpy as np
 import pytest
 
-from chapters.ch05.logic.cloth_build import LEAST_MASS, MASS_WITHOUT_AREA, STIFFNESS, build_cloth
-from chapters.ch05.logic.cloth_colors import color_springs
-from chapters.ch05.logic.cloth_layout import Limits, pack
-from chapters.ch05.logic.cloth_steps import (
+from chapters.ch05.cloth.build import LEAST_MASS, MASS_WITHOUT_AREA, STIFFNESS, build_cloth
+from chapters.ch05.cloth.colors import color_springs
+from chapters.ch05.cloth.layout import Limits, pack
+from chapters.ch05.cloth.steps import (
     MARGIN,
     MAX_SUBSTEPS,
     due_steps,
@@ -18,8 +18,8 @@ from chapters.ch05.logic.cloth_steps import (
     greatest_omega,
     motion_between,
 )
-from chapters.ch05.logic.cloth_twin import Twin
-from chapters.ch05.logic.cloth_types import Collider, Forces, Steps
+from chapters.ch05.cloth.twin import Twin
+from chapters.ch05.cloth.types import Collider, Forces, Steps
 from common.errors import SceneError, SettingError, UserError
 from tests.support import cloths
 

@@ -7,11 +7,11 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from chapters.ch05.logic.cloth_clock import CALM_SECONDS, ClothClock
-from chapters.ch05.logic.cloth_frames import ClothFrames, drawn_from
-from chapters.ch05.logic.cloth_layout import CLOTH_FRAME, GLOBALS, STATS, WRITE
-from chapters.ch05.logic.cloth_scene import cloth_scene
-from chapters.ch05.logic.pages import plan_pages
+from chapters.ch05.cloth.clock import CALM_SECONDS, ClothClock
+from chapters.ch05.cloth.frames import ClothFrames, drawn_from
+from chapters.ch05.cloth.layout import CLOTH_FRAME, GLOBALS, STATS, WRITE
+from chapters.ch05.cloth.scene import cloth_scene
+from chapters.ch05.scene.pages import plan_pages
 from chapters.ch05.settings import Settings
 from common.numerics.transforms import pose_looking_at, translation
 from common.view.camera import Perspective, View

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from chapters.ch05.logic.cloth_types import Steps
+from chapters.ch05.cloth.types import Steps
 from chapters.ch05.settings import Settings
 
 ROOT = Path(__file__).parents[2]

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import chapters
-from chapters.ch05.logic.cloth_scene import cloth_scene
-from chapters.ch05.logic.cloth_twin import Twin
+from chapters.ch05.cloth.scene import cloth_scene
+from chapters.ch05.cloth.twin import Twin
 from chapters.ch05.settings import Settings
 from common.numerics.transforms import translation
 from common.scene import Material
@@ -145,7 +145,7 @@ def test_what_comes_into_view_at_once_is_drawn_where_it_is(chapter, by, monkeypa
     found = []
     for look in (None, lambda self, *_: np.ones(1, bool)):
         if look:
-            monkeypatch.setattr("chapters.ch05.logic.cloth_frames.ClothFrames._seen", look)
+            monkeypatch.setattr("chapters.ch05.cloth.frames.ClothFrames._seen", look)
         scene = cloth_scene_of(
             cloth(pins=[0, 4] if by == "node" else []), matrices=[begins], colliders=[ball]
         )

@@ -10,17 +10,17 @@ import pytest
 
 from backends import shader_text
 from backends.vulkan.shaders import compile_shader
-from chapters.ch05.logic import cloth_dispatches as jobs
-from chapters.ch05.logic import cloth_layout as layout
-from chapters.ch05.logic import cloth_measures as measures
-from chapters.ch05.logic.cloth_build import build_cloth
-from chapters.ch05.logic.cloth_dispatches import Moment, dispatches, frame_arrays, states_of
-from chapters.ch05.logic.cloth_layout import Drawn, pack
-from chapters.ch05.logic.cloth_steps import fit_steps
-from chapters.ch05.logic.cloth_twin import Twin
-from chapters.ch05.logic.cloth_types import Cloth, Collider, Forces, State, Steps
-from chapters.ch05.logic.environment import SHADERS
-from chapters.ch05.logic.spirv import parse
+from chapters.ch05.cloth import dispatches as jobs
+from chapters.ch05.cloth import layout as layout
+from chapters.ch05.cloth import measures as measures
+from chapters.ch05.cloth.build import build_cloth
+from chapters.ch05.cloth.dispatches import Moment, dispatches, frame_arrays, states_of
+from chapters.ch05.cloth.layout import Drawn, pack
+from chapters.ch05.cloth.steps import fit_steps
+from chapters.ch05.cloth.twin import Twin
+from chapters.ch05.cloth.types import Cloth, Collider, Forces, State, Steps
+from chapters.ch05.environment.model import SHADERS
+from chapters.ch05.pipelines.spirv.parser import parse
 from tests.support import cloths
 
 pytestmark = pytest.mark.variants("vulkan", "gl")  # the kernels need nothing that a device may lack

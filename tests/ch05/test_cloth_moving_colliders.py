@@ -13,13 +13,13 @@ from functools import partial
 import numpy as np
 import pytest
 
-from chapters.ch05.logic.cloth_build import build_cloth
-from chapters.ch05.logic.cloth_dispatches import Moment, dispatches, frame_arrays, states_of
-from chapters.ch05.logic.cloth_layout import COLLIDER, pack
-from chapters.ch05.logic.cloth_scene import FASTEST, cloth_scene
-from chapters.ch05.logic.cloth_twin import Twin
-from chapters.ch05.logic.cloth_types import Cloth, Collider, Forces, State, Steps
-from chapters.ch05.logic.environment import SHADERS
+from chapters.ch05.cloth.build import build_cloth
+from chapters.ch05.cloth.dispatches import Moment, dispatches, frame_arrays, states_of
+from chapters.ch05.cloth.layout import COLLIDER, pack
+from chapters.ch05.cloth.scene import FASTEST, cloth_scene
+from chapters.ch05.cloth.twin import Twin
+from chapters.ch05.cloth.types import Cloth, Collider, Forces, State, Steps
+from chapters.ch05.environment.model import SHADERS
 from chapters.ch05.settings import Settings
 from common.numerics.transforms import translation
 from tests.support import cloths

@@ -12,12 +12,12 @@ from functools import partial
 import numpy as np
 import pytest
 
-from chapters.ch05.logic import cloth_measures as measures
-from chapters.ch05.logic.cloth_build import build_cloth
-from chapters.ch05.logic.cloth_model import model_of
-from chapters.ch05.logic.cloth_steps import fit_steps, greatest_omega
-from chapters.ch05.logic.cloth_twin import Twin, depth_below
-from chapters.ch05.logic.cloth_types import Cloth, Collider, Forces, State, Steps
+from chapters.ch05.cloth import measures as measures
+from chapters.ch05.cloth.build import build_cloth
+from chapters.ch05.cloth.model import model_of
+from chapters.ch05.cloth.steps import fit_steps, greatest_omega
+from chapters.ch05.cloth.twin import Twin, depth_below
+from chapters.ch05.cloth.types import Cloth, Collider, Forces, State, Steps
 from tests.support import cloths
 
 sheet = partial(cloths.sheet, build_cloth)

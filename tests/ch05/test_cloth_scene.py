@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from chapters.ch05.logic.cloth_scene import MOST_VERTICES, cloth_scene
-from chapters.ch05.logic.scene_records import put_together, take_apart
+from chapters.ch05.cloth.scene import MOST_VERTICES, cloth_scene
+from chapters.ch05.scene_cache.records import put_together, take_apart
 from chapters.scenes import load
 from common.errors import SceneError
 from common.mesh.merge import merged_by_material

@@ -8,14 +8,14 @@ from functools import partial
 import numpy as np
 import pytest
 
-from chapters.ch05.logic import cloth_measures as measures
-from chapters.ch05.logic.cloth_build import build_cloth
-from chapters.ch05.logic.cloth_frames import ClothFrames, drawn_from
-from chapters.ch05.logic.cloth_scene import cloth_scene
-from chapters.ch05.logic.cloth_steps import UNITS, fit_steps, least_substep
-from chapters.ch05.logic.cloth_twin import Twin
-from chapters.ch05.logic.cloth_types import Forces, Steps
-from chapters.ch05.logic.pages import plan_pages
+from chapters.ch05.cloth import measures as measures
+from chapters.ch05.cloth.build import build_cloth
+from chapters.ch05.cloth.frames import ClothFrames, drawn_from
+from chapters.ch05.cloth.scene import cloth_scene
+from chapters.ch05.cloth.steps import UNITS, fit_steps, least_substep
+from chapters.ch05.cloth.twin import Twin
+from chapters.ch05.cloth.types import Forces, Steps
+from chapters.ch05.scene.pages import plan_pages
 from chapters.ch05.settings import Settings
 from tests.support import cloths
 from tests.support.cloth_scenes import cloth, cloth_scene_of

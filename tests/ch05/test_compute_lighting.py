@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from chapters.ch05.gl import pipelines as on_gl
-from chapters.ch05.graphics import pipelines as on_vulkan
-from chapters.ch05.logic.frame_plan import COPY
+from chapters.ch05.graph.plan import COPY
+from chapters.ch05.pipelines import gl as on_gl
+from chapters.ch05.pipelines import vulkan as on_vulkan
 from chapters.ch05.settings import Settings
 from common.environment import Environment
 from common.errors import ShaderError, UserError

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from backends.contract import Access
-from chapters.ch05.gl import compute_pipelines as on_gl
-from chapters.ch05.graphics import compute_pipelines as on_vulkan
-from chapters.ch05.logic.frame_graph import compile_graph
-from chapters.ch05.logic.graph_types import GraphError, Node
-from chapters.ch05.logic.pass_bindings import STORABLE, Bound, bindings_of, check_table
+from chapters.ch05.graph.execute.bindings import STORABLE, Bound, bindings_of, check_table
+from chapters.ch05.graph.frame_graph import compile_graph
+from chapters.ch05.graph.types import GraphError, Node
+from chapters.ch05.pipelines import gl_compute as on_gl
+from chapters.ch05.pipelines import vulkan_compute as on_vulkan
 from chapters.ch05.settings import Settings
 from common.scene import Material
 from tests.support.scenes import facing, quad_scene, translated

@@ -9,8 +9,8 @@ import pytest
 
 from backends import shader_text
 from backends.vulkan.shaders import compile_shader
-from chapters.ch05.logic.dispatches import MOST_GROUPS, group_count
-from chapters.ch05.logic.shared_memory import shared_bytes
+from chapters.ch05.frames.dispatches import MOST_GROUPS, group_count
+from chapters.ch05.pipelines.spirv.shared_memory import shared_bytes
 from common.errors import ShaderError, UnsupportedError
 from tests.support.drivers import needs_line_marks
 from tests.support.kernels import kernels_on

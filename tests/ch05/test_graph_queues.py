@@ -8,13 +8,13 @@ from itertools import product
 import pytest
 
 from backends.contract import Access
-from chapters.ch04.logic import graph_types as before_words
-from chapters.ch04.logic.frame_graph import compile_graph as compile_before
-from chapters.ch04.logic.graph_report import record as record_before
-from chapters.ch05.logic import graph_types as words
-from chapters.ch05.logic.frame_graph import compile_graph
-from chapters.ch05.logic.graph_report import record
-from chapters.ch05.logic.graph_types import External, GraphError, Node, Touch
+from chapters.ch04.graph import types as before_words
+from chapters.ch04.graph.frame_graph import compile_graph as compile_before
+from chapters.ch04.graph.report import record as record_before
+from chapters.ch05.graph import types as words
+from chapters.ch05.graph.frame_graph import compile_graph
+from chapters.ch05.graph.report import record
+from chapters.ch05.graph.types import External, GraphError, Node, Touch
 from tests.support.graph_truths import Truth
 from tests.support.queue_truths import QUEUES, Submissions, hazards_of, on_queues, pieces
 from tests.support.random_graphs import random_graph

@@ -10,14 +10,14 @@ from xml.etree import ElementTree
 import pytest
 
 from backends.contract import Access
-from chapters.ch05.logic import graph_types as words
-from chapters.ch05.logic.frame_graph import compile_graph
-from chapters.ch05.logic.graph_checks import check_pass
-from chapters.ch05.logic.graph_json import read_graph
-from chapters.ch05.logic.graph_overlap import overlaps
-from chapters.ch05.logic.graph_report import record, text
-from chapters.ch05.logic.graph_svg import svg
-from chapters.ch05.logic.graph_types import GraphError, Node
+from chapters.ch05.graph import types as words
+from chapters.ch05.graph.checks import check_pass
+from chapters.ch05.graph.file import read_graph
+from chapters.ch05.graph.frame_graph import compile_graph
+from chapters.ch05.graph.report import record, text
+from chapters.ch05.graph.svg import svg
+from chapters.ch05.graph.sync.overlap import overlaps
+from chapters.ch05.graph.types import GraphError, Node
 from tests.ch04.test_graph_checks import pass_of
 from tests.support.queue_truths import QUEUES, on_queues
 from tests.support.random_graphs import random_graph

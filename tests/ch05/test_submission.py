@@ -9,8 +9,8 @@ import pytest
 
 from backends.vulkan import api as vk
 from backends.vulkan.device import Queue
-from chapters.ch05.graphics.legacy_submit import LegacySubmit, as_before, stages_before
-from chapters.ch05.logic.frame import SLOTS
+from chapters.ch05.frames.frame import SLOTS
+from chapters.ch05.frames.queues.vulkan_legacy import LegacySubmit, as_before, stages_before
 from tests.support.hazards import Given, Wait, find_hazards
 from tests.support.pacing import ends, number, values
 from tests.support.queue_frames import N, expected, stream

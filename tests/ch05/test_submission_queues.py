@@ -15,9 +15,9 @@ from backends.vulkan import resources
 from backends.vulkan.compute import Kernel, Sampled
 from backends.vulkan.device import Queue
 from backends.vulkan.resources import Image
-from chapters.ch05.graphics.graph_sync import STAGES, dependency
-from chapters.ch05.graphics.queues import Queues
-from chapters.ch05.logic.graph_types import Barrier, Touch
+from chapters.ch05.frames.queues.vulkan_queues import Queues
+from chapters.ch05.graph.sync.vulkan import STAGES, dependency
+from chapters.ch05.graph.types import Barrier, Touch
 from chapters.ch05.settings import Settings
 from tests.ch04.test_graph_frames import OUTPUTS, SIZE, scene
 from tests.support.cloth_runs import VIEW

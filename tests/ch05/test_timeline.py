@@ -7,8 +7,8 @@ import time
 import pytest
 
 from backends.vulkan import api as vk
-from chapters.ch05.graphics import timeline as module
-from chapters.ch05.graphics.timeline import Timeline, wait_timelines
+from chapters.ch05.frames.queues import vulkan_timeline as module
+from chapters.ch05.frames.queues.vulkan_timeline import Timeline, wait_timelines
 from common.errors import DeviceError
 from tests.support.timing import least_time, timed
 

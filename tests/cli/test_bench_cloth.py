@@ -111,8 +111,8 @@ def test_errors_are_those_of_the_states_that_the_gpu_came_to(subject):
     sheet, truth = bench_cloth._truth(
         subject, level_sheet(4), replace(TINY, truth=2), 1 / 60, lambda part: None
     )
-    from chapters.ch05.logic.cloth_twin import Twin
-    from chapters.ch05.logic.cloth_types import Steps
+    from chapters.ch05.cloth.twin import Twin
+    from chapters.ch05.cloth.types import Steps
 
     twin = Twin(sheet, Steps(substeps=2), dtype=np.float32).advance(3)
     assert np.abs(twin.positions - state.positions).max() < 1e-6
@@ -169,7 +169,7 @@ def test_frames_with_the_setting_on_and_off_are_the_same(subject, monkeypatch):
 
 
 def test_the_large_sheet_hangs_in_the_building(subject, monkeypatch):
-    from chapters.ch05.logic.cloth_scene import cloth_scene
+    from chapters.ch05.cloth.scene import cloth_scene
 
     monkeypatch.setattr(scenes, "load", lambda name: subject.scene)  # the atrium takes a second
     scene = async_compute.building_with_sheet(12)

@@ -10,8 +10,8 @@ import pytest
 
 import chapters
 from backends.contract import Access
-from chapters.ch04.logic.frame_graph import compile_graph
-from chapters.ch04.logic.graph_types import GraphError, Node
+from chapters.ch04.graph.frame_graph import compile_graph
+from chapters.ch04.graph.types import GraphError, Node
 from tests.common.gltf.builder import triangle
 
 

@@ -9,7 +9,7 @@ import pytest
 
 import chapters
 from assets import locate
-from chapters.ch04.logic.graph_report import text
+from chapters.ch04.graph.report import text
 from chapters.ch04.settings import Settings
 from common.gltf import load_scene
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from chapters.ch03.logic import sections
-from chapters.ch03.logic.scene_cache import open_scene
+from chapters.ch03.scene_cache import sections
+from chapters.ch03.scene_cache.cache import open_scene
 from common.images import read_image
 from tests.common.gltf.builder import TRIANGLE, Gltf, triangle
 from tools.run.opening import Opening

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from common.environment import environment
-from common.environment import Environment, clean, constant, read_environment
+from common.environment import Environment, clean, constant, environment, read_environment
 from common.environment.directions import panorama_directions, panorama_solid_angles
 from common.errors import UserError
 from common.images import image_size, write_image

@@ -76,3 +76,13 @@ def test_a_cache_that_is_none_is_explained(monkeypatch, tmp_path):
     monkeypatch.setenv("STRATA_CACHE", str(tmp_path / "file"))
     assert cache_dir("any") is None
     assert cache_problem().startswith(f"{tmp_path / 'file'} cannot be written (")
+
+
+def test_a_pattern_that_matches_nothing_is_an_error(tmp_path):
+    for name in ("b.py", "a.py", "c.txt"):
+        (tmp_path / name).write_text("")
+    (tmp_path / "folder.py").mkdir()
+    found = paths.matched(("c.txt", "*.py", "a.*"), tmp_path)
+    assert [path.name for path in found] == ["a.py", "b.py", "c.txt"]
+    with pytest.raises(FileNotFoundError, match=r"matches old/\*\.py"):
+        paths.matched(("*.py", "old/*.py"), tmp_path)

@@ -43,7 +43,9 @@ def test_the_way_through_a_repair(strata, tmp_path):
         code, out, err = strata("check", "mine", "--hint")
         assert code == 0 and out.splitlines() == [f"{n}. {hint}" for n, hint in enumerate(hints[:shown], 1)]
     assert "last one" in err
-    (broken,) = [path for path in folder.glob("logic/*.py") if b"first & 0xFF," in path.read_bytes()]
+    (broken,) = [
+        path for path in folder.glob("pipelines/spirv/*.py") if b"first & 0xFF," in path.read_bytes()
+    ]
     broken.write_bytes(broken.read_bytes().replace(b"0xFF,", b"0xFFFF,"))
     for name in [name for name in sys.modules if name.startswith(Folder(folder).package)]:
         del sys.modules[name]  # a check in another process would read the files anew
@@ -117,7 +119,7 @@ def test_a_check_names_the_backend_that_is_wrong(strata, tmp_path):
     strata("exercise", 1, "half-a-mirror", "--into", "mine")
     assert strata("check", "mine")[1].startswith("Not right yet. Vulkan: ")
     strata("exercise", 1, "half-a-mirror", "--solution", "--into", "done")
-    path = tmp_path / "done" / "gl" / "forward.py"
+    path = tmp_path / "done" / "shading" / "gl_forward.py"
     path.write_text(
         path.read_text("utf-8").replace('"clockwise" if mirrored', '"clockwise" if not mirrored'), "utf-8"
     )
@@ -126,7 +128,7 @@ def test_a_check_names_the_backend_that_is_wrong(strata, tmp_path):
 
 def test_what_a_reader_broke_besides_is_shown_by_its_own_lines(strata, tmp_path):
     strata("exercise", 2, CPU, "--into", "mine")
-    path = tmp_path / "mine" / "logic" / "spirv.py"
+    path = tmp_path / "mine" / "pipelines" / "spirv" / "parser.py"
     path.write_text(path.read_text("utf-8") + "\nbroken = nothing\n", "utf-8")
     code, _, err = strata("check", "mine")
     assert code == 1 and "NameError" in err and "broken = nothing" in err

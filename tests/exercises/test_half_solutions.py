@@ -17,29 +17,37 @@ pytestmark = pytest.mark.feature("tools/exercises")
 
 WAITED = ("SLOTS]\n        self.wait(slot)",)
 VALUES = """SLOTS]
-        from .timeline import wait_timelines
+        from ..queues.vulkan_timeline import wait_timelines
         wait_timelines([(one, {}) for one in self.pace.timelines.values()])"""
 
 CASES = {
     "unsorted": (
         (2, "set-table"),
-        ("logic/set_table.py", "(one.set, one.binding, _name(one))", "(one.set, one.kind, _name(one))"),
+        (
+            "pipelines/spirv/set_table.py",
+            "(one.set, one.binding, _name(one))",
+            "(one.set, one.kind, _name(one))",
+        ),
         "should be",
     ),
     "open though closed": (
         (2, "set-table"),
-        ("logic/set_table.py", ".counts[:1] == (0,)", ".counts != ()"),
+        ("pipelines/spirv/set_table.py", ".counts[:1] == (0,)", ".counts != ()"),
         'should be "set 0 binding 4: storage Table_, 48 bytes"',
     ),
     "leaked": (
         (2, "reused-slot"),
-        ("graphics/bindless.py", "self._resources.defer(lambda: self._give_back(kind, slot))", "pass"),
+        (
+            "scene/textures/vulkan_bindless.py",
+            "self._resources.defer(lambda: self._give_back(kind, slot))",
+            "pass",
+        ),
         "never given out again",
     ),
     "written too early": (
         (2, "reused-slot"),
         (
-            "graphics/bindless.py",
+            "scene/textures/vulkan_bindless.py",
             "self._resources.defer(lambda: self._give_back(kind, slot))",
             "self._queue[kind, slot] = self._dummy[kind]\n"
             "        self._resources.defer(lambda: self._slots[kind].give_back(slot))",
@@ -48,18 +56,22 @@ CASES = {
     ),
     "a pool for each thread, whatever the frame": (
         (3, "pool-of-another"),
-        ("graphics/command_pools.py", "pool_index(slot.index, self._workers", "pool_index(0, self._workers"),
+        (
+            "frames/recording/vulkan_pools.py",
+            "pool_index(slot.index, self._workers",
+            "pool_index(0, self._workers",
+        ),
         "Two frame slots",
     ),
     "hashed every time": (
         (3, "put-back-times"),
-        ("logic/scene_sources.py", "(found != state or racy)", "True"),
+        ("scene_cache/sources.py", "(found != state or racy)", "True"),
         "read and hashed all the same",
     ),
     "refused unasked": (
         (3, "put-back-times"),
         (
-            "logic/scene_sources.py",
+            "scene_cache/sources.py",
             "        if found.size >= 0 and",
             "        if found != state:\n            return False\n        if found.size >= 0 and",
         ),
@@ -67,17 +79,17 @@ CASES = {
     ),
     "both the other way round": (
         (3, "wrong-way-round"),
-        ("graphics/upload_barriers.py", "families = (giver, taker)", "families = (taker, giver)"),
+        ("loading/vulkan_barriers.py", "families = (giver, taker)", "families = (taker, giver)"),
         "the release says",
     ),
     "equals by the last": (
         (3, "critical-path"),
-        ("logic/critical_path.py", "max(step.after, key", "max(reversed(step.after), key"),
+        ("tasks/critical_path.py", "max(step.after, key", "max(reversed(step.after), key"),
         "named first",
     ),
     "shared with nobody": (
         (4, "one-step-short"),
-        ("logic/graph_memory.py", "return (first[:, None] <= last) &", "return (first[:, None] >= 0) |"),
+        ("graph/memory/placement.py", "return (first[:, None] <= last) &", "return (first[:, None] >= 0) |"),
         "512 bytes do",
     ),
     "black behind everything": (
@@ -87,7 +99,7 @@ CASES = {
     ),
     "who reads what was written is no writer": (
         (4, "no-new-layout"),
-        ("logic/graph_barriers.py", "both is None or both.writes", "both is None or touch.writes"),
+        ("graph/sync/barriers.py", "both is None or both.writes", "both is None or touch.writes"),
         "visible to the first reader",
     ),
     "squared": (
@@ -102,28 +114,28 @@ CASES = {
     ),
     "there without being asked for": (
         (4, "natural-vignette"),
-        ("passes/vignette.py", "settings.vignette and ", ""),
+        ("post/vulkan_vignette.py", "settings.vignette and ", ""),
         "runs all the same",
     ),
     "by name alone": (
         (4, "fewest-bytes"),
-        ("logic/order_bytes.py", "(sum(behind(name).values()), name)", "name"),
+        ("graph/order_bytes.py", "(sum(behind(name).values()), name)", "name"),
         "One branch",
     ),
     "a colour for each spring": (
         (5, "few-colours"),
-        ("logic/cloth_colors.py", "bit = ~both & (both + 1)", "bit = 1 << len(bits)"),
+        ("cloth/colors.py", "bit = ~both & (both + 1)", "bit = 1 << len(bits)"),
         "are enough",
     ),
     "in numbers of 64 bits": (
         (5, "few-colours"),
-        ("logic/cloth_colors.py", "bit = ~both & (both + 1)", "bit = ~both & (both + 1) & (2**64 - 1)"),
+        ("cloth/colors.py", "bit = ~both & (both + 1)", "bit = ~both & (both + 1) & (2**64 - 1)"),
         "a star of 100 springs",
     ),
     "for the last one of the other queue": (
         (5, "cpu-has-waited"),
         (
-            "logic/batches.py",
+            "graph/execute/batches.py",
             "            values = frame[wait.batch] if frame else {}\n",
             "            other = QUEUES[batch.queue == GRAPHICS]\n"
             "            values = {other: self._last[other]} if frame else {}\n",
@@ -132,18 +144,18 @@ CASES = {
     ),
     "even where there is none before": (
         (5, "cpu-has-waited"),
-        ("logic/batches.py", "frame[wait.batch] if frame else {}", "frame[wait.batch]"),
+        ("graph/execute/batches.py", "frame[wait.batch] if frame else {}", "frame[wait.batch]"),
         "In front of the first frame",
     ),
     "not below 0": (
         (5, "minus-one"),
-        ("graphics/recordings.py", *WAITED, VALUES.format("max(0, self.number - 1)")),
+        ("frames/recording/vulkan_recordings.py", *WAITED, VALUES.format("max(0, self.number - 1)")),
         "a scene without cloth, frame 2 never begins",
     ),
     "nor above what was promised": (
         (5, "minus-one"),
         (
-            "graphics/recordings.py",
+            "frames/recording/vulkan_recordings.py",
             *WAITED,
             VALUES.format("min(one.last, max(0, self.number - 1))"),
         ),
@@ -151,7 +163,7 @@ CASES = {
     ),
     "for all that was promised": (
         (5, "minus-one"),
-        ("graphics/recordings.py", *WAITED, VALUES.format("one.last")),
+        ("frames/recording/vulkan_recordings.py", *WAITED, VALUES.format("one.last")),
         "the CPU waits for more than its slot",
     ),
     "along its line": (
@@ -162,7 +174,7 @@ CASES = {
     "of its first size": (
         (5, "capsule"),
         (
-            "logic/cloth_dispatches.py",
+            "cloth/dispatches.py",
             "(collider.radius, collider.half[1], 0.0)) * scale.max()",
             "(collider.radius, collider.half[1], 0.0))",
         ),
@@ -170,12 +182,12 @@ CASES = {
     ),
     "with open ends": (
         (5, "capsule"),
-        ("logic/cloth_twin.py", "np.clip(q[:, 1], -size[1], size[1])", "q[:, 1]"),
+        ("cloth/twin.py", "np.clip(q[:, 1], -size[1], size[1])", "q[:, 1]"),
         "In the twin, what begins in its upper end",
     ),
     "in front of the others": (
         (5, "grain"),
-        ("passes/grain.py", '    queue = "compute"\n', ""),
+        ("post/vulkan_grain.py", '    queue = "compute"\n', ""),
         "runs on the queue for graphics",
     ),
     "the same in each frame": (

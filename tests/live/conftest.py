@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from backends import shader_text
-from chapters.ch01.gl import pipelines as on_gl
-from chapters.ch01.graphics import pipelines as on_vulkan
+from chapters.ch01.pipelines import gl as on_gl
+from chapters.ch01.pipelines import vulkan as on_vulkan
 from tests.support.chapter import Chapter
 from tests.support.gl_functions import assert_silent
 

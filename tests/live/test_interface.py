@@ -12,8 +12,8 @@ from backends.gl.programs import Programs
 from backends.shader_interface import Field, Slot, misfit
 from backends.vulkan import spirv_interface
 from backends.vulkan.shaders import compile_all
-from chapters.ch01.graphics.pipelines import SHADERS
-from chapters.ch01.logic.snippets import SNIPPETS
+from chapters.ch01.pipelines.snippets import SNIPPETS
+from chapters.ch01.pipelines.vulkan import SHADERS
 from common import layouts
 from tests.support.timing import least_time, timed
 

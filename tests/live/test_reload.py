@@ -16,10 +16,10 @@ import pytest
 
 import chapters
 from backends.vulkan import shaders as compiler
+from chapters.ch01 import gl_renderer as on_gl
 from chapters.ch01 import renderer as on_vulkan
-from chapters.ch01.gl import renderer as on_gl
-from chapters.ch01.logic import stream
-from chapters.ch01.logic.environment import files_at_start
+from chapters.ch01.environment.model import files_at_start
+from chapters.ch01.frames import stream
 from common.errors import ShaderError
 from common.files import shader_files
 from common.scene import Image, Light, Material

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from chapters.ch01.logic import environment as logic
+from chapters.ch01.environment import model as logic
 from chapters.ch01.settings import Settings
 from common.environment import Environment, constant, read_environment
 from common.environment.directions import panorama_directions

@@ -18,7 +18,7 @@ LESSON = Lesson(
     title="One",
     adds=("a",),
     needs=Needs(required=frozenset({"r"}), optional=frozenset({"b", "a"})),
-    reading=("passes/sky.py",),
+    reading=("shading/vulkan_sky.py",),
 )
 '''
 

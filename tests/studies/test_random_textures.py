@@ -8,7 +8,7 @@ import pytest
 import chapters
 from backends.vulkan.device import Device
 from chapters import studies
-from chapters.ch02.logic.spirv_numbers import Op
+from chapters.ch02.pipelines.spirv.numbers import Op
 from chapters.ch02.studies.random_textures import CELL, Settings, grid
 from common.errors import UnsupportedError
 from common.images.palette import scrambled

@@ -10,7 +10,7 @@ import pytest
 import chapters
 from backends.vulkan import api as vk
 from chapters import studies
-from chapters.ch05.logic.frame import SLOTS
+from chapters.ch05.frames.frame import SLOTS
 from chapters.ch05.studies.timeline_or_fences import CELLS, WAYS, Settings
 from tools.bench.lessons.pacing import COUNTED, measure_pacing
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 from typing import Any
 
 from backends.vulkan import api as vk
-from chapters.ch05.logic.frame import SLOTS
+from chapters.ch05.frames.frame import SLOTS
 from tests.support.hazards import Barriers, Dependency, Event, Given, Signal, Submit, Use, Wait, find_hazards
 from tests.support.traced_frames import ACCESS, STAGES, layout, number, words
 

@@ -18,13 +18,13 @@ from backends.vulkan.barriers import barriers
 from backends.vulkan.once import submit_once
 from backends.vulkan.readback import TO_HOST
 from backends.vulkan.resources import create_buffer, destroy_buffer
-from chapters.ch05.gl import commands as gl_commands
-from chapters.ch05.gl import compute_pipelines as gl_compute
-from chapters.ch05.gl import pipelines as gl_pipelines
-from chapters.ch05.graphics.commands import Commands
-from chapters.ch05.graphics.compute_pipelines import ComputePipeline
-from chapters.ch05.graphics.descriptors import Descriptors
-from chapters.ch05.graphics.pipelines import Pipelines
+from chapters.ch05.frames import gl_commands as gl_commands
+from chapters.ch05.frames.vulkan_commands import Commands
+from chapters.ch05.pipelines import gl as gl_pipelines
+from chapters.ch05.pipelines import gl_compute as gl_compute
+from chapters.ch05.pipelines.vulkan import Pipelines
+from chapters.ch05.pipelines.vulkan_compute import ComputePipeline
+from chapters.ch05.pipelines.vulkan_descriptors import Descriptors
 
 
 class VulkanKernels:

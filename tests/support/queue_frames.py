@@ -22,17 +22,17 @@ from backends.contract import Access
 from backends.vulkan import api as vk
 from backends.vulkan.compute import Kernel, Sampled
 from backends.vulkan.resources import create_buffer, destroy_buffer
-from chapters.ch05.graphics.commands import Commands
-from chapters.ch05.graphics.descriptors import Descriptors
-from chapters.ch05.graphics.graph_executor import GraphExecutor
-from chapters.ch05.graphics.graph_images import GraphMemory
-from chapters.ch05.graphics.profiler import Profiler
-from chapters.ch05.graphics.queue_submission import QueueFrames
-from chapters.ch05.graphics.queues import Queues
-from chapters.ch05.graphics.resources import Resources
-from chapters.ch05.logic.frame_graph import compile_graph
-from chapters.ch05.logic.graph_queues import QUEUES
-from chapters.ch05.logic.graph_types import External, Node, Touch
+from chapters.ch05.frames.queues.vulkan_queues import Queues
+from chapters.ch05.frames.queues.vulkan_submission import QueueFrames
+from chapters.ch05.frames.vulkan_commands import Commands
+from chapters.ch05.frames.vulkan_profiler import Profiler
+from chapters.ch05.frames.vulkan_resources import Resources
+from chapters.ch05.graph.execute.vulkan import GraphExecutor
+from chapters.ch05.graph.frame_graph import compile_graph
+from chapters.ch05.graph.memory.vulkan_images import GraphMemory
+from chapters.ch05.graph.sync.queues import QUEUES
+from chapters.ch05.graph.types import External, Node, Touch
+from chapters.ch05.pipelines.vulkan_descriptors import Descriptors
 
 N = 64
 BYTES = 4 * N

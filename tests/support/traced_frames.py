@@ -15,7 +15,7 @@ from dataclasses import replace
 from typing import Any
 
 from backends.vulkan import api as vk
-from chapters.ch04.logic.frame_plan import COPY
+from chapters.ch04.graph.plan import COPY
 from tests.support.chapter import graph_truth
 from tests.support.graph_truths import PREVIOUS, places_of
 from tests.support.hazards import (

@@ -9,9 +9,9 @@ from types import SimpleNamespace
 import pytest
 
 from backends.vulkan.device import Device
-from chapters.ch03.graphics.pipelines import Pipelines
-from chapters.ch03.logic import scene_cache
-from chapters.ch03.logic.cached_images import CachedImage, compress, image_uses
+from chapters.ch03.pipelines.vulkan import Pipelines
+from chapters.ch03.scene_cache import cache
+from chapters.ch03.scene_cache.images import CachedImage, compress, image_uses
 from common.errors import UnsupportedError
 from common.gltf import load_scene
 from tests.support.timing import least_times
@@ -44,9 +44,7 @@ def way(name: str) -> bench_load._Load:
 
 def caches(path: Path) -> list[Path]:
     return [
-        one
-        for one in (scene_cache.cache_file(path, compressed) for compressed in (False, True))
-        if one.exists()
+        one for one in (cache.cache_file(path, compressed) for compressed in (False, True)) if one.exists()
     ]
 
 
@@ -98,9 +96,9 @@ def test_the_warm_up_neither_reads_nor_writes_a_cache_and_decodes_nothing(square
     def refuse(*_: object) -> None:
         raise AssertionError("the warm-up did what the load is measured by")
 
-    monkeypatch.setattr(scene_cache, "read_cache", refuse)
-    monkeypatch.setattr(scene_cache, "Writer", refuse)
-    monkeypatch.setattr(scene_cache, "maker", refuse)
+    monkeypatch.setattr(cache, "read_cache", refuse)
+    monkeypatch.setattr(cache, "Writer", refuse)
+    monkeypatch.setattr(cache, "maker", refuse)
     monkeypatch.setattr("common.gltf.images._decode", refuse)
     settings = bench_load.replace(
         bench_load.preset(bench_load.chapters.settings_class(3), "medium"), loading="wait"
@@ -138,7 +136,7 @@ def test_what_no_cache_spares_is_the_scene_without_its_texels(squares, monkeypat
     asked = []
     monkeypatch.setattr(CachedImage, "chain", lambda *use: asked.append(use))
     opened = []
-    monkeypatch.setattr(scene_cache, "put_together", recorded(scene_cache.put_together, opened))
+    monkeypatch.setattr(cache, "put_together", recorded(cache.put_together, opened))
     least = load(squares, "least")
     assert opened and not asked
     assert least["decoded_bytes"] == 2 * 4 * 4 * 4

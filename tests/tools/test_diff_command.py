@@ -141,9 +141,9 @@ def test_what_is_no_side_is_said_in_a_sentence(sides, command, tmp_path, text, s
 def test_each_file_of_opengl_stands_beside_its_twin_on_vulkan():
     vulkan, opengl = (files_of(tree_of(text), versions=True) for text in ("1@vulkan", "1@gl"))
     pairs = {key: opengl[key].path for key in vulkan.keys() & opengl.keys()}
-    assert pairs["renderer.py"] == "gl/renderer.py"
-    assert pairs["passes/forward.py"] == "gl/forward.py"
-    assert pairs["graphics/frames.py"] == "gl/frames.py"
+    assert pairs["renderer.py"] == "gl_renderer.py"
+    assert pairs["shading/vulkan_forward.py"] == "shading/gl_forward.py"
+    assert pairs["frames/vulkan.py"] == "frames/gl.py"
     drawn = {path.name for path in (chapters.FOLDER / "ch01" / "gl").glob("*.py")} - {"__init__.py"}
     assert {path.split("/")[-1] for path in pairs.values()} | {
         path.split("/")[-1] for path in opengl.keys() - vulkan.keys()
@@ -155,10 +155,10 @@ def test_each_file_of_opengl_stands_beside_its_twin_on_vulkan():
 
 
 def test_only_what_draws_on_vulkan_is_a_twin():
-    known = ["settings.py", "passes/__init__.py", "passes/sky.py", "graphics/sky.py", "renderer.py"]
+    known = ["settings.py", "passes/__init__.py", "shading/vulkan_sky.py", "graphics/sky.py", "renderer.py"]
     twins = {
-        "gl/sky.py": "passes/sky.py",
-        "gl/renderer.py": "renderer.py",
+        "shading/gl_sky.py": "shading/vulkan_sky.py",
+        "gl_renderer.py": "renderer.py",
         "gl/settings.py": "gl/settings.py",
     }
     assert {path: twin(path, known) for path in twins} == twins
@@ -201,7 +201,7 @@ def test_only_leaves_out_the_rest_with_its_counts(sides, versions):
     made = compare(*sides, ["shaders", "passes"])
     assert {file.path for file in made.tree.files} == {"passes/fog.py", "shaders/forward.frag"}
     assert (made.tree.insertions, made.tree.deletions) == (6, 1)
-    assert versions.ideas[0].path == "passes/forward.py"
+    assert versions.ideas[0].path == "shading/vulkan_forward.py"
     assert {file.path.split("/")[0] for file in versions.tree.files} == {"passes"}
     with pytest.raises(UserError, match="--only shader: there is no such part; did you mean 'shaders'"):
         compare(*sides, ["shader"])
@@ -379,7 +379,7 @@ def test_a_page_of_versions_has_two_columns(versions):
     assert kinds.count("pair both") > 5 and kinds.count("pair") > 5
 
 
-@pytest.mark.parametrize("name", ["renderer.py", "shaders/forward.frag", "README.md", "logic/packing.py"])
+@pytest.mark.parametrize("name", ["renderer.py", "shaders/forward.frag", "README.md", "scene/packing.py"])
 def test_colours_lose_no_character(name):
     source = Source(name, (chapters.FOLDER / "ch01" / name).read_bytes())
     made = highlighted(source)

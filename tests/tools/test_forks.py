@@ -264,21 +264,21 @@ def test_calls_of_a_fork_are_checked_unless_told_otherwise(fork, strata, vulkan_
 
 FAULTS = {
     "a name that is not there": (
-        "passes/tonemap.py",
+        "post/vulkan_tonemap.py",
         "\nclass ",
         "\nabsent\n\n\nclass ",
         "NameError: name 'absent'",
         "absent",
     ),
     "half a line": (
-        "passes/tonemap.py",
+        "post/vulkan_tonemap.py",
         "\nclass ",
         "\ndef (\n\n\nclass ",
         "SyntaxError: invalid syntax",
         "def (",
     ),
     "a division in a frame": (
-        "passes/tonemap.py",
+        "post/vulkan_tonemap.py",
         "        commands.draw_fullscreen()",
         "        1 / 0",
         "ZeroDivisionError: division by zero",
@@ -344,7 +344,7 @@ def test_a_fork_is_tested_by_the_tests_of_its_chapter(fork, monkeypatch):
 
 
 def test_tests_run_on_the_fork_and_leave_no_results_of_the_project(fork, tmp_path, vulkan_instance):
-    edit(fork, "logic/packing.py", "    return -(centers @ view", "    return (centers @ view")
+    edit(fork, "scene/packing.py", "    return -(centers @ view", "    return (centers @ view")
     panes = "test_three_panes_of_glass_blend_from_back_to_front[vulkan-red-green-blue-from behind]"
     done = subprocess.run(
         [

@@ -202,11 +202,11 @@ def test_every_kind_of_import_leads_to_the_other_package(tmp_path):
 def test_a_digest_is_of_what_a_test_leads_to_and_of_nothing_else(tmp_path):
     """Modules, theirs in turn, and shaders where one is named; studies, READMEs and other modules are no part."""
     test, logic, draws = (tmp_path / name for name in ("test_a.py", "test_b.py", "test_c.py"))
-    test.write_text("from chapters.ch01.passes.sky import draw\n")
+    test.write_text("from chapters.ch01.shading.vulkan_sky import draw\n")
     logic.write_text("def test_x():\n    from chapters.ch01.logic import numbers\n")
     draws.write_text("def test_x(chapter): pass\n")
     files = {
-        "passes/sky.py": "from ..logic.numbers import ONE\nSHADER = 'sky.frag'\n",
+        "shading/vulkan_sky.py": "from ..logic.numbers import ONE\nSHADER = 'sky.frag'\n",
         "logic/numbers.py": "ONE = 1\n",
         "shaders/sky.frag": "void main() {}\n",
         "renderer.py": "from . import LESSON\n",
@@ -226,7 +226,7 @@ def test_a_digest_is_of_what_a_test_leads_to_and_of_nothing_else(tmp_path):
     same = digests(0)
     assert len({*same}) == 3
     expected = {
-        "passes/sky.py": [False, True, False],
+        "shading/vulkan_sky.py": [False, True, False],
         "logic/numbers.py": [False, False, False],
         "shaders/sky.frag": [False, True, False],
         "renderer.py": [True, True, False],

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from chapters.ch01.logic.views import NAMES
+from chapters.ch01.shading.views import NAMES
 from common.images import read_image
 from tests.common.gltf.builder import triangle
 

@@ -9,9 +9,9 @@ import pytest
 
 import chapters
 from chapters import scenes
-from chapters.ch01.logic.packing import material_variant
-from chapters.ch01.logic.views import NAMES, VIEWS, number_of
+from chapters.ch01.scene.packing import material_variant
 from chapters.ch01.settings import Settings
+from chapters.ch01.shading.views import NAMES, VIEWS, number_of
 from common.environment.sky import sky
 from common.images import palette
 from common.images.color import decode_srgb, encode_srgb

@@ -154,7 +154,7 @@ def pairs(
 
 def _parts(number: int, api: str, quick: bool, only: Sequence[str]) -> tuple[str, ...] | None:
     """Return what is measured of a chapter on a graphics API; None if it has no such version, or none of the parts."""
-    if api == "gl" and not (chapters.folder_of(number) / "gl" / "renderer.py").is_file():
+    if api == "gl" and not (chapters.folder_of(number) / "gl_renderer.py").is_file():
         return None
     wanted: Collection[str] = only or (QUICK_PARTS if quick else bench.PARTS)
     parts = tuple(part for part in bench.parts_of(number, api) if part in wanted)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import PurePosixPath
@@ -147,10 +148,12 @@ def paths(file: FileDifference) -> list[str]:
 
 
 def pass_of(file: FileDifference) -> str:
-    """Return the name of the pass that a file would belong to by its place: passes/x.py, gl/x.py, shaders/x.frag."""
+    """Return the name of the pass that a file may belong to: x of a/x.py, a/vulkan_x.py, a/x.frag; a of a/vulkan.py."""
     path = PurePosixPath(file.path)
-    inside = len(path.parts) == 2 and path.parts[0] in ("passes", "gl", "shaders")
-    return path.stem if inside else ""
+    if len(path.parts) != 2:
+        return ""
+    name = re.sub(r"^(vulkan|gl)(_|$)", "", path.stem)
+    return name or path.parts[0]
 
 
 def count(insertions: int, deletions: int) -> str:

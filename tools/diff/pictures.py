@@ -67,7 +67,9 @@ def passes_of(side: Side, wanted: Collection[str]) -> dict[str, bytes]:
     if side.own and side.number is not None:
         module = chapters.renderer_module(side.number, backend)
     else:
-        module = import_module(f"{package_of(side.folder)}{'.gl' if backend == 'gl' else ''}.renderer")
+        module = import_module(
+            f"{package_of(side.folder)}.{'gl_renderer' if backend == 'gl' else 'renderer'}"
+        )
     found = {}
     with module.Renderer(scene, SIZE, inspect=True) as renderer:
         view = chapters.view_of(renderer)

@@ -20,8 +20,9 @@ from common.names import suggest
 from tools.diff.files import Source, sources
 
 BACKENDS = {"": "", "vulkan": " on Vulkan", "gl": " on OpenGL"}
-VULKAN_ONLY = ("passes/", "graphics/")
-"""Folders of what a chapter does with Vulkan; beside `renderer.py`, all of it that OpenGL does in another way."""
+OPENGL = re.compile(r"(.*/)?gl(_\w+)?\.py")
+VULKAN = re.compile(r"(.*/)?vulkan(_\w+)?\.py|renderer\.py")
+"""Files of what a chapter does in another way with OpenGL than with Vulkan."""
 
 
 @dataclass(frozen=True)
@@ -63,9 +64,9 @@ def tree_of(text: str) -> Side:
         if re.fullmatch(r"(ch)?\d+", name, re.ASCII | re.I)
         else _folder(name, backend)
     )
-    if backend == "gl" and not (side.folder / "gl" / "renderer.py").is_file():
+    if backend == "gl" and not (side.folder / "gl_renderer.py").is_file():
         raise UnsupportedError(
-            f"{text}: {name} has no OpenGL version, since gl/renderer.py is missing there."
+            f"{text}: {name} has no OpenGL version, since gl_renderer.py is missing there."
         )
     return side
 
@@ -144,26 +145,18 @@ def files_of(side: Side, versions: bool) -> dict[str, Source]:
     """Return the files that a side brings, by the key under which the other side has its twin. Raises OSError."""
     found = sources(side.folder)
     if versions and side.backend == "gl":
-        own = [path for path in found if path.startswith("gl/") and not path.endswith("__init__.py")]
-        return {twin(path, [*found]): found[path] for path in own}
+        return {twin(path, [*found]): found[path] for path in found if OPENGL.fullmatch(path)}
     if versions:
-        return {path: source for path, source in found.items() if _is_vulkan(path)}
+        return {path: source for path, source in found.items() if VULKAN.fullmatch(path)}
     if side.backend == "gl":
-        return {path: source for path, source in found.items() if path.startswith("gl/")}
+        return {path: source for path, source in found.items() if OPENGL.fullmatch(path)}
     if side.backend == "vulkan":
-        return {path: source for path, source in found.items() if not path.startswith("gl/")}
+        return {path: source for path, source in found.items() if not OPENGL.fullmatch(path)}
     return found
 
 
-def _is_vulkan(path: str) -> bool:
-    inside = path.startswith(VULKAN_ONLY) and not path.endswith("__init__.py")
-    return inside or path == "renderer.py"
-
-
 def twin(path: str, known: Sequence[str]) -> str:
-    """Return the file on Vulkan that does what `path`, "gl/x.py", does on OpenGL, or `path` where there is none."""
-    name = path.removeprefix("gl/")
-    for candidate in (f"passes/{name}", f"graphics/{name}", name):
-        if candidate in known and _is_vulkan(candidate):
-            return candidate
-    return path
+    """Return the file on Vulkan that does what `path`, "a/gl_x.py", does on OpenGL, or `path` where there is none."""
+    folder, _, name = path.rpartition("/")
+    other = "renderer.py" if path == "gl_renderer.py" else f"{folder}/vulkan{name.removeprefix('gl')}"
+    return other if other in known else path

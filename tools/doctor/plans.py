@@ -45,7 +45,7 @@ def plans(
             if device is None:
                 entry["problem"] = "no device works"
                 continue
-            if device.backend == "gl" and not (chapters.FOLDER / name / "gl" / "renderer.py").is_file():
+            if device.backend == "gl" and not (chapters.FOLDER / name / "gl_renderer.py").is_file():
                 entry["problem"] = "it has no OpenGL version"
                 continue
             plan = resolve(lesson.needs.required, lesson.needs.optional, device)

@@ -41,7 +41,7 @@ class Given:
             raise NotYet(sentence)
 
     def module(self, name: str) -> ModuleType:
-        """Return a module of the copy, as "logic.packing"; raise NotYet if it is not there."""
+        """Return a module of the copy, as "scene.packing"; raise NotYet if it is not there."""
         whole = f"{chapters.package_of(self.which)}.{name}"
         try:
             return import_module(whole)

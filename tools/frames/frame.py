@@ -267,7 +267,7 @@ def described(access: Access, written: tuple[Access, str] | None, renderer: Rend
 def held_by(renderer: Renderer) -> list[Held]:
     """Return the images and buffers of a renderer's frame graph."""
     package = type(renderer.settings).__module__.rpartition(".")[0]
-    report = import_module(f"{package}.logic.graph_report")
+    report = import_module(f"{package}.graph.report")
     found, graph = [], renderer.graph
     for row in report.rows(graph):
         one = row.resource

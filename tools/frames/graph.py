@@ -17,7 +17,7 @@ from tools.cli.stopping import prompt_stop
 from tools.run import run
 from tools.run.record import STDOUT
 
-REPORT = "logic/graph_report.py"
+REPORT = "graph/report.py"
 """The module of a chapter that shows its graph; a chapter without it has none."""
 
 
@@ -36,13 +36,13 @@ def show(request: run.Request, outputs: tuple[str, ...] = ("color",), drawing: P
     with prompt_stop():
         graph, device = compiled(which, request, outputs)
     package = chapters.package_of(which)
-    report = import_module(f"{package}.logic.graph_report")
+    report = import_module(f"{package}.graph.report")
     name = request.scene or ""
     title = f"{studies.spoken(which)}, {name}, {device}"
     if request.json is not None:
         _write("--json", request.json, json.dumps(report.record(graph), indent=1) + "\n")
     if drawing is not None:
-        _write("--svg", drawing, import_module(f"{package}.logic.graph_svg").svg(graph, title))
+        _write("--svg", drawing, import_module(f"{package}.graph.svg").svg(graph, title))
     printed = err if request.json == STDOUT else out
     printed.print(f"{title}\n{report.text(graph)}", markup=False, soft_wrap=True, end="")
     for path in (request.json, drawing):

@@ -64,7 +64,7 @@ def graph_of(renderer: Renderer) -> GraphState | None:
     if switches is None:
         return None
     package = type(renderer.settings).__module__.rpartition(".")[0]
-    report = import_module(f"{package}.logic.graph_report")
+    report = import_module(f"{package}.graph.report")
     graph, memory = renderer.graph, renderer.graph.memory
     passes = [PassRow(step.name, switches.get(step.name)) for step in graph.steps]
     passes += [PassRow(name, switches.get(name), why) for name, why in graph.left_out.items()]
@@ -85,7 +85,7 @@ def graph_of(renderer: Renderer) -> GraphState | None:
                 tuple(shared),
             )
         )
-    own = sorted(path.stem for path in import_module(f"{package}.logic.graph_json").GRAPHS.glob("*.json"))
+    own = sorted(path.stem for path in import_module(f"{package}.graph.file").GRAPHS.glob("*.json"))
     less = f", {100 * (1 - memory.size / memory.alone):.0f} % less" if memory.size < memory.alone else ""
     return GraphState(
         tuple(passes),

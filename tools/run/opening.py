@@ -14,7 +14,7 @@ from tools.cli.console import say
 if TYPE_CHECKING:
     from common.scene import Scene
 
-CACHE = "logic/scene_cache.py"
+CACHE = "scene_cache/cache.py"
 """The module of a chapter that keeps scenes: it has `open_scene`."""
 
 
@@ -77,6 +77,6 @@ def open_scene(
     path, far = scenes.named(scenes.DEFAULT if text is None else text, around)
     if path.suffix.lower() == ".obj":
         return Opening(studies.load(which, text, progress, around))
-    module = import_module(f"{chapters.package_of(which)}.logic.scene_cache")
+    module = import_module(f"{chapters.package_of(which)}.scene_cache.cache")
     opened = module.open_scene(path, progress, cached, compressed)
     return Opening(scenes.surrounded(opened.scene, far), opened.told, opened.writer)

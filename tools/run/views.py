@@ -18,14 +18,14 @@ S = TypeVar("S")
 
 def views_of(which: Whole) -> dict[str, str]:
     """Return the quantities that a chapter or a fork can show: a sentence for each name."""
-    views = import_module(f"{chapters.package_of(which)}.logic.views").VIEWS
+    views = import_module(f"{chapters.package_of(which)}.shading.views").VIEWS
     return {view.name: view.sentence for view in views}
 
 
 def stored_as(settings: Any) -> str:
     """Return what the colour of a frame with a chapter's `settings` holds: "light", or a view's "value" or "count"."""
     package = type(settings).__module__.rpartition(".")[0]
-    views = import_module(f"{package}.logic.views").VIEWS
+    views = import_module(f"{package}.shading.views").VIEWS
     return next((str(view.shown) for view in views if view.name == settings.view), "light")
 
 

@@ -12,7 +12,7 @@ from importlib import import_module
 from pathlib import Path
 
 import chapters
-from common.paths import ROOT, cache_dir, write_whole
+from common.paths import ROOT, cache_dir, matched, write_whole
 from tools.cli.console import Steps
 from tools.diff.lesson import Comparison, compare
 from tools.diff.page import page as diff_page
@@ -126,7 +126,7 @@ def _diff_page(draft: Draft, made: Comparison, page: str, drawing: bool) -> byte
         return following(diff_page(made, pictures), "../").encode(), drawing and not pictures.problems
 
     assert made.a.number is not None and made.b.number is not None
-    tools = [path for name in ("diff*.py", "site_c*.py") for path in chapters.FOLDER.glob(name)]
+    tools = matched(("tools/diff/*.py", "tools/site/chapter.py", "tools/site/code.py"))
     return _kept("diff.html", [*_files(made.a.number), *_files(made.b.number), *tools], make)
 
 
@@ -169,7 +169,7 @@ def _graph(draft: Draft, number: int, page: str, drawing: bool) -> str:
         def drawn() -> tuple[bytes, bool]:
             request = Request(number, scene="atrium", size=GRAPH_SIZE, headless=True)
             compiled, device = graph.compiled(number, request)
-            svg = import_module(f"{chapters.package_of(number)}.logic.graph_svg").svg
+            svg = import_module(f"{chapters.package_of(number)}.graph.svg").svg
             return svg(compiled, f"Chapter {number}, atrium, {device}").encode(), True
 
         draft.files[place] = _kept("graph.svg", _files(number), drawn)

@@ -12,9 +12,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import chapters
+from chapters.folders import RECORD
 from common.errors import UserError
 from tools.cli.console import out, say
-from tools.snapshots.forks import BASE, RECORD, Fork, base_files, commit_of, own_files, read_fork, record_of
+from tools.snapshots.forks import BASE, Fork, base_files, commit_of, own_files, read_fork, record_of
 from tools.snapshots.merging import Labels, Step, has_markers, markers, merge_trees, show_conflict, writes
 from tools.snapshots.trees import Tree, digest, numbers, read_tree, write_files
 

@@ -1,5 +1,5 @@
 // What a view shows of a surface in place of its light: one function for each, chosen when the shader is compiled. The
-// names and sentences are in logic/views.py, in the order of these numbers.
+// names and sentences are in shading/views.py, in the order of these numbers.
 
 #include "palette.glsl"
 

@@ -11,8 +11,8 @@ from backends import shader_text
 from backends.vulkan import api as vk
 from backends.vulkan.shaders import compile_all
 
-from ..graphics.commands import Commands
-from ..graphics.descriptors import Binding
+from ..frames.vulkan_commands import Commands
+from ..pipelines.vulkan_descriptors import Binding
 from .drawing import Drawn
 from .first_triangle.vulkan import EVERY_CHANNEL
 from .stage_vulkan import Stage

@@ -18,9 +18,9 @@ from backends.gl.resources import (
 )
 from common.view.camera import View
 
-from ..gl.frames import FrameSlot
-from ..gl.pipelines import GraphicsPipeline
-from ..logic.frame import SLOTS
+from ..frames.frame import SLOTS
+from ..frames.gl import FrameSlot
+from ..pipelines.gl import GraphicsPipeline
 from .full_screen import AROUND, texels
 from .full_screen import FullScreen as AnyFullScreen
 from .stage_gl import Stage

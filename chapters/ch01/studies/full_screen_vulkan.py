@@ -18,10 +18,10 @@ from backends.vulkan.resources import (
 from backends.vulkan.upload import Uploader
 from common.view.camera import View
 
-from ..graphics.commands import Commands
-from ..graphics.descriptors import Binding, Texture
-from ..graphics.pipelines import GraphicsPipeline
-from ..logic.frame import SLOTS
+from ..frames.frame import SLOTS
+from ..frames.vulkan_commands import Commands
+from ..pipelines.vulkan import GraphicsPipeline
+from ..pipelines.vulkan_descriptors import Binding, Texture
 from .full_screen import AROUND, texels
 from .full_screen import FullScreen as AnyFullScreen
 from .stage_vulkan import Stage

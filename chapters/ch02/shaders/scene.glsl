@@ -14,7 +14,7 @@ struct Instance {
 layout(BIND(0, 1, 0), std430) readonly buffer Instances_ { Instance instances[]; };
 
 struct Mesh {
-    uvec4 streams[2];  // the first word of each vertex stream in the mesh's page, in the order of logic/geometry.py
+    uvec4 streams[2];  // the first word of each vertex stream in the mesh's page, in the order of scene/geometry.py
 };
 layout(BIND(0, 2, 1), std430) readonly buffer Meshes_ { Mesh meshes[]; };
 

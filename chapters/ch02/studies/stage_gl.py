@@ -5,9 +5,9 @@ from __future__ import annotations
 from backends.gl.stage import Graphics
 from backends.gl.stage import Stage as AnyStage
 
-from ..gl.frames import Frames
-from ..gl.pipelines import Pipelines
-from ..logic import frame
+from ..frames import frame
+from ..frames.gl import Frames
+from ..pipelines.gl import Pipelines
 
 
 class Stage(AnyStage):

@@ -5,13 +5,13 @@ from __future__ import annotations
 from backends.vulkan.stage import Graphics
 from backends.vulkan.stage import Stage as AnyStage
 
-from ..graphics.commands import Commands, Rendering
-from ..graphics.descriptors import Descriptors
-from ..graphics.frames import Frames
-from ..graphics.pipelines import Pipelines
-from ..graphics.profiler import Profiler
-from ..graphics.resources import target_usage
-from ..logic import frame
+from ..frames import frame
+from ..frames.vulkan import Frames
+from ..frames.vulkan_commands import Commands, Rendering
+from ..frames.vulkan_profiler import Profiler
+from ..frames.vulkan_resources import target_usage
+from ..pipelines.vulkan import Pipelines
+from ..pipelines.vulkan_descriptors import Descriptors
 
 
 class Stage(AnyStage):

@@ -1,6 +1,6 @@
 // What every kernel of the cloth simulation reads, and how it computes so that all of them get the same bits.
 //
-// All cloths of a scene lie in one set of buffers (logic/cloth_layout.py), each with its own run of particles. Vectors are
+// All cloths of a scene lie in one set of buffers (cloth/layout.py), each with its own run of particles. Vectors are
 // three floats in a row: a vec3[] would have a stride of 16 bytes. `precise` keeps a compiler from fusing a product and a
 // sum into one rounding in one kernel and not in another; dot and cross are written out since their order is not defined.
 

@@ -14,10 +14,10 @@ from backends.gl.resources import Buffer, create_buffer, destroy_buffer, read_bu
 from backends.gl.stage import Graphics
 from backends.gl.stage import Stage as AnyStage
 
-from ..gl.frames import Frames
-from ..gl.pipelines import Built, Pipelines
-from ..logic import frame
-from ..logic.dispatches import group_count
+from ..frames import frame
+from ..frames.dispatches import group_count
+from ..frames.gl import Frames
+from ..pipelines.gl import Built, Pipelines
 
 
 class Stage(AnyStage):

@@ -18,13 +18,13 @@ from backends.vulkan.resources import Buffer, create_buffer, destroy_buffer
 from backends.vulkan.stage import USAGES, Graphics
 from backends.vulkan.stage import Stage as AnyStage
 
-from ..graphics.commands import Commands, Rendering
-from ..graphics.descriptors import Descriptors, Held
-from ..graphics.frames import Frames
-from ..graphics.pipelines import Built, Pipelines
-from ..graphics.profiler import Profiler
-from ..graphics.resources import target_usage
-from ..logic import frame
+from ..frames import frame
+from ..frames.vulkan import Frames
+from ..frames.vulkan_commands import Commands, Rendering
+from ..frames.vulkan_profiler import Profiler
+from ..frames.vulkan_resources import target_usage
+from ..pipelines.vulkan import Built, Pipelines
+from ..pipelines.vulkan_descriptors import Descriptors, Held
 
 
 class Stage(AnyStage):

@@ -25,7 +25,7 @@ import chapters
 from common.scene import Scene
 from common.settings import knobs
 from tools.bench.lessons import executions as bench_executions
-from tools.bench.lessons.sheet import KNOB, level_sheet, logic_of, medium_of, opened, states, timed_step
+from tools.bench.lessons.sheet import KNOB, cloth_of, level_sheet, medium_of, opened, states, timed_step
 from tools.bench.points import Effort, Subject, middle
 from tools.cli.tables import table
 
@@ -89,7 +89,7 @@ def measure(
     sweep = sweep or (FULL if effort.everything else QUICK)
     scene, dt = level_sheet(sweep.edge), medium_of(subject).cloth_step
     sheet, truth = _truth(subject, scene, sweep, dt, lambda part: step("the float64 twin", 0.3 * part))
-    stretch = logic_of(subject, "cloth_measures").stretch
+    stretch = cloth_of(subject, "measures").stretch
     points: dict[tuple[str, int, int], dict[str, Any]] = {}
     runs = _runs(sweep)
     for number, run in enumerate(runs):
@@ -123,10 +123,10 @@ def _truth(
     subject: Subject, scene: Scene, sweep: Sweep, dt: float, step: Callable[[float], None]
 ) -> tuple[Any, list[Any]]:
     """Return the cloth, and its state at each reading."""
-    types = logic_of(subject, "cloth_types")
-    sheet = logic_of(subject, "cloth_scene").cloth_scene(scene).cloths[0]
+    types = cloth_of(subject, "types")
+    sheet = cloth_of(subject, "scene").cloth_scene(scene).cloths[0]
     cut = types.Steps(dt, sweep.truth, method="springs", integrator="verlet")
-    twin = logic_of(subject, "cloth_twin").Twin(sheet, cut)
+    twin = cloth_of(subject, "twin").Twin(sheet, cut)
     found = []
     for number in range(1, sweep.steps + 1):
         step(number / sweep.steps)

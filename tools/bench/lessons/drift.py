@@ -22,7 +22,7 @@ from rich.console import Console
 import chapters
 from common.scene.sheets import cloth, cloth_scene_of
 from common.settings import knobs
-from tools.bench.lessons.sheet import KNOB, logic_of
+from tools.bench.lessons.sheet import KNOB, cloth_of
 from tools.bench.points import Effort, Subject
 from tools.cli.tables import table
 
@@ -71,7 +71,7 @@ def measure(
         return None
     substeps = substeps or (SUBSTEPS if effort.everything else QUICK_SUBSTEPS)
     scene = cloth_scene_of(cloth(EDGE, EDGE, pins=[0, EDGE - 1], damping_per_s=0), size=(EDGE, EDGE))
-    sheet = logic_of(subject, "cloth_scene").cloth_scene(scene).cloths[0]
+    sheet = cloth_of(subject, "scene").cloth_scene(scene).cloths[0]
     points = []
     for number, case in enumerate(CASES):
         step(f"{case.name}, h omega {case.h_omega:g}", number / len(CASES))
@@ -80,11 +80,11 @@ def measure(
 
 
 def _drift(subject: Subject, sheet: Any, case: Case, count: int) -> dict[str, Any]:
-    types, measures = (logic_of(subject, name) for name in ("cloth_types", "cloth_measures"))
-    omega = logic_of(subject, "cloth_steps").greatest_omega(sheet)
+    types, measures = (cloth_of(subject, name) for name in ("types", "measures"))
+    omega = cloth_of(subject, "steps").greatest_omega(sheet)
     nothing = types.Forces(gravity=(0.0, 0.0, 0.0), air_density=0.0)
     steps = types.Steps(dt=case.h_omega / omega, substeps=1, **case.steps)
-    twin = logic_of(subject, "cloth_twin").Twin(sheet, steps, nothing, dtype=case.dtype)
+    twin = cloth_of(subject, "twin").Twin(sheet, steps, nothing, dtype=case.dtype)
     noise = np.random.default_rng(1).normal(size=sheet.positions.shape) * SPEED
     twin.state.velocities = np.where(sheet.held[:, None], 0.0, noise).astype(case.dtype)
     first = measures.energy(sheet, twin.state, nothing).total

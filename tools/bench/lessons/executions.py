@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from tools.bench.lessons.sheet import level_sheet, logic_of, medium_of, opened, states, timed_step
+from tools.bench.lessons.sheet import cloth_of, level_sheet, medium_of, opened, states, timed_step
 from tools.bench.points import Effort, Subject, middle
 from tools.cli.tables import table
 
@@ -59,7 +59,7 @@ def measure(subject: Subject, effort: Effort, step: Callable[[str, float], None]
             )
     return {
         "substeps": medium_of(subject).cloth_substeps,
-        "goes_over": logic_of(subject, "cloth_dispatches").LARGEST_GROUP,
+        "goes_over": cloth_of(subject, "dispatches").LARGEST_GROUP,
         "same": same,
         "points": points,
     }

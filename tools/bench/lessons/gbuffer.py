@@ -49,7 +49,7 @@ class _Point:
             if step is None:  # the forward path stores no surface
                 return
             size_of: Any = import_module(
-                f"{chapters.package_of(self.subject.chapter)}.logic.frame_graph"
+                f"{chapters.package_of(self.subject.chapter)}.graph.frame_graph"
             ).bytes_of
             for target in (*step.colors, step.depth):
                 self.formats[target.resource] = drawn.graph.resources[target.resource].format

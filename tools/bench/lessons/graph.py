@@ -94,7 +94,7 @@ def _settings(subject: Subject, values: dict[str, Any]) -> Any:
 
 
 def _module(subject: Subject, name: str) -> Any:
-    return import_module(f"{chapters.package_of(subject.chapter)}.logic.{name}")
+    return import_module(f"{chapters.package_of(subject.chapter)}.graph.{name}")
 
 
 # --- compiling --------------------------------------------------------------------------------------------------------
@@ -109,7 +109,7 @@ def _graph(subject: Subject, effort: Effort, name: str, values: dict[str, Any]) 
         return {
             "name": name,
             "settings": values,
-            **_module(subject, "graph_report").counts(graph),
+            **_module(subject, "report").counts(graph),
             "transient_bytes_bound": graph.memory.bound,
             "left_out": dict(graph.left_out),
             **_named("compile_ms", times, 1e3),
@@ -117,7 +117,7 @@ def _graph(subject: Subject, effort: Effort, name: str, values: dict[str, Any]) 
 
 
 def _chain(subject: Subject, effort: Effort, count: int) -> dict[str, Any]:
-    node, compile_graph = _module(subject, "graph_types").Node, _module(subject, "frame_graph").compile_graph
+    node, compile_graph = _module(subject, "types").Node, _module(subject, "frame_graph").compile_graph
     nodes = [
         node(
             f"pass {number}",

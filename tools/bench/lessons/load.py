@@ -166,7 +166,7 @@ def _warm_up(load: _Load, device: Any) -> None:
     Textures are stored as the measured load will store them, since a driver may compile code for each format. Nothing
     of a cache is touched, and no texture of the file is decoded.
     """
-    import_module(f"{chapters.package_of(load.which)}.logic.scene_cache")
+    import_module(f"{chapters.package_of(load.which)}.scene_cache.cache")
     opened = load_scene(load.path, decode=False)
     with load.renderer(replace(opened, images=_small_images(load, opened)), device) as renderer:
         renderer.render(chapters.view_of(renderer)).image("color")
@@ -174,7 +174,7 @@ def _warm_up(load: _Load, device: Any) -> None:
 
 def _small_images(load: _Load, scene: Scene) -> list[Image]:
     """Return pictures of a few texels in the place of a scene's, which are stored as those would be."""
-    cached = import_module(f"{chapters.package_of(load.which)}.logic.cached_images")
+    cached = import_module(f"{chapters.package_of(load.which)}.scene_cache.images")
     uses = cached.image_uses(scene)
     small: list[Image] = []
     for number, image in enumerate(scene.images):
@@ -211,8 +211,7 @@ class _Small(Image):
 @contextmanager
 def _building(which: chapters.Whole, backend: str) -> Iterator[list[float]]:
     """Yield a list that gets the seconds of each call that builds pipelines: texts, SPIR-V, reflection, driver."""
-    part = "gl" if backend == "gl" else "graphics"
-    pipelines = import_module(f"{chapters.package_of(which)}.{part}.pipelines").Pipelines
+    pipelines = import_module(f"{chapters.package_of(which)}.pipelines.{backend}").Pipelines
     took: list[float] = []
 
     def timed(call: Callable[..., Any]) -> Callable[..., Any]:

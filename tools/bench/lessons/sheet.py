@@ -38,9 +38,9 @@ def level_sheet(edge: int, **fabric: Any) -> Scene:
     return cloth_scene_of(said, matrices=[LEVEL], size=(edge, edge))
 
 
-def logic_of(subject: Subject, name: str) -> Any:
-    """Return a module of the logic of the subject's chapter."""
-    return import_module(f"{chapters.package_of(subject.chapter)}.logic.{name}")
+def cloth_of(subject: Subject, name: str) -> Any:
+    """Return a module of the cloth of the subject's chapter."""
+    return import_module(f"{chapters.package_of(subject.chapter)}.cloth.{name}")
 
 
 def medium_of(subject: Subject, **more: Any) -> Any:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from backends.gl import api as gl
 from common.view.camera import View
 
-from ...gl.frames import FrameSlot
+from ...frames.gl import FrameSlot
 from ..stage_gl import Stage
 from . import STUDY, color_at
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from backends.vulkan import api as vk
 from common.view.camera import View
 
-from ...graphics.commands import Commands
+from ...frames.vulkan_commands import Commands
 from ..stage_vulkan import Stage
 from . import STUDY, color_at
 

@@ -9,7 +9,7 @@ from backends.gl import api as gl
 from backends.gl.programs import Programs
 from common.view.camera import View
 
-from ...gl.frames import FrameSlot
+from ...frames.gl import FrameSlot
 from ..stage_gl import Stage
 from . import STUDY
 

@@ -10,7 +10,7 @@ from backends.vulkan import api as vk
 from backends.vulkan.shaders import compile_shader
 from common.view.camera import View
 
-from ...graphics.commands import Commands
+from ...frames.vulkan_commands import Commands
 from ..stage_vulkan import Stage
 from . import STUDY
 

@@ -10,7 +10,7 @@ from backends.gl import api as gl
 from backends.gl.resources import bind_buffer
 from common.view.camera import View
 
-from ...gl.frames import FrameSlot
+from ...frames.gl import FrameSlot
 from ..drawing_gl import Drawing
 from . import DRAWN, STUDY, UNIFORM_BYTES, Settings, uniforms
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from common.view.camera import View
 
-from ...graphics.commands import Commands
-from ...graphics.descriptors import Binding
+from ...frames.vulkan_commands import Commands
+from ...pipelines.vulkan_descriptors import Binding
 from ..drawing_vulkan import Drawing
 from . import CANVAS_BYTES, DRAWN, STUDY, UNIFORM_BYTES, LineWork, Settings, uniforms
 from . import fill as fill_canvas

@@ -8,9 +8,9 @@ from backends.gl import api as gl
 from backends.gl.resources import Buffer, bind_buffer, create_buffer, destroy_buffer
 from common.view.camera import View
 
-from ...gl.frames import FrameSlot
-from ...gl.pipelines import GraphicsPipeline
-from ...logic.frame import SLOTS
+from ...frames.frame import SLOTS
+from ...frames.gl import FrameSlot
+from ...pipelines.gl import GraphicsPipeline
 from ..stage_gl import Stage
 from . import STUDY, matrices
 

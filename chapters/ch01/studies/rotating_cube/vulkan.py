@@ -8,10 +8,10 @@ from backends.vulkan import api as vk
 from backends.vulkan.resources import Buffer, create_buffer, destroy_buffer
 from common.view.camera import View
 
-from ...graphics.commands import Commands
-from ...graphics.descriptors import Binding
-from ...graphics.pipelines import GraphicsPipeline
-from ...logic.frame import SLOTS
+from ...frames.frame import SLOTS
+from ...frames.vulkan_commands import Commands
+from ...pipelines.vulkan import GraphicsPipeline
+from ...pipelines.vulkan_descriptors import Binding
 from ..stage_vulkan import Stage
 from . import STUDY, matrices
 

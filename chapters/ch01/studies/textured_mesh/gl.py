@@ -23,11 +23,11 @@ from common.scene import Sampler, Scene
 from common.scene.primitive import alone, primitive_of
 from common.view.camera import View
 
-from ...gl.frames import FrameSlot
-from ...gl.pipelines import GraphicsPipeline
-from ...logic import texels
-from ...logic.frame import SLOTS
-from ...logic.geometry import stream_offsets
+from ...frames.frame import SLOTS
+from ...frames.gl import FrameSlot
+from ...pipelines.gl import GraphicsPipeline
+from ...scene.geometry import stream_offsets
+from ...scene.textures import texels
 from ..stage_gl import Stage
 from . import STREAMS, STUDY, UNIFORM_BYTES, Settings, uniforms
 

@@ -19,12 +19,12 @@ from common.scene import Sampler, Scene
 from common.scene.primitive import alone, primitive_of
 from common.view.camera import View
 
-from ...graphics.commands import Commands
-from ...graphics.descriptors import Binding, Texture
-from ...graphics.pipelines import GraphicsPipeline
-from ...logic import texels
-from ...logic.frame import SLOTS
-from ...logic.geometry import stream_offsets
+from ...frames.frame import SLOTS
+from ...frames.vulkan_commands import Commands
+from ...pipelines.vulkan import GraphicsPipeline
+from ...pipelines.vulkan_descriptors import Binding, Texture
+from ...scene.geometry import stream_offsets
+from ...scene.textures import texels
 from ..stage_vulkan import Stage
 from . import STREAMS, STUDY, UNIFORM_BYTES, Settings, uniforms
 

@@ -13,7 +13,7 @@ from backends.gl.upload import Uploader
 from common.scene import Sampler
 from common.view.camera import View
 
-from ...gl.frames import FrameSlot
+from ...frames.gl import FrameSlot
 from ..drawing_gl import Drawing
 from . import (
     CAPACITY,

@@ -13,8 +13,8 @@ from backends.vulkan.upload import Uploader
 from common.scene import Sampler
 from common.view.camera import View
 
-from ...graphics.commands import Commands
-from ...graphics.descriptors import Binding, Texture
+from ...frames.vulkan_commands import Commands
+from ...pipelines.vulkan_descriptors import Binding, Texture
 from ..drawing_vulkan import Drawing
 from . import (
     CAPACITY,

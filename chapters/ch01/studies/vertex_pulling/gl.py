@@ -12,7 +12,7 @@ from common.scene import Scene
 from common.scene.primitive import alone, primitive_of
 from common.view.camera import View
 
-from ...gl.frames import FrameSlot
+from ...frames.gl import FrameSlot
 from ..drawing_gl import Drawing
 from . import STUDY, UNIFORM_BYTES, Settings, drawn, uniforms, vertices_of
 

@@ -11,8 +11,8 @@ from common.scene import Scene
 from common.scene.primitive import alone, primitive_of
 from common.view.camera import View
 
-from ...graphics.commands import Commands
-from ...graphics.descriptors import Binding
+from ...frames.vulkan_commands import Commands
+from ...pipelines.vulkan_descriptors import Binding
 from ..drawing_vulkan import Drawing
 from . import STUDY, UNIFORM_BYTES, Settings, corners_of, draws_of, plan_of, uniforms
 

@@ -12,8 +12,8 @@ from common.scene import Scene
 from common.scene.primitive import alone, primitive_of
 from common.view.camera import View
 
-from ...graphics.commands import Commands
-from ...graphics.pipelines import GraphicsPipeline
+from ...frames.vulkan_commands import Commands
+from ...pipelines.vulkan import GraphicsPipeline
 from ..stage_vulkan import Stage
 from . import SHADERS, STUDY, UNIFORM, Settings, uniforms, vertices_of
 

@@ -8,8 +8,8 @@ from backends.gl import api as gl
 from backends.gl.resources import bind_buffer, bind_texture
 from common.view.camera import View
 
-from ...gl.frames import FrameSlot
-from ...gl.pipelines import GraphicsPipeline
+from ...frames.gl import FrameSlot
+from ...pipelines.gl import GraphicsPipeline
 from ..stage_gl import Stage
 from . import (
     CAPACITY,

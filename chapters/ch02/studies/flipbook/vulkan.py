@@ -7,9 +7,9 @@ import numpy as np
 from backends.vulkan import api as vk
 from common.view.camera import View
 
-from ...graphics.commands import Commands
-from ...graphics.descriptors import Texture
-from ...graphics.pipelines import GraphicsPipeline
+from ...frames.vulkan_commands import Commands
+from ...pipelines.vulkan import GraphicsPipeline
+from ...pipelines.vulkan_descriptors import Texture
 from ..stage_vulkan import Stage
 from . import (
     CAPACITY,

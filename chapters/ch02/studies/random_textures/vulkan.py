@@ -7,11 +7,11 @@ import numpy as np
 from backends.vulkan import api as vk
 from common.view.camera import View
 
-from ...graphics.bindless import DUMMY, Bindless
-from ...graphics.commands import Commands
-from ...graphics.descriptors import Texture
-from ...graphics.pipelines import GraphicsPipeline
-from ...graphics.resources import Resources
+from ...frames.vulkan_commands import Commands
+from ...frames.vulkan_resources import Resources
+from ...pipelines.vulkan import GraphicsPipeline
+from ...pipelines.vulkan_descriptors import Texture
+from ...scene.textures.vulkan_bindless import DUMMY, Bindless
 from ..stage_vulkan import Stage
 from . import (
     SHADERS,

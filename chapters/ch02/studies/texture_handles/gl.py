@@ -11,9 +11,9 @@ from backends.gl.resources import bind_buffer, bind_texture
 from common.errors import UnsupportedError
 from common.view.camera import View
 
-from ...gl.frames import FrameSlot
-from ...gl.pipelines import GraphicsPipeline
-from ...logic.draw_lists import COMMAND
+from ...frames.gl import FrameSlot
+from ...pipelines.gl import GraphicsPipeline
+from ...scene.draw_lists import COMMAND
 from ..stage_gl import Stage
 from . import COUNT, EXTENSION, INDICES, SHADERS, SMOOTH, STUDY, Settings, defines, textures
 

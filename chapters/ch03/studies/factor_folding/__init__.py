@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from common.lessons import Study
 
-from ...logic.frame import OUTPUTS
+from ...frames.frame import OUTPUTS
 from ...settings import Settings as Settings
 
 STUDY = Study(

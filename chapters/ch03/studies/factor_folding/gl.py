@@ -6,7 +6,7 @@ from typing import Any
 
 from common.scene import Scene
 
-from ...gl.renderer import Renderer as ChapterRenderer
+from ...gl_renderer import Renderer as ChapterRenderer
 from .folding import folded
 
 

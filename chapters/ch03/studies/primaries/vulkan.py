@@ -8,12 +8,12 @@ from backends.vulkan import api as vk
 from backends.vulkan.barriers import barriers, image_barrier
 from common.view.camera import View
 
-from ...graphics.command_pools import CommandPools
-from ...graphics.commands import Commands, Rendering
-from ...graphics.frames import Frames, FrameSlot
-from ...graphics.pipelines import GraphicsPipeline
-from ...logic.tasks import split
-from ...logic.workers import Workers
+from ...frames.recording.vulkan_pools import CommandPools
+from ...frames.vulkan import Frames, FrameSlot
+from ...frames.vulkan_commands import Commands, Rendering
+from ...pipelines.vulkan import GraphicsPipeline
+from ...tasks.scheduler import split
+from ...tasks.workers import Workers
 from ..stage_vulkan import Stage
 from . import SHADERS, SQUARES, STUDY, Settings
 

@@ -9,8 +9,8 @@ from backends.gl.resources import bind_buffer
 from backends.gl.targets import begin
 from common.view.camera import View
 
-from ...gl.frames import FrameSlot
-from ...gl.pipelines import GraphicsPipeline
+from ...frames.gl import FrameSlot
+from ...pipelines.gl import GraphicsPipeline
 from ..stage_gl import Stage
 from . import CLEAR_COLOR, CLEAR_DEPTH, PANELS, SHADERS, STUDY, UNIFORM_BYTES, Settings, uniforms
 

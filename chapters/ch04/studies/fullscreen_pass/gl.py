@@ -6,8 +6,8 @@ from backends.gl import api as gl
 from backends.gl.targets import begin
 from common.view.camera import View
 
-from ...gl.frames import FrameSlot
-from ...gl.pipelines import GraphicsPipeline
+from ...frames.gl import FrameSlot
+from ...pipelines.gl import GraphicsPipeline
 from ..stage_gl import Stage
 from . import EMPTY, SHADERS, STUDY, VERTICES, WRITTEN, Settings, defines
 

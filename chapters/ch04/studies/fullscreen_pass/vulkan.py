@@ -8,8 +8,8 @@ from backends.vulkan import api as vk
 from backends.vulkan.barriers import barriers, image_barrier
 from common.view.camera import View
 
-from ...graphics.commands import Commands, Rendering
-from ...graphics.pipelines import GraphicsPipeline
+from ...frames.vulkan_commands import Commands, Rendering
+from ...pipelines.vulkan import GraphicsPipeline
 from ..stage_vulkan import Stage
 from . import EMPTY, SHADERS, STUDY, VERTICES, WRITTEN, Settings, defines
 

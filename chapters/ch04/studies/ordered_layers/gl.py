@@ -8,8 +8,8 @@ from backends.gl.targets import begin
 from common.scene import Sampler
 from common.view.camera import View
 
-from ...gl.frames import FrameSlot
-from ...gl.pipelines import GraphicsPipeline
+from ...frames.gl import FrameSlot
+from ...pipelines.gl import GraphicsPipeline
 from ..stage_gl import Stage
 from . import CLEAR, SCREEN, SHADERS, STUDY, Item, LayerWork, Settings, defines, items, passes_of
 

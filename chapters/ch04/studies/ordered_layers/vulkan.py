@@ -10,9 +10,9 @@ from backends.vulkan.resources import Image
 from common.scene import Sampler
 from common.view.camera import View
 
-from ...graphics.commands import Commands, Rendering
-from ...graphics.descriptors import Sets, Texture
-from ...graphics.pipelines import GraphicsPipeline
+from ...frames.vulkan_commands import Commands, Rendering
+from ...pipelines.vulkan import GraphicsPipeline
+from ...pipelines.vulkan_descriptors import Sets, Texture
 from ..stage_vulkan import Stage
 from . import CLEAR, SCREEN, SHADERS, STUDY, Item, LayerWork, Settings, defines, items, passes_of
 

@@ -9,7 +9,7 @@ from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 from backends.vulkan.resources import Image
 
-from ...graphics.commands import Commands
+from ...frames.vulkan_commands import Commands
 from . import CLEAR_COLOR, CLEAR_DEPTH
 from .flags import Flag
 from .objects import create_render_pass

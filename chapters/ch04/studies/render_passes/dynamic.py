@@ -10,7 +10,7 @@ from backends.vulkan.barriers import STATES, barriers, image_barrier
 from backends.vulkan.device import Device
 from backends.vulkan.resources import FORMATS, Image
 
-from ...graphics.commands import Commands
+from ...frames.vulkan_commands import Commands
 from . import CLEAR_COLOR, CLEAR_DEPTH, GOES_ON, SCENE, SHOWN
 from .flags import Flag, Use, uses
 from .objects import LOADS, STORES

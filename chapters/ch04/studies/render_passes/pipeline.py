@@ -10,9 +10,9 @@ from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 from backends.vulkan.live import compile_stages
 
-from ...graphics.pipelines import SHADERS, Built
-from ...graphics.reflection import STAGES, Stage, merge
-from ...graphics.set_layouts import Layouts
+from ...pipelines.vulkan import SHADERS, Built
+from ...pipelines.vulkan_layouts import Layouts
+from ...pipelines.vulkan_reflection import STAGES, Stage, merge
 
 _EVERY_CHANNEL = 0xF
 

@@ -9,9 +9,9 @@ from backends.vulkan import api as vk
 from common.scene import Sampler
 from common.view.camera import View
 
-from ...graphics.commands import Commands
-from ...graphics.descriptors import Texture
-from ...graphics.pipelines import Built
+from ...frames.vulkan_commands import Commands
+from ...pipelines.vulkan import Built
+from ...pipelines.vulkan_descriptors import Texture
 from ..stage_vulkan import Stage
 from . import FLAGS, FORMATS, GOES_ON, SCENE, SHOWN, SQUARES, STUDY, PassWork, Settings
 from .classic import Classic

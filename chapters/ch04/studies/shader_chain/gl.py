@@ -8,8 +8,8 @@ from backends.gl.resources import Image, bind_texture
 from backends.gl.targets import begin
 from common.view.camera import View
 
-from ...gl.frames import FrameSlot
-from ...gl.pipelines import Built, GraphicsPipeline
+from ...frames.gl import FrameSlot
+from ...pipelines.gl import Built, GraphicsPipeline
 from ..stage_gl import Stage
 from . import COPY, EMPTY, STUDY, TEXELS, Pass, Settings, chain, check, original, shaders, stored, textures
 

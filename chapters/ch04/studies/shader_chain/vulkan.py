@@ -9,9 +9,9 @@ from backends.vulkan.barriers import barriers, image_barrier
 from backends.vulkan.resources import Image
 from common.view.camera import View
 
-from ...graphics.commands import Commands, Rendering
-from ...graphics.descriptors import Texture
-from ...graphics.pipelines import Built, GraphicsPipeline
+from ...frames.vulkan_commands import Commands, Rendering
+from ...pipelines.vulkan import Built, GraphicsPipeline
+from ...pipelines.vulkan_descriptors import Texture
 from ..stage_vulkan import Stage
 from . import COPY, EMPTY, STUDY, TEXELS, Pass, Settings, chain, check, original, shaders, stored, textures
 

@@ -25,7 +25,7 @@ from common.errors import UserError
 from common.lessons import Study
 from common.settings import knob
 
-from ...logic.dispatches import group_count
+from ...frames.dispatches import group_count
 
 STUDY = Study(
     title="dispatch size",

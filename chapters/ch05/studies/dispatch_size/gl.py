@@ -8,9 +8,9 @@ from backends.gl import api as gl
 from backends.gl.resources import bind_buffer, write_buffer
 from common.view.camera import View
 
-from ...gl.compute_pipelines import ComputePipeline
-from ...gl.frames import FrameSlot
-from ...gl.pipelines import GraphicsPipeline
+from ...frames.gl import FrameSlot
+from ...pipelines.gl import GraphicsPipeline
+from ...pipelines.gl_compute import ComputePipeline
 from ..stage_gl import Stage
 from . import KERNEL, SHADERS, STUDY, Settings, check, defines, groups_of, push, room, work_of
 

@@ -8,9 +8,9 @@ from backends.vulkan import api as vk
 from backends.vulkan.barriers import barriers
 from common.view.camera import View
 
-from ...graphics.commands import Commands
-from ...graphics.compute_pipelines import ComputePipeline
-from ...graphics.pipelines import GraphicsPipeline
+from ...frames.vulkan_commands import Commands
+from ...pipelines.vulkan import GraphicsPipeline
+from ...pipelines.vulkan_compute import ComputePipeline
 from ..stage_vulkan import Stage
 from . import KERNEL, SHADERS, STUDY, Settings, check, defines, groups_of, push, room, work_of
 

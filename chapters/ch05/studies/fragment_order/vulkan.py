@@ -10,8 +10,8 @@ from backends.vulkan.barriers import barriers, image_barrier
 from common.errors import UnsupportedError
 from common.view.camera import View
 
-from ...graphics.commands import Commands, Rendering
-from ...graphics.pipelines import GraphicsPipeline
+from ...frames.vulkan_commands import Commands, Rendering
+from ...pipelines.vulkan import GraphicsPipeline
 from ..stage_vulkan import Stage
 from . import COVER, POINTS, STUDY, VERTICES, OrderWork, Settings, places, push, shown
 

@@ -9,9 +9,9 @@ from backends.gl import api as gl
 from backends.gl.resources import bind_storage_image, bind_texture, create_image, destroy_image
 from common.view.camera import View
 
-from ...gl.compute_pipelines import ComputePipeline
-from ...gl.frames import FrameSlot
-from ...gl.pipelines import GraphicsPipeline
+from ...frames.gl import FrameSlot
+from ...pipelines.gl import GraphicsPipeline
+from ...pipelines.gl_compute import ComputePipeline
 from ..stage_gl import Stage
 from . import SHADERS, STUDY, TEXELS, KernelWork, Settings, kernel, push, texture_size
 

@@ -11,10 +11,10 @@ from backends.vulkan.barriers import barriers, image_barrier
 from backends.vulkan.resources import create_image, destroy_image
 from common.view.camera import View
 
-from ...graphics.commands import Commands
-from ...graphics.compute_pipelines import ComputePipeline
-from ...graphics.descriptors import Texture
-from ...graphics.pipelines import GraphicsPipeline
+from ...frames.vulkan_commands import Commands
+from ...pipelines.vulkan import GraphicsPipeline
+from ...pipelines.vulkan_compute import ComputePipeline
+from ...pipelines.vulkan_descriptors import Texture
 from ..stage_vulkan import Stage
 from . import SHADERS, STUDY, TEXELS, KernelWork, Settings, kernel, push, texture_size
 

@@ -12,8 +12,8 @@ from typing import Any
 from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 
-from ...graphics.queues import Queues
-from ...logic.frame import SLOTS
+from ...frames.frame import SLOTS
+from ...frames.queues.vulkan_queues import Queues
 from .slots import COMPUTE, EVERYTHING, FRAGMENT, Slot, semaphore_info
 
 FOREVER = 2**64 - 1

@@ -8,9 +8,9 @@ from typing import Any, Protocol
 from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 
-from ...graphics.frames import FrameSlot
-from ...graphics.queues import Queues
-from ...logic.frame import SLOTS
+from ...frames.frame import SLOTS
+from ...frames.queues.vulkan_queues import Queues
+from ...frames.vulkan import FrameSlot
 
 
 class Slot(FrameSlot):
@@ -39,7 +39,7 @@ class Way(Protocol):
 
 
 class Slots:
-    """A ring of slots, as `graphics.frames.Frames` is one, with the clock running."""
+    """A ring of slots, as `frames.vulkan.Frames` is one, with the clock running."""
 
     def __init__(self, device: Device, queues: Queues) -> None:
         self._device = device

@@ -8,9 +8,9 @@ from typing import Any
 from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 
-from ...graphics.legacy_submit import LegacySubmit
-from ...graphics.queues import Queues
-from ...graphics.timeline import Timeline, Waiting
+from ...frames.queues.vulkan_legacy import LegacySubmit
+from ...frames.queues.vulkan_queues import Queues
+from ...frames.queues.vulkan_timeline import Timeline, Waiting
 from .slots import COMPUTE, EVERYTHING, FRAGMENT, Slot, semaphore_info
 
 

@@ -11,10 +11,10 @@ from backends.vulkan import api as vk
 from backends.vulkan.resources import create_buffer, destroy_buffer
 from common.view.camera import View
 
-from ...graphics.commands import Commands
-from ...graphics.compute_pipelines import ComputePipeline
-from ...graphics.pipelines import GraphicsPipeline
-from ...graphics.queues import Queues
+from ...frames.queues.vulkan_queues import Queues
+from ...frames.vulkan_commands import Commands
+from ...pipelines.vulkan import GraphicsPipeline
+from ...pipelines.vulkan_compute import ComputePipeline
 from ..stage_vulkan import Stage
 from . import CELLS, STUDY, PaceWork, Settings
 from .fences import Fences

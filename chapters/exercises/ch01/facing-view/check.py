@@ -15,7 +15,7 @@ from tools.exercises.checking import Given
 
 def check(given: Given) -> None:
     """Look from the front, from a corner, and at something unlit."""
-    names = given.module("logic.views").NAMES
+    names = given.module("shading.views").NAMES
     given.need("facing" in names, "There is no view facing yet.")
     given.need(
         names[-1] == "facing", "A new view goes to the end: the numbers of the others are part of shaders."

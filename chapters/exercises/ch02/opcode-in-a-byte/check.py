@@ -34,7 +34,7 @@ def bound(type_: list[int], storage: int) -> bytes:
 def parsed(given: Given, code: bytes, what: str) -> Any:
     """Return what the copy's parser makes of a module that has `what`."""
     try:
-        return given.module("logic.spirv").parse(code)
+        return given.module("pipelines.spirv.parser").parse(code)
     except ShaderError as error:
         raise NotYet(f"A module with {what} is refused: {error}") from None
 

@@ -17,7 +17,7 @@ def check(given: Given) -> None:
     if not given.device.has("bindless"):
         name = given.device.capabilities.device
         raise UnsupportedError(f"This exercise needs bindless textures, which {name} lacks.")
-    slots = given.module("logic.frame").SLOTS
+    slots = given.module("frames.frame").SLOTS
     image = Image("texels", np.full((2, 2, 4), 200, np.uint8))
     scene = quad_scene(Material(unlit=True, base_color_texture=texture()), images=(image,))
     with given.open(scene, (8, 8)) as made:

@@ -37,9 +37,9 @@ WANTED = [
 
 def check(given: Given) -> None:
     """Compare line by line, and an empty module at last."""
-    rows: Any = getattr(given.module("logic.set_table"), "rows", None)
-    given.need(callable(rows), "logic/set_table.py has no function rows yet.")
-    parse = given.module("logic.spirv").parse
+    rows: Any = getattr(given.module("pipelines.spirv.set_table"), "rows", None)
+    given.need(callable(rows), "pipelines/spirv/set_table.py has no function rows yet.")
+    parse = given.module("pipelines.spirv.parser").parse
     extensions = ("GL_EXT_nonuniform_qualifier",)
     code = compile_shader(shader_text.build_text(SHADER, "comp", "vulkan", extensions=extensions))
     lines = list(rows(parse(code)))

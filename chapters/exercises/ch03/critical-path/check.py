@@ -21,9 +21,9 @@ FRAME = {
 
 def check(given: Given) -> None:
     """A frame, no task, tasks without a time, equal chains, and graphs at random."""
-    found: Any = getattr(given.module("logic.critical_path"), "critical_path", None)
-    given.need(callable(found), "logic/critical_path.py has no function critical_path yet.")
-    graph_class = given.module("logic.task_graph").TaskGraph
+    found: Any = getattr(given.module("tasks.critical_path"), "critical_path", None)
+    given.need(callable(found), "tasks/critical_path.py has no function critical_path yet.")
+    graph_class = given.module("tasks.graph").TaskGraph
 
     def answer(steps: Mapping[str, Sequence[str]], times: Mapping[str, float]) -> tuple[float, list[str]]:
         graph = graph_class("checked")

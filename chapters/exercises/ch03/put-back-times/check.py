@@ -15,7 +15,7 @@ OLD, NEW = b"one scene", b"other one"
 
 def check(given: Given) -> None:
     """Ask for files that are as they were, touched, and replaced."""
-    sources: Any = given.module("logic.scene_sources")
+    sources: Any = given.module("scene_cache.sources")
     with TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "scene.bin").write_bytes(OLD)

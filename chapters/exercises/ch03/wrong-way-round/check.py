@@ -12,7 +12,7 @@ GIVER, TAKER = 2, 0
 
 def check(given: Given) -> None:
     """Compare release and acquire of one image, between two families and within one."""
-    barriers: Any = given.module("graphics.upload_barriers")
+    barriers: Any = given.module("loading.vulkan_barriers")
     part = barriers.Part(vk.NULL, vk.VK_IMAGE_ASPECT_COLOR_BIT, 1, 3, 2)
     release, acquire = barriers.after_copy(part, GIVER, TAKER)
     given.need(acquire is not None, "Between two families of queues there is no acquire.")

@@ -22,9 +22,9 @@ BEFORE = {"end left": ("begin left",), "end right": ("begin right",), "merge": (
 
 def check(given: Given) -> None:
     """Two branches, a graph without passes, and graphs at random."""
-    found: Any = getattr(given.module("logic.order_bytes"), "order_by_bytes", None)
-    given.need(callable(found), "logic/order_bytes.py has no function order_by_bytes yet.")
-    edge = given.module("logic.graph_types").Edge
+    found: Any = getattr(given.module("graph.order_bytes"), "order_by_bytes", None)
+    given.need(callable(found), "graph/order_bytes.py has no function order_by_bytes yet.")
+    edge = given.module("graph.types").Edge
 
     def answer(names: Sequence[str], before: Mapping[str, Sequence[str]], uses: Uses) -> list[str]:
         edges = [edge(one, name, "", "reads") for name in names for one in before.get(name, ())]

@@ -50,7 +50,7 @@ def _barriers(
     given: Given, *passes: tuple[tuple[Access, ...], tuple[Access, ...]]
 ) -> list[dict[str, set[str]]]:
     """Return by step the resources that have a barrier, with the writing that it makes visible."""
-    node, compiler = given.module("logic.graph_types").Node, given.module("logic.frame_graph")
+    node, compiler = given.module("graph.types").Node, given.module("graph.frame_graph")
     nodes = [node(f"pass {number}", reads, writes) for number, (reads, writes) in enumerate(passes)]
     graph: Any = compiler.compile_graph(nodes, (8, 8), {"out"})
     return [

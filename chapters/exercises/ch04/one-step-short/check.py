@@ -13,8 +13,8 @@ UNIT = 256
 
 def check(given: Given) -> None:
     """A chain of passes, and lives at random."""
-    memory: Any = given.module("logic.graph_memory")
-    need = given.module("logic.graph_types").Requirement
+    memory: Any = given.module("graph.memory.placement")
+    need = given.module("graph.types").Requirement
     chain = {"first": (0, 1), "second": (1, 2), "third": (2, 3)}
     _hold(given, memory, need, chain, dict.fromkeys(chain, UNIT))
     size = memory.place_transients(chain, dict.fromkeys(chain, need(UNIT))).size

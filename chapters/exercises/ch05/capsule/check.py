@@ -17,8 +17,8 @@ TOLERANCE = 1e-5
 
 def check(given: Given) -> None:
     """Around the middle, around both ends, on the axis, outside; with a capsule that lies, is turned, moved, scaled."""
-    layout = given.module("logic.cloth_layout")
-    given.need("capsule" in layout.SHAPES, "SHAPES in logic/cloth_layout.py has no capsule yet.")
+    layout = given.module("cloth.layout")
+    given.need("capsule" in layout.SHAPES, "SHAPES in cloth/layout.py has no capsule yet.")
     given.need(
         layout.SHAPES[:3] == ("sphere", "plane", "box"), "The numbers of the shapes before it are other ones."
     )
@@ -66,7 +66,7 @@ class _Piece:
         self, given: Given, what: str, matrix: np.ndarray, half: float, local: dict[str, np.ndarray]
     ) -> None:
         self._given, self._what, self._matrix, self._half, self._local = given, what, matrix, half, local
-        collider = given.module("logic.cloth_types").Collider
+        collider = given.module("cloth.types").Collider
         self.collider = collider("capsule", matrix, radius=0.25, half=(0.0, half, 0.0))
         self.world = np.concatenate(list(local.values())) @ matrix[:3, :3].T + matrix[:3, 3]
 
@@ -92,8 +92,8 @@ class _Piece:
 
 def _moved(given: Given, points: np.ndarray, colliders: list[Any]) -> list[tuple[str, np.ndarray]]:
     """Let a cloth begin at all points, without weight and with its springs at rest; return where it is after a step."""
-    types, twin = given.module("logic.cloth_types"), given.module("logic.cloth_twin")
-    made = sheet(given.module("logic.cloth_build").build_cloth, 5, len(points) // 5, pins=[])
+    types, twin = given.module("cloth.types"), given.module("cloth.twin")
+    made = sheet(given.module("cloth.build").build_cloth, 5, len(points) // 5, pins=[])
     rest = np.linalg.norm(points[made.springs[:, 0]] - points[made.springs[:, 1]], axis=1)
     made = replace(
         made,
@@ -130,10 +130,10 @@ def _pushed(begins: np.ndarray, ends: np.ndarray, half: float) -> np.ndarray:
 
 def _on_gpu(given: Given, made: Any, steps: Any, forces: Any, colliders: list[Any]) -> np.ndarray:
     """Return the positions (P, 3) after a step of the kernels."""
-    layout, jobs = given.module("logic.cloth_layout"), given.module("logic.cloth_dispatches")
+    layout, jobs = given.module("cloth.layout"), given.module("cloth.dispatches")
     packed = layout.pack([made], colliders=len(colliders))
     arrays = jobs.frame_arrays(packed, steps, forces, jobs.Moment.still(1, begin=True), colliders)
-    shaders = Path(given.module("logic.environment").SHADERS)
+    shaders = Path(given.module("environment.model").SHADERS)
     found = run(shaders, given.device, packed, jobs.dispatches(packed, steps, 1, "dispatch"), arrays)
     given.silent()
     return found["positions"].reshape(-1, 3)

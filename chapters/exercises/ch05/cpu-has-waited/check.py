@@ -30,7 +30,7 @@ class _Frames:
     """Frames in which `fog` computes something, `draw` reads it and `tonemap` comes last; and who waits for whom."""
 
     def __init__(self, given: Given, what: str, made: Access, read: Access, slotted: bool = False) -> None:
-        words = given.module("logic.graph_types")
+        words = given.module("graph.types")
         nodes = [
             words.Node("fog", (), (made,), queue="compute"),
             words.Node("draw", (read,), (Access("lit", "color", "rgba8"),)),
@@ -38,12 +38,12 @@ class _Frames:
         ]
         free = words.Touch("", frozenset(), frozenset())
         externals = {"fog": words.External(None, None, free, bytes=256)} if slotted else None
-        compiler: Any = given.module("logic.frame_graph")
+        compiler: Any = given.module("graph.frame_graph")
         self.graph = compiler.compile_graph(
             nodes, (8, 8), {"picture"}, externals, queues=("graphics", "compute")
         )
         self._given, self._what, self._slotted = given, what, slotted
-        self._logic: Any = given.module("logic.batches")
+        self._logic: Any = given.module("graph.execute.batches")
         self.rests: set[int] = set()
 
     def hold(self) -> None:

@@ -28,7 +28,7 @@ def check(given: Given) -> None:
     for what, springs in SMALL.items():
         _hold(given, what, springs)
     _hold(given, "a star of 100 springs", [(0, number + 1) for number in range(100)])
-    cloth = sheet(given.module("logic.cloth_build").build_cloth, 9, 7)
+    cloth = sheet(given.module("cloth.build").build_cloth, 9, 7)
     _hold(given, "a sheet of 9 x 7 particles", [(int(a), int(b)) for a, b in cloth.springs])
     rng = random.Random(5)
     for _ in range(50):
@@ -38,7 +38,7 @@ def check(given: Given) -> None:
 
 
 def _hold(given: Given, what: str, springs: Sequence[Pair]) -> None:
-    find: Any = given.module("logic.cloth_colors").color_springs
+    find: Any = given.module("cloth.colors").color_springs
     particles = 1 + max(max(pair) for pair in springs)
     colors = np.asarray(find(np.array(springs), particles)).tolist()
     given.need(

@@ -82,7 +82,7 @@ def _look(given: Given, graph: Any, wanted: bool) -> None:
         step.kind == "compute" and step.queue == "compute",
         f"The pass runs on the queue for {step.queue}: it asks for none, or draws.",
     )
-    overlaps: Any = given.module("logic.graph_overlap").overlaps
+    overlaps: Any = given.module("graph.sync.overlap").overlaps
     beside = {graph.steps[other].name for other in overlaps(graph)[steps["grain"]].now}
     late = [name for name in ("gbuffer", "lighting") if name not in beside]
     given.need(

@@ -33,7 +33,7 @@ def check(given: Given) -> None:
 @contextmanager
 def _on_compute(given: Given) -> Iterator[str]:
     """Yield the path of a graph whose lighting asks for the compute queue: so graphics has two batches."""
-    told = json.loads(given.module("logic.graph_json").graph_path("compute").read_text("utf-8"))
+    told = json.loads(given.module("graph.file").graph_path("compute").read_text("utf-8"))
     for entry in told["passes"]:
         if entry["pass"] == "lighting_compute":
             entry["queue"] = "compute"
@@ -45,7 +45,7 @@ def _on_compute(given: Given) -> Iterator[str]:
 
 def _follow(given: Given, what: str, scene: Scene, view: View, **knobs: Any) -> None:
     """Draw frames; in each the CPU has to wait for what was signalled up to the frame that had its slot before."""
-    slots = given.module("logic.frame").SLOTS
+    slots = given.module("frames.frame").SLOTS
     with given.open(scene, (8, 8), **knobs) as made:
         opened: Any = made
         timelines = {number(one.handle): name for name, one in opened._frames.pace.timelines.items()}

@@ -40,7 +40,7 @@ class _Frame:
         slotted: bool = False,
         queues: tuple[str, ...] = ("graphics", "compute"),
     ) -> None:
-        words = given.module("logic.graph_types")
+        words = given.module("graph.types")
         fog = Access("fog", "storage") if slotted else Access("fog", "sampled")
 
         def draws(name: str, read: tuple[str, ...], *written: Access) -> Any:
@@ -57,8 +57,8 @@ class _Frame:
         ]
         free = words.Touch("", frozenset(), frozenset())
         externals = {"fog": words.External(None, None, free, bytes=64)} if slotted else None
-        compiler: Any = given.module("logic.frame_graph")
-        self._logic: Any = given.module("logic.batches")
+        compiler: Any = given.module("graph.frame_graph")
+        self._logic: Any = given.module("graph.execute.batches")
         self.graph = compiler.compile_graph(nodes, (64, 32), {OUTPUT}, externals, queues=queues)
         self.batches = self._logic.batches_of(self.graph)
 

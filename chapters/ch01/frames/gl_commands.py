@@ -1,0 +1,118 @@
+"""Turns lists of draws into calls, and counts them: what frames/vulkan_commands.py records, called at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from backends.gl import api as gl
+from backends.gl.context import PUSH_BINDING, Context
+from backends.gl.targets import Framebuffer, begin
+
+from ..pipelines.gl import Built, Pipelines
+from .gl import FrameSlot
+
+
+class Draw(NamedTuple):
+    """One draw of a mesh: the byte offset of its push constants, its indices, its first vertex."""
+
+    push: int
+    index_count: int
+    indices: Any  # where its first index lies, as a pointer
+    first_vertex: int
+
+
+Textures = tuple[tuple[int, int, int], ...]
+"""What a material binds: (unit, view, sampler) of each of its textures."""
+
+
+@dataclass(frozen=True)
+class DrawGroup:
+    """Draws that share pipeline, culling and textures."""
+
+    pipeline: Built
+    cull: bool
+    front: str
+    material: int
+    textures: Textures
+    draws: Sequence[Draw]
+
+
+@dataclass(frozen=True)
+class Rendering:
+    """A framebuffer, and what its attachments start from; None keeps what is there."""
+
+    target: Framebuffer
+    clear_color: Sequence[float] | Sequence[int] | None = None
+    clear_depth: float | None = None
+
+
+class Commands:
+    """Makes the calls of one frame, and counts what it draws."""
+
+    def __init__(self, context: Context, pipelines: Pipelines, push_buffer: int, push_size: int) -> None:
+        self._context, self._pipelines = context, pipelines
+        self._push_buffer, self._push_size = push_buffer, push_size
+        self.slot: FrameSlot
+        self.work: dict[str, int] = {}
+
+    def begin(self, slot: FrameSlot) -> None:
+        """Work for `slot` from here on, with all counters at zero."""
+        self.slot = slot
+        self.work = {"draws": 0, "triangles": 0, "pipeline_binds": 0, "descriptor_binds": 0}
+
+    # --- around passes: the renderer's ---
+
+    def begin_rendering(self, rendering: Rendering) -> None:
+        """Begin drawing to a framebuffer, over its whole size."""
+        begin(self._context, rendering.target, (rendering.clear_color,), rendering.clear_depth)
+
+    # --- within passes ---
+
+    def bind_pipeline(self, pipeline: Built, cull: bool, front: str) -> None:
+        """Bind a pipeline and set what it is drawn with."""
+        self._pipelines.bind(pipeline, cull, front)
+        self.work["pipeline_binds"] += 1
+
+    def bind_textures(self, textures: Textures) -> None:
+        """Bind the textures of a material."""
+        fn = self._context.fn
+        for unit, view, sampler in textures:
+            fn.glBindTextureUnit(unit, view)
+            fn.glBindSampler(unit, sampler)
+        self.work["descriptor_binds"] += 1
+
+    def draw_fullscreen(self, vertex_array: int) -> None:
+        """Draw the one triangle of `fullscreen.vert`."""
+        self._context.fn.glBindVertexArray(vertex_array)
+        self._context.fn.glDrawArrays(gl.GL_TRIANGLES, 0, 3)
+        self.work["draws"] += 1
+        self.work["triangles"] += 1
+
+    def draw_groups(self, groups: Sequence[DrawGroup], vertex_array: int) -> None:
+        """Draw all of `groups` in order."""
+        fn = self._context.fn
+        fn.glBindVertexArray(vertex_array)
+        # Looked up once: the loop runs for every object of the scene, every frame.
+        bind, draw = fn.glBindBufferRange, fn.glDrawElementsBaseVertex
+        uniform, buffer, size = gl.GL_UNIFORM_BUFFER, self._push_buffer, self._push_size
+        triangles_of, unsigned = gl.GL_TRIANGLES, gl.GL_UNSIGNED_INT
+        bound: tuple[Any, bool, str] | None = None
+        textures: Textures = ()
+        count = triangles = 0
+        for group in groups:
+            state = (group.pipeline, group.cull, group.front)
+            if state != bound:
+                self.bind_pipeline(*state)
+                bound = state
+            if group.textures and group.textures is not textures:
+                self.bind_textures(group.textures)
+                textures = group.textures
+            for push, index_count, indices, first_vertex in group.draws:
+                bind(uniform, PUSH_BINDING, buffer, push, size)
+                draw(triangles_of, index_count, unsigned, indices, first_vertex)
+                triangles += index_count
+            count += len(group.draws)
+        self.work["draws"] += count
+        self.work["triangles"] += triangles // 3

@@ -1,1 +1,0 @@
-"""The passes of a frame, one module each."""

@@ -1,0 +1,252 @@
+"""Graphics pipelines: a description in plain words, and the object the driver builds from it.
+
+Equal descriptions share one pipeline. Viewport, scissor, culling and the front face are dynamic state, since they
+change with the window and with mirrored objects; everything else is fixed when the pipeline is built.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal
+
+from backends import shader_text
+from backends.vulkan import api as vk
+from backends.vulkan.device import Device
+from backends.vulkan.live import Stages, check_fit, compile_stages
+from backends.vulkan.resources import FORMATS
+
+from .snippets import PUSH_SIZE, SNIPPETS
+
+SHADERS = Path(__file__).resolve().parents[1] / "shaders"
+
+_STAGES = {
+    ".vert": vk.VK_SHADER_STAGE_VERTEX_BIT,
+    ".frag": vk.VK_SHADER_STAGE_FRAGMENT_BIT,
+}
+
+_VERTEX_FORMATS = {
+    2: vk.VK_FORMAT_R32G32_SFLOAT,
+    3: vk.VK_FORMAT_R32G32B32_SFLOAT,
+    4: vk.VK_FORMAT_R32G32B32A32_SFLOAT,
+}
+
+_ALL_CHANNELS = (
+    vk.VK_COLOR_COMPONENT_R_BIT
+    | vk.VK_COLOR_COMPONENT_G_BIT
+    | vk.VK_COLOR_COMPONENT_B_BIT
+    | vk.VK_COLOR_COMPONENT_A_BIT
+)
+
+
+@dataclass(frozen=True)
+class GraphicsPipeline:
+    """What a pipeline is made of. `streams` are (shader location, floats per vertex), one vertex buffer each."""
+
+    shaders: tuple[str, ...]
+    set_layouts: tuple[Any, ...] = ()
+    defines: tuple[tuple[str, int | float | str], ...] = ()
+    streams: tuple[tuple[int, int], ...] = ()
+    color: str | None = "rgba16f"
+    depth: Literal["write", "test", "equal"] | None = "write"
+    blend: Literal["over", "add"] | None = None
+    samples: int = 1
+    name: str = ""
+
+
+@dataclass(eq=False)
+class Built:
+    """A pipeline with the layout through which descriptors and push constants reach it.
+
+    Whoever draws with it asks for the handle each time: it is another one after a shader was edited.
+    """
+
+    handle: Any
+    layout: Any
+    stages: Stages
+
+
+class Pipelines:
+    """Builds pipelines at their first use and keeps them."""
+
+    def __init__(self, device: Device) -> None:
+        self._device = device
+        self._built: dict[GraphicsPipeline, Built] = {}
+        self._layouts: dict[tuple[Any, ...], Any] = {}
+
+    def __len__(self) -> int:
+        return len(self._built)
+
+    def get(self, wanted: Sequence[GraphicsPipeline]) -> list[Built]:
+        """Return one pipeline per description; those that are new have their shaders compiled together, on threads."""
+        new = [described for described in dict.fromkeys(wanted) if described not in self._built]
+        for described, stages in zip(new, self._compile(new), strict=True):
+            handle = self._build(described, stages.codes)
+            self._built[described] = Built(handle, self._layout(described.set_layouts), stages)
+        return [self._built[described] for described in wanted]
+
+    def _compile(self, wanted: Sequence[GraphicsPipeline], keep: bool = True) -> list[Stages]:
+        sources = [
+            [
+                shader_text.build(
+                    SHADERS / file, "vulkan", defines=dict(described.defines), snippets=SNIPPETS
+                )
+                for file in described.shaders
+            ]
+            for described in wanted
+        ]
+        return compile_stages(sources, keep)
+
+    @property
+    def files(self) -> frozenset[Path]:
+        """All on disk that decides about the shaders of these pipelines."""
+        return frozenset().union(*(built.stages.files for built in self._built.values()))
+
+    def reload(
+        self, changed: Collection[Path], retire: Callable[[Callable[[], None]], None]
+    ) -> tuple[str, ...]:
+        """Build the pipelines anew whose code a file of `changed` changes, and return their names; all, or none.
+
+        `retire` gets what destroys an old pipeline, to be called when no frame in flight uses it. Raises ShaderError
+        for a shader that does not compile, or that no longer fits what is bound to it.
+        """
+        old = {described: built for described, built in self._built.items() if built.stages.use(changed)}
+        new = dict(zip(old, self._compile(list(old), keep=False), strict=True))
+        for described, stages in new.items():
+            check_fit(old[described].stages, stages, changed)
+        anew = [described for described in old if new[described].codes != old[described].stages.codes]
+        handles: dict[GraphicsPipeline, Any] = {}
+        try:
+            for described in anew:
+                handles[described] = self._build(described, new[described].codes)
+        except BaseException:
+            for handle in handles.values():
+                self._device.destroy("VkPipeline", handle)
+            raise
+        for described in anew:
+            retire(partial(self._device.destroy, "VkPipeline", old[described].handle))
+            old[described].handle = handles[described]
+        for described, built in old.items():
+            built.stages = new[described]
+        return tuple(_name(described) for described in anew)
+
+    def _layout(self, set_layouts: tuple[Any, ...]) -> Any:
+        if set_layouts not in self._layouts:
+            stages = vk.VK_SHADER_STAGE_VERTEX_BIT | vk.VK_SHADER_STAGE_FRAGMENT_BIT
+            info = vk.new(
+                "VkPipelineLayoutCreateInfo",
+                pSetLayouts=list(set_layouts),
+                pPushConstantRanges=[{"stageFlags": stages, "size": PUSH_SIZE}],
+            )
+            self._layouts[set_layouts] = self._device.create("vkCreatePipelineLayout", info, "graphics")
+        return self._layouts[set_layouts]
+
+    def _build(self, described: GraphicsPipeline, codes: Sequence[bytes]) -> Any:
+        modules = [
+            self._device.create(
+                "vkCreateShaderModule",
+                vk.new("VkShaderModuleCreateInfo", codeSize=len(code), pCode=code),
+                file,
+            )
+            for file, code in zip(described.shaders, codes, strict=True)
+        ]
+        stages = [
+            vk.new(
+                "VkPipelineShaderStageCreateInfo",
+                stage=_STAGES[Path(file).suffix],
+                module=module,
+                pName="main",
+            )
+            for file, module in zip(described.shaders, modules, strict=True)
+        ]
+        layout = self._layout(described.set_layouts)
+        dynamic = [
+            vk.VK_DYNAMIC_STATE_VIEWPORT,
+            vk.VK_DYNAMIC_STATE_SCISSOR,
+            vk.VK_DYNAMIC_STATE_CULL_MODE,
+            vk.VK_DYNAMIC_STATE_FRONT_FACE,
+        ]
+        rendering = vk.new(
+            "VkPipelineRenderingCreateInfo",
+            pColorAttachmentFormats=[FORMATS[described.color][0]] if described.color else None,
+            depthAttachmentFormat=FORMATS["d32f"][0] if described.depth else vk.VK_FORMAT_UNDEFINED,
+        )
+        info = vk.new(
+            "VkGraphicsPipelineCreateInfo",
+            pNext=rendering,
+            pStages=stages,
+            pVertexInputState=self._vertex_input(described),
+            pInputAssemblyState={"topology": vk.VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST},
+            pViewportState={"viewportCount": 1, "scissorCount": 1},
+            pRasterizationState={"polygonMode": vk.VK_POLYGON_MODE_FILL, "lineWidth": 1.0},
+            pMultisampleState={"rasterizationSamples": described.samples},
+            pDepthStencilState=self._depth(described),
+            pColorBlendState=self._blend(described),
+            pDynamicState={"pDynamicStates": dynamic},
+            layout=layout,
+        )
+        infos = vk.array("VkGraphicsPipelineCreateInfo", [info])
+        try:
+            return self._device.create_pipelines("vkCreateGraphicsPipelines", infos, [_name(described)])[0]
+        finally:
+            for module in modules:
+                self._device.destroy("VkShaderModule", module)
+
+    @staticmethod
+    def _vertex_input(described: GraphicsPipeline) -> Any:
+        return vk.new(
+            "VkPipelineVertexInputStateCreateInfo",
+            pVertexBindingDescriptions=[
+                {"binding": location, "stride": 4 * floats, "inputRate": vk.VK_VERTEX_INPUT_RATE_VERTEX}
+                for location, floats in described.streams
+            ],
+            pVertexAttributeDescriptions=[
+                {"location": location, "binding": location, "format": _VERTEX_FORMATS[floats]}
+                for location, floats in described.streams
+            ],
+        )
+
+    @staticmethod
+    def _depth(described: GraphicsPipeline) -> Any:
+        # Reversed z: the near plane is 1, infinity 0, and nearer is greater. The float's fine steps near 0 then fall
+        # together with the coarse ones of 1/z, and depth keeps its relative precision at any distance.
+        compare = vk.VK_COMPARE_OP_EQUAL if described.depth == "equal" else vk.VK_COMPARE_OP_GREATER_OR_EQUAL
+        return vk.new(
+            "VkPipelineDepthStencilStateCreateInfo",
+            depthTestEnable=int(described.depth is not None),
+            depthWriteEnable=int(described.depth == "write"),
+            depthCompareOp=compare,
+        )
+
+    @staticmethod
+    def _blend(described: GraphicsPipeline) -> Any:
+        if described.color is None:
+            return vk.new("VkPipelineColorBlendStateCreateInfo")
+        attachment: dict[str, Any] = {"colorWriteMask": _ALL_CHANNELS}
+        if described.blend:
+            over = described.blend == "over"
+            source = vk.VK_BLEND_FACTOR_SRC_ALPHA if over else vk.VK_BLEND_FACTOR_ONE
+            kept = vk.VK_BLEND_FACTOR_ONE_MINUS_SRC_ALPHA if over else vk.VK_BLEND_FACTOR_ONE
+            attachment |= {
+                "blendEnable": 1,
+                "srcColorBlendFactor": source,
+                "dstColorBlendFactor": kept,
+                "colorBlendOp": vk.VK_BLEND_OP_ADD,
+                "srcAlphaBlendFactor": vk.VK_BLEND_FACTOR_ONE,
+                "dstAlphaBlendFactor": kept,
+                "alphaBlendOp": vk.VK_BLEND_OP_ADD,
+            }
+        return vk.new("VkPipelineColorBlendStateCreateInfo", pAttachments=[attachment])
+
+    def close(self) -> None:
+        """Free every pipeline and layout."""
+        for built in self._built.values():
+            self._device.destroy("VkPipeline", built.handle)
+        for layout in self._layouts.values():
+            self._device.destroy("VkPipelineLayout", layout)
+
+
+def _name(described: GraphicsPipeline) -> str:
+    return described.name or " + ".join(described.shaders)

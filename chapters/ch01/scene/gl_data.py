@@ -1,0 +1,306 @@
+"""The scene on the GPU: geometry and textures uploaded once, and the small buffers that are written for every frame.
+
+The layout is that of scene/vulkan_data.py: one buffer for all streams and indices, only what some material reads,
+and whatever the CPU writes from frame to frame once per slot.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from backends.gl import api as gl
+from backends.gl.context import Context
+from backends.gl.draws import PushTable, Stream, create_vertex_array
+from backends.gl.resources import (
+    Buffer,
+    Image,
+    bind_buffer,
+    bind_texture,
+    create_buffer,
+    create_image,
+    create_sampler,
+    destroy_buffer,
+    destroy_image,
+    write_buffer,
+)
+from backends.gl.upload import Uploader
+from common.scene import Change, Pose, Sampler, Scene
+
+from ..environment import model
+from ..environment.gl import EnvironmentMaps, create_environment
+from ..environment.model import Sizes
+from ..frames.frame import SLOTS
+from ..frames.gl_commands import Draw, Textures
+from ..pipelines.snippets import PUSH_SIZE
+from ..settings import Settings
+from ..shading import views
+from . import geometry, records
+from .draw_lists import Range
+from .packing import ROLES
+from .records import Records
+from .textures import texels
+
+ENVIRONMENT_UNIT = 5
+"""The first of the three texture units of the environment, after those of materials (forward.frag)."""
+
+
+@dataclass(kw_only=True)
+class _Slot(records.Slot):
+    """The buffers of one frame in flight."""
+
+    geometry: Buffer
+    vertex_array: int
+
+
+class SceneData:
+    """Everything that draws read: buffers, textures, samplers and vertex arrays."""
+
+    def __init__(self, context: Context, scene: Scene, settings: Settings, anisotropy: float) -> None:
+        self._context, self._scene, self._settings, self._anisotropy = context, scene, settings, anisotropy
+        self.records = Records(scene, settings.light_cutoff)
+        self._images: dict[texels.Key, Image] = {}
+        self._samplers: dict[tuple[Sampler, float], int] = {}
+        self._energy = settings.energy if model.needed(scene, settings) else None
+        self._choose_variants()  # it refuses what cannot be drawn, before anything is made that would be left behind
+        rows = np.zeros((max(1, len(scene.instances)), PUSH_SIZE // 4), np.uint32)
+        rows[:, 0] = np.arange(len(rows))
+        self.push = PushTable(context, rows, "push constants")
+        self.empty_vertex_array = create_vertex_array(context, [], None, None, "no vertices")
+        self._upload_geometry()
+        self._make_environment()
+        self.slots = [self._make_slot(index) for index in range(SLOTS)]
+        self._keep_textures()
+        self._kinds: Any = self._material_kinds()
+        self._materials_seen = scene.revision[Change.MATERIALS]
+
+    # --- made once ---
+
+    def _choose_variants(self) -> None:
+        # First: an edit that cannot be followed says so until another one mends it.
+        texels.check_images(self._scene, self._context.limits["maxImageDimension2D"])
+        self.variants = [
+            views.variant_of(material, self._scene, self._settings, self._energy)
+            for material in self._scene.materials
+        ]
+        self.lit = any(variant.has("LIT") for variant in self.variants)
+
+    def _upload_geometry(self) -> None:
+        scene, context = self._scene, self._context
+        self.streams = geometry.used_streams(self.variants)
+        arrays = geometry.arrays(scene, self.streams)
+        self._offsets, size = geometry.stream_offsets({name: array.nbytes for name, array in arrays.items()})
+        # Deforming vertices are written for one frame while the GPU still draws the other: one copy per slot.
+        copies = SLOTS if scene.deformations else 1
+        self._geometry = [create_buffer(context, size, "device", "geometry") for _ in range(copies)]
+        streams = [Stream(*geometry.STREAMS[name], self._offsets[name]) for name in self.streams]
+        self._vertex_arrays = []
+        for buffer in self._geometry:
+            for name, array in arrays.items():
+                write_buffer(context, buffer, array, self._offsets[name])
+            self._vertex_arrays.append(create_vertex_array(context, streams, buffer, buffer, "geometry"))
+
+    def _make_environment(self) -> None:
+        self.environment = model.NO_ENVIRONMENT
+        """What every frame's constants hold of the environment."""
+        self.prepared_ms: dict[str, float] = {}
+        self._environment: EnvironmentMaps | None = None
+        if self._energy is None or self._scene.environment is None:
+            return
+        maps = create_environment(self._context, self._scene.environment, Sizes.of(self._settings))
+        self._environment = maps
+        self.prepared_ms = {f"environment {name}": took for name, took in maps.made_ms.items()}
+        self.environment = model.frame_values(self._settings, maps.scale, maps.last_level)
+
+    def _free_geometry(self) -> None:
+        for vertex_array in self._vertex_arrays:
+            self._context.destroy("vertex array", vertex_array)
+        for buffer in self._geometry:
+            destroy_buffer(self._context, buffer)
+
+    def _make_slot(self, index: int) -> _Slot:
+        sizes = records.buffer_sizes(self._scene)
+        made = {
+            name: create_buffer(self._context, size, "upload", f"{name}, slot {index}")
+            for name, size in sizes.items()
+            if name != "lights" or self.lit
+        }
+        copy = index % len(self._geometry)
+        return _Slot(
+            frame=made["frame"],
+            instances=made["instances"],
+            materials=made["materials"],
+            lights=made.get("lights"),
+            geometry=self._geometry[copy],
+            vertex_array=self._vertex_arrays[copy],
+        )
+
+    def _keep_textures(self) -> None:
+        """Upload what is missing, give up what no material reads any more, and note what each material binds."""
+        context = self._context
+        wanted: dict[texels.Key, str] = {}
+        for material, variant in zip(self._scene.materials, self.variants, strict=True):
+            for role in variant.roles:
+                wanted.setdefault(texels.key_of(role, material.textures().get(role)), role)
+        mended = views.mends_texels(self._settings)
+        with Uploader(context) as uploader:
+            for key, role in wanted.items():
+                if key not in self._images:
+                    made = texels.texels_of(self._scene, role, key, mended)
+                    self._images[key] = self._upload(uploader, made)
+        for key in self._images.keys() - wanted.keys():
+            destroy_image(context, self._images.pop(key))  # OpenGL itself waits for the GPU's use
+        self._bound: list[Textures] = []
+        for material, variant in zip(self._scene.materials, self.variants, strict=True):
+            bound = []
+            for role in variant.roles:
+                texture = material.textures().get(role)
+                image = self._images[texels.key_of(role, texture)]
+                sampler = self.sampler(
+                    texture.sampler if texture is not None else Sampler(), self._anisotropy
+                )
+                bound.append((ROLES.index(role), image.view, sampler))
+            self._bound.append(tuple(bound))
+
+    def _upload(self, uploader: Uploader, made: texels.Texels) -> Image:
+        height, width = made.pixels.shape[:2]
+        image = create_image(
+            self._context,
+            made.format,
+            (width, height),
+            made.name,
+            levels=made.levels,
+            view_format=made.view_format,
+        )
+        uploader.image(image, made.pixels, srgb=made.srgb)
+        return image
+
+    def sampler(self, described: Sampler, anisotropy: float) -> int:
+        """Return the sampler of this description, made at its first use."""
+        key = (described, anisotropy)
+        if key not in self._samplers:
+            filters = f"{described.min}/{described.mag}/{described.mipmap}"
+            name = f"{filters} {described.wrap_u}/{described.wrap_v}"
+            self._samplers[key] = create_sampler(self._context, described, anisotropy, name)
+        return self._samplers[key]
+
+    # --- made anew when a material becomes another kind ---
+
+    def _material_kinds(self) -> Any:
+        """Return all of each material that is no number in its record: its variant, images and samplers."""
+        kinds = []
+        for material, variant in zip(self._scene.materials, self.variants, strict=True):
+            textures = material.textures()
+            used = [(role, textures[role]) for role in variant.roles if role in textures]
+            kinds.append((variant, [(texels.key_of(role, one), one.sampler) for role, one in used]))
+        return kinds
+
+    def follow_materials(self) -> bool:
+        """Make what edited materials need, give up what none needs; return whether any became another kind."""
+        revision = self._scene.revision[Change.MATERIALS]
+        if revision == self._materials_seen:
+            return False
+        self._choose_variants()
+        if self._material_kinds() == self._kinds:
+            self._materials_seen = revision
+            return False
+        self._kinds = (
+            None  # until `followed`: what is refused halfway is done anew by the next frame, from the start
+        )
+        if geometry.used_streams(self.variants) != self.streams:
+            self._free_geometry()
+            self._upload_geometry()
+            for index, slot in enumerate(self.slots):
+                copy = index % len(self._geometry)
+                slot.geometry, slot.vertex_array = self._geometry[copy], self._vertex_arrays[copy]
+                slot.written.pop("deformed", None)
+        for index, slot in enumerate(self.slots):
+            if self.lit and slot.lights is None:
+                size = records.buffer_sizes(self._scene)["lights"]
+                slot.lights = create_buffer(self._context, size, "upload", f"lights, slot {index}")
+        self._keep_textures()
+        return True
+
+    def followed(self) -> None:
+        """Note that pipelines were made, too, for what `follow_materials` made: only then is an edit done with."""
+        self._kinds, self._materials_seen = self._material_kinds(), self._scene.revision[Change.MATERIALS]
+
+    # --- what passes read ---
+
+    def textures_of(self, material: int) -> Textures:
+        """Return what the material binds."""
+        return self._bound[material]
+
+    def draw(self, one: Range) -> Draw:
+        """Return a draw as the commands take it."""
+        first = self._offsets["indices"] + 4 * one.first_index
+        return Draw(
+            one.instance * self.push.stride,
+            one.index_count,
+            gl.ffi.cast("void *", first),
+            one.first_vertex,
+        )
+
+    @property
+    def textures(self) -> int:
+        """Images that were uploaded."""
+        return len(self._images)
+
+    @property
+    def samplers(self) -> int:
+        """Samplers that were made."""
+        return len(self._samplers)
+
+    # --- for every frame ---
+
+    def write_frame(self, slot: int, constants: np.ndarray) -> None:
+        """Write the frame's constants."""
+        self.slots[slot].frame.view(constants.dtype)[0] = constants
+
+    def bind_frame(self, slot: int) -> None:
+        """Bind what all draws of a frame read; the numbers are those of scene.glsl, material.glsl and forward.frag."""
+        held, context = self.slots[slot], self._context
+        bind_buffer(context, "uniform", 0, held.frame)  # type: ignore[arg-type]
+        bind_buffer(context, "storage", 0, held.instances)  # type: ignore[arg-type]
+        bind_buffer(context, "storage", 1, held.materials)  # type: ignore[arg-type]
+        if held.lights is not None:
+            bind_buffer(context, "storage", 2, held.lights)  # type: ignore[arg-type]
+        if self._environment is not None:
+            sampler = self.sampler(model.SMOOTH, 1.0)
+            maps = self._environment
+            for unit, image in enumerate(
+                (maps.radiance, maps.irradiance, maps.table), start=ENVIRONMENT_UNIT
+            ):
+                bind_texture(context, unit, image.view, sampler)
+
+    def write_deformation(self, slot: int, pose: Pose) -> int:
+        """Write deformed vertices into the slot's geometry; return the bytes written."""
+        held, scene = self.slots[slot], self._scene
+        key = self.records.moving_key(pose)
+        if not scene.deformations or held.written.get("deformed") == key:
+            return 0
+        total = 0
+        for offset, raw in geometry.deformed(scene, pose, self.streams, self._offsets):
+            write_buffer(self._context, held.geometry, raw, offset)
+            total += raw.size
+        held.written["deformed"] = key
+        return total
+
+    def close(self) -> None:
+        """Free everything."""
+        context = self._context
+        for slot in self.slots:
+            for buffer in (slot.frame, slot.instances, slot.materials, slot.lights):
+                if buffer is not None:
+                    destroy_buffer(context, buffer)  # type: ignore[arg-type]
+        self._free_geometry()
+        for image in self._images.values():
+            destroy_image(context, image)
+        for sampler in self._samplers.values():
+            context.destroy("sampler", sampler)
+        if self._environment is not None:
+            self._environment.close(context)
+        self.push.close()
+        context.destroy("vertex array", self.empty_vertex_array)

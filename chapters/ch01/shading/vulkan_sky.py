@@ -1,0 +1,43 @@
+"""The sky: the environment as it is seen where nothing was drawn."""
+
+from __future__ import annotations
+
+from backends.vulkan import api as vk
+from common.scene import Scene
+
+from ..environment import model
+from ..frames.vulkan_commands import Commands
+from ..pipelines.vulkan import GraphicsPipeline, Pipelines
+from ..scene.vulkan_data import SceneData
+from ..settings import Settings
+from .views import PICTURE
+
+
+class Sky:
+    """One triangle at infinity. It is a part of the forward pass: behind what is solid, before what is transparent."""
+
+    def __init__(self, settings: Settings, data: SceneData, pipelines: Pipelines) -> None:
+        self._settings, self._data, self._pipelines = settings, data, pipelines
+
+    @staticmethod
+    def needed(scene: Scene, settings: Settings) -> bool:
+        """Whether there is an environment, and it is to be seen: a view shows surfaces alone."""
+        return settings.sky and settings.view == PICTURE and model.needed(scene, settings)
+
+    def create(self) -> None:
+        """Build the pipeline."""
+        described = GraphicsPipeline(
+            shaders=("fullscreen.vert", "sky.frag"),
+            set_layouts=(self._data.frame_layout,),
+            color=self._settings.color_format,
+            depth="test",
+            samples=self._settings.msaa,
+            name="sky",
+        )
+        self._pipeline = self._pipelines.get([described])[0]
+
+    def record(self, commands: Commands, frame_set: object) -> None:
+        """Record the triangle."""
+        commands.bind_pipeline(self._pipeline, vk.VK_CULL_MODE_NONE, vk.VK_FRONT_FACE_COUNTER_CLOCKWISE)
+        commands.bind_set(self._pipeline, 0, frame_set)
+        commands.draw_fullscreen()

@@ -1,0 +1,1 @@
+"""What compiled shaders declare: a parser of SPIR-V."""

@@ -1,0 +1,272 @@
+"""Graphics pipelines: a description in plain words, and the object the driver builds from it.
+
+Equal descriptions share one pipeline. Viewport, scissor, culling and the front face are dynamic state, since they
+change with the window and with mirrored objects; everything else is fixed when the pipeline is built.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal
+
+from backends import shader_text
+from backends.vulkan import api as vk
+from backends.vulkan.device import Device
+from backends.vulkan.live import Stages, check_fit, compile_stages
+from backends.vulkan.resources import FORMATS
+
+from .snippets import SNIPPETS
+from .vulkan_cache import PipelineCache
+from .vulkan_layouts import CAPACITY, Layouts, SetLayout
+from .vulkan_reflection import STAGES, Stage, check_pulled, chosen, merge
+
+SHADERS = Path(__file__).resolve().parents[1] / "shaders"
+
+BINDLESS = {"bindless.glsl": "GL_EXT_nonuniform_qualifier"}
+"""The include that declares the array of all textures, and the extension which that takes."""
+
+_ALL_CHANNELS = (
+    vk.VK_COLOR_COMPONENT_R_BIT
+    | vk.VK_COLOR_COMPONENT_G_BIT
+    | vk.VK_COLOR_COMPONENT_B_BIT
+    | vk.VK_COLOR_COMPONENT_A_BIT
+)
+
+
+@dataclass(frozen=True)
+class GraphicsPipeline:
+    """What a pipeline is made of. What it reads, its shaders say themselves.
+
+    `specialization` gives constants of theirs, by name or id, the values that they are compiled with. `dynamic` names
+    buffers whose offset comes with the bind.
+    """
+
+    shaders: tuple[str, ...]
+    defines: tuple[tuple[str, int | float | str], ...] = ()
+    specialization: tuple[tuple[str | int, int | float | bool], ...] = ()
+    dynamic: tuple[str, ...] = ()
+    color: str | None = "rgba16f"
+    depth: Literal["write", "test", "equal"] | None = "write"
+    blend: Literal["over", "add"] | None = None
+    samples: int = 1
+    name: str = ""
+
+
+def source_of(file: str, defines: Sequence[tuple[str, int | float | str]]) -> shader_text.ShaderSource:
+    """Return one of the chapter's shaders, ready for the compiler.
+
+    One that reaches the array of all textures gets the GLSL extension to which the word `nonuniformEXT` belongs. It has
+    to stand before everything else, where an include cannot put it.
+    """
+    return shader_text.build(
+        SHADERS / file, "vulkan", defines=dict(defines), extensions_with=BINDLESS, snippets=SNIPPETS
+    )
+
+
+@dataclass(eq=False)
+class Built:
+    """A pipeline with the layout through which descriptors and push constants reach it.
+
+    Whoever draws with it asks for the handle each time: it is another one after a shader was edited. `sets` are the
+    layouts of its sets by number, None where no shader uses one; `push_stages` are to be named when constants are
+    pushed, 0 where it takes none.
+    """
+
+    handle: Any
+    layout: Any
+    stages: Stages
+    sets: tuple[SetLayout | None, ...] = ()
+    push_stages: int = 0
+
+
+class Pipelines:
+    """Builds pipelines at their first use and keeps them."""
+
+    def __init__(self, device: Device, cache: PipelineCache | None = None, capacity: int = CAPACITY) -> None:
+        self._device, self._cache = device, cache
+        self._built: dict[GraphicsPipeline, Built] = {}
+        self.layouts = Layouts(device, capacity)
+
+    def __len__(self) -> int:
+        return len(self._built)
+
+    def get(self, wanted: Sequence[GraphicsPipeline]) -> list[Built]:
+        """Return one pipeline per description; those that are new have their shaders compiled together, on threads."""
+        new = [described for described in dict.fromkeys(wanted) if described not in self._built]
+        for described, stages in zip(new, self._compile(new), strict=True):
+            found = _stages(described, stages)
+            signature = merge(found, described.dynamic)
+            layout, sets = self.layouts.pipeline(signature)
+            push_stages = self.layouts.stages(signature.stages) if signature.push else 0
+            handle = self._build(described, found, layout, self._cache)
+            self._built[described] = Built(handle, layout, stages, sets, push_stages)
+        return [self._built[described] for described in wanted]
+
+    def _compile(self, wanted: Sequence[GraphicsPipeline], keep: bool = True) -> list[Stages]:
+        sources = [[source_of(file, described.defines) for file in described.shaders] for described in wanted]
+        return compile_stages(sources, keep)
+
+    @property
+    def files(self) -> frozenset[Path]:
+        """All on disk that decides about the shaders of these pipelines."""
+        return frozenset().union(*(built.stages.files for built in self._built.values()))
+
+    def reload(
+        self, changed: Collection[Path], retire: Callable[[Callable[[], None]], None]
+    ) -> tuple[str, ...]:
+        """Build the pipelines anew whose code a file of `changed` changes, and return their names; all, or none.
+
+        `retire` gets what destroys an old pipeline, to be called when no frame in flight uses it. Raises ShaderError
+        for a shader that does not compile, or that no longer fits what is bound to it.
+        """
+        old = {described: built for described, built in self._built.items() if built.stages.use(changed)}
+        new = dict(zip(old, self._compile(list(old), keep=False), strict=True))
+        for described, stages in new.items():
+            check_fit(old[described].stages, stages, changed)
+        anew = [described for described in old if new[described].codes != old[described].stages.codes]
+        handles: dict[GraphicsPipeline, Any] = {}
+        try:
+            for described in anew:
+                # In the old layout, which has all that the new shaders use: the sets that are bound were made for it.
+                # Not in the cache, which would keep every edit for ever.
+                found = _stages(described, new[described])
+                handles[described] = self._build(described, found, old[described].layout)
+        except BaseException:
+            for handle in handles.values():
+                self._device.destroy("VkPipeline", handle)
+            raise
+        for described in anew:
+            retire(partial(self._device.destroy, "VkPipeline", old[described].handle))
+            old[described].handle = handles[described]
+        for described, built in old.items():
+            built.stages = new[described]
+        return tuple(_name(described) for described in anew)
+
+    def _build(
+        self,
+        described: GraphicsPipeline,
+        found: Sequence[Stage],
+        layout: Any,
+        cache: PipelineCache | None = None,
+    ) -> Any:
+        special = [_specialization(stage) for stage in found]
+        modules = [
+            self._device.create(
+                "vkCreateShaderModule",
+                vk.new("VkShaderModuleCreateInfo", codeSize=len(stage.code), pCode=stage.code),
+                file,
+            )
+            for file, stage in zip(described.shaders, found, strict=True)
+        ]
+        stages = [
+            vk.new(
+                "VkPipelineShaderStageCreateInfo",
+                stage=STAGES[stage.name],
+                module=module,
+                pName="main",
+                pSpecializationInfo=values,
+            )
+            for stage, module, values in zip(found, modules, special, strict=True)
+        ]
+        dynamic = [
+            vk.VK_DYNAMIC_STATE_VIEWPORT,
+            vk.VK_DYNAMIC_STATE_SCISSOR,
+            vk.VK_DYNAMIC_STATE_CULL_MODE,
+            vk.VK_DYNAMIC_STATE_FRONT_FACE,
+        ]
+        rendering = vk.new(
+            "VkPipelineRenderingCreateInfo",
+            pColorAttachmentFormats=[FORMATS[described.color][0]] if described.color else None,
+            depthAttachmentFormat=FORMATS["d32f"][0] if described.depth else vk.VK_FORMAT_UNDEFINED,
+        )
+        info = vk.new(
+            "VkGraphicsPipelineCreateInfo",
+            pNext=rendering,
+            pStages=stages,
+            pVertexInputState=vk.new("VkPipelineVertexInputStateCreateInfo"),  # shaders fetch their vertices
+            pInputAssemblyState={"topology": vk.VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST},
+            pViewportState={"viewportCount": 1, "scissorCount": 1},
+            pRasterizationState={"polygonMode": vk.VK_POLYGON_MODE_FILL, "lineWidth": 1.0},
+            pMultisampleState={"rasterizationSamples": described.samples},
+            pDepthStencilState=self._depth(described),
+            pColorBlendState=self._blend(described),
+            pDynamicState={"pDynamicStates": dynamic},
+            layout=layout,
+        )
+        infos = vk.array("VkGraphicsPipelineCreateInfo", [info])
+        try:
+            kept = cache.handle if cache else vk.NULL
+            return self._device.create_pipelines(
+                "vkCreateGraphicsPipelines", infos, [_name(described)], kept
+            )[0]
+        finally:
+            for module in modules:
+                self._device.destroy("VkShaderModule", module)
+
+    @staticmethod
+    def _depth(described: GraphicsPipeline) -> Any:
+        # Reversed z: the near plane is 1, infinity 0, and nearer is greater. The float's fine steps near 0 then fall
+        # together with the coarse ones of 1/z, and depth keeps its relative precision at any distance.
+        compare = vk.VK_COMPARE_OP_EQUAL if described.depth == "equal" else vk.VK_COMPARE_OP_GREATER_OR_EQUAL
+        return vk.new(
+            "VkPipelineDepthStencilStateCreateInfo",
+            depthTestEnable=int(described.depth is not None),
+            depthWriteEnable=int(described.depth == "write"),
+            depthCompareOp=compare,
+        )
+
+    @staticmethod
+    def _blend(described: GraphicsPipeline) -> Any:
+        if described.color is None:
+            return vk.new("VkPipelineColorBlendStateCreateInfo")
+        attachment: dict[str, Any] = {"colorWriteMask": _ALL_CHANNELS}
+        if described.blend:
+            over = described.blend == "over"
+            source = vk.VK_BLEND_FACTOR_SRC_ALPHA if over else vk.VK_BLEND_FACTOR_ONE
+            kept = vk.VK_BLEND_FACTOR_ONE_MINUS_SRC_ALPHA if over else vk.VK_BLEND_FACTOR_ONE
+            attachment |= {
+                "blendEnable": 1,
+                "srcColorBlendFactor": source,
+                "dstColorBlendFactor": kept,
+                "colorBlendOp": vk.VK_BLEND_OP_ADD,
+                "srcAlphaBlendFactor": vk.VK_BLEND_FACTOR_ONE,
+                "dstAlphaBlendFactor": kept,
+                "alphaBlendOp": vk.VK_BLEND_OP_ADD,
+            }
+        return vk.new("VkPipelineColorBlendStateCreateInfo", pAttachments=[attachment])
+
+    def close(self) -> None:
+        """Free every pipeline and layout."""
+        for built in self._built.values():
+            self._device.destroy("VkPipeline", built.handle)
+        self.layouts.close()
+
+
+def _name(described: GraphicsPipeline) -> str:
+    return described.name or " + ".join(described.shaders)
+
+
+def _stages(described: GraphicsPipeline, compiled: Stages) -> list[Stage]:
+    """Return the stages of a pipeline as they are reflected, with the values of their constants."""
+    found = [Stage(code, source) for code, source in zip(compiled.codes, compiled.sources, strict=True)]
+    for stage in found:
+        check_pulled(stage)
+    return chosen(found, dict(described.specialization))
+
+
+def _specialization(stage: Stage) -> Any:
+    """Return the VkSpecializationInfo of a stage; None where all its constants keep their defaults."""
+    values = dict(stage.constants)
+    known = [one for one in stage.module.constants if one.id in values]
+    if not known:
+        return None
+    data = b"".join(one.encoded(values[one.id]) for one in known)
+    offsets = [sum(one.size for one in known[:number]) for number in range(len(known))]
+    entries = [
+        {"constantID": one.id, "offset": offset, "size": one.size}
+        for one, offset in zip(known, offsets, strict=True)
+    ]
+    return vk.new("VkSpecializationInfo", pMapEntries=entries, dataSize=len(data), pData=data)

@@ -1,0 +1,1 @@
+"""Frames in flight: slots, commands, resources, timings, and the images that are read."""

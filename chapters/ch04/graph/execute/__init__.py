@@ -1,0 +1,1 @@
+"""How a compiled graph is carried out on each backend."""

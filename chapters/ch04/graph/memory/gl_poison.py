@@ -1,0 +1,54 @@
+"""Fills memory with what nobody could have meant, before each first use of it in a frame: a tool for finding faults.
+
+A pass that reads what no pass of this frame wrote gets last frame's values most of the time, and the picture looks
+right, until the texture belongs to something else. With poison it looks wrong at once: NaN spreads through everything
+that is computed from it, a number of all ones is no index of anything. Depth is 0 or 1, as on Vulkan.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from backends.gl import api as gl
+from backends.gl.context import Context
+from backends.gl.resources import FORMATS, Buffer, Image
+
+from ..types import Barrier
+
+_ONES = np.full(4, 0xFFFFFFFF, np.uint32)
+
+
+class Poison:
+    """What happens in front of one step: a fill of all whose life in the frame begins there."""
+
+    def __init__(
+        self, context: Context, planned: Sequence[Barrier], held: Mapping[str, Image | Buffer], choice: str
+    ) -> None:
+        self._context = context
+        fresh = [barrier.resource for barrier in planned if barrier.discard]
+        self._fills = [self._fill(held[name], choice) for name in fresh]
+
+    @staticmethod
+    def _fill(held: Image | Buffer, choice: str) -> tuple[Any, ...]:
+        if isinstance(held, Buffer):
+            kind = (gl.GL_R32UI, gl.GL_RED_INTEGER, gl.GL_UNSIGNED_INT)
+            return ("glClearNamedBufferData", held.handle, *kind, gl.pointer(_ONES))
+        described = FORMATS[held.format]
+        value = np.full(4, np.nan, np.float32)
+        if described.pixels == gl.GL_DEPTH_COMPONENT:
+            value = np.full(4, float(choice.removeprefix("depth ")), np.float32)
+        whole_number = held.format.endswith("ui")
+        component = described.component if whole_number else gl.GL_FLOAT
+        data = gl.pointer(_ONES if whole_number else value)
+        return ("glClearTexImage", held.handle, 0, described.pixels, component, data)
+
+    def record(self) -> None:
+        """Record the fills; what shaders stored, and will store, has nothing to do with their order."""
+        fn = self._context.fn
+        if self._fills:
+            fn.glMemoryBarrier(gl.GL_ALL_BARRIER_BITS)
+        for call, *arguments in self._fills:
+            getattr(fn, call)(*arguments)

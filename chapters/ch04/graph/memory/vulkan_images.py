@@ -1,0 +1,171 @@
+"""The images and buffers behind a compiled frame graph, in the memory that the graph planned for them.
+
+Transients exist once for both frames in flight: frames run one after another on the queue, and the first use of each
+waits for the last use in the frame before. Of a history there are two images that change places with every frame, so
+each of the two slots always has the same one as its current one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from typing import Any
+
+from backends.vulkan import api as vk
+from backends.vulkan.device import Device
+from backends.vulkan.memory import Allocation
+from backends.vulkan.resources import (
+    Buffer,
+    Image,
+    buffer_requirements,
+    create_buffer,
+    create_image,
+    destroy_buffer,
+    destroy_image,
+    image_requirements,
+)
+
+from ...frames.frame import SLOTS
+from ..types import PREVIOUS, Graph, Requirement, Resource
+
+_IMAGE_USAGE: dict[str, int] = {
+    "color": vk.VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT,
+    "depth": vk.VK_IMAGE_USAGE_DEPTH_STENCIL_ATTACHMENT_BIT,
+    "sampled": vk.VK_IMAGE_USAGE_SAMPLED_BIT,
+    "storage": vk.VK_IMAGE_USAGE_STORAGE_BIT,
+    "copy_source": vk.VK_IMAGE_USAGE_TRANSFER_SRC_BIT,
+    "copy_target": vk.VK_IMAGE_USAGE_TRANSFER_DST_BIT,
+}
+_BUFFER_USAGE: dict[str, int] = {
+    "storage": vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT,
+    "uniform": vk.VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT,
+    "indirect": vk.VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT,
+    "copy_source": vk.VK_BUFFER_USAGE_TRANSFER_SRC_BIT,
+    "copy_target": vk.VK_BUFFER_USAGE_TRANSFER_DST_BIT,
+}
+
+
+class GraphMemory:
+    """Tells the compiler what resources ask for, and makes them where it put them.
+
+    `also` are uses beyond those that passes declare: what a test writes to.
+    """
+
+    def __init__(self, device: Device, also: Collection[str] = ()) -> None:
+        self._device, self._also = device, frozenset(also)
+        self._asked: dict[Any, Requirement] = {}
+
+    def usage(self, resource: Resource) -> int:
+        """Return the usage flags of a resource."""
+        known = _BUFFER_USAGE if resource.kind == "buffer" else _IMAGE_USAGE
+        also = set(self._also)
+        if (
+            resource.life in ("kept", "history") and resource.samples == 1
+        ):  # kept because somebody looks at it
+            also.add("copy_source")
+        return sum(flag for use, flag in known.items() if use in resource.uses | also)
+
+    def requirement(self, resource: Resource) -> Requirement:
+        """Return what memory a resource asks for, before it exists."""
+        usage = self.usage(resource)
+        key = (resource.kind, resource.format, resource.size, resource.bytes, resource.samples, usage)
+        if key not in self._asked:
+            if resource.kind == "buffer":
+                found = buffer_requirements(self._device, resource.bytes, usage)
+            else:
+                assert resource.format is not None and resource.size is not None, resource
+                found = image_requirements(
+                    self._device, resource.format, resource.size, usage, resource.samples
+                )
+            self._asked[key] = Requirement(*found)
+        return self._asked[key]
+
+
+class GraphImages:
+    """All that a graph's steps use: `in_slot[slot]` has the image or buffer behind each name of a resource."""
+
+    def __init__(
+        self, device: Device, graph: Graph, memory: GraphMemory, externals: Mapping[str, Image | Buffer]
+    ) -> None:
+        self._device, self._memory = device, memory
+        self._heaps: list[Allocation] = []
+        self._made: list[Image | Buffer] = []
+        self.in_slot: list[dict[str, Image | Buffer]] = [dict(externals) for _ in range(SLOTS)]
+        try:
+            buffers = {
+                place.heap
+                for name, place in graph.memory.places.items()
+                if graph.resources[name].kind == "buffer"
+            }
+            for number, heap in enumerate(graph.memory.heaps):
+                asked = vk.new(
+                    "VkMemoryRequirements",
+                    size=heap.size,
+                    alignment=heap.alignment,
+                    memoryTypeBits=heap.types,
+                )
+                self._heaps.append(device.memory.allocate(asked, "device", linear=number in buffers))
+            for resource in graph.resources.values():
+                self._make(graph, resource)
+        except BaseException:
+            self.close()
+            raise
+
+    def _make(self, graph: Graph, resource: Resource) -> None:
+        name = resource.name
+        if resource.life == "external":
+            return
+        if resource.life == "history":
+            pair = [self._create(resource, f"{name}, parity {parity}", None) for parity in range(SLOTS)]
+            for slot, held in enumerate(self.in_slot):
+                held[name], held[name + PREVIOUS] = pair[slot], pair[1 - slot]
+            return
+        place = graph.memory.places.get(name)
+        where = None
+        if place is not None:
+            heap = self._heaps[place.heap]
+            where = heap.memory, heap.offset + place.offset
+        made = self._create(resource, name, where)
+        for held in self.in_slot:
+            held[name] = made
+
+    def _create(self, resource: Resource, name: str, place: tuple[Any, int] | None) -> Image | Buffer:
+        made: Image | Buffer
+        usage = self._memory.usage(resource)
+        if resource.kind == "buffer":
+            made = create_buffer(self._device, resource.bytes, usage, "device", name, place)
+        else:
+            assert resource.format is not None and resource.size is not None, resource
+            made = create_image(
+                self._device,
+                resource.format,
+                resource.size,
+                usage,
+                name,
+                samples=resource.samples,
+                place=place,
+            )
+        self._made.append(made)
+        return made
+
+    def image(self, slot: int, name: str) -> Image:
+        """Return the image of a resource in a slot."""
+        held = self.in_slot[slot][name]
+        assert isinstance(held, Image), name
+        return held
+
+    def by_name(self, graph: Graph) -> dict[str, Image]:
+        """Return the images of the first slot by every name that they have in the graph."""
+        held = {name: self.in_slot[0].get(of) for name, of in graph.names.items()}
+        return {name: image for name, image in held.items() if isinstance(image, Image)}
+
+    def close(self) -> None:
+        """Free what was made; no frame is in flight."""
+        for made in self._made:
+            if isinstance(made, Image):
+                destroy_image(self._device, made)
+            else:
+                destroy_buffer(self._device, made)
+        self._made = []
+        for heap in self._heaps:
+            self._device.memory.free(heap)
+        self._heaps = []

@@ -1,0 +1,74 @@
+"""Fills memory with what nobody could have meant, before each first use of it in a frame: a tool for finding faults.
+
+A pass that reads what no pass of this frame wrote gets last frame's values most of the time, and the picture looks
+right, until the memory belongs to something else. With poison it looks wrong at once: NaN spreads through everything
+that is computed from it, a number of all ones is no index of anything. Depth is 0 or 1, since Vulkan allows no other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from backends.vulkan import api as vk
+from backends.vulkan.device import Device
+from backends.vulkan.resources import Buffer, Image
+
+from ...frames.vulkan_commands import Commands
+from ..sync.vulkan import dependency
+from ..types import Barrier, Touch
+
+_FILLED = Touch("copy_target", frozenset({"copy"}), frozenset({"copy_write"}), writes=True)
+
+
+class Poison:
+    """What happens in front of one step: its barriers, and between those that begin a life a fill."""
+
+    def __init__(
+        self, device: Device, planned: Sequence[Barrier], held: Mapping[str, Image | Buffer], choice: str
+    ) -> None:
+        self._fn = device.fn
+        fresh = [barrier for barrier in planned if barrier.discard]
+        self._before = dependency([replace(barrier, after=_of(barrier, _FILLED)) for barrier in fresh], held)
+        self._after = dependency(
+            [
+                replace(barrier, before=_of(barrier, _FILLED), discard=False, instead_of=())
+                if barrier.discard
+                else barrier
+                for barrier in planned
+            ],
+            held,
+        )
+        self._fills = [self._fill(held[barrier.resource], choice) for barrier in fresh]
+
+    def _fill(self, held: Image | Buffer, choice: str) -> tuple[Any, ...]:
+        if isinstance(held, Buffer):
+            return (self._fn.vkCmdFillBuffer, held.handle, 0, vk.VK_WHOLE_SIZE, 0xFFFFFFFF)
+        whole = vk.new(
+            "VkImageSubresourceRange",
+            aspectMask=held.aspect,
+            levelCount=vk.VK_REMAINING_MIP_LEVELS,
+            layerCount=vk.VK_REMAINING_ARRAY_LAYERS,
+        )
+        target = vk.VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL
+        if held.aspect == vk.VK_IMAGE_ASPECT_DEPTH_BIT:
+            value = vk.new("VkClearDepthStencilValue", depth=float(choice.removeprefix("depth ")))
+            return (self._fn.vkCmdClearDepthStencilImage, held.handle, target, value, 1, whole)
+        whole_number = held.format.endswith("ui")
+        filled = {"uint32": [0xFFFFFFFF] * 4} if whole_number else {"float32": [float("nan")] * 4}
+        value = vk.new("VkClearColorValue", **filled)
+        return (self._fn.vkCmdClearColorImage, held.handle, target, value, 1, whole)
+
+    def record(self, commands: Commands) -> None:
+        """Record the fills and the step's barriers."""
+        if self._before is not None:
+            commands.barrier(self._before)
+        for call, *arguments in self._fills:
+            call(commands.handle, *arguments)
+        if self._after is not None:
+            commands.barrier(self._after)
+
+
+def _of(barrier: Barrier, touch: Touch) -> Touch:
+    return touch if barrier.after.layout else replace(touch, layout="")

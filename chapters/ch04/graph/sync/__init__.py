@@ -1,0 +1,1 @@
+"""What a compiled graph synchronizes: barriers, queues, and their words on each backend."""

@@ -1,0 +1,294 @@
+"""From a mesh to a cloth: particles where vertices are, springs between them, masses from the area around each.
+
+Springs follow Provot ("Deformation constraints in a mass-spring model to describe rigid cloth behavior", 1995). In a
+grid of columns and rows each particle has twelve: four along the threads (stretch), four across the meshes (shear), and
+four to the particles two further (bend), which a fold shortens. Without a grid the triangles say the same: their edges
+stretch, the two diagonals of a quad shear, and over every other inner edge the two opposite corners bend.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeGuard
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.errors import SceneError
+
+from .fields import brief
+from .types import KINDS, Cloth, Float64
+
+STIFFNESS = (1.0, 1e6)
+"""Newtons a metre that a spring may have, least and most."""
+
+LEAST_MASS = 0.01
+"""A particle's least mass, as a part of the mean of those that have area. A lighter one would need shorter steps."""
+
+MOST = 1e9
+"""The largest number that a property may be: 32 bits hold it, and what is computed from it."""
+
+LEAST_DENSITY = 1e-6
+"""Kilograms a square metre that a cloth has at least: a milligram."""
+
+LEAST_PARTICLE = 1e-20
+"""Kilograms of any particle at least, or 1 / mass is no number of 32 bits."""
+
+MOST_METRES = 1e6
+"""How large a cloth may be: squares and their products are numbers of 32 bits then."""
+
+MASS_WITHOUT_AREA = 0.001
+"""Kilograms of each particle of a cloth without any area."""
+
+_DIAGONAL = 1.01
+"""How much longer than the other edges of both its triangles an edge is that counts as a quad's diagonal."""
+
+_NEIGHBOURS = ((0, 1, 0), (0, 0, 1), (1, 1, 1), (1, -1, 1), (2, 2, 0), (2, 0, 2))
+"""(kind, columns, rows) to half of Provot's twelve neighbours; the other half sees them from the other end."""
+
+Int32 = NDArray[np.int32]
+
+
+def build_cloth(
+    positions: Float64,
+    triangles: NDArray[np.integer[Any]],
+    properties: Mapping[str, Any],
+    *,
+    mesh: int = 0,
+    node: int = 0,
+    anchor: Sequence[float] | Float64 = (0.0, 0.0, 0.0),
+    name: str = "cloth",
+) -> Cloth:
+    """Return the cloth that the vertices (V, 3) and triangles (T, 3) of a mesh describe.
+
+    `positions` are metres relative to `anchor`, with the world's axes. `properties` are those of the node (see
+    `number_of` for their ranges): columns and rows (both or neither; vertices then are rows of columns), pins (numbers
+    of vertices), kg_per_m2, stretch_n_per_m, shear_n_per_m, bend_n_per_m, damping_per_s, drag, thickness_m, friction.
+
+    Vertices at one place are one particle; a vertex of no triangle is none. Particles are in the order in which their
+    first vertices stand. What is odd but can be simulated is told in `Cloth.warnings`.
+
+    Raises SceneError for positions that are not finite, triangles and pins that name no vertex, a grid that does not
+    fit the vertices, a cloth larger than MOST_METRES, and a mass, stiffness, damping, drag, thickness or friction that
+    is negative, no number, or beyond what can be computed with.
+    """
+    positions = np.ascontiguousarray(positions, np.float64).reshape(-1, 3)
+    faces = np.ascontiguousarray(triangles, np.int64).reshape(-1, 3)
+    count = len(positions)
+    if not np.isfinite(positions).all():
+        raise SceneError(f"The cloth {name} has a vertex that is not finite: repair its mesh.")
+    if len(faces) == 0:
+        raise SceneError(f"The cloth {name} has no triangle: give it one, or take the property off its node.")
+    if faces.min() < 0 or faces.max() >= count:
+        raise SceneError(
+            f"A triangle of the cloth {name} names a vertex beyond its {count}: repair its mesh."
+        )
+    extent = float(np.ptp(positions, axis=0).max())
+    if extent > MOST_METRES:
+        raise SceneError(
+            f"The cloth {name} is {extent:.3g} m large, and at most {MOST_METRES:g} m can be simulated: scale it down."
+        )
+    density = number_of(properties, "kg_per_m2", 0.2, name)
+    if density < LEAST_DENSITY:
+        raise SceneError(
+            f"The cloth {name} has kg_per_m2 = {density:g}: give the mass of a square metre, at least "
+            f"{LEAST_DENSITY:g}."
+        )
+    warnings: list[str] = []
+    stiffness = _stiffness(properties, name, warnings)
+    particle_of, first = _weld(positions, faces)
+    corners = particle_of[faces].astype(np.int32)
+    particles = positions[first]
+    held = _held(properties, particle_of, len(particles), name, warnings)
+    masses = _masses(particles, corners, density, name, warnings)
+    masses[held] = 0.0
+    grid = _grid(properties, count, name)
+    pairs, kinds = _grid_springs(particle_of, *grid) if grid else _triangle_springs(particles, corners)
+    rest = np.linalg.norm(particles[pairs[:, 0]] - particles[pairs[:, 1]], axis=1)
+    return Cloth(
+        mesh=mesh,
+        node=node,
+        anchor=np.asarray(anchor, np.float64),
+        positions=particles,
+        masses=masses,
+        springs=pairs,
+        kinds=kinds,
+        rest=rest,
+        stiffness=stiffness,
+        triangles=corners,
+        particle_of=particle_of,
+        kg_per_m2=density,
+        damping=number_of(properties, "damping_per_s", 1.5, name),
+        drag=number_of(properties, "drag", 1.2, name),
+        thickness=number_of(properties, "thickness_m", 0.005, name),
+        friction=number_of(properties, "friction", 0.4, name),
+        name=name,
+        warnings=tuple(warnings),
+    )
+
+
+def number_of(properties: Mapping[str, Any], key: str, default: float, name: str) -> float:
+    """Return a property that is a number from 0 to MOST; SceneError for anything else."""
+    value = properties.get(key, default)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= MOST:
+        raise SceneError(
+            f"The cloth {name} has {key} = {brief(value)}: give a finite number of at least 0 and at most {MOST:g}."
+        )
+    return float(value)
+
+
+def _whole(value: Any) -> TypeGuard[int]:
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)
+
+
+def _stiffness(properties: Mapping[str, Any], name: str, warnings: list[str]) -> Float64:
+    """Return (3,) newtons a metre by kind, within STIFFNESS."""
+    least, most = STIFFNESS
+    found = []
+    for kind, default in zip(KINDS, (400.0, 60.0, 4.0), strict=True):
+        asked = number_of(properties, f"{kind}_n_per_m", default, name)
+        found.append(min(max(asked, least), most))
+        if found[-1] != asked:
+            warnings.append(
+                f"The cloth {name} has {kind}_n_per_m = {asked:g}, which is taken as {found[-1]:g}: "
+                f"what can be simulated is {least:g} to {most:g}."
+            )
+    return np.array(found)
+
+
+def _weld(positions: Float64, faces: NDArray[np.int64]) -> tuple[Int32, NDArray[np.int64]]:
+    """Return (V,) the particle of each vertex, -1 without a triangle, and (P,) the first vertex of each particle."""
+    used = np.zeros(len(positions), bool)
+    used[faces] = True
+    vertices = np.flatnonzero(used)
+    places = positions[vertices] + 0.0  # -0 is where 0 is
+    order = np.lexsort((vertices, places[:, 2], places[:, 1], places[:, 0]))
+    along = places[order]
+    new = np.ones(len(order), bool)
+    new[1:] = (along[1:] != along[:-1]).any(axis=1)
+    cluster = np.cumsum(new) - 1
+    firsts = vertices[order[new]]
+    rank = np.empty(len(firsts), np.int64)
+    rank[np.argsort(firsts)] = np.arange(len(firsts))
+    particle_of = np.full(len(positions), -1, np.int32)
+    particle_of[vertices[order]] = rank[cluster]
+    return particle_of, np.sort(firsts)
+
+
+def _held(
+    properties: Mapping[str, Any], particle_of: Int32, count: int, name: str, warnings: list[str]
+) -> NDArray[np.bool_]:
+    """Return (P,) which particles the pins hold."""
+    pins = properties.get("pins", ())
+    if not isinstance(pins, Sequence | np.ndarray) or isinstance(pins, str) or not all(map(_whole, pins)):
+        raise SceneError(f"The cloth {name} has pins = {brief(pins)}: give a list of numbers of vertices.")
+    wrong = [pin for pin in pins if not 0 <= pin < len(particle_of)]
+    if wrong:
+        raise SceneError(
+            f"The cloth {name} is pinned at vertex {brief(wrong[0])}, and its mesh has {len(particle_of)}: "
+            "pins are numbers of vertices from 0."
+        )
+    chosen = np.asarray(pins, np.int64).reshape(-1)
+    own = particle_of[chosen]
+    if (own < 0).any():
+        warnings.append(
+            f"The cloth {name} is pinned at vertex {chosen[own < 0][0]}, which is of no triangle: "
+            "that pin holds nothing."
+        )
+    held = np.zeros(count, bool)
+    held[own[own >= 0]] = True
+    if not held.any():
+        warnings.append(f"The cloth {name} has no pins: it falls.")
+    return held
+
+
+def areas(positions: Float64, triangles: NDArray[np.integer[Any]]) -> Float64:
+    """Return (T,) square metres of each triangle."""
+    a, b, c = (positions[triangles[:, k]] for k in range(3))
+    area: Float64 = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    return area
+
+
+def _masses(positions: Float64, corners: Int32, density: float, name: str, warnings: list[str]) -> Float64:
+    """Return (P,) kilograms: a third of each triangle around, and at least LEAST_MASS of the mean."""
+    shares = np.repeat(areas(positions, corners) * (density / 3), 3)
+    masses = np.bincount(corners.reshape(-1), shares, len(positions))
+    positive = masses[masses > 0]
+    least = max(LEAST_MASS * float(positive.mean()), LEAST_PARTICLE) if len(positive) else MASS_WITHOUT_AREA
+    light = int((masses < least).sum())
+    if light:
+        warnings.append(
+            f"{light} of {len(masses)} particles of the cloth {name} have next to no area around them, "
+            f"and get {least * 1e3:.3g} g each."
+        )
+    return np.maximum(masses, least)
+
+
+def _grid(properties: Mapping[str, Any], vertices: int, name: str) -> tuple[int, int] | None:
+    """Return (columns, rows) where the property names them."""
+    columns, rows = properties.get("columns"), properties.get("rows")
+    if columns is None and rows is None:
+        return None
+    sizes = [int(size) for size in (columns, rows) if _whole(size) and size > 0]
+    if len(sizes) != 2 or sizes[0] * sizes[1] != vertices:
+        raise SceneError(
+            f"The cloth {name} has columns = {brief(columns)} and rows = {brief(rows)}, and its mesh {vertices} "
+            "vertices: give two whole numbers whose product that is, or leave both out."
+        )
+    return sizes[0], sizes[1]
+
+
+def _grid_springs(particle_of: Int32, columns: int, rows: int) -> tuple[Int32, NDArray[np.uint8]]:
+    grid = particle_of.reshape(rows, columns)
+    pairs, kinds = [], []
+    for kind, across, down in _NEIGHBOURS:
+        left, right = max(0, -across), columns - max(0, across)
+        if right <= left or rows <= down:
+            continue
+        here = grid[: rows - down, left:right]
+        there = grid[down:, left + across : right + across]
+        pairs.append(np.stack([here, there], axis=-1).reshape(-1, 2))
+        kinds.append(np.full(len(pairs[-1]), kind, np.uint8))
+    return _distinct(pairs, kinds)
+
+
+def _triangle_springs(positions: Float64, corners: Int32) -> tuple[Int32, NDArray[np.uint8]]:
+    """Return springs along the edges, and over each inner edge between the corners that face it."""
+    edges = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]]).astype(np.int64)
+    facing = np.concatenate([corners[:, 2], corners[:, 0], corners[:, 1]]).astype(np.int64)
+    low, high = edges.min(axis=1), edges.max(axis=1)
+    order = np.lexsort((np.arange(len(edges)), high, low))
+    low, high, facing = low[order], high[order], facing[order]
+    inner = np.flatnonzero((low[1:] == low[:-1]) & (high[1:] == high[:-1]))
+
+    def length(a: NDArray[np.int64], b: NDArray[np.int64]) -> Float64:
+        found: Float64 = np.linalg.norm(positions[a] - positions[b], axis=1)
+        return found
+
+    own = length(low, high)
+    others = np.maximum(length(low, facing), length(high, facing))
+    longest = own > _DIAGONAL * others
+    diagonal = longest[inner] & longest[inner + 1]
+    edge_kinds = np.zeros(len(low), np.uint8)
+    edge_kinds[inner[diagonal]] = 1
+    edge_kinds[inner[diagonal] + 1] = 1
+    over = np.stack([facing[inner], facing[inner + 1]], axis=1)
+    return _distinct(
+        [np.stack([low, high], axis=1), over], [edge_kinds, np.where(diagonal, 1, 2).astype(np.uint8)]
+    )
+
+
+def _distinct(
+    pairs: Sequence[NDArray[Any]], kinds: Sequence[NDArray[np.uint8]]
+) -> tuple[Int32, NDArray[np.uint8]]:
+    """Return springs in the order of kinds, then as given, each pair of two different particles once."""
+    if not pairs:
+        return np.zeros((0, 2), np.int32), np.zeros(0, np.uint8)
+    ends, kind = np.concatenate(pairs).astype(np.int64), np.concatenate(kinds)
+    fit = (ends >= 0).all(axis=1) & (ends[:, 0] != ends[:, 1])
+    ends, kind = ends[fit], kind[fit]
+    order = np.argsort(kind, kind="stable")
+    ends, kind = ends[order], kind[order]
+    keys = ends.min(axis=1) << 32 | ends.max(axis=1)
+    first = np.sort(np.unique(keys, return_index=True)[1])
+    return ends[first].astype(np.int32), kind[first]

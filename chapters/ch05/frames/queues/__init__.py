@@ -1,0 +1,1 @@
+"""Queues and timelines: what is submitted where, and what waits for what."""

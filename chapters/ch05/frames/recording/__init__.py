@@ -1,0 +1,1 @@
+"""How draws become commands: parts, threads, and recordings that are submitted again."""

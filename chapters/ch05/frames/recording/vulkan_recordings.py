@@ -1,0 +1,102 @@
+"""Frames that are recorded once and submitted again: a recording stays good until something in it is another one.
+
+What changes from frame to frame (camera, moving objects, the order of transparent ones) stands in buffers of the slot
+that the recording reads from fixed addresses. What cannot be read but has to be recorded (copies of vertices that
+deform) has a small command buffer of its own, submitted in front of the other one in the same call.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from backends.vulkan import api as vk
+from backends.vulkan.device import Device
+
+from ..frame import SLOTS
+from ..queues.vulkan_pace import Pace, submit_info
+from ..vulkan import Frames, FrameSlot
+
+
+class RecordedSlot(FrameSlot):
+    """A frame in flight with its recording; `key` says what was recorded, None where nothing is any more."""
+
+    def __init__(self, device: Device, index: int) -> None:
+        super().__init__(device, index)
+        self.key: Any = None
+        self.work: dict[str, int] = {}
+        """What the recording counted of itself."""
+        pool = vk.new(
+            "VkCommandPoolCreateInfo",
+            flags=vk.VK_COMMAND_POOL_CREATE_TRANSIENT_BIT,
+            queueFamilyIndex=device.queue.family,
+        )
+        self.upload_pool = device.create("vkCreateCommandPool", pool, f"uploads, slot {index}")
+        info = vk.new("VkCommandBufferAllocateInfo", commandPool=self.upload_pool, commandBufferCount=1)
+        out = vk.ffi.new("VkCommandBuffer[1]")
+        vk.check(device.fn.vkAllocateCommandBuffers(device.handle, info, out), "vkAllocateCommandBuffers")
+        self.uploads = out[0]
+        device.name("VkCommandBuffer", self.uploads, f"uploads, slot {index}")
+        both = self.uploads, self.commands
+        self.submit_both = submit_info(*both)
+        self.uploading = False
+
+
+class Recordings(Frames):
+    """The ring of slots. `begin` gives the next one as it was recorded, `submit` sends it off once more."""
+
+    def __init__(self, device: Device) -> None:
+        self._device, self.pace = device, Pace(device)
+        self.slots: list[Any] = [RecordedSlot(device, index) for index in range(SLOTS)]
+        self.number = 0
+        self._once = vk.new("VkCommandBufferBeginInfo", flags=vk.VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT)
+        self._again = vk.new("VkCommandBufferBeginInfo")
+
+    def begin(self) -> RecordedSlot:
+        """Return the slot for the next frame, once the GPU has left it."""
+        slot: RecordedSlot = self.slots[self.number % SLOTS]
+        self.wait(slot)
+        slot.number = self.number
+        slot.uploading = False
+        return slot
+
+    @contextmanager
+    def recording(self, slot: RecordedSlot, key: Any) -> Iterator[Any]:
+        """Record the slot's commands anew; they are good as long as `key` is. An error leaves the slot without any."""
+        fn, device = self._device.fn, self._device.handle
+        slot.key = None
+        vk.check(fn.vkResetCommandPool(device, slot.pool, 0), "vkResetCommandPool")
+        vk.check(fn.vkBeginCommandBuffer(slot.commands, self._again), "vkBeginCommandBuffer")
+        yield slot.commands
+        vk.check(fn.vkEndCommandBuffer(slot.commands), "vkEndCommandBuffer")
+        slot.key = key
+
+    def uploads(self, slot: RecordedSlot) -> Any:
+        """Return a command buffer that runs in this frame alone, in front of the recording."""
+        if not slot.uploading:
+            fn = self._device.fn
+            vk.check(fn.vkResetCommandPool(self._device.handle, slot.upload_pool, 0), "vkResetCommandPool")
+            vk.check(fn.vkBeginCommandBuffer(slot.uploads, self._once), "vkBeginCommandBuffer")
+            slot.uploading = True
+        return slot.uploads
+
+    def submit(self, slot: Any) -> None:
+        """Hand the slot's recording to the queue, behind its uploads if there are any; nothing is waited for."""
+        fn = self._device.fn
+        if slot.uploading:
+            vk.check(fn.vkEndCommandBuffer(slot.uploads), "vkEndCommandBuffer")
+        self.pace.send(slot, slot.submit_both if slot.uploading else slot.submit)
+        self.number += 1
+
+    def forget(self) -> None:
+        """Have all slots recorded anew before they are submitted again: something that is recorded is another one."""
+        for slot in self.slots:
+            slot.key = None
+
+    def close(self) -> None:
+        """Free the slots, after the GPU has left them all."""
+        for slot in self.slots:
+            self.wait(slot)
+            self._device.destroy("VkCommandPool", slot.upload_pool)
+        super().close()

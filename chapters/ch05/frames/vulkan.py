@@ -1,0 +1,78 @@
+"""Frames in flight: the CPU records one frame while the GPU draws another.
+
+Whatever the CPU writes for a frame exists once per slot. A slot knows the values that timelines have when the GPU has
+left it; only then is it written again.
+"""
+
+from __future__ import annotations
+
+from backends.vulkan import api as vk
+from backends.vulkan.device import Device, Queue
+
+from .frame import SLOTS
+from .queues.vulkan_pace import Pace, submit_info
+
+FOREVER = 2**64 - 1
+
+
+class FrameSlot:
+    """What belongs to one frame in flight: its commands, for graphics or another queue, and the values it signals."""
+
+    batch = 0  # that the commands are, among those of the frame
+
+    def __init__(self, device: Device, index: int, queue: Queue | None = None) -> None:
+        self.index = index
+        self.number = -1  # of the frame that used the slot last
+        # Resetting a whole pool is cheaper than resetting its buffers one by one.
+        pool = vk.new(
+            "VkCommandPoolCreateInfo",
+            flags=vk.VK_COMMAND_POOL_CREATE_TRANSIENT_BIT,
+            queueFamilyIndex=(queue or device.queue).family,
+        )
+        self.pool = device.create("vkCreateCommandPool", pool, f"frame slot {index}")
+        info = vk.new("VkCommandBufferAllocateInfo", commandPool=self.pool, commandBufferCount=1)
+        out = vk.ffi.new("VkCommandBuffer[1]")
+        vk.check(device.fn.vkAllocateCommandBuffers(device.handle, info, out), "vkAllocateCommandBuffers")
+        self.commands = out[0]
+        device.name("VkCommandBuffer", self.commands, f"frame slot {index}")
+        self.values = [0]
+        # Structs of the hot path are built once.
+        self.submit = submit_info(self.commands)
+
+
+class Frames:
+    """The ring of slots. `begin` gives the next slot once the GPU has left it, `submit` sends its commands off."""
+
+    def __init__(self, device: Device) -> None:
+        self._device, self.pace = device, Pace(device)
+        self.slots = [FrameSlot(device, index) for index in range(SLOTS)]
+        self.number = 0
+        self._begin = vk.new("VkCommandBufferBeginInfo", flags=vk.VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT)
+
+    def begin(self) -> FrameSlot:
+        """Return the slot for the next frame, with its command buffer open."""
+        slot = self.slots[self.number % SLOTS]
+        self.wait(slot)
+        fn, device = self._device.fn, self._device.handle
+        vk.check(fn.vkResetCommandPool(device, slot.pool, 0), "vkResetCommandPool")
+        vk.check(fn.vkBeginCommandBuffer(slot.commands, self._begin), "vkBeginCommandBuffer")
+        slot.number = self.number
+        return slot
+
+    def submit(self, slot: FrameSlot) -> None:
+        """Close the slot's command buffer and hand it to the queue; nothing is waited for."""
+        fn = self._device.fn
+        vk.check(fn.vkEndCommandBuffer(slot.commands), "vkEndCommandBuffer")
+        self.pace.send(slot, slot.submit)
+        self.number += 1
+
+    def wait(self, slot: FrameSlot) -> None:
+        """Wait until the GPU has finished the frame that used `slot` last."""
+        self.pace.wait(slot)
+
+    def close(self) -> None:
+        """Free the slots, after the GPU has left them all."""
+        for slot in self.slots:
+            self.wait(slot)
+            self._device.destroy("VkCommandPool", slot.pool)
+        self.pace.close()

@@ -1,0 +1,1 @@
+"""Where the images and buffers of a graph lie, and which share memory."""

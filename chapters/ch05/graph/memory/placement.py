@@ -1,0 +1,114 @@
+"""Where the transients of a frame lie: resources that are never alive at the same time share memory.
+
+A transient lives from the first to the last step that uses it. Two whose lives overlap get bytes of their own; all
+others may get the same ones, whatever their size and format. Steps on one queue run one after another, as far as
+barriers say so, and the first barrier of each resource waits for whoever used its bytes before.
+
+Largest first, each at the lowest offset at which it fits between those that live at the same time and have their place
+already. That is a heuristic (the problem, "dynamic storage allocation", is NP-hard); `Memory.bound` is what not even
+the best arrangement can go below, and a test holds the two beside each other.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from collections import defaultdict
+from collections.abc import Callable, Collection, Mapping, Sequence
+from operator import itemgetter
+
+import numpy as np
+
+from ..types import Heap, Memory, Place, Requirement
+
+Life = tuple[int, int]
+
+
+def place_transients(
+    lives: Mapping[str, Life],
+    needs: Mapping[str, Requirement],
+    buffers: Collection[str] = (),
+    alias: bool = True,
+    apart: Callable[[Mapping[str, Life]], np.ndarray] | None = None,
+) -> Memory:
+    """Give every resource in `lives` a place in a heap of its kind.
+
+    `lives` are the numbers of the first and last step that use it. Images and buffers, and resources whose memory may
+    be of other types, lie in different heaps. Without `alias` no two share a byte. `apart` says of lives on several
+    queues which of them can share none, (lives, lives) bool.
+    """
+    kinds: dict[tuple[int, bool], list[str]] = defaultdict(list)
+    for name in lives:
+        kinds[needs[name].types, name in buffers].append(name)
+    places: dict[str, Place] = {}
+    heaps: list[Heap] = []
+    bound = 0
+    for (types, _), names in sorted(kinds.items()):
+        largest = sorted(names, key=lambda name: (-needs[name].size, name))
+        together = np.ones((len(names),) * 2, bool)
+        if alias:
+            together = (apart or _together)({name: lives[name] for name in largest})
+        taken: list[tuple[int, int]] = []
+        for name, others in zip(largest, together, strict=True):
+            offset = _lowest(needs[name], [taken[other] for other in np.flatnonzero(others[: len(taken)])])
+            taken.append((offset, needs[name].size))
+        offsets = {name: offset for name, (offset, _) in zip(largest, taken, strict=True)}
+        size = max(offset + size for offset, size in taken)
+        for name in names:
+            places[name] = Place(len(heaps), offsets[name], needs[name].size)
+        heaps.append(Heap(size, types, max(needs[name].alignment for name in names)))
+        bound += _most_alive({name: lives[name] for name in names}, needs)
+    alone = sum(needs[name].size for name in lives)
+    return Memory(dict(lives), places, tuple(heaps), alone, bound)
+
+
+def _together(lives: Mapping[str, Life]) -> np.ndarray:
+    """Return (lives, lives) bool: which of them have a step in common."""
+    first, last = np.array([*lives.values()]).T
+    return (first[:, None] <= last) & (first <= last[:, None])
+
+
+def _lowest(need: Requirement, taken: Sequence[tuple[int, int]]) -> int:
+    """Return the lowest aligned offset at which `need` fits beside ranges (offset, size) that are taken."""
+    offset = 0
+    for start, size in sorted(taken):
+        if offset + need.size <= start:
+            break
+        offset = max(offset, -(-(start + size) // need.alignment) * need.alignment)
+    return offset
+
+
+def _most_alive(lives: Mapping[str, Life], needs: Mapping[str, Requirement]) -> int:
+    """Return the most bytes that are alive in one step."""
+    change: dict[int, int] = defaultdict(int)
+    for name, (first, last) in lives.items():
+        change[first] += needs[name].size
+        change[last + 1] -= needs[name].size
+    most = now = 0
+    for step in sorted(change):
+        now += change[step]
+        most = max(most, now)
+    return most
+
+
+def users_before(memory: Memory) -> dict[str, list[str]]:
+    """Return for each transient who used its bytes last before its life begins: what its first use has to wait for.
+
+    It is itself where it shares with nobody, and the frame before it was whoever is last in the frame. Somebody whose
+    bytes others have all taken over since is not named: they waited for it.
+    """
+    # By heap, in the order of their places: (begin, end, who used these bytes last).
+    owners: list[list[tuple[int, int, str]]] = [[] for _ in memory.heaps]
+    found: dict[str, list[str]] = {}
+    order = sorted(memory.lives, key=lambda name: memory.lives[name])
+    for name in (*order, *order):  # the first turn is the frame before
+        place = memory.places[name]
+        begin, end = place.offset, place.offset + place.size
+        mine = owners[place.heap]
+        since = bisect_right(mine, begin, key=itemgetter(1))
+        until = bisect_left(mine, end, since, key=itemgetter(0))
+        met = mine[since:until]
+        before = [(low, begin, user) for low, _, user in met[:1] if low < begin]
+        behind = [(end, high, user) for _, high, user in met[-1:] if end < high]
+        mine[since:until] = [*before, (begin, end, name), *behind]
+        found[name] = sorted({user for _, _, user in met})
+    return found

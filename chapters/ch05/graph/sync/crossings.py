@@ -1,0 +1,398 @@
+"""Resources that several queues use: what one has to wait for from another, and how images go from queue to queue.
+
+The life of a resource is cut into epochs, as in `graph_barriers.py`, but an epoch has a part for each queue that reads
+in it. What happens between an epoch and the next:
+
+    same queue                 a barrier, as ever
+    another queue              a crossing, which is all that a buffer needs: waiting makes everything visible
+    another queue, an image    besides, it is handed over: released behind the last step of the one queue, acquired in
+                               front of the first of the other. So an epoch of an image has one queue, readers included
+    content given up           nothing is handed over: whoever comes next takes the image as if it were new
+
+Who makes an external image lets both queues use it at once (as all buffers are made), so nothing of it is handed over.
+The owner of an external has used it last on the graphics queue, where he finds it again, too.
+
+A history is two images: each is written in a frame, read as `PREVIOUS` in the next, and written again in the one after.
+So its epochs go over two frames, and everything else is one turn of the wheel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import reduce
+from itertools import pairwise
+from operator import itemgetter
+from typing import Protocol, cast
+
+import numpy as np
+
+from ..types import PREVIOUS, UNTOUCHED, Barrier, External, Resource, Touch
+from .batches import Batch
+from .queues import GRAPHICS, Clocks, Crossing
+from .states import conflict, covers, merged
+
+
+class Behind(Protocol):
+    """How a queue used something last: in which way, the last step of each stage, and the last one of all."""
+
+    @property
+    def touch(self) -> Touch: ...
+    @property
+    def ends(self) -> Mapping[str, int]: ...
+    @property
+    def last(self) -> int: ...
+
+
+@dataclass(slots=True)
+class Part:
+    """The steps of one queue in an epoch: the place of the first, and of the last one of each stage."""
+
+    first: int
+    ends: Mapping[str, int]
+    touch: Touch
+
+    @property
+    def last(self) -> int:
+        """Place of the last step."""
+        return max(self.ends.values())
+
+    def behind(self) -> Part:
+        """Return the part of a transient with numbers of steps in place of places."""
+        return self.later(-1)
+
+    def later(self, by: int) -> Part:
+        """Return the part as many places later."""
+        return Part(self.first + by, {stage: place + by for stage, place in self.ends.items()}, self.touch)
+
+
+Epoch = dict[str, Part]
+"""An epoch by queue."""
+
+
+@dataclass
+class Found:
+    """What the resources of several queues need, besides waiting."""
+
+    crossings: list[Crossing] = field(default_factory=list)
+    placed: list[tuple[Barrier, int, Mapping[str, int], bool, int]] = field(default_factory=list)
+    """Barriers in front of steps, as `graph_barriers.py` places them; behind the last step is the epilogue. With them,
+    the place where what is there was written, or got its layout."""
+    releases: dict[int, list[Barrier]] = field(default_factory=dict)
+    """By step, what is released behind it."""
+    prologue: list[Barrier] = field(default_factory=list)
+
+
+class Lanes:
+    """A frame on several queues. `queues` are those of the steps, `touches` how each touches every resource."""
+
+    def __init__(
+        self,
+        queues: Sequence[str],
+        touches: Sequence[Mapping[str, Touch]],
+        resources: Mapping[str, Resource],
+        externals: Mapping[str, External],
+    ) -> None:
+        self.queues = queues
+        self._on = (*queues, GRAPHICS)
+        self._used: dict[str, list[tuple[int, str, Touch]]] = {}
+        frame = len(queues) + 2
+        for step, (queue, used) in enumerate(zip(queues, touches, strict=True)):
+            for name, touch in used.items():
+                place = step + 1 + frame * name.endswith(PREVIOUS)
+                self._used.setdefault(name.removesuffix(PREVIOUS), []).append((place, queue, touch))
+        self.found = Found()
+        self._chains: dict[str, _Chain] = {}
+        for name, uses in sorted(self._used.items()):
+            external = externals.get(name)
+            if external is not None or len({queue for _, queue, _ in uses}) > 1:
+                uses = sorted(uses, key=itemgetter(0))
+                chain = _Chain(name, uses, resources[name], external, frame, self.found)
+                chain.follow()
+                self._chains[name] = chain
+        self._clocks = Clocks(queues, self.found.crossings)
+
+    def crosses(self, name: str) -> bool:
+        """Whether several queues use a resource."""
+        return name.removesuffix(PREVIOUS) in self._chains
+
+    def placed(self) -> Iterator[tuple[Barrier, int, Mapping[str, int], bool]]:
+        """Yield barriers, their steps, since when they wait, and whether everybody there can read the content."""
+        for barrier, step, since, ready, written in self.found.placed:
+            # Where only readers are waited for, what they read may be visible by a wait for another queue.
+            seen = bool(since) and not barrier.before.writes and self._clocks.knows(step + 1, written)
+            if seen:
+                self._clocks.serve(written, step + 1, barrier.after.stages)
+            yield barrier, step, since, ready or seen
+
+    def begins(self, step: int) -> tuple[str, str] | None:
+        """Return how a barrier of the prologue says that it is on the queue of a step: graphics is not said."""
+        return None if self.queues[step] == GRAPHICS else (self.queues[step], self.queues[step])
+
+    def releases(self, step: int) -> tuple[Barrier, ...]:
+        """Return what is released behind a step."""
+        return tuple(sorted(self.found.releases.get(step, ()), key=lambda barrier: barrier.resource))
+
+    def together(self, names: Collection[str]) -> np.ndarray:
+        """Return (names, names) bool: which transients can share no memory."""
+        uses: list[dict[str, tuple[int, int]]] = [{} for _ in names]
+        for name, mine in zip(names, uses, strict=True):
+            for place, queue, _ in self._used[name]:
+                mine[queue] = mine.get(queue, (place,))[0], place
+        return self._clocks.together(uses)
+
+    def queue(self, step: int) -> str:
+        """Return the queue of a step, of whatever frame; the epilogue is behind the last one, on graphics."""
+        return self._on[step % len(self._on)]
+
+    def knows(self, step: int, since: int) -> bool:
+        """Whether waits for other queues order what happened `since` in front of a step of the same queue.
+
+        `since` is below 0 in frames before, as barriers count.
+        """
+        return self._clocks.knows(step + 1, self._place(since))
+
+    def sees(self, made: int, read: Touch, step: int, touch: Touch) -> bool:
+        """Whether a wait shows to a step what step `made` of its queue left, and others there have read."""
+        seen = not read.writes and read.layout == touch.layout and self.knows(step, made)
+        if seen:
+            self._clocks.serve(made + 1, step + 1, touch.stages)
+        return seen
+
+    def make_vain(self, barrier: Barrier, step: int, since: Mapping[str, int]) -> bool:
+        """Whether waits for other queues do all that a barrier in front of a step would."""
+        stays = barrier.before.layout == barrier.after.layout and not barrier.discard
+        needed = (bool(barrier.after.layout) and not stays) or "host" in barrier.after.stages
+        return bool(since) and not needed and all(self.knows(step, one) for one in since.values())
+
+    def rely(self, step: int, since: Mapping[str, int], stages: frozenset[str]) -> None:
+        """Let the waits that stand for a barrier hold its stages."""
+        for one in since.values():
+            if self.knows(step, one):
+                self._clocks.serve(self._place(one), step + 1, stages)
+
+    def _place(self, since: int) -> int:
+        frames, step = divmod(since, len(self.queues) + 1)
+        return step + 1 + frames * self._clocks.frame
+
+    def taken(
+        self, users: Sequence[str], epochs: Mapping[str, Sequence[Behind]], step: int, first: Touch
+    ) -> tuple[list[Behind], frozenset[str]]:
+        """Return who on a step's own queue used the memory that a transient takes over there from `users`.
+
+        With them come the stages in which an image's barrier begins if others did on other queues: where the waits end
+        that order them in front of it.
+        """
+        own: list[Behind] = []
+        waited = False
+        for user in users:
+            for behind in self._last(user, epochs):
+                since = behind.last if behind.last < step else behind.last - len(self.queues) - 1
+                if self.queue(behind.last) != self.queues[step]:
+                    waited = True
+                elif first.layout or not self.knows(step, since):
+                    own.append(behind)
+                    continue
+                self._clocks.serve(self._place(since), step + 1, first.stages)
+        return own, first.stages if waited and first.layout else frozenset()
+
+    def _last(self, user: str, epochs: Mapping[str, Sequence[Behind]]) -> Sequence[Behind]:
+        """Return the last epoch of a transient, in parts of one queue each."""
+        if user not in self._chains:
+            return epochs[user][-1:]
+        return [part.behind() for part in self._chains[user].epochs[-1].values()]
+
+    def batches(self, epilogue: bool) -> tuple[Batch, ...]:
+        """Return what is submitted, in this order."""
+        return self._clocks.batches(epilogue)
+
+
+def _since(place: int, after: int, frame: int) -> int:
+    """Return a place as barriers of the frame of place `after` count steps: below 0 in frames before."""
+    frames = place // frame - after // frame
+    return place % frame - 1 + frames * (frame - 1)
+
+
+class _Chain:
+    """One resource over its turn of the wheel, from epoch to epoch."""
+
+    def __init__(
+        self,
+        name: str,
+        uses: Sequence[tuple[int, str, Touch]],
+        resource: Resource,
+        external: External | None,
+        frame: int,
+        found: Found,
+    ) -> None:
+        self._name, self._life, self._frame, self._found = name, resource.life, frame, found
+        self._image = resource.kind != "buffer"
+        self._exclusive = self._image and external is None
+        self._external = external
+        leaves = external.leaves if external is not None else None
+        if leaves is not None and (leaves.stages or leaves.layout != uses[-1][2].layout):
+            uses = [*uses, (frame - 1, GRAPHICS, leaves)]  # the owner goes on with it
+        self._uses = uses
+        self._turn = frame * (1 + (uses[-1][0] >= frame))
+        self.epochs = self._cut(uses)
+        self._written = _head(self.epochs[0]).first
+
+    def _cut(self, uses: Sequence[tuple[int, str, Touch]]) -> list[Epoch]:
+        epochs: list[Epoch] = []
+        for place, queue, touch in uses:
+            ends = dict.fromkeys(touch.stages, place)
+            last: Epoch = epochs[-1] if epochs else {}
+            both = [merged(part.touch, touch) for part in last.values()]
+            if (
+                not last
+                or (self._exclusive and queue not in last)
+                or any(one is None or one.writes for one in both)
+            ):
+                epochs.append({queue: Part(place, ends, touch)})
+            elif queue in last:
+                old = last[queue]
+                last[queue] = Part(old.first, {**old.ends, **ends}, merged(old.touch, touch) or touch)
+            else:
+                last[queue] = Part(place, ends, touch)
+        return epochs
+
+    def follow(self) -> None:
+        """Find all that the resource needs, from its first epoch around to the first one again."""
+        ready = self._external is not None and self._enter(self._external)
+        for before, after in pairwise(self.epochs):
+            ready &= not _writes(before) and _layout(before) == _layout(after)
+            self._pass_on(before, after, ready=ready)
+            if _writes(after) or _layout(before) != _layout(after):
+                self._written = _head(after).first
+        if self._external is not None:
+            return
+        first, last = self.epochs[0], self.epochs[-1]
+        again = {queue: part.later(self._turn) for queue, part in first.items()}
+        if self._life == "transient":  # whoever used its memory last is not known yet
+            for queue, part in again.items():
+                self._cross(last, queue, part)
+        else:
+            self._pass_on(last, again, discard=True)
+        if self._image and self._turn > self._frame:
+            self._begin()
+
+    def _cross(self, before: Epoch, queue: str, part: Part) -> None:
+        """Let a part wait for an epoch on other queues."""
+        for other, old in before.items():
+            if other != queue:
+                self._found.crossings.append(Crossing(old.last, part.first, _held(before, part)))
+
+    def _pass_on(self, before: Epoch, after: Epoch, discard: bool = False, ready: bool = False) -> None:
+        """Find what happens between two epochs."""
+        changes = self._image and (discard or _layout(before) != _layout(after))
+        head = _head(after)
+        for queue, part in after.items():
+            if changes and part is not head:
+                # One of the readers changes the layout, and the others wait for it.
+                self._found.crossings.append(Crossing(head.first, part.first, part.touch.stages))
+                continue
+            self._cross(before, queue, part)
+            if queue in before:
+                own = before[queue]
+                since = {stage: _since(place, part.first, self._frame) for stage, place in own.ends.items()}
+                if not conflict(own.touch, part.touch) and not discard:
+                    continue
+                touch = own.touch
+                if len(before) > 1 and (changes or _is_cpu(part)):
+                    touch = replace(touch, stages=touch.stages | _held(before, part))
+                self._place(
+                    Barrier(self._name_of(part.first), touch, part.touch, discard), part, since, ready
+                )
+            elif self._exclusive and not discard:
+                ((other, own),) = before.items()
+                barrier = Barrier(self._name_of(part.first), own.touch, part.touch, hand_over=(other, queue))
+                self._place(barrier, part, {})
+                released = replace(barrier, resource=self._name_of(own.last))
+                self._found.releases.setdefault(own.last % self._frame - 1, []).append(released)
+            elif changes or _is_cpu(part):
+                waited = Touch("undefined" if discard else _layout(before), _held(before, part), frozenset())
+                self._place(Barrier(self._name_of(part.first), waited, part.touch, discard), part, {})
+
+    def _place(self, barrier: Barrier, part: Part, since: Mapping[str, int], ready: bool = False) -> None:
+        self._found.placed.append((barrier, part.first % self._frame - 1, since, ready, self._written))
+
+    def _name_of(self, place: int) -> str:
+        return self._name + PREVIOUS * (self._frame <= place % self._turn)
+
+    # --- ends ---
+
+    def _enter(self, external: External) -> bool:
+        """Take an external from its owner; return whether everybody can read it."""
+        first, enters = self.epochs[0], external.enters
+        if not enters.stages:
+            if self._image and enters.layout != _layout(first):
+                head = _head(first)
+                self._place(Barrier(self._name, enters, head.touch), head, {})
+                for part in first.values():
+                    if part is not head:
+                        self._found.crossings.append(Crossing(head.first, part.first, part.touch.stages))
+            return enters == replace(UNTOUCHED, layout=_layout(first))
+        owner = {GRAPHICS: Part(0, dict.fromkeys(enters.stages, 0), enters)}
+        if not _writes(first) and enters.layout == _layout(first):
+            self._written = 0
+        mine = first.get(GRAPHICS)
+        if mine is not None and covers(enters, mine.touch):
+            # Nothing happens before it: what comes after it waits for the owner's use as well.
+            first[GRAPHICS] = Part(
+                mine.first, {**owner[GRAPHICS].ends, **mine.ends}, merged(enters, mine.touch) or enters
+            )
+            for queue, part in first.items():
+                self._cross(owner, queue, part)
+        elif mine is not None and not conflict(enters, mine.touch):
+            late = [
+                one
+                for one in self._uses
+                if one[1] == GRAPHICS and one[0] <= mine.last and not covers(enters, one[2])
+            ]
+            seen = Part(late[0][0], {}, reduce(_both, (touch for _, _, touch in late)))
+            self._place(Barrier(self._name, enters, seen.touch), seen, dict.fromkeys(enters.stages, -1))
+            for queue, part in first.items():
+                self._cross(owner, queue, part)
+        else:
+            self._pass_on(owner, first)
+        return False
+
+    def _begin(self) -> None:
+        """Bring a history into the state, and to the queue, in which every frame finds what the one before left."""
+        number = max(i for i, epoch in enumerate(self.epochs) if _head(epoch).first < self._frame)
+        ((queue, part),) = self.epochs[number].items()
+        name = self._name + PREVIOUS
+        on = None if queue == GRAPHICS else (queue, queue)
+        self._found.prologue.append(Barrier(name, UNTOUCHED, part.touch, discard=True, hand_over=on))
+        if part.last < self._frame:
+            ((other, after),) = self.epochs[number + 1].items()
+            if other != queue:
+                self._found.prologue.append(Barrier(name, part.touch, after.touch, hand_over=(queue, other)))
+
+
+def _head(epoch: Epoch) -> Part:
+    """Return the part that begins first: it changes the layout, where that changes. Parts are in this order."""
+    return next(iter(epoch.values()))
+
+
+def _layout(epoch: Epoch) -> str:
+    return _head(epoch).touch.layout
+
+
+def _writes(epoch: Epoch) -> bool:
+    return any(part.touch.writes for part in epoch.values())
+
+
+def _both(first: Touch, second: Touch) -> Touch:
+    return cast(Touch, merged(first, second))  # an epoch has one layout
+
+
+def _is_cpu(part: Part) -> bool:
+    """Whether the owner reads it on the CPU, which no wait makes anything visible to."""
+    return "host" in part.touch.stages
+
+
+def _held(before: Epoch, part: Part) -> frozenset[str]:
+    """Return the stages in which a part waits for another queue: its own, or for owners those that he waits for."""
+    own = part.touch.stages - {"host"}
+    return own or frozenset().union(*(one.touch.stages for one in before.values()))

@@ -1,0 +1,109 @@
+"""The frame graph's barriers in Vulkan's words: stages, accesses and layouts, and one struct for each pass.
+
+What the graph calls "read" is one layout for colour and another for depth. Memory that one resource takes over from
+another needs a barrier of its own when it was written last: a barrier of an image covers what is written through that
+image, and the image before it is another one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from backends.vulkan import api as vk
+from backends.vulkan.resources import Buffer, Image
+
+from ...frames.queues.vulkan_queues import Fields
+from ..types import Barrier, Touch
+
+STAGES: dict[str, int] = {
+    "indirect": vk.VK_PIPELINE_STAGE_2_DRAW_INDIRECT_BIT,
+    "vertex": vk.VK_PIPELINE_STAGE_2_VERTEX_SHADER_BIT,
+    "fragment": vk.VK_PIPELINE_STAGE_2_FRAGMENT_SHADER_BIT,
+    "compute": vk.VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT,
+    "color": vk.VK_PIPELINE_STAGE_2_COLOR_ATTACHMENT_OUTPUT_BIT,
+    "depth": vk.VK_PIPELINE_STAGE_2_EARLY_FRAGMENT_TESTS_BIT | vk.VK_PIPELINE_STAGE_2_LATE_FRAGMENT_TESTS_BIT,
+    "copy": vk.VK_PIPELINE_STAGE_2_ALL_TRANSFER_BIT,
+    "host": vk.VK_PIPELINE_STAGE_2_HOST_BIT,
+}
+
+ACCESS: dict[str, int] = {
+    "color_read": vk.VK_ACCESS_2_COLOR_ATTACHMENT_READ_BIT,
+    "color_write": vk.VK_ACCESS_2_COLOR_ATTACHMENT_WRITE_BIT,
+    "depth_read": vk.VK_ACCESS_2_DEPTH_STENCIL_ATTACHMENT_READ_BIT,
+    "depth_write": vk.VK_ACCESS_2_DEPTH_STENCIL_ATTACHMENT_WRITE_BIT,
+    "sampled": vk.VK_ACCESS_2_SHADER_SAMPLED_READ_BIT,
+    "storage_read": vk.VK_ACCESS_2_SHADER_STORAGE_READ_BIT,
+    "storage_write": vk.VK_ACCESS_2_SHADER_STORAGE_WRITE_BIT,
+    "uniform": vk.VK_ACCESS_2_UNIFORM_READ_BIT,
+    "indirect": vk.VK_ACCESS_2_INDIRECT_COMMAND_READ_BIT,
+    "copy_read": vk.VK_ACCESS_2_TRANSFER_READ_BIT,
+    "copy_write": vk.VK_ACCESS_2_TRANSFER_WRITE_BIT,
+    "host_read": vk.VK_ACCESS_2_HOST_READ_BIT,
+}
+
+_LAYOUTS: dict[str, int] = {
+    "undefined": vk.VK_IMAGE_LAYOUT_UNDEFINED,
+    "color": vk.VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL,
+    "depth": vk.VK_IMAGE_LAYOUT_DEPTH_ATTACHMENT_OPTIMAL,
+    "read": vk.VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL,
+    "general": vk.VK_IMAGE_LAYOUT_GENERAL,
+    "copy_source": vk.VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL,
+    "copy_target": vk.VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL,
+}
+
+
+def layout_of(word: str, image: Image) -> int:
+    """Return Vulkan's layout for one of the graph's, of an image."""
+    if word == "read" and image.aspect & vk.VK_IMAGE_ASPECT_DEPTH_BIT:
+        # In this one a shader may sample it while draws are tested against it.
+        return int(vk.VK_IMAGE_LAYOUT_DEPTH_READ_ONLY_OPTIMAL)
+    return _LAYOUTS[word]
+
+
+def dependency(planned: Iterable[Barrier], resources: Mapping[str, Image | Buffer], fields: Fields) -> Any:
+    """Return the VkDependencyInfo of barriers that stand side by side; None where there are none."""
+    images, buffers, memory = [], [], []
+    for barrier in planned:
+        masks = _masks(barrier.before, barrier.after)
+        if barrier.instead_of and barrier.before.writes:
+            memory.append(masks)
+        held, both = resources.get(barrier.resource), fields(barrier, masks)
+        if held is None:  # parts of several buffers, which nobody calls by one name
+            memory.append(masks)
+            continue
+        if isinstance(held, Buffer):
+            buffers.append({**both, "buffer": held.handle, "size": vk.VK_WHOLE_SIZE})
+            continue
+        images.append(
+            {
+                **both,
+                "oldLayout": layout_of("undefined" if barrier.discard else barrier.before.layout, held),
+                "newLayout": layout_of(barrier.after.layout, held),
+                "image": held.handle,
+                "subresourceRange": {
+                    "aspectMask": held.aspect,
+                    "levelCount": vk.VK_REMAINING_MIP_LEVELS,
+                    "layerCount": vk.VK_REMAINING_ARRAY_LAYERS,
+                },
+            }
+        )
+    if not (images or buffers or memory):
+        return None
+    return vk.new(
+        "VkDependencyInfo",
+        pImageMemoryBarriers=images or None,
+        pBufferMemoryBarriers=buffers or None,
+        pMemoryBarriers=memory or None,
+    )
+
+
+def _masks(before: Touch, after: Touch) -> dict[str, int]:
+    """Return the scopes of a barrier: what it waits for, what of that is made visible, and to whom."""
+    return {
+        "srcStageMask": sum(STAGES[stage] for stage in before.stages),
+        # Reading makes nothing that would have to become visible.
+        "srcAccessMask": sum(ACCESS[access] for access in before.access) if before.writes else 0,
+        "dstStageMask": sum(STAGES[stage] for stage in after.stages),
+        "dstAccessMask": sum(ACCESS[access] for access in after.access),
+    }

@@ -1,0 +1,1 @@
+"""Textures and geometry on their way from files to the GPU, beside the frames."""

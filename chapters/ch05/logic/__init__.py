@@ -1,1 +1,0 @@
-"""What both backends use and no device is needed for."""

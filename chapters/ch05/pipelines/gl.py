@@ -1,0 +1,122 @@
+"""What Vulkan calls a pipeline: a program, and the state that has to be set before it draws.
+
+Equal descriptions share one pipeline. `bind` sets all of its state: OpenGL remembers what others left behind.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from backends import shader_text
+from backends.gl import api as gl
+from backends.gl.context import FRONT_FACES, Context
+from backends.gl.programs import Program, Programs
+from backends.shader_text import ShaderSource
+
+from .gl_compute import ComputePipeline, group_of
+from .snippets import SNIPPETS
+
+SHADERS = Path(__file__).resolve().parents[1] / "shaders"
+
+
+@dataclass(frozen=True)
+class GraphicsPipeline:
+    """What a pipeline is made of; compare `pipelines.vulkan`. Vertex streams belong to a vertex array here."""
+
+    shaders: tuple[str, ...]
+    defines: tuple[tuple[str, int | float | str], ...] = ()
+    depth: Literal["write", "test", "equal"] | None = "write"
+    blend: Literal["over", "add"] | None = None
+    name: str = ""
+
+
+Described = GraphicsPipeline | ComputePipeline
+
+
+@dataclass(eq=False)
+class Built:
+    """A pipeline that can be bound. It has another program after a shader was edited."""
+
+    described: Described
+    program: Program
+    group: tuple[int, int, int] = (1, 1, 1)
+    """Invocations of a work group along each axis, where it computes."""
+
+
+class Pipelines:
+    """Builds pipelines at their first use and keeps them."""
+
+    def __init__(self, context: Context) -> None:
+        self._context = context
+        self._programs = Programs(context)
+        self._built: dict[Described, Built] = {}
+
+    def __len__(self) -> int:
+        return len(self._built)
+
+    def get(self, wanted: Sequence[Described]) -> list[Built]:
+        """Return one pipeline per description."""
+        for described in wanted:
+            if described not in self._built:
+                program = self._programs.get(self._sources(described), described.name)
+                self._built[described] = Built(described, program, self._group(described, program))
+        return [self._built[described] for described in wanted]
+
+    def _group(self, described: Described, program: Program) -> tuple[int, int, int]:
+        computes = isinstance(described, ComputePipeline)
+        return group_of(self._context, program) if computes else (1, 1, 1)
+
+    @staticmethod
+    def _sources(described: Described) -> list[ShaderSource]:
+        return [
+            shader_text.build(SHADERS / file, "gl", defines=dict(described.defines), snippets=SNIPPETS)
+            for file in described.shaders
+        ]
+
+    @property
+    def files(self) -> frozenset[Path]:
+        """All on disk that decides about the shaders of these pipelines."""
+        return frozenset().union(*(built.program.files for built in self._built.values()))
+
+    def reload(self, changed: Collection[Path]) -> tuple[str, ...]:
+        """Link the programs anew whose code a file of `changed` changes; all, or none.
+
+        Returns their pipelines' names. Raises ShaderError for a shader that does not compile, or that no longer fits
+        what is bound to it.
+        """
+        old = [built for built in self._built.values() if built.program.files & set(changed)]
+        sources = [self._sources(built.described) for built in old]
+        new = self._programs.exchange([built.program for built in old], sources, changed)
+        anew = [pair for pair in zip(old, new, strict=True) if pair[0].program is not pair[1]]
+        for built, program in anew:
+            built.program, built.group = program, self._group(built.described, program)
+        return tuple(built.described.name for built, _ in anew)
+
+    def bind(self, pipeline: Built, cull: bool, front: str) -> None:
+        """Draw with `pipeline` from here on; `cull` leaves out back faces, `front` says how front faces wind."""
+        fn, described = self._context.fn, pipeline.described
+        assert isinstance(described, GraphicsPipeline), "what computes is bound as such"
+        fn.glUseProgram(pipeline.program.handle)
+        _switch(fn, gl.GL_CULL_FACE, cull)
+        fn.glFrontFace(FRONT_FACES[front])
+        _switch(fn, gl.GL_DEPTH_TEST, described.depth is not None)
+        # Reversed z: the near plane is 1, infinity 0, and nearer is greater; see pipelines/vulkan.py.
+        fn.glDepthFunc(gl.GL_EQUAL if described.depth == "equal" else gl.GL_GEQUAL)
+        fn.glDepthMask(int(described.depth == "write"))
+        _switch(fn, gl.GL_BLEND, described.blend is not None)
+        if described.blend:
+            fn.glBlendEquationSeparate(gl.GL_FUNC_ADD, gl.GL_FUNC_ADD)
+            over = described.blend == "over"
+            source, kept = (gl.GL_SRC_ALPHA, gl.GL_ONE_MINUS_SRC_ALPHA) if over else (gl.GL_ONE, gl.GL_ONE)
+            fn.glBlendFuncSeparate(source, kept, gl.GL_ONE, kept)
+
+    def close(self) -> None:
+        """Free every program."""
+        self._programs.close()
+
+
+def _switch(fn: gl.Functions, capability: int, on: bool) -> None:
+    (fn.glEnable if on else fn.glDisable)(capability)

@@ -1,0 +1,84 @@
+"""Compute pipelines: one shader and nothing else, so most of a graphics pipeline's description falls away.
+
+`Pipelines` keeps them beside those that draw: what a kernel binds and pushes is read from its SPIR-V, equal
+descriptions share a pipeline, the cache on disk knows it, and an edited file builds it anew.
+
+    pipeline = pipelines.get([ComputePipeline("blur.comp")])[0]
+    commands.bind_compute(pipeline)
+    commands.bind_compute_set(pipeline, 0, a_set)
+    commands.dispatch_over(pipeline, (width, height))
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from backends.vulkan import api as vk
+from backends.vulkan.device import Device
+
+from ..frames.dispatches import GroupLimits, check_group
+from .spirv.shared_memory import shared_bytes
+from .vulkan_cache import PipelineCache
+from .vulkan_reflection import Stage
+
+
+@dataclass(frozen=True)
+class ComputePipeline:
+    """What a compute pipeline is made of; the words are those of `GraphicsPipeline`."""
+
+    shader: str
+    defines: tuple[tuple[str, int | float | str], ...] = ()
+    specialization: tuple[tuple[str | int, int | float | bool], ...] = ()
+    dynamic: tuple[str, ...] = ()
+    name: str = ""
+
+    @property
+    def shaders(self) -> tuple[str, ...]:
+        """The files of all stages."""
+        return (self.shader,)
+
+
+def group_of(stage: Stage) -> tuple[int, int, int]:
+    """Return the invocations of a work group along each axis, specialization included."""
+    return stage.module.entries[0].local_size or (1, 1, 1)
+
+
+def build_compute(
+    device: Device,
+    described: ComputePipeline,
+    stage: Stage,
+    specialization: Any,
+    layout: Any,
+    cache: PipelineCache | None,
+) -> Any:
+    """Return the VkPipeline; ShaderError for work groups that the device cannot run."""
+    device_has = device.limits
+    limits = GroupLimits(
+        int(device_has.maxComputeWorkGroupInvocations),
+        [*device_has.maxComputeWorkGroupSize],
+        int(device_has.maxComputeSharedMemorySize),
+    )
+    shared = shared_bytes(stage.code, dict(stage.constants))
+    files = stage.source.paths if stage.source else frozenset()
+    check_group(described.shader, group_of(stage), shared, limits, files)
+    name = described.name or described.shader
+    module = device.create(
+        "vkCreateShaderModule",
+        vk.new("VkShaderModuleCreateInfo", codeSize=len(stage.code), pCode=stage.code),
+        described.shader,
+    )
+    try:
+        shader = vk.new(
+            "VkPipelineShaderStageCreateInfo",
+            stage=vk.VK_SHADER_STAGE_COMPUTE_BIT,
+            module=module,
+            pName="main",
+            pSpecializationInfo=specialization,
+        )
+        info = vk.new("VkComputePipelineCreateInfo", stage=shader, layout=layout)
+        infos = vk.array("VkComputePipelineCreateInfo", [info])
+        kept = cache.handle if cache else vk.NULL
+        return device.create_pipelines("vkCreateComputePipelines", infos, [name], kept)[0]
+    finally:
+        device.destroy("VkShaderModule", module)
