@@ -9,7 +9,7 @@ from types import FrameType
 from common.paths import ROOT
 
 _BACKENDS = str(Path(__file__).resolve().parent)
-_RECORDERS = re.compile(r".*[/\\](graphics|gl)[/\\]commands\.py", re.DOTALL)
+_RECORDERS = re.compile(r".*[/\\]frames[/\\](vulkan|gl)_commands\.py", re.DOTALL)
 """In these, of a chapter or a copy of one, each pass's draws are recorded: that one was wrong says the pass's line."""
 
 

@@ -21,9 +21,9 @@ def defined_in(path: str):
     "path",
     [
         "chapters/ch01/frames/vulkan_commands.py",
-        "chapters/ch15/gl/commands.py",
+        "chapters/ch15/frames/gl_commands.py",
         "backends/gl/draws.py",
-        "../a fork/gl/commands.py",
+        "../a fork/frames/gl_commands.py",
     ],
 )
 def test_a_wrapper_is_passed_over(path):

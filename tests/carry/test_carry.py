@@ -16,7 +16,7 @@ from tools.snapshots import carry, carry_state, trees
 from tools.snapshots.carry_state import place
 
 pytestmark = pytest.mark.feature("tools/carry")
-FORWARD = "shading/vulkan_forward.py"
+FORWARD = "passes/forward.py"
 FIX = PASS.replace("line 5\n", "line five\n")
 
 
@@ -53,8 +53,8 @@ def test_a_fix_goes_through_fourteen_chapters(clone, capsys):
     assert all(clone.files()[name] == before[name] for name in untouched)
     assert not state_of(clone)
     said = capsys.readouterr()
-    assert "ch03  shading/vulkan_forward.py: takes it: the file was the same" in said.out
-    assert "ch09  shading/vulkan_forward.py: merged with its own lines" in said.out
+    assert "ch03  passes/forward.py: takes it: the file was the same" in said.out
+    assert "ch09  passes/forward.py: merged with its own lines" in said.out
     assert "14 files written" in said.err
 
 
@@ -151,7 +151,7 @@ def test_a_dry_run_writes_nothing(conflict, capsys):
     assert carry.start(conflict.root, 3, [FORWARD], dry_run=True) == 1
     assert conflict.files() == before
     said = capsys.readouterr()
-    assert "ch05  shading/vulkan_forward.py: takes it" in said.out and "<<<<<<< ch06" in said.out
+    assert "ch05  passes/forward.py: takes it" in said.out and "<<<<<<< ch06" in said.out
     assert "it would stop at ch06" in said.err
     conflict.write(f"ch03/{FORWARD}", PASS.replace("line 18\n", "line eighteen\n"))
     assert carry.start(conflict.root, 3, [FORWARD], dry_run=True) == 0
@@ -249,7 +249,7 @@ def test_a_chapter_that_has_the_fix_already_passes_it_on(clone, capsys):
     clone.edit(f"ch05/{FORWARD}", "line 5\n", "line five\n")
     assert carry.start(clone.root, 1, [FORWARD]) == 0
     assert b"line five" in clone.read(f"ch03/{FORWARD}") and b"line five" in clone.read(f"ch06/{FORWARD}")
-    assert "ch05  shading/vulkan_forward.py: has it already" in capsys.readouterr().out
+    assert "ch05  passes/forward.py: has it already" in capsys.readouterr().out
 
 
 def test_what_the_stopped_chapter_has_already_goes_on_behind_it(conflict):
@@ -280,11 +280,11 @@ def test_files_are_named_as_one_sees_them(clone, monkeypatch):
 @pytest.mark.parametrize(
     ("files", "said"),
     [
-        (["passes/forwrad.py"], "did you mean 'shading/vulkan_forward.py'"),
+        (["passes/forwrad.py"], "did you mean 'passes/forward.py'"),
         (["../ch04/passes/forward.py"], "is not in ch03"),
-        (["shading/vulkan_sky.py"], "is as it is in HEAD"),
+        (["passes/sky.py"], "is as it is in HEAD"),
         (["studies/one.py"], "studies are not copied"),
-        ([], "Which files. In ch03 this differs from HEAD: shading/vulkan_forward.py"),
+        ([], "Which files. In ch03 this differs from HEAD: passes/forward.py"),
     ],
 )
 def test_a_wrong_file_is_one_sentence(clone, files, said):

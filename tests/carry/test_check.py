@@ -10,7 +10,7 @@ from tools.snapshots import carry, carry_check
 from tools.snapshots.exceptions import read_exceptions
 
 pytestmark = pytest.mark.feature("tools/carry")
-FORWARD = "shading/vulkan_forward.py"
+FORWARD = "passes/forward.py"
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from tools.snapshots.forks import make_fork, own_files, read_fork
 from tools.snapshots.trees import read_tree
 
 pytestmark = pytest.mark.feature("tools/fork")
-FORWARD = "shading/vulkan_forward.py"
+FORWARD = "passes/forward.py"
 
 
 @pytest.fixture
@@ -47,11 +47,11 @@ def test_a_fix_comes_and_what_the_reader_changed_stays(clone, fork, capsys):
     assert files[FORWARD].decode() == PASS.replace("line 15\n", "my line\n").replace(
         "line 5\n", "line five\n"
     )
-    assert files["shading/vulkan_sky.py"] == clone.read("ch01/passes/sky.py")
+    assert files["passes/sky.py"] == clone.read("ch01/passes/sky.py")
     assert files["passes/new.py"] == b"new = 1\n" and files["passes/mine.py"] == b"mine = 1\n"
     assert read_tree(fork.base) == read_tree(clone.root / "ch01")
     said = capsys.readouterr()
-    assert "shading/vulkan_forward.py: your lines and the chapter's, merged" in said.out
+    assert "passes/forward.py: your lines and the chapter's, merged" in said.out
     assert "3 files written, no conflict" in said.err
     assert update(fork.folder, root=clone.root) == 0
     assert "is up to date" in capsys.readouterr().err
@@ -74,9 +74,9 @@ def test_a_conflict_is_shown_and_waits_to_be_resolved(clone, fork, capsys):
     said = capsys.readouterr()
     assert "    5 <<<<<<< yours" in said.out and "take the four marker lines out" in said.out
     assert "1 with a conflict" in said.err
-    assert (fork.folder / "shading/vulkan_sky.py").read_bytes() == clone.read("ch01/passes/sky.py")
+    assert (fork.folder / "passes/sky.py").read_bytes() == clone.read("ch01/passes/sky.py")
     assert read_fork(fork.folder).conflicts == (FORWARD,)
-    with pytest.raises(UserError, match=r"shading/vulkan_forward.py has conflict markers"):
+    with pytest.raises(UserError, match=r"passes/forward.py has conflict markers"):
         update(fork.folder, root=clone.root)
     mine(fork, FORWARD, PASS.replace("line 5\n", "my line, five\n"))
     assert update(fork.folder, root=clone.root) == 0
@@ -85,7 +85,7 @@ def test_a_conflict_is_shown_and_waits_to_be_resolved(clone, fork, capsys):
 
 
 def test_removed_renamed_and_binary_files(clone, fork):
-    mine(fork, "shading/vulkan_sky.py", PASS.replace("line", "sky").replace("sky 15\n", "my sky\n"))
+    mine(fork, "passes/sky.py", PASS.replace("line", "sky").replace("sky 15\n", "my sky\n"))
     mine(fork, FORWARD, PASS.replace("line 15\n", "my line\n"))
     (clone.root / f"ch01/{FORWARD}").rename(clone.root / "ch01/passes/ahead.py")
     (clone.root / "ch01/passes/sky.py").unlink()
@@ -93,7 +93,7 @@ def test_removed_renamed_and_binary_files(clone, fork):
     assert update(fork.folder, root=clone.root) == 1  # the sky has lines of the reader's
     files = own_files(fork)
     assert b"my line" in files["passes/ahead.py"] and FORWARD not in files
-    assert b"my sky" in files["shading/vulkan_sky.py"] and files["table.bin"] == b"\0\1"
+    assert b"my sky" in files["passes/sky.py"] and files["table.bin"] == b"\0\1"
     assert read_fork(fork.folder).conflicts == ()  # nothing in a file is to be resolved
     mine(fork, "table.bin", b"\0\2")
     clone.write("ch01/table.bin", b"\0\3")
@@ -104,7 +104,7 @@ def test_removed_renamed_and_binary_files(clone, fork):
 
 def test_what_the_reader_removed_or_renamed_stays_so(clone, fork):
     (fork.folder / FORWARD).rename(fork.folder / "passes/ahead.py")
-    (fork.folder / "shading/vulkan_sky.py").unlink()
+    (fork.folder / "passes/sky.py").unlink()
     clone.edit(f"ch01/{FORWARD}", "line 5\n", "line five\n")
     clone.edit("ch01/passes/sky.py", "sky 5\n", "sky five\n")
     assert update(fork.folder, root=clone.root) == 0

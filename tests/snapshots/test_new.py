@@ -18,7 +18,7 @@ LESSON = Lesson(
     title="One",
     adds=("a",),
     needs=Needs(required=frozenset({"r"}), optional=frozenset({"b", "a"})),
-    reading=("shading/vulkan_sky.py",),
+    reading=("passes/sky.py",),
 )
 '''
 

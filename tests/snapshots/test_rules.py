@@ -25,7 +25,7 @@ class Trees:
         for number in (1, 2):
             self.lesson(number)
             self.write(number, "README.md", f"# Chapter {number}\n")
-            self.write(number, "shading/vulkan_sky.py", SKY)
+            self.write(number, "passes/sky.py", SKY)
             self.write(number, "big.py", CODE)
             self.write(number, "settings.py", SETTINGS)
             self.write(number, "shaders/sky.frag", "void main() {}\n")
@@ -67,7 +67,7 @@ def test_a_copy_keeps_all_rules(trees):
 
 
 def test_a_folder_that_does_not_say_what_it_is_is_no_chapter_yet(trees):
-    trees.write(3, "tasks/scheduler.py", '"""Made before the copy of chapter 2."""\n')
+    trees.write(3, "logic/tasks.py", '"""Made before the copy of chapter 2."""\n')
     assert [chapter.number for chapter in rules.read_chapters(trees.root)] == [1, 2]
     assert check(trees.root) == []
 
@@ -84,16 +84,15 @@ def test_new_files_are_free(trees):
 
 def test_a_file_that_differs_is_told_of(trees):
     trees.new(2)
-    trees.edit(2, "shading/vulkan_sky.py", "BLUE = 1", "BLUE = 2")
+    trees.edit(2, "passes/sky.py", "BLUE = 1", "BLUE = 2")
     assert trees.broken() == [("ch02", "touched")]
     assert trees.said() == (
-        "ch02 differs from ch01 in shading/vulkan_sky.py, and neither LESSON.reading nor LESSON.plumbing tells of "
-        "that; "
+        "ch02 differs from ch01 in passes/sky.py, and neither LESSON.reading nor LESSON.plumbing tells of that; "
         "for experiments use `strata fork 2 my-ch02`."
     )
-    trees.lesson(2, reading=("shading/vulkan_sky.py",))
+    trees.lesson(2, reading=("passes/sky.py",))
     assert trees.broken() == []
-    trees.lesson(2, plumbing={"shading/vulkan_sky.py": "it is bluer"})
+    trees.lesson(2, plumbing={"passes/sky.py": "it is bluer"})
     assert trees.broken() == []
 
 
@@ -179,8 +178,8 @@ def test_imports_of_the_foundation_are_free(trees):
 @pytest.mark.parametrize(
     ("file", "old", "new", "lacks"),
     [
-        ("shading/vulkan_sky.py", "def sky()", "def heaven()", "shading/vulkan_sky.py:sky"),
-        ("shading/vulkan_sky.py", "BLUE = 1", "BLACK = 1", "shading/vulkan_sky.py:BLUE"),
+        ("passes/sky.py", "def sky()", "def heaven()", "passes/sky.py:sky"),
+        ("passes/sky.py", "BLUE = 1", "BLACK = 1", "passes/sky.py:BLUE"),
         ("settings.py", "msaa: int", "samples: int", "settings.py:Settings.msaa"),
         ("settings.py", "class Settings", "class Knobs", "settings.py:Settings"),
     ],
@@ -199,7 +198,7 @@ def test_a_file_stays_unless_replaced(trees):
     trees.new(2)
     (trees.root / "ch02" / "passes" / "sky.py").unlink()
     assert trees.broken() == [("ch02", "monotone")]
-    trees.lesson(2, replaces=("shading/vulkan_sky.py",))
+    trees.lesson(2, replaces=("passes/sky.py",))
     assert trees.broken() == []
 
 
@@ -295,7 +294,7 @@ def test_only_code_is_counted(trees):
 
 
 def test_an_exception_excuses_one_rule_of_one_chapter(trees):
-    trees.edit(2, "shading/vulkan_sky.py", "BLUE = 1", "BLUE = 2")
+    trees.edit(2, "passes/sky.py", "BLUE = 1", "BLUE = 2")
     assert trees.broken() == [("ch02", "touched"), ("ch02", "deletions")]
     entry = '[[snapshot]]\nchapter = "ch02"\nrule = "{}"\nreason = "the sky is the lesson"\n'
     (trees.root / "exceptions.toml").write_text(entry.format("deletions"))

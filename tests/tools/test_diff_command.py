@@ -19,7 +19,7 @@ from chapters.__main__ import run
 from common.errors import UnsupportedError, UserError
 from tests.tools.test_diff import RENDERER, SHADER, tree
 from tools.diff import pictures, style, terminal
-from tools.diff.files import Source
+from tools.diff.files import Source, sources
 from tools.diff.lesson import compare, pass_of
 from tools.diff.page import highlighted, page
 from tools.diff.pictures import Pictures
@@ -79,7 +79,7 @@ def sides(tmp_path, monkeypatch):
 @pytest.fixture(scope="module")
 def versions():
     """The passes of chapter 1 on Vulkan beside those on OpenGL."""
-    return compare(tree_of("1"), tree_of("1@gl"), ["passes"])
+    return compare(tree_of("1"), tree_of("1@gl"), ["shading", "post"])
 
 
 def printed(made, everything=False, width=100, stat=False, **more) -> str:
@@ -144,7 +144,8 @@ def test_each_file_of_opengl_stands_beside_its_twin_on_vulkan():
     assert pairs["renderer.py"] == "gl_renderer.py"
     assert pairs["shading/vulkan_forward.py"] == "shading/gl_forward.py"
     assert pairs["frames/vulkan.py"] == "frames/gl.py"
-    drawn = {path.name for path in (chapters.FOLDER / "ch01" / "gl").glob("*.py")} - {"__init__.py"}
+    own = [path for path in (chapters.FOLDER / "ch01").rglob("gl*.py") if "studies" not in path.parts]
+    drawn = {path.name for path in own}
     assert {path.split("/")[-1] for path in pairs.values()} | {
         path.split("/")[-1] for path in opengl.keys() - vulkan.keys()
     } == drawn
@@ -155,18 +156,21 @@ def test_each_file_of_opengl_stands_beside_its_twin_on_vulkan():
 
 
 def test_only_what_draws_on_vulkan_is_a_twin():
-    known = ["settings.py", "passes/__init__.py", "shading/vulkan_sky.py", "graphics/sky.py", "renderer.py"]
+    known = ["settings.py", "shading/__init__.py", "shading/vulkan_sky.py", "shading/sky.py", "renderer.py"]
     twins = {
         "shading/gl_sky.py": "shading/vulkan_sky.py",
         "gl_renderer.py": "renderer.py",
-        "gl/settings.py": "gl/settings.py",
+        "shading/gl_settings.py": "shading/gl_settings.py",
+        "frames/gl.py": "frames/gl.py",
     }
     assert {path: twin(path, known) for path in twins} == twins
 
 
 def test_one_api_alone_leaves_out_the_other(sides):
-    assert all(path.startswith("gl/") for path in files_of(tree_of("1@gl"), versions=False))
-    assert not any(path.startswith("gl/") for path in files_of(tree_of("1@vulkan"), versions=False))
+    opengl, vulkan = (files_of(tree_of(text), versions=False) for text in ("1@gl", "1@vulkan"))
+    assert opengl and all(path.rpartition("/")[2].startswith("gl") for path in opengl)
+    assert not any(path.rpartition("/")[2].startswith("gl") for path in vulkan)
+    assert opengl.keys() | vulkan.keys() == sources(chapters.FOLDER / "ch01").keys()
 
 
 # --- order ------------------------------------------------------------------------------------------------------------
@@ -202,7 +206,7 @@ def test_only_leaves_out_the_rest_with_its_counts(sides, versions):
     assert {file.path for file in made.tree.files} == {"passes/fog.py", "shaders/forward.frag"}
     assert (made.tree.insertions, made.tree.deletions) == (6, 1)
     assert versions.ideas[0].path == "shading/vulkan_forward.py"
-    assert {file.path.split("/")[0] for file in versions.tree.files} == {"passes"}
+    assert {file.path.split("/")[0] for file in versions.tree.files} == {"post", "shading"}
     with pytest.raises(UserError, match="--only shader: there is no such part; did you mean 'shaders'"):
         compare(*sides, ["shader"])
 
@@ -260,8 +264,8 @@ def test_the_table_has_each_file_that_differs_and_the_sum(sides):
 
 def test_identical_trees_are_a_sentence(command, sides):
     assert command("1", "1")[:2] == (0, "Nothing differs between chapter 1 and chapter 1.\n")
-    assert command("1", "1", "--stat", "--only", "gl")[1].startswith(
-        "Nothing differs in gl between chapter 1"
+    assert command("1", "1", "--stat", "--only", "shading")[1].startswith(
+        "Nothing differs in shading between chapter 1"
     )
     code, out, err = command("old", "old", "--html", "d.html")
     assert (code, out, err) == (0, "", "Nothing differs between old and old. Wrote d.html\n")
@@ -364,7 +368,7 @@ def test_pictures_of_a_pass_are_inside_the_page_once(sides):
 
 
 def test_pictures_of_a_pass_with_several_files_stand_beside_the_first(sides, tmp_path):
-    tree(tmp_path / "new" / "gl", {"fog.py": "x = 1\n"})
+    (tmp_path / "new" / "passes" / "gl_fog.py").write_text("x = 1\n")
     tree(tmp_path / "new" / "shaders" / "more", {"fog.frag": "// Fog.\n"})
     (tmp_path / "new" / "shaders" / "fog.frag").write_text("// Fog.\n")
     text = page(compare(tree_of("old"), tree_of("new")), Pictures({"fog": (None, picture(9))}))
@@ -430,7 +434,7 @@ def test_the_command_writes_a_page_and_says_so(command, sides, tmp_path):
         (["--html", "folder"], "--html folder is a folder"),
         (["--html", "none/d.html"], "cannot be written: there is no folder"),
         (["--html", "old/renderer.py"], "must end in .html"),
-        (["--only", "graphic"], "did you mean 'graphics'?"),
+        (["--only", "passe"], "did you mean 'passes'?"),
         (["--pictures"], "--html FILE"),
     ],
 )
@@ -454,8 +458,8 @@ def test_a_disk_that_refuses_is_said(command, sides, monkeypatch):
 def test_the_chapters_differ_in_what_their_lessons_say(command):
     code, out, _ = command("1", "2")
     assert code == 0 and out.startswith("From chapter 1 to chapter 2: Bindless")
-    code, out, _ = command("1@gl", "1", "--stat", "--only", "passes")
-    assert code == 0 and "5 files with a twin, 1 only on Vulkan" in out
+    code, out, _ = command("1@gl", "1", "--stat", "--only", "shading")
+    assert code == 0 and "3 files with a twin" in out
 
 
 # --- pictures ---------------------------------------------------------------------------------------------------------

@@ -145,7 +145,7 @@ def test_two_forks_in_one_process_are_two_packages(fork, tmp_path):
     assert len({*renderers}) == 3
     again = Folder(other.resolve(), "another name for it")
     assert chapters.renderer_module(again, "gl").Renderer is renderers[2]
-    texts = [Path(sys.modules[one.__module__].__file__).parents[1] for one in renderers]
+    texts = [Path(sys.modules[one.__module__].__file__).parent for one in renderers]
     assert texts == [chapters.FOLDER / "ch01", fork.resolve(), other.resolve()]
 
 
@@ -226,7 +226,7 @@ def test_a_preset_that_was_measured_holds_until_a_file_is_saved(fork):
     before = folder.state()
     assert folder.state() == before
     later = time.time_ns() + 10**9
-    os.utime(fork / "passes" / "sky.py", ns=(later, later))
+    os.utime(fork / "shading" / "vulkan_sky.py", ns=(later, later))
     assert folder.state() != before
 
 
@@ -254,11 +254,11 @@ def test_calls_of_a_fork_are_checked_unless_told_otherwise(fork, strata, vulkan_
     code, _, err = strata(*words)
     line = next(
         n
-        for n, text in enumerate((fork / "passes" / "tonemap.py").read_text("utf-8").splitlines(), 1)
+        for n, text in enumerate((fork / "post" / "vulkan_tonemap.py").read_text("utf-8").splitlines(), 1)
         if "draw_fullscreen" in text
     )
     assert code == 1 and "VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL" in err
-    assert f"in pass tonemap, called from {fork.resolve() / 'passes' / 'tonemap.py'}:{line}" in err
+    assert f"in pass tonemap, called from {fork.resolve() / 'post' / 'vulkan_tonemap.py'}:{line}" in err
     assert strata(*words, "--no-validate")[0] == 0
 
 

@@ -12,9 +12,6 @@ from common.names import suggest
 from tools.diff.diff import FileDifference, TreeDifference, tree_difference
 from tools.diff.sides import Side, are_versions, files_of
 
-PARTS = ("shaders", "graphics", "gl", "passes", "logic")
-"""Folders of a chapter that `--only` can name."""
-
 
 @dataclass(frozen=True)
 class Comparison:
@@ -107,15 +104,17 @@ def compare(a: Side, b: Side, only: Sequence[str] = ()) -> Comparison:
 
     Raises UserError for a folder that `--only` does not know, OSError where a file cannot be read.
     """
-    for name in only:
-        if name not in PARTS:
-            near = suggest(name, PARTS)
-            raise UserError(f"--only {name}: there is no such part{near}{'' if near.endswith('?') else '.'}")
     versions = are_versions(a, b)
     if versions:
         a, b = (side if side.backend else replace(side, backend="vulkan") for side in (a, b))
     reading = b.reading or a.reading
-    tree = tree_difference(files_of(a, versions), files_of(b, versions), reading, versions)
+    old, new = files_of(a, versions), files_of(b, versions)
+    parts = sorted({path.split("/")[0] for path in (*old, *new) if "/" in path})
+    for name in only:
+        if name not in parts:
+            near = suggest(name, parts)
+            raise UserError(f"--only {name}: there is no such part{near}{'' if near.endswith('?') else '.'}")
+    tree = tree_difference(old, new, reading, versions)
     if only:
         files = tuple(file for file in tree.files if any(path.split("/")[0] in only for path in paths(file)))
         named = {path for file in files for path in paths(file)}
