@@ -22,7 +22,9 @@ from tests.support import gl_functions
 from tests.support.chapter import on_path
 from tests.support.scenes import facing, quad_scene, texture, translated
 
-FULLSCREEN = GraphicsPipeline(("fullscreen.vert", "tonemap.frag"), color="rgba8", depth=None, name="plain")
+FULLSCREEN = GraphicsPipeline(
+    ("post/fullscreen.vert", "post/tonemap.frag"), color="rgba8", depth=None, name="plain"
+)
 SUN = Light("directional", node=0, intensity=math.pi)
 
 
@@ -190,7 +192,7 @@ def test_a_switch_changes_its_own_state_alone_on_opengl(gl_context):
     from chapters.ch01.pipelines.gl import GraphicsPipeline as Described
     from chapters.ch01.pipelines.gl import Pipelines as OpenGL
 
-    base, made = Described(("fullscreen.vert", "tonemap.frag"), name="plain"), OpenGL(gl_context)
+    base, made = Described(("post/fullscreen.vert", "post/tonemap.frag"), name="plain"), OpenGL(gl_context)
     try:
         plain = bound_on_opengl(gl_context, made, base)
         assert (plain["depth test"], plain["depth write"], plain["depth compare"]) == (1, 1, gl.GL_GEQUAL)

@@ -14,7 +14,7 @@ from common.scene import Light, Material
 from tests.support.gl_functions import noted
 from tests.support.scenes import facing, quad_scene
 
-PLAIN = GraphicsPipeline(("fullscreen.vert", "tonemap.frag"), depth=None, name="plain")
+PLAIN = GraphicsPipeline(("post/fullscreen.vert", "post/tonemap.frag"), depth=None, name="plain")
 
 
 @pytest.fixture

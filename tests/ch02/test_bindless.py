@@ -18,7 +18,7 @@ from backends.vulkan.shaders import compile_shader
 from backends.vulkan.upload import Uploader
 from chapters.ch02.frames.vulkan import SLOTS
 from chapters.ch02.frames.vulkan_resources import Resources
-from chapters.ch02.pipelines.vulkan import SHADERS
+from chapters.ch02.pipelines.vulkan import CHAPTER
 from chapters.ch02.pipelines.vulkan_descriptors import Descriptors, Texture
 from chapters.ch02.pipelines.vulkan_layouts import Layouts
 from chapters.ch02.pipelines.vulkan_reflection import Stage, merge
@@ -79,7 +79,11 @@ class Reader:
         self.bindless = Bindless(device, self.resources, textures, held, images, storage.view)
         self._stack.callback(self.bindless.close)
         source = shader_text.build_text(
-            SOURCE, "comp", "vulkan", roots=(SHADERS,), extensions=["GL_EXT_nonuniform_qualifier"]
+            SOURCE,
+            "comp",
+            "vulkan",
+            roots=(CHAPTER / "scene" / "textures",),
+            extensions=["GL_EXT_nonuniform_qualifier"],
         )
         stage = Stage(compile_shader(source), source)
         self._layout, sets = self._layouts.pipeline(merge([stage]))

@@ -13,7 +13,7 @@ from backends.vulkan import features as vf
 from backends.vulkan.device import capabilities
 from backends.vulkan.shaders import compile_shader
 from chapters.ch02.pipelines import vulkan
-from chapters.ch02.pipelines.vulkan import SHADERS, source_of
+from chapters.ch02.pipelines.vulkan import CHAPTER, source_of
 from chapters.ch02.pipelines.vulkan_layouts import Layouts
 from chapters.ch02.scene import vulkan_data
 from chapters.ch02.settings import Settings
@@ -261,17 +261,26 @@ DEFINES = {
 @pytest.mark.feature("bindless/extension-injection")
 @pytest.mark.parametrize("kind", DEFINES)
 @pytest.mark.parametrize(
-    "file", ["forward.vert", "forward.frag", "instance_id.frag", "tonemap.frag", "sky.frag"]
+    "file",
+    [
+        "shading/forward.vert",
+        "shading/forward.frag",
+        "shading/instance_id.frag",
+        "post/tonemap.frag",
+        "shading/sky.frag",
+    ],
 )
 def test_the_extension_stands_once_in_shaders_that_use_it_and_in_no_other(file, kind):
     source = source_of(file, DEFINES[kind])
     uses = "layout(set = 2, binding = 10" in source.text or "BIND(2, 10" in source.text
-    assert uses == (kind.startswith("bindless") and file in ("forward.frag", "instance_id.frag"))
+    assert uses == (
+        kind.startswith("bindless") and file in ("shading/forward.frag", "shading/instance_id.frag")
+    )
     assert source.text.count("GL_EXT_nonuniform_qualifier") == source.text.count(EXTENSION) == int(uses)
 
 
 @pytest.mark.feature("bindless/extension-injection")
-@pytest.mark.parametrize("file", ["forward.frag", "instance_id.frag"])
+@pytest.mark.parametrize("file", ["shading/forward.frag", "shading/instance_id.frag"])
 def test_a_shader_that_uses_it_without_the_extension_is_refused_by_the_compiler(file):
     source = source_of(file, DEFINES["bindless mask"])
     assert compile_shader(source)
@@ -283,7 +292,8 @@ def test_a_shader_that_uses_it_without_the_extension_is_refused_by_the_compiler(
 def test_every_index_into_the_set_is_marked_as_one_that_may_differ():
     """In all shaders of the chapter: some drivers need the mark to be right, and the one in software does not tell."""
     found = 0
-    for file in sorted(SHADERS.glob("*.*")):
+    shaders = [path for path in CHAPTER.glob("**/*.*") if path.suffix in (".glsl", ".vert", ".frag", ".comp")]
+    for file in sorted(path for path in shaders if "studies" not in path.parts):
         for index in re.findall(
             r"\b(?:textures_2d|textures_3d|textures_uint|images)\[([^\]]*)", file.read_text()
         ):

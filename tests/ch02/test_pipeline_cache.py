@@ -19,7 +19,7 @@ from chapters.ch02.pipelines.vulkan_cache import PipelineCache
 from common import paths
 
 disk_cache = pytest.mark.feature("pipeline-cache/disk-cache")
-PLAIN = GraphicsPipeline(("fullscreen.vert", "tonemap.frag"), color="rgba8", depth=None)
+PLAIN = GraphicsPipeline(("post/fullscreen.vert", "post/tonemap.frag"), color="rgba8", depth=None)
 HEADER = struct.Struct("<4I16s")  # Vulkan 1.3, section 10.7.4: VkPipelineCacheHeaderVersionOne
 PREFIX = 16 + 4 + 8 + 32  # mark, driver version, length, SHA-256
 FIELDS = {"size": 0, "version": 4, "vendor": 8, "device": 12, "UUID": 16, "UUID's end": 31}

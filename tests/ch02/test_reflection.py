@@ -431,7 +431,7 @@ def written(folder, vertex, fragment, **more):
 @layout
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])
 def test_the_projects_shaders_need_no_layout_by_hand(pipelines, order):
-    names = ("fullscreen.vert", "tonemap.frag")
+    names = ("post/fullscreen.vert", "post/tonemap.frag")
     shaders = tuple(names[number] for number in order)
     (built,) = pipelines.get([GraphicsPipeline(shaders, color="rgba8", depth=None)])
     assert built.sets[0].bindings == (Binding(0, "texture", 1, "color_hdr", FRAG),)

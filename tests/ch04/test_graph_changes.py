@@ -94,7 +94,7 @@ def invert(chapter, tmp_path):
             return True
 
         def describe(self):
-            shaders = ("fullscreen.vert", str(file))
+            shaders = ("post/fullscreen.vert", str(file))
             return GraphicsPipeline(shaders=shaders, depth=None, name=self.name, **formats)
 
     return Invert

@@ -19,14 +19,14 @@ from chapters.ch05.cloth.layout import Drawn, pack
 from chapters.ch05.cloth.steps import fit_steps
 from chapters.ch05.cloth.twin import Twin
 from chapters.ch05.cloth.types import Cloth, Collider, Forces, State, Steps
-from chapters.ch05.environment.model import SHADERS
 from chapters.ch05.pipelines.spirv.parser import parse
+from chapters.ch05.pipelines.vulkan import CHAPTER
 from tests.support import cloths
 
 pytestmark = pytest.mark.variants("vulkan", "gl")  # the kernels need nothing that a device may lack
 
 sheet = partial(cloths.sheet, build_cloth)
-run = partial(cloths.run, SHADERS)
+run = partial(cloths.run, CHAPTER)
 simulation = pytest.mark.feature("cloth/spring-simulation")
 
 SPRINGS = Steps(substeps=3, method="springs", integrator="verlet")
@@ -486,7 +486,7 @@ def test_buffers_are_laid_out_as_numpy_has_them(variant):
     arrays = pack([sheet(3, 3)]).arrays
     seen = set()
     for kernel in every_kernel():
-        source = shader_text.build(SHADERS / kernel.file, "vulkan", defines=kernel.defines)
+        source = shader_text.build(CHAPTER / kernel.file, "vulkan", defines=kernel.defines)
         resources = {one.binding: one for one in parse(compile_shader(source)).resources}
         assert {*resources} <= set(range(len(kernel.buffers)))
         assert len(kernel.buffers) <= 12
@@ -513,7 +513,7 @@ def test_buffers_are_laid_out_as_numpy_has_them(variant):
 def test_a_record_with_a_word_too_many_or_too_few_is_noticed(variant):
     """By what the test above compares: where members lie, and how far records are from each other."""
     kernel = next(one for one in every_kernel() if "table" in one.buffers)
-    source = shader_text.build(SHADERS / kernel.file, "vulkan", defines=kernel.defines)
+    source = shader_text.build(CHAPTER / kernel.file, "vulkan", defines=kernel.defines)
     resources = {kernel.buffers[one.binding]: one for one in parse(compile_shader(source)).resources}
     *_, last = resources["table"].block.members
     fields = layout.CLOTH.descr
@@ -527,7 +527,7 @@ def test_a_record_with_a_word_too_many_or_too_few_is_noticed(variant):
 @pytest.mark.variants("vulkan")
 def test_what_a_kernel_only_reads_it_declares_readonly(variant):
     for kernel in every_kernel():
-        text = shader_text.build(SHADERS / kernel.file, "vulkan", defines=kernel.defines).text
+        text = shader_text.build(CHAPTER / kernel.file, "vulkan", defines=kernel.defines).text
         for name in kernel.buffers:
             block = f"buffer {name.capitalize()}_"
             line = next(line for line in text.splitlines() if block in line)

@@ -19,7 +19,7 @@ from chapters.ch05.cloth.layout import COLLIDER, pack
 from chapters.ch05.cloth.scene import FASTEST, cloth_scene
 from chapters.ch05.cloth.twin import Twin
 from chapters.ch05.cloth.types import Cloth, Collider, Forces, State, Steps
-from chapters.ch05.environment.model import SHADERS
+from chapters.ch05.pipelines.vulkan import CHAPTER
 from chapters.ch05.settings import Settings
 from common.numerics.transforms import translation
 from tests.support import cloths
@@ -167,7 +167,7 @@ def simulated(device, made, steps, count, execution, colliders, begin):
     for name in ("positions", "velocities"):
         arrays[name] = getattr(begin, name).astype(np.float32)
     todo = dispatches(packed, steps, count, execution)
-    found = cloths.run(SHADERS, device, packed, todo, arrays)
+    found = cloths.run(CHAPTER, device, packed, todo, arrays)
     return states_of(packed, found["positions"], found["velocities"])[0]
 
 

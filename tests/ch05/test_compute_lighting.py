@@ -160,11 +160,11 @@ def test_an_edited_kernel_is_taken_over_and_a_wrong_one_changes_nothing(
     chapter, open_, tmp_path, monkeypatch
 ):
     needs_line_marks(chapter.device)
-    folder = tmp_path / "shaders"
-    shutil.copytree(on_vulkan.SHADERS, folder)
-    monkeypatch.setattr(on_vulkan, "SHADERS", folder)
-    monkeypatch.setattr(on_gl, "SHADERS", folder)
-    file = folder / "lighting.comp"
+    folder = tmp_path / "chapter"
+    shutil.copytree(on_vulkan.CHAPTER, folder, ignore=shutil.ignore_patterns("*.py", "*.md", "studies"))
+    monkeypatch.setattr(on_vulkan, "CHAPTER", folder)
+    monkeypatch.setattr(on_gl, "CHAPTER", folder)
+    file = folder / "shading/lighting.comp"
     text = file.read_text("utf-8")
     assert text.count(LINE) == 1
 

@@ -160,8 +160,13 @@ def test_the_newest_chapter_passes_its_trial_in_a_child(backend: str, vulkan_ins
 @pytest.mark.parametrize(
     ("file", "before", "after", "seen"),
     [
-        ("tonemap.frag", "out_color =", "discard; out_color =", "a red square under a lamp"),
-        ("forward.frag", "vec4 base = material.base_color;", "vec4 base = vec4(0.5);", "a texture of light"),
+        ("post/tonemap.frag", "out_color =", "discard; out_color =", "a red square under a lamp"),
+        (
+            "shading/forward.frag",
+            "vec4 base = material.base_color;",
+            "vec4 base = vec4(0.5);",
+            "a texture of light",
+        ),
     ],
 )
 def test_a_chapter_that_draws_something_else_fails(

@@ -94,7 +94,7 @@ CASES = {
     ),
     "black behind everything": (
         (4, "empty-sky"),
-        ("shaders/lighting.frag", "        sky();", "        out_color = vec4(0.0);"),
+        ("shading/lighting.frag", "        sky();", "        out_color = vec4(0.0);"),
         "With background=0.25",
     ),
     "who reads what was written is no writer": (
@@ -104,12 +104,12 @@ CASES = {
     ),
     "squared": (
         (4, "natural-vignette"),
-        ("shaders/vignette.frag", "pow(cosine, 4.0)", "pow(cosine, 2.0)"),
+        ("post/vignette.frag", "pow(cosine, 4.0)", "pow(cosine, 2.0)"),
         "of the light is left",
     ),
     "darker without an angle": (
         (4, "natural-vignette"),
-        ("shaders/vignette.frag", "frame.orthographic != 0u ? 1.0 : ", ""),
+        ("post/vignette.frag", "frame.orthographic != 0u ? 1.0 : ", ""),
         "parallel rays",
     ),
     "there without being asked for": (
@@ -168,7 +168,7 @@ CASES = {
     ),
     "along its line": (
         (5, "capsule"),
-        ("shaders/cloth_contact.glsl", "vec3(1.0, 0.0, 0.0);  // along", "outward;  // along"),
+        ("cloth/contact.glsl", "vec3(1.0, 0.0, 0.0);  // along", "outward;  // along"),
         "In the kernel, what begins on its axis",
     ),
     "of its first size": (
@@ -192,18 +192,18 @@ CASES = {
     ),
     "the same in each frame": (
         (5, "grain"),
-        ("shaders/grain.comp", "scrambled(frame.frame_index)", "0u"),
+        ("post/grain.comp", "scrambled(frame.frame_index)", "0u"),
         "Two frames have the same grain",
     ),
     "brighter alone": (
         (5, "grain"),
-        ("shaders/grain.comp", "/ 8388607.5 - 1.0", "/ 16777215.0"),
+        ("post/grain.comp", "/ 8388607.5 - 1.0", "/ 16777215.0"),
         "has the mean 0",
     ),
     "by the peak": (
         (1, "reinhard"),
         (
-            "shaders/tonemap.frag",
+            "post/tonemap.frag",
             "color / (1.0 + color)",
             "color / (1.0 + max(color.r, max(color.g, color.b)))",
         ),
@@ -211,18 +211,18 @@ CASES = {
     ),
     "instead of another curve": (
         (1, "reinhard"),
-        ("shaders/tonemap.frag", "color = tone_neutral(color);", "color = color / (1.0 + color);"),
+        ("post/tonemap.frag", "color = tone_neutral(color);", "color = color / (1.0 + color);"),
         "is not what it was",
     ),
     "without an orthographic camera": (
         (1, "facing-view"),
-        ("shaders/views.glsl", "frame.orthographic != 0u ? frame.world_from_view[2].xyz : to_eye", "to_eye"),
+        ("shading/views.glsl", "frame.orthographic != 0u ? frame.world_from_view[2].xyz : to_eye", "to_eye"),
         "leans by",
     ),
     "without an eye": (
         (1, "facing-view"),
         (
-            "shaders/views.glsl",
+            "shading/views.glsl",
             "frame.orthographic != 0u ? frame.world_from_view[2].xyz : to_eye",
             "frame.world_from_view[2].xyz",
         ),

@@ -25,7 +25,11 @@ class Shaders:
 
     def __init__(self, folder: Path) -> None:
         self.chapter, self.common = folder / "chapter", folder / "common"
-        shutil.copytree(on_vulkan.SHADERS, self.chapter)
+        shutil.copytree(
+            on_vulkan.CHAPTER,
+            self.chapter,
+            ignore=shutil.ignore_patterns("*.py", "*.md", "studies", "__pycache__"),
+        )
         shutil.copytree(shader_text.SHADERS, self.common)
 
     def edit(self, name: str, old: str, new: str) -> Path:
@@ -52,10 +56,12 @@ class Shaders:
 
     def paint(self, red: float, green: float, blue: float) -> Path:
         """Have tonemap.frag write one colour, whatever is there."""
-        path = self.chapter / "tonemap.frag"
+        path = self.chapter / "post/tonemap.frag"
         text = path.read_text("utf-8")
         line = next(line for line in text.splitlines() if line.lstrip().startswith("out_color = "))
-        return self.save(path.name, text.replace(line, f"    out_color = vec4({red}, {green}, {blue}, 1.0);"))
+        return self.save(
+            "post/tonemap.frag", text.replace(line, f"    out_color = vec4({red}, {green}, {blue}, 1.0);")
+        )
 
 
 @pytest.fixture
@@ -63,7 +69,7 @@ def shaders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Shaders:
     """The copy, in use by every renderer that is opened in this test."""
     made = Shaders(tmp_path / "shaders")
     for module in (on_vulkan, on_gl):
-        monkeypatch.setattr(module, "SHADERS", made.chapter)
+        monkeypatch.setattr(module, "CHAPTER", made.chapter)
     monkeypatch.setattr(shader_text, "SHADERS", made.common)
     return made
 

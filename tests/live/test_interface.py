@@ -13,16 +13,19 @@ from backends.shader_interface import Field, Slot, misfit
 from backends.vulkan import spirv_interface
 from backends.vulkan.shaders import compile_all
 from chapters.ch01.pipelines.snippets import SNIPPETS
-from chapters.ch01.pipelines.vulkan import SHADERS
+from chapters.ch01.pipelines.vulkan import CHAPTER
 from common import layouts
 from tests.support.timing import least_time, timed
 
 EVERYTHING = {"SHADED": 1, "LIT": 1, "TEXTURED": 1, "NORMAL_MAP": 1, "ENVIRONMENT": 1, "ENERGY": 0}
-FILES = ("forward.vert", "forward.frag")
+FILES = ("shading/forward.vert", "shading/forward.frag")
 
 
 def sources(backend, defines=EVERYTHING, files=FILES):
-    return [shader_text.build(SHADERS / file, backend, defines=defines, snippets=SNIPPETS) for file in files]
+    return [
+        shader_text.build(CHAPTER / file, backend, roots=(CHAPTER,), defines=defines, snippets=SNIPPETS)
+        for file in files
+    ]
 
 
 @pytest.fixture(scope="module")

@@ -36,7 +36,7 @@ def test_an_edit_of_a_study_is_seen_and_a_wrong_one_is_not(chapter, shaders, mon
     file, old, new, wrong = STUDIES[name]
     place = name.replace("-", "_")
     module = import_module(f"chapters.ch01.studies.{place}.{chapter.backend}")
-    folder = shaders.chapter.parent / "studies" / place
+    folder = shaders.chapter / "studies" / place
     shutil.copytree(Path(module.__file__).parent, folder)
     monkeypatch.setattr(module, "FOLDER", folder, raising=False)
     path = folder / file

@@ -113,7 +113,7 @@ def test_a_window_in_which_nothing_moves_shows_an_edit_within_a_second(
         noted["message"] = loop.message
         areas = len(loop.panel.interface._areas) if loop.panel is not None else 0
         # Broken: the panel shows it, the picture stays, another setting can be chosen.
-        shaders.edit("tonemap.frag", "0.0, 1.0, 0.0", "0.0, one, 0.0")
+        shaders.edit("post/tonemap.frag", "0.0, 1.0, 0.0", "0.0, one, 0.0")
         yield from until(lambda: loop._live.error)
         noted["error"] = loop._live.error
         if loop.panel is not None:  # nobody touches it, and yet it is drawn until the error has its place
@@ -132,7 +132,7 @@ def test_a_window_in_which_nothing_moves_shows_an_edit_within_a_second(
             return real(changed)
 
         loop.renderer.reload_shaders = closing
-        shaders.edit("tonemap.frag", "0.0, one, 0.0", "1.0, 0.0, 0.0")
+        shaders.edit("post/tonemap.frag", "0.0, one, 0.0", "1.0, 0.0, 0.0")
         yield from until(lambda: False)
 
     figures = played(monkeypatch, backend, validate, script)
@@ -201,11 +201,11 @@ def test_watch_writes_the_picture_anew_until_it_is_stopped(
         yield from written(state)
         steps.append(read_image(target)[0, 0, :3].tolist())
         state = target.stat().st_mtime_ns
-        shaders.edit("tonemap.frag", "vec4(0.0, 0.0, 1.0", "vec4(0.0, zero, 1.0")
+        shaders.edit("post/tonemap.frag", "vec4(0.0, 0.0, 1.0", "vec4(0.0, zero, 1.0")
         for _ in range(20):
             yield
         assert target.stat().st_mtime_ns == state, "a broken shader writes nothing"
-        shaders.edit("tonemap.frag", "zero, 1.0", "1.0, 1.0")
+        shaders.edit("post/tonemap.frag", "zero, 1.0", "1.0, 1.0")
         yield from written(state)
         steps.append(read_image(target)[0, 0, :3].tolist())
         raise KeyboardInterrupt

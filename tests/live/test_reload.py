@@ -35,9 +35,12 @@ SUN = Light("directional", node=0, intensity=np.pi)
 SIZE = (32, 32)
 ALL = {"color", "instance_id"}
 TINTS = {
-    "forward.frag": ("color += emissive * frame.exposure;", "color += emissive * frame.exposure + TINT;"),
-    "instance_id.frag": ("out_id = push.draw.x + 1u;", "out_id = push.draw.x + 1u + ID;"),
-    "tonemap.frag": (PLAIN, PLAIN + "\n    out_color.a -= ALPHA;"),
+    "shading/forward.frag": (
+        "color += emissive * frame.exposure;",
+        "color += emissive * frame.exposure + TINT;",
+    ),
+    "shading/instance_id.frag": ("out_id = push.draw.x + 1u;", "out_id = push.draw.x + 1u + ID;"),
+    "post/tonemap.frag": (PLAIN, PLAIN + "\n    out_color.a -= ALPHA;"),
 }
 """Edits that make three passes use a file of the test's own."""
 
@@ -155,13 +158,13 @@ def test_only_pipelines_whose_code_changes_are_built_anew(chapter, shaders):
         good, handles = run.picture(), run.handles()
         unlit.render(facing())
         shaders.edit(
-            "forward.frag", "layout(location = 0) out", "// Says nothing.\n\nlayout(location = 0) out"
+            "shading/forward.frag", "layout(location = 0) out", "// Says nothing.\n\nlayout(location = 0) out"
         )
         run.follow()
         assert run.handles() == handles
         assert run.renderer.idle(facing(), 0.0), "nothing is to be drawn again"
         assert run.said == ["strata: forward.frag: the code of every pipeline is the same."]
-        path = shaders.edit("forward.frag", TINTS["forward.frag"][0], "color += vec3(0.5);")
+        path = shaders.edit("shading/forward.frag", TINTS["shading/forward.frag"][0], "color += vec3(0.5);")
         run.follow()
         assert "1 pipeline built anew" in run.said[1]
         assert not (run.picture() == good).all()
@@ -173,7 +176,7 @@ def test_only_pipelines_whose_code_changes_are_built_anew(chapter, shaders):
 def test_a_broken_shader_leaves_the_last_good_picture_until_it_is_repaired(chapter, shaders):
     with session(chapter) as run:
         good, handles = run.picture(), run.handles()
-        path = shaders.edit("tonemap.frag", "clamp(color, 0.0, 1.0)", "clamp(colour, 0.0, 1.0)")
+        path = shaders.edit("post/tonemap.frag", "clamp(color, 0.0, 1.0)", "clamp(colour, 0.0, 1.0)")
         run.follow()
         assert (run.picture() == good).all()
         assert run.handles() == handles
@@ -188,7 +191,7 @@ def test_a_broken_shader_leaves_the_last_good_picture_until_it_is_repaired(chapt
             assert shown[at + 2].index("^") == shown[at + 1].index("colour")
         assert run.live.error in run.said[0]
         assert run.quiet(), "an error is said once"
-        shaders.edit("tonemap.frag", "clamp(colour, 0.0, 1.0)", "1.0 - clamp(color, 0.0, 1.0)")
+        shaders.edit("post/tonemap.frag", "clamp(colour, 0.0, 1.0)", "1.0 - clamp(color, 0.0, 1.0)")
         run.follow()
         assert run.live.error == ""
         assert not (run.picture() == good).all()
@@ -198,10 +201,10 @@ def test_a_broken_shader_leaves_the_last_good_picture_until_it_is_repaired(chapt
 def test_the_error_of_an_include_names_it_and_who_included_it(chapter, shaders):
     with session(chapter) as run:
         good = run.picture()
-        shaders.edit("material.glsl", "vec2 image_uv(Material", "vec2 image_uv(Matter")
+        shaders.edit("shading/material.glsl", "vec2 image_uv(Material", "vec2 image_uv(Matter")
         run.follow()
-        assert f"{shaders.chapter / 'material.glsl'}:" in run.live.error
-        assert f"included from {shaders.chapter / 'forward.frag'}:4" in run.live.error
+        assert f"{shaders.chapter / 'shading/material.glsl'}:" in run.live.error
+        assert f"included from {shaders.chapter / 'shading/forward.frag'}:4" in run.live.error
         assert "vec2 image_uv(Matter" in run.live.error
         assert (run.picture() == good).all()
 
@@ -211,10 +214,10 @@ def test_all_pipelines_are_exchanged_or_none(chapter, shaders):
     with session(chapter) as run:
         good = run.picture()
         shaders.paint(1.0, 0.0, 0.0)
-        shaders.edit("forward.frag", "base.a = 1.0;", "base.a = one;")
+        shaders.edit("shading/forward.frag", "base.a = 1.0;", "base.a = one;")
         run.follow()
         assert (run.picture() == good).all()
-        shaders.edit("forward.frag", "base.a = one;", "base.a = 1.0;")
+        shaders.edit("shading/forward.frag", "base.a = one;", "base.a = 1.0;")
         run.follow()
         assert (run.picture() == code(1.0, 0.0, 0.0)).all()
 
@@ -222,15 +225,15 @@ def test_all_pipelines_are_exchanged_or_none(chapter, shaders):
 def test_what_waits_is_tried_again_with_every_further_edit(chapter, shaders):
     with session(chapter) as run:
         good = run.picture()
-        shaders.edit("forward.frag", "base.a = 1.0;", "base.a = one;")
+        shaders.edit("shading/forward.frag", "base.a = 1.0;", "base.a = one;")
         run.follow()
-        shaders.edit("tonemap.frag", PLAIN, "out_color = two;")
+        shaders.edit("post/tonemap.frag", PLAIN, "out_color = two;")
         run.follow()
-        shaders.edit("tonemap.frag", "out_color = two;", "out_color = vec4(0.0, 0.0, 1.0, 1.0);")
+        shaders.edit("post/tonemap.frag", "out_color = two;", "out_color = vec4(0.0, 0.0, 1.0, 1.0);")
         run.follow()
         assert "one" in run.live.error, "the file that was not touched is still wrong"
         assert (run.picture() == good).all()
-        shaders.edit("forward.frag", "base.a = one;", "base.a = 1.0;")
+        shaders.edit("shading/forward.frag", "base.a = one;", "base.a = 1.0;")
         run.follow()
         assert run.live.error == ""
         assert (run.picture() == code(0.0, 0.0, 1.0)).all()
@@ -239,8 +242,8 @@ def test_what_waits_is_tried_again_with_every_further_edit(chapter, shaders):
 def test_a_file_that_is_replaced_by_rename_is_a_saved_file(chapter, shaders):
     with session(chapter) as run:
         run.picture()
-        text = (shaders.chapter / "tonemap.frag").read_text("utf-8")
-        shaders.replace("tonemap.frag", text.replace(PLAIN, "out_color = vec4(0.0, 1.0, 0.0, 1.0);"))
+        text = (shaders.chapter / "post/tonemap.frag").read_text("utf-8")
+        shaders.replace("post/tonemap.frag", text.replace(PLAIN, "out_color = vec4(0.0, 1.0, 0.0, 1.0);"))
         run.follow()
         assert (run.picture() == code(0.0, 1.0, 0.0)).all()
         assert run.quiet()
@@ -249,8 +252,10 @@ def test_a_file_that_is_replaced_by_rename_is_a_saved_file(chapter, shaders):
 def test_a_file_that_is_included_before_it_exists_is_waited_for(chapter, shaders):
     with session(chapter) as run:
         good = run.picture()
-        shaders.edit("tonemap.frag", '#include "tone.glsl"', '#include "tone.glsl"\n#include "later.glsl"')
-        shaders.edit("tonemap.frag", PLAIN, "out_color = vec4(LATER, 1.0);")
+        shaders.edit(
+            "post/tonemap.frag", '#include "tone.glsl"', '#include "tone.glsl"\n#include "later.glsl"'
+        )
+        shaders.edit("post/tonemap.frag", PLAIN, "out_color = vec4(LATER, 1.0);")
         run.follow()
         assert "there is no file 'later.glsl'" in run.live.error
         assert (run.picture() == good).all()
@@ -282,7 +287,7 @@ SPOILT = {
         "tonemap.frag is not UTF-8 text",
     ),
     "zeros": (lambda path: path.write_bytes(b"void main() {}\0"), "it has a zero byte"),
-    "empty": (lambda path: path.write_bytes(b""), "tonemap.frag"),
+    "empty": (lambda path: path.write_bytes(b""), "post/tonemap.frag"),
     "a story": (lambda path: path.write_text("Once upon a time\n" * 50), "tonemap.frag:1: "),
 }
 
@@ -292,7 +297,7 @@ def test_a_shader_that_is_spoilt_while_it_runs_is_one_message_and_comes_back(cha
     spoil, sentence = SPOILT[how]
     with session(chapter) as run:
         good = run.picture()
-        path = shaders.chapter / "tonemap.frag"
+        path = shaders.chapter / "post/tonemap.frag"
         text = path.read_text("utf-8")
         spoil(path)
         run.follow()
@@ -321,7 +326,7 @@ def test_a_shader_that_may_not_be_read_any_more(chapter, shaders, monkeypatch):
     monkeypatch.setattr(Path, "read_text", read)
     with session(chapter) as run:
         good = run.picture()
-        path = shaders.chapter / "tonemap.frag"
+        path = shaders.chapter / "post/tonemap.frag"
         path.chmod(0)
         run.follow()
         assert "cannot be read: Permission denied" in run.live.error
@@ -333,31 +338,40 @@ def test_a_shader_that_may_not_be_read_any_more(chapter, shaders, monkeypatch):
 
 REFUSED = {
     # name of the file: (old, new, what is said)
-    "a block grows": ("material.glsl", "vec4 uv_rows[10];", "vec4 uv_rows[11];", "208"),
+    "a block grows": ("shading/material.glsl", "vec4 uv_rows[10];", "vec4 uv_rows[11];", "208"),
     "a field moves": (
-        "scene.glsl",
+        "scene/scene.glsl",
         '#include "frame_constants.glsl"',
         'vec4 first;\n#include "frame_constants.glsl"',
         "went from 1440 to 1456 bytes",
     ),
-    "a field changes": ("scene.glsl", "uvec4 draw;", "ivec4 draw;", "was a uvec4 and is a ivec4"),
-    "a texture changes": ("tonemap.frag", "uniform sampler2D color", "uniform isampler2D color", "color_hdr"),
+    "a field changes": ("scene/scene.glsl", "uvec4 draw;", "ivec4 draw;", "was a uvec4 and is a ivec4"),
+    "a texture changes": (
+        "post/tonemap.frag",
+        "uniform sampler2D color",
+        "uniform isampler2D color",
+        "color_hdr",
+    ),
     "a vertex input is new": (
-        "forward.vert",
+        "shading/forward.vert",
         "invariant gl_Position;",
         "layout(location = 9) in vec4 more;\ninvariant gl_Position;",
         "vertex input 9 'more': this vec4 is new",
     ),
     "an output changes": (
-        "forward.frag",
+        "shading/forward.frag",
         "out vec4 out_color;",
         "out ivec4 out_color;",
         "output 0 'out_color'",
     ),
 }
 USES = {
-    "a texture changes": ("tonemap.frag", "texelFetch(", "vec4(texelFetch("),
-    "a vertex input is new": ("forward.vert", "out_position = world;", "out_position = world + more.xyz;"),
+    "a texture changes": ("post/tonemap.frag", "texelFetch(", "vec4(texelFetch("),
+    "a vertex input is new": (
+        "shading/forward.vert",
+        "out_position = world;",
+        "out_position = world + more.xyz;",
+    ),
 }
 
 
@@ -365,7 +379,7 @@ USES = {
 @pytest.mark.parametrize("how", REFUSED)
 def test_another_layout_is_refused_until_it_is_taken_back(chapter, shaders, how):
     name, old, new, sentence = REFUSED[how]
-    texts = {path: path.read_text("utf-8") for path in shaders.chapter.iterdir()}
+    texts = {path: path.read_text("utf-8") for path in shaders.chapter.rglob("*.*")}
     with session(chapter) as run:
         good, handles = run.picture(), run.handles()
         shaders.edit(name, old, new)
@@ -401,13 +415,13 @@ def test_what_is_no_longer_used_may_be_used_again(chapter, shaders):
     """OpenGL forgets a texture that nobody reads; the host still binds it."""
     with session(chapter) as run:
         good = run.picture()
-        text = (shaders.chapter / "tonemap.frag").read_text("utf-8")
+        text = (shaders.chapter / "post/tonemap.frag").read_text("utf-8")
         shaders.paint(1.0, 1.0, 1.0)
-        shaders.edit("tonemap.frag", "layout(BIND(0, 0, 0)) uniform sampler2D color_hdr;", "")
-        shaders.edit("tonemap.frag", "texelFetch(color_hdr, ivec2(gl_FragCoord.xy), 0).rgb", "vec3(1.0)")
+        shaders.edit("post/tonemap.frag", "layout(BIND(0, 0, 0)) uniform sampler2D color_hdr;", "")
+        shaders.edit("post/tonemap.frag", "texelFetch(color_hdr, ivec2(gl_FragCoord.xy), 0).rgb", "vec3(1.0)")
         run.follow()
         assert (run.picture() == 255).all()
-        shaders.save("tonemap.frag", text)
+        shaders.save("post/tonemap.frag", text)
         run.follow()
         assert run.live.error == ""
         assert (run.picture() == good).all()
@@ -419,14 +433,16 @@ def test_a_texture_of_another_pass_is_refused_and_a_buffer_that_was_declared_is_
     textured = quad_scene(Material(base_color_texture=texture()), lights=(SUN,), images=(grey,))
     with session(chapter, ALL, drawn=textured) as run:
         good, ids = run.picture(), run.picture("instance_id")
-        text = (shaders.chapter / "instance_id.frag").read_text("utf-8")
+        text = (shaders.chapter / "shading/instance_id.frag").read_text("utf-8")
         wanted = "layout(BIND(1, 0, 0)) uniform sampler2D base_color_map_;\nlayout(location = 0) out"
-        shaders.edit("instance_id.frag", "layout(location = 0) out", wanted)
-        shaders.edit("instance_id.frag", "+ 1u;", "+ 1u + uint(textureSize(base_color_map_, 0).x);")
+        shaders.edit("shading/instance_id.frag", "layout(location = 0) out", wanted)
+        shaders.edit("shading/instance_id.frag", "+ 1u;", "+ 1u + uint(textureSize(base_color_map_, 0).x);")
         run.follow()
         assert "'base_color_map_': this sampler2D is new" in run.live.error
         assert (run.picture("instance_id") == ids).all()
-        shaders.save("instance_id.frag", text.replace("+ 1u;", "+ 1u + uint(materials[0].base_color.a);"))
+        shaders.save(
+            "shading/instance_id.frag", text.replace("+ 1u;", "+ 1u + uint(materials[0].base_color.a);")
+        )
         run.follow()
         assert run.live.error == ""
         assert (run.picture("instance_id") == np.where(ids > 0, ids + 1, 0)).all()
@@ -436,8 +452,10 @@ def test_a_texture_of_another_pass_is_refused_and_a_buffer_that_was_declared_is_
 def test_a_fragment_shader_reads_what_a_vertex_shader_writes(chapter, shaders):
     with session(chapter) as run:
         good = run.picture()
-        shaders.edit("tonemap.frag", "in vec2 in_uv;", "in vec2 in_uv;\nlayout(location = 5) in vec3 more;")
-        shaders.edit("tonemap.frag", PLAIN, "out_color = vec4(more, 1.0);")
+        shaders.edit(
+            "post/tonemap.frag", "in vec2 in_uv;", "in vec2 in_uv;\nlayout(location = 5) in vec3 more;"
+        )
+        shaders.edit("post/tonemap.frag", PLAIN, "out_color = vec4(more, 1.0);")
         run.follow()
         assert "more" in run.live.error
         assert (run.picture() == good).all()
@@ -445,7 +463,7 @@ def test_a_fragment_shader_reads_what_a_vertex_shader_writes(chapter, shaders):
 
 @pytest.mark.feature("tools/live-shaders")
 def test_a_hundred_reloads_leave_nothing_behind(chapter, shaders):
-    path = shaders.chapter / "tonemap.frag"
+    path = shaders.chapter / "post/tonemap.frag"
     with session(chapter) as run:
         run.picture()
 
@@ -500,15 +518,15 @@ def _resident() -> int:
 def test_a_reload_that_fails_leaves_nothing_behind(chapter, shaders):
     with session(chapter) as run:
         run.picture()
-        path = shaders.edit("tonemap.frag", PLAIN, "out_color = nothing;")
+        path = shaders.edit("post/tonemap.frag", PLAIN, "out_color = nothing;")
         objects = dict(chapter.device.alive)
         for _ in range(3):
             with pytest.raises(ShaderError), shader_files.refreshed([path]):
                 run.renderer.reload_shaders([path])
-        shaders.edit("tonemap.frag", "out_color = nothing;", PLAIN)
-        shaders.edit("material.glsl", "vec4 uv_rows[10];", "vec4 uv_rows[11];")
-        with pytest.raises(ShaderError), shader_files.refreshed([path.with_name("material.glsl")]):
-            run.renderer.reload_shaders([path.with_name("material.glsl")])
+        shaders.edit("post/tonemap.frag", "out_color = nothing;", PLAIN)
+        shaders.edit("shading/material.glsl", "vec4 uv_rows[10];", "vec4 uv_rows[11];")
+        with pytest.raises(ShaderError), shader_files.refreshed([shaders.chapter / "shading/material.glsl"]):
+            run.renderer.reload_shaders([shaders.chapter / "shading/material.glsl"])
         assert dict(chapter.device.alive) == objects
 
 
@@ -540,7 +558,7 @@ def test_a_renderer_that_cannot_exchange_shaders_is_opened_anew(chapter, shaders
         live.renew = window.renew
         run = Session(live, window.renderer, said)
         good = run.picture()
-        path = shaders.edit("tonemap.frag", PLAIN, "out_color = wrong;")
+        path = shaders.edit("post/tonemap.frag", PLAIN, "out_color = wrong;")
         run.follow()
         assert f"{path}:" in live.error
         assert live.renderer is run.renderer is window.renderer
@@ -555,18 +573,18 @@ def test_a_renderer_that_cannot_exchange_shaders_is_opened_anew(chapter, shaders
 
 
 def test_a_kernel_that_ran_at_the_start_is_named_and_changes_nothing(chapter, shaders, monkeypatch):
-    kernels = frozenset({shaders.chapter / "environment_cube.comp"})
+    kernels = frozenset({shaders.chapter / "environment/cube.comp"})
     for module in (on_vulkan, on_gl, stream):
         monkeypatch.setattr(module, "files_at_start", lambda scene, settings: kernels)
     with session(chapter) as run:
         good, handles = run.picture(), run.handles()
-        text = (shaders.chapter / "environment_cube.comp").read_text("utf-8")
-        shaders.save("environment_cube.comp", text + "// more\n")
+        text = (shaders.chapter / "environment/cube.comp").read_text("utf-8")
+        shaders.save("environment/cube.comp", text + "// more\n")
         run.follow()
         assert (run.picture() == good).all()
         assert run.handles() == handles
         (said,) = run.said
-        assert "environment_cube.comp runs when a scene is opened: start again to see the edit there." in said
+        assert "environment/cube.comp runs when a scene is opened: start again to see the edit there." in said
 
 
 def test_kernels_run_at_the_start_where_there_is_an_environment():
@@ -574,18 +592,18 @@ def test_kernels_run_at_the_start_where_there_is_an_environment():
     assert files_at_start(scene(), settings) == frozenset()
     around = replace(scene(), environment=SimpleNamespace())
     names = {path.name for path in files_at_start(around, settings)}
-    assert {"environment_cube.comp", "environment_table.comp", "ggx_sampling.glsl"} <= names
+    assert {"cube.comp", "table.comp", "ggx_sampling.glsl"} <= names
     assert files_at_start(around, replace(settings, environment_intensity=0.0)) == frozenset()
 
 
 def test_files_that_nobody_uses_are_nobodys_business(chapter, shaders):
     with session(chapter) as run:
         run.picture()
-        assert run.renderer.reload_shaders([shaders.chapter / "sky.frag"]).pipelines == ()
+        assert run.renderer.reload_shaders([shaders.chapter / "shading/sky.frag"]).pipelines == ()
         assert run.renderer.idle(facing())
         used = {path.name for path in run.renderer.shader_files if path.is_file()}
         assert {"forward.vert", "forward.frag", "tonemap.frag", "scene.glsl", "brdf.glsl"} <= used
-        assert not {"sky.frag", "resolve.frag", "ibl.glsl", "environment_cube.comp"} & used
+        assert not {"sky.frag", "resolve.frag", "ibl.glsl", "cube.comp"} & used
 
 
 def test_a_look_at_the_files_is_cheap(chapter, shaders):

@@ -56,7 +56,7 @@ def test_the_parts_of_a_chapter_s_page_are_all_looked_at(browser, address, dark)
 
 
 @both
-@pytest.mark.parametrize("path", ["chapters/ch01/settings.py", "chapters/ch01/shaders/tonemap.frag"])
+@pytest.mark.parametrize("path", ["chapters/ch01/settings.py", "chapters/ch01/post/tonemap.frag"])
 def test_code_has_contrast_in_its_colours(browser, tmp_path, path, dark) -> None:
     """Of pages that show a file, which have no theme; those of differences have the same colours."""
     (tmp_path / "code.html").write_text(code.page(path, (ROOT / path).read_bytes()), "utf-8")

@@ -28,7 +28,7 @@ class Trees:
             self.write(number, "passes/sky.py", SKY)
             self.write(number, "big.py", CODE)
             self.write(number, "settings.py", SETTINGS)
-            self.write(number, "shaders/sky.frag", "void main() {}\n")
+            self.write(number, "shading/sky.frag", "void main() {}\n")
 
     def lesson(self, number, **more):
         more.setdefault("adds", (f"feature of {number}",))
@@ -97,7 +97,7 @@ def test_a_file_that_differs_is_told_of(trees):
 
 
 def test_line_ends_and_shaders_count_as_bytes(trees):
-    trees.write(2, "shaders/sky.frag", "void main() {}\r\n")
+    trees.write(2, "shading/sky.frag", "void main() {}\r\n")
     assert ("ch02", "touched") in trees.broken()
 
 
@@ -244,9 +244,9 @@ def test_lines_deleted_alone_are_too_many(trees):
 
 
 def test_existing_files_change_by_at_most_400_lines_of_python(trees):
-    trees.lesson(2, reading=("big.py", "shaders/sky.frag"))
+    trees.lesson(2, reading=("big.py", "shading/sky.frag"))
     trees.write(2, "big.py", CODE + "".join(f"MORE_{line} = {line}\n" for line in range(400)))
-    trees.write(2, "shaders/sky.frag", "void main() {}\n" + "// more\n" * 300)
+    trees.write(2, "shading/sky.frag", "void main() {}\n" + "// more\n" * 300)
     assert trees.broken() == []
     trees.write(2, "big.py", CODE + "".join(f"MORE_{line} = {line}\n" for line in range(401)))
     assert trees.broken() == [("ch02", "size")] and "most in big.py 401" in trees.said()

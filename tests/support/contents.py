@@ -105,8 +105,11 @@ def _files(name: tuple[str, ...], folder: Path) -> Iterator[Path]:
         return
 
 
-def _names_shaders(value: object) -> bool:
-    return isinstance(value, str) and (value == "shaders" or value.endswith(SHADERS))
+def _names_shaders(node: ast.AST) -> bool:
+    """Whether a module builds shaders: it names one, or it calls what puts their text together."""
+    if isinstance(node, ast.Constant):
+        return isinstance(node.value, str) and node.value.endswith(SHADERS)
+    return isinstance(node, ast.ImportFrom) and any(one.name == "shader_text" for one in node.names)
 
 
 @cache
@@ -125,6 +128,6 @@ def _needs(path: Path, folder: Path) -> frozenset[Path]:
             )
             for alias in node.names:
                 found |= {*_files((*inside, alias.name), folder)}
-        elif isinstance(node, ast.Constant) and _names_shaders(node.value):
+        if _names_shaders(node):
             found |= {shader for shader in everything(folder) if shader.suffix in SHADERS}
     return frozenset(found)

@@ -155,7 +155,13 @@ def test_functions_of_shaders_are_found_behind_comments_and_branches(of):
 
 def test_every_function_of_the_chapters_shaders_is_found():
     """Against another way: at depth 0, a closing bracket before an opening brace is a function's."""
-    for path in chapters.FOLDER.glob("ch01/shaders/*"):
+    shaders = [
+        path
+        for path in chapters.FOLDER.glob("ch01/**/*")
+        if path.suffix in (".frag", ".vert", ".comp", ".glsl")
+    ]
+    assert len(shaders) > 10
+    for path in shaders:
         found = outline(Source(path.name, path.read_bytes())).definitions
         names = [one.name for one in found if one.kind == "function"]
         lines = path.read_text("utf-8").splitlines()

@@ -39,7 +39,7 @@ OLD = {
     "logic/plumbing.py": "import a\n\nx = 1\n",
     "logic/knobs.py": "y = 1\n",
     "logic/same.py": "same = 1\n",
-    "shaders/forward.frag": SHADER,
+    "shading/forward.frag": SHADER,
 }
 NEW = {
     **OLD,
@@ -50,7 +50,7 @@ NEW = {
     "passes/fog.py": FOG,
     "logic/plumbing.py": "import b\n\nx = 1\n",
     "logic/knobs.py": "y = 2\n",
-    "shaders/forward.frag": SHADER.replace("vec3(0.0)", "vec3(0.5)"),
+    "shading/forward.frag": SHADER.replace("vec3(0.0)", "vec3(0.5)"),
 }
 
 
@@ -181,7 +181,7 @@ def test_ideas_come_in_the_order_of_reading_and_plumbing_is_folded(sides):
     assert [file.path for file in made.ideas] == ["renderer.py", "passes/fog.py"]
     assert [(why, [f.path for f in files]) for why, files in made.folded()] == [
         ("imports alone", ["logic/plumbing.py"]),
-        ("not in the order of reading", ["__init__.py", "logic/knobs.py", "shaders/forward.frag"]),
+        ("not in the order of reading", ["__init__.py", "logic/knobs.py", "shading/forward.frag"]),
     ]
     assert made.title == "From old to new: Fog"
     assert made.totals() == "1 file new, 5 changed; +11 -5 lines of Python and GLSL."
@@ -203,7 +203,7 @@ def test_where_no_idea_changed_all_is_shown(sides):
 
 def test_only_leaves_out_the_rest_with_its_counts(sides, versions):
     made = compare(*sides, ["shaders", "passes"])
-    assert {file.path for file in made.tree.files} == {"passes/fog.py", "shaders/forward.frag"}
+    assert {file.path for file in made.tree.files} == {"passes/fog.py", "shading/forward.frag"}
     assert (made.tree.insertions, made.tree.deletions) == (6, 1)
     assert versions.ideas[0].path == "shading/vulkan_forward.py"
     assert {file.path.split("/")[0] for file in versions.tree.files} == {"post", "shading"}
@@ -383,7 +383,7 @@ def test_a_page_of_versions_has_two_columns(versions):
     assert kinds.count("pair both") > 5 and kinds.count("pair") > 5
 
 
-@pytest.mark.parametrize("name", ["renderer.py", "shaders/forward.frag", "README.md", "scene/packing.py"])
+@pytest.mark.parametrize("name", ["renderer.py", "shading/forward.frag", "README.md", "scene/packing.py"])
 def test_colours_lose_no_character(name):
     source = Source(name, (chapters.FOLDER / "ch01" / name).read_bytes())
     made = highlighted(source)
@@ -473,7 +473,7 @@ def fork(tmp_path, monkeypatch):
     folder = tmp_path / "my-ch01"
     ignored = shutil.ignore_patterns("studies", "__pycache__")
     shutil.copytree(chapters.FOLDER / "ch01", folder, ignore=ignored)
-    shader = folder / "shaders" / "forward.frag"
+    shader = folder / "shaders" / "shading/forward.frag"
     text = shader.read_text("utf-8")
     assert text.count("vec3 color = vec3(0.0);") == 1
     shader.write_text(text.replace("vec3 color = vec3(0.0);", "vec3 color = vec3(0.5);"), "utf-8")

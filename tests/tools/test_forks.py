@@ -32,7 +32,7 @@ pytestmark = pytest.mark.feature("tools/fork")
 SIZE = (24, 16)
 SMALL = ("--size", "24x16", "--scene", "cornell")
 EDITED = (
-    "shaders/tonemap.frag",
+    "post/tonemap.frag",
     "void main() {",
     "void main() {\n    if (gl_FragCoord.x < 9.0) { out_color = vec4(1); return; }",
 )
@@ -307,12 +307,12 @@ def test_a_fault_of_a_fork_shows_the_fork_s_lines_alone(name, fork, strata):
 
 
 def test_a_wrong_shader_of_a_fork_is_named_with_its_line(fork, strata):
-    edit(fork, "shaders/tonemap.frag", "void main() {", "void main() {\n    float x = nowhere;")
+    edit(fork, "post/tonemap.frag", "void main() {", "void main() {\n    float x = nowhere;")
     code, _, err = strata("run", NAME, *SMALL, "--backend", "vulkan", "--out", "a.png", "--no-validate")
     assert code == 1
-    lines = (fork / "shaders" / "tonemap.frag").read_text("utf-8").splitlines()
+    lines = (fork / "shaders" / "post/tonemap.frag").read_text("utf-8").splitlines()
     number = lines.index("    float x = nowhere;") + 1
-    assert err.startswith(f"strata: {fork.resolve() / 'shaders' / 'tonemap.frag'}:{number}: error: 'nowhere'")
+    assert err.startswith(f"strata: {fork.resolve() / 'post' / 'tonemap.frag'}:{number}: error: 'nowhere'")
     assert "Traceback" not in err and 'File "' not in err
 
 

@@ -208,7 +208,7 @@ def test_a_digest_is_of_what_a_test_leads_to_and_of_nothing_else(tmp_path):
     files = {
         "shading/vulkan_sky.py": "from ..logic.numbers import ONE\nSHADER = 'sky.frag'\n",
         "logic/numbers.py": "ONE = 1\n",
-        "shaders/sky.frag": "void main() {}\n",
+        "shading/sky.frag": "void main() {}\n",
         "renderer.py": "from . import LESSON\n",
         "README.md": "words\n",
         "studies/a.py": "A = 1\n",
@@ -228,7 +228,7 @@ def test_a_digest_is_of_what_a_test_leads_to_and_of_nothing_else(tmp_path):
     expected = {
         "shading/vulkan_sky.py": [False, True, False],
         "logic/numbers.py": [False, False, False],
-        "shaders/sky.frag": [False, True, False],
+        "shading/sky.frag": [False, True, False],
         "renderer.py": [True, True, False],
         "README.md": [True, True, True],
         "studies/a.py": [True, True, True],

@@ -20,7 +20,7 @@ from backends.vulkan.resources import FORMATS
 
 from .snippets import PUSH_SIZE, SNIPPETS
 
-SHADERS = Path(__file__).resolve().parents[1] / "shaders"
+CHAPTER = Path(__file__).resolve().parents[1]
 
 _STAGES = {
     ".vert": vk.VK_SHADER_STAGE_VERTEX_BIT,
@@ -91,7 +91,11 @@ class Pipelines:
         sources = [
             [
                 shader_text.build(
-                    SHADERS / file, "vulkan", defines=dict(described.defines), snippets=SNIPPETS
+                    CHAPTER / file,
+                    "vulkan",
+                    roots=(CHAPTER,),
+                    defines=dict(described.defines),
+                    snippets=SNIPPETS,
                 )
                 for file in described.shaders
             ]

@@ -33,7 +33,7 @@ class ResolvePass:
         self._pipeline = self._pipelines.get(
             [
                 GraphicsPipeline(
-                    shaders=("fullscreen.vert", "resolve.frag"),
+                    shaders=("post/fullscreen.vert", "post/resolve.frag"),
                     defines=resolve_defines(self._settings),
                     depth=None,
                     name="resolve",

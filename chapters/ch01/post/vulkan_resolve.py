@@ -41,7 +41,7 @@ class ResolvePass:
         self._pipeline = self._pipelines.get(
             [
                 GraphicsPipeline(
-                    shaders=("fullscreen.vert", "resolve.frag"),
+                    shaders=("post/fullscreen.vert", "post/resolve.frag"),
                     set_layouts=(self._descriptors.layout(BINDINGS),),
                     defines=resolve_defines(self._settings),
                     color=self._settings.color_format,

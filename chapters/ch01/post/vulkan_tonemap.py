@@ -38,7 +38,7 @@ class TonemapPass:
         self._pipeline = self._pipelines.get(
             [
                 GraphicsPipeline(
-                    shaders=("fullscreen.vert", "tonemap.frag"),
+                    shaders=("post/fullscreen.vert", "post/tonemap.frag"),
                     set_layouts=(self._descriptors.layout(BINDINGS),),
                     defines=tonemap_defines(self._settings),
                     color="rgba8",

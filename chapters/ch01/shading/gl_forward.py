@@ -55,7 +55,7 @@ class ForwardPass:
     def describe(self, variant: Variant) -> GraphicsPipeline:
         """Return the pipeline that draws materials of `variant`."""
         return GraphicsPipeline(
-            shaders=("forward.vert", "forward.frag"),
+            shaders=("shading/forward.vert", "shading/forward.frag"),
             defines=variant.defines + coverage_defines(variant, self._settings),
             depth=views.depth_use(self._settings, variant),
             blend=views.blending(self._settings, variant),

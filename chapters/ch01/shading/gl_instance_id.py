@@ -43,7 +43,7 @@ class InstanceIdPass:
 
     def _describe(self, variant: Variant) -> GraphicsPipeline:
         return GraphicsPipeline(
-            shaders=("forward.vert", "instance_id.frag"),
+            shaders=("shading/forward.vert", "shading/instance_id.frag"),
             defines=shape_alone(variant).defines,
             depth=self._depth,
             name="instance id",

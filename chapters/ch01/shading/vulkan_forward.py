@@ -57,7 +57,7 @@ class ForwardPass:
     def describe(self, variant: Variant) -> GraphicsPipeline:
         """Return the pipeline that draws materials of `variant`."""
         return GraphicsPipeline(
-            shaders=("forward.vert", "forward.frag"),
+            shaders=("shading/forward.vert", "shading/forward.frag"),
             set_layouts=self._data.set_layouts(variant),
             defines=variant.defines + coverage_defines(variant, self._settings),
             streams=self._data.vertex_streams(variant),

@@ -44,7 +44,7 @@ class InstanceIdPass:
     def _describe(self, variant: Variant) -> GraphicsPipeline:
         needed = shape_alone(variant)
         return GraphicsPipeline(
-            shaders=("forward.vert", "instance_id.frag"),
+            shaders=("shading/forward.vert", "shading/instance_id.frag"),
             # The set of a material is bound as the forward pass made it, with roles that nobody reads here.
             set_layouts=self._data.set_layouts(variant if needed.roles else needed),
             defines=needed.defines,

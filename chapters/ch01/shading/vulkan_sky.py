@@ -27,7 +27,7 @@ class Sky:
     def create(self) -> None:
         """Build the pipeline."""
         described = GraphicsPipeline(
-            shaders=("fullscreen.vert", "sky.frag"),
+            shaders=("post/fullscreen.vert", "shading/sky.frag"),
             set_layouts=(self._data.frame_layout,),
             color=self._settings.color_format,
             depth="test",

@@ -93,7 +93,9 @@ def create_environment(context: Context, environment: Environment, sizes: Sizes)
 
 def _program(programs: Programs, name: str) -> Program:
     path = logic.SHADERS / f"{name}.comp"
-    return programs.get([shader_text.build(path, "gl", defines={"FORMAT": logic.FORMAT})], name)
+    return programs.get(
+        [shader_text.build(path, "gl", defines={"FORMAT": logic.FORMAT})], f"environment {name}"
+    )
 
 
 def _make_maps(
@@ -142,17 +144,17 @@ def _make_maps(
         began = clock.perf_counter()
         first = logic.push((sizes.face, logic.points_per_edge(environment, sizes)))
         for made in (source, radiance):  # the mirror's level is the environment itself
-            run("environment_cube", panorama.view, samplers[0], made, 0, first)
+            run("cube", panorama.view, samplers[0], made, 0, first)
         for level in range(1, sizes.source_levels):
             above = create_view(context, source, logic.FORMAT, level=level - 1, levels=1)
-            run("environment_mips", above, samplers[1], source, level, logic.push((sizes.face >> level,)))
+            run("mips", above, samplers[1], source, level, logic.push((sizes.face >> level,)))
         counts = logic.push((sizes.irradiance_face, sizes.irradiance_source, sizes.irradiance_level))
-        run("environment_irradiance", source.view, samplers[1], irradiance, 0, counts)
+        run("irradiance", source.view, samplers[1], irradiance, 0, counts)
         for level in range(1, sizes.levels):
             alpha = logic.level_roughness(level, sizes.levels) ** 2
             part = logic.level_part(sizes, level)
             lobe = logic.push((sizes.face >> level, sizes.source_levels - 1), alpha, part)
-            run("environment_prefilter", source.view, samplers[1], radiance, level, lobe)
+            run("prefilter", source.view, samplers[1], radiance, level, lobe)
         fn.glMemoryBarrier(gl.GL_TEXTURE_UPDATE_BARRIER_BIT)
         fn.glFinish()
         made_ms = (clock.perf_counter() - began) * 1e3

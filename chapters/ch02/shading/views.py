@@ -1,7 +1,7 @@
 """Views: one quantity shown in place of the picture, as it is: no exposure, no tone curve, one sample a pixel.
 
 A view is a define of the forward pass's fragment shader, `VIEW=n` with n its place in this list; what it does is in
-shaders/views.glsl. Without a view there is no such define, and every pipeline is what it would be without this file.
+shading/views.glsl. Without a view there is no such define, and every pipeline is what it would be without this file.
 """
 
 from __future__ import annotations

@@ -45,7 +45,7 @@ class InstanceIdPass:
     def _describe(self, variant: Variant) -> GraphicsPipeline:
         needed = shape_alone(variant)
         return GraphicsPipeline(
-            shaders=("forward.vert", "instance_id.frag"),
+            shaders=("shading/forward.vert", "shading/instance_id.frag"),
             defines=(*needed.defines, *self._data.texture_defines(needed, shape_alone)),
             color="r32ui",
             depth=self._depth,

@@ -18,7 +18,7 @@ from backends.shader_text import ShaderSource
 
 from .snippets import SNIPPETS
 
-SHADERS = Path(__file__).resolve().parents[1] / "shaders"
+CHAPTER = Path(__file__).resolve().parents[1]
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,9 @@ class Pipelines:
     @staticmethod
     def _sources(described: GraphicsPipeline) -> list[ShaderSource]:
         return [
-            shader_text.build(SHADERS / file, "gl", defines=dict(described.defines), snippets=SNIPPETS)
+            shader_text.build(
+                CHAPTER / file, "gl", roots=(CHAPTER,), defines=dict(described.defines), snippets=SNIPPETS
+            )
             for file in described.shaders
         ]
 

@@ -39,7 +39,7 @@ class ResolvePass:
         self.pipeline = self._pipelines.get(
             [
                 GraphicsPipeline(
-                    shaders=("fullscreen.vert", "resolve.frag"),
+                    shaders=("post/fullscreen.vert", "post/resolve.frag"),
                     defines=resolve_defines(self._settings),
                     color=self._settings.color_format,
                     depth=None,

@@ -26,7 +26,7 @@ class Sky:
     def create(self) -> Built:
         """Build the pipeline and return it."""
         described = GraphicsPipeline(
-            shaders=("fullscreen.vert", "sky.frag"),
+            shaders=("post/fullscreen.vert", "shading/sky.frag"),
             color=self._settings.color_format,
             depth="test",
             samples=self._settings.msaa,

@@ -27,9 +27,9 @@ from common.scene import Sampler, Scene
 from ..settings import Settings
 from ..shading.views import is_lit
 
-SHADERS = Path(__file__).resolve().parents[1] / "shaders"
-KERNELS = ("environment_cube", "environment_mips", "environment_irradiance", "environment_prefilter")
-TABLE_KERNEL = "environment_table"
+SHADERS = Path(__file__).resolve().parent
+KERNELS = ("cube", "mips", "irradiance", "prefilter")
+TABLE_KERNEL = "table"
 INCLUDES = ("environment", "finite", "sampling", "ggx_sampling", "brdf", "ibl", "half")
 """Files of the root `shaders/` that kernels include: a change of one makes everything anew."""
 

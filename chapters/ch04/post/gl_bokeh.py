@@ -29,7 +29,7 @@ class BokehPass(FullscreenPass):
     def describe(self) -> GraphicsPipeline:
         """Return the pipeline."""
         return GraphicsPipeline(
-            shaders=("fullscreen.vert", "bokeh.frag"),
+            shaders=("post/fullscreen.vert", "post/bokeh.frag"),
             defines=lens.bokeh_defines(self._settings),
             depth=None,
             name="bokeh",

@@ -33,7 +33,7 @@ class DepthOfFieldPass(FullscreenPass):
     def describe(self) -> GraphicsPipeline:
         """Return the pipeline."""
         return GraphicsPipeline(
-            shaders=("fullscreen.vert", "depth_of_field.frag"),
+            shaders=("post/fullscreen.vert", "post/depth_of_field.frag"),
             defines=lens.lens_defines(self._settings),
             depth=None,
             name="depth of field",

@@ -33,7 +33,7 @@ class TonemapPass:
         self._pipeline = self._pipelines.get(
             [
                 GraphicsPipeline(
-                    shaders=("fullscreen.vert", "tonemap.frag"),
+                    shaders=("post/fullscreen.vert", "post/tonemap.frag"),
                     defines=tonemap_defines(self._settings),
                     depth=None,
                     name="tonemap",

@@ -48,7 +48,7 @@ class DepthPrepass(ObjectsPass):
         shape = shape_alone(variant)
         masked = shape.has("ALPHA_MASK")
         return GraphicsPipeline(
-            shaders=("forward.vert", "forward.frag") if masked else ("forward.vert",),
+            shaders=("shading/forward.vert", "shading/forward.frag") if masked else ("shading/forward.vert",),
             defines=(
                 *shape.defines,
                 *self._data.texture_defines(shape, shape_alone),

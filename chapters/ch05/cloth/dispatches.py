@@ -172,24 +172,24 @@ def collider_axes(collider: Collider) -> tuple[Float64, Float64]:
 
 @cache
 def _loop(group_size: int) -> Kernel:
-    return Kernel("cloth_loop.comp", _SIMULATION, (("GROUP", group_size),))
+    return Kernel("cloth/loop.comp", _SIMULATION, (("GROUP", group_size),))
 
 
 @cache
 def _stage(name: str) -> Kernel:
-    return Kernel("cloth_stage.comp", _SIMULATION, ((name, 1),))
+    return Kernel("cloth/stage.comp", _SIMULATION, ((name, 1),))
 
 
-NORMALS = Kernel("cloth_normals.comp", ("table", "frame", "positions", "normals", "incidence", "triangles"))
+NORMALS = Kernel("cloth/normals.comp", ("table", "frame", "positions", "normals", "incidence", "triangles"))
 VERTICES = Kernel(
-    "cloth_vertices.comp", ("table", "frame", "positions", "normals", "triangles", "surface", "words")
+    "cloth/vertices.comp", ("table", "frame", "positions", "normals", "triangles", "surface", "words")
 )
 
 
 @cache
 def _stats(group_size: int) -> Kernel:
     return Kernel(
-        "cloth_stats.comp", ("table", "frame", "positions", "velocities", "stats"), (("GROUP", group_size),)
+        "cloth/stats.comp", ("table", "frame", "positions", "velocities", "stats"), (("GROUP", group_size),)
     )
 
 

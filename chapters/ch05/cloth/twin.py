@@ -1,4 +1,4 @@
-"""The cloth simulation on the CPU: what shaders/cloth_motion.glsl does, operation for operation, in numpy.
+"""The cloth simulation on the CPU: what cloth/motion.glsl does, operation for operation, in numpy.
 
 With float64 it is the truth that the GPU is held to; with float32 it shows that the rest of the difference is rounding.
 Sums run in the shader's order: the k-th spring of every particle is added at once, then the k-th plus one.
@@ -236,7 +236,7 @@ class _InTheWay:
     spin: Floats
 
     def before(self, left: Any) -> tuple[Floats, Floats]:
-        """Return axes and centre `left` seconds before the steps are over: see turned_back in cloth_contact.glsl."""
+        """Return axes and centre `left` seconds before the steps are over: see turned_back in cloth/contact.glsl."""
         once = _cross(self.spin[None], self.axes)
         twice = _cross(self.spin[None], once)
         half = left.dtype.type(0.5) * left

@@ -4,7 +4,7 @@
     irradiance  a cube map of irradiance / pi
     table       the BRDF in light that is the same from everywhere
 
-The kernels are in `shaders/environment_*.comp`, what both backends know about them in `environment/model.py`.
+The kernels are in `environment/*.comp`, what both backends know about them in `environment/model.py`.
 """
 
 from __future__ import annotations
@@ -185,10 +185,10 @@ def _make_maps(
             uploader.image(panorama, logic.panorama_texels(environment, scale))
         seen = Sampled(panorama.view, sampler(PANORAMA, "panorama"))
         whole = Sampled(cube_view(device, source), sampler(SMOOTH, "environment source"))
-        to_cube = kernel("environment_cube", 2)
-        to_mips = kernel("environment_mips", sizes.source_levels)
-        to_irradiance = kernel("environment_irradiance", 1)
-        to_radiance = kernel("environment_prefilter", sizes.levels)
+        to_cube = kernel("cube", 2)
+        to_mips = kernel("mips", sizes.source_levels)
+        to_irradiance = kernel("irradiance", 1)
+        to_radiance = kernel("prefilter", sizes.levels)
 
         def level_of(cube: Image, level: int) -> Sampled:
             return Sampled(cube_view(device, cube, level, 1))

@@ -19,7 +19,7 @@ from backends.shader_text import ShaderSource
 from .gl_compute import ComputePipeline, group_of
 from .snippets import SNIPPETS
 
-SHADERS = Path(__file__).resolve().parents[1] / "shaders"
+CHAPTER = Path(__file__).resolve().parents[1]
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,9 @@ class Pipelines:
     @staticmethod
     def _sources(described: Described) -> list[ShaderSource]:
         return [
-            shader_text.build(SHADERS / file, "gl", defines=dict(described.defines), snippets=SNIPPETS)
+            shader_text.build(
+                CHAPTER / file, "gl", roots=(CHAPTER,), defines=dict(described.defines), snippets=SNIPPETS
+            )
             for file in described.shaders
         ]
 

@@ -24,7 +24,7 @@ from .vulkan_compute import ComputePipeline, build_compute, group_of
 from .vulkan_layouts import CAPACITY, Layouts, SetLayout
 from .vulkan_reflection import STAGES, Stage, check_pulled, chosen, merge
 
-SHADERS = Path(__file__).resolve().parents[1] / "shaders"
+CHAPTER = Path(__file__).resolve().parents[1]
 
 BINDLESS = {"bindless.glsl": "GL_EXT_nonuniform_qualifier"}
 """The include that declares the array of all textures, and the extension which that takes."""
@@ -71,7 +71,12 @@ def source_of(file: str, defines: Sequence[tuple[str, int | float | str]]) -> sh
     to stand before everything else, where an include cannot put it.
     """
     return shader_text.build(
-        SHADERS / file, "vulkan", defines=dict(defines), extensions_with=BINDLESS, snippets=SNIPPETS
+        CHAPTER / file,
+        "vulkan",
+        roots=(CHAPTER,),
+        defines=dict(defines),
+        extensions_with=BINDLESS,
+        snippets=SNIPPETS,
     )
 
 

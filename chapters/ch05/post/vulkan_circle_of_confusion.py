@@ -29,7 +29,7 @@ class CircleOfConfusionPass(FullscreenPass):
     def describe(self) -> GraphicsPipeline:
         """Return the pipeline."""
         return GraphicsPipeline(
-            shaders=("fullscreen.vert", "circle_of_confusion.frag"),
+            shaders=("post/fullscreen.vert", "post/circle_of_confusion.frag"),
             defines=lens.lens_defines(self._settings),
             color=(lens.FORMAT, lens.PART_FORMAT),
             depth=None,

@@ -35,7 +35,7 @@ class TonemapPass:
         self.pipeline = self._pipelines.get(
             [
                 GraphicsPipeline(
-                    shaders=("fullscreen.vert", "tonemap.frag"),
+                    shaders=("post/fullscreen.vert", "post/tonemap.frag"),
                     defines=tonemap_defines(self._settings),
                     color="rgba8",
                     depth=None,

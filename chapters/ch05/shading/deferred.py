@@ -17,7 +17,7 @@ from .views import PICTURE, background
 Defines = tuple[tuple[str, int | float | str], ...]
 
 TARGETS = ("gbuffer_base_color", "gbuffer_normal", "gbuffer_material", "gbuffer_emissive")
-"""The G-buffer, in the order of its locations in shaders/gbuffer.glsl, which says what is in which channel."""
+"""The G-buffer, in the order of its locations in shading/gbuffer.glsl, which says what is in which channel."""
 
 FORMATS: dict[str, tuple[str, ...]] = {
     "compact": ("rgba8_srgb", "rgb10a2", "rgba8", "rgba16f"),

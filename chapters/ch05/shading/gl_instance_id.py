@@ -44,7 +44,7 @@ class InstanceIdPass:
     def _describe(self, variant: Variant) -> GraphicsPipeline:
         needed = shape_alone(variant)
         return GraphicsPipeline(
-            shaders=("forward.vert", "instance_id.frag"),
+            shaders=("shading/forward.vert", "shading/instance_id.frag"),
             defines=(*needed.defines, *self._data.texture_defines(needed, shape_alone)),
             depth=self._depth,
             name="instance id",

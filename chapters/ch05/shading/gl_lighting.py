@@ -34,7 +34,7 @@ class LightingPass(FullscreenPass):
         """Return the pipeline, with the lights and the environment that any of the materials takes part in."""
         variants = [self._data.variants[material] for material in self._forward.used]
         return GraphicsPipeline(
-            shaders=("fullscreen.vert", "lighting.frag"),
+            shaders=("post/fullscreen.vert", "shading/lighting.frag"),
             defines=light_defines(variants, self._forward.has_sky, self._settings),
             depth=None,
             name="lighting",

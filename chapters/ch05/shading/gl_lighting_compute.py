@@ -34,7 +34,9 @@ class ComputeLightingPass(LightingPass):
     def create(self) -> None:
         """Build the pipeline; again when a material became another kind."""
         defines = (*self.describe().defines, ("FORMAT", self._settings.color_format))
-        self.pipeline = self._pipelines.get([ComputePipeline("lighting.comp", defines, name=self.name)])[0]
+        self.pipeline = self._pipelines.get(
+            [ComputePipeline("shading/lighting.comp", defines, name=self.name)]
+        )[0]
 
     def record(self, commands: Commands) -> None:
         """Dispatch over all pixels."""

@@ -25,7 +25,9 @@ class Sky:
 
     def create(self) -> None:
         """Build the pipeline."""
-        described = GraphicsPipeline(shaders=("fullscreen.vert", "sky.frag"), depth="test", name="sky")
+        described = GraphicsPipeline(
+            shaders=("post/fullscreen.vert", "shading/sky.frag"), depth="test", name="sky"
+        )
         self._pipeline = self._pipelines.get([described])[0]
 
     def record(self, commands: Commands) -> None:

@@ -31,7 +31,7 @@ class ComputeLightingPass(LightingPass):
     def create(self) -> None:
         """Build the pipeline; again when a material became another kind."""
         defines = (*self.describe().defines, ("FORMAT", self._settings.color_format))
-        described = ComputePipeline("lighting.comp", defines, name=self.name)
+        described = ComputePipeline("shading/lighting.comp", defines, name=self.name)
         self.pipeline = self._pipelines.get([described])[0]
         frame = self.pipeline.sets[0]
         self.built = [replace(self.pipeline, sets=(*(None,) * COMPUTED, frame))]

@@ -34,7 +34,7 @@ class Renderer(Stage):
         # A program, and the state that `bind` sets with it. `depth="write"` draws a pixel only where it is not behind
         # what was drawn there before, and notes how near it is.
         described = GraphicsPipeline(
-            shaders=("../studies/rotating_cube/cube.vert", "../studies/rotating_cube/cube.frag"),
+            shaders=("studies/rotating_cube/cube.vert", "studies/rotating_cube/cube.frag"),
             depth="write",
             name="cube",
         )

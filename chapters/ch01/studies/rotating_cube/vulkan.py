@@ -43,7 +43,7 @@ class Renderer(Stage):
         # The study first-triangle writes a pipeline out in full; from here on a description is enough. `depth="write"`
         # draws a pixel only where it is not behind what was drawn there before, and notes how near it is.
         described = GraphicsPipeline(
-            shaders=("../studies/rotating_cube/cube.vert", "../studies/rotating_cube/cube.frag"),
+            shaders=("studies/rotating_cube/cube.vert", "studies/rotating_cube/cube.frag"),
             set_layouts=(self.descriptors.layout(BINDINGS),),
             color="rgba8",
             depth="write",

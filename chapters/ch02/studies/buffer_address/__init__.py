@@ -32,7 +32,7 @@ class Settings:
 UNIFORM = np.dtype([("matrices", np.float32, (2, 4, 4)), ("address", np.uint64), ("_padding", np.uint64)])
 """What the shaders read of a frame, 144 bytes: both matrices, and where vertices begin; 0 where a set says so."""
 
-SHADERS = ("../studies/buffer_address/mesh.vert", "../studies/buffer_address/mesh.frag")
+SHADERS = ("studies/buffer_address/mesh.vert", "studies/buffer_address/mesh.frag")
 
 
 def own_scene() -> Scene:

@@ -53,7 +53,7 @@ CAPACITY = 64
 """Explosions that can be seen at once: at 10 pictures a second one lasts 10 s, and 29 have begun by then."""
 
 UNIFORM_BYTES = 16
-SHADERS = ("../studies/flipbook/quad.vert", "../studies/flipbook/quad.frag")
+SHADERS = ("studies/flipbook/quad.vert", "studies/flipbook/quad.frag")
 SMOOTH = Sampler("linear", "linear", None, "clamp", "clamp")
 
 

@@ -39,7 +39,7 @@ CELL = 16
 """Pixels of a cell of the grid, which two triangles fill. Its corners lie where no edge meets a pixel's centre."""
 
 UNIFORM_BYTES = 16
-SHADERS = ("../studies/random_textures/grid.vert", "../studies/random_textures/grid.frag")
+SHADERS = ("studies/random_textures/grid.vert", "studies/random_textures/grid.frag")
 SHARP = Sampler("nearest", "nearest", None, "clamp", "clamp")
 
 

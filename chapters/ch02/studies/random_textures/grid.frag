@@ -4,7 +4,7 @@
 
 #if BACKEND_VULKAN
 // Flat textures and volumes share one array of descriptors: `textures_2d` and `textures_3d` lie at the same binding.
-#include "../../shaders/bindless.glsl"
+#include "scene/textures/bindless.glsl"
 
 #if NONUNIFORM
 #define SLOT(number) nonuniformEXT(1u + (number))

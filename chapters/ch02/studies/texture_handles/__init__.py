@@ -34,7 +34,7 @@ COUNT = ACROSS * DOWN
 """Rectangles, each with a texture of its own."""
 
 INDICES = np.array([0, 1, 2, 2, 1, 3], np.uint32)
-SHADERS = ("../studies/texture_handles/quad.vert", "../studies/texture_handles/quad.frag")
+SHADERS = ("studies/texture_handles/quad.vert", "studies/texture_handles/quad.frag")
 SMOOTH = Sampler("linear", "linear", None, "repeat", "clamp")
 
 

@@ -27,4 +27,4 @@ class Settings:
     order: str = knob("array", "how the array is filled", choices=("array", "reversed"))
 
 
-SHADERS = ("../studies/primaries/squares.vert", "../studies/primaries/squares.frag")
+SHADERS = ("studies/primaries/squares.vert", "studies/primaries/squares.frag")

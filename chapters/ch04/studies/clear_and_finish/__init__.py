@@ -44,7 +44,7 @@ class Settings:
     )
 
 
-SHADERS = ("../studies/clear_and_finish/panel.vert", "../studies/clear_and_finish/panel.frag")
+SHADERS = ("studies/clear_and_finish/panel.vert", "studies/clear_and_finish/panel.frag")
 UNIFORM_BYTES = 16
 PANELS = 2
 

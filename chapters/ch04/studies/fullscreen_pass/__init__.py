@@ -52,7 +52,7 @@ WRITTEN = {
 }
 """What is drawn for each output. Adding shows in the picture, too, whether pixels are written twice or never."""
 
-SHADERS = ("../studies/fullscreen_pass/pass.vert", "../studies/fullscreen_pass/pass.frag")
+SHADERS = ("studies/fullscreen_pass/pass.vert", "studies/fullscreen_pass/pass.frag")
 EMPTY = (0.0, 0.0, 0.0, 0.0)
 
 

@@ -61,7 +61,7 @@ class LayerWork(Work):
 
 
 CLEAR = (0.1, 0.1, 0.12, 1.0)
-SHADERS = ("fullscreen.vert", "../studies/ordered_layers/layer.frag")
+SHADERS = ("post/fullscreen.vert", "studies/ordered_layers/layer.frag")
 
 
 def items(settings: Settings) -> list[Item]:

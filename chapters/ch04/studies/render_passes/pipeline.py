@@ -10,7 +10,7 @@ from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 from backends.vulkan.live import compile_stages
 
-from ...pipelines.vulkan import SHADERS, Built
+from ...pipelines.vulkan import CHAPTER, Built
 from ...pipelines.vulkan_layouts import Layouts
 from ...pipelines.vulkan_reflection import STAGES, Stage, merge
 
@@ -21,7 +21,7 @@ def create_pipeline(
     device: Device, layouts: Layouts, files: Sequence[str], into: dict[str, Any], depth: bool
 ) -> Built:
     """Return a pipeline, of which nobody frees the handle; `into` says what it draws to: a render pass, or formats."""
-    sources = [shader_text.build(SHADERS / file, "vulkan") for file in files]
+    sources = [shader_text.build(CHAPTER / file, "vulkan", roots=(CHAPTER,)) for file in files]
     stages = compile_stages([sources])[0]
     codes = stages.codes
     found = [Stage(code, source) for code, source in zip(codes, sources, strict=True)]

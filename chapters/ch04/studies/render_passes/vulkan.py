@@ -18,8 +18,8 @@ from .classic import Classic
 from .dynamic import Dynamic
 from .pipeline import create_pipeline
 
-SQUARE_SHADERS = ("../studies/render_passes/squares.vert", "../studies/render_passes/squares.frag")
-SHOW_SHADERS = ("fullscreen.vert", "../studies/render_passes/show.frag")
+SQUARE_SHADERS = ("studies/render_passes/squares.vert", "studies/render_passes/squares.frag")
+SHOW_SHADERS = ("post/fullscreen.vert", "studies/render_passes/show.frag")
 
 
 class Renderer(Stage):

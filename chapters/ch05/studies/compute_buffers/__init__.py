@@ -47,8 +47,8 @@ class KernelWork(Work):
     wrong: int = 0
 
 
-KERNEL = "../studies/compute_buffers/affine.comp"
-SHADERS = ("fullscreen.vert", "../studies/compute_buffers/bars.frag")
+KERNEL = "studies/compute_buffers/affine.comp"
+SHADERS = ("post/fullscreen.vert", "studies/compute_buffers/bars.frag")
 HIGHEST = 1000
 """No x is larger."""
 

@@ -60,8 +60,8 @@ class DispatchWork(Work):
     idle: int = 0
 
 
-KERNEL = "../studies/dispatch_size/cover.comp"
-SHADERS = ("fullscreen.vert", "../studies/dispatch_size/show.frag")
+KERNEL = "studies/dispatch_size/cover.comp"
+SHADERS = ("post/fullscreen.vert", "studies/dispatch_size/show.frag")
 MOST = 1 << 32
 """Invocations of a frame: a second or two of a GPU, and systems wait for little longer."""
 

@@ -48,8 +48,8 @@ class OrderWork(Work):
     points: int = 0
 
 
-COVER = ("../studies/fragment_order/cover.vert", "../studies/fragment_order/number.frag")
-POINTS = ("../studies/fragment_order/points.vert", "../studies/fragment_order/points.frag")
+COVER = ("studies/fragment_order/cover.vert", "studies/fragment_order/number.frag")
+POINTS = ("studies/fragment_order/points.vert", "studies/fragment_order/points.frag")
 
 
 def shown(settings: Settings, time: float, count: int) -> int:

@@ -33,7 +33,7 @@ STUDY = Study(
 )
 
 FOLDER = Path(__file__).resolve().parent
-SHADERS = ("fullscreen.vert", "../studies/texture_generator/show.frag")
+SHADERS = ("post/fullscreen.vert", "studies/texture_generator/show.frag")
 TEXELS = Sampler("nearest", "nearest", None, "clamp", "clamp")
 
 

@@ -21,8 +21,8 @@ from .fences import Fences
 from .slots import Slot, Slots, Way
 from .timelines import Timelines
 
-KERNEL = "../studies/timeline_or_fences/field.comp"
-SHADERS = ("fullscreen.vert", "../studies/timeline_or_fences/show.frag")
+KERNEL = "studies/timeline_or_fences/field.comp"
+SHADERS = ("post/fullscreen.vert", "studies/timeline_or_fences/show.frag")
 
 
 class Renderer(Stage):

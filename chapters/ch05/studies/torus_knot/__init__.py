@@ -56,8 +56,8 @@ class KernelWork(Work):
     dispatches: int = 0
 
 
-KERNEL = "../studies/torus_knot/knot.comp"
-SHADERS = ("../studies/torus_knot/knot.vert", "../studies/torus_knot/knot.frag")
+KERNEL = "studies/torus_knot/knot.comp"
+SHADERS = ("studies/torus_knot/knot.vert", "studies/torus_knot/knot.frag")
 VERTEX_BYTES = 32
 UNIFORM_BYTES = 2 * 64
 

@@ -133,7 +133,7 @@ def _on_gpu(given: Given, made: Any, steps: Any, forces: Any, colliders: list[An
     layout, jobs = given.module("cloth.layout"), given.module("cloth.dispatches")
     packed = layout.pack([made], colliders=len(colliders))
     arrays = jobs.frame_arrays(packed, steps, forces, jobs.Moment.still(1, begin=True), colliders)
-    shaders = Path(given.module("environment.model").SHADERS)
+    shaders = Path(given.module("pipelines.vulkan").CHAPTER)
     found = run(shaders, given.device, packed, jobs.dispatches(packed, steps, 1, "dispatch"), arrays)
     given.silent()
     return found["positions"].reshape(-1, 3)
