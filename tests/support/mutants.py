@@ -119,8 +119,9 @@ class Workshop:
         shares = [missing[i : i + size] for i in range(0, len(missing), size)]
         there = blobs(self.root, self.commit)
         done = 0
-        for parts in self._pool.map(self._in_parts, shares):
-            for share, ran in parts:
+        running = [self._pool.submit(self._in_parts, share) for share in shares]
+        for ended in as_completed(running):  # what is known is kept, whatever else is still under way
+            for share, ran in ended.result():
                 done += len(share)
                 failed = ran.failed
                 told = f", without {counted(failed)} that failed" if failed else ""
