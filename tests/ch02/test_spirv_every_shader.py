@@ -68,8 +68,15 @@ def files():
 
 def built(path, defines):
     """Return a shader with the extension that some of them need; it changes nothing where nobody uses it."""
-    extensions = ["GL_EXT_nonuniform_qualifier"]
-    return shader_text.build(path, "vulkan", defines=defines, snippets=SNIPPETS, extensions=extensions)
+    own = path.relative_to(ROOT).parts
+    return shader_text.build(
+        path,
+        "vulkan",
+        roots=[ROOT.joinpath(*own[:2])] if own[0] == "chapters" else (),
+        defines=defines,
+        snippets=SNIPPETS,
+        extensions=["GL_EXT_nonuniform_qualifier"],
+    )
 
 
 def variants(path):

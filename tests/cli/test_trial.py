@@ -183,7 +183,7 @@ def test_a_chapter_that_draws_something_else_fails(
             dirs_exist_ok=True,
             ignore=shutil.ignore_patterns("__pycache__", "ch0[2-9]"),
         )
-    shader = tmp_path / "chapters" / "ch01" / "shaders" / file
+    shader = tmp_path / "chapters" / "ch01" / file
     text = shader.read_text()
     assert before in text
     shader.write_text(text.replace(before, after, 1))

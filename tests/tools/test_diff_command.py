@@ -202,13 +202,13 @@ def test_where_no_idea_changed_all_is_shown(sides):
 
 
 def test_only_leaves_out_the_rest_with_its_counts(sides, versions):
-    made = compare(*sides, ["shaders", "passes"])
+    made = compare(*sides, ["shading", "passes"])
     assert {file.path for file in made.tree.files} == {"passes/fog.py", "shading/forward.frag"}
     assert (made.tree.insertions, made.tree.deletions) == (6, 1)
     assert versions.ideas[0].path == "shading/vulkan_forward.py"
     assert {file.path.split("/")[0] for file in versions.tree.files} == {"post", "shading"}
-    with pytest.raises(UserError, match="--only shader: there is no such part; did you mean 'shaders'"):
-        compare(*sides, ["shader"])
+    with pytest.raises(UserError, match="--only shadin: there is no such part; did you mean 'shading'"):
+        compare(*sides, ["shadin"])
 
 
 # --- terminal ---------------------------------------------------------------------------------------------------------
@@ -280,7 +280,7 @@ def test_moved_and_removed_code_is_said(sides, tmp_path):
     assert "Moved, not new: 5 lines at line 6 are from logic/knobs.py, line 2." in shown
     assert "Moved, not gone: 5 lines from line 2 are in passes/fog.py, line 6." in shown
     assert "logic/same.py  removed  +0 -1" in shown
-    assert compare(tree_of("old"), tree_of("new"), ["shaders"]).tree.moves == ()
+    assert compare(tree_of("old"), tree_of("new"), ["shading"]).tree.moves == ()
 
 
 # --- page -------------------------------------------------------------------------------------------------------------
@@ -369,8 +369,8 @@ def test_pictures_of_a_pass_are_inside_the_page_once(sides):
 
 def test_pictures_of_a_pass_with_several_files_stand_beside_the_first(sides, tmp_path):
     (tmp_path / "new" / "passes" / "gl_fog.py").write_text("x = 1\n")
-    tree(tmp_path / "new" / "shaders" / "more", {"fog.frag": "// Fog.\n"})
-    (tmp_path / "new" / "shaders" / "fog.frag").write_text("// Fog.\n")
+    tree(tmp_path / "new" / "passes" / "more", {"fog.frag": "// Fog.\n"})
+    (tmp_path / "new" / "passes" / "fog.frag").write_text("// Fog.\n")
     text = page(compare(tree_of("old"), tree_of("new")), Pictures({"fog": (None, picture(9))}))
     assert len(Reader(text).all("src")) == 1
     sections = text.split("<section")
@@ -473,7 +473,7 @@ def fork(tmp_path, monkeypatch):
     folder = tmp_path / "my-ch01"
     ignored = shutil.ignore_patterns("studies", "__pycache__")
     shutil.copytree(chapters.FOLDER / "ch01", folder, ignore=ignored)
-    shader = folder / "shaders" / "shading/forward.frag"
+    shader = folder / "shading" / "forward.frag"
     text = shader.read_text("utf-8")
     assert text.count("vec3 color = vec3(0.0);") == 1
     shader.write_text(text.replace("vec3 color = vec3(0.0);", "vec3 color = vec3(0.5);"), "utf-8")

@@ -310,7 +310,7 @@ def test_a_wrong_shader_of_a_fork_is_named_with_its_line(fork, strata):
     edit(fork, "post/tonemap.frag", "void main() {", "void main() {\n    float x = nowhere;")
     code, _, err = strata("run", NAME, *SMALL, "--backend", "vulkan", "--out", "a.png", "--no-validate")
     assert code == 1
-    lines = (fork / "shaders" / "post/tonemap.frag").read_text("utf-8").splitlines()
+    lines = (fork / "post" / "tonemap.frag").read_text("utf-8").splitlines()
     number = lines.index("    float x = nowhere;") + 1
     assert err.startswith(f"strata: {fork.resolve() / 'post' / 'tonemap.frag'}:{number}: error: 'nowhere'")
     assert "Traceback" not in err and 'File "' not in err

@@ -254,7 +254,7 @@ def test_roughness_that_is_no_number_is_magenta_though_shading_hides_it(chapter)
 
 
 def test_every_number_in_the_shader_is_that_of_its_name():
-    text = (ROOT / "chapters" / "ch01" / "shaders" / "shading/views.glsl").read_text("utf-8")
+    text = (ROOT / "chapters" / "ch01" / "shading/views.glsl").read_text("utf-8")
     found = re.findall(r"#define VIEW_([A-Z_]+) (\d+)", text)
     assert {name.lower().replace("_", "-"): int(number) for name, number in found} == {
         name: number_of(name) for name in NAMES

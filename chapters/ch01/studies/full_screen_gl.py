@@ -45,7 +45,7 @@ class FullScreen(AnyFullScreen, Stage):
             write_image(self.device, self._image, pixels)
             self._sampler = create_sampler(self.device, AROUND, 1.0, panorama.name)
         described = GraphicsPipeline(
-            shaders=("post/fullscreen.vert", f"../studies/{self.fragment}"), depth=None, name=self.study.title
+            shaders=("post/fullscreen.vert", f"studies/{self.fragment}"), depth=None, name=self.study.title
         )
         self._pipeline = self.pipelines.get([described])[0]
 

@@ -46,7 +46,7 @@ class FullScreen(AnyFullScreen, Stage):
         )
         self._sets = [vk.array("VkDescriptorSet", [handle]) for handle in sets.handles]
         described = GraphicsPipeline(
-            shaders=("post/fullscreen.vert", f"../studies/{self.fragment}"),
+            shaders=("post/fullscreen.vert", f"studies/{self.fragment}"),
             set_layouts=(self.descriptors.layout(tuple(bindings)),),
             color="rgba8",
             depth=None,

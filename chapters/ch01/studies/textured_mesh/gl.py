@@ -60,7 +60,7 @@ class Renderer(Stage):
             self._buffer(self.uniform_bytes, "upload", f"uniforms, slot {slot}") for slot in range(SLOTS)
         ]
         described = GraphicsPipeline(
-            shaders=(f"../studies/{self.folder}/mesh.vert", f"../studies/{self.folder}/mesh.frag"),
+            shaders=(f"studies/{self.folder}/mesh.vert", f"studies/{self.folder}/mesh.frag"),
             name=self.study.title,
         )
         self._pipeline = self.pipelines.get([described])[0]

@@ -69,7 +69,7 @@ class Renderer(Stage):
         )
         self._sets = [vk.array("VkDescriptorSet", [handle]) for handle in sets.handles]
         described = GraphicsPipeline(
-            shaders=(f"../studies/{self.folder}/mesh.vert", f"../studies/{self.folder}/mesh.frag"),
+            shaders=(f"studies/{self.folder}/mesh.vert", f"studies/{self.folder}/mesh.frag"),
             set_layouts=(self.descriptors.layout(BINDINGS),),
             streams=tuple(self.streams.values()),
             color="rgba8",

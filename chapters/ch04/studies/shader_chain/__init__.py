@@ -71,7 +71,7 @@ def chain(settings: Settings) -> list[Pass]:
 
 def shaders(one: Pass) -> tuple[str, str]:
     """Return the files of a pass, as pipelines take them; a path of yours that begins at the root stays as it is."""
-    return "post/fullscreen.vert", Path("..", "studies", "shader_chain", one.fragment).as_posix()
+    return "post/fullscreen.vert", Path("studies", "shader_chain", one.fragment).as_posix()
 
 
 def original(size: tuple[int, int]) -> np.ndarray:

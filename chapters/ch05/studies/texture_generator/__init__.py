@@ -59,7 +59,7 @@ class KernelWork(Work):
 
 def kernel(settings: Settings) -> str:
     """Return the file of a shader, as pipelines take it: a path of yours that begins at the root stays as it is."""
-    return f"../studies/texture_generator/{settings.shader}.comp"
+    return f"studies/texture_generator/{settings.shader}.comp"
 
 
 def texture_size(settings: Settings, picture: tuple[int, int], limit: int) -> tuple[int, int]:
