@@ -55,7 +55,7 @@ NOTHING = Plan(True, 0, {}, {})
 def title(kernel: Kernel) -> str:
     """Return what the pipeline of a kernel is called."""
     stage = " ".join(name.removesuffix("_STAGE").lower() for name, value in kernel.own if value)
-    return f"{kernel.file.removesuffix('.comp').replace('_', ' ')} {stage}".strip()
+    return f"{kernel.file.removesuffix('.comp').replace('/', ' ')} {stage}".strip()
 
 
 class Data(Protocol):

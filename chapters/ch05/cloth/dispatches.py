@@ -64,7 +64,7 @@ class Kernel:
     def written(self) -> frozenset[str]:
         """The buffers that it may write."""
         named = {"normals": {"normals"}, "stats": {"stats"}, "vertices": {"words"}}
-        stem = self.file.removeprefix("cloth_").removesuffix(".comp")
+        stem = self.file.removeprefix("cloth/").removesuffix(".comp")
         return frozenset(named.get(stem) or set(self.buffers) - {*_READ_ONLY})
 
 
