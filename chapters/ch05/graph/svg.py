@@ -41,9 +41,7 @@ def svg(graph: Graph, title: str = "") -> str:
 
 def _tag(name: str, content: str = "", **attributes: Any) -> str:
     """Return an element; `content` is markup, values of attributes are text."""
-    said = "".join(
-        f' {key.strip("_").replace("_", "-")}="{_text(value)}"' for key, value in attributes.items()
-    )
+    said = "".join(f' {key.replace("_", "-")}="{_text(value)}"' for key, value in attributes.items())
     return f"<{name}{said}>{content}</{name}>" if content else f"<{name}{said}/>"
 
 
