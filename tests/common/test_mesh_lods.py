@@ -12,7 +12,7 @@ from common.errors import UserError
 from common.mesh.lods import lod_chain, simplified
 from common.mesh.metrics import hausdorff
 from common.mesh.pools import mesh_indices, mesh_positions
-from common.scene import Scene
+from common.scene import Deformation, Scene
 from tests.support.meshes import grid, scene_of
 
 
@@ -150,6 +150,28 @@ def test_tangents_of_every_triangle_are_no_seams(scene):
         len(simplified(replace(apart, tangents=tangents), 0)[0]) for tangents in (apart.tangents, turned)
     ]
     assert counts[0] == counts[1] <= 480
+
+
+@pytest.mark.feature("mesh/simplify")
+@pytest.mark.needs("meshoptimizer")
+def test_what_a_morph_target_moves_apart_is_not_simplified_as_one_surface():
+    """Two flat squares meet at rest, each with its own vertices; a morph target lifts one."""
+    (left, cells), right = grid(8, 12, height=0), np.array((1, 0, 0), np.float32)
+    squares = (np.concatenate([left, left + right]), np.concatenate([cells, cells + np.uint32(len(left))]))
+    lifted = np.zeros((1, len(squares[0]), 3), np.float32)
+    lifted[:, len(left) :, 2] = 1.0
+    still = scene_of(grid(3, 3, height=0), squares, drawn=(1,))
+    moving = replace(still, deformations=[Deformation(mesh=1, node=0, morph_positions=lifted)])
+
+    def in_both(scene: Scene) -> int:
+        """Return how many triangles have vertices of both squares."""
+        of_right = simplified(scene, 1, ratio=0.0)[0].reshape(-1, 3) >= len(left)
+        assert len(of_right) < 12  # of 384
+        return int((of_right.any(axis=1) & ~of_right.all(axis=1)).sum())
+
+    assert in_both(moving) == 0
+    assert in_both(still) > 0, "without the target the squares are one rectangle"
+    assert np.array_equal(simplified(moving, 0)[0], simplified(still, 0)[0]), "mesh 0 has no deformation"
 
 
 @pytest.mark.feature("mesh/lod-chain")
