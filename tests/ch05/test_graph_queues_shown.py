@@ -150,13 +150,27 @@ def test_the_drawing_has_a_lane_for_each_queue_and_a_line_for_each_wait():
                 in titles
             )
     boxes = {
-        one.findtext(f"{SVG}title"): (float(one.get("x")), float(one.get("width")), float(one.get("y")))
+        one.findtext(f"{SVG}title"): [float(one.get(name)) for name in ("x", "y", "width", "height")]
         for one in root.iter(f"{SVG}rect")
         if (one.findtext(f"{SVG}title") or "").startswith("batch ")
     }
-    assert len({y for _, _, y in boxes.values()}) == 2
+    columns = [one.get("cx") for one in root.iter(f"{SVG}circle")]
+    for about, (
+        x,
+        y,
+        wide,
+        high,
+    ) in boxes.items():  # each number is centred in its column, and stands in the box
+        inside = {
+            (one.text, one.get("x"), one.get("text-anchor"))
+            for one in root.iter(f"{SVG}text")
+            if x < float(one.get("x")) < x + wide and y < float(one.get("y")) < y + high
+        }
+        steps = graph.batches[int(about.split()[1]) - 1].steps
+        assert inside == {(str(step + 1), columns[step], "middle") for step in steps}
+    assert len({y for _, y, _, _ in boxes.values()}) == 2
     width, height = float(root.get("width")), float(root.get("height"))
-    assert all(x >= 0 and x + wide <= width and y < height for x, wide, y in boxes.values())
+    assert all(x >= 0 and x + wide <= width and y < height for x, y, wide, _ in boxes.values())
 
 
 @queues
