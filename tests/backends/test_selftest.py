@@ -47,8 +47,8 @@ for place, use in enumerate(uses):
         os.kill(os.getpid(), signal.SIGSEGV)
     if what == "hang":
         time.sleep(60)
-    if what == "exit":
-        sys.exit(3)
+    if what.startswith("exit "):
+        sys.exit(int(what[5:]))
     if what.startswith("stopped by "):
         os.kill(os.getpid(), getattr(signal, what[11:]))
     if what == "chatter":
@@ -117,7 +117,8 @@ def judged(fake: Fake, *, timeout_s: float = 20.0) -> dict[str, str]:
         ("chatter", "ok", 1),
         # Tried once more alone, and then the rest by a third child.
         ("crash", "crashed (signal 11, SIGSEGV)", 3),
-        ("exit", "crashed (exit code 3)", 3),
+        ("exit 3", "crashed (exit code 3)", 3),
+        ("exit 0", "crashed (exit code 0)", 3),  # without a word on this use
         ("crash behind others", "ok", 3),
     ],
 )
