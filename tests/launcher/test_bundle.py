@@ -352,6 +352,23 @@ def test_names_that_another_system_cannot_have_are_not_packed(tmp_path: Path) ->
         bundle.write(tmp_path / "b.zip", "0" * 40, [], [bundle.Part("models/a/b:c", b"")])
 
 
+@pytest.mark.parametrize(
+    ("name", "packed_already"),
+    [
+        *((f"photo.{ending}", True) for ending in ("png", "jpg", "jpeg")),
+        *((f"archive.{ending}", True) for ending in ("whl", "bundle", "glb", "gz")),
+        *((f"text.{ending}", False) for ending in ("py", "gltf", "bin")),
+    ],
+)
+def test_what_is_compressed_already_is_stored_as_it_is(
+    tmp_path: Path, name: str, packed_already: bool
+) -> None:
+    """To compress it once more takes time and wins nothing."""
+    bundle.write(tmp_path / "b.zip", "0" * 40, [], [bundle.Part(f"{CLONE}{name}", bytes(1000))])
+    with zipfile.ZipFile(tmp_path / "b.zip") as archive:
+        assert (archive.getinfo(CLONE + name).compress_size == 1000) == packed_already
+
+
 # --- A bundle that was changed ---
 
 
