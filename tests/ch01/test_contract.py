@@ -14,6 +14,7 @@ from common.errors import StaleFrameError, UnsupportedError, UserError
 from common.numerics.transforms import pose_looking_at
 from common.scene import Image, Light, Material, Sampler
 from common.view.camera import UNIT_EV100, Orthographic, View, exposure
+from tests.support.chapter import building
 from tests.support.scenes import facing, quad_scene, texture, translated
 
 pytestmark = pytest.mark.every_chapter
@@ -188,7 +189,9 @@ def test_an_edit_is_seen_in_the_next_frame_and_costs_what_it_touched(chapter):
         constants = quiet.work["bytes_written"]
         with scene.edit() as edit:
             edit.set_material(0, Material(unlit=True, base_color=(1.0, 0.0, 0.0, 1.0)))
-        red = made.render(facing())
+        with chapter.calls() as calls:
+            red = made.render(facing())
+        assert calls and not building(calls), "the pipelines and sets of its kind are there"
         assert (red.image("color") == (255, 0, 0)).all() or red.image("color")[..., 1].max() < 60
         assert red.work["bytes_written"] > constants
         made.render(facing())
