@@ -428,6 +428,26 @@ def test_the_second_start_reads_what_the_first_made(vulkan_device, tmp_path):
     assert start()[0] == 1
 
 
+def test_a_table_that_is_kept_is_read_and_a_damaged_one_is_not(tmp_path):
+    table = np.arange(16 * 16 * 4, dtype=np.float16).reshape(16, 16, 4)
+    logic.write_table("table", table)
+    assert np.array_equal(logic.read_table("table", SMALL), table)
+    (file,) = (tmp_path / "environment").iterdir()
+    data = file.read_bytes()
+    for place in (0, len(data) // 2, len(data) - 1):
+        file.write_bytes(data[:place] + bytes([data[place] ^ 1]) + data[place + 1 :])
+        assert logic.read_table("table", SMALL) is None
+        file.write_bytes(data[:place])
+        assert logic.read_table("table", SMALL) is None
+
+
+def test_an_environment_stands_as_it_is_unless_it_is_turned():
+    """Cosine and sine of no turn and of a quarter, between the factor on its light and the last level."""
+    assert logic.frame_values(Settings(), 8.0, 3) == (8.0, 1.0, 0.0, 3.0)
+    turned = Settings(environment_turn=90.0, environment_intensity=0.5)
+    assert logic.frame_values(turned, 8.0, 3) == pytest.approx((4.0, 0.0, 1.0, 3.0), abs=1e-15)
+
+
 def test_a_disk_that_takes_nothing_costs_time_alone(vulkan_device, monkeypatch):
     monkeypatch.setattr(logic, "cache_dir", lambda name: None)
     maps = create_environment(vulkan_device, constant(), SMALL)
