@@ -543,6 +543,7 @@ def test_a_queue_of_its_own_hands_images_over(vulkan_device, opened):
         assert np.array_equal(level_of(vulkan_device, owner.images[number]), rows_of(one))
 
 
+@pytest.mark.every_chapter
 @pytest.mark.feature("async-loading/transfer-submission")
 @pytest.mark.parametrize("budget", [None, 9000, 700])
 def test_two_submissions_hand_each_image_over_once(vulkan_device, opened, monkeypatch, budget):
@@ -580,6 +581,17 @@ def test_two_submissions_hand_each_image_over_once(vulkan_device, opened, monkey
     for layouts in handed.values():
         assert layouts[-2:] == [(vk.VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL, read), (read, read)]
         assert layouts.count((read, read)) == 1
+    copied, waited = 0, 0  # submissions with copies so far, and how many of them a hand-over knows to be done
+    for submit in (arguments[2] for name, arguments in calls if name == "vkQueueSubmit2"):
+        if submit.signalSemaphoreInfoCount:
+            copied += 1
+            assert (submit.pSignalSemaphoreInfos[0].value, submit.waitSemaphoreInfoCount) == (copied, 0)
+        else:
+            info = submit.pWaitSemaphoreInfos[0]
+            assert waited < info.value <= copied
+            assert info.stageMask == vk.VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT
+            waited = info.value
+    assert waited == copied > 0
     for number, one in pixels.items():
         assert np.array_equal(level_of(vulkan_device, owner.images[number]), rows_of(one))
 
