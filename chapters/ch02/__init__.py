@@ -65,7 +65,7 @@ LESSON = Lesson(
         "shading/views.glsl": "asks for mip levels by a texture's number",
         "settings.py": "names what a bench measures of this chapter: what things cost, and building pipelines",
         "environment/vulkan.py": "asks its kernels' shaders what is bound to them",
-        "scene/textures/vulkan_images.py": "is told by texture_reads.py what to keep, and makes narrow images",
+        "scene/textures/vulkan_images.py": "is told by scene/textures/reads.py what to keep, and makes narrow images",
         "scene/packing.py": "a material's record has the numbers of its textures",
         "scene/records.py": "says by a number when instances changed",
         "scene/textures/texels.py": "tells an image's shape before its pixels are there, and leaves channels out",

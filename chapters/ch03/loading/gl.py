@@ -1,4 +1,4 @@
-"""Copies decoded textures to the GPU, beside the frames; compare ../graphics/loader.py.
+"""Copies decoded textures to the GPU, beside the frames; compare vulkan.py.
 
 A context belongs to one thread, and so only decoding runs on others. What was decoded is written to a buffer that stays
 mapped, and the driver copies from there to the layer when it gets to it (a pixel unpack buffer): the call returns at

@@ -1,10 +1,10 @@
 """The frame graph: from what passes declare to a frame in which every pass runs at the right moment, or not at all.
 
-    connect      names become edges; passes that the frame does not need fall out        graph_names.py
-    order        one that all edges allow, with few changes of layout                    graph_order.py
+    connect      names become edges; passes that the frame does not need fall out        graph/names.py
+    order        one that all edges allow, with few changes of layout                    graph/order.py
     resources    what lies behind the names, with formats and sizes                      here
-    memory       resources that are never alive together share bytes                     graph_memory.py
-    barriers     between writing and reading, and nowhere else                           graph_barriers.py
+    memory       resources that are never alive together share bytes                     graph/memory/placement.py
+    barriers     between writing and reading, and nowhere else                           graph/sync/barriers.py
     steps        for each pass its barriers, and what its targets begin and end with     here
 
 Nothing here knows a graphics API: a backend carries the steps out, and tells what memory a resource asks for. Compiling

@@ -95,7 +95,7 @@ class Resource:
 
 @dataclass(frozen=True)
 class Touch:
-    """One way of using a resource. `layout` is "" for buffers; stages and accesses are those of `graph_states.py`."""
+    """One way of using a resource. `layout` is "" for buffers; stages and accesses are those of `sync/states.py`."""
 
     layout: str
     stages: frozenset[str]

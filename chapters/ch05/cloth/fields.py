@@ -28,7 +28,7 @@ CLOTH = (
     "thickness_m",
     "friction",
 )
-"""What a cloth may say of itself (see `cloth_build.build_cloth`, which checks the values)."""
+"""What a cloth may say of itself (see `build.build_cloth`, which checks the values)."""
 
 SHAPES = ("sphere", "plane", "box")
 MOST_RADIUS = 1e6

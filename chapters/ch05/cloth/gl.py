@@ -1,4 +1,4 @@
-"""The cloth pass on OpenGL: the same kernels in the same order; compare ../passes/cloth.py."""
+"""The cloth pass on OpenGL: the same kernels in the same order; compare vulkan.py."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """The cloth of a scene: which nodes are cloth, what is in its way, and the view of the scene that is drawn with it.
 
 A file says by `extras.strata.cloth` that a node's mesh is cloth, by `extras.strata.collider` that a node is in the way
-(`cloth_fields.py`). What is drawn is a *view* of the user's scene: the same nodes, materials and flags, in which each
+(`cloth/fields.py`). What is drawn is a *view* of the user's scene: the same nodes, materials and flags, in which each
 cloth has a mesh of its own, whose vertices are as they hang at the start, along the world's axes from an anchor. So an
 edit of the user's scene is one of the view, and the GPU writes each cloth's vertices without touching another's.
 """

@@ -1,7 +1,7 @@
-"""Calls of compute work: what `Commands` knows beside draws; compare ../graphics/dispatches.py.
+"""Calls of compute work: what `Commands` knows beside draws; compare vulkan_dispatches.py.
 
-Barriers between passes are the graph's (graph_sync.py); one between two dispatches of the same pass, where the second
-reads what the first wrote, is the pass's own: `compute_barrier`.
+Barriers between passes are the graph's (graph/sync/gl.py). One between two dispatches of the same pass, where the
+second reads what the first wrote, is the pass's own: `compute_barrier`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A compiled graph to be read: as text, and as JSON for programs. `graph_svg.py` draws it.
+"""A compiled graph to be read: as text, and as JSON for programs. `graph/svg.py` draws it.
 
 The text goes from top to bottom as the frame does: each pass with what it waits for, reads and draws to; then what was
 left out and why; what several queues run at the same time; then when each resource is alive, and where its memory lies.
@@ -280,10 +280,10 @@ def shown_bytes(count: int) -> str:
 def record(graph: Graph) -> dict[str, Any]:
     """Return a graph as JSON takes it.
 
-    Its keys are the fields of `graph_types.Graph` and of what is in it, under their names: "steps" with "barriers",
+    Its keys are the fields of `types.Graph` and of what is in it, under their names: "steps" with "barriers",
     "colors" and "depth", "resources", "names", "edges", "left_out", "memory" with "lives", "places" and "heaps",
     "prologue", "epilogue", "missing", "size", "outputs". Sets are sorted lists; steps count from 0. "counts" has the
-    figures that frames carry, and "version" is `VERSION`. "overlaps" is `graph_overlap.overlaps`.
+    figures that frames carry, and "version" is `VERSION`. "overlaps" is `sync.overlap.overlaps`.
     """
     more = {"overlaps": _plain(tuple(overlaps(graph)))} if len(graph.batches) > 1 else {}
     return {"version": VERSION, "counts": counts(graph), **_plain(graph), **more}

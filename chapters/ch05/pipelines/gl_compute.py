@@ -1,4 +1,4 @@
-"""Compute pipelines on OpenGL: a program of one shader; compare ../graphics/compute_pipelines.py."""
+"""Compute pipelines on OpenGL: a program of one shader; compare vulkan_compute.py."""
 
 from __future__ import annotations
 

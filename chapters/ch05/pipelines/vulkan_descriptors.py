@@ -51,7 +51,7 @@ def pool_sizes(layouts: Sequence[SetLayout]) -> dict[int, int]:
 
 
 class Descriptors:
-    """Sets of fixed content, made from layouts that shaders told (see reflection.py)."""
+    """Sets of fixed content, made from layouts that shaders told (see pipelines/vulkan_reflection.py)."""
 
     def __init__(self, device: Device) -> None:
         self._device = device

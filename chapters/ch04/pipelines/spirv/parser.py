@@ -1,11 +1,11 @@
 """What a compiled shader says of itself: a parser of SPIR-V that finds entry points, blocks, descriptors and constants.
 
-A module is a list of instructions (`spirv_words.py`). Whatever an instruction makes (a type, a constant, a variable)
+A module is a list of instructions (`words.py`). Whatever an instruction makes (a type, a constant, a variable)
 gets a number, its id, and names and decorations refer to ids that come later. So the parser fills tables by id first,
 and puts together what belongs together afterwards: variable -> pointer type -> what it points to.
 
 All declarations stand before the first function; of the bodies behind it only the lengths are checked. Source: SPIR-V
-specification 1.6, section 3 (opcodes and numbers, in `spirv_numbers.py`).
+specification 1.6, section 3 (opcodes and numbers, in `numbers.py`).
 """
 
 from __future__ import annotations

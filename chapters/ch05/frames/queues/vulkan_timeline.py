@@ -6,7 +6,7 @@ the counter has reached the value, however many others wait for it, and at once 
 
 Three rules keep a program that does so from standing still: values that are signalled rise strictly, nobody waits for
 a value that the same submission signals, and nobody for one that has not been submitted yet. A wait of the CPU holds
-to the last one here; the first two are the business of `queue_submission.py`.
+to the last one here; the first two are the business of `frames/queues/vulkan_submission.py`.
 """
 
 from __future__ import annotations

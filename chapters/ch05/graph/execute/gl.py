@@ -1,4 +1,4 @@
-"""Carries a compiled frame graph out on OpenGL; compare ../graphics/graph_executor.py.
+"""Carries a compiled frame graph out on OpenGL; compare vulkan.py.
 
 For each step there is what stands around its pass: a barrier where shaders stored something, the framebuffer, and the
 textures through which it reads what others drew. Recording a frame is a walk over them that ends in a list of calls; in

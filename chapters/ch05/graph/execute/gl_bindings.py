@@ -1,4 +1,4 @@
-"""What passes that compute bind on OpenGL: all that a pass declares; compare ../graphics/pass_sets.py.
+"""What passes that compute bind on OpenGL: all that a pass declares; compare vulkan_sets.py.
 
 OpenGL counts bindings by kind, so the i-th texture that a pass declares is bound to the i-th unit, and so are images
 and blocks (the last argument of BIND in its shader). A pass that also reads the scene says with `first_bindings` from

@@ -1,4 +1,4 @@
-"""The textures and buffers behind a compiled frame graph; compare ../graphics/graph_images.py.
+"""The textures and buffers behind a compiled frame graph; compare vulkan_images.py.
 
 OpenGL does not let anybody say where memory lies. What is left of sharing is to give one texture to two resources that
 are alike and never needed at the same time. `graph.memory` tells what is saved where memory can be placed; `size` and

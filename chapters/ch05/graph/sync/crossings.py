@@ -1,6 +1,6 @@
 """Resources that several queues use: what one has to wait for from another, and how images go from queue to queue.
 
-The life of a resource is cut into epochs, as in `graph_barriers.py`, but an epoch has a part for each queue that reads
+The life of a resource is cut into epochs, as in `barriers.py`, but an epoch has a part for each queue that reads
 in it. What happens between an epoch and the next:
 
     same queue                 a barrier, as ever
@@ -76,7 +76,7 @@ class Found:
 
     crossings: list[Crossing] = field(default_factory=list)
     placed: list[tuple[Barrier, int, Mapping[str, int], bool, int]] = field(default_factory=list)
-    """Barriers in front of steps, as `graph_barriers.py` places them; behind the last step is the epilogue. With them,
+    """Barriers in front of steps, as `barriers.py` places them; behind the last step is the epilogue. With them,
     the place where what is there was written, or got its layout."""
     releases: dict[int, list[Barrier]] = field(default_factory=dict)
     """By step, what is released behind it."""
