@@ -114,6 +114,20 @@ def test_bars_show_who_writes_and_reads_when(graph):
     ]
 
 
+def test_numbers_of_two_digits_stand_above_their_steps():
+    passes = [
+        Node(
+            f"p{n}",
+            (Access(f"i{n - 1}", "sampled"),) if n else (),
+            (Access(f"i{n}", "color", "rgba8", clear=(0, 0, 0, 1)),),
+        )
+        for n in range(12)
+    ]
+    lines = part(text(compile_graph(passes, SIZE, ("i11",))).splitlines(), "lifetimes")
+    assert [line.strip() for line in lines[1:3]] == ["111", "123456789012"]
+    assert lines[1].rindex("111") + 3 == lines[2].rindex("123456789012") + 12
+
+
 def test_the_text_says_whose_memory_is_whose(graph):
     # 8 + 16 + 16 KiB are alive in step 3; what comes last finds room in what was let go.
     assert part(text(graph).splitlines(), "memory") == [

@@ -458,6 +458,18 @@ def test_stats_tell_what_is_not_finite(chapter):
 # --- the layout -------------------------------------------------------------------------------------------------------
 
 
+def test_each_colour_has_a_thread_for_every_spring_and_less_than_a_group_more():
+    packed = pack([sheet(23, 17)])
+    found = [
+        step for step in dispatches(packed, XPBD, 1, "dispatch") if ("CONSTRAIN_STAGE", 1) in step.kernel.own
+    ]
+    assert len(found) == XPBD.substeps * XPBD.iterations * len(packed.color_counts)
+    assert max(packed.color_counts) > 2 * jobs.THREADS, "several groups"
+    for step in found:
+        idle = step.groups[0] * jobs.THREADS - packed.color_counts[step.push[2]]
+        assert 0 <= idle < jobs.THREADS and step.groups[1:] == (1, 1)
+
+
 def every_kernel():
     cloth = sheet(3, 3)
     packed = pack([cloth], [Drawn(0, cloth.triangles, 0)])

@@ -160,6 +160,8 @@ def test_the_setup_page_shows_what_the_launcher_would(name: str) -> None:
     commands = list(decide(tables.SYSTEMS[name], install=False).commands())
     part = page.split(f"### {name}\n", 1)[1].split("\n### ", 1)[0]
     assert commands and all(command in part for command in commands)
+    notes = decide(tables.SYSTEMS[name], install=False).notes
+    assert part.rstrip().endswith("".join(f"\n\n{note}" for note in notes))
 
 
 def test_the_readme_s_table_says_which_chapters_run() -> None:
