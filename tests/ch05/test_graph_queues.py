@@ -218,6 +218,20 @@ def test_who_needs_no_other_queue_is_drawn_while_it_works():
 
 
 @queues
+def test_a_pass_that_needs_no_wait_is_drawn_before_one_that_waits_for_the_first_of_all():
+    """`fog` is placed first of all. `haze` has to wait for it, and `zshadow` has not, although its name is last."""
+    nodes = [computes("fog"), draws("sky"), draws("haze", "fogd"), draws("zshadow", "skyd")]
+    nodes.append(draws("tone", "hazed", "zshadowd"))
+    graph, _ = compiled(nodes, ["toned"])
+    assert submitted(graph) == [
+        ("c", ["fog"], [("before ", "haze")]),
+        ("g", ["sky", "zshadow"], []),
+        ("g", ["haze"], [("fog",)]),
+        ("g", ["tone"], []),
+    ]
+
+
+@queues
 def test_an_image_goes_from_queue_to_queue_in_two_halves_that_say_the_same():
     nodes = [draws("a"), computes("blur", "ad"), draws("b", "ad", "blurd")]
     graph, _ = compiled(nodes, ["bd"])
