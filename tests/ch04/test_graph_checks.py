@@ -11,7 +11,8 @@ import pytest
 
 from backends.contract import Access
 from chapters.ch04.graph.checks import check_access, check_name, check_output, check_pass, check_readers
-from chapters.ch04.graph.file import graph_path
+from chapters.ch04.graph.file import graph_path, read_graph
+from chapters.ch04.graph.plan import FramePlan
 from chapters.ch04.graph.types import GraphError
 from chapters.ch04.settings import Settings
 from tests.support.scenes import facing, quad_scene
@@ -73,6 +74,28 @@ def test_what_says_not_who_reads_what(readers):
     check_readers({"tonemap": {"color_hdr": "mine"}}, ["tonemap"])
     with pytest.raises(GraphError):
         check_readers(readers, ["tonemap"])
+
+
+@pytest.mark.parametrize(
+    ("declared", "says"),
+    [
+        ({"writes": (replace(GOOD, resource="other"),)}, "has to write mine, not other."),
+        ({"writes": ()}, "has to write mine, not nothing."),
+        ({"writes": (replace(GOOD, format="rgba8"),)}, "has to write mine, in the same way."),
+        ({"reads": (Access("depth", "sampled"),)}, "has to read nothing, not depth."),
+    ],
+)
+def test_what_takes_the_place_of_a_pass_declares_the_same(tmp_path, declared, says):
+    path = tmp_path / "own.json"
+    path.write_text('{"passes": [{"pass": "mine"}]}', "utf-8")
+    first, same = pass_of(), pass_of()
+    plan = FramePlan(read_graph(path), {"mine": first}, {}, (), FORMATS)
+    with pytest.raises(GraphError) as caught:
+        plan.swap("mine", pass_of(**declared))
+    assert str(caught.value) == f"What takes the place of 'mine' {says}"
+    assert plan.implementations()["mine"] is first
+    plan.swap("mine", same)
+    assert plan.implementations()["mine"] is same
 
 
 def test_the_largest_and_the_smallest_scale_that_can_be():
