@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -50,6 +50,14 @@ def nothing(what, part):
     """Report nothing."""
 
 
+@contextmanager
+def progress():
+    """Give a callback for progress; at the end, assert that it never fell and stayed within 0 and 1."""
+    told = []
+    yield lambda what, part: told.append(part)
+    assert told and told == sorted(told) and told[0] >= 0.0 and told[-1] <= 1.0, told
+
+
 def strict(made):
     """Return what a reader of the JSON gets, that knows no NaN."""
     return json.loads(json.dumps(made, allow_nan=False))
@@ -58,25 +66,26 @@ def strict(made):
 @pytest.fixture(scope="module")
 def cloth(subject):
     """The part `cloth`, of a few particles for a few steps."""
-    with pytest.MonkeyPatch.context() as patch:
+    with pytest.MonkeyPatch.context() as patch, progress() as step:
         patch.setattr(bench_executions, "QUICK_EDGES", (3,))
         patch.setattr(bench_executions, "STEPS", 2)
-        return strict(bench_cloth.measure(subject, SMALL, nothing, TINY))
+        return strict(bench_cloth.measure(subject, SMALL, step, TINY))
 
 
 @pytest.fixture(scope="module")
 def drift(subject):
     """The part `drift`, of a few substeps."""
-    return strict(bench_drift.measure(subject, SMALL, nothing, substeps=150))
+    with progress() as step:
+        return strict(bench_drift.measure(subject, SMALL, step, substeps=150))
 
 
 @pytest.fixture(scope="module")
 def pacing(subject):
     """The part `pacing`, of a few frames."""
-    with pytest.MonkeyPatch.context() as patch:
+    with pytest.MonkeyPatch.context() as patch, progress() as step:
         patch.setattr(bench_pacing, "QUICK_FRAMES", 3)
         patch.setattr(bench_pacing, "WARM_UP", 2)
-        return strict(bench_pacing.measure(subject, SMALL, nothing))
+        return strict(bench_pacing.measure(subject, SMALL, step))
 
 
 # --- measured ---------------------------------------------------------------------------------------------------------
