@@ -54,6 +54,23 @@ def test_places_are_linear_in_time_and_error_and_inside() -> None:
     assert all(LEFT <= x <= WIDTH - RIGHT and TOP <= y <= HEIGHT - BOTTOM for x, y in places.values())
 
 
+def test_the_line_of_the_noise_goes_from_the_time_less_the_noise_to_the_time_with_it() -> None:
+    points = json.loads(RECORDS[0].read_text("utf-8"))["points"]
+    made = json.loads(RECORDS[0].read_text("utf-8")) | {
+        "points": [{**one, "noise_ms": 0.1 * one["gpu_ms"]} for one in points]
+    }
+    html = figure(made, "a.json")
+    places = {name: float(x) for _, name, _, x, _ in POINT.findall(html)}
+    lines = re.findall(r'data-name="([^"]+)".*?<line class="noise" x1="([-\d.]+)" x2="([-\d.]+)"/>', html)
+    assert len(lines) == len(points)
+    first, last = (choose(points, key=lambda one: one["gpu_ms"]) for choose in (min, max))
+    scale = (places[last["name"]] - places[first["name"]]) / (last["gpu_ms"] - first["gpu_ms"])
+    noise = {one["name"]: 0.1 * one["gpu_ms"] * scale for one in points}  # in pixels
+    assert max(noise.values()) > 5.0
+    for name, left, right in lines:
+        assert (float(left), float(right)) == pytest.approx((-noise[name], noise[name]), abs=0.15)
+
+
 @pytest.mark.parametrize(
     ("low", "high", "expected"),
     [
