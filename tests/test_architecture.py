@@ -384,3 +384,16 @@ def test_presets_are_those_of_the_command_line(number):
     assert tuple(kind.PRESETS) == QUALITIES[1:]
     for name in kind.PRESETS:
         preset(kind, name)
+
+
+@pytest.mark.parametrize("number", chapters.available())
+def test_tables_of_settings_name_knobs_and_values_in_their_range(number):
+    from common.settings import apply_overrides
+
+    kind = chapters.settings_class(number)
+    tables = [*kind.PRESETS.values(), *(swept.truth for swept in kind.PREPARED)]
+    pairs = [pair for table in tables for pair in table.items()]
+    for turned in (kind.SWEEP, *(swept.knobs for swept in kind.PREPARED)):
+        pairs += [(name, value) for name, values in turned.items() for value in values]
+    apply_overrides(kind(), [f"{name}={value}" for name, value in pairs])
+    assert all(swept.truth.keys() == swept.knobs.keys() for swept in kind.PREPARED)
