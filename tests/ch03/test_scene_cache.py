@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import threading
 
 import numpy as np
 import pytest
@@ -204,6 +205,38 @@ def test_pictures_are_cached_by_those_who_decode_them(tmp_path, no_thread_left):
         image.decode()
     opened.writer.stop()  # which waits for what is whole
     assert cache_file(path).is_file() and opened.writer.told.startswith("It is cached")
+
+
+def test_progress_tells_the_part_of_the_images_that_is_cached(tmp_path):
+    opened = open_scene(rich(tmp_path))
+    told = []
+    opened.writer.finish(lambda part, what: told.append((part, what)))
+    parts, words = zip(*told, strict=True)
+    thirds = [1 / 3, 2 / 3, 1.0]  # of its three images; threads may tell of one together
+    assert all(min(abs(part - one) for one in thirds) < 1e-6 for part in parts)
+    assert len(parts) == 3 and max(parts) == 1.0 and set(words) == {"caching images"}
+
+
+def test_progress_counts_images_that_other_threads_still_write(tmp_path, monkeypatch):
+    opened = open_scene(rich(tmp_path))
+    others = [threading.Thread(target=image.decode) for image in opened.scene.images[:2]]
+    add, both_write, told = opened.writer._file.add, threading.Barrier(3), []
+    one_is_cached = threading.Event()
+
+    def waits(pixels):
+        if threading.current_thread() in others:
+            both_write.wait(10.0)
+            assert one_is_cached.wait(10.0)
+        return add(pixels)
+
+    monkeypatch.setattr(opened.writer._file, "add", waits)
+    for thread in others:
+        thread.start()
+    both_write.wait(10.0)
+    opened.writer.finish(lambda part, _: (told.append(part), one_is_cached.set()))
+    assert told == [pytest.approx(1 / 3)] and opened.writer.told.startswith("It is cached")
+    for thread in others:
+        thread.join()
 
 
 def test_closing_early_leaves_no_file(tmp_path, cache):
