@@ -273,7 +273,7 @@ class Writer:
             if not self._over.is_set() and number in self._unclaimed:
                 self._keep(number, self._plain[number].decode())
             if progress is not None:
-                progress(1.0 - self._missing / len(left), "caching images")
+                progress(1.0 - self._missing / len(self._uses), "caching images")
 
         try:
             with ThreadPoolExecutor(threads_at_most(), thread_name_prefix="cache-image") as pool:
