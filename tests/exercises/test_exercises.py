@@ -59,7 +59,9 @@ def verdict(exercise, backend, tree, folder, opener):
 def test_the_start_fails_and_says_why_in_a_sentence(exercise, backend, tmp_path, opener):
     wrong = verdict(exercise, backend, both(exercise).start, tmp_path, opener)
     with opener(backend) as device:
-        checking.complaints(device)  # of the fault: two threads in one pool are seen by the layers, too, if they meet
+        checking.complaints(
+            device
+        )  # of the fault: two threads in one pool are seen by the layers, too, if they meet
     assert wrong is not None, "nothing is wrong at the start"
     assert wrong.endswith((".", "?")) and "\n" not in wrong
 

@@ -246,4 +246,5 @@ def test_a_half_solution_is_not_enough(case, tmp_path, request):
         wrong = checking.check(one, Folder(tmp_path.resolve()), lambda backend: nullcontext(held))
     except UnsupportedError as error:
         pytest.skip(str(error))
+    checking.complaints(held)  # of what is wrong on purpose
     assert wrong is not None and said in wrong
