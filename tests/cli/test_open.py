@@ -16,7 +16,7 @@ from tests.support.scenes import facing, quad_scene
 from tools.run import shown
 
 
-@pytest.mark.parametrize("backend", ["vulkan", "gl"])
+@pytest.mark.parametrize("backend", ["vulkan", pytest.param("gl", marks=pytest.mark.needs("moderngl"))])
 @pytest.mark.parametrize("scene", [None, "atrium"])
 def test_what_is_no_scene_is_refused_before_a_device_is_opened(backend, scene):
     with pytest.raises(UserError, match=r"is no scene: chapters\.scenes\.load"):
