@@ -234,7 +234,7 @@ def compare(old: Path, new: Path) -> int:
         )
         count += len(found)
         print(f"{name}: {'the same' if not found else f'{len(found)} differences'}")
-        for line in found[:40]:
+        for line in found[:400]:
             print(f"  {line}")
     return 1 if count else 0
 
