@@ -5,7 +5,7 @@
     python3 .ci/same_results.py compare OLD NEW                     exit code 1 if the two records differ
 
 A record is a folder of files: pixels and work counters of every chapter, variant, scene, preset and view (`frames`),
-frame graphs (`graphs`), the files of scene caches by size and hash (`caches`), and what commands print (`commands`).
+the files of scene caches by size and hash (`caches`), and what commands print, frame graphs among it (`commands`).
 The checkout needs its `.venv`; scenes of `STRATA_ASSETS` are drawn where they are present. Nothing of the checkout is
 imported here: frames are drawn by `chapters.open` in processes of their own, which keeps its name.
 """

@@ -46,7 +46,7 @@ class Stage(ABC):
     """One stream of frames of one view; see `backends.contract.Renderer` for what it promises."""
 
     study: Study
-    frame_logic: ModuleType  # the chapter's logic/frame.py: what a frame is, and how many are in flight
+    frame_logic: ModuleType  # the chapter's frames/frame.py: what a frame is, and how many are in flight
     pipelines: Any
     has_depth = False
     moves = True  # whether time alone changes the picture
