@@ -79,16 +79,20 @@ def built(path, defines):
     )
 
 
-def variants(path):
-    """Yield the definitions of each variant: nothing, each condition alone, all, all but each; and every view."""
+def conditions(path):
+    """Return the names that conditions of a shader ask about, and its text where all of them hold."""
     names: list[str] = []
     while True:  # a condition may decide about an include that has further ones
         text = built(path, GIVEN | dict.fromkeys(names, 1)).text
         found = re.findall(r"#\s*(?:ifdef|ifndef)\s+(\w+)|defined\((\w+)\)", text)
         now = [name for pair in found for name in pair if name and not name.startswith(OWN)]
         if not set(now) - set(names):
-            break
+            return names, text
         names = list(dict.fromkeys([*names, *now]))
+
+
+def variants(names):
+    """Yield the definitions of each variant: nothing, each condition alone, all, all but each; and every view."""
     everything = dict.fromkeys(names, 1)
     yield GIVEN
     yield GIVEN | everything
@@ -100,10 +104,10 @@ def variants(path):
             yield GIVEN | everything | {"VIEW": view}
 
 
-def modules_of(path):
+def modules_of(path, names):
     """Return the distinct modules of a file; a variant that no program asks for may not compile."""
     codes = {}
-    for defines in variants(path):
+    for defines in variants(names):
         try:
             codes[shared().compile(built(path, defines))] = None
         except ShaderError:
@@ -115,8 +119,16 @@ def modules_of(path):
 def modules():
     """Every distinct module, with its disassembly and where it came from."""
     found = {}
+    texts = set()
     for path in files():
-        codes = modules_of(path)
+        names, text = conditions(path)
+        bare = re.sub(
+            r"#line.*", "", text
+        )  # most shaders are the same in several chapters, except for their path
+        if bare in texts:
+            continue
+        texts.add(bare)
+        codes = modules_of(path, names)
         assert codes, f"{path} compiles in no variant"
         for code in codes:
             found.setdefault(code, path.relative_to(ROOT).as_posix())

