@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from common.twins.shading import distribution_ggx
+from tests.twins.shading import distribution_ggx
 
 Float64 = NDArray[np.float64]
 

@@ -12,18 +12,14 @@ In light that is the same from everywhere, glTF's metallic-roughness BRDF needs 
 from __future__ import annotations
 
 from functools import cache
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from common.twins.shading import visibility_ggx
+from common.environment import Energy
+from tests.twins.shading import visibility_ggx
 
 Float64 = NDArray[np.float64]
-Energy = Literal["gltf", "compensated", "conserving"]
-
-ENERGIES: tuple[Energy, ...] = ("gltf", "compensated", "conserving")
-"""How the parts of the BRDF share the light; the place is the number that shaders use."""
 
 DIELECTRIC = 0.04
 """Reflectance of a dielectric at normal incidence (glTF 2.0: index of refraction 1.5)."""
