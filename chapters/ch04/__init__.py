@@ -49,8 +49,6 @@ LESSON = Lesson(
         "graph/execute/gl_targets.py",
         "graph/execute/gl.py",
         "frames/recording/gl_recordings.py",
-        "graph/report.py",
-        "graph/svg.py",
         "graph/vulkan_passes.py",
         "shading/vulkan_objects.py",
         "shading/prepass.py",

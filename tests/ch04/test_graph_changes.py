@@ -12,7 +12,6 @@ import pytest
 from backends.contract import Access
 from chapters.ch04.graph import plan
 from chapters.ch04.graph.file import graph_path
-from chapters.ch04.graph.report import counts
 from chapters.ch04.graph.types import GraphError
 from chapters.ch04.settings import Settings
 from common.errors import ShaderError, StaleFrameError
@@ -168,7 +167,7 @@ def test_a_change_is_recorded_once_and_counted_in_every_frame(opened):
             renderer.switch_pass("depth_of_field", switch)
         work = renderer.render(VIEW).work
         figures.append(work["recorded"])
-        assert {key: work[key] for key in counts(renderer.graph)} == counts(renderer.graph)
+        assert {key: work[key] for key in renderer.graph.counts()} == renderer.graph.counts()
     assert figures == [1, 1, 0, 1, 1, 0, 0]
     apart = opened(settings={"alias": False}).render(VIEW).work
     assert apart["transient_bytes"] == apart["transient_bytes_alone"]

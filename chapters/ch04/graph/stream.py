@@ -32,7 +32,6 @@ from ..frames.stream import FrameStream
 from .file import read_graph
 from .histories import Histories
 from .plan import COPY, FramePlan, check_samples
-from .report import counts
 from .types import Graph, GraphError, Node
 
 
@@ -72,7 +71,7 @@ class GraphStream(FrameStream):
                 self.passes = before
                 raise
         self._created = self.passes
-        self.graph, self.graph_work = graph, counts(graph)
+        self.graph, self.graph_work = graph, graph.counts()
 
     def _rebuild(self) -> None:
         """Compile the graph, and take it in place of the one before; where that is refused, that one stays."""

@@ -218,6 +218,22 @@ class Graph:
     outputs: Mapping[str, str] = field(default_factory=dict)
     """The resource behind every output."""
 
+    def counts(self) -> dict[str, int]:
+        """Return the figures of the graph by name, as `frame.work` has them.
+
+        "passes" draw or compute; what only copies is none. "transitions" are the barriers that change a layout or give
+        up a content; "transient_bytes" is what the heaps take, "transient_bytes_alone" what they would without sharing.
+        """
+        barriers = [barrier for step in self.steps for barrier in step.barriers] + [*self.epilogue]
+        return {
+            "passes": sum(step.kind != "copy" for step in self.steps),
+            "passes_skipped": len(self.left_out),
+            "barriers": len(barriers),
+            "transitions": sum(one.before.layout != one.after.layout or one.discard for one in barriers),
+            "transient_bytes": self.memory.size,
+            "transient_bytes_alone": self.memory.alone,
+        }
+
 
 Requirements = Callable[[Resource], Requirement]
 """How a backend tells what memory a resource asks for, before it exists."""

@@ -1,6 +1,7 @@
 """A compiled graph as a drawing: a column for each pass, in the order of the frame, and everything along it.
 
     names of the passes, numbered; below them an arc for every edge, from the pass that comes first
+    a lane for each queue, where there are several: its batches, and a line from each to those that wait for it
     a row for each resource: when it is alive, and who reads and writes it
     a box for each heap: which bytes (down) are whose, and when (across); what stands side by side shares memory
 
@@ -17,9 +18,9 @@ from importlib import import_module
 from typing import Any
 
 from common.names import stable_hash
-
-from .report import Row, described, rows, shown_bytes
-from .types import Graph
+from tools.frames.overlap import Graph
+from tools.frames.report import Row, described, rows, shown_bytes
+from tools.frames.svg_lanes import lanes
 
 LONGEST = 40
 """Characters of a name that are shown; all of it appears under the pointer."""
@@ -85,6 +86,7 @@ class _Drawing:
         self.net()
         self.heads()
         self.arcs()
+        self.lanes()
         self.grid_from = self.y
         for row in self.rows:
             self.row(row)
@@ -195,6 +197,15 @@ class _Drawing:
                 )
             )
         self.y += height + 8
+
+    def lanes(self) -> None:
+        """Draw the batches of several queues, each in its lane."""
+        for name, says, at in lanes(self.graph, self.left, self.y, _COLUMN, _ROW):
+            if name == "text":
+                self.write(at.pop("x"), at.pop("y"), says, **at)
+            else:
+                self.parts.append(_tag(name, _tag("title", _text(says)), **at))
+                self.y = max(self.y, at.get("y", 0.0) + 2 * _ROW)
 
     # --- resources ---
 

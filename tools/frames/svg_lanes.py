@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from .sync.overlap import queues
-from .types import Graph
+from tools.frames.overlap import Graph, batches_of, queues
 
 Shape = tuple[str, str, dict[str, Any]]
 """Kind of the element, what it says (the title of all but texts), and its attributes."""
@@ -17,7 +16,7 @@ def lanes(graph: Graph, left: float, top: float, column: float, row: float) -> I
 
     A batch without steps stands in front of all or behind them. A wait for the frame before comes in from the left.
     """
-    if len(graph.batches) < 2:
+    if len(batches_of(graph)) < 2:
         return
     there = queues(graph)
     for number, queue in enumerate(there):

@@ -1,18 +1,23 @@
-"""A compiled graph to be read: as text, and as JSON for programs. `graph/svg.py` draws it.
+"""A compiled graph to be read: as text, and as JSON for programs. `tools.frames.svg` draws it.
 
 The text goes from top to bottom as the frame does: each pass with what it waits for, reads and draws to; then what was
 left out and why; what several queues run at the same time; then when each resource is alive, and where its memory lies.
+
+Graphs of every chapter that has some are told: those of chapter 4 have one queue, and steps that name none.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
-from typing import Any
+from importlib import import_module
+from typing import Any, TypeAlias
 
-from .frame_graph import texels
-from .sync.overlap import lines, moved_to, overlaps
-from .types import PREVIOUS, Attachment, Barrier, Graph, Resource, Step
+from tools.frames.overlap import Barrier, Graph, batches_of, lines, moved_to, overlaps
+
+Attachment: TypeAlias = Any
+Resource: TypeAlias = Any
+Step: TypeAlias = Any
 
 VERSION = 1
 """Of the JSON: a later one may have more keys; where one is gone or means something else, this number is another."""
@@ -45,6 +50,7 @@ class Row:
 
 def rows(graph: Graph) -> list[Row]:
     """Return the rows in the order of their first use."""
+    previous = import_module(type(graph).__module__).PREVIOUS
     signs: dict[str, dict[int, str]] = {}
     for number, step in enumerate(graph.steps):
         tested = [step.depth.resource] if step.depth and step.depth.store == "none" else []
@@ -56,7 +62,7 @@ def rows(graph: Graph) -> list[Row]:
     found = []
     end = len(graph.steps) - 1
     for name, mine in sorted(signs.items(), key=lambda item: (min(item[1]), item[0])):
-        resource = graph.resources[name.removesuffix(PREVIOUS)]
+        resource = graph.resources[name.removesuffix(previous)]
         lasting = resource.life in ("history", "external")
         first = 0 if lasting else min(mine)
         found.append(
@@ -82,23 +88,6 @@ def sharing(graph: Graph, name: str) -> list[str]:
     return [other for other in graph.memory.places if shares(other)]
 
 
-def counts(graph: Graph) -> dict[str, int]:
-    """Return the figures of a graph by name, as `frame.work` has them.
-
-    "passes" draw or compute; what only copies is none. "transitions" are the barriers that change a layout or give up a
-    content; "transient_bytes" is what the heaps take, "transient_bytes_alone" what they would without sharing.
-    """
-    barriers = [barrier for step in graph.steps for barrier in step.barriers] + [*graph.epilogue]
-    return {
-        "passes": sum(step.kind != "copy" for step in graph.steps),
-        "passes_skipped": len(graph.left_out),
-        "barriers": len(barriers),
-        "transitions": sum(one.before.layout != one.after.layout or one.discard for one in barriers),
-        "transient_bytes": graph.memory.size,
-        "transient_bytes_alone": graph.memory.alone,
-    }
-
-
 # --- text -------------------------------------------------------------------------------------------------------------
 
 
@@ -111,7 +100,7 @@ def text(graph: Graph) -> str:
 
 def _summary(graph: Graph) -> Iterator[str]:
     waiting = sum(bool(step.barriers) for step in graph.steps)
-    figures = counts(graph)
+    figures = graph.counts()
     copies = len(graph.steps) - figures["passes"]
     yield (
         f"{_number(figures['passes'], 'pass', 'passes')}"
@@ -135,14 +124,17 @@ def _passes(graph: Graph) -> Iterator[str]:
         yield from _listed("starts", map(sentence, graph.prologue))
     for number, step in enumerate(graph.steps, 1):
         size = f", {step.size[0]}x{step.size[1]}" if step.size else ""
-        on = f", on the {step.queue} queue" if step.queue != "graphics" else ""
+        queue = getattr(step, "queue", "graphics")
+        on = f", on the {queue} queue" if queue != "graphics" else ""
         yield f"{number:2} {step.name} ({step.kind}{size}){on}"
         drawn = {one.resource for one in targets(step)}
         yield from _listed("waits", map(sentence, step.barriers))
         yield from _listed("reads", filter(None, [", ".join(dict.fromkeys(step.reads))]))
         yield from _listed("draws to", (_target(one, graph) for one in targets(step)))
         yield from _listed("writes", (name for name in dict.fromkeys(step.writes) if name not in drawn))
-        yield from _listed("releases", (f"{one.resource}{moved_to(one)}" for one in step.releases))
+        yield from _listed(
+            "releases", (f"{one.resource}{moved_to(one)}" for one in getattr(step, "releases", ()))
+        )
     if graph.epilogue:
         yield "behind the last pass"
         yield from _listed("leaves", map(sentence, graph.epilogue))
@@ -235,7 +227,7 @@ def described(resource: Resource) -> str:
     samples = f" x{resource.samples}" if resource.samples > 1 else ""
     names = f", then {', '.join(resource.names[1:])}" if resource.names[1:] else ""
     told = resource.bytes or (resource.format is not None and resource.size is not None)
-    takes = f", {shown_bytes(texels(resource).size)}" if told else ""
+    takes = f", {shown_bytes(bytes_of(resource))}" if told else ""
     return f"{resource.life} {resource.format or resource.kind}{samples}{size}{takes}{names}"
 
 
@@ -266,6 +258,13 @@ def _memory(graph: Graph) -> Iterator[str]:
             )
 
 
+def bytes_of(resource: Resource) -> int:
+    """Return what an image's texels or a buffer's bytes take, with nothing around them."""
+    graphs = import_module(type(resource).__module__.removesuffix("types") + "frame_graph")
+    size: int = graphs.texels(resource).size
+    return size
+
+
 def shown_bytes(count: int) -> str:
     """Return a number of bytes as "1.5 MiB"."""
     for unit, size in (("GiB", 1 << 30), ("MiB", 1 << 20), ("KiB", 1 << 10)):
@@ -283,10 +282,10 @@ def record(graph: Graph) -> dict[str, Any]:
     Its keys are the fields of `types.Graph` and of what is in it, under their names: "steps" with "barriers",
     "colors" and "depth", "resources", "names", "edges", "left_out", "memory" with "lives", "places" and "heaps",
     "prologue", "epilogue", "missing", "size", "outputs". Sets are sorted lists; steps count from 0. "counts" has the
-    figures that frames carry, and "version" is `VERSION`. "overlaps" is `sync.overlap.overlaps`.
+    figures that frames carry, and "version" is `VERSION`. "overlaps" is `overlap.overlaps`, of several batches.
     """
-    more = {"overlaps": _plain(tuple(overlaps(graph)))} if len(graph.batches) > 1 else {}
-    return {"version": VERSION, "counts": counts(graph), **_plain(graph), **more}
+    more = {"overlaps": _plain(tuple(overlaps(graph)))} if len(batches_of(graph)) > 1 else {}
+    return {"version": VERSION, "counts": graph.counts(), **_plain(graph), **more}
 
 
 def _plain(value: Any) -> Any:

@@ -2,16 +2,20 @@
 
 Two steps can overlap if nothing orders them: their batches are on two queues, and no way of waits leads from one to the
 other. A step can overlap with one of the frame before as well. On a device with one queue they run in the order of the
-batches all the same.
+batches all the same. Graphs of chapter 4 have no batches, and so nothing to tell.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, TypeAlias
 
-from ..types import Barrier, Graph
-from .batches import Batch
+Graph: TypeAlias = Any
+"""What a chapter has compiled; it and its parts are those of the chapter's `graph/types.py`."""
+
+Batch: TypeAlias = Any
+Barrier: TypeAlias = Any
 
 
 @dataclass(frozen=True)
@@ -64,6 +68,11 @@ def _behind(batches: Sequence[Batch]) -> list[int]:
     return behind
 
 
+def batches_of(graph: Graph) -> tuple[Batch, ...]:
+    """Return what is submitted, in its order; nothing of a graph that knows no queues."""
+    return getattr(graph, "batches", ())
+
+
 def queues(graph: Graph) -> tuple[str, ...]:
     """Return the queues of a frame in the order of the lanes: graphics first."""
     return tuple(
@@ -73,7 +82,7 @@ def queues(graph: Graph) -> tuple[str, ...]:
 
 def lines(graph: Graph, stages: Mapping[str, str]) -> Iterator[str]:
     """Yield the text about batches and overlaps, nothing for one batch; `stages` says what each is called."""
-    if len(graph.batches) < 2:
+    if len(batches_of(graph)) < 2:
         return
     yield "batches, in the order in which they are submitted"
     width = max(map(len, queues(graph)))
@@ -114,7 +123,8 @@ def _steps(numbers: Sequence[int]) -> str:
 
 def moved_to(barrier: Barrier) -> str:
     """Return which queue takes an image over from which one, in words; "" where it stays."""
-    if barrier.hand_over is None:
+    handed = getattr(barrier, "hand_over", None)
+    if handed is None:
         return ""
-    before, after = barrier.hand_over
+    before, after = handed
     return f", from {before} to {after}" if before != after else f", on {after}"
