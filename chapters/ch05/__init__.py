@@ -54,8 +54,6 @@ LESSON = Lesson(
         "cloth/colors.py",
         "cloth/model.py",
         "cloth/steps.py",
-        "cloth/twin.py",
-        "cloth/measures.py",
         "cloth/layout.py",
         "cloth/dispatches.py",
         "cloth/cloth.glsl",

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import chapters
+from chapters.ch05.benches.twin import Twin
 from chapters.ch05.cloth.scene import cloth_scene
-from chapters.ch05.cloth.twin import Twin
 from chapters.ch05.settings import Settings
 from common.numerics.transforms import translation
 from common.scene import Material

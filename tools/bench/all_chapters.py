@@ -24,11 +24,12 @@ from backends.contract import BACKENDS
 from chapters import scenes
 from common.errors import StrataError, UnsupportedError, UserError
 from common.paths import ROOT, temporary_folder
+from common.reports.benches import Effort
+from common.reports.tables import table
 from tools.bench import bench
-from tools.bench.points import FULL, Effort
+from tools.bench.points import FULL
 from tools.bench.report import show
 from tools.cli.console import Steps, err, out, say
-from tools.cli.tables import table
 from tools.run.record import STDOUT
 
 BRIEF = Effort(warm_up=1, frames=4, rounds=2, samples=2, starts=1, everything=False)

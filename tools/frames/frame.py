@@ -23,10 +23,10 @@ from common.images import write_image
 from common.images.frame_pictures import picture_of
 from common.names import suggest
 from common.paths import write_whole
+from common.reports.tables import table
 from common.settings import preset
 from tools.cli.console import Steps, err, out, say
 from tools.cli.stopping import prompt_stop
-from tools.cli.tables import table
 from tools.frames import page, report
 from tools.run import run
 from tools.run.record import STDOUT, naming

@@ -7,7 +7,7 @@ after it. A later chapter is named when all of this is so:
 - before that commit it had the file already, and the same lines at the same place, with the same neighbours. So a
   chapter's history begins when it is made by copying: nothing before that counts;
 - it has them still, on disk now, and chapter N has not: a repair that was taken back is none;
-- the file does not belong to one chapter alone, as its `__init__.py`, its README.md and its studies do.
+- the file does not belong to one chapter alone, as its `__init__.py`, its README.md, its studies and its benches do.
 
 "At the same place" is what a line-by-line alignment of the two versions says (difflib): an equal line elsewhere in the
 file is none, and lines that a lesson rewrote or moved to other neighbours are its own business. A commit that changes

@@ -11,8 +11,8 @@
     long        a new file has at most 400 lines
     moved       no code goes from one file to another
 
-Lines are those of Python and GLSL files. `__init__.py` and README.md are each chapter's own, and `studies/` is outside
-of all this. Exceptions, at most three in all chapters, stand with their reasons in `exceptions.toml`.
+Lines are those of Python and GLSL files. `__init__.py` and README.md are each chapter's own; `studies/` and `benches/`
+are outside of all this. Exceptions, at most three in all chapters, stand with their reasons in `exceptions.toml`.
 """
 
 from __future__ import annotations

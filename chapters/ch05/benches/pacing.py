@@ -9,17 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import ExitStack
-from importlib import import_module
 from typing import Any
 
 import numpy as np
 from rich.console import Console
 
-import chapters
-from chapters import studies
+from common.reports.benches import Effort, Subject, middle
+from common.reports.tables import table
 from common.settings import knobs
-from tools.bench.points import Effort, Subject, middle
-from tools.cli.tables import table
+
+from ..studies.timeline_or_fences import WAYS, Settings
 
 KNOB = "async_compute"
 """The setting; frames of a chapter without it are not paced by timelines."""
@@ -40,13 +39,13 @@ def measure(
     subject: Subject, effort: Effort, step: Callable[[str, float], None]
 ) -> list[dict[str, Any]] | None:
     """Return what `measure_pacing` does, for a chapter that is paced by timelines; None for others."""
-    if KNOB not in knobs(chapters.settings_class(subject.chapter)):
+    if KNOB not in knobs(subject.settings_class):
         return None
-    return measure_pacing(subject.device, FRAMES if effort.everything else QUICK_FRAMES, step)
+    return measure_pacing(subject, FRAMES if effort.everything else QUICK_FRAMES, step)
 
 
 def measure_pacing(
-    device: Any, frames: int = 300, step: Callable[[str, float], None] | None = None
+    subject: Subject, frames: int = 300, step: Callable[[str, float], None] | None = None
 ) -> list[dict[str, Any]]:
     """Return for each way its name, its counts, and the microseconds of "wait" and "submit".
 
@@ -54,39 +53,23 @@ def measure_pacing(
     twenty frames does not take: a software driver draws on the same cores, and gets in the way. `step` is told how far
     it is.
     """
-    # By name: what every chapter's command line imports may import no chapter.
-    study: Any = import_module("chapters.ch05.studies.timeline_or_fences")
-    ways, settings_class = study.WAYS, study.Settings
-
-    times: dict[str, list[tuple[float, float]]] = {way: [] for way in ways}
+    study = subject.study(STUDY, SIZE)
+    times: dict[str, list[tuple[float, float]]] = {way: [] for way in WAYS}
     counts: dict[str, dict[str, int]] = {}
     with ExitStack() as stack:
-        opened = {
-            way: stack.enter_context(
-                chapters.open(
-                    STUDY,
-                    "vulkan",
-                    scene=studies.load(STUDY, None),
-                    size=SIZE,
-                    settings=settings_class(way=way),
-                    outputs=(),
-                    device=device,
-                )
-            )
-            for way in ways
-        }
+        opened = {way: stack.enter_context(study.open(Settings(way=way), set())) for way in WAYS}
         for number in range(WARM_UP + frames):
-            first = number % len(ways)  # who comes behind whom changes, too
-            for way in (*ways[first:], *ways[:first]):
+            first = number % len(WAYS)  # who comes behind whom changes, too
+            for way in (*WAYS[first:], *WAYS[:first]):
                 renderer = opened[way]
-                device.wait_idle()
-                work = renderer.render(chapters.view_of(renderer), number / 60).work
+                subject.device.wait_idle()
+                work = renderer.render(study.view(renderer), number / 60).work
                 if number >= WARM_UP:
                     times[way].append((work["wait_ns"] / 1e3, work["submit_ns"] / 1e3))
                 counts[way] = {name: work[name] for name in COUNTED}
             if step is not None:
                 step("pacing", (number + 1) / (WARM_UP + frames))
-    return [_record(way, times[way]) | counts[way] for way in ways]
+    return [_record(way, times[way]) | counts[way] for way in WAYS]
 
 
 def _record(way: str, times: list[tuple[float, float]]) -> dict[str, Any]:

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .dispatches import collider_axes
-from .model import Floats, Incidence, Ints, model_of
-from .types import Cloth, Collider, Float64, Forces, State, Steps
+from ..cloth.dispatches import collider_axes
+from ..cloth.model import Floats, Incidence, Ints, model_of
+from ..cloth.types import Cloth, Collider, Float64, Forces, State, Steps
 
 TINY = 1e-30
 """Squares of lengths and areas below this have no direction."""

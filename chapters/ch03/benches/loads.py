@@ -1,6 +1,6 @@
 """What loading a scene takes: from its file, from its cache, and for the frames that are drawn meanwhile.
 
-Each load is a process of its own (`tools.bench.lessons.load`), with what the system keeps of files and what was
+Each load is a process of its own (`load.py`), with what the system keeps of files and what was
 compiled before warm. The ways:
 
     plain      decoded from the file; nothing is kept
@@ -14,7 +14,7 @@ compiled before warm. The ways:
 
 A load ends with the last byte on the device. Its time is that of opening the scene and uploading it, with everything
 that takes but starting Python, opening a device, and what is no scene's own: pipelines are built during each load, and
-their time is taken in that load and shown apart, as is that of a renderer without a scene (`tools.bench.lessons.load`).
+their time is taken in that load and shown apart, as is that of a renderer without a scene (`load.py`).
 Memory is what the process grew by at its peak, over a process that has opened the device and the same scene with tiny
 textures.
 
@@ -25,30 +25,22 @@ decodes no picture that nothing drawn has.
 
 from __future__ import annotations
 
-import json
-import os
 import statistics
-import subprocess
-import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from rich.console import Console
 
-import chapters
-from backends import verdicts
-from chapters import scenes
-from common.errors import DeviceError, UserError
-from common.paths import ROOT, asset_dir
-from tools.bench import points
-from tools.bench.lessons import scene
-from tools.bench.lessons.load import ONCE
-from tools.bench.points import Effort
-from tools.cli.tables import table
+from common.reports.benches import Effort, difference, errors
+from common.reports.tables import table
+
+from . import scene
+from .load import ONCE
 
 WAYS = {
     "plain": "from the file",
@@ -64,36 +56,26 @@ WAYS = {
 
 
 GENERATED = "generated"
-"""The scene of `tools.bench.lessons.scene`, 0.5 GB of textures, which is written for the bench and removed after it."""
+"""The scene of `scene.py`, 0.5 GB of textures, which is written for the bench and removed after it."""
 
 
-def find(name: str) -> Path | None:
-    """Return the file of a scene of our own, or of a model among the tests' assets; None where it is not here."""
-    models = asset_dir()
-    model = None if models is None else models / "models" / name / f"{name}.gltf"
-    if model is not None and model.is_file():
-        return model
-    try:
-        return scenes.find(name)
-    except UserError:
-        return None
+Run = Callable[..., dict[str, Any]]
+"""Measures one load in a process of its own: `run(scene, way, cache, picture)`, where the cache is a folder."""
 
 
 def measure(
-    which: chapters.Whole,
-    backend: str,
-    size: tuple[int, int],
+    names: Sequence[str],
+    find: Callable[[str], Path | None],
+    run: Run,
     effort: Effort,
     step: Callable[[str, float], None],
-    names: Sequence[str] | None = None,
 ) -> list[dict[str, Any]]:
-    """Return a record for each scene of `names`, by default those of `Settings.LOADS`; [] where there are none."""
-    wanted = getattr(chapters.settings_class(which), "LOADS", ()) if names is None else names
+    """Return a record for each scene of `names`; `find` gives a scene's file, or None where it is not here."""
     found = []
-    for number, name in enumerate(wanted):
+    for number, name in enumerate(names):
 
         def within(what: str, part: float, number: int = number, name: str = name) -> None:
-            step(f"{name}, {what}", (number + part) / len(wanted))
+            step(f"{name}, {what}", (number + part) / len(names))
 
         with ExitStack() as stack:
             if name == GENERATED:
@@ -105,55 +87,27 @@ def measure(
             if path is None:
                 found.append({"scene": name, "ways": {}})
             else:
-                found.append(_measure(which, backend, name, path, size, effort, within))
+                found.append(_measure(name, partial(run, path), effort, within))
     return found
 
 
-def _measure(
-    which: chapters.Whole,
-    backend: str,
-    name: str,
-    path: Path,
-    size: tuple[int, int],
-    effort: Effort,
-    step: Callable[[str, float], None],
-) -> dict[str, Any]:
+def _measure(name: str, run: Run, effort: Effort, step: Callable[[str, float], None]) -> dict[str, Any]:
     turns = max(effort.starts, 3)
     runs: dict[str, list[dict[str, Any]]] = {way: [] for way in WAYS}
     with tempfile.TemporaryDirectory(prefix="strata-bench-") as folder:
         pictures = {way: Path(folder) / f"{way}.npz" for way in ("plain", "cached", "blocks")}
-        environment = {**os.environ, **verdicts.variables(), "STRATA_CACHE": str(Path(folder) / "strata")}
-
-        def run(way: str, picture: Path | None = None) -> dict[str, Any]:
-            words = [str(which if isinstance(which, int) else which.path), backend, str(path)]
-            words += [f"{size[0]}x{size[1]}", way, *([str(picture)] if picture else [])]
-            done = subprocess.run(
-                [sys.executable, "-m", "tools.bench.lessons.load", *words],
-                env=environment,
-                cwd=ROOT,
-                capture_output=True,
-                text=True,
-            )
-            if done.returncode:
-                last = (done.stderr.strip().splitlines() or ["no message"])[-1]
-                raise DeviceError(f"Loading {name} in a process of its own failed: {last}")
-            made: dict[str, Any] = json.loads(done.stdout)
-            return made
-
+        cache = Path(folder) / "strata"
         step("shaders", 0.0)
-        run("plain", pictures["plain"])  # what is compiled here, later starts find
+        run("plain", cache, pictures["plain"])  # what is compiled here, later starts find
         for number, way in enumerate(WAYS):
             step(WAYS[way], (number + 1) / (len(WAYS) + 1))
-            runs[way] = [run(way) for _ in range(1 if way in ONCE else turns)]
+            runs[way] = [run(way, cache) for _ in range(1 if way in ONCE else turns)]
         for way in ("cached", "blocks"):
-            run(way, pictures[way])
-        overlap = run("overlap")["overlap"]
+            run(way, cache, pictures[way])
+        overlap = run("overlap", cache)["overlap"]
         shown = {way: _read(path) for way, path in pictures.items()}
-        errors = {
-            way: {
-                **points.errors(shown[way], shown["plain"]),
-                **points.difference(shown[way][0], shown["plain"][0]),
-            }
+        apart = {
+            way: {**errors(shown[way], shown["plain"]), **difference(shown[way][0], shown["plain"][0])}
             for way in ("cached", "blocks")
         }
     return {
@@ -167,7 +121,7 @@ def _measure(
             way: _median(runs["plain"], "load_s") / _median(runs[way], "load_s")
             for way in ("cached", "blocks", "least")
         },
-        "errors": errors,
+        "errors": apart,
         "overlap": overlap,
     }
 
@@ -228,17 +182,17 @@ def show(made: list[dict[str, Any]], to: Console) -> None:
 
 def sentences(one: dict[str, Any]) -> list[str]:
     """Return what the figures of a scene say."""
-    faster, errors = one["times_faster"], one["errors"]
+    faster, apart = one["times_faster"], one["errors"]
     said = [
         f"From the cache it is there {faster['cached']:.1f} times as fast, "
         f"from that of blocks {faster['blocks']:.1f} times. Without its texels it is there {faster['least']:.1f} times "
         "as fast: about the most that a cache of textures can bring.",
     ]
-    if errors["cached"]["pixels_differ"]:
-        said.append(f"Its picture differs by up to {errors['cached']['max_abs']:.2g}.")
+    if apart["cached"]["pixels_differ"]:
+        said.append(f"Its picture differs by up to {apart['cached']['max_abs']:.2g}.")
     else:
         said.append("Its picture is the same to the bit.")
-    blocks = errors["blocks"]
+    blocks = apart["blocks"]
     flip = "" if blocks["flip"] is None else f", FLIP {blocks['flip']:.4f}"
     said.append(f"With blocks the picture's relative MSE is {blocks['relative_mse']:.2g}{flip}.")
     stream = one["ways"]["stream"]

@@ -21,13 +21,15 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-import chapters
+from common.reports.benches import Effort, Subject, middle
+from common.reports.tables import table
 from common.scene import Scene
 from common.settings import knobs
-from tools.bench.lessons import executions as bench_executions
-from tools.bench.lessons.sheet import KNOB, cloth_of, level_sheet, medium_of, opened, states, timed_step
-from tools.bench.points import Effort, Subject, middle
-from tools.cli.tables import table
+
+from . import executions as bench_executions
+from .measures import stretch
+from .sheet import KNOB, cloth_of, level_sheet, medium_of, opened, states, timed_step
+from .twin import Twin
 
 READINGS = 4
 """Of the state, one at the end of each part of the time."""
@@ -84,12 +86,11 @@ def measure(
     subject: Subject, effort: Effort, step: Callable[[str, float], None], sweep: Sweep | None = None
 ) -> dict[str, Any] | None:
     """Return the record of a chapter that has cloth; None for others."""
-    if KNOB not in knobs(chapters.settings_class(subject.chapter)):
+    if KNOB not in knobs(subject.settings_class):
         return None
     sweep = sweep or (FULL if effort.everything else QUICK)
     scene, dt = level_sheet(sweep.edge), medium_of(subject).cloth_step
     sheet, truth = _truth(subject, scene, sweep, dt, lambda part: step("the float64 twin", 0.3 * part))
-    stretch = cloth_of(subject, "measures").stretch
     points: dict[tuple[str, int, int], dict[str, Any]] = {}
     runs = _runs(sweep)
     for number, run in enumerate(runs):
@@ -126,7 +127,7 @@ def _truth(
     types = cloth_of(subject, "types")
     sheet = cloth_of(subject, "scene").cloth_scene(scene).cloths[0]
     cut = types.Steps(dt, sweep.truth, method="springs", integrator="verlet")
-    twin = cloth_of(subject, "twin").Twin(sheet, cut)
+    twin = Twin(sheet, cut)
     found = []
     for number in range(1, sweep.steps + 1):
         step(number / sweep.steps)
@@ -143,9 +144,9 @@ def _simulate(subject: Subject, scene: Scene, sweep: Sweep, run: _Run) -> None:
         drawn: Any = renderer
         cut = drawn._cloth.frames.steps
         run.substeps, run.iterations = cut.substeps, cut.iterations
-        timed_step(renderer, 0, cut.dt)
+        timed_step(subject, renderer, 0, cut.dt)
         for number in range(1, sweep.steps + 1):
-            run.times.append(timed_step(renderer, number, cut.dt))
+            run.times.append(timed_step(subject, renderer, number, cut.dt))
             if number % (sweep.steps // READINGS) == 0:
                 run.states.append(states(renderer)[0])
 

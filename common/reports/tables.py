@@ -1,12 +1,10 @@
-"""The look of every table of the command line."""
+"""The look of every table that is printed."""
 
 from __future__ import annotations
 
 from rich import box
 from rich.markup import escape
 from rich.table import Table
-
-from backends.contract import Plan
 
 
 def table(title: str, *columns: str) -> Table:
@@ -15,12 +13,4 @@ def table(title: str, *columns: str) -> Table:
     for column in columns:
         right = column.startswith(">")
         made.add_column(column.removeprefix(">"), justify="right" if right else "left", overflow="fold")
-    return made
-
-
-def plan_table(plan: Plan, device: str) -> Table:
-    """Return which path each feature takes on `device`, and why."""
-    made = table(f"Plan on {device}", "feature", "path", "why")
-    for choice in plan.choices:
-        made.add_row(choice.feature, choice.path, choice.reason)
     return made

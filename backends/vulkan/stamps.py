@@ -1,4 +1,4 @@
-"""Whether copies run beside drawing: when each submission began and ended on the GPU, by queue.
+"""When each submission began and ended on the GPU, by queue, and for how long two lists of such intervals overlap.
 
 Every command buffer that is recorded gets a stamp as its first command and one as its last, by watches in the place of
 the device's functions: the renderer knows nothing of it. Stamps of all queues of a device count the same clock.
@@ -17,9 +17,6 @@ from backends.vulkan.once import submit_once
 
 STAMPS = 1 << 14
 """Two for each command buffer; what is recorded after them goes unseen."""
-
-KEPT = 400
-"""Submissions that a record holds, the first ones: enough to look at."""
 
 Interval = tuple[float, float]
 
@@ -150,18 +147,3 @@ def common_ms(one: Sequence[Interval], other: Sequence[Interval]) -> float:
             total += min(end, second[number][1]) - max(begin, second[number][0])
             number += 1
     return total
-
-
-def record(timeline: dict[str, list[Interval]]) -> dict[str, Any]:
-    """Return what a bench keeps: how long copies ran on their own queue, how long of it beside drawing, and when."""
-    copies, drawing = timeline.get("transfer", []), timeline.get("graphics", [])
-    return {
-        "queues": sorted(timeline),
-        "copies": len(copies),
-        "copies_ms": sum(end - begin for begin, end in merged(copies)),
-        "beside_drawing_ms": common_ms(copies, drawing),
-        "timeline": {
-            queue: [[round(begin, 4), round(end, 4)] for begin, end in intervals[:KEPT]]
-            for queue, intervals in timeline.items()
-        },
-    }

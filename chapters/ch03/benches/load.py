@@ -1,6 +1,4 @@
-"""Measures one load: `python -m tools.bench.lessons.load WHICH BACKEND SCENE WxH WAY [FILE.npz]` prints JSON.
-
-A bench runs several (see `tools.bench.lessons.loads`, which says what the ways are), each in a process of its own.
+"""Measures one load. A bench runs several, each in a process of its own; `loads.py` says what the ways are.
 
 What counts as loading: opening the scene's file or cache, all that is made of it on the CPU, its buffers, images and
 descriptors, every copy, until the last byte is on the device. What does not, of a plain load as little as of a cached
@@ -13,37 +11,38 @@ its targets (`_alone`).
 from __future__ import annotations
 
 import io
-import json
 import os
 import statistics
 import sys
 import time as clock
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-import chapters
 from backends.vulkan.device import Device
+from backends.vulkan.stamps import Interval, Stamps, can_stamp, common_ms, merged
 from backends.vulkan.upload import MipPipeline
 from common.errors import DeviceError
 from common.gltf import load_scene
+from common.reports.benches import Subject, recorded_anew
 from common.scene import Material, Scene
 from common.scene.crowds import crowd
 from common.scene.images import Chain, Image
 from common.settings import preset
-from tools.bench.lessons import overlap as bench_overlap
-from tools.bench.lessons.overlap import Stamps, can_stamp
-from tools.run.opening import open_scene
-from tools.run.run import open_device
 
 ONCE = ("write", "compress")
 """Ways that are no second time the same: there is a cache after them."""
+
+DECODED = ("read", "pillow")
+"""Ways that upload nothing, and need no device."""
+
+KEPT = 400
+"""Submissions that a record holds, the first ones: enough to look at."""
 
 OUTPUTS = frozenset({"color", "color_linear"})
 
@@ -53,36 +52,30 @@ AFTER = 20
 MOST_FRAMES = 100_000
 
 
-def once(
-    which: chapters.Whole,
-    backend: str,
-    path: Path,
-    size: tuple[int, int],
-    way: str,
-    picture: Path | None = None,
-) -> dict[str, Any]:
-    """Load a scene in one of the WAYS; return seconds and bytes. `picture` is an .npz that gets what is seen."""
-    if way in ("pillow", "read"):
-        return _with_pillow(path) if way == "pillow" else _read(path)
-    settings: Any = preset(chapters.settings_class(which), "medium")
+def decoded(path: Path, way: str) -> dict[str, Any]:
+    """Read a scene in one of the ways `DECODED`; return seconds and bytes."""
+    return _with_pillow(path) if way == "pillow" else _read(path)
+
+
+def once(subject: Subject, path: Path, way: str, picture: Path | None = None) -> dict[str, Any]:
+    """Load a scene in one of the other WAYS; return seconds and bytes. `picture` is an .npz that gets what is seen."""
+    settings: Any = preset(subject.settings_class, "medium")
     streams = way in ("stream", "overlap")
     settings = replace(settings, loading="stream" if streams else "wait")
     if way == "overlap":
-        from tools.bench.points import recorded_anew
-
         settings = recorded_anew(settings)  # stamps are part of what is recorded: each frame has its own
-    load = _Load(which, backend, path, size, settings, way)
+    load = _Load(subject, path, settings, way)
     with ExitStack() as stack:
-        device = open_device(stack, backend)
+        device = subject.device
         stamps: Stamps | None = None
         if way == "overlap" and isinstance(device, Device) and can_stamp(device):
             stamps = Stamps(device)
             stack.callback(stamps.close)
-        _warm_up(load, device)
-        building = stack.enter_context(_building(which, backend))
-        made = _measured(load, device, building, stamps, picture)
+        _warm_up(load)
+        building = stack.enter_context(_building(subject))
+        made = _measured(load, building, stamps, picture)
         # Only now: two renderers at once need memory that one alone, and the load before, find there.
-        alone = _alone(load, device, building) if not streams else 0.0
+        alone = _alone(load, building) if not streams else 0.0
     return made | {
         "load_s": max(made["total_s"] - made["pipelines_s"] - alone, 1e-6),
         "renderer_s": alone,
@@ -93,10 +86,8 @@ def once(
 class _Load:
     """What is loaded, how, and into what."""
 
-    which: chapters.Whole
-    backend: str
+    subject: Subject
     path: Path
-    size: tuple[int, int]
     settings: Any
     way: str
 
@@ -105,21 +96,13 @@ class _Load:
         """Whether textures come as blocks."""
         return self.way in ("compress", "blocks", "least")
 
-    def renderer(self, scene: Scene, device: Any) -> Any:
+    def renderer(self, scene: Scene) -> AbstractContextManager[Any]:
         """Return a renderer of a scene, to be closed."""
-        return chapters.open(
-            self.which,
-            self.backend,
-            scene=scene,
-            size=self.size,
-            settings=self.settings,
-            outputs=OUTPUTS,
-            device=device,
-        )
+        return self.subject.on(scene).open(self.settings, {*OUTPUTS})
 
 
 def _measured(
-    load: _Load, device: Any, building: list[float], stamps: Stamps | None, picture: Path | None
+    load: _Load, building: list[float], stamps: Stamps | None, picture: Path | None
 ) -> dict[str, Any]:
     """Return the figures of the load itself, after which scene and renderer are closed."""
     streams, way = load.settings.loading == "stream", load.way
@@ -128,21 +111,21 @@ def _measured(
         before = _peak_bytes()
         began = clock.perf_counter()
         cached = way != "plain" and not streams
-        opening = stack.enter_context(
-            open_scene(load.which, str(load.path), cached=cached, compressed=load.in_blocks)
-        )
+        opening = load.subject.module("scene_cache.cache").open_scene(load.path, None, cached, load.in_blocks)
+        if opening.writer is not None:
+            stack.callback(opening.writer.stop)
         scene = replace(opening.scene, images=small) if way == "least" else opening.scene
         opened = clock.perf_counter()
-        renderer = stack.enter_context(load.renderer(scene, device))
+        renderer = stack.enter_context(load.renderer(scene))
         made, pipelines = clock.perf_counter(), sum(building)
-        frames = _frames(renderer, way == "stream") if streams else {}
-        if way in ONCE:
-            opening.finish()
-        overlap = None if stamps is None else bench_overlap.record(stamps.timeline())
+        frames = _frames(load.subject, renderer, way == "stream") if streams else {}
+        if way in ONCE and opening.writer is not None:
+            opening.writer.finish(None)
+        overlap = None if stamps is None else record(stamps.timeline())
         done = clock.perf_counter()
         grown = _peak_bytes() - before
         if picture is not None:
-            frame = renderer.render(chapters.view_of(renderer))
+            frame = renderer.render(load.subject.view(renderer))
             np.savez(picture, **{name: frame.image(name) for name in OUTPUTS})
         decoded = sum(image.width * image.height * 4 * image.dtype.itemsize for image in scene.images)
         arrays = (scene.positions, scene.normals, scene.tangents, scene.uv0, scene.indices)
@@ -160,21 +143,21 @@ def _measured(
         }
 
 
-def _warm_up(load: _Load, device: Any) -> None:
+def _warm_up(load: _Load) -> None:
     """Open the scene once with textures of a few texels, always from its file: what the first of all costs goes here.
 
     Textures are stored as the measured load will store them, since a driver may compile code for each format. Nothing
     of a cache is touched, and no texture of the file is decoded.
     """
-    import_module(f"{chapters.package_of(load.which)}.scene_cache.cache")
+    load.subject.module("scene_cache.cache")
     opened = load_scene(load.path, decode=False)
-    with load.renderer(replace(opened, images=_small_images(load, opened)), device) as renderer:
-        renderer.render(chapters.view_of(renderer)).image("color")
+    with load.renderer(replace(opened, images=_small_images(load, opened))) as renderer:
+        renderer.render(load.subject.view(renderer)).image("color")
 
 
 def _small_images(load: _Load, scene: Scene) -> list[Image]:
     """Return pictures of a few texels in the place of a scene's, which are stored as those would be."""
-    cached = import_module(f"{chapters.package_of(load.which)}.scene_cache.images")
+    cached = load.subject.module("scene_cache.images")
     uses = cached.image_uses(scene)
     small: list[Image] = []
     for number, image in enumerate(scene.images):
@@ -185,14 +168,14 @@ def _small_images(load: _Load, scene: Scene) -> list[Image]:
     return small
 
 
-def _alone(load: _Load, device: Any, building: list[float]) -> float:
+def _alone(load: _Load, building: list[float]) -> float:
     """Return the seconds that a renderer takes to open for one square without a texture, but for its pipelines."""
     scene = replace(crowd(1, 1), materials=[Material()], images=[])
     took = []
     for _ in range(3):
         building.clear()
         began = clock.perf_counter()
-        with load.renderer(scene, device):
+        with load.renderer(scene):
             took.append(clock.perf_counter() - began - sum(building))
     return min(took)
 
@@ -209,9 +192,9 @@ class _Small(Image):
 
 
 @contextmanager
-def _building(which: chapters.Whole, backend: str) -> Iterator[list[float]]:
+def _building(subject: Subject) -> Iterator[list[float]]:
     """Yield a list that gets the seconds of each call that builds pipelines: texts, SPIR-V, reflection, driver."""
-    pipelines = import_module(f"{chapters.package_of(which)}.pipelines.{backend}").Pipelines
+    pipelines = subject.module(f"pipelines.{subject.backend}").Pipelines
     took: list[float] = []
 
     def timed(call: Callable[..., Any]) -> Callable[..., Any]:
@@ -236,13 +219,13 @@ def _building(which: chapters.Whole, backend: str) -> Iterator[list[float]]:
             setattr(owner, name, call)
 
 
-def _frames(renderer: Any, waits: bool) -> dict[str, Any]:
+def _frames(subject: Subject, renderer: Any, waits: bool) -> dict[str, Any]:
     """Draw until all textures have arrived, and some frames more; return how many that took, and the longest.
 
     If it `waits` for the GPU behind each frame, what a frame takes is the renderer's own thread, without drawing. Else
     frames follow each other as in a window, and the GPU has always something to draw.
     """
-    view = chapters.view_of(renderer)
+    view = subject.view(renderer)
     meanwhile: list[float] = []
     whole: list[float] = []
     after: list[tuple[float, float]] = []
@@ -320,14 +303,16 @@ def _peak_bytes() -> int:
     return peak if sys.platform == "darwin" else peak * 1024
 
 
-def main() -> None:
-    """Measure this process."""
-    chapter, backend, path, size, way, *picture = sys.argv[1:]
-    width, _, height = size.partition("x")
-    which = chapters.parse_chapter(chapter)
-    made = once(which, backend, Path(path), (int(width), int(height)), way, *map(Path, picture))
-    print(json.dumps(made))
-
-
-if __name__ == "__main__":
-    main()
+def record(timeline: Mapping[str, Sequence[Interval]]) -> dict[str, Any]:
+    """Return what a bench keeps: how long copies ran on their own queue, how long of it beside drawing, and when."""
+    copies, drawing = timeline.get("transfer", []), timeline.get("graphics", [])
+    return {
+        "queues": sorted(timeline),
+        "copies": len(copies),
+        "copies_ms": sum(end - begin for begin, end in merged(copies)),
+        "beside_drawing_ms": common_ms(copies, drawing),
+        "timeline": {
+            queue: [[round(begin, 4), round(end, 4)] for begin, end in intervals[:KEPT]]
+            for queue, intervals in timeline.items()
+        },
+    }

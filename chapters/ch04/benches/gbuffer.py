@@ -9,16 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from importlib import import_module
 from typing import Any
 
 from rich.console import Console
 
-import chapters
-from chapters import scenes
+from common.reports.benches import Effort, Subject, difference, errors, middle
+from common.reports.tables import table
 from common.settings import knobs, preset
-from tools.bench.points import Effort, Subject, difference, errors, middle, picture, settled
-from tools.cli.tables import table
 
 KNOB, FINEST, FORWARD = "gbuffer_format", "full", "forward"
 SCENES = {"spheres": "sky", "cornell": "none"}
@@ -44,13 +41,11 @@ class _Point:
         """Keep the picture, and what the targets are made of."""
         with self.subject.open(self.settings, {"color", "color_linear"}) as renderer:
             drawn: Any = renderer
-            self.picture = picture(settled(renderer, chapters.view_of(renderer)))
+            self.picture = self.subject.settled_picture(renderer)
             step = next((one for one in drawn.graph.steps if one.name == PASSES[0]), None)
             if step is None:  # the forward path stores no surface
                 return
-            size_of: Any = import_module(
-                f"{chapters.package_of(self.subject.chapter)}.graph.frame_graph"
-            ).bytes_of
+            size_of: Any = self.subject.module("graph.frame_graph").bytes_of
             for target in (*step.colors, step.depth):
                 self.formats[target.resource] = drawn.graph.resources[target.resource].format
             self.bytes = sum(map(size_of, self.formats.values()))
@@ -85,17 +80,13 @@ def measure(
     subject: Subject, effort: Effort, step: Callable[[str, float], None], name: str
 ) -> list[dict[str, Any]]:
     """Return a record for the bench's scene, called `name`, and for each of SCENES; [] where there is no G-buffer."""
-    settings_class = chapters.settings_class(subject.chapter)
+    settings_class = subject.settings_class
     if KNOB not in knobs(settings_class):
         return []
     held = {name: ("none", subject)}
     for other, around in SCENES.items() if effort.everything else ():
         if other != name:
-            scene = scenes.load(other, around=around)
-            held[other] = (
-                around,
-                Subject(subject.chapter, subject.backend, scene, subject.size, subject.device),
-            )
+            held[other] = around, subject.on(subject.load(other, around))
     choices = [str(choice) for choice in knobs(settings_class)[KNOB].choices or ()]
     medium: Any = preset(settings_class, "medium")
     every: dict[str, dict[str, _Point]] = {}

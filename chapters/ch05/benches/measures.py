@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .dispatches import collider_axes
+from ..cloth.dispatches import collider_axes
+from ..cloth.types import Cloth, Collider, Float64, Forces, State
 from .twin import depth_below
-from .types import Cloth, Collider, Float64, Forces, State
 
 
 @dataclass(frozen=True)

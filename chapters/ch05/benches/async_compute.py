@@ -23,18 +23,17 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-import chapters
 from backends.contract import Renderer
 from backends.vulkan.once import submit_once
-from chapters import scenes
+from backends.vulkan.stamps import Stamps, can_stamp, common_ms, merged
+from common.reports.benches import Effort, Subject, difference, middle
+from common.reports.tables import table
 from common.scene import Scene
 from common.scene.merge import merge_scenes
 from common.scene.sheets import cloth, cloth_scene_of
 from common.settings import knobs
-from tools.bench.lessons.overlap import Stamps, can_stamp, common_ms, merged
-from tools.bench.lessons.sheet import FABRIC, PASS, medium_of
-from tools.bench.points import Effort, Subject, difference, middle
-from tools.cli.tables import table
+
+from .sheet import FABRIC, PASS, medium_of
 
 KNOB = "async_compute"
 """The setting; a chapter without it has one queue."""
@@ -60,6 +59,7 @@ class _Run:
     """The frames of a scene with the setting on or off."""
 
     on: bool
+    subject: Subject
     renderer: Renderer
     frames_ms: list[float] = field(default_factory=list)
     cpu_ms: list[float] = field(default_factory=list)
@@ -69,7 +69,7 @@ class _Run:
     def round(self, count: int) -> None:
         """Draw frames from time 0 on without waiting between them, and keep what they took."""
         renderer: Any = self.renderer
-        view, dt = chapters.view_of(renderer), renderer.settings.cloth_step
+        view, dt = self.subject.view(renderer), renderer.settings.cloth_step
         for number in range(2):
             renderer.render(view, number * dt).timings  # noqa: B018
         began = clock.perf_counter()
@@ -108,7 +108,7 @@ def measure(subject: Subject, effort: Effort, step: Callable[[str, float], None]
 
     Where the device has no family for compute alone, it says so, and nothing is measured.
     """
-    if KNOB not in knobs(chapters.settings_class(subject.chapter)):
+    if KNOB not in knobs(subject.settings_class):
         return None
     device: Any = subject.device
     if device.compute_queue is None:
@@ -118,9 +118,9 @@ def measure(subject: Subject, effort: Effort, step: Callable[[str, float], None]
     if device.capabilities.kind != "software" and size[0] * size[1] < LARGE[0] * LARGE[1]:
         size = LARGE
     found = []
-    held = {"cloth": scenes.load("cloth"), "atrium with a sheet": building_with_sheet()}
+    held = {"cloth": subject.load("cloth"), "atrium with a sheet": building_with_sheet(subject)}
     for number, (name, scene) in enumerate(held.items()):
-        drawn = Subject(subject.chapter, subject.backend, scene, size, device)
+        drawn = subject.on(scene, size)
         found.append(
             {"scene": name, **frames_of(drawn, effort, partial(_within, step, name, number / 2), number > 0)}
         )
@@ -131,11 +131,11 @@ def _within(step: Callable[[str, float], None], name: str, begin: float, what: s
     step(f"{name}, {what}", begin + part / 2)
 
 
-def building_with_sheet(edge: int = EDGE) -> Scene:
+def building_with_sheet(subject: Subject, edge: int = EDGE) -> Scene:
     """Return the atrium with a large sheet that is held at two corners."""
     said = cloth(edge, edge, pins=[0, edge - 1], **FABRIC)
     sheet = cloth_scene_of(said, matrices=[HELD], size=(edge, edge), light=False)
-    return merge_scenes([scenes.load("atrium"), sheet])[0]
+    return merge_scenes([subject.load("atrium"), sheet])[0]
 
 
 def frames_of(
@@ -147,7 +147,7 @@ def frames_of(
     if balanced:
         step("how long both take", 0.0)
         with subject.open(replace(settings, async_compute=False), outputs) as renderer:
-            run = _Run(False, renderer)
+            run = _Run(False, subject, renderer)
             run.round(4)
         one = run.record()
         if one["compute_ms"] > 0:
@@ -156,7 +156,7 @@ def frames_of(
     rounds = max(effort.rounds, 2)
     with ExitStack() as stack:
         runs = [
-            _Run(on, stack.enter_context(subject.open(replace(settings, async_compute=on), outputs)))
+            _Run(on, subject, stack.enter_context(subject.open(replace(settings, async_compute=on), outputs)))
             for on in (True, False)
         ]
         for turn in range(rounds + 1):
@@ -191,7 +191,7 @@ def _stamps(subject: Subject, settings: Any) -> dict[str, Any] | None:
     stamps = Stamps(device)
     try:  # what was recorded once and is sent again would have the stamps of its first time
         with subject.open(replace(settings, resubmit=False), {"color"}) as renderer:
-            _Run(True, renderer).round(STAMPED)
+            _Run(True, subject, renderer).round(STAMPED)
             timeline = stamps.timeline()
     finally:
         stamps.close()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from backends.vulkan.once import submit_once
-from tools.bench.lessons.overlap import Stamps, can_stamp, common_ms, merged, record
+from backends.vulkan.stamps import Stamps, can_stamp, common_ms, merged
 
 
 def test_what_two_lists_have_in_common_is_what_counting_says():
@@ -21,13 +21,6 @@ def test_what_two_lists_have_in_common_is_what_counting_says():
         assert common_ms(*lists) == common_ms(*reversed(lists)) == len(units[0] & units[1])
         for one, covered in zip(lists, units, strict=True):
             assert sum(end - begin for begin, end in merged(one)) == len(covered)
-
-
-def test_a_record_says_how_long_copies_ran_beside_drawing():
-    made = record({"graphics": [(0.0, 4.0), (6.0, 8.0)], "transfer": [(1.0, 2.0), (3.0, 7.0), (9.0, 10.0)]})
-    assert (made["copies"], made["copies_ms"], made["beside_drawing_ms"]) == (3, 6.0, 3.0)
-    alone = record({"graphics": [(0.0, 4.0)]})
-    assert (alone["queues"], alone["copies_ms"], alone["beside_drawing_ms"]) == (["graphics"], 0.0, 0.0)
 
 
 @pytest.mark.variants("vulkan")

@@ -19,12 +19,14 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-import chapters
+from common.reports.benches import Effort, Subject
+from common.reports.tables import table
 from common.scene.sheets import cloth, cloth_scene_of
 from common.settings import knobs
-from tools.bench.lessons.sheet import KNOB, cloth_of
-from tools.bench.points import Effort, Subject
-from tools.cli.tables import table
+
+from . import measures
+from .sheet import KNOB, cloth_of
+from .twin import Twin
 
 SUBSTEPS, QUICK_SUBSTEPS = 10_000, 1_000
 
@@ -67,7 +69,7 @@ def measure(
     subject: Subject, effort: Effort, step: Callable[[str, float], None], substeps: int | None = None
 ) -> dict[str, Any] | None:
     """Return the record of a chapter that has cloth; None for others."""
-    if KNOB not in knobs(chapters.settings_class(subject.chapter)):
+    if KNOB not in knobs(subject.settings_class):
         return None
     substeps = substeps or (SUBSTEPS if effort.everything else QUICK_SUBSTEPS)
     scene = cloth_scene_of(cloth(EDGE, EDGE, pins=[0, EDGE - 1], damping_per_s=0), size=(EDGE, EDGE))
@@ -80,11 +82,11 @@ def measure(
 
 
 def _drift(subject: Subject, sheet: Any, case: Case, count: int) -> dict[str, Any]:
-    types, measures = (cloth_of(subject, name) for name in ("types", "measures"))
+    types = cloth_of(subject, "types")
     omega = cloth_of(subject, "steps").greatest_omega(sheet)
     nothing = types.Forces(gravity=(0.0, 0.0, 0.0), air_density=0.0)
     steps = types.Steps(dt=case.h_omega / omega, substeps=1, **case.steps)
-    twin = cloth_of(subject, "twin").Twin(sheet, steps, nothing, dtype=case.dtype)
+    twin = Twin(sheet, steps, nothing, dtype=case.dtype)
     noise = np.random.default_rng(1).normal(size=sheet.positions.shape) * SPEED
     twin.state.velocities = np.where(sheet.held[:, None], 0.0, noise).astype(case.dtype)
     first = measures.energy(sheet, twin.state, nothing).total

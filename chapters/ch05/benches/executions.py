@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from tools.bench.lessons.sheet import cloth_of, level_sheet, medium_of, opened, states, timed_step
-from tools.bench.points import Effort, Subject, middle
-from tools.cli.tables import table
+from common.reports.benches import Effort, Subject, middle
+from common.reports.tables import table
+
+from .sheet import cloth_of, level_sheet, medium_of, opened, states, timed_step
 
 EDGES = (8, 16, 32, 64, 128, 256)
 """Vertices along an edge of the sheets; software leaves out the last, of which a step takes it seconds."""
@@ -49,7 +50,7 @@ def measure(subject: Subject, effort: Effort, step: Callable[[str, float], None]
             with opened(subject, scene, medium_of(subject, cloth_execution=execution)) as renderer:
                 drawn: Any = renderer
                 dt = drawn._cloth.frames.steps.dt
-                times = [timed_step(renderer, made, dt) for made in range(WARM_UP + STEPS)][WARM_UP:]
+                times = [timed_step(subject, renderer, made, dt) for made in range(WARM_UP + STEPS)][WARM_UP:]
                 (state,) = states(renderer)
             truth = state if truth is None else truth
             same = same and np.array_equal(state.positions, truth.positions)

@@ -18,20 +18,16 @@ import time as clock
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
-from importlib import import_module
 from typing import Any
 
 import numpy as np
 from rich.console import Console
 
-import chapters
 from backends.contract import Access, Renderer
-from chapters import scenes
+from common.reports.benches import Effort, Subject, middle, moved_view
+from common.reports.tables import table
 from common.settings import knobs, preset
 from common.view.camera import View
-from tools.bench.points import Effort, Subject, middle
-from tools.bench.scale import moved_view
-from tools.cli.tables import table
 
 KNOB = "graph"
 """The setting that chooses the passes of a frame; a chapter without it has no frame graph."""
@@ -74,7 +70,7 @@ def measure(
     passes: Sequence[int] = PASSES,
 ) -> dict[str, Any] | None:
     """Return the record of a chapter whose frame is a graph; None for others."""
-    if KNOB not in knobs(chapters.settings_class(subject.chapter)):
+    if KNOB not in knobs(subject.settings_class):
         return None
     graphs = []
     for number, (name, values) in enumerate(GRAPHS.items()):
@@ -89,12 +85,8 @@ def measure(
 
 
 def _settings(subject: Subject, values: dict[str, Any]) -> Any:
-    medium: Any = preset(chapters.settings_class(subject.chapter), "medium")
+    medium: Any = preset(subject.settings_class, "medium")
     return replace(medium, **values)
-
-
-def _module(subject: Subject, name: str) -> Any:
-    return import_module(f"{chapters.package_of(subject.chapter)}.graph.{name}")
 
 
 # --- compiling --------------------------------------------------------------------------------------------------------
@@ -109,7 +101,7 @@ def _graph(subject: Subject, effort: Effort, name: str, values: dict[str, Any]) 
         return {
             "name": name,
             "settings": values,
-            **_module(subject, "report").counts(graph),
+            **graph.counts(),
             "transient_bytes_bound": graph.memory.bound,
             "left_out": dict(graph.left_out),
             **_named("compile_ms", times, 1e3),
@@ -117,7 +109,8 @@ def _graph(subject: Subject, effort: Effort, name: str, values: dict[str, Any]) 
 
 
 def _chain(subject: Subject, effort: Effort, count: int) -> dict[str, Any]:
-    node, compile_graph = _module(subject, "types").Node, _module(subject, "frame_graph").compile_graph
+    node = subject.module("graph.types").Node
+    compile_graph = subject.module("graph.frame_graph").compile_graph
     nodes = [
         node(
             f"pass {number}",
@@ -166,7 +159,7 @@ class _Run:
     def frame(self, turn: float) -> None:
         """Draw a frame until it is over, and keep its times where it did what this run is for."""
         again, moves = WAYS[self.way]
-        view = moved_view(self.renderer, turn) if moves else self.view
+        view = moved_view(self.view, self.renderer.scene, turn) if moves else self.view
         with _driver(self.renderer) as driver:
             began = clock.perf_counter()
             frame = self.renderer.render(view)
@@ -215,15 +208,15 @@ def _frames(
     subject: Subject, effort: Effort, step: Callable[[str, float], None], passes: Sequence[int]
 ) -> dict[str, Any]:
     runs: list[_Run] = []
-    still = Subject(subject.chapter, subject.backend, scenes.load(SCENE), SIZE, subject.device)
+    still = subject.on(subject.load(SCENE), SIZE)
     with ExitStack() as stack:
         for count in passes:
             for way, (again, _) in WAYS.items():
                 step(f"frames of {count} passes", 0.5 * len(runs) / (len(WAYS) * len(passes)))
                 renderer = stack.enter_context(still.open(_settings(subject, {"resubmit": again}), {"color"}))
                 repeat(renderer, count)
-                runs.append(_Run(len(renderer.passes), way, renderer, chapters.view_of(renderer)))
-        view = chapters.view_of(runs[0].renderer)
+                runs.append(_Run(len(renderer.passes), way, renderer, subject.view(renderer)))
+        view = subject.view(runs[0].renderer)
         drawn = stack.enter_context(still.open(_settings(subject, {}), {"color"}))
         before = _Run(len(drawn.passes), "sent again", drawn, view)
         for run in (*runs, before):  # each slot is recorded, and the driver compiles what it draws first

@@ -5,17 +5,15 @@ from __future__ import annotations
 import time as clock
 from contextlib import AbstractContextManager
 from dataclasses import replace
-from importlib import import_module
 from typing import Any
 
 import numpy as np
 
-import chapters
 from backends.contract import Renderer
+from common.reports.benches import Subject
 from common.scene import Scene
 from common.scene.sheets import cloth, cloth_scene_of
 from common.settings import preset
-from tools.bench.points import Subject
 
 KNOB = "cloth_method"
 """The setting; a chapter without it has no cloth."""
@@ -40,28 +38,27 @@ def level_sheet(edge: int, **fabric: Any) -> Scene:
 
 def cloth_of(subject: Subject, name: str) -> Any:
     """Return a module of the cloth of the subject's chapter."""
-    return import_module(f"{chapters.package_of(subject.chapter)}.cloth.{name}")
+    return subject.module(f"cloth.{name}")
 
 
 def medium_of(subject: Subject, **more: Any) -> Any:
     """Return the settings of the chapter's `medium`, and others on top."""
-    medium: Any = preset(chapters.settings_class(subject.chapter), "medium")
+    medium: Any = preset(subject.settings_class, "medium")
     return replace(medium, **more)
 
 
 def opened(subject: Subject, scene: Scene, settings: Any) -> AbstractContextManager[Renderer]:
     """Return a renderer of a small picture of a scene, forward, so that little else than cloth is done."""
-    drawn = Subject(subject.chapter, subject.backend, scene, SIZE, subject.device)
-    return drawn.open(replace(settings, graph="forward"), {"color"})
+    return subject.on(scene, SIZE).open(replace(settings, graph="forward"), {"color"})
 
 
-def timed_step(renderer: Renderer, number: int, dt: float) -> float:
+def timed_step(subject: Subject, renderer: Renderer, number: int, dt: float) -> float:
     """Return the ms of the cloth in the frame of step `number`; of all of it, where the GPU tells no times.
 
     Step 0 is the cloth as it was modelled. Frames are to follow one another.
     """
     began = clock.perf_counter()
-    frame = renderer.render(chapters.view_of(renderer), number * dt)
+    frame = renderer.render(subject.view(renderer), number * dt)
     took = frame.timings.get(PASS)
     wall = (clock.perf_counter() - began) * 1e3
     if frame.work["cloth_steps"] != min(number, 1):

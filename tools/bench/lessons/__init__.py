@@ -1,1 +1,0 @@
-"""Measurements that belong to one lesson."""
