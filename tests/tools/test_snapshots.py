@@ -203,7 +203,7 @@ def test_every_kind_of_import_leads_to_the_other_package(tmp_path):
 
 
 def test_a_digest_is_of_what_a_test_leads_to_and_of_nothing_else(tmp_path):
-    """Modules, theirs in turn, and shaders where one is named; what no later chapter has and other modules are no part."""
+    """Modules, theirs in turn, and shaders where one is named; studies, benches and other modules are no part."""
     test, logic, draws = (tmp_path / name for name in ("test_a.py", "test_b.py", "test_c.py"))
     test.write_text(
         "from chapters.ch01.shading.vulkan_sky import draw\nfrom chapters.ch01.benches.b import B\n"
