@@ -53,6 +53,7 @@ LESSON = Lesson(
         "pipelines/vulkan_descriptors.py:Kind",
         "scene/draw_lists.py:MakeGroup",
         "scene/draw_lists.py:Range",
+        "scene/packing.py:PUSH_SIZE",
         "scene/vulkan_scene_draws.py",
         "post/vulkan_tonemap.py:BINDINGS",
     ),

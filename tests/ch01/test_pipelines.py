@@ -12,7 +12,6 @@ import pytest
 
 from backends.gl import api as gl
 from backends.vulkan import api as vk
-from chapters.ch01.pipelines.snippets import PUSH_SIZE
 from chapters.ch01.pipelines.vulkan import GraphicsPipeline, Pipelines
 from chapters.ch01.renderer import Renderer
 from chapters.ch01.scene.packing import ROLES, material_variant
@@ -151,6 +150,12 @@ def test_what_changes_from_draw_to_draw_is_dynamic(pipelines, fullscreen, vulkan
         vk.VK_DYNAMIC_STATE_CULL_MODE,
         vk.VK_DYNAMIC_STATE_FRONT_FACE,
     }
+
+
+@pytest.mark.until(1, "the size of push constants is read from the shaders once they are reflected")
+def test_push_constants_fit_every_device(vulkan_device):
+    from chapters.ch01.scene.packing import PUSH_SIZE
+
     assert PUSH_SIZE <= 128, "what every device has"
     assert vulkan_device.capabilities.limits["maxPushConstantsSize"] >= PUSH_SIZE
 

@@ -14,8 +14,8 @@ from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 from backends.vulkan.resources import Image
 
-from ..pipelines.snippets import PUSH_SIZE
 from ..pipelines.vulkan import Built
+from ..scene.packing import PUSH_SIZE
 from .vulkan import FrameSlot
 
 _GRAPHICS = vk.VK_PIPELINE_BIND_POINT_GRAPHICS

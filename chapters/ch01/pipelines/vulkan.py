@@ -17,8 +17,9 @@ from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 from backends.vulkan.live import Stages, check_fit, compile_stages
 from backends.vulkan.resources import FORMATS
+from common.layouts import SNIPPETS
 
-from .snippets import PUSH_SIZE, SNIPPETS
+from ..scene.packing import PUSH_SIZE
 
 CHAPTER = Path(__file__).resolve().parents[1]
 

@@ -34,12 +34,11 @@ from ..environment.gl import EnvironmentMaps, create_environment
 from ..environment.model import Sizes
 from ..frames.frame import SLOTS
 from ..frames.gl_commands import Draw, Textures
-from ..pipelines.snippets import PUSH_SIZE
 from ..settings import Settings
 from ..shading import views
 from . import geometry, records
 from .draw_lists import Range
-from .packing import ROLES
+from .packing import PUSH_SIZE, ROLES
 from .records import Records
 from .textures import texels
 

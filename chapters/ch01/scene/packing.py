@@ -11,6 +11,9 @@ from common import layouts
 from common.environment import ENERGIES
 from common.scene import Light, Material, Pose, Scene
 
+PUSH_SIZE = 16
+"""Bytes of push constants: one uvec4, the number of the instance in x."""
+
 MATERIAL = np.dtype(
     [
         ("base_color", np.float32, 4),

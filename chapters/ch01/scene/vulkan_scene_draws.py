@@ -10,10 +10,9 @@ from backends.vulkan import api as vk
 from common.scene import Scene
 
 from ..frames.vulkan_commands import Draw, DrawGroup
-from ..pipelines.snippets import PUSH_SIZE
 from ..pipelines.vulkan import Built
 from .draw_lists import DrawLists, Range, build_draw_lists
-from .packing import Variant
+from .packing import PUSH_SIZE, Variant
 from .vulkan_data import SceneData
 
 

@@ -17,8 +17,8 @@ from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 from backends.vulkan.live import Stages, check_fit, compile_stages
 from backends.vulkan.resources import FORMATS
+from common.layouts import SNIPPETS
 
-from .snippets import SNIPPETS
 from .vulkan_cache import PipelineCache
 from .vulkan_layouts import CAPACITY, Layouts, SetLayout
 from .vulkan_reflection import STAGES, Stage, check_pulled, chosen, merge

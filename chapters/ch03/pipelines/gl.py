@@ -15,8 +15,7 @@ from backends.gl import api as gl
 from backends.gl.context import FRONT_FACES, Context
 from backends.gl.programs import Program, Programs
 from backends.shader_text import ShaderSource
-
-from .snippets import SNIPPETS
+from common.layouts import SNIPPETS
 
 CHAPTER = Path(__file__).resolve().parents[1]
 

@@ -15,9 +15,9 @@ from backends.gl import api as gl
 from backends.gl.context import FRONT_FACES, Context
 from backends.gl.programs import Program, Programs
 from backends.shader_text import ShaderSource
+from common.layouts import SNIPPETS
 
 from .gl_compute import ComputePipeline, group_of
-from .snippets import SNIPPETS
 
 CHAPTER = Path(__file__).resolve().parents[1]
 

@@ -17,8 +17,8 @@ from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 from backends.vulkan.live import Stages, check_fit, compile_stages
 from backends.vulkan.resources import FORMATS
+from common.layouts import SNIPPETS
 
-from .snippets import SNIPPETS
 from .vulkan_cache import PipelineCache
 from .vulkan_compute import ComputePipeline, build_compute, group_of
 from .vulkan_layouts import CAPACITY, Layouts, SetLayout

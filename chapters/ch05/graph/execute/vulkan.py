@@ -14,6 +14,7 @@ from typing import Any, Literal
 from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 from backends.vulkan.inspection import Inspection
+from backends.vulkan.once import submit_once
 from backends.vulkan.resources import Buffer, Image
 from common.scene import Sampler
 
@@ -26,9 +27,8 @@ from ...pipelines.vulkan_descriptors import Descriptors, Held, Sets, Texture
 from ..memory.vulkan_images import GraphImages, GraphMemory
 from ..memory.vulkan_poison import Poison
 from ..sync.vulkan import dependency, layout_of
-from ..sync.vulkan_lasting import begin_lasting
 from ..types import Graph, Step
-from .batches import batches_of, last_drawn
+from .batches import batches_of, last_drawn, prologues
 from .vulkan_sets import check_sources, sources
 from .vulkan_targets import Targets
 
@@ -83,7 +83,7 @@ class GraphExecutor:
             self._slots = [self._ready(slot, poison) for slot in range(SLOTS)]
             for step in graph.steps:
                 self._bind_sources(step)
-            begin_lasting(self._queues, graph, self.images)
+            self._begin_lasting()
         except BaseException:
             self.close()
             raise
@@ -103,6 +103,17 @@ class GraphExecutor:
             for step in graph.steps
         ]
         return _Slot(steps, dependency(graph.epilogue, held, queues.taking))
+
+    def _begin_lasting(self) -> None:
+        """Bring what lasts from frame to frame into the state, and to the queue, in which a frame finds it."""
+        queues = self._queues
+        for queue, released, planned in prologues(self.graph):
+            if released and not queues.families:
+                continue  # a queue of the same family takes it as it is
+            with submit_once(self._device, queues.of[queue]) as commands:
+                for held in self.images.in_slot:
+                    made = dependency(planned, held, queues.giving if released else queues.taking)
+                    self._device.fn.vkCmdPipelineBarrier2(commands, made)
 
     def _bind_sources(self, step: Step) -> None:
         """Make the sets through which a pass samples, one binding for each of its reads in the order it declares."""
