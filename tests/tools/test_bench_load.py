@@ -21,7 +21,7 @@ from common.gltf import load_scene
 from common.scene.primitive import nothing
 from common.settings import preset
 from tests.support.timing import least_times
-from tools.bench import loads as bench_loads
+from tools.bench.lessons import loads as bench_loads
 from tools.bench.points import Subject
 from tools.run.run import open_device
 

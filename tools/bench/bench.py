@@ -20,7 +20,6 @@ from common.names import suggest
 from common.paths import ROOT, write_whole
 from common.reports.benches import Effort
 from common.scene import stability
-from tools.bench import loads as bench_loads
 from tools.bench import pipelines as bench_pipelines
 from tools.bench import points as bench_points
 from tools.bench import prepared as bench_prepared
@@ -28,6 +27,7 @@ from tools.bench import prepass, scale, start
 from tools.bench import readback as bench_readback
 from tools.bench import threads as bench_threads
 from tools.bench.lessons import bench
+from tools.bench.lessons import loads as bench_loads
 from tools.bench.points import Subject
 from tools.bench.report import can_plot, plot, show
 from tools.cli.console import Steps, err, out, say

@@ -1,4 +1,4 @@
-"""The part `loads` of a bench: `python -m tools.bench.loads WHICH BACKEND SCENE WxH WAY [FILE.npz]` measures one load.
+"""The part `loads` of a bench: `python -m tools.bench.lessons.loads WHICH BACKEND SCENE WxH WAY [FILE.npz]` measures one load.
 
 It prints JSON. Chapter 3's bench says what is loaded, in which ways and how often; each load is a process of its own.
 """
@@ -64,7 +64,7 @@ def run(
     words = [str(which if isinstance(which, int) else which.path), backend, str(scene)]
     words += [f"{size[0]}x{size[1]}", way, *([str(picture)] if picture else [])]
     done = subprocess.run(
-        [sys.executable, "-m", "tools.bench.loads", *words],
+        [sys.executable, "-m", "tools.bench.lessons.loads", *words],
         env={**os.environ, **verdicts.variables(), "STRATA_CACHE": str(cache)},
         cwd=ROOT,
         capture_output=True,

@@ -1,4 +1,4 @@
-"""The options of `strata list`; what it prints is in `tools.ledger.listing` and `tools.ledger.list_features`."""
+"""The options of `strata list` and `strata explain`; what they print is in `tools.ledger`."""
 
 from __future__ import annotations
 
@@ -42,3 +42,19 @@ def list_(
         tests=tests,
         as_json=json,
     )
+
+
+def explain(
+    words: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[TERM|FEATURE|SETTING]",
+            help="barrier, frame-graph/topological-sort, msaa; without it: all names.",
+            show_default=False,
+        ),
+    ] = None,
+) -> int:
+    """Tell what a word of the lessons means, which tests hold a feature, or what a setting does."""
+    from tools.ledger import explain as explaining
+
+    return explaining.run(words or ())
