@@ -1,6 +1,7 @@
-"""The part `loads` of a bench: `python -m tools.bench.lessons.loads WHICH BACKEND SCENE WxH WAY [FILE.npz]` measures one load.
+"""The part `loads` of a bench. Chapter 3's bench says what is loaded, in which ways and how often.
 
-It prints JSON. Chapter 3's bench says what is loaded, in which ways and how often; each load is a process of its own.
+Each load is a process of its own: `python -m tools.bench.lessons.loads WHICH BACKEND SCENE WxH WAY [FILE.npz]` prints
+what it measured as JSON.
 """
 
 from __future__ import annotations
