@@ -11,9 +11,6 @@ from common import layouts
 from common.environment import ENERGIES
 from common.scene import Light, Material, Pose, Scene
 
-PUSH_SIZE = 16
-"""Bytes of push constants: one uvec4, the number of the instance in x."""
-
 MATERIAL = np.dtype(
     [
         ("base_color", np.float32, 4),
@@ -37,6 +34,9 @@ LIGHT_KINDS = {"point": 0, "spot": 1, "directional": 2}
 
 ROLES = ("base_color", "metallic_roughness", "normal", "occlusion", "emissive")
 """Texture roles in the order of their bindings."""
+
+PUSH_SIZE = 16
+"""Bytes of push constants: one uvec4, the number of the instance in x."""
 
 LARGEST = float(np.finfo(np.float32).max)
 NEAREST_END, FARTHEST = 1e18, 1e19
