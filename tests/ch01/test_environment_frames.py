@@ -15,6 +15,7 @@ from common.environment.directions import panorama_directions
 from common.numerics.transforms import pose_looking_at
 from common.scene import Light, Material
 from common.view.camera import View, exposure
+from tests.support.chapter import on_opengl
 from tests.support.scenes import facing, quad_scene, translated
 from tests.twins import shading_environment as ibl
 
@@ -147,8 +148,7 @@ def test_a_second_start_makes_nothing(vulkan_device, monkeypatch):
 @pytest.mark.feature("environment/skybox")
 @pytest.mark.parametrize("energy", ["gltf", "conserving"])
 def test_opengl_draws_the_same(vulkan_device, gl_context, energy):
-    from chapters.ch01.gl_renderer import Renderer as OpenGL
-
+    OpenGL = on_opengl(Renderer)
     scene = around(
         quad_scene(
             materials=(Material(roughness=0.3), Material(metallic=0.0, base_color=(0.8, 0.3, 0.2, 1.0))),

@@ -187,7 +187,7 @@ class Pass:
     """A pass as a file finds it."""
 
     def __init__(self, name, *writes, reads=(), **more):
-        self.name, self.reads, self.writes, self.why_not = name, reads, writes, ""
+        self.name, self.reads, self.writes, self.why_not, self.queue = name, reads, writes, "", "graphics"
         vars(self).update(more)
 
 

@@ -114,7 +114,7 @@ CASES = {
     ),
     "there without being asked for": (
         (4, "natural-vignette"),
-        ("post/vulkan_vignette.py", "settings.vignette and ", ""),
+        ("post/vignette.py", "settings.vignette and ", ""),
         "runs all the same",
     ),
     "by name alone": (
@@ -187,7 +187,7 @@ CASES = {
     ),
     "in front of the others": (
         (5, "grain"),
-        ("post/vulkan_grain.py", '    queue = "compute"\n', ""),
+        ("post/grain.py", '    queue = "compute"\n', ""),
         "runs on the queue for graphics",
     ),
     "the same in each frame": (

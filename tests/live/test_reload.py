@@ -76,8 +76,8 @@ class Session:
 
 
 def _number(built):
-    if hasattr(built, "program"):
-        return built.program.handle
+    if isinstance(built.handle, int):
+        return built.handle
     from backends.vulkan import api as vk
 
     return int(vk.ffi.cast("uintptr_t", built.handle))

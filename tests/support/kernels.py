@@ -21,9 +21,8 @@ from backends.vulkan.resources import create_buffer, destroy_buffer
 from chapters.ch05.frames import gl_commands as gl_commands
 from chapters.ch05.frames.vulkan_commands import Commands
 from chapters.ch05.pipelines import gl as gl_pipelines
-from chapters.ch05.pipelines import gl_compute as gl_compute
+from chapters.ch05.pipelines.compute_description import ComputeDescription
 from chapters.ch05.pipelines.vulkan import Pipelines
-from chapters.ch05.pipelines.vulkan_compute import ComputePipeline
 from chapters.ch05.pipelines.vulkan_descriptors import Descriptors
 
 
@@ -35,7 +34,7 @@ class VulkanKernels:
         self.descriptors, self.commands = Descriptors(device), Commands(device)
 
     def pipeline(self, file: Path, **more: Any) -> Any:
-        return self.pipelines.get([ComputePipeline(str(file), **more)])[0]
+        return self.pipelines.get([ComputeDescription(str(file), **more)])[0]
 
     def reload(self, file: Path) -> tuple[str, ...]:
         return self.pipelines.reload({file}, lambda free: free())
@@ -91,7 +90,7 @@ class GlKernels:
         self.commands = gl_commands.Commands(context, self.pipelines, True)
 
     def pipeline(self, file: Path, **more: Any) -> Any:
-        return self.pipelines.get([gl_compute.ComputePipeline(str(file), **more)])[0]
+        return self.pipelines.get([ComputeDescription(str(file), **more)])[0]
 
     def reload(self, file: Path) -> tuple[str, ...]:
         return self.pipelines.reload({file})
@@ -118,7 +117,7 @@ class GlKernels:
                 commands.compute_barrier()
             commands.bind_compute(one)
             if push is not None:
-                commands.push(push)
+                commands.push(one, push)
             commands.dispatch_over(one, extent)
         context.fn.glMemoryBarrier(gl.GL_BUFFER_UPDATE_BARRIER_BIT)
         found = []

@@ -205,13 +205,11 @@ def test_every_kind_of_import_leads_to_the_other_package(tmp_path):
 def test_a_digest_is_of_what_a_test_leads_to_and_of_nothing_else(tmp_path):
     """Modules, theirs in turn, and shaders where one is named; studies, benches and other modules are no part."""
     test, logic, draws = (tmp_path / name for name in ("test_a.py", "test_b.py", "test_c.py"))
-    test.write_text(
-        "from chapters.ch01.shading.vulkan_sky import draw\nfrom chapters.ch01.benches.b import B\n"
-    )
+    test.write_text("from chapters.ch01.shading.sky import draw\nfrom chapters.ch01.benches.b import B\n")
     logic.write_text("def test_x():\n    from chapters.ch01.logic import numbers\n")
     draws.write_text("def test_x(chapter): pass\n")
     files = {
-        "shading/vulkan_sky.py": "from ..logic.numbers import ONE\nSHADER = 'sky.frag'\n",
+        "shading/sky.py": "from ..logic.numbers import ONE\nSHADER = 'sky.frag'\n",
         "logic/numbers.py": "ONE = 1\n",
         "shading/sky.frag": "void main() {}\n",
         "renderer.py": "from . import LESSON\n",
@@ -232,7 +230,7 @@ def test_a_digest_is_of_what_a_test_leads_to_and_of_nothing_else(tmp_path):
     same = digests(0)
     assert len({*same}) == 3
     expected = {
-        "shading/vulkan_sky.py": [False, True, False],
+        "shading/sky.py": [False, True, False],
         "logic/numbers.py": [False, False, False],
         "shading/sky.frag": [False, True, False],
         "renderer.py": [True, True, False],

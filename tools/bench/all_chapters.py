@@ -21,7 +21,7 @@ from rich.console import Console
 import chapters
 from backends.choice import NOTHING, probe
 from backends.contract import BACKENDS
-from chapters import scenes
+from chapters import folders, scenes
 from common.errors import StrataError, UnsupportedError, UserError
 from common.paths import ROOT, temporary_folder
 from common.reports.benches import Effort
@@ -155,7 +155,7 @@ def pairs(
 
 def _parts(number: int, api: str, quick: bool, only: Sequence[str]) -> tuple[str, ...] | None:
     """Return what is measured of a chapter on a graphics API; None if it has no such version, or none of the parts."""
-    if api == "gl" and not (chapters.folder_of(number) / "gl_renderer.py").is_file():
+    if api == "gl" and not folders.renderer_name(chapters.folder_of(number), "gl"):
         return None
     wanted: Collection[str] = only or (QUICK_PARTS if quick else bench.PARTS)
     parts = tuple(part for part in bench.parts_of(number, api) if part in wanted)

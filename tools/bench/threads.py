@@ -50,7 +50,7 @@ class _Run:
         renderer: Any = self.renderer
         # Where a frame is a graph, its executor goes through all passes; else the renderer runs each of them.
         graph = hasattr(renderer, "graph")
-        owner, name = (renderer._executor, "record") if graph else (renderer, "_run")
+        owner, name = (renderer._api.executor, "record") if graph else (renderer, "_run")
         run = getattr(owner, name)
 
         def timed(*arguments: Any) -> None:

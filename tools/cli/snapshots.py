@@ -52,7 +52,7 @@ def carry(
         return carry_check.run(chapters.FOLDER)
     if chapter is None:
         raise UserError(
-            "Which chapter has the fix? `strata carry ch03 shading/vulkan_forward.py` takes it to the later ones."
+            "Which chapter has the fix? `strata carry ch03 shading/forward.py` takes it to the later ones."
         )
     return carrying.start(chapters.FOLDER, _number(chapter), files or [], base=base, dry_run=dry_run)
 

@@ -301,9 +301,7 @@ def _wanted(root: Path, folder: Path, text: str, changed: Sequence[str], base: s
     tried = [(start / text).resolve() for start in (Path.cwd(), root.parent, folder)]
     inside = [path for path in tried if path.is_relative_to(home)]
     if not inside:
-        raise UserError(
-            f"{text} is not in {folder.name}: name files of that chapter, as shading/vulkan_forward.py."
-        )
+        raise UserError(f"{text} is not in {folder.name}: name files of that chapter, as shading/forward.py.")
     names = [path.relative_to(home).as_posix() for path in inside]
     star = names[0].split("/")[0]
     if star in STAR:

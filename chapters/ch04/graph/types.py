@@ -13,7 +13,7 @@ A *name* stands for what one pass wrote. A pass that draws on top writes a new n
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -147,6 +147,11 @@ class Step:
     size: tuple[int, int] | None = None
     reads: tuple[str, ...] = ()
     writes: tuple[str, ...] = ()
+
+    def sampled(self, declared: Sequence[Access]) -> list[str]:
+        """Return the resources that shaders sample, of a pass that declares these reads; in their order."""
+        pairs = zip(declared, self.reads, strict=True)
+        return [resource for access, resource in pairs if access.use == "sampled"]
 
 
 @dataclass(frozen=True)

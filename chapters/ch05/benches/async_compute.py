@@ -170,7 +170,9 @@ def frames_of(
     drawn: Any = runs[0].renderer
     step("stamps", 0.8)
     return {
-        "substeps": drawn._cloth.frames.steps.substeps,  # fewer than asked for, where they were too short
+        "substeps": drawn.techniques[
+            "cloth"
+        ].cloth.frames.steps.substeps,  # fewer than asked for, where they were too short
         "rounds": rounds,
         "on": on,
         "off": off,

@@ -142,7 +142,7 @@ def _simulate(subject: Subject, scene: Scene, sweep: Sweep, run: _Run) -> None:
     settings = medium_of(subject, **{"cloth_method": "xpbd", **run.settings})
     with opened(subject, scene, settings) as renderer:
         drawn: Any = renderer
-        cut = drawn._cloth.frames.steps
+        cut = drawn.techniques["cloth"].cloth.frames.steps
         run.substeps, run.iterations = cut.substeps, cut.iterations
         timed_step(subject, renderer, 0, cut.dt)
         for number in range(1, sweep.steps + 1):

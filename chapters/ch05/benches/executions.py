@@ -49,7 +49,7 @@ def measure(subject: Subject, effort: Effort, step: Callable[[str, float], None]
             step(f"{edge * edge:,} particles, {execution}", number / len(edges))
             with opened(subject, scene, medium_of(subject, cloth_execution=execution)) as renderer:
                 drawn: Any = renderer
-                dt = drawn._cloth.frames.steps.dt
+                dt = drawn.techniques["cloth"].cloth.frames.steps.dt
                 times = [timed_step(subject, renderer, made, dt) for made in range(WARM_UP + STEPS)][WARM_UP:]
                 (state,) = states(renderer)
             truth = state if truth is None else truth

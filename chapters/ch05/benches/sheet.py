@@ -69,5 +69,5 @@ def timed_step(subject: Subject, renderer: Renderer, number: int, dt: float) -> 
 def states(renderer: Any) -> list[Any]:
     """Return where the particles of each cloth are after all frames, read from the GPU."""
     renderer.device.wait_idle()
-    found: list[Any] = renderer._cloth.states()
+    found: list[Any] = renderer.techniques["cloth"].cloth.states()
     return found

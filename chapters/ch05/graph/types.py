@@ -14,7 +14,7 @@ A *name* stands for what one pass wrote. A pass that draws on top writes a new n
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -162,6 +162,11 @@ class Step:
     queue: str = "graphics"
     releases: tuple[Barrier, ...] = ()
     """What is handed over to another queue behind it."""
+
+    def sampled(self, declared: Sequence[Access]) -> list[str]:
+        """Return the resources that shaders sample, of a pass that declares these reads; in their order."""
+        pairs = zip(declared, self.reads, strict=True)
+        return [resource for access, resource in pairs if access.use == "sampled"]
 
 
 @dataclass(frozen=True)

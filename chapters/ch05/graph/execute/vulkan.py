@@ -9,8 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any
 
+from backends.contract import Pass
 from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 from backends.vulkan.inspection import Inspection
@@ -42,7 +43,7 @@ class _Ready:
     targets: Targets | None
     poison: Poison | None = None
     sources: Any = None
-    """An array of one descriptor set, for a pass that samples what others drew."""
+    """(number, array of one descriptor set), for a pass that reads what others wrote."""
     releases: Any = None
 
 
@@ -63,7 +64,7 @@ class GraphExecutor:
         self,
         device: Device,
         graph: Graph,
-        passes: Mapping[str, Any],
+        passes: Mapping[str, Pass],
         memory: GraphMemory,
         resources: Resources,
         descriptors: Descriptors,
@@ -118,20 +119,14 @@ class GraphExecutor:
     def _bind_sources(self, step: Step) -> None:
         """Make the sets through which a pass samples, one binding for each of its reads in the order it declares."""
         made = self._passes[step.name]
-        if not hasattr(made, "source_set"):
+        if made.sources is None:
             return
-        sampled = [
-            resource
-            for access, resource in zip(made.reads, step.reads, strict=True)
-            if access.use == "sampled"
-        ]
-        smooth: Literal["nearest", "linear"] = getattr(made, "source_filter", "nearest")
+        sampled = step.sampled(made.reads)
+        number, smooth = made.sources.set, made.sources.filter
         sampler = self._resources.sampler(Sampler(smooth, smooth, None, "clamp", "clamp"), 1.0)
-        number = getattr(made, "source_number", 0)
         if step.kind == "compute":
-            check_sources(step, made, self.graph, number)
-            made.extent = step.size
-        layout = made.pipeline.sets[number]
+            check_sources(step, made, self.graph)
+        layout = made.pipelines[0].sets[number]
         assert layout is not None, f"'{step.name}' samples what it reads"
         wanted = []
         for slot in range(SLOTS):
@@ -145,20 +140,20 @@ class GraphExecutor:
             wanted.append((layout, held, f"{step.name} sources, slot {slot}"))
         self._sets[step.name] = self._descriptors.create(wanted)
         for ready, handle in zip(self._of(step.name), self._sets[step.name].handles, strict=True):
-            ready.sources = vk.array("VkDescriptorSet", [handle])
+            ready.sources = number, vk.array("VkDescriptorSet", [handle])
 
     def _of(self, name: str) -> list[_Ready]:
         """Return a step as it is in each slot."""
         return [next(one for one in mine.steps if one.step.name == name) for mine in self._slots]
 
-    def swap(self, name: str, made: Any) -> None:
+    def swap(self, name: str, made: Pass) -> None:
         """Let another implementation draw step `name`: the graph stays as it is, the recordings do not.
 
         It declares the same reads and writes; no frame is in flight.
         """
         step = next(step for step in self.graph.steps if step.name == name)
-        if step.kind == "compute" and hasattr(made, "source_set"):  # before anything is given up
-            check_sources(step, made, self.graph, getattr(made, "source_number", 0))
+        if step.kind == "compute" and made.sources is not None:  # before anything is given up
+            check_sources(step, made, self.graph)
         self._passes[name] = made
         if name in self._sets:
             self._descriptors.destroy(self._sets.pop(name))
@@ -183,10 +178,9 @@ class GraphExecutor:
             timed = one.step.kind != "copy"
             if timed:
                 profiler.begin(commands.slot, name)
-            if one.sources is not None:
-                made.source_set = one.sources
-            if hasattr(made, "pre_render"):
-                made.pre_render(commands)
+            commands.sources = one.sources
+            commands.extent = one.step.size
+            made.pre_render(commands)
             if one.targets is not None:
                 commands.begin_rendering(one.targets)
             made.record(commands)
@@ -202,7 +196,7 @@ class GraphExecutor:
         if ready.epilogue is not None and batch == last_drawn(self.batches):
             commands.barrier(ready.epilogue)
 
-    def passes_of(self, batch: int) -> list[tuple[Step, Any]]:
+    def passes_of(self, batch: int) -> list[tuple[Step, Pass]]:
         """Return the steps of a batch, each with what carries it out."""
         steps = [self.graph.steps[place] for place in self.batches[batch].steps]
         return [(step, self._passes[step.name]) for step in steps]
