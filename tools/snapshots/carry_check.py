@@ -12,7 +12,8 @@ after it. A later chapter is named when all of this is so:
 "At the same place" is what a line-by-line alignment of the two versions says (difflib): an equal line elsewhere in the
 file is none, and lines that a lesson rewrote or moved to other neighbours are its own business. A commit that changes
 both chapters, or a later one that brings the second in step, is what `strata carry` makes, and satisfies the check.
-Commits that `.git-blame-ignore-revs` lists rearranged code and repaired nothing. What is wanted nevertheless, `chapters/exceptions.toml` says with its reason.
+Commits that `.git-blame-ignore-revs` lists rearranged code and repaired nothing. What is wanted nevertheless,
+`chapters/exceptions.toml` says with its reason.
 """
 
 from __future__ import annotations
