@@ -279,7 +279,7 @@ FAULTS = {
     ),
     "a division in a frame": (
         "post/fullscreen.py",
-        "        commands.draw_fullscreen(self.pipeline)",
+        "        commands.draw_fullscreen(pipeline)",
         "        1 / 0",
         "ZeroDivisionError: division by zero",
         "1 / 0",
