@@ -6,14 +6,32 @@
         samples: int = knob(4, "Rays per pixel", minimum=1, maximum=64)
 
 The type of a knob is the type of its default: bool, int, float or str.
+
+Settings with many knobs are nested by subject. A group is a dataclass of the knobs of one subject, and is defined
+beside it; the settings are a dataclass of groups:
+
+    @dataclass
+    class ClothSettings:
+        substeps: int = knob(16, "Parts of a step", minimum=1, maximum=64, flat="cloth_substeps")
+
+    @dataclass(init=False)
+    class Settings(Grouped):
+        cloth: ClothSettings = group(ClothSettings)
+
+Code reads `settings.cloth.substeps`. Command lines, JSON and records use the flat name: `--set cloth_substeps=8` and
+`Settings(cloth_substeps=8)`. The flat name of a knob is its own name unless `flat` says otherwise; a knob `enabled` has
+the name of its group, so that `--set cloth=off` switches the subject off.
 """
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import math
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from functools import cache
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 
 from common.errors import SettingError
 from common.names import suggest
@@ -45,7 +63,8 @@ _BOOLS = {
 class Knob:
     """What is known about one setting; `reference` is the value that gives the truest picture.
 
-    A `live` one is read in every frame: it can be set in the settings of a renderer that is open.
+    A `live` one is read in every frame: it can be set in the settings of a renderer that is open. `flat` is the name
+    from outside where it is not that of the field; `path` is where settings hold the value, such as "cloth.substeps".
     """
 
     default: Value
@@ -56,6 +75,8 @@ class Knob:
     choices: tuple[Value, ...] | None = None
     reference: Value | None = None
     live: bool = False
+    flat: str = ""
+    path: str = ""
 
     def range_text(self) -> str:
         """Return the values allowed, for a table and for messages."""
@@ -140,12 +161,14 @@ def knob(
     choices: Sequence[Value] | None = None,
     reference: Any = None,
     live: bool = False,
+    flat: str = "",
 ) -> Any:
     """Return a dataclass field with a documented value; raises ValueError if its own default is out of range.
 
     Returns Any, as `dataclasses.field` does for a type checker: the annotation of the field says the type.
     """
-    record = Knob(default, doc, unit, minimum, maximum, tuple(choices) if choices else None, reference, live)
+    allowed = tuple(choices) if choices else None
+    record = Knob(default, doc, unit, minimum, maximum, allowed, reference, live, flat)
     for value in (default, reference):
         problem = None if value is None else _problem(record, value)
         if problem:
@@ -153,20 +176,130 @@ def knob(
     return dataclasses.field(default=default, metadata={"knob": record})
 
 
+def group(kind: type) -> Any:
+    """Return a field of `Grouped` settings that holds the knobs of one subject."""
+    return dataclasses.field(default_factory=kind, metadata={"group": kind})
+
+
+class Grouped:
+    """Base of settings that are nested by subject; a class of them is a `@dataclass(init=False)`."""
+
+    ORDER: ClassVar[str] = ""
+    """Flat names, in the order of tables and records; knobs that are not named follow, group by group."""
+
+    def __init__(self, **values: Any) -> None:
+        """Take the values of knobs by their flat names, or whole groups; raise SettingError for another name.
+
+        Both at once are refused: `loading` may be the name of a knob and of a group.
+        """
+        kinds = _groups(type(self))
+        given = {name: value for name, value in values.items() if isinstance(value, kinds.get(name, ()))}
+        if given and len(given) < len(values):
+            raise SettingError(
+                "settings take groups or single knobs, not both: use replaced(settings, name=value)"
+            )
+        for name, kind in kinds.items():
+            setattr(self, name, copy.copy(given[name]) if name in given else kind())
+        if not given:
+            _set(self, values)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Refuse what is no group, and no knob beside the groups: code reads the knobs of a group there."""
+        kinds, known = _groups(type(self)), knobs(self)
+        if not isinstance(value, kinds.get(name, ())) and (name not in known or known[name].path != name):
+            raise SettingError(f"settings cannot be given {name!r}{_instead(type(self), name)}")
+        super().__setattr__(name, value)
+
+    if not TYPE_CHECKING:  # a type checker refuses these names itself
+
+        def __getattr__(self, name: str) -> Any:
+            raise AttributeError(f"settings have no attribute {name!r}{_instead(type(self), name)}")
+
+
 def knobs(settings: Any) -> dict[str, Knob]:
-    """Return the knobs of a settings class or instance, by name, in their order."""
-    found = {field.name: field.metadata.get("knob") for field in dataclasses.fields(settings)}
-    return {name: record for name, record in found.items() if isinstance(record, Knob)}
+    """Return the knobs of a settings class or instance, by flat name, in their order."""
+    return dict(_knobs(settings if isinstance(settings, type) else type(settings)))
+
+
+@cache
+def _knobs(kind: type) -> dict[str, Knob]:
+    """Return the knobs of a class; raises ValueError where two have the same flat name."""
+    found: dict[str, Knob] = {}
+    for field in dataclasses.fields(kind):
+        inner = field.metadata.get("group")
+        prefix = f"{field.name}." if inner else ""
+        for one in dataclasses.fields(inner) if inner else (field,):
+            record = one.metadata.get("knob")
+            if not isinstance(record, Knob):
+                continue
+            name = record.flat or one.name
+            if name in found:
+                raise ValueError(f"two knobs of {kind.__name__} have the name {name!r}")
+            found[name] = dataclasses.replace(record, flat=name, path=prefix + one.name)
+    first = [name for name in getattr(kind, "ORDER", "").split() if name in found]
+    return {name: found[name] for name in (*first, *(name for name in found if name not in first))}
+
+
+def _groups(kind: type) -> dict[str, type]:
+    return {one.name: one.metadata["group"] for one in dataclasses.fields(kind) if "group" in one.metadata}
+
+
+def _instead(kind: type, name: str) -> str:
+    """Return where settings hold what is asked for by flat name, or a near match, as the end of a sentence."""
+    known = knobs(kind)
+    return f": it is settings.{known[name].path}" if name in known else suggest(name, _groups(kind))
+
+
+def _set(settings: Any, values: dict[str, Any]) -> None:
+    """Set knobs by flat name; raises SettingError for a name that is none, before any is set."""
+    known = knobs(settings)
+    for name in values:
+        _check_name(name, settings)
+    for name, value in values.items():
+        place, _, own = known[name].path.rpartition(".")
+        setattr(attrgetter(place)(settings) if place else settings, own, value)
+
+
+def _check_name(name: str, settings: Any) -> None:
+    """Raise SettingError where no knob has this flat name."""
+    known = knobs(settings)
+    if name in known:
+        return
+    paths = {record.path: flat_name for flat_name, record in known.items()}
+    inside = [flat_name for path, flat_name in paths.items() if path.startswith(f"{name}.")]
+    if name in paths:
+        near = f"; did you mean {paths[name]!r}?"
+    elif inside:
+        near = f": it is a group, which has {', '.join(inside)}."
+    else:
+        near = suggest(name, known) or ": there is none to set here."
+    raise SettingError(f"there is no setting {name!r}{near}")
+
+
+def flat(settings: Any) -> dict[str, Any]:
+    """Return the values of all knobs by flat name, in the order of tables and records."""
+    return {name: attrgetter(record.path)(settings) for name, record in knobs(settings).items()}
+
+
+def replaced(settings: S, **values: Any) -> S:
+    """Return a copy of settings with other values of knobs, by flat name; raises SettingError for another name."""
+    for name in values:
+        _check_name(name, settings)
+    if not isinstance(settings, Grouped):
+        changes = {knobs(settings)[name].path: value for name, value in values.items()}
+        return dataclasses.replace(settings, **changes)  # type: ignore[type-var]
+    changed = copy.deepcopy(settings)
+    _set(changed, values)
+    return changed
 
 
 def set_live(settings: S, wanted: S) -> bool:
     """Take the values of `wanted` over where some differ, and all that do are `live`; return whether that was so."""
-    known = knobs(settings)
-    others = {name for name in vars(wanted) if getattr(wanted, name) != getattr(settings, name)}
-    if not others or not all(name in known and known[name].live for name in others):
+    known, now = knobs(settings), flat(settings)
+    others = {name: value for name, value in flat(wanted).items() if value != now[name]}
+    if not others or not all(known[name].live for name in others):
         return False
-    for name in others:
-        setattr(settings, name, getattr(wanted, name))
+    _set(settings, others)
     return True
 
 
@@ -183,11 +316,9 @@ def apply_overrides(settings: S, overrides: Iterable[str]) -> S:
         name = name.strip().replace("-", "_")
         if not separator:
             raise SettingError(f"setting {override!r} has no value: write {name or 'name'}=value")
-        if name not in known:
-            near = suggest(name, known) or ": there is none to set here."
-            raise SettingError(f"there is no setting {name!r}{near}")
+        _check_name(name, settings)
         changes[name] = parse(name, known[name], text.strip())
-    return dataclasses.replace(settings, **changes)  # type: ignore[type-var]
+    return replaced(settings, **changes)
 
 
 def parse(name: str, record: Knob, text: str) -> Value:
@@ -255,4 +386,4 @@ def preset(settings_class: type[S], name: str) -> S:
     if name == "reference":
         truest = {key: record.reference for key, record in knobs(settings_class).items()}
         values = {key: value for key, value in truest.items() if value is not None}
-    return settings_class(**{**values, **presets[name]})
+    return replaced(settings_class(), **{**values, **presets[name]})

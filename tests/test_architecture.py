@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import ast
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Collection, Mapping, Sequence
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import chapters
 from common.paths import ROOT
+from tests.support import contents
 from tools.snapshots.new_chapter import HEADINGS
 
 FOLDERS = ("common", "backends", "chapters", "tools", "assets", "bootstrap", "shaders", "tests")
@@ -443,3 +447,62 @@ def test_tables_of_settings_name_knobs_and_values_in_their_range(number):
         pairs += [(name, value) for name, values in turned.items() for value in values]
     apply_overrides(kind(), [f"{name}={value}" for name, value in pairs])
     assert all(swept.truth.keys() == swept.knobs.keys() for swept in kind.PREPARED)
+
+
+@pytest.mark.parametrize("number", chapters.available())
+def test_knobs_are_grouped_by_subject_and_have_plain_flat_names(number):
+    """`settings.cloth.substeps` is in cloth/settings.py; from outside, it is `cloth_substeps`."""
+    import dataclasses
+
+    from common.settings import knobs
+
+    kind: Any = chapters.settings_class(number)
+    known = knobs(kind)
+    assert len(set(kind.ORDER.split())) == len(kind.ORDER.split()) and set(kind.ORDER.split()) <= set(known)
+    for field in dataclasses.fields(kind):
+        home = (
+            field.metadata["group"]
+            .__module__.removeprefix(kind.__module__.removesuffix("settings"))
+            .split(".")
+        )
+        assert home[-1] == "settings" and home[-2] == field.name
+    for name, record in known.items():
+        group, own = record.path.split(".")
+        assert name in (own, f"{group}_{own}") or (name == group and own in ("enabled", "name", "mode"))
+        assert own != "enabled" or name == group
+
+
+def test_knobs_keep_their_order_from_chapter_to_chapter():
+    """A lesson adds knobs to tables and records; those that were there stay in their order."""
+    from common.settings import knobs
+
+    names = [list(knobs(chapters.settings_class(number))) for number in chapters.available()]
+    for before, after in pairwise(names):
+        assert [name for name in after if name in before] == before
+
+
+@pytest.mark.parametrize("number", chapters.available())
+def test_settings_import_neither_the_graph_compiler_nor_twins(number):
+    code = f"import sys, chapters.ch{number:02}.settings; print(*sys.modules)"
+    loaded = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    ).stdout.split()
+    parts = [name.removeprefix(f"chapters.ch{number:02}.") for name in loaded]
+    assert "graph.settings" in parts or number < 4
+    graph = {name for name in parts if name.startswith("graph.")} - {"graph.settings"}
+    assert not graph and not [name for name in parts if name.startswith(("common.twins", "backends"))]
+
+
+@pytest.mark.parametrize("number", [number for number in chapters.available() if number >= 3])
+def test_tests_of_loading_depend_on_no_knobs_but_its_own(number, tmp_path):
+    """So they run once for all chapters in which loading is the same, whatever other knobs there are."""
+    digests = []
+    for changed in ("README.md", "settings.py", "shading/settings.py", "loading/settings.py"):
+        copy = tmp_path / changed.replace("/", " ")
+        shutil.copytree(
+            chapters.FOLDER / f"ch{number:02}", copy, ignore=shutil.ignore_patterns("__pycache__")
+        )
+        with (copy / changed).open("a", encoding="utf-8") as file:
+            file.write("# other")
+        digests.append(contents.digest(ROOT / "tests/ch03/test_loading.py", "chapters.ch03", copy))
+    assert digests[0] == digests[1] == digests[2] != digests[3]

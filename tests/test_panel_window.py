@@ -24,6 +24,7 @@ from common.numerics.transforms import pose_looking_at
 from common.paths import ROOT
 from common.scene import Light, Material
 from common.scene.pose import evaluate_pose
+from common.settings import replaced
 from common.view.camera import Camera, Orthographic, Perspective, view_of_scene
 from common.view.draw_lists import VERTEX, Command, DrawList
 from common.view.inputs import Inputs
@@ -198,8 +199,8 @@ def test_other_settings_open_another_renderer_and_camera_and_time_stay():
 def test_a_knob_that_is_read_in_every_frame_is_turned_in_the_renderer_that_is_open():
     """Cloth goes on when the wind turns; with another number of substeps it begins anew."""
     calm = chapters.settings_class(5)()
-    windy = dataclasses.replace(calm, wind_speed=8.0, wind_direction=90.0)
-    others = dataclasses.replace(windy, cloth_substeps=4)
+    windy = replaced(calm, wind_speed=8.0, wind_direction=90.0)
+    others = replaced(windy, cloth_substeps=4)
     made = []
 
     def reopen(settings):
@@ -219,7 +220,7 @@ def test_settings_that_cannot_be_are_refused_with_the_reason():
     opened = []
 
     def opener(size, settings=None):
-        if settings is not None and settings.background == 1.0:
+        if settings is not None and settings.shading.background == 1.0:
             raise UserError("not with such a background")
         opened.append(FakeRenderer(settings))
         return opened[-1]
@@ -528,8 +529,8 @@ def test_a_user_changes_a_knob_and_the_picture_changes(session):
             yield
         run.user.move(600, 580)  # the tooltip goes
         yield from run.rest()
-        assert loop.renderer.settings.background > before.settings.background
-        others = dataclasses.replace(loop.renderer.settings, background=before.settings.background)
+        assert loop.renderer.settings.shading.background > before.settings.shading.background
+        others = replaced(loop.renderer.settings, background=before.settings.shading.background)
         assert others == before.settings
         assert np.array_equal(loop.camera.positioner.world_from_view, pose) and loop.time >= at
         changed = (run.seen[BESIDE] != picture[BESIDE]).any(-1)
@@ -674,7 +675,7 @@ def test_passes_are_switched_resources_shown_and_the_graphs_file_followed(sessio
             yield
         assert "own.json:1:2: this is no JSON" in run.loop._live.error
         # Other settings go on with the graph that was good.
-        run.loop._change_settings(dataclasses.replace(settings, ambient=0.5))
+        run.loop._change_settings(replaced(settings, ambient=0.5))
         assert [one.name for one in run.loop.renderer.passes] == ["forward", "tonemap"]
         yield "end"
 

@@ -63,7 +63,7 @@ class Renderer(FrameStream):
         return device
 
     def _offered(self) -> set[int]:
-        return offered_samples(self.device, self.settings.color_format, "d32f")
+        return offered_samples(self.device, self.settings.shading.color_format, "d32f")
 
     def _create(self) -> None:
         device, scene = self.device, self.scene
@@ -75,7 +75,7 @@ class Renderer(FrameStream):
         self._profiler = Profiler(device)
         self._begin_stream()
         self._commands = Commands(device)
-        anisotropy = settings.anisotropy if self.plan.native("anisotropy") else 1.0
+        anisotropy = settings.scene.anisotropy if self.plan.native("anisotropy") else 1.0
         self._data = VulkanSceneData(device, scene, settings, anisotropy, self._resources, self._descriptors)
         self._make_passes()
         self._create_targets()

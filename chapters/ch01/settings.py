@@ -1,18 +1,20 @@
-"""The knobs of this chapter, each with its unit, range and default."""
+"""The settings of this chapter: the knobs of its subjects, its presets, and what is measured."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from common.environment import ENERGIES
-from common.settings import AtMost, Sweep, knob
+from common.settings import AtMost, Grouped, Sweep, group
 
-from .shading.views import CHOICES, PICTURE
+from .environment.settings import EnvironmentSettings
+from .post.settings import PostSettings
+from .scene.settings import SceneSettings
+from .shading.settings import ShadingSettings
 
 
-@dataclass
-class Settings:
+@dataclass(init=False)
+class Settings(Grouped):
     """What can be turned without touching the code: `strata run N --set anisotropy=1`."""
 
     PRESETS: ClassVar[dict[str, dict[str, Any]]] = {
@@ -65,85 +67,16 @@ class Settings:
         ),
     )
 
-    anisotropy: float = knob(
-        4.0, "texels averaged along the longer axis of a pixel's footprint", minimum=1, maximum=16
+    ORDER: ClassVar[str] = (
+        "anisotropy color_format "
+        "msaa resolve mask_coverage tone_curve "
+        "ambient default_light light_cutoff background sky "
+        "energy environment_intensity environment_turn environment_size environment_detail "
+        "irradiance_source table_size table_samples view "
+        "skip_unused"
     )
-    color_format: str = knob("rgba16f", "format of the linear colour target", choices=("rgba16f", "rgba32f"))
-    msaa: int = knob(
-        1,
-        "places in a pixel at which triangles cover it or not; not every device has each",
-        choices=(1, 2, 4, 8),
-    )
-    resolve: str = knob(
-        "tone-weighted",
-        "how a pixel's samples become one colour: averaged as they will be shown, or as light",
-        choices=("tone-weighted", "linear"),
-    )
-    mask_coverage: bool = knob(
-        True, "whether alpha masks end within a pixel, in steps of its samples; only with several of them"
-    )
-    tone_curve: str = knob(
-        "neutral", "how bright colours are rolled off to white", choices=("neutral", "none")
-    )
-    ambient: float = knob(
-        -1.0,
-        "light that arrives from every direction alike; -1: what the scene says, else a little where it has no lights",
-        unit="nits",
-        minimum=-1,
-        maximum=1e9,
-    )
-    default_light: bool = knob(
-        True, "whether a scene without lights gets one that shines from behind the camera"
-    )
-    light_cutoff: float = knob(
-        0.0,
-        "exposed illuminance below which a light without range ends; 0: it reaches everything",
-        unit="lux x exposure",
-        minimum=0,
-        maximum=1,
-    )
-    background: float = knob(
-        0.02, "linear grey where nothing was drawn, after exposure", minimum=0, maximum=1000
-    )
-    sky: bool = knob(True, "whether the environment is seen where nothing was drawn")
-    energy: str = knob(
-        "gltf",
-        "how reflection shares the environment's light: as glTF prints it; with what bounces between facets; "
-        "and with no more spread than mirroring leaves",
-        choices=ENERGIES,
-    )
-    environment_intensity: float = knob(
-        1.0, "factor on the environment's light; 0: there is none", minimum=0, maximum=1e9
-    )
-    environment_turn: float = knob(
-        0.0, "turn of the environment about the vertical", unit="degrees", minimum=-360, maximum=360
-    )
-    environment_size: int = knob(
-        256,
-        "texels along an edge of the environment's cube, rounded down to a power of two",
-        minimum=16,
-        maximum=2048,
-    )
-    environment_detail: float = knob(
-        0.35,
-        "texels summed as a whole for blurred levels, as a part of the lobe's width; time grows with its inverse "
-        "square: 0.05 takes minutes in software",
-        minimum=0.05,
-        maximum=2,
-        reference=0.15,
-    )
-    irradiance_source: int = knob(
-        32,
-        "texels along an edge of the level that irradiance is summed over, rounded down to a power of two",
-        minimum=4,
-        maximum=256,
-        reference=128,
-    )
-    table_size: int = knob(64, "cosines and roughnesses in the BRDF's table", minimum=8, maximum=512)
-    table_samples: int = knob(
-        1024, "samples of each number in the BRDF's table", minimum=16, maximum=65536, reference=4096
-    )
-    view: str = knob(
-        PICTURE, "a quantity shown in place of the picture, with one sample a pixel", choices=CHOICES
-    )
-    skip_unused: bool = knob(True, "whether what the scene does not need is left out of pipelines and sets")
+
+    scene: SceneSettings = group(SceneSettings)
+    shading: ShadingSettings = group(ShadingSettings)
+    post: PostSettings = group(PostSettings)
+    environment: EnvironmentSettings = group(EnvironmentSettings)

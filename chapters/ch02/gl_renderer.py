@@ -51,7 +51,7 @@ class Renderer(FrameStream):
         return context
 
     def _offered(self) -> set[int]:
-        of_color = sample_counts(self.device, self.settings.color_format)
+        of_color = sample_counts(self.device, self.settings.shading.color_format)
         return {*of_color} & {*sample_counts(self.device, "d32f")}
 
     def _create(self) -> None:
@@ -60,7 +60,7 @@ class Renderer(FrameStream):
         self._frames = Frames(context)
         self._pipelines = Pipelines(context)
         self._begin_stream()
-        anisotropy = settings.anisotropy if self.plan.native("anisotropy") else 1.0
+        anisotropy = settings.scene.anisotropy if self.plan.native("anisotropy") else 1.0
         self._data = GlSceneData(context, scene, settings, anisotropy)
         multi_draw = self.plan.native("multi-draw")
         self._commands = Commands(context, self._pipelines, multi_draw)

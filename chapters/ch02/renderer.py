@@ -65,7 +65,7 @@ class Renderer(FrameStream):
         return device
 
     def _offered(self) -> set[int]:
-        return offered_samples(self.device, self.settings.color_format, "d32f")
+        return offered_samples(self.device, self.settings.shading.color_format, "d32f")
 
     def _create(self) -> None:
         device, scene = self.device, self.scene
@@ -77,7 +77,7 @@ class Renderer(FrameStream):
         self._begin_stream()
         multi_draw = self.plan.native("multi-draw")
         self._commands = Commands(device, multi_draw)
-        anisotropy = settings.anisotropy if self.plan.native("anisotropy") else 1.0
+        anisotropy = settings.scene.anisotropy if self.plan.native("anisotropy") else 1.0
         bindless = self.plan.native("bindless")
         self._data = VulkanSceneData(
             device, scene, settings, anisotropy, self._resources, self._descriptors, bindless

@@ -53,7 +53,7 @@ class Renderer(FrameStream):
         return context
 
     def _offered(self) -> set[int]:
-        of_color = sample_counts(self.device, self.settings.color_format)
+        of_color = sample_counts(self.device, self.settings.shading.color_format)
         return {*of_color} & {*sample_counts(self.device, "d32f")}
 
     def _create(self) -> None:
@@ -62,11 +62,11 @@ class Renderer(FrameStream):
         self._frames = Frames(context)
         self._pipelines = Pipelines(context)
         self._begin_stream()
-        anisotropy = settings.anisotropy if self.plan.native("anisotropy") else 1.0
+        anisotropy = settings.scene.anisotropy if self.plan.native("anisotropy") else 1.0
         self._data = GlSceneData(context, scene, settings, anisotropy, self._loading)
-        self._workers = Workers(settings.recording_threads)
+        self._workers = Workers(settings.frames.recording_threads)
         multi_draw = self.plan.native("multi-draw")
-        self._commands = open_commands(context, self._pipelines, multi_draw, self._workers, settings)
+        self._commands = open_commands(context, self._pipelines, multi_draw, self._workers, settings.frames)
         self._make_passes()
         self._create_targets()
 

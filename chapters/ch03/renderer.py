@@ -69,7 +69,7 @@ class Renderer(FrameStream):
         return device
 
     def _offered(self) -> set[int]:
-        return offered_samples(self.device, self.settings.color_format, "d32f")
+        return offered_samples(self.device, self.settings.shading.color_format, "d32f")
 
     def _create(self) -> None:
         device, scene = self.device, self.scene
@@ -79,10 +79,10 @@ class Renderer(FrameStream):
         self._descriptors = Descriptors(device)
         self._profiler = Profiler(device)
         self._begin_stream()
-        self._workers = Workers(settings.recording_threads)
+        self._workers = Workers(settings.frames.recording_threads)
         multi_draw = self.plan.native("multi-draw")
-        self._commands = open_commands(device, self._frames, self._workers, multi_draw, settings)
-        anisotropy = settings.anisotropy if self.plan.native("anisotropy") else 1.0
+        self._commands = open_commands(device, self._frames, self._workers, multi_draw, settings.frames)
+        anisotropy = settings.scene.anisotropy if self.plan.native("anisotropy") else 1.0
         bindless = self.plan.native("bindless")
         self._data = VulkanSceneData(
             device, scene, settings, anisotropy, self._resources, self._descriptors, bindless, self._loading

@@ -79,7 +79,9 @@ LESSON = Lesson(
     plumbing={
         "frames/stream.py": "asks a backend for what was each renderer's own, and loops over the techniques",
         "scene/bindings.py": "says where the sources of a pass begin that reads the scene",
-        "settings.py": "has knobs for the graph, its tools, the G-buffer and the lens",
+        "settings.py": "has a group of knobs for the graph and its tools",
+        "shading/settings.py": "has knobs for the G-buffer and the depth prepass",
+        "post/settings.py": "has knobs for the lens",
         "frames/vulkan_commands.py": "lets a pass draw to any number of colour targets",
         "pipelines/vulkan_descriptors.py": "binds depth in the layout in which it is read while it is tested against",
         "frames/recording/vulkan_secondaries.py": "lets secondaries inherit several targets and be submitted again",

@@ -25,6 +25,7 @@ from typing import Any
 
 from backends.contract import Reloaded
 from common.errors import StaleFrameError
+from common.settings import replaced
 from common.view.camera import View
 
 from .frames.frame import SOURCES, Frame, reset_by
@@ -47,7 +48,7 @@ class Renderer(GraphStream):
 
     def _create(self) -> None:
         scene, api = self.scene, self._api
-        self._settings = settings = replace(self.settings, msaa=self.samples)
+        self._settings = settings = replaced(self.settings, msaa=self.samples)
         api.create(scene, settings, self.plan, self._loading, self._pose(0.0))
         self._data, self._pipelines, self._frames = api.data, api.pipelines, api.frames
         self._begin_stream()
@@ -83,7 +84,7 @@ class Renderer(GraphStream):
         frame.reset = self._reset or reset_by(view, time, self._previous)
         written = self._update(slot, view, time, frame.reset)
 
-        self._recorded = self._api.record(slot, self.settings.resubmit)
+        self._recorded = self._api.record(slot, self.settings.graph.resubmit)
 
         self._frames.submit(slot)
         self._in_slot[slot.index] = weakref.ref(frame)  # not before: a frame that failed has no times to keep

@@ -77,7 +77,8 @@ LESSON = Lesson(
         "cloth/technique.py",
     ),
     plumbing={
-        "settings.py": "has knobs for queues and for cloth",
+        "settings.py": "has groups of knobs for queues and for cloth",
+        "graph/settings.py": "says that there is a graph named compute",
         "graph/deferred.json": "names the pass that moves cloth",
         "graph/forward.json": "names the pass that moves cloth",
         "frames/vulkan_commands.py": "records dispatches, too",

@@ -17,6 +17,7 @@ from common.errors import UserError
 from common.numerics.transforms import translation
 from common.reports import metrics
 from common.scene import Scene
+from common.settings import knobs, replaced
 from common.view.camera import View
 
 Array = np.ndarray
@@ -107,7 +108,7 @@ def difference(image: Array, other: Array) -> dict[str, float]:
 
 def recorded_anew(settings: Any) -> Any:
     """Return settings with which every frame is recorded, in chapters that can send one again, too."""
-    return replace(settings, resubmit=False) if hasattr(settings, "resubmit") else settings
+    return replaced(settings, resubmit=False) if "resubmit" in knobs(settings) else settings
 
 
 def middle(values: Sequence[float]) -> tuple[float, float]:

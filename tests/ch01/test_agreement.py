@@ -25,6 +25,7 @@ from chapters.ch01.shading.instance_id import InstanceIdPass
 from common.paths import asset_dir
 from common.reports.metrics import flip_mean
 from common.scene import Light, Material
+from common.settings import replaced
 from tests.support.chapter import on_opengl, on_path
 from tests.support.scenes import facing, quad_scene, translated
 
@@ -149,7 +150,7 @@ def test_at_full_size_only_sharp_highlights_differ_by_more(name, vulkan_device, 
 def test_in_an_environment_only_mirrors_differ_by_more(vulkan_device, gl_context, monkeypatch):
     """Each backend makes its own maps, of which one texel in a hundred may round to the next half."""
     monkeypatch.setattr(logic_of_environments, "cache_dir", lambda name: None)
-    settings = replace(EXACT, environment_size=32, irradiance_source=16, table_samples=64)
+    settings = replaced(EXACT, environment_size=32, irradiance_source=16, table_samples=64)
     only_highlights_differ(
         scenes.load("spheres", around="sky"), SIZE, settings, vulkan_device, gl_context, 0.02
     )

@@ -263,7 +263,7 @@ def test_an_empty_scene_is_its_background(chapter):
     scene.instances.visible[:] = False
     with chapter.open(scene, SIZE, outputs={"color_linear", "instance_id"}) as made:
         frame = made.render(View(facing().world_from_view))
-        expected = Settings().background / exposure(View(facing().world_from_view).ev100)
+        expected = Settings().shading.background / exposure(View(facing().world_from_view).ev100)
         assert np.allclose(frame.image("color_linear"), expected, rtol=1e-3)
         assert (frame.image("instance_id") == 0).all()
 

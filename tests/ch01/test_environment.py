@@ -15,8 +15,8 @@ from backends.vulkan.once import submit_once
 from backends.vulkan.resources import create_buffer, create_sampler, destroy_buffer
 from chapters.ch01.environment import model as logic
 from chapters.ch01.environment.model import SMOOTH, Sizes
+from chapters.ch01.environment.settings import EnvironmentSettings
 from chapters.ch01.environment.vulkan import create_environment, read_levels
-from chapters.ch01.settings import Settings
 from common.environment import ENERGIES, Environment, constant, read_environment
 from common.environment.directions import (
     cube_directions,
@@ -356,11 +356,11 @@ def test_levels():
 
 
 def test_edges_are_rounded_down_to_powers_of_two_as_their_help_says():
-    sizes = Sizes.of(Settings(environment_size=300, irradiance_source=63))
+    sizes = Sizes.of(EnvironmentSettings(size=300, irradiance_source=63))
     assert (sizes.face, sizes.irradiance_source) == (256, 32)
     for name in ("environment_size", "irradiance_source"):
-        assert "rounded down to a power of two" in knobs(Settings())[name].doc
-    assert "inverse square" in knobs(Settings())["environment_detail"].doc
+        assert "rounded down to a power of two" in knobs(EnvironmentSettings)[name].doc
+    assert "inverse square" in knobs(EnvironmentSettings)["environment_detail"].doc
 
 
 def test_no_pixel_of_the_panorama_is_passed_over():
@@ -443,8 +443,8 @@ def test_a_table_that_is_kept_is_read_and_a_damaged_one_is_not(tmp_path):
 
 def test_an_environment_stands_as_it_is_unless_it_is_turned():
     """Cosine and sine of no turn and of a quarter, between the factor on its light and the last level."""
-    assert logic.frame_values(Settings(), 8.0, 3) == (8.0, 1.0, 0.0, 3.0)
-    turned = Settings(environment_turn=90.0, environment_intensity=0.5)
+    assert logic.frame_values(EnvironmentSettings(), 8.0, 3) == (8.0, 1.0, 0.0, 3.0)
+    turned = EnvironmentSettings(turn=90.0, intensity=0.5)
     assert logic.frame_values(turned, 8.0, 3) == pytest.approx((4.0, 0.0, 1.0, 3.0), abs=1e-15)
 
 

@@ -14,6 +14,7 @@ from common.environment import ENERGIES, Environment, constant
 from common.environment.directions import panorama_directions
 from common.numerics.transforms import pose_looking_at
 from common.scene import Light, Material
+from common.settings import replaced
 from common.view.camera import View, exposure
 from tests.support.chapter import on_opengl
 from tests.support.scenes import facing, quad_scene, translated
@@ -77,7 +78,7 @@ def test_the_sky_is_the_environment_where_nothing_was_drawn(vulkan_device):
         assert np.array_equal(*pictures)  # where the camera stands changes nothing
     picture, _ = draw(vulkan_device, scene, facing())
     assert (picture == 0).all()  # the square fills the view, and is black
-    turned = replace(EXACT, environment_turn=90.0)
+    turned = replaced(EXACT, environment_turn=90.0)
     picture, _ = draw(vulkan_device, scene, looking((0, 0, 9), np.array([0.0, 0.0, 1.0])), turned, (17, 17))
     assert np.abs(picture[8, 8] - (0.5, 1.0, 1.0)).max() < 4e-3  # what was on the left came behind
 
@@ -88,7 +89,7 @@ def test_a_square_in_uniform_light(vulkan_device, energy, metallic, roughness):
     """Seen head on by an orthographic camera: one direction, one number, by quadrature."""
     material = Material(base_color=(0.9, 0.5, 0.1, 1.0), metallic=metallic, roughness=roughness)
     scene = around(quad_scene(material), constant((2.0, 3.0, 4.0)))
-    settings = replace(EXACT, energy=energy, environment_intensity=1.5)
+    settings = replaced(EXACT, energy=energy, environment_intensity=1.5)
     picture, work = draw(vulkan_device, scene, facing(), settings)
     assert work["lights"] == 0  # the default light is for scenes without any
     table = ibl.albedo_table(1.0, roughness)
@@ -117,7 +118,7 @@ def test_no_light_from_afar_is_no_environment(vulkan_device):
         vulkan_device,
         around(quad_scene(Material(metallic=0.3), lights=(light,)), constant()),
         facing(),
-        replace(EXACT, environment_intensity=0.0),
+        replaced(EXACT, environment_intensity=0.0),
     )
     assert np.array_equal(truth, dark)
     assert work == dark_work
@@ -130,7 +131,7 @@ def test_no_light_from_afar_is_no_environment(vulkan_device):
         vulkan_device,
         around(quad_scene(Material(metallic=0.3), lights=(light,)), constant(0.0)),
         facing(),
-        replace(EXACT, sky=False),
+        replaced(EXACT, sky=False),
     )
     assert np.array_equal(truth, seen)
     assert less["draws"] == work["draws"]
@@ -157,7 +158,7 @@ def test_opengl_draws_the_same(vulkan_device, gl_context, energy):
         ),
         smooth(),
     )
-    settings = replace(EXACT, energy=energy, environment_turn=30.0)
+    settings = replaced(EXACT, energy=energy, environment_turn=30.0)
     view = looking((2.0, 1.0, 4.0), np.array([-0.4, -0.2, -1.0]))
     truth, work = draw(vulkan_device, scene, view, settings, (64, 48))
     with OpenGL(scene, (64, 48), settings, outputs={"color_linear"}, device=gl_context) as made:

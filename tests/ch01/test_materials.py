@@ -13,6 +13,7 @@ from chapters.ch01.settings import Settings
 from common.images.color import decode_srgb
 from common.numerics.transforms import pose_looking_at
 from common.scene import Image, Light, Material
+from common.settings import replaced
 from common.view.camera import Orthographic, View, exposure
 from tests.support.scenes import facing, nodes_at, quad_scene, texture, translated
 from tests.twins import shading
@@ -253,7 +254,7 @@ def test_every_role_has_a_transform_of_its_own(chapter):
         emissive_texture=texture(offset=(0.5, 0.0), scale=(0.5, 1.0)),
     )
     scene = quad_scene(material, images=(Image("two", pixels),))
-    picture = draw(chapter, scene, settings=replace(EXACT, ambient=1.0))
+    picture = draw(chapter, scene, settings=replaced(EXACT, ambient=1.0))
     assert np.allclose(picture, (0.96 + 0.04, 0.04 + 1.0, 0.04), atol=1e-5)
     assert not np.allclose(picture, (0.04 + 1.0, 0.96 + 0.04, 0.04), atol=1e-2), (
         "with both transforms exchanged"
@@ -277,7 +278,7 @@ def test_a_neutral_texture_is_none(chapter):
     )
     lamp = Light("point", node=1, intensity=3.0)
     nodes = nodes_at(np.eye(4), translated(0.2, 0.4, 1.0))
-    settings = replace(EXACT, ambient=0.3)
+    settings = replaced(EXACT, ambient=0.3)
     a, b = (
         draw(
             chapter,

@@ -89,7 +89,7 @@ def test_a_model_is_drawn_where_it_stands_and_twice_the_same(vulkan_device, mode
     with Renderer(scene, SIZE, outputs=outputs, device=vulkan_device) as made:
         frames = [made.render(view), made.render(view)]
         first, second = ({output: frame.image(output) for output in outputs} for frame in frames)
-        background = made.settings.background / exposure(view.ev100)
+        background = made.settings.shading.background / exposure(view.ev100)
     assert all(np.array_equal(first[output], second[output]) for output in outputs)
     assert np.isfinite(first["color_linear"]).all()
     seen = (np.abs(first["color_linear"] - background) > 1e-2 * background).any(axis=-1)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -19,7 +18,7 @@ from common.errors import UserError
 from common.images.color import decode_srgb
 from common.numerics.transforms import matrix_from_quaternion, pose_looking_at
 from common.scene import Image, Material, Sampler, Scene
-from common.settings import preset
+from common.settings import preset, replaced
 from common.view.camera import Perspective, View
 from tests.support.chapter import on_opengl, on_path, targets_of
 from tests.support.drivers import needs_feature, needs_whole_quads
@@ -31,7 +30,7 @@ pytestmark = pytest.mark.variants("gl")
 OpenGL = on_opengl(Vulkan)
 SIZE = (32, 32)
 FOUR = Settings(color_format="rgba32f", background=0.0, msaa=4)
-LINEAR = replace(FOUR, resolve="linear")
+LINEAR = replaced(FOUR, resolve="linear")
 WHITE = Material(unlit=True)
 
 
@@ -101,7 +100,7 @@ def test_an_alpha_mask_covers_as_many_samples_as_it_fills_of_the_pixel(opened, v
     truth = np.float64([0, 0, 0, 0, 1 - offset, 1, 1, 1])
     assert np.abs(row - truth).max() <= 1 / 8 + 1e-4
     assert np.allclose(row * 4, np.round(row * 4), atol=1e-5)
-    with opened(scene, replace(LINEAR, mask_coverage=False), outputs={"color_linear"}) as made:
+    with opened(scene, replaced(LINEAR, mask_coverage=False), outputs={"color_linear"}) as made:
         row = made.render(facing(ev100=np.log2(1 / 1.2))).image("color_linear")[16, 12:20, 0]
     assert np.allclose(row, np.round(row), atol=1e-6)
 
@@ -154,7 +153,7 @@ def test_the_resolve_is_the_mean_of_what_is_shown(opened):
                     edit.set_material(0, Material(unlit=True, base_color=(*back, 1)))
                     edit.set_material(1, Material(unlit=True, base_color=(*front, 1)))
                 view = facing(ev100=np.log2(1 / 1.2))  # an exposure of 1
-                found[settings.resolve, number] = made.render(view).image("color_linear").reshape(-1, 3)
+                found[settings.post.resolve, number] = made.render(view).image("color_linear").reshape(-1, 3)
     part = np.round(found["linear", 0][:, 0].astype(np.float64) * 4) / 4
     assert set(part) == {0, 0.25, 0.5, 0.75, 1}
     for number, (front, back) in enumerate(COLORS, start=1):
@@ -174,7 +173,7 @@ def test_the_edge_of_a_bright_lamp_is_shown_in_levels(opened):
             frame = made.render(facing())
             shown, light = shown_light(frame)[..., 0], frame.image("color_linear")[..., 0]
         order = np.unique(light)
-        levels[settings.resolve] = [float(shown[light == one].mean()) for one in order if one > 0]
+        levels[settings.post.resolve] = [float(shown[light == one].mean()) for one in order if one > 0]
     assert len(levels["tone-weighted"]) == len(levels["linear"]) == 4
     assert np.allclose(levels["tone-weighted"], (0.25, 0.5, 0.75, 1.0), atol=0.06)
     assert min(levels["linear"]) > 0.95
@@ -225,7 +224,7 @@ def test_one_sample_costs_nothing_of_it(opened):
     work = {}
     scene = quad_scene(WHITE)
     for msaa in (1, 4):
-        with opened(scene, replace(FOUR, msaa=msaa)) as made:
+        with opened(scene, replaced(FOUR, msaa=msaa)) as made:
             work[msaa] = made.render(facing()).work
             names, targets = [one.name for one in made.passes], targets_of(made)
         if msaa == 1:
@@ -275,7 +274,7 @@ def test_a_number_that_the_device_lacks_is_refused_with_those_it_has(opened):
 
 
 def test_a_preset_takes_what_the_device_has(opened):
-    wish = replace(preset(Settings, "reference"), ambient=1.0)
+    wish = replaced(preset(Settings, "reference"), ambient=1.0)
     for offered, expected in (({1}, 1), ({1, 4}, 4), ({16, 4, 2, 1}, 4), ({1, 2, 4, 8}, 8)):
         samples, short = choose_samples(wish, offered, "Toaster")
         assert (samples, bool(short)) == (expected, expected < 8)
@@ -308,7 +307,7 @@ def test_more_samples_are_less_error(opened, name):
         offered = sorted(made._offered() & {1, 2, 4, 8})
     errors = []
     for msaa in offered:
-        with opened(scene, replace(best, msaa=msaa), size) as made:
+        with opened(scene, replaced(best, msaa=msaa), size) as made:
             errors.append(error(shown_light(made.render(view)), truth))
     # The truth has 16 samples a pixel itself: from four on, what is left is as much its error (8 on an H200: as 4).
     up_to_four = errors[: offered.index(4) + 1]
@@ -340,10 +339,10 @@ def test_anisotropic_filtering_comes_nearer_to_many_samples_and_keeps_more_contr
         with opened(floor, settings, scaled, outputs={"color_linear"}, **more) as made:
             return made.render(view).image("color_linear")[..., 0]
 
-    truth = _averaged(drawn(replace(base, anisotropy=16.0), 8)[..., None], 8)[..., 0]
-    levels = [drawn(replace(base, anisotropy=level)) for level in (1.0, 2.0, 4.0, 16.0)]
+    truth = _averaged(drawn(replaced(base, anisotropy=16.0), 8)[..., None], 8)[..., 0]
+    levels = [drawn(replaced(base, anisotropy=level)) for level in (1.0, 2.0, 4.0, 16.0)]
     errors = [error(one[14:], truth[14:]) for one in levels]
     contrasts = [float(one[14:].std(axis=1).mean()) for one in levels]
     assert all(more < fewer for fewer, more in pairwise(errors)), errors
     assert all(more > fewer for fewer, more in pairwise(contrasts)), contrasts
-    assert np.array_equal(levels[0], drawn(replace(base, anisotropy=16.0), without={"anisotropy"}))
+    assert np.array_equal(levels[0], drawn(replaced(base, anisotropy=16.0), without={"anisotropy"}))

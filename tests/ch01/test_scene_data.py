@@ -18,6 +18,7 @@ from common import layouts
 from common.errors import SceneError, ShaderError
 from common.images.color import decode_srgb
 from common.scene import Deformation, Image, Instances, Light, Material, Sampler
+from common.settings import replaced
 from common.view.camera import UNIT_EV100, exposure
 from tests.support.bounds import decoded_srgb
 from tests.support.chapter import building, of_backend
@@ -171,7 +172,7 @@ def test_colours_are_decoded_and_data_are_not(chapter, role, decoded):
         "occlusion": Material(metallic=1.0, occlusion_texture=texture()),
     }[role]
     images = (Image("code", np.full((2, 2, 4), (188, 188, 188, 255), np.uint8)),)
-    settings = replace(EXACT, ambient=1.0 if role == "occlusion" else 0.0)
+    settings = replaced(EXACT, ambient=1.0 if role == "occlusion" else 0.0)
     picture = fresh(chapter, quad_scene(material, images=images), facing(ev100=UNIT_EV100), settings)
     if decoded and not chapter.device.capabilities.is_software:
         low, high = decoded_srgb(np.array(188))

@@ -11,6 +11,7 @@ import pytest
 from chapters.ch01.settings import Settings
 from common.images.color import decode_srgb, encode_srgb
 from common.scene import Image, Light, Material, Sampler
+from common.settings import replaced
 from common.view.camera import exposure
 from tests.support.scenes import facing, nodes_at, quad_scene, texture, translated
 from tests.twins import shading
@@ -122,7 +123,7 @@ def test_light_cutoff_ends_a_light_where_its_exposed_illuminance_falls_below(cha
     scene = replace(quad_scene(MATTE, lights=(light,)), nodes=nodes_at(np.eye(4), translated(z=1.0)))
     view = facing()
     cutoff = 2.0 * exposure(view.ev100) / 1.3  # reached at a squared distance of 1.3
-    picture = draw(chapter, scene, settings=replace(EXACT, light_cutoff=cutoff))
+    picture = draw(chapter, scene, settings=replaced(EXACT, light_cutoff=cutoff))
     whole = draw(chapter, scene)
     x, y = pixel_centres()
     inside = x**2 + y**2 + 1.0 < 1.3
@@ -176,7 +177,7 @@ def test_metal_and_roughness_come_from_blue_and_green(chapter):
 @pytest.mark.feature("pbr/texture-roles")
 def test_occlusion_dims_ambient_light_alone(chapter):
     light = Light("directional", node=0, intensity=1.0)
-    settings = replace(EXACT, ambient=0.7)
+    settings = replaced(EXACT, ambient=0.7)
     half = replace(MATTE, occlusion_texture=texture(), occlusion_strength=0.5)
     images = (grey((0.2, 0.9, 0.9, 1.0)),)
 

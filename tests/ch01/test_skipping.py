@@ -14,6 +14,7 @@ from chapters.ch01.settings import Settings
 from common import layouts
 from common.environment import constant
 from common.scene import Image, Light, Material, Sampler, TextureRef
+from common.settings import replaced
 from tests.support.chapter import building, on_path
 from tests.support.drivers import needs_whole_quads
 from tests.support.scenes import facing, quad_scene, texture, translated
@@ -54,7 +55,7 @@ def frames(chapter):
     for name, scene in SCENES.items():
         pair = []
         for skip in (True, False):
-            settings = replace(SETTINGS, skip_unused=skip)
+            settings = replaced(SETTINGS, skip_unused=skip)
             with chapter.open(scene, SIZE, settings, outputs={"color_linear"}) as renderer:
                 frame = renderer.render(facing())
                 pair.append((frame.image("color_linear"), frame.work))
@@ -90,7 +91,7 @@ def test_a_scene_without_lights_has_no_light_buffer_and_no_light_loop(chapter, f
     (_, skipped), (_, whole) = frames["nothing"]
     assert skipped["lights"] == 0
     made = []
-    for settings in (SETTINGS, replace(SETTINGS, skip_unused=False)):
+    for settings in (SETTINGS, replaced(SETTINGS, skip_unused=False)):
         with chapter.open(SCENES["nothing"], SIZE, settings, outputs={"color"}):
             made.append(sum(name.startswith("lights") for name in chapter.device.alive.values()))
     assert made == [0, 2]
@@ -250,7 +251,7 @@ def test_both_backends_count_the_same_work(vulkan_device, frames, name):
     )
     counted += ("samplers", "bytes_written")
     for skip, (picture, work) in zip((True, False), frames[name], strict=True):
-        settings = on_path(replace(SETTINGS, skip_unused=skip))
+        settings = on_path(replaced(SETTINGS, skip_unused=skip))
         with Renderer(
             SCENES[name], SIZE, settings, outputs={"color_linear"}, device=vulkan_device
         ) as renderer:
@@ -286,7 +287,7 @@ def test_real_scenes_look_the_same_with_skipping_turned_off(chapter, anisotropy)
     scene = scenes.load("cornell")
     pictures = []
     for skip in (True, False):
-        settings = replace(SETTINGS, skip_unused=skip, anisotropy=anisotropy)
+        settings = replaced(SETTINGS, skip_unused=skip, anisotropy=anisotropy)
         with chapter.open(scene, SIZE, settings, outputs={"color_linear"}) as made:
             pictures.append(made.render(chapters.view_of(made), 0.0).image("color_linear"))
     assert np.allclose(*pictures, rtol=2.0**-9, atol=2.0**-12)

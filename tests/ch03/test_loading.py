@@ -22,10 +22,10 @@ from chapters.ch03.loading.loading import (
     report_failures,
     sentence,
 )
+from chapters.ch03.loading.settings import LoadingSettings
 from chapters.ch03.loading.uploads import Upload, cost
 from chapters.ch03.scene.textures.texels import Shape
 from chapters.ch03.scene_cache import cache
-from chapters.ch03.settings import Settings
 from common import layouts
 from common.errors import SceneError
 from common.gltf.images import _Maker
@@ -376,7 +376,7 @@ def test_whatever_a_decoder_raises_the_one_who_waits_is_woken(opened):
 
 def test_frames_are_not_waited_for_in_a_window_only():
     said = {
-        (loading, presents): Loading.of(Settings(loading=loading), presents).streams
+        (loading, presents): Loading.of(LoadingSettings(loading), presents).streams
         for loading in ("auto", "wait", "stream")
         for presents in (False, True)
     }
@@ -385,7 +385,7 @@ def test_frames_are_not_waited_for_in_a_window_only():
         ("stream", False),
         ("stream", True),
     }
-    assert Loading.of(Settings(upload_budget=0.5), True).budget == 1 << 19
+    assert Loading.of(LoadingSettings(upload_budget=0.5), True).budget == 1 << 19
 
 
 # --- what a frame spends ---

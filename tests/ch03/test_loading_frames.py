@@ -20,6 +20,7 @@ from common.images import blocks
 from common.images.mips import mip_chain
 from common.scene import Image, Light, Material
 from common.scene.images import Chain, EncodedImage
+from common.settings import replaced
 from common.view.camera import UNIT_EV100
 from tests.support.scenes import NEAREST, facing, quad_scene, texture, translated
 from tests.support.timing import PATIENCE_S
@@ -28,7 +29,7 @@ pytestmark = pytest.mark.usefixtures("no_thread_left")
 EXACT = Settings(
     color_format="rgba32f", background=0.0, default_light=False, tone_curve="none", anisotropy=1.0
 )
-STREAM = replace(EXACT, loading="stream", decoding_threads=8)
+STREAM = replaced(EXACT, loading="stream", decoding_threads=8)
 UNLIT = Material(unlit=True)
 COLORS = [(255, 0, 0, 255), (0, 255, 0, 255), (0, 0, 255, 255), (255, 255, 0, 255)]
 WHITE = (255, 255, 255, 255)
@@ -137,7 +138,7 @@ def test_threads_decode_while_pipelines_are_made(chapter, gated, monkeypatch):
         return get(self, wanted)
 
     monkeypatch.setattr(module.Pipelines, "get", begin)
-    with open_(chapter, row_of(images.images), replace(EXACT, loading="wait")) as renderer:
+    with open_(chapter, row_of(images.images), replaced(EXACT, loading="wait")) as renderer:
         picture, _ = drawn(renderer)
     assert made[0] == []
     assert np.array_equal(picture[0, :, :3], np.array(COLORS)[:, :3] / 255)
@@ -171,7 +172,7 @@ def test_before_any_arrival_the_frame_is_that_of_all_white_textures(chapter, gat
     scene = lit_scene(pictures.images, {role: n for n, role in enumerate(ROLES)})
     white = lit_scene([Image("white", plain(WHITE))], dict.fromkeys(ROLES[:4], 0))
     # White is no normal: there it is the one that points straight up, sampled as such.
-    with open_(chapter, white, replace(EXACT, skip_unused=False), (24, 24)) as renderer:
+    with open_(chapter, white, replaced(EXACT, skip_unused=False), (24, 24)) as renderer:
         expected, _ = drawn(renderer)
     with open_(chapter, scene, STREAM, (24, 24)) as renderer:
         for _ in range(4):
@@ -214,7 +215,7 @@ def test_at_most_the_budget_is_copied_in_a_frame_and_large_images_come_in_parts(
     arrays = [plain(color, (96, 96)) for color in COLORS[:3]]
     pictures = gated(*arrays)
     pictures.open()
-    settings = replace(STREAM, upload_budget=1 / 64)  # 16 KiB of 36 KiB each
+    settings = replaced(STREAM, upload_budget=1 / 64)  # 16 KiB of 36 KiB each
     with open_(chapter, row_of(pictures.images), settings) as renderer:
         found = frames_until(renderer, loaded)
     copied = [work["bytes_uploaded"] for _, work in found]
@@ -232,7 +233,7 @@ def test_a_texture_of_a_budget_arrives_in_one_frame_and_a_larger_one_in_two(chap
     """16 MiB are a quarter of what a ring may be."""
     pictures = gated(plain(COLORS[0], (2048, 2048)), plain(COLORS[1], (2048, 3072)))  # 16 and 24 MiB
     copied = []
-    with open_(chapter, row_of(pictures.images), replace(STREAM, upload_budget=16)) as renderer:
+    with open_(chapter, row_of(pictures.images), replaced(STREAM, upload_budget=16)) as renderer:
         drawn(renderer)  # the first frame copies nothing
         for number in range(2):
             pictures.open(number)
@@ -353,7 +354,7 @@ def test_closed_while_loading_leaves_nothing(chapter, gated, frames):
     pictures.open(0)
     before = {*chapter.device.alive}
     threads = threading.active_count()
-    renderer = open_(chapter, row_of(pictures.images), replace(STREAM, upload_budget=1 / 64))
+    renderer = open_(chapter, row_of(pictures.images), replaced(STREAM, upload_budget=1 / 64))
     for _ in range(frames):
         drawn(renderer)
     later = threading.Timer(0.02, pictures.open)  # what has begun is finished
@@ -377,7 +378,9 @@ class Chained(Image):
 
 @pytest.mark.needs("etcpak")
 @pytest.mark.parametrize("without", [(), ("bindless",)], ids=["as it is", "arrays"])
-@pytest.mark.parametrize("settings", [EXACT, replace(STREAM, upload_budget=1 / 64)], ids=["at once", "parts"])
+@pytest.mark.parametrize(
+    "settings", [EXACT, replaced(STREAM, upload_budget=1 / 64)], ids=["at once", "parts"]
+)
 def test_levels_that_an_image_brings_are_copied_as_they_are(chapter, settings, without):
     images = [Chained(str(color), plain(color, (150, 70 + n))) for n, color in enumerate(COLORS)]
     refs = [texture(n, replace(NEAREST, mipmap="nearest")) for n in range(4)]
@@ -390,7 +393,7 @@ def test_levels_that_an_image_brings_are_copied_as_they_are(chapter, settings, w
         made = [name for name in calls if name in ("vkCmdDispatch", "glDispatchCompute")]
     shown, truth = np.array(codes(picture[:, ::8])), np.array([color[:3] for color in COLORS])
     assert np.abs(shown - truth).max() <= 3, "the encoder is off by a code"
-    if chapter.device.has("block-compression") and settings.loading == "stream":
+    if chapter.device.has("block-compression") and settings.loading.mode == "stream":
         assert not made, "the GPU makes none"
 
 
@@ -401,7 +404,7 @@ def test_an_edit_while_loading_loads_what_it_brings_and_forgets_the_rest(chapter
     pictures = gated(*(plain(color, (8, 8)) for color in COLORS))
     materials = tuple(replace(UNLIT, base_color_texture=texture(n)) for n in range(3))
     scene = row_of(pictures.images, materials)
-    with open_(chapter, scene, replace(STREAM, decoding_threads=1)) as renderer:
+    with open_(chapter, scene, replaced(STREAM, decoding_threads=1)) as renderer:
         pictures.open(0)
         frames_until(renderer, lambda _, work: work["textures_resident"] == 1)
         with scene.edit() as edit:  # 1 is being decoded, 2 waits, 0 is there
@@ -424,7 +427,7 @@ def test_the_texture_being_copied_may_go(chapter, gated):
     pictures.open()
     scene = row_of(pictures.images)
     before = {*chapter.device.alive}
-    with open_(chapter, scene, replace(STREAM, upload_budget=1 / 64, decoding_threads=1)) as renderer:
+    with open_(chapter, scene, replaced(STREAM, upload_budget=1 / 64, decoding_threads=1)) as renderer:
         frames_until(renderer, lambda _, work: work["bytes_uploaded"] > 0)
         with scene.edit() as edit:
             edit.set_material(0, UNLIT)

@@ -16,6 +16,7 @@ from chapters.ch04.settings import Settings
 from common.environment import constant
 from common.images.color import decode_srgb
 from common.scene import Light, Material, Scene
+from common.settings import replaced
 from common.view.camera import exposure
 from tests.support.jumble import CAMERA, KINDS, jumble
 from tests.support.scenes import facing, quad_scene, translated
@@ -33,7 +34,7 @@ Surfaces = dict[str, np.ndarray]
 
 def frame_of(chapter, scene, settings, graph, view=CAMERA, inspect=False, size=SIZE):
     """Return the light of one frame, (H, W, 3) float64, and if `inspect` what the G-buffer holds, decoded."""
-    chosen = replace(settings, graph=graph)
+    chosen = replaced(settings, graph=graph)
     with chapter.open(scene, size, chosen, outputs={"color_linear"}, inspect=inspect) as renderer:
         frame = renderer.render(view)
         light = frame.image("color_linear").astype(np.float64)
@@ -46,7 +47,7 @@ def surfaces(frame, view, settings, size, scene) -> Surfaces:
         name: frame.image(f"gbuffer/gbuffer_{name}").astype(np.float64)
         for name in ("base_color", "normal", "material", "emissive")
     }
-    if settings.gbuffer_format == "half":
+    if settings.shading.gbuffer_format == "half":
         stored["base_color"] = decode_srgb(stored["base_color"] / 255)
         stored["material"] /= 255
     depth = frame.image("gbuffer/depth").astype(np.float64)
@@ -83,7 +84,7 @@ def lit(held: Surfaces, scene: Scene, settings, view=CAMERA) -> np.ndarray:
             normal, towards, to_eye, base, metallic, alpha
         )
     albedo = base * metallic[..., None] + (0.96 * base + 0.04) * (1 - metallic[..., None])
-    total += settings.ambient * exposure(view.ev100) * occlusion[..., None] * albedo
+    total += settings.scene.ambient * exposure(view.ev100) * occlusion[..., None] * albedo
     return total * (counts > 0.5)[..., None] + held["emissive"][..., :3]
 
 
@@ -145,7 +146,7 @@ def test_in_full_precision_both_paths_differ_by_the_rounding_of_a_place(chapter,
 def test_lighting_is_that_of_the_formulas_on_what_was_stored(chapter):
     scene = jumble(3, SOLID)
     for kind in ("full", "half"):
-        settings = replace(FULL, gbuffer_format=kind)
+        settings = replaced(FULL, gbuffer_format=kind)
         deferred, held = frame_of(chapter, scene, settings, "deferred", inspect=True)
         there = held["there"]
         bound = rounding(held, scene, settings)
@@ -154,14 +155,14 @@ def test_lighting_is_that_of_the_formulas_on_what_was_stored(chapter):
             bound = bound + spread(held, scene, settings, half)
         off = np.abs(deferred - lit(held, scene, settings))
         assert (off[there] <= bound[there]).all(), kind
-        assert np.allclose(deferred[~there], settings.background, atol=1e-6)
+        assert np.allclose(deferred[~there], settings.shading.background, atol=1e-6)
 
 
 @pytest.mark.feature("deferred/forward-and-deferred")
 def test_in_few_bits_both_paths_differ_by_the_steps_of_the_formats(chapter):
     """Half a code of 8 bits, of a colour as of a factor, and 2^-12 of a normal's component: all at their worst."""
     scene = jumble(4, SOLID)
-    settings = replace(FULL, gbuffer_format="half")
+    settings = replaced(FULL, gbuffer_format="half")
     forward = frame_of(chapter, scene, settings, "forward")
     deferred, held = frame_of(chapter, scene, settings, "deferred", inspect=True)
     code = 0.6 / 255
@@ -183,9 +184,11 @@ def test_in_few_bits_both_paths_differ_by_the_steps_of_the_formats(chapter):
 @pytest.mark.parametrize("shown", [True, False])
 def test_an_environment_and_its_sky_are_the_same_on_both_paths(chapter, shown):
     scene = replace(jumble(5, KINDS[:3]), environment=constant((0.4, 0.5, 0.9)), lights=[])
-    quick = replace(FULL, environment_size=16, irradiance_source=4, table_size=8, table_samples=16, sky=shown)
+    quick = replaced(
+        FULL, environment_size=16, irradiance_source=4, table_size=8, table_samples=16, sky=shown
+    )
     forward, deferred = (frame_of(chapter, scene, quick, graph) for graph in ("forward", "deferred"))
-    behind = (0.4, 0.5, 0.9) if shown else (quick.background,) * 3
+    behind = (0.4, 0.5, 0.9) if shown else (quick.shading.background,) * 3
     nothing = np.isclose(forward, behind, rtol=2e-3).all(axis=-1)
     assert 0.3 < nothing.mean() < 0.9
     # Light that is the same from everywhere does not depend on the place; the direction to the eye does, a little.
@@ -214,7 +217,7 @@ def test_only_what_the_scene_needs_is_there(chapter):
         (opaque, ["gbuffer", "lighting", "tonemap"], 3),
         (glass, ["gbuffer", "lighting", "transparent", "tonemap"], 4),
     ):
-        with chapter.open(scene, (8, 8), replace(FULL, graph="deferred")) as renderer:
+        with chapter.open(scene, (8, 8), replaced(FULL, graph="deferred")) as renderer:
             frame = renderer.render(facing())
             assert [made.name for made in renderer.passes] == passes
             assert frame.work["pipelines"] == pipelines
@@ -223,7 +226,7 @@ def test_only_what_the_scene_needs_is_there(chapter):
 def test_a_view_takes_the_forward_path(chapter):
     """A G-buffer holds no view's quantity: asked for one, the deferred graph gives way."""
     scene = quad_scene(Material())
-    with chapter.open(scene, (8, 8), replace(FULL, graph="deferred", view="normal")) as renderer:
+    with chapter.open(scene, (8, 8), replaced(FULL, graph="deferred", view="normal")) as renderer:
         shown = renderer.render(facing()).image("color")
         assert [made.name for made in renderer.passes] == ["forward", "tonemap"]
     assert np.abs(shown.astype(int) - (128, 128, 255)).max() <= 1
@@ -238,8 +241,8 @@ def test_an_edit_that_makes_a_surface_transparent_brings_the_pass_for_it(chapter
         lights=(lamp,),
     )
     with (
-        chapter.open(scene, (16, 16), replace(FULL, graph="forward"), outputs={"color_linear"}) as forward,
-        chapter.open(scene, (16, 16), replace(FULL, graph="deferred"), outputs={"color_linear"}) as deferred,
+        chapter.open(scene, (16, 16), replaced(FULL, graph="forward"), outputs={"color_linear"}) as forward,
+        chapter.open(scene, (16, 16), replaced(FULL, graph="deferred"), outputs={"color_linear"}) as deferred,
     ):
 
         def both() -> np.ndarray:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -11,6 +9,7 @@ from chapters.ch04.post.lens import LARGEST_RADIUS, SENSOR_HEIGHT_M
 from chapters.ch04.settings import Settings
 from common.numerics.transforms import pose_looking_at
 from common.scene import Image, Material
+from common.settings import replaced
 from common.view.camera import Perspective, View
 from tests.support.scenes import facing, quad_scene, texture, translated
 
@@ -75,7 +74,7 @@ def lens_for(radius: float, distance: float, focus: float) -> dict[str, float]:
 
 def picture(chapter, scene, lens, view=CAMERA, size=SIZE):
     """Return the light of one frame through a lens (nothing: a pinhole), one channel of (H, W) float64 and the work."""
-    settings = replace(EXACT, **(lens or {}))
+    settings = replaced(EXACT, **(lens or {}))
     with chapter.open(scene, size, settings, outputs={"color_linear"}) as renderer:
         frame = renderer.render(view)
         return frame.image("color_linear").astype(np.float64)[..., 0], frame.work

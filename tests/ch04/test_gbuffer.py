@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -11,6 +9,7 @@ from chapters.ch04.settings import Settings
 from chapters.ch04.shading.deferred import FORMATS, TARGETS
 from common.images.color import encode_srgb
 from common.scene import Image, Material
+from common.settings import replaced
 from common.view.camera import exposure
 from tests.support.bounds import codes_off
 from tests.support.scenes import facing, quad_scene, texture
@@ -47,7 +46,7 @@ def test_targets_stand_in_the_order_and_formats_of_the_table(chapter, kind):
         "full": ("rgba32f", "rgba32f", "rgba32f", "rgba32f"),
     }
     names = ("gbuffer_base_color", "gbuffer_normal", "gbuffer_material", "gbuffer_emissive")
-    with chapter.open(quad_scene(SURFACE), SIZE, replace(DEFERRED, gbuffer_format=kind)) as renderer:
+    with chapter.open(quad_scene(SURFACE), SIZE, replaced(DEFERRED, gbuffer_format=kind)) as renderer:
         step = next(one for one in renderer.graph.steps if one.name == "gbuffer")
         made = [renderer.graph.resources[one.resource] for one in step.colors]
         assert tuple(one.name for one in made) == names
@@ -86,7 +85,7 @@ def test_a_normal_of_ten_bits_is_half_a_step_off_and_exact_where_it_is_upright(c
         (np.eye(4), (0, 0, 1), 1e-6),
     ):
         scene = quad_scene(SURFACE, matrices=(turned,))
-        stored = buffers(chapter, scene, replace(DEFERRED, gbuffer_format="compact"), facing())[
+        stored = buffers(chapter, scene, replaced(DEFERRED, gbuffer_format="compact"), facing())[
             "gbuffer_normal"
         ]
         found = (stored[4:12, 4:12, :3].astype(np.float64) * 1023 - 512) / 511
@@ -96,7 +95,7 @@ def test_a_normal_of_ten_bits_is_half_a_step_off_and_exact_where_it_is_upright(c
 
 def test_in_full_precision_it_is_the_surface_itself(chapter):
     matrix, normal = tilted()
-    got = buffers(chapter, quad_scene(SURFACE, matrices=(matrix,)), replace(DEFERRED, gbuffer_format="full"))
+    got = buffers(chapter, quad_scene(SURFACE, matrices=(matrix,)), replaced(DEFERRED, gbuffer_format="full"))
     assert (got["gbuffer_base_color"][..., :3] == np.float32(BASE)).all()
     assert (got["gbuffer_material"] == np.float32((1.0, ROUGHNESS, METALLIC, 1.0))).all()
     assert np.allclose(got["gbuffer_normal"][..., :3], normal, atol=3e-7)
@@ -124,7 +123,7 @@ def test_textures_of_8_bits_arrive_as_they_are(chapter):
 
 def test_an_unlit_surface_is_its_own_light_and_nothing_marks_the_background(chapter):
     scene = quad_scene(Material(unlit=True, base_color=(*BASE, 1.0)), matrices=(np.diag((0.5, 0.5, 1, 1)),))
-    got = buffers(chapter, scene, replace(DEFERRED, gbuffer_format="full"), facing())
+    got = buffers(chapter, scene, replaced(DEFERRED, gbuffer_format="full"), facing())
     inside = got["depth"] > 0
     assert inside.sum() == 64
     assert (got["gbuffer_emissive"][inside][:, :3] == np.float32(BASE)).all()
@@ -135,6 +134,6 @@ def test_an_unlit_surface_is_its_own_light_and_nothing_marks_the_background(chap
 
 def test_the_back_of_a_double_sided_surface_has_a_normal_towards_the_eye(chapter):
     turned = np.diag((-1.0, 1.0, -1.0, 1.0))  # half a turn about y
-    full = replace(DEFERRED, gbuffer_format="full")
+    full = replaced(DEFERRED, gbuffer_format="full")
     got = buffers(chapter, quad_scene(Material(double_sided=True), matrices=(turned,)), full, facing())
     assert np.allclose(got["gbuffer_normal"][..., :3], (0.0, 0.0, 1.0), atol=1e-6)

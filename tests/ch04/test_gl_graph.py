@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -17,6 +15,7 @@ from chapters.ch04.gl import Renderer
 from chapters.ch04.settings import Settings
 from common.errors import DeviceError, UnsupportedError
 from common.scene import Image, Light, Material
+from common.settings import replaced
 from common.view.camera import View
 from tests.support.chapter import Chapter, building
 from tests.support.scenes import facing, quad_scene, texture, translated
@@ -27,7 +26,7 @@ pytestmark = pytest.mark.variants("gl")
 SIZE = (48, 32)
 OUTPUTS = ("color", "color_linear", "depth", "instance_id")
 SETTINGS = Settings(graph="forward", anisotropy=1.0)
-DEFERRED = replace(SETTINGS, graph="deferred", aperture=0.5, focus_distance=1.0)
+DEFERRED = replaced(SETTINGS, graph="deferred", aperture=0.5, focus_distance=1.0)
 TEXELS = Image("texels", np.random.default_rng(3).integers(0, 256, (8, 8, 4), dtype=np.uint8))
 
 
@@ -86,7 +85,7 @@ def test_threads_that_list_draws_change_no_bit(chapter, graph):
     """Their lists become part of the frame's own."""
     scene, found = scene_of(), []
     for more in ({}, {"recording_threads": 2, "draws_per_secondary": 1}):
-        settings = replace(SETTINGS, graph=graph, **more)
+        settings = replaced(SETTINGS, graph=graph, **more)
         with Renderer(scene, SIZE, settings, device=chapter.device, outputs=OUTPUTS) as renderer:
             frames = [renderer.render(view) for view in (facing(), facing(), moved(0.1))]
             assert [frame.work["recorded"] for frame in frames] == [1, 1, 0]

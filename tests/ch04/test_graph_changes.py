@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -20,6 +19,7 @@ from common.errors import ShaderError, StaleFrameError
 from common.files import shader_files
 from common.numerics.transforms import pose_looking_at
 from common.scene import Light, Material
+from common.settings import replaced
 from common.view.camera import Perspective, View, exposure
 from tests.support.scenes import quad_scene, translated
 
@@ -60,7 +60,7 @@ def opened(chapter, scene):
     def open_(graph="deferred", **more):
         options = {"outputs": {"color", "color_linear"}, **more}
         turned = options.pop("settings", {})
-        made.append(chapter.open(scene, SIZE, replace(SETTINGS, graph=str(graph), **turned), **options))
+        made.append(chapter.open(scene, SIZE, replaced(SETTINGS, graph=str(graph), **turned), **options))
         return made[-1]
 
     yield open_

@@ -15,6 +15,7 @@ from chapters.ch04.graph.file import graph_path, read_graph
 from chapters.ch04.graph.plan import FramePlan
 from chapters.ch04.graph.types import GraphError
 from chapters.ch04.settings import Settings
+from common.settings import replaced
 from tests.support.scenes import facing, quad_scene
 
 FORMATS = ("rgba8", "rgba16f", "r32ui", "d32f")
@@ -179,7 +180,7 @@ def test_what_a_pass_that_is_off_would_write_says_nothing_of_an_output(chapter, 
     path.write_text(json.dumps(file), encoding="utf-8")
     pictures = []
     for graph in ("deferred", str(path)):
-        opened = replace(settings, graph=graph)
+        opened = replaced(settings, graph=graph)
         with chapter.open(quad_scene(), (16, 12), opened, outputs={"color", "color_linear"}) as made:
             pictures.append(made.render(facing()).image("color_linear"))
     assert np.array_equal(*pictures)

@@ -12,6 +12,7 @@ import pytest
 from chapters.ch04.graph.file import graph_path
 from chapters.ch04.settings import Settings
 from common.scene import Image, Light, Material
+from common.settings import replaced
 from common.view.camera import View
 from tests.support.chapter import building
 from tests.support.scenes import facing, quad_scene, texture, translated
@@ -53,7 +54,7 @@ def assert_equal(one, other):
 def usual(chapter, scene):
     """Return the pictures of each graph as it comes."""
     return {
-        graph: pictures(chapter, scene, replace(SETTINGS, graph=graph))[0]
+        graph: pictures(chapter, scene, replaced(SETTINGS, graph=graph))[0]
         for graph in ("deferred", "forward")
     }
 
@@ -69,7 +70,7 @@ def usual(chapter, scene):
 def test_sharing_memory_recording_once_and_what_was_in_memory_change_no_bit(
     chapter, scene, usual, graph, turned
 ):
-    found, _ = pictures(chapter, scene, replace(SETTINGS, graph=graph, **turned))
+    found, _ = pictures(chapter, scene, replaced(SETTINGS, graph=graph, **turned))
     assert_equal(found, usual[graph])
 
 
@@ -78,7 +79,7 @@ def test_poison_is_seen_where_somebody_reads_what_nobody_wrote(chapter, scene):
     seen = []
     for poison in ("depth 0", "depth 1"):
         with chapter.open(
-            scene, SIZE, replace(SETTINGS, graph="deferred", poison=poison), outputs={"depth"}
+            scene, SIZE, replaced(SETTINGS, graph="deferred", poison=poison), outputs={"depth"}
         ) as made:
             gbuffer = next(one for one in made.passes if one.name == "gbuffer")
             # As if the pass had forgotten to clear: what is not drawn to keeps what was there.
@@ -106,13 +107,13 @@ def test_the_order_in_which_passes_are_declared_changes_no_bit(chapter, scene, u
         file["passes"] = [file["passes"][place] for place in rng.permutation(len(file["passes"]))]
         path = tmp_path / f"{number}.json"
         path.write_text(json.dumps(file), encoding="utf-8")
-        found, _ = pictures(chapter, scene, replace(SETTINGS, graph=str(path)))
+        found, _ = pictures(chapter, scene, replaced(SETTINGS, graph=str(path)))
         assert_equal(found, usual[graph])
 
 
 @pytest.mark.feature("frame-graph/resource-aliasing")
 def test_shared_memory_is_at_least_30_percent_less(chapter, scene):
-    with chapter.open(scene, (640, 360), replace(SETTINGS, graph="deferred")) as renderer:
+    with chapter.open(scene, (640, 360), replaced(SETTINGS, graph="deferred")) as renderer:
         memory = renderer.graph.memory
         assert memory.size <= 0.7 * memory.alone
         assert memory.size >= memory.bound
@@ -152,7 +153,7 @@ def test_what_changes_the_draws_is_recorded_once_for_each_slot(chapter, scene):
 @pytest.mark.feature("frame-graph/node-enable")
 def test_a_pass_that_a_changed_material_needs_comes_and_goes(chapter):
     """Glass in place of wood makes a pass for what is transparent; the picture is that of a scene opened with glass."""
-    settings = replace(SETTINGS, graph="deferred", aperture=0.0)
+    settings = replaced(SETTINGS, graph="deferred", aperture=0.0)
     wood, glass = (quad_scene(material, lights=(SUN,)) for material in (SOLID, GLASS))
     expected, _ = pictures(chapter, glass, settings)
     before, _ = pictures(chapter, wood, settings)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from chapters.ch04.settings import Settings
+from common.settings import flat
 from tests.ch04.test_graph_frames import OUTPUTS, SETTINGS, SIZE, scene
 from tests.support.hazards import Barriers, Signal, Wait, find_hazards
 from tests.support.scenes import facing
@@ -25,7 +26,7 @@ PATHS = {
 @pytest.fixture(params=PATHS)
 def traced(chapter, scene, request):
     """Return the events of four frames with a moving camera, and where the transients lie."""
-    settings = Settings(**vars(SETTINGS) | PATHS[request.param])  # of the chapter that is tested
+    settings = Settings(**flat(SETTINGS) | PATHS[request.param])  # of the chapter that is tested
     with chapter.open(scene, SIZE, settings, outputs=OUTPUTS) as renderer:
         renderer.render(facing())
         trace = Trace(renderer)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from chapters.ch04.gl import Renderer as OpenGL
 from chapters.ch04.renderer import Renderer as Vulkan
 from chapters.ch04.settings import Settings
+from common.settings import replaced
 from tests.support.jumble import CAMERA, jumble
 
 pytestmark = pytest.mark.variants("gl")
@@ -36,7 +35,7 @@ def test_the_same_frame_on_both(vulkan_device, gl_context, changed):
     """
     if not (vulkan_device.capabilities.is_software and gl_context.capabilities.is_software):
         pytest.skip("the bounds are those of the software drivers")
-    settings, scene = replace(EXACT, **changed), jumble(7)
+    settings, scene = replaced(EXACT, **changed), jumble(7)
     with (
         Vulkan(scene, SIZE, settings, outputs=OUTPUTS, device=vulkan_device) as vulkan,
         OpenGL(scene, SIZE, settings, outputs=OUTPUTS, device=gl_context) as opengl,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from backends.gl.queries import Statistics
 from backends.vulkan import api as vk
 from chapters.ch04.settings import Settings
 from common.scene import Image, Material
+from common.settings import replaced
 from tests.support.drivers import needs_whole_quads
 from tests.support.jumble import CAMERA, jumble
 from tests.support.scenes import facing, quad_scene, texture, translated
@@ -85,7 +85,7 @@ def test_with_it_each_covered_pixel_is_shaded_once(chapter, graph, prepass):
     if chapter.backend == "vulkan" and not chapter.device.has("pipeline-statistics"):
         pytest.skip("the device counts no fragments")
     scene = quad_scene(WHITE, matrices=(square(0.9, -0.5), square(0.6, 0.0), square(0.3, 0.5)))
-    settings = replace(PLAIN, graph=graph, depth_prepass=prepass)
+    settings = replaced(PLAIN, graph=graph, depth_prepass=prepass)
     with (
         chapter.open(scene, SIZE, settings, outputs=OUTPUTS) as renderer,
         counted(renderer, FIRST[graph]) as read,
@@ -110,7 +110,7 @@ def test_no_bit_of_the_picture_changes(chapter, settings):
     scene = jumble(1)
     frames = {}
     for prepass in (False, True):
-        chosen = replace(PLAIN, depth_prepass=prepass, **settings)
+        chosen = replaced(PLAIN, depth_prepass=prepass, **settings)
         with chapter.open(scene, SIZE, chosen, outputs=OUTPUTS) as renderer:
             frame = renderer.render(CAMERA)
             frames[prepass] = {name: frame.image(name) for name in OUTPUTS}
@@ -134,7 +134,7 @@ def test_holes_of_a_mask_leave_depth_alone(chapter):
         instance_materials=(0, 1),
         images=(Image("cut", texels),),
     )
-    settings = replace(PLAIN, graph="deferred", depth_prepass=True)
+    settings = replaced(PLAIN, graph="deferred", depth_prepass=True)
     with chapter.open(scene, (16, 16), settings, outputs=OUTPUTS, inspect=True) as renderer:
         frame = renderer.render(facing())
         depth = frame.image("depth_prepass/depth")
@@ -166,7 +166,7 @@ def stages_of(renderer: Any) -> dict[str, set[str]]:
 
 def test_without_masks_there_is_no_alpha_test(chapter):
     scene = quad_scene(materials=(WHITE, Material()), matrices=(np.eye(4),) * 2, instance_materials=(0, 1))
-    with chapter.open(scene, (8, 8), replace(PLAIN, graph="forward", depth_prepass=True)) as renderer:
+    with chapter.open(scene, (8, 8), replaced(PLAIN, graph="forward", depth_prepass=True)) as renderer:
         renderer.render(facing())
         assert stages_of(renderer) == {"depth": {"vert"}}
         made = next(one for one in renderer.passes if one.name == "depth_prepass")
@@ -175,7 +175,7 @@ def test_without_masks_there_is_no_alpha_test(chapter):
 
 def test_it_is_left_out_where_every_fragment_is_to_be_counted(chapter):
     scene = quad_scene(WHITE, matrices=(square(1.0, 0.0), square(1.0, 0.5)))
-    settings = replace(PLAIN, depth_prepass=True, view="overdraw")
+    settings = replaced(PLAIN, depth_prepass=True, view="overdraw")
     with chapter.open(scene, (8, 8), settings, outputs={"color_linear"}) as renderer:
         counts = renderer.render(facing()).image("color_linear")
         assert "depth_prepass" not in [made.name for made in renderer.passes]
@@ -184,7 +184,7 @@ def test_it_is_left_out_where_every_fragment_is_to_be_counted(chapter):
 
 def test_an_empty_scene_has_a_depth_too(chapter):
     scene = quad_scene(matrices=(), instance_materials=())
-    with chapter.open(scene, (8, 8), replace(PLAIN, depth_prepass=True), outputs=OUTPUTS) as renderer:
+    with chapter.open(scene, (8, 8), replaced(PLAIN, depth_prepass=True), outputs=OUTPUTS) as renderer:
         frame = renderer.render(facing())
         assert not frame.image("depth").any()
-        assert np.allclose(frame.image("color_linear"), PLAIN.background, atol=1e-6)
+        assert np.allclose(frame.image("color_linear"), PLAIN.shading.background, atol=1e-6)

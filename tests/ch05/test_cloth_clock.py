@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 
@@ -11,8 +10,8 @@ from chapters.ch05.cloth.clock import CALM_SECONDS, ClothClock
 from chapters.ch05.cloth.frames import ClothFrames, drawn_from
 from chapters.ch05.cloth.layout import CLOTH_FRAME, GLOBALS, STATS, WRITE
 from chapters.ch05.cloth.scene import cloth_scene
+from chapters.ch05.cloth.settings import ClothSettings
 from chapters.ch05.scene.pages import plan_pages
-from chapters.ch05.settings import Settings
 from common.numerics.transforms import pose_looking_at, translation
 from common.view.camera import Perspective, View
 from tests.support.cloth_runs import posed
@@ -74,7 +73,7 @@ VIEW = View(pose_looking_at((0, -0.5, 3), (0, -0.5, 0)), Perspective(np.radians(
 def frames_of(scene, settings=None):
     found = cloth_scene(scene)
     planned = plan_pages(found.scene, ["positions", "normals"])
-    return found, ClothFrames(found, settings or Settings(), drawn_from(found, planned))
+    return found, ClothFrames(found, settings or ClothSettings(), drawn_from(found, planned))
 
 
 def answer(frames, speed=0.0, lost=0.0):
@@ -163,7 +162,7 @@ def test_a_cloth_that_begins_anew_is_where_it_begins_whatever_was_told_of_it_bef
 
 def test_what_acts_on_a_cloth_wakes_it_and_what_it_looks_like_does_not():
     scene = cloth_scene_of(cloth(), colliders=[(SPHERE, translation((0, -9, 0)))])
-    settings = Settings()
+    settings = ClothSettings()
     found, frames = frames_of(scene, settings)
     numbers = iter(range(10_000))
 
@@ -218,7 +217,7 @@ def test_particles_that_are_no_numbers_are_told():
 
 def test_wind_blows_where_its_direction_says():
     for degrees, expected in ((0, (3, 0, 0)), (90, (0, 0, -3)), (180, (-3, 0, 0))):
-        blown = SimpleNamespace(**(vars(Settings()) | {"wind_speed": 3.0, "wind_direction": degrees}))
+        blown = ClothSettings(wind_speed=3.0, wind_direction=degrees)
         found, frames = frames_of(cloth_scene_of(cloth()), blown)
         wind = run(frames, found, 0).arrays["frame"][: GLOBALS.itemsize].view(GLOBALS)["wind"][0, :3]
         assert np.allclose(wind, expected, atol=1e-6)

@@ -36,7 +36,7 @@ def test_the_default_is_the_fewest_substeps_with_nearly_the_true_stretch(measure
     made, points = measured
     fits = [count for count, one in points.items() if one["stretch"] <= (1 + WITHIN) * made["truth_stretch"]]
     settings = Settings()
-    assert (settings.cloth_method, settings.cloth_substeps, settings.cloth_iterations) == (
+    assert (settings.cloth.method, settings.cloth.substeps, settings.cloth.iterations) == (
         "xpbd",
         min(fits),
         1,
@@ -49,18 +49,18 @@ def test_the_default_is_the_fewest_substeps_with_nearly_the_true_stretch(measure
 def test_steps_are_cut_as_the_settings_cut_them():
     settings, steps = Settings(), Steps()
     assert (steps.dt, steps.substeps, steps.iterations, steps.method, steps.integrator) == (
-        settings.cloth_step,
-        settings.cloth_substeps,
-        settings.cloth_iterations,
-        settings.cloth_method,
-        settings.cloth_integrator,
+        settings.cloth.step,
+        settings.cloth.substeps,
+        settings.cloth.iterations,
+        settings.cloth.method,
+        settings.cloth.integrator,
     )
 
 
 def test_the_readme_has_the_figures_of_the_record(measured):
     made, points = measured
     text = (ROOT / "chapters" / "ch05" / "README.md").read_text(encoding="utf-8")
-    for count in (Settings().cloth_substeps // 2, Settings().cloth_substeps, 32):
+    for count in (Settings().cloth.substeps // 2, Settings().cloth.substeps, 32):
         one = points[count]
         wanted = f"| {count} substeps of 1 iteration | {one['gpu_ms']:.2f} "
         wanted += f"| {one['rms_m'] * 1e3:.2g} mm | {one['stretch']:.0%} |"

@@ -14,6 +14,7 @@ from chapters.ch05.settings import Settings
 from common.numerics.transforms import translation
 from common.scene import Material
 from common.scene.pose import evaluate_pose
+from common.settings import replaced
 from tests.support.cloth_runs import AWAY, VIEW, at_rate, picture, posed, run, state
 from tests.support.cloth_scenes import cloth, cloth_scene_of
 from tests.support.scenes import quad_scene
@@ -29,7 +30,7 @@ def hanging(**fields):
 
 
 def settings(**more):
-    return replace(Settings(), graph="forward", cloth_substeps=4, **more)
+    return replaced(Settings(), graph="forward", cloth_substeps=4, **more)
 
 
 def test_pins_are_exact_and_the_rest_hangs_as_the_twin_says(chapter):
@@ -99,7 +100,7 @@ def test_at_rest_nothing_is_dispatched_and_the_picture_stays(chapter):
         assert np.array_equal(state(renderer), at)
         if chapter.backend == "vulkan":
             assert renderer._frames.work["batches"] == 1, "nothing goes to the compute queue"
-        renderer.settings.wind_speed, renderer.settings.wind_direction = 8.0, 90.0
+        renderer.settings.cloth.wind_speed, renderer.settings.cloth.wind_direction = 8.0, 90.0
         assert not renderer.idle(VIEW, 1e3), (
             "a window that draws no frames while nothing changes draws one now"
         )
@@ -157,7 +158,7 @@ def test_what_comes_into_view_at_once_is_drawn_where_it_is(chapter, by, monkeypa
         with chapter.open(scene, SIZE, settings()) as renderer:
             run(renderer, at_rate(60, 8))
             if by == "wind":
-                renderer.settings.wind_speed = 60.0
+                renderer.settings.cloth.wind_speed = 60.0
             else:
                 with scene.edit() as edit:
                     if by == "node":
@@ -291,7 +292,7 @@ def test_a_second_in_one_frame_is_clamped_and_told(chapter):
 def test_every_graph_draws_the_cloth_that_moved(chapter, graph):
     if chapter.graph != "forward":
         pytest.skip("it names its graph")
-    chosen = replace(settings(depth_prepass=True, poison="depth 1"), graph=graph)
+    chosen = replaced(settings(depth_prepass=True, poison="depth 1"), graph=graph)
     with chapter.open(hanging(), SIZE, chosen, outputs={"color", "instance_id"}) as renderer:
         run(renderer, at_rate(60, 19))
         frame = renderer.render(VIEW, 20 / 60)
@@ -317,7 +318,7 @@ def test_without_cloth_a_frame_is_that_of_chapter_4(chapter):
     module = chapters.renderer_module(4, chapter.backend)
     for each, expected in ((scene, now), (dressed, stiff)):
         before = module.Renderer(
-            each, SIZE, replace(chapters.settings_class(4)(), graph="forward"), device=chapter.device
+            each, SIZE, replaced(chapters.settings_class(4)(), graph="forward"), device=chapter.device
         )
         with before:
             assert np.array_equal(picture(before, at_rate(60, 2)), expected)
@@ -371,7 +372,7 @@ def test_a_renderer_keeps_the_cloth_that_it_was_opened_with(chapter):
         expected = picture(renderer, at_rate(60, 12))
     with chapter.open(scene, SIZE, settings()) as renderer:
         run(renderer, at_rate(60, 5))
-        renderer.settings.cloth = False
+        renderer.settings.cloth.enabled = False
         extras = scene.nodes.extras.pop(0)
         with scene.edit() as edit:
             edit.set_material(0, scene.materials[0])

@@ -22,6 +22,7 @@ from chapters.ch05.cloth.types import Cloth, Collider, Forces, State, Steps
 from chapters.ch05.pipelines.vulkan import CHAPTER
 from chapters.ch05.settings import Settings
 from common.numerics.transforms import translation
+from common.settings import replaced
 from tests.support import cloths
 from tests.support.cloth_runs import VIEW, state
 from tests.support.cloth_scenes import cloth, cloth_scene_of
@@ -253,7 +254,7 @@ def test_a_renderer_finds_out_how_fast_a_collider_goes(chapter):
     lying = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0.0051], [0, 0, 0, 1.0]])
     piece = cloth(3, 3, [], friction=0.3, damping_per_s=0, drag=0)
     scene = cloth_scene_of(piece, matrices=[lying], colliders=[({"shape": "plane"}, np.eye(4))], size=(3, 3))
-    settings = replace(Settings(), graph="forward", cloth_substeps=4)
+    settings = replaced(Settings(), graph="forward", cloth_substeps=4)
     with chapter.open(scene, (16, 16), settings) as renderer:
         renderer.render(VIEW, 0.0)
         for number in range(1, 16):

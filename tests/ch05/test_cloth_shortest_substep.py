@@ -13,10 +13,10 @@ from chapters.ch05.benches.twin import Twin
 from chapters.ch05.cloth.build import build_cloth
 from chapters.ch05.cloth.frames import ClothFrames, drawn_from
 from chapters.ch05.cloth.scene import cloth_scene
+from chapters.ch05.cloth.settings import ClothSettings
 from chapters.ch05.cloth.steps import UNITS, fit_steps, least_substep
 from chapters.ch05.cloth.types import Forces, Steps
 from chapters.ch05.scene.pages import plan_pages
-from chapters.ch05.settings import Settings
 from tests.support import cloths
 from tests.support.cloth_scenes import cloth, cloth_scene_of
 
@@ -81,7 +81,7 @@ def test_a_step_that_cannot_be_cut_into_fewer_says_what_helps():
 def test_a_scene_says_it_once():
     found = cloth_scene(cloth_scene_of(cloth()))
     planned = plan_pages(found.scene, ["positions", "normals"])
-    settings = replace(Settings(), cloth_step=1 / 1000, cloth_substeps=64)
+    settings = ClothSettings(step=1 / 1000, substeps=64)
     for _ in range(2):
         frames = ClothFrames(found, settings, drawn_from(found, planned))
     assert frames.steps.substeps < 64

@@ -11,6 +11,7 @@ from chapters.ch05.cloth.clock import CALM_SECONDS, ClothClock
 from chapters.ch05.settings import Settings
 from common.numerics.transforms import translation
 from common.scene import Material
+from common.settings import replaced
 from tests.support.cloth_runs import AWAY, VIEW, at_rate, picture, run, state
 from tests.support.cloth_scenes import cloth, cloth_scene_of
 from tools.panel.graph import PassRow, graph_of
@@ -28,7 +29,7 @@ def hanging(**more):
 
 
 def settings(**more):
-    return replace(Settings(), graph="forward", cloth_substeps=4, **more)
+    return replaced(Settings(), graph="forward", cloth_substeps=4, **more)
 
 
 def near(a, b):
@@ -118,7 +119,7 @@ def test_new_pages_show_it_as_it_hangs_though_it_is_off(chapter):
 def test_every_graph_can_do_without_it(chapter, graph):
     if chapter.graph != "forward":
         pytest.skip("it names its graph")
-    with chapter.open(hanging(), SIZE, replace(settings(), graph=graph)) as renderer:
+    with chapter.open(hanging(), SIZE, replaced(settings(), graph=graph)) as renderer:
         moved = picture(renderer, at_rate(60, 6))
         renderer.switch_pass("cloth", False)
         assert "cloth_vertices" in renderer.graph.resources

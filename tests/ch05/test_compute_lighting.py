@@ -16,6 +16,7 @@ from common.environment import Environment
 from common.errors import ShaderError, UserError
 from common.files import shader_files
 from common.scene import Material
+from common.settings import replaced
 from tests.support.drivers import needs_line_marks
 from tests.support.jumble import CAMERA, jumble
 from tests.support.scenes import facing, quad_scene
@@ -51,7 +52,7 @@ def open_(chapter, scene):
     made = []
 
     def opened(graph, size=(40, 32), shown=None, **turned):
-        settings = replace(SETTINGS, graph=graph, **turned)
+        settings = replaced(SETTINGS, graph=graph, **turned)
         made.append(chapter.open(shown or scene, size, settings, outputs=OUTPUTS))
         return made[-1]
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -14,6 +12,7 @@ from chapters.ch05.graph.types import GraphError, Node
 from chapters.ch05.pipelines.compute_description import ComputeDescription
 from chapters.ch05.settings import Settings
 from common.scene import Material
+from common.settings import replaced
 from tests.support.scenes import facing, quad_scene, translated
 
 SETTINGS = Settings(ambient=1.0, anisotropy=1.0, tone_curve="none", background=0.25)
@@ -82,7 +81,7 @@ class Computing(Pass):
 @pytest.fixture
 def opened(chapter, scene, tmp_path):
     """Yield a renderer, and what makes compute passes for it."""
-    with chapter.open(scene, SIZE, replace(SETTINGS, graph="compute"), outputs={"color"}) as renderer:
+    with chapter.open(scene, SIZE, replaced(SETTINGS, graph="compute"), outputs={"color"}) as renderer:
 
         def computing(name, text, reads, writes):
             file = tmp_path / str(len(list(tmp_path.iterdir()))) / f"{name}.comp"

@@ -19,6 +19,7 @@ from chapters.ch05.frames.queues.vulkan_queues import Queues
 from chapters.ch05.graph.sync.vulkan import STAGES, dependency
 from chapters.ch05.graph.types import Barrier, Touch
 from chapters.ch05.settings import Settings
+from common.settings import replaced
 from tests.ch04.test_graph_frames import OUTPUTS, SIZE, scene
 from tests.support.cloth_runs import VIEW
 from tests.support.cloth_scenes import cloth, cloth_scene_of
@@ -180,7 +181,7 @@ def test_a_pass_on_the_compute_queue_gives_the_bits_that_it_gives_on_graphics(ch
         seen.append([batch.queue for batch in renderer.graph.batches])
 
     for changed in changes:
-        found = inverted(chapter, scene, replace(settings, **changed), "compute", watch)
+        found = inverted(chapter, scene, replaced(settings, **changed), "compute", watch)
         for one, other in zip(found, truth, strict=True):
             assert all(np.array_equal(one[name], other[name]) for name in OUTPUTS), changed
     assert all(batches.count("compute") == 1 and batches.count("graphics") >= 2 for batches in seen)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
@@ -17,7 +16,7 @@ from chapters import scenes
 from chapters.ch01.settings import Settings
 from common.errors import UnsupportedError, UserError
 from common.scene import stability
-from common.settings import Knob, preset
+from common.settings import Knob, flat, preset, replaced
 from tools.bench import bench, prepared
 from tools.bench import points as bench_points
 from tools.bench.prepared import prepared_points
@@ -64,7 +63,7 @@ def record(tmp_path_factory):
     def small(settings_class, name):
         """Return a preset with a small environment: what is measured costs less, how it is measured is the same."""
         detail = {"low": 1.0, "medium": 0.7, "high": 0.5, "reference": 0.35}[name]
-        return replace(preset(settings_class, name), environment_size=32, environment_detail=detail)
+        return replaced(preset(settings_class, name), environment_size=32, environment_detail=detail)
 
     try:
         chapters.open(1, scene=scenes.load("cornell"), size=(4, 4)).close()
@@ -146,10 +145,11 @@ def test_a_sweep_turns_each_knob_alone_and_holds_it_to_more_than_any_preset():
     assert list(found)[:4] == ["low", "medium", "high", "reference"]
     assert found["table_size=16"] == Settings(table_size=16)
     assert "table_size=64" not in found  # it is the preset medium
-    assert found["low"].anisotropy == Settings().anisotropy  # of the presets, only the knobs that are swept
+    # Of the presets, only the knobs that are swept.
+    assert found["low"].scene.anisotropy == Settings().scene.anisotropy
     for name, values in swept.knobs.items():
         better = min if name == "environment_detail" else max
-        used = [getattr(settings, name) for settings in found.values()]
+        used = [flat(settings)[name] for settings in found.values()]
         assert better(swept.truth[name], *used, *values) == swept.truth[name]
 
 
@@ -174,7 +174,7 @@ def test_starts_and_stability_are_part_of_the_record(record):
 
 def test_settings_are_the_presets_and_each_of_their_knobs_turned_alone():
     found = {point.name: point for point in bench_points.points(Settings)}
-    assert found["low"].settings.anisotropy == 1.0
+    assert found["low"].settings.scene.anisotropy == 1.0
     assert found["anisotropy=8"].settings == Settings(anisotropy=8.0)
     assert found["color_format=rgba32f"].settings == Settings(color_format="rgba32f")
     assert "anisotropy=4" not in found  # it is the preset medium

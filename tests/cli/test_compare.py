@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,7 +15,7 @@ from chapters import scenes
 from common.errors import UserError
 from common.images import read_image, write_image
 from common.reports import metrics
-from common.settings import preset
+from common.settings import knob, preset, replaced
 from tools.bench.points import Point
 from tools.compare import measure, report
 from tools.compare import sheet as compare_sheet
@@ -136,7 +136,7 @@ def test_samples_show_in_picture_error_and_work_and_files_give_the_same_figures(
     # The same two pictures without the command, and as files.
     scene, shown, light = scenes.load("cornell"), [], []
     for name, samples in (("a", 1), ("b", 4)):
-        settings = replace(preset(chapters.settings_class(1), "medium"), msaa=samples)
+        settings = replaced(preset(chapters.settings_class(1), "medium"), msaa=samples)
         outputs = {"color", "color_linear"}
         with chapters.open(
             1, "vulkan", scene=scene, size=SIZE, settings=settings, outputs=outputs
@@ -183,7 +183,7 @@ def test_studies_are_compared_on_what_they_draw_themselves(strata, vulkan_instan
 def test_a_fork_is_compared_with_its_chapter(strata, tmp_path):
     copy = tmp_path / "dark@home" / "a room"
     shutil.copytree(chapters.FOLDER / "ch01", copy, ignore=shutil.ignore_patterns("__pycache__", "studies"))
-    settings = copy / "settings.py"
+    settings = copy / "shading" / "settings.py"
     text = settings.read_text("utf-8")
     assert '0.02, "linear grey' in text
     settings.write_text(text.replace('0.02, "linear grey', '0.5, "linear grey'), "utf-8")
@@ -198,7 +198,7 @@ def test_a_fork_is_compared_with_its_chapter(strata, tmp_path):
         "fork": str(copy.resolve()),
     }
     side = read_side("dark@home/a room@gl:msaa=4", "low")
-    assert (str(side.which), side.backend, side.settings.msaa) == ("dark@home/a room", "gl", 4)
+    assert (str(side.which), side.backend, side.settings.shading.msaa) == ("dark@home/a room", "gl", 4)
     code, _, err = strata("compare", "1", "dark@home/a rom:low", *SMALL)
     assert (code, err) == (2, "strata: There is no folder dark@home/a rom; did you mean 'a room'?\n")
     (copy / "gl_renderer.py").unlink()
@@ -216,11 +216,11 @@ def measured(which, settings, paths, **record) -> Measured:
 def test_chapters_plans_and_wishes_that_differ_are_said():
     kind = chapters.settings_class(1)
 
-    @dataclass
+    @dataclass(init=False)
     class Later(kind):
-        bloom: bool = True
+        bloom: bool = knob(True, "whether bright light spreads")
 
-    a = measured(1, replace(kind(), msaa=8), {"anisotropy": "x", "msaa": "4 samples a pixel"})
+    a = measured(1, replaced(kind(), msaa=8), {"anisotropy": "x", "msaa": "4 samples a pixel"})
     b = measured(2, Later(tone_curve="none"), {"anisotropy": "y", "bindless": "z"})
     assert report.differences(a, b) == (
         "The chapter differs: 1, 2; msaa: 8, 1; tone_curve: neutral, none; B alone has the settings bloom; "

@@ -123,7 +123,7 @@ def test_a_setting_is_told_with_values_default_presets_and_who_has_it(strata) ->
     assert f"./strata run {last} --set mask_coverage=" in shown
     shown = one_line(strata("explain", "msaa")[1])
     kind = chapters.settings_class(last)
-    values = [f"{name} {preset(kind, name).msaa}" for name in kind.PRESETS]
+    values = [f"{name} {preset(kind, name).shading.msaa}" for name in kind.PRESETS]
     assert f"Presets of chapter {last}: {', '.join(values)}." in shown
 
 

@@ -55,7 +55,7 @@ def test_the_text_is_printed_and_files_are_written(strata, opened, tmp_path, box
     assert code == 0, err
     assert (opened["which"], opened["backend"], opened["size"]) == (4, "vulkan", (64, 48))
     assert opened["without"] == ("bindless",) and opened["outputs"] == ("color", "hdr") and opened["closed"]
-    assert opened["settings"].msaa == 1
+    assert opened["settings"].shading.msaa == 1
     assert out.startswith("Chapter 4, ") and "2 passes at 64x48" in out
     assert "   glow  nothing glows\n" in out and "\n 1 draw (graphics, 64x48)\n" in out
     assert json.loads((tmp_path / "g.json").read_text())["left_out"] == {"glow": "nothing glows"}

@@ -114,7 +114,7 @@ CASES = {
     ),
     "there without being asked for": (
         (4, "natural-vignette"),
-        ("post/vignette.py", "settings.vignette and ", ""),
+        ("post/vignette.py", "settings.post.vignette and ", ""),
         "runs all the same",
     ),
     "by name alone": (

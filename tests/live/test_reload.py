@@ -21,6 +21,7 @@ from chapters.ch01.frames import stream
 from common.errors import ShaderError
 from common.files import shader_files
 from common.scene import Image, Light, Material
+from common.settings import replaced
 from tests.live.conftest import PLAIN
 from tests.support.chapter import Chapter
 from tests.support.drivers import needs_line_marks
@@ -590,7 +591,7 @@ def test_kernels_run_at_the_start_where_there_is_an_environment():
     around = replace(scene(), environment=SimpleNamespace())
     names = {path.name for path in files_at_start(around, settings)}
     assert {"cube.comp", "table.comp", "ggx_sampling.glsl"} <= names
-    assert files_at_start(around, replace(settings, environment_intensity=0.0)) == frozenset()
+    assert files_at_start(around, replaced(settings, environment_intensity=0.0)) == frozenset()
 
 
 def test_files_that_nobody_uses_are_nobodys_business(chapter, shaders):

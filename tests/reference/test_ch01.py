@@ -15,6 +15,7 @@ from common.environment.directions import panorama_directions
 from common.numerics.transforms import pose_looking_at
 from common.paths import asset_dir
 from common.scene import Light, Material
+from common.settings import replaced
 from common.view.camera import Perspective, View
 from tests.reference import mitsuba_sphere as truth
 from tests.support.scenes import nodes_at, quad_scene
@@ -124,7 +125,7 @@ def draw(chapter, light, roughness, metallic=1.0, base=1.0, settings=EXACT):
     """Return what the chapter sees (pixels, 3) of a grey sphere under a light by name, in nits."""
     material = Material(base_color=(base, base, base, 1.0), metallic=metallic, roughness=roughness)
     if light == "uniform":
-        settings = replace(settings, environment_size=32)  # the same everywhere: nothing to resolve
+        settings = replaced(settings, environment_size=32)  # the same everywhere: nothing to resolve
     if light == "sun":
         scene = sphere(material, (Light("directional", node=1, color=TINT),), (TRAVELS,))
     else:
@@ -249,7 +250,7 @@ def test_a_diffuse_sphere_in_a_real_environment(chapter):
     """
     if garden() is None:
         pytest.skip("the environments made elsewhere are not here (STRATA_ASSETS)")
-    fine = replace(EXACT, environment_size=256, irradiance_source=128)
+    fine = replaced(EXACT, environment_size=256, irradiance_source=128)
     other = measured(None, "garden", 64)
     assert agrees(diffuse_part(chapter, "garden", fine), other, 5e-3, 0.037 * other.mean.max())
 

@@ -206,7 +206,9 @@ def test_private_names_are_free():
     assert names_of(
         "a.py", b"import os\nfrom x import y\n_A = 1\nB: int = 1\nC, D = 1, 2\nclass _E: pass\n"
     ) == {"B", "C", "D"}
-    assert names_of("settings.py", SETTINGS.encode()) == {"Settings", "Settings.msaa"}
+    for path in ("settings.py", "shading/settings.py"):
+        assert names_of(path, SETTINGS.encode()) == {"Settings", "Settings.msaa"}
+    assert names_of("shading/sky.py", SETTINGS.encode()) == {"Settings"}
 
 
 def test_features_are_added_once_and_replaced_by_name(trees):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, is_dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ import chapters
 from backends.contract import Renderer
 from chapters.folders import renderer_name
 from common.scene import Scene
+from common.settings import flat, replaced
 from tests.support import gl_functions
 from tests.support.graph_truths import Truth, events_of, places_of
 from tests.support.hazards import find_hazards
@@ -22,11 +23,16 @@ SURFACES: dict[str, dict[str, Any]] = {"auto": {"gbuffer_format": "full"}}
 """What else is set for a path: what tests hold to the bits of a float, a G-buffer must not round."""
 
 
+def _value(settings: Any, name: str) -> Any:
+    """Return the value of a knob, None where there is none: a test may open a renderer with something else."""
+    return flat(settings).get(name) if is_dataclass(settings) else None
+
+
 def on_path(settings: Any, graph: str = "forward") -> Any:
     """Return settings that take a path through the frame, where the chapter has several and they leave it open."""
-    if getattr(settings, "graph", "") != "auto":
+    if _value(settings, "graph") != "auto":
         return settings
-    return replace(settings, graph=graph, **SURFACES.get(graph, {}))
+    return replaced(settings, graph=graph, **SURFACES.get(graph, {}))
 
 
 CLOTH = 5
@@ -38,9 +44,9 @@ def as_modelled(settings: Any, written_for: int | None) -> Any:
 
     They hold pictures to what is in the file; tests/ch05 holds that cloth changes nothing but itself.
     """
-    if written_for is None or written_for >= CLOTH or not getattr(settings, "cloth", False):
+    if written_for is None or written_for >= CLOTH or not _value(settings, "cloth"):
         return settings
-    return replace(settings, cloth=False)
+    return replaced(settings, cloth=False)
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -19,7 +18,7 @@ from chapters.ch03.settings import Settings
 from common.errors import UnsupportedError
 from common.gltf import load_scene
 from common.scene.primitive import nothing
-from common.settings import preset
+from common.settings import preset, replaced
 from tests.support.timing import least_times
 from tools.bench.lessons import loads as bench_loads
 from tools.bench.points import Subject
@@ -111,7 +110,7 @@ def test_the_warm_up_neither_reads_nor_writes_a_cache_and_decodes_nothing(square
     monkeypatch.setattr(cache, "Writer", refuse)
     monkeypatch.setattr(cache, "maker", refuse)
     monkeypatch.setattr("common.gltf.images._decode", refuse)
-    settings = replace(preset(Settings, "medium"), loading="wait")
+    settings = replaced(preset(Settings, "medium"), loading="wait")
     with ExitStack() as stack:
         try:
             device = open_device(stack, "vulkan")

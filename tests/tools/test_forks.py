@@ -134,9 +134,9 @@ def test_a_copy_draws_what_its_chapter_draws_and_an_edit_shows(fork, strata, tmp
 
 def test_two_forks_in_one_process_are_two_packages(fork, tmp_path):
     other = copied(tmp_path / "other")
-    edit(other, "settings.py", '0.02, "linear grey', '0.5, "linear grey')
+    edit(other, "shading/settings.py", '0.02, "linear grey', '0.5, "linear grey')
     whole = [1, fork, other]
-    assert [chapters.settings_class(chapters.parse(which))().background for which in whole] == [
+    assert [chapters.settings_class(chapters.parse(which))().shading.background for which in whole] == [
         0.02,
         0.02,
         0.5,
@@ -178,7 +178,7 @@ def test_a_saved_shader_of_a_fork_is_drawn(fork, backend, vulkan_device, gl_cont
 def test_a_fork_is_listed_with_its_own_files_knobs_and_views(fork, strata):
     text = (fork / "renderer.py").read_text("utf-8")
     (fork / "renderer.py").write_text(text.replace('"""', '"""Mine alone. ', 1), "utf-8")
-    edit(fork, "settings.py", '0.02, "linear grey', '0.125, "linear grey')
+    edit(fork, "shading/settings.py", '0.02, "linear grey', '0.125, "linear grey')
     code, out, err = strata("list", NAME)
     assert code == 0, err
     assert out.startswith(f"Fork {NAME}: ")

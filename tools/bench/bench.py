@@ -20,6 +20,7 @@ from common.names import suggest
 from common.paths import ROOT, write_whole
 from common.reports.benches import Effort
 from common.scene import stability
+from common.settings import flat, knobs
 from tools.bench import pipelines as bench_pipelines
 from tools.bench import points as bench_points
 from tools.bench import prepared as bench_prepared
@@ -227,7 +228,7 @@ def parts_of(which: chapters.Whole, api: str, only: Sequence[str] = ()) -> tuple
         ("async", "async_compute"),
         ("pacing", "async_compute"),
     ):
-        if not hasattr(settings_class, names):
+        if not hasattr(settings_class, names) and names not in knobs(settings_class):
             missing[part] = f"{spoken} names none in its settings ({names})"
     if api != "vulkan":
         missing.setdefault("pipelines", "OpenGL has no pipeline objects")
@@ -306,7 +307,7 @@ def measure(
         if "stability" in parts:
             steps("stability", 0.93)
             cases = bench_points.stability_cases(subject, effort)
-    defaults = vars(chapters.settings_class(which)())
+    defaults = flat(chapters.settings_class(which)())
     points = [point.record(defaults) for point in found]
     for point in points:
         point["front"] = bench_points.on_front(point, points)

@@ -10,7 +10,7 @@ import statistics
 import time as clock
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field
 from importlib import import_module
 from itertools import islice
 from typing import Any
@@ -23,7 +23,7 @@ from chapters import scenes, studies
 from common.images.color import decode_srgb, encode_srgb
 from common.reports.benches import Effort, errors, middle
 from common.scene import Scene, stability
-from common.settings import Knob, knobs, preset
+from common.settings import Knob, flat, knobs, preset, replaced
 from common.view.camera import View
 
 Array = np.ndarray
@@ -51,7 +51,7 @@ class Point:
         medians, which one disturbed round does not reach; with fewer than three rounds, those of the frames. `least_ms`
         is the quickest frame, which a busy machine disturbs least.
         """
-        changed = {k: v for k, v in asdict(self.settings).items() if v != defaults[k]}
+        changed = {k: v for k, v in flat(self.settings).items() if v != defaults[k]}
         frames = [frame for one in self.rounds for frame in one]
         # A pass that a frame left out took no time there.
         passes = {name: statistics.median(f.get(name, 0.0) for f in frames) for name in frames[0]}
@@ -94,11 +94,11 @@ def points(settings_class: type) -> list[Point]:
     for swept in getattr(settings_class, "PREPARED", ()):
         turned = {name: values for name, values in turned.items() if name not in swept.knobs}
     turned |= {name: list(values) for name, values in getattr(settings_class, "SWEEP", {}).items()}
-    base = asdict(preset(settings_class, "medium"))
+    base: Any = preset(settings_class, "medium")
     for name, values in turned.items():
         for value in values:
-            settings = settings_class(**{**base, name: value})
-            if all(asdict(settings) != asdict(point.settings) for point in made):
+            settings = replaced(base, **{name: value})
+            if all(flat(settings) != flat(point.settings) for point in made):
                 made.append(
                     Point(
                         f"{name}={value:g}" if isinstance(value, float) else f"{name}={value}",
@@ -249,7 +249,7 @@ def _averaged(image: Array, samples: int) -> Array:
 
 def forward_path(settings: Any) -> Any:
     """Return settings that light objects while they are drawn: what every chapter can, with the same picture."""
-    return replace(settings, graph="forward") if hasattr(settings, "graph") else settings
+    return replaced(settings, graph="forward") if "graph" in knobs(settings) else settings
 
 
 def sweep(subject: Subject, effort: Effort, step: Callable[[str, float], None]) -> list[Point]:

@@ -12,7 +12,6 @@ import statistics
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +21,7 @@ import chapters
 from backends import verdicts
 from chapters import scenes
 from common.reports.benches import Effort, errors
-from common.settings import Sweep, preset
+from common.settings import Sweep, flat, preset, replaced
 from tools.bench.points import Subject, on_front, picture
 
 
@@ -31,11 +30,11 @@ def prepared_points(settings_class: type, swept: Sweep) -> list[tuple[str, str, 
     medium: Any = preset(settings_class, "medium")
     found: list[tuple[str, str, Any]] = []
     for name in settings_class.PRESETS:  # type: ignore[attr-defined]
-        values = asdict(preset(settings_class, name))
-        found.append((name, "preset", replace(medium, **{knob: values[knob] for knob in swept.knobs})))
+        values = flat(preset(settings_class, name))
+        found.append((name, "preset", replaced(medium, **{knob: values[knob] for knob in swept.knobs})))
     for knob, values_of_knob in swept.knobs.items():
         for value in values_of_knob:
-            settings = replace(medium, **{knob: value})
+            settings = replaced(medium, **{knob: value})
             if all(settings != other for _, _, other in found):
                 found.append((f"{knob}={value}", "knob", settings))
     return found
@@ -57,12 +56,12 @@ def _sweep(
     medium: Any = preset(settings_class, "medium")
     converged = swept.truth
     if not effort.everything:  # a quick look: the presets, held to the last of them
-        values = asdict(preset(settings_class, "reference"))
+        values = flat(preset(settings_class, "reference"))
         converged = {knob: values[knob] for knob in swept.knobs}
         wanted = [p for p in wanted if p[1] == "preset" and p[0] != "reference"]
     with _nothing_kept() as forget:
         step("reference", 0.0)
-        truth, _ = _made(subject, replace(medium, **converged), forget)
+        truth, _ = _made(subject, replaced(medium, **converged), forget)
         times: dict[str, list[dict[str, float]]] = {name: [] for name, _, _ in wanted}
         error: dict[str, Any] = {}
         rounds = min(effort.rounds, 3)  # of seconds each, where those of frames are of milliseconds
@@ -73,7 +72,7 @@ def _sweep(
                 times[name].append(took)
                 error[name] = errors(picture, truth)
     points = []
-    defaults = asdict(medium)
+    defaults = flat(medium)
     for name, kind, settings in wanted:
         totals = [sum(one.values()) for one in times[name]]
         low, high = np.percentile(totals, (25, 75))
@@ -81,7 +80,7 @@ def _sweep(
             {
                 "name": name,
                 "kind": kind,
-                "settings": {k: v for k, v in asdict(settings).items() if v != defaults[k]},
+                "settings": {k: v for k, v in flat(settings).items() if v != defaults[k]},
                 "gpu_ms": statistics.median(totals),
                 "noise_ms": float(high - low) / 2,
                 "parts_ms": {

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,7 @@ from backends.contract import Renderer
 from common.reports.benches import Effort, difference, middle
 from common.reports.tables import table
 from common.scene.crowds import layers
-from common.settings import knobs, preset
+from common.settings import knobs, preset, replaced
 from tools.bench.points import Subject
 
 PATHS = {"forward": "forward", "deferred": "gbuffer"}
@@ -92,7 +92,7 @@ def measure(
                 truth = None
                 for prepass in (False, True):
                     step(f"{count} layers, {path}", 0.4 * len(runs) / (4 * len(counts)))
-                    settings = replace(medium, graph=path, depth_prepass=prepass, msaa=1)
+                    settings = replaced(medium, graph=path, depth_prepass=prepass, msaa=1)
                     renderer = stack.enter_context(drawn.open(settings, {"color", "color_linear"}))
                     run = _Run(path, count, prepass, renderer)
                     for _ in range(max(effort.warm_up, 2)):

@@ -11,7 +11,7 @@ import statistics
 import time as clock
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,7 @@ from backends.contract import Renderer
 from common.reports.benches import Effort, difference, recorded_anew
 from common.reports.tables import table
 from common.scene.crowds import crowd
-from common.settings import preset
+from common.settings import preset, replaced
 from tools.bench.points import Subject
 from tools.run.run import open_device
 
@@ -105,7 +105,7 @@ def measure(
                         subject.backend,
                         scene=scene,
                         size=subject.size,
-                        settings=replace(anew, recording_threads=threads),
+                        settings=replaced(anew, recording_threads=threads),
                         without=WITHOUT,
                         outputs={"color", "color_linear"},
                         device=device,

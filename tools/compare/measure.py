@@ -16,6 +16,7 @@ from common.errors import UserError
 from common.images.color import LUMINANCE, encode_srgb
 from common.reports import metrics
 from common.scene import Scene
+from common.settings import flat
 from common.view.camera import View, exposure
 from tools.bench import points
 from tools.compare.sides import Drawn, Float32, Picture, Side, shown_values
@@ -66,7 +67,7 @@ class Stand:
         self.side, self.renderer, self.moment = side, renderer, moment
         self._index = 0
         self.point = points.Point(side.text, "side", renderer.settings)
-        self._defaults = vars(type(renderer.settings)())
+        self._defaults = flat(type(renderer.settings)())
         self._work: dict[str, int] = {}
 
     def view(self, time: float) -> View:

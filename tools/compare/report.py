@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from rich.table import Table
 
 from common.reports.tables import table
+from common.settings import flat, knobs
 from tools.compare.measure import ErrorMap, Errors, Measured
 from tools.compare.sides import BACKEND_NAMES, Picture, Side
 from tools.run.record import naming, strata_version
@@ -61,7 +62,7 @@ def differences(a: Measured, b: Measured) -> str:
     ]
     for name, side, mine, others in (("A", one, paths[0], paths[1]), ("B", other, paths[1], paths[0])):
         # What a device gives less of than the preset wishes: the setting does not say what is drawn.
-        wishes = [feature for feature in mine if feature not in others and hasattr(side.settings, feature)]
+        wishes = [feature for feature in mine if feature not in others and feature in knobs(side.settings)]
         parts += [f"{feature} of {name} is {mine[feature]} here" for feature in wishes]
     if not parts:
         return f"Nothing differs between A and B: both are {described(one)}."
@@ -72,7 +73,7 @@ def differences(a: Measured, b: Measured) -> str:
 
 def _settings_differ(one: Any, other: Any) -> list[str]:
     """Return "msaa: 1, 4" for each setting that differs, and the names of those that one side alone has."""
-    first, second = asdict(one), asdict(other)
+    first, second = flat(one), flat(other)
     parts = [
         f"{name}: {_value(first[name])}, {_value(second[name])}"
         for name in first
@@ -249,5 +250,5 @@ def _side_record(one: Measured) -> dict[str, Any]:
         "without": list(side.without),
         "plan": [asdict(choice) for choice in one.plan.choices],
         **{key: value for key, value in one.record.items() if key not in ("name", "kind", "error")},
-        "settings": asdict(side.settings),
+        "settings": flat(side.settings),
     }

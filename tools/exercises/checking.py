@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import importlib.util
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
@@ -16,6 +15,7 @@ import chapters
 from backends.contract import Renderer
 from common.errors import UnsupportedError, UserError
 from common.scene import Scene
+from common.settings import knobs as knobs_of
 from common.view.camera import View
 from tools.exercises import Answer, Exercise
 
@@ -53,10 +53,10 @@ class Given:
     def settings(self, **knobs: Any) -> Any:
         """Return the copy's settings; raise NotYet where a knob, or a choice of it, is not there."""
         kind = chapters.settings_class(self.which)
-        known = {field.name: field for field in dataclasses.fields(kind)}
+        known = knobs_of(kind)
         for name, value in knobs.items():
             self.need(name in known, f"There is no setting {name} yet.")
-            choices = known[name].metadata["knob"].choices
+            choices = known[name].choices
             self.need(not choices or value in choices, f"The setting {name} cannot be {value} yet.")
         return kind(**knobs)
 

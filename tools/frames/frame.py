@@ -24,7 +24,7 @@ from common.images.frame_pictures import picture_of
 from common.names import suggest
 from common.paths import write_whole
 from common.reports.tables import table
-from common.settings import preset
+from common.settings import flat, preset
 from tools.cli.console import Steps, err, out, say
 from tools.cli.stopping import prompt_stop
 from tools.frames import page, report
@@ -198,7 +198,7 @@ def take_apart(
         timings.append({**drawn.timings, "cpu": drawn.cpu_ms})
     measured = timings[WARM_UP:]
     capabilities = renderer.capabilities
-    plain = preset(type(renderer.settings), "medium")
+    plain = flat(preset(type(renderer.settings), "medium"))
     made = Frame(
         **naming(which),
         title=chapters.title_of(which),
@@ -207,9 +207,7 @@ def take_apart(
         device=f"{capabilities.device} ({capabilities.driver})",
         size=renderer.size,
         time=request.time,
-        settings={
-            name: value for name, value in asdict(renderer.settings).items() if value != getattr(plain, name)
-        },
+        settings={name: value for name, value in flat(renderer.settings).items() if value != plain[name]},
         work=dict(drawn.work),
         cpu_ms=statistics.median(each["cpu"] for each in measured),
         left_out=[one.name for one in nodes_of(renderer)[count:]],

@@ -22,7 +22,7 @@ import chapters
 from chapters import studies
 from common.errors import UserError
 from common.paths import ROOT
-from common.settings import Knob, knobs, preset
+from common.settings import Knob, flat, knobs, preset
 from tools.cli.console import out
 from tools.ledger import features, glossary, results
 from tools.ledger.features import Feature
@@ -268,7 +268,7 @@ def text_of(value: object) -> str:
 def preset_values(name: str, which: str) -> str:
     """Return what each preset of a chapter makes of a setting, "low 1, high 4"; "" where all do the same."""
     kind = chapters.settings_class(chapters.parse(which))
-    values = {one: text_of(getattr(preset(kind, one), name)) for one in getattr(kind, "PRESETS", ())}
+    values = {one: text_of(flat(preset(kind, one))[name]) for one in getattr(kind, "PRESETS", ())}
     return ", ".join(f"{one} {value}" for one, value in values.items()) if len({*values.values()}) > 1 else ""
 
 

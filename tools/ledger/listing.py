@@ -11,7 +11,7 @@ from chapters import studies
 from common.errors import UserError
 from common.files.shader_files import shown_path
 from common.reports.tables import table
-from common.settings import describe, knobs, preset
+from common.settings import describe, flat, knobs, preset
 from tools.cli.console import out
 from tools.diff.sentences import first_sentence
 from tools.ledger import list_features
@@ -142,9 +142,9 @@ def show_settings(which: chapters.Which) -> None:
     if not presets:
         return
     compared = table("Presets: --quality name (what differs)", "name", *presets)
-    values = {name: preset(kind, name) for name in presets}
+    values = {name: flat(preset(kind, name)) for name in presets}
     for row in describe(kind):
-        shown = [f"{getattr(values[name], row.name)}" for name in presets]
+        shown = [f"{values[name][row.name]}" for name in presets]
         if len(set(shown)) > 1:
             compared.add_row(row.name, *shown)
     out.print(compared)

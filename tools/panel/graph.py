@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from common.settings import flat, replaced
 from tools.frames import report
 
 if TYPE_CHECKING:
@@ -91,7 +92,7 @@ def graph_of(renderer: Renderer) -> GraphState | None:
     return GraphState(
         tuple(passes),
         tuple(resources),
-        renderer.settings.graph,
+        flat(renderer.settings)["graph"],
         ("auto", *own),
         f"transients: {report.shown_bytes(memory.size)}; each alone {report.shown_bytes(memory.alone)}{less}",
     )
@@ -148,7 +149,7 @@ class GraphSection:
         self._path = text[:LONGEST] if imgui.is_item_active() else None
         if entered and text.strip():
             chosen = text.strip()
-        return {"settings": replace(settings, graph=chosen)} if chosen != state.graph else {}
+        return {"settings": replaced(settings, graph=chosen)} if chosen != state.graph else {}
 
     def _passes(self, state: GraphState, time_of: Callable[[str], float], actions: dict[str, Any]) -> None:
         imgui = self._imgui

@@ -6,7 +6,6 @@ It knows neither backend nor window: `PanelState` says what is, `PanelActions` w
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -16,7 +15,7 @@ import numpy as np
 
 from backends.window import Event
 from common.scene import Scene
-from common.settings import preset
+from common.settings import flat, preset, replaced
 from common.view.draw_lists import DrawList
 from tools.panel import imgui as panel_imgui
 from tools.panel.error import show_error
@@ -274,9 +273,10 @@ class Panel:
         if kind not in self._widgets:
             self._widgets[kind] = widgets(kind)
         shown = self._widgets[kind]
-        changes = self._knobs.build(shown, {one.name: getattr(state.settings, one.name) for one in shown})
+        values = flat(state.settings)
+        changes = self._knobs.build(shown, {one.name: values[one.name] for one in shown})
         if changes:
-            actions["settings"] = dataclasses.replace(state.settings, **changes)
+            actions["settings"] = replaced(state.settings, **changes)
 
     def _camera(self, state: PanelState, actions: dict[str, Any]) -> None:
         imgui = self._imgui

@@ -9,7 +9,6 @@ Chapters know nothing of it: a frame of theirs is inside, and what a renderer is
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from functools import cache
 from html import escape
 from typing import TYPE_CHECKING, Any
@@ -20,6 +19,7 @@ import chapters
 from chapters import studies
 from common.errors import StaleFrameError
 from common.images import frame_pictures
+from common.settings import flat, knobs
 from common.view.camera import exposure
 from tools.run.shown import Bundle, Figures, Picture, Table, figures
 from tools.run.views import stored_as
@@ -70,7 +70,7 @@ class ShownFrame:
         renderer = self._renderer
         wanted = renderer.outputs[0] if name is None and renderer.outputs else name or "color"
         values = self.image(wanted)
-        stored = stored_as(renderer.settings) if hasattr(renderer.settings, "view") else "light"
+        stored = stored_as(renderer.settings) if "view" in knobs(renderer.settings) else "light"
         if wanted == "color_linear" and stored == "light":
             values = values * np.float32(exposure(self._view.ev100))
         form = format_of(renderer, wanted, values)
@@ -119,9 +119,9 @@ class OpenedRenderer(Renderer):
 
     def table(self) -> Table:
         """Return what draws what on which device, the settings that are not the default, and each feature's path."""
-        told, plain = self.capabilities, vars(type(self.settings)())
+        told, plain = self.capabilities, flat(type(self.settings)())
         changed = [
-            f"{name}={value}" for name, value in asdict(self.settings).items() if value != plain.get(name)
+            f"{name}={value}" for name, value in flat(self.settings).items() if value != plain.get(name)
         ]
         rows = [
             ("lesson", chapters.title_of(self.which)),

@@ -17,6 +17,7 @@ import chapters
 from chapters.folders import Folder
 from common.errors import UserError
 from common.paths import ROOT, write_whole
+from common.settings import flat
 from tools.cli.console import err, out
 
 if TYPE_CHECKING:
@@ -107,7 +108,7 @@ class Log:
             },
             "size": list(renderer.size),
             "quality": self.quality,
-            "settings": asdict(renderer.settings),
+            "settings": flat(renderer.settings),
             "start_s": self.start,
             "shaders": asdict(shared().counters),
             "median_ms": self.medians(),

@@ -19,7 +19,7 @@ from chapters.folders import Folder
 from common import images
 from common.errors import UserError
 from common.paths import cache_problem, written_file
-from common.settings import apply_overrides
+from common.settings import apply_overrides, flat, replaced
 from tools.cli.console import Steps, say
 from tools.cli.stopping import prompt_stop
 from tools.run import quality
@@ -257,8 +257,8 @@ def chosen_quality(request: Request, scene: Scene) -> tuple[str, str]:
 
         def measure(name: str) -> float:
             settings = settings_of(request, name)
-            if getattr(settings, "loading", "") == "auto":  # as in the window that waits for this
-                settings.loading = "stream"
+            if flat(settings).get("loading") == "auto":  # as in the window that waits for this
+                settings = replaced(settings, loading="stream")
             with chapters.open(
                 request.chapter,
                 request.backend,

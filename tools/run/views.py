@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import chapters
 from common.errors import UserError
 from common.names import suggest
+from common.settings import flat, replaced
 
 if TYPE_CHECKING:
     from chapters import Which, Whole
@@ -26,7 +26,8 @@ def stored_as(settings: Any) -> str:
     """Return what the colour of a frame with a chapter's `settings` holds: "light", or a view's "value" or "count"."""
     package = type(settings).__module__.rpartition(".")[0]
     views = import_module(f"{package}.shading.views").VIEWS
-    return next((str(view.shown) for view in views if view.name == settings.view), "light")
+    shown = flat(settings)["view"]
+    return next((str(view.shown) for view in views if view.name == shown), "light")
 
 
 def with_view(settings: S, which: Which, name: str | None) -> S:
@@ -39,4 +40,4 @@ def with_view(settings: S, which: Which, name: str | None) -> S:
     if name not in known:
         near = suggest(name, known, shown=len(known))
         raise UserError(f"There is no view {name!r}{near}" + ("" if near.endswith("?") else "."))
-    return replace(settings, view=name)  # type: ignore[type-var]
+    return replaced(settings, view=name)

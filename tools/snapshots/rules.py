@@ -216,14 +216,14 @@ def monotone(before: list[Chapter], after: Chapter) -> Iterator[tuple[str, str]]
 
 @cache
 def names_of(path: str, content: bytes) -> frozenset[str]:
-    """Return the public names that a module defines, with the fields of Settings as "Settings.name"."""
+    """Return the public names that a module defines; in a `settings.py` knobs and groups, too, as "Settings.msaa"."""
     if not path.endswith(".py"):
         return frozenset()
     found = set()
     for node in ast.parse(content).body:
         for name in _defined(node):
             found.add(name)
-            if isinstance(node, ast.ClassDef) and (path, name) == ("settings.py", "Settings"):
+            if isinstance(node, ast.ClassDef) and path.rpartition("/")[2] == "settings.py":
                 found |= {f"{name}.{field}" for part in node.body for field in _defined(part)}
     return frozenset(name for name in found if not any(part.startswith("_") for part in name.split(".")))
 

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -26,6 +25,7 @@ from backends.contract import (
 from common.errors import StaleFrameError
 from common.scene import Pose, Scene
 from common.scene.pose import evaluate_pose
+from common.settings import replaced
 from common.view.camera import View, exposure
 
 from .. import LESSON
@@ -136,7 +136,7 @@ class FrameStream:
 
     def _make_passes(self) -> None:
         """Make all passes, and build the pipelines of those that this frame consists of."""
-        scene, settings = self.scene, replace(self.settings, msaa=self.samples)
+        scene, settings = self.scene, replaced(self.settings, msaa=self.samples)
         self._draws = SceneDrawLists(scene, self._data)
         parts = PassParts(scene, settings, self._data, self._draws, self._pipelines)
         self._forward, self._instance_id = ForwardPass(parts), InstanceIdPass(parts)

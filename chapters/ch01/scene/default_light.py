@@ -19,7 +19,7 @@ class DefaultLight:
     def __init__(self, scene: Scene, settings: Settings) -> None:
         self._settings = settings
         self._lit_from_afar = needed(scene, settings)
-        self.on = not scene.lights and settings.default_light and not self._lit_from_afar
+        self.on = not scene.lights and settings.scene.default_light and not self._lit_from_afar
         self.scene = scene
         if self.on:
             # Pi lux on a white diffuse surface that faces the light gives a luminance of 1.
@@ -40,8 +40,8 @@ class DefaultLight:
 
     def ambient(self) -> float:
         """Return the luminance that arrives from everywhere, in nits."""
-        if self._settings.ambient >= 0.0:
-            return self._settings.ambient
+        if self._settings.scene.ambient >= 0.0:
+            return self._settings.scene.ambient
         if self._lit_from_afar:
             return 0.0  # what stood in for light from everywhere is there now
         if self.scene.ambient is not None:

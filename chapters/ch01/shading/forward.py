@@ -24,10 +24,10 @@ def describe_lit(data: SceneData, settings: Settings, variant: Variant) -> Pipel
         defines=variant.defines + coverage_defines(variant, settings),
         sets=data.sets(variant),
         streams=data.vertex_streams(variant),
-        color=settings.color_format,
+        color=settings.shading.color_format,
         depth=views.depth_use(settings, variant),
         blend=views.blending(settings, variant),
-        samples=settings.msaa,
+        samples=settings.shading.msaa,
         name=f"forward {' '.join(name.lower() for name, _ in variant.defines)}",
     )
 
@@ -44,12 +44,12 @@ class ForwardPass(ObjectsPass):
     def __init__(self, parts: PassParts) -> None:
         super().__init__(parts)
         settings = parts.settings
-        grey = views.background(settings, settings.background)
-        samples = settings.msaa
+        grey = views.background(settings, settings.shading.background)
+        samples = settings.shading.msaa
         color, depth = "color_hdr" if samples == 1 else "color_msaa", views.depth_target(settings)
         clear = (grey, grey, grey, 1.0)
         self.writes = (
-            Access(color, "color", format=settings.color_format, clear=clear, samples=samples),
+            Access(color, "color", format=settings.shading.color_format, clear=clear, samples=samples),
             Access(depth, "depth", format="d32f", clear=(0.0,), samples=samples),
         )
         self._sky = Sky(parts) if Sky.needed(parts.scene, settings) else None

@@ -100,7 +100,7 @@ class VulkanSceneData(SceneData):
 
     def _choose_variants(self) -> None:
         super()._choose_variants()
-        if self._settings.view == "triangle-id" and GEOMETRY not in self._device.physical.bits:
+        if self._settings.shading.view == "triangle-id" and GEOMETRY not in self._device.physical.bits:
             raise UnsupportedError(
                 f"{self._device.capabilities.device} gives fragments no number of their triangle: choose another view."
             )
@@ -133,7 +133,7 @@ class VulkanSceneData(SceneData):
         if not self.has_environment:
             return
         assert self._scene.environment is not None
-        maps = create_environment(self._device, self._scene.environment, Sizes.of(self._settings))
+        maps = create_environment(self._device, self._scene.environment, Sizes.of(self._settings.environment))
         self._tell_environment(maps)
         for image in (maps.radiance, maps.irradiance, maps.table):
             self._resources.images.create(image)

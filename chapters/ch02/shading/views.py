@@ -7,12 +7,16 @@ shading/views.glsl. Without a view there is no such define, and every pipeline i
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal, Protocol
+from typing import TYPE_CHECKING, Literal, Protocol
 
 from common.scene import Material, Scene
 from common.view.camera import View, exposure
 
+from ..post.settings import PostSettings
 from ..scene.packing import Variant, material_variant, shape_alone
+
+if TYPE_CHECKING:
+    from .settings import ShadingSettings
 
 PICTURE = "picture"
 """What the setting `view` is called where none is asked for."""
@@ -24,10 +28,8 @@ COUNT_FULL = 12
 class Settings(Protocol):
     """What views ask of a chapter's settings."""
 
-    view: str
-    msaa: int
-    tone_curve: str
-    skip_unused: bool
+    shading: ShadingSettings
+    post: PostSettings
 
 
 @dataclass(frozen=True)
@@ -132,7 +134,7 @@ def number_of(view: str) -> int:
 
 def of(settings: Settings) -> Quantity | None:
     """Return the view that is asked for, None for the picture."""
-    return None if settings.view == PICTURE else VIEWS[number_of(settings.view)]
+    return None if settings.shading.view == PICTURE else VIEWS[number_of(settings.shading.view)]
 
 
 def variant_of(material: Material, scene: Scene, settings: Settings, energy: str | None) -> Variant:
@@ -142,7 +144,7 @@ def variant_of(material: Material, scene: Scene, settings: Settings, energy: str
     are not uploaded.
     """
     # A texture that stands in for none has no mip level to show: under a view `skip_unused` is always on.
-    everything = not settings.skip_unused and is_lit(settings)
+    everything = not settings.shading.skip_unused and is_lit(settings)
     whole = material_variant(material, scene, everything, energy)
     view = of(settings)
     if view is None:
@@ -167,24 +169,24 @@ def variant_of(material: Material, scene: Scene, settings: Settings, energy: str
 
 def blending(settings: Settings, variant: Variant) -> Literal["over", "add"] | None:
     """Return how a fragment joins what is there: a view shows one surface at each pixel, or counts all of them."""
-    if settings.view == PICTURE:
+    if settings.shading.view == PICTURE:
         return "over" if variant.alpha_mode == "blend" else None
-    return "add" if settings.view == "overdraw" else None
+    return "add" if settings.shading.view == "overdraw" else None
 
 
 def is_lit(settings: Settings) -> bool:
     """Whether light is computed at all."""
-    return settings.view in (PICTURE, "non-finite")
+    return settings.shading.view in (PICTURE, "non-finite")
 
 
 def mends_texels(settings: Settings) -> bool:
     """Whether texels that are NaN or infinite are replaced before the GPU sees them."""
-    return settings.view != "non-finite"
+    return settings.shading.view != "non-finite"
 
 
 def depth_use(settings: Settings, variant: Variant) -> Literal["write", "test"]:
     """Return what a fragment does with depth; where all are counted none writes it, and so none hides another."""
-    return "test" if variant.alpha_mode == "blend" or settings.view == "overdraw" else "write"
+    return "test" if variant.alpha_mode == "blend" or settings.shading.view == "overdraw" else "write"
 
 
 def depth_target(settings: Settings) -> str:
@@ -192,26 +194,26 @@ def depth_target(settings: Settings) -> str:
 
     Where it has several samples, or nothing writes it, whoever asks for the frame's gets that of the instances' pass.
     """
-    if settings.msaa > 1:
+    if settings.shading.msaa > 1:
         return "depth_msaa"
-    return "depth_empty" if settings.view == "overdraw" else "depth"
+    return "depth_empty" if settings.shading.view == "overdraw" else "depth"
 
 
 def background(settings: Settings, grey: float) -> float:
     """Return the grey where nothing was drawn: black under a view."""
-    return grey if settings.view == PICTURE else 0.0
+    return grey if settings.shading.view == PICTURE else 0.0
 
 
 def shown_exposure(settings: Settings, view: View) -> float:
     """Return the factor between the linear colour that is stored and what it stands for: 1 under a view."""
-    return exposure(view.ev100) if settings.view == PICTURE else 1.0
+    return exposure(view.ev100) if settings.shading.view == PICTURE else 1.0
 
 
 def tonemap_defines(settings: Settings) -> tuple[tuple[str, int | float | str], ...]:
     """Return what tonemap.frag is built with."""
     view = of(settings)
     if view is None:
-        return (("NEUTRAL", 1),) if settings.tone_curve == "neutral" else ()
+        return (("NEUTRAL", 1),) if settings.post.tone_curve == "neutral" else ()
     if view.shown == "count":
         return (("VIEW_COUNT", 1), ("COUNT_FULL", COUNT_FULL))
     return (("VIEW_VALUE", 1),) if view.shown == "value" else ()

@@ -33,7 +33,7 @@ from common.reports.benches import Subject, recorded_anew
 from common.scene import Material, Scene
 from common.scene.crowds import crowd
 from common.scene.images import Chain, Image
-from common.settings import preset
+from common.settings import flat, preset, replaced
 
 ONCE = ("write", "compress")
 """Ways that are no second time the same: there is a cache after them."""
@@ -61,7 +61,7 @@ def once(subject: Subject, path: Path, way: str, picture: Path | None = None) ->
     """Load a scene in one of the other WAYS; return seconds and bytes. `picture` is an .npz that gets what is seen."""
     settings: Any = preset(subject.settings_class, "medium")
     streams = way in ("stream", "overlap")
-    settings = replace(settings, loading="stream" if streams else "wait")
+    settings = replaced(settings, loading="stream" if streams else "wait")
     if way == "overlap":
         settings = recorded_anew(settings)  # stamps are part of what is recorded: each frame has its own
     load = _Load(subject, path, settings, way)
@@ -105,7 +105,7 @@ def _measured(
     load: _Load, building: list[float], stamps: Stamps | None, picture: Path | None
 ) -> dict[str, Any]:
     """Return the figures of the load itself, after which scene and renderer are closed."""
-    streams, way = load.settings.loading == "stream", load.way
+    streams, way = flat(load.settings)["loading"] == "stream", load.way
     small = _small_images(load, load_scene(load.path, decode=False)) if way == "least" else []
     with ExitStack() as stack:
         before = _peak_bytes()

@@ -26,6 +26,7 @@ from common.scene import Sampler, Scene
 
 from ..settings import Settings
 from ..shading.views import is_lit
+from .settings import EnvironmentSettings
 
 SHADERS = Path(__file__).resolve().parent
 KERNELS = ("cube", "mips", "irradiance", "prefilter")
@@ -74,15 +75,15 @@ class Sizes:
             )
 
     @classmethod
-    def of(cls, settings: Settings) -> Sizes:
+    def of(cls, settings: EnvironmentSettings) -> Sizes:
         """Return the sizes that settings ask for, edges rounded down to powers of two."""
-        face = 1 << (settings.environment_size.bit_length() - 1)
+        face = 1 << (settings.size.bit_length() - 1)
         source = 1 << (settings.irradiance_source.bit_length() - 1)
         return cls(
             face=face,
             irradiance_source=min(source, face),
             table=settings.table_size,
-            lobe_part=settings.environment_detail,
+            lobe_part=settings.detail,
             table_samples=settings.table_samples,
         )
 
@@ -133,13 +134,15 @@ class MapsOnGpu:
 
 def needed(scene: Scene, settings: Settings) -> bool:
     """Whether the scene has an environment that sends out light, and light is computed."""
-    return scene.environment is not None and settings.environment_intensity > 0 and is_lit(settings)
+    return scene.environment is not None and settings.environment.intensity > 0 and is_lit(settings)
 
 
-def frame_values(settings: Settings, scale: float, last_level: int) -> tuple[float, float, float, float]:
+def frame_values(
+    settings: EnvironmentSettings, scale: float, last_level: int
+) -> tuple[float, float, float, float]:
     """Return what every frame's constants hold of an environment whose stored 1 stands for `scale` nits."""
-    turn = math.radians(settings.environment_turn)
-    return scale * settings.environment_intensity, math.cos(turn), math.sin(turn), float(last_level)
+    turn = math.radians(settings.turn)
+    return scale * settings.intensity, math.cos(turn), math.sin(turn), float(last_level)
 
 
 NO_ENVIRONMENT = (0.0, 1.0, 0.0, 0.0)

@@ -21,15 +21,15 @@ class Sky:
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:
         """Whether there is an environment, and it is to be seen: a view shows surfaces alone."""
-        return settings.sky and settings.view == PICTURE and model.needed(scene, settings)
+        return settings.shading.sky and settings.shading.view == PICTURE and model.needed(scene, settings)
 
     def create(self) -> Built:
         """Build the pipeline and return it."""
         described = PipelineDescription(
             shaders=("post/fullscreen.vert", "shading/sky.frag"),
-            color=self._settings.color_format,
+            color=self._settings.shading.color_format,
             depth="test",
-            samples=self._settings.msaa,
+            samples=self._settings.shading.msaa,
             name="sky",
         )
         self._pipeline = self._pipelines.get([described])[0]

@@ -8,14 +8,14 @@ path does in another way is in it too.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 from rich.console import Console
 
 from common.reports.benches import Effort, Subject, difference, errors, middle
 from common.reports.tables import table
-from common.settings import knobs, preset
+from common.settings import knobs, preset, replaced
 
 KNOB, FINEST, FORWARD = "gbuffer_format", "full", "forward"
 SCENES = {"spheres": "sky", "cornell": "none"}
@@ -92,8 +92,8 @@ def measure(
     every: dict[str, dict[str, _Point]] = {}
     for number, (scene_name, (_, drawn)) in enumerate(held.items()):
         step(f"errors on {scene_name}", 0.5 * number / len(held))
-        settings = {one: replace(medium, graph="deferred", msaa=1, **{KNOB: one}) for one in choices}
-        settings[FORWARD] = replace(medium, graph=FORWARD, msaa=1)
+        settings = {one: replaced(medium, graph="deferred", msaa=1, **{KNOB: one}) for one in choices}
+        settings[FORWARD] = replaced(medium, graph=FORWARD, msaa=1)
         every[scene_name] = {one: _Point(drawn, one, how) for one, how in settings.items()}
         for point in every[scene_name].values():
             point.look()

@@ -26,7 +26,7 @@ from rich.console import Console
 from backends.contract import Access, Renderer
 from common.reports.benches import Effort, Subject, middle, moved_view
 from common.reports.tables import table
-from common.settings import knobs, preset
+from common.settings import knobs, preset, replaced
 from common.view.camera import View
 
 KNOB = "graph"
@@ -86,7 +86,7 @@ def measure(
 
 def _settings(subject: Subject, values: dict[str, Any]) -> Any:
     medium: Any = preset(subject.settings_class, "medium")
-    return replace(medium, **values)
+    return replaced(medium, **values)
 
 
 # --- compiling --------------------------------------------------------------------------------------------------------

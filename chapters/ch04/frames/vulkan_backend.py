@@ -64,10 +64,10 @@ class VulkanBackend(Backend):
         self.resources = Resources(device)
         self.descriptors = Descriptors(device)
         self.profiler = Profiler(device)
-        self.workers = Workers(settings.recording_threads)
+        self.workers = Workers(settings.frames.recording_threads)
         self.by_address = multi_draw = plan.native("multi-draw")
-        self.commands = open_commands(device, self.frames, self.workers, multi_draw, settings)
-        anisotropy = settings.anisotropy if plan.native("anisotropy") else 1.0
+        self.commands = open_commands(device, self.frames, self.workers, multi_draw, settings.frames)
+        anisotropy = settings.scene.anisotropy if plan.native("anisotropy") else 1.0
         bindless = plan.native("bindless")
         self.data = VulkanSceneData(
             device, scene, settings, anisotropy, self.resources, self.descriptors, bindless, loading
@@ -75,7 +75,7 @@ class VulkanBackend(Backend):
         rehearse(loading, device, self.frames.slots, self.data, pose)
         self._cache = PipelineCache.on_disk(device)
         self.pipelines = Pipelines(device, self._cache, self.data.slot_count or CAPACITY)
-        self.memory = GraphMemory(device, ["copy_target"] * (settings.poison != "off"))
+        self.memory = GraphMemory(device, ["copy_target"] * (settings.graph.poison != "off"))
         self.requirement = self.memory.requirement
         self.copies = CopyOutputs(device)
 
@@ -115,7 +115,7 @@ class VulkanBackend(Backend):
             self.resources,
             self.descriptors,
             partial(self.copies.attach, graph),
-            settings.poison,
+            settings.graph.poison,
         )
         images = self.executor.images.by_name(graph)
         self.inspection = Inspection(self.device, plan.watched(graph), images, SLOTS)

@@ -102,7 +102,7 @@ class GraphStream(FrameStream):
 
     def _compiled(self) -> Graph:
         """Compile the frame as it is planned; GraphError where that cannot be one."""
-        needs, alias = self._api.requirement, self._settings.alias
+        needs, alias = self._api.requirement, self._settings.graph.alias
         return self._plan.compile(self.size, self.scene, self._settings, needs, alias)
 
     def _create_passes(self) -> None:

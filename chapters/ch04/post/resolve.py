@@ -25,20 +25,20 @@ class ResolvePass(FullscreenPass):
     def __init__(self, parts: PassParts) -> None:
         super().__init__(parts)
         settings = parts.settings
-        self.reads = (Access("color_msaa", "sampled", samples=settings.msaa),)
-        self.writes = (Access("color_hdr", "color", format=settings.color_format),)
+        self.reads = (Access("color_msaa", "sampled", samples=settings.shading.msaa),)
+        self.writes = (Access("color_hdr", "color", format=settings.shading.color_format),)
 
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:
         """Without further samples the forward pass draws what this pass would write."""
-        return settings.msaa > 1
+        return settings.shading.msaa > 1
 
     def describe(self) -> PipelineDescription:
         """Return the pipeline."""
         return PipelineDescription(
             shaders=("post/fullscreen.vert", "post/resolve.frag"),
             defines=resolve_defines(self._settings),
-            color=self._settings.color_format,
+            color=self._settings.shading.color_format,
             depth=None,
             name="resolve",
         )

@@ -46,8 +46,8 @@ class SceneData:
     ) -> None:
         self._scene, self._settings, self._anisotropy = scene, settings, anisotropy
         self._largest_image, self._largest_page = limits
-        self._energy = settings.energy if model.needed(scene, settings) else None
-        self.records = Records(scene, settings.light_cutoff)
+        self._energy = settings.environment.energy if model.needed(scene, settings) else None
+        self.records = Records(scene, settings.scene.light_cutoff)
         self.environment = model.NO_ENVIRONMENT
         """What every frame's constants hold of the environment."""
         self.prepared_ms: dict[str, float] = {}
@@ -85,7 +85,7 @@ class SceneData:
     def _tell_environment(self, maps: model.MapsOnGpu) -> None:
         """Note what shaders are told of the environment's maps, and how long they took."""
         self.prepared_ms = {f"environment {name}": took for name, took in maps.made_ms.items()}
-        self.environment = model.frame_values(self._settings, maps.scale, maps.last_level)
+        self.environment = model.frame_values(self._settings.environment, maps.scale, maps.last_level)
 
     # --- made anew when a material becomes another kind ---
 

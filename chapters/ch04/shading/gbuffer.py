@@ -46,6 +46,6 @@ class GBufferPass(ObjectsPass):
         return replace(
             describe_lit(self._data, self._settings, variant),
             defines=(*surface.defines, *textures, ("GBUFFER", 1), *deferred.normal_defines(self._settings)),
-            color=deferred.FORMATS[self._settings.gbuffer_format],
+            color=deferred.FORMATS[self._settings.shading.gbuffer_format],
             name=f"G-buffer {' '.join(name.lower() for name, _ in surface.defines)}",
         )

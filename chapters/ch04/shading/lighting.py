@@ -22,7 +22,7 @@ class LightingPass(FullscreenPass):
         super().__init__(parts)
         self._has_sky = Sky.needed(parts.scene, parts.settings)
         self.reads = tuple(Access(name, "sampled") for name in (*TARGETS, "depth"))
-        self.writes = (Access("color_lit", "color", format=parts.settings.color_format),)
+        self.writes = (Access("color_lit", "color", format=parts.settings.shading.color_format),)
 
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:
@@ -35,7 +35,7 @@ class LightingPass(FullscreenPass):
         return PipelineDescription(
             shaders=("post/fullscreen.vert", "shading/lighting.frag"),
             defines=light_defines(variants, self._has_sky, self._settings),
-            color=self._settings.color_format,
+            color=self._settings.shading.color_format,
             depth=None,
             name="lighting",
         )

@@ -18,8 +18,8 @@ def choose_samples(settings: Settings, offered: Collection[int], device: str) ->
     `offered` are the numbers that the device has for the formats in use. Raises UserError for another number, unless it
     is `AtMost`: then the largest that is offered, and no larger than the wish, counts. A view has one.
     """
-    wished = settings.msaa
-    if settings.view != PICTURE:
+    wished = settings.shading.msaa
+    if settings.shading.view != PICTURE:
         return 1, "the mean of a view's samples is no value of any surface" if wished > 1 else ""
     numbers = sorted(offered)
     shown = " or ".join(filter(None, (", ".join(map(str, numbers[:-1])), str(numbers[-1]))))
@@ -27,7 +27,7 @@ def choose_samples(settings: Settings, offered: Collection[int], device: str) ->
         return int(wished), ""
     if not isinstance(wished, AtMost):
         raise UserError(
-            f"{device} draws {settings.color_format} pictures with {shown} samples a pixel, "
+            f"{device} draws {settings.shading.color_format} pictures with {shown} samples a pixel, "
             f"not with {wished}: set msaa to one of those."
         )
     most = max(number for number in numbers if number <= wished)
@@ -36,14 +36,14 @@ def choose_samples(settings: Settings, offered: Collection[int], device: str) ->
 
 def coverage_defines(variant: Variant, settings: Settings) -> tuple[tuple[str, int | float | str], ...]:
     """Return what makes a material's alpha mask end within pixels, where they have samples to end between."""
-    if settings.msaa > 1 and settings.mask_coverage and variant.alpha_mode == "mask":
-        return (("COVERAGE_SAMPLES", settings.msaa),)
+    if settings.shading.msaa > 1 and settings.shading.mask_coverage and variant.alpha_mode == "mask":
+        return (("COVERAGE_SAMPLES", settings.shading.msaa),)
     return ()
 
 
 def resolve_defines(settings: Settings) -> tuple[tuple[str, int | float | str], ...]:
     """Return what resolve.frag is built with."""
     weighted: tuple[tuple[str, int | float | str], ...] = (
-        (("TONE_WEIGHTED", 1),) if settings.resolve == "tone-weighted" else ()
+        (("TONE_WEIGHTED", 1),) if settings.post.resolve == "tone-weighted" else ()
     )
-    return (("SAMPLES", settings.msaa), *weighted)
+    return (("SAMPLES", settings.shading.msaa), *weighted)

@@ -26,7 +26,9 @@ class TransparentPass(ObjectsPass):
     def __init__(self, parts: PassParts) -> None:
         super().__init__(parts)
         self.reads = (Access("depth", "depth"),)
-        self.writes = (Access("color_hdr", "color", format=parts.settings.color_format, of="color_lit"),)
+        self.writes = (
+            Access("color_hdr", "color", format=parts.settings.shading.color_format, of="color_lit"),
+        )
 
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:

@@ -16,7 +16,7 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -31,7 +31,7 @@ from common.reports.tables import table
 from common.scene import Scene
 from common.scene.merge import merge_scenes
 from common.scene.sheets import cloth, cloth_scene_of
-from common.settings import knobs
+from common.settings import flat, knobs, replaced
 
 from .sheet import FABRIC, PASS, medium_of
 
@@ -69,7 +69,7 @@ class _Run:
     def round(self, count: int) -> None:
         """Draw frames from time 0 on without waiting between them, and keep what they took."""
         renderer: Any = self.renderer
-        view, dt = self.subject.view(renderer), renderer.settings.cloth_step
+        view, dt = self.subject.view(renderer), renderer.settings.cloth.step
         for number in range(2):
             renderer.render(view, number * dt).timings  # noqa: B018
         began = clock.perf_counter()
@@ -146,17 +146,19 @@ def frames_of(
     outputs = {"color", "color_linear"}
     if balanced:
         step("how long both take", 0.0)
-        with subject.open(replace(settings, async_compute=False), outputs) as renderer:
+        with subject.open(replaced(settings, async_compute=False), outputs) as renderer:
             run = _Run(False, subject, renderer)
             run.round(4)
         one = run.record()
         if one["compute_ms"] > 0:
-            wanted = round(settings.cloth_substeps * one["drawing_ms"] / one["compute_ms"])
-            settings = replace(settings, cloth_substeps=min(max(wanted, 1), MOST_SUBSTEPS))
+            wanted = round(flat(settings)["cloth_substeps"] * one["drawing_ms"] / one["compute_ms"])
+            settings = replaced(settings, cloth_substeps=min(max(wanted, 1), MOST_SUBSTEPS))
     rounds = max(effort.rounds, 2)
     with ExitStack() as stack:
         runs = [
-            _Run(on, subject, stack.enter_context(subject.open(replace(settings, async_compute=on), outputs)))
+            _Run(
+                on, subject, stack.enter_context(subject.open(replaced(settings, async_compute=on), outputs))
+            )
             for on in (True, False)
         ]
         for turn in range(rounds + 1):
@@ -192,7 +194,7 @@ def _stamps(subject: Subject, settings: Any) -> dict[str, Any] | None:
         return None
     stamps = Stamps(device)
     try:  # what was recorded once and is sent again would have the stamps of its first time
-        with subject.open(replace(settings, resubmit=False), {"color"}) as renderer:
+        with subject.open(replaced(settings, resubmit=False), {"color"}) as renderer:
             _Run(True, subject, renderer).round(STAMPED)
             timeline = stamps.timeline()
     finally:

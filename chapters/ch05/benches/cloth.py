@@ -24,7 +24,7 @@ from rich.console import Console
 from common.reports.benches import Effort, Subject, middle
 from common.reports.tables import table
 from common.scene import Scene
-from common.settings import knobs
+from common.settings import flat, knobs
 
 from . import executions as bench_executions
 from .measures import stretch
@@ -89,7 +89,7 @@ def measure(
     if KNOB not in knobs(subject.settings_class):
         return None
     sweep = sweep or (FULL if effort.everything else QUICK)
-    scene, dt = level_sheet(sweep.edge), medium_of(subject).cloth_step
+    scene, dt = level_sheet(sweep.edge), flat(medium_of(subject))["cloth_step"]
     sheet, truth = _truth(subject, scene, sweep, dt, lambda part: step("the float64 twin", 0.3 * part))
     points: dict[tuple[str, int, int], dict[str, Any]] = {}
     runs = _runs(sweep)

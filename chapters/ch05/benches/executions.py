@@ -15,6 +15,7 @@ from rich.console import Console
 
 from common.reports.benches import Effort, Subject, middle
 from common.reports.tables import table
+from common.settings import flat
 
 from .sheet import cloth_of, level_sheet, medium_of, opened, states, timed_step
 
@@ -59,7 +60,7 @@ def measure(subject: Subject, effort: Effort, step: Callable[[str, float], None]
                 {"execution": execution, "particles": edge * edge, "gpu_ms": median, "noise_ms": noise}
             )
     return {
-        "substeps": medium_of(subject).cloth_substeps,
+        "substeps": flat(medium_of(subject))["cloth_substeps"],
         "goes_over": cloth_of(subject, "dispatches").LARGEST_GROUP,
         "same": same,
         "points": points,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time as clock
 from contextlib import AbstractContextManager
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from backends.contract import Renderer
 from common.reports.benches import Subject
 from common.scene import Scene
 from common.scene.sheets import cloth, cloth_scene_of
-from common.settings import preset
+from common.settings import preset, replaced
 
 KNOB = "cloth_method"
 """The setting; a chapter without it has no cloth."""
@@ -44,12 +43,12 @@ def cloth_of(subject: Subject, name: str) -> Any:
 def medium_of(subject: Subject, **more: Any) -> Any:
     """Return the settings of the chapter's `medium`, and others on top."""
     medium: Any = preset(subject.settings_class, "medium")
-    return replace(medium, **more)
+    return replaced(medium, **more)
 
 
 def opened(subject: Subject, scene: Scene, settings: Any) -> AbstractContextManager[Renderer]:
     """Return a renderer of a small picture of a scene, forward, so that little else than cloth is done."""
-    return subject.on(scene, SIZE).open(replace(settings, graph="forward"), {"color"})
+    return subject.on(scene, SIZE).open(replaced(settings, graph="forward"), {"color"})
 
 
 def timed_step(subject: Subject, renderer: Renderer, number: int, dt: float) -> float:

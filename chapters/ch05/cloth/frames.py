@@ -35,6 +35,7 @@ from .dispatches import (
 )
 from .layout import Drawn, Limits, pack
 from .scene import ClothScene
+from .settings import ClothSettings
 from .steps import MOST_SECONDS, fit_steps, motion_between
 from .types import Float64, Forces, Steps
 
@@ -79,21 +80,21 @@ class ClothFrames:
     """The cloths of a scene from frame to frame. `drawn` says where the vertices of each are drawn from."""
 
     def __init__(
-        self, found: ClothScene, settings: Any, drawn: Sequence[Drawn], limits: Limits | None = None
+        self, found: ClothScene, settings: ClothSettings, drawn: Sequence[Drawn], limits: Limits | None = None
     ) -> None:
         self._found, self._settings = found, settings
         wanted = Steps(
-            settings.cloth_step,
-            settings.cloth_substeps,
-            settings.cloth_iterations,
-            settings.cloth_method,
-            settings.cloth_integrator,
+            settings.step,
+            settings.substeps,
+            settings.iterations,
+            settings.method,
+            settings.integrator,
         )
         self.cloths, self.steps, notes = fit_steps(found.cloths, wanted)
         self._tell(notes)
         self._limits = limits
         self.draw_from(drawn)
-        self.execution = choose_execution(self.packed, settings.cloth_execution)
+        self.execution = choose_execution(self.packed, settings.execution)
         count = len(self.cloths)
         self.clock = ClothClock(count, self.steps.dt)
         self._particles = np.diff(self.packed.first_particles)

@@ -32,6 +32,7 @@ from .dispatches import Dispatch, Kernel, states_of
 from .frames import ClothFrames, Plan, drawn_from
 from .layout import Limits, Packed
 from .scene import ClothScene
+from .settings import ClothSettings
 from .types import State
 
 VERTICES = "cloth_vertices"
@@ -105,7 +106,9 @@ class ClothPass(Pass):
     name = "cloth"
     queue = "compute"
 
-    def __init__(self, found: ClothScene, settings: Settings, parts: PassParts, kernels: Kernels) -> None:
+    def __init__(
+        self, found: ClothScene, settings: ClothSettings, parts: PassParts, kernels: Kernels
+    ) -> None:
         data = parts.data
         self._pipelines, self._kernels = parts.pipelines, kernels
         self._made: dict[Kernel, Built] = {}

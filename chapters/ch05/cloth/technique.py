@@ -22,7 +22,7 @@ class ClothTechnique(Technique):
     def __init__(self, scene: Scene, settings: Settings) -> None:
         super().__init__(scene, settings)
         self._settings = settings  # the user's own: wind changes while frames are drawn
-        self._found = cloth_scene(scene, settings.cloth)
+        self._found = cloth_scene(scene, settings.cloth.enabled)
         self.scene = self._found.scene
         self._reset = ""
         self.cloth: ClothPass | None = None
@@ -31,7 +31,7 @@ class ClothTechnique(Technique):
     def create(self, parts: PassParts, backend: Backend, passes: Mapping[str, Pass]) -> None:
         """Make the pass, and let those that draw objects read what it writes."""
         kernels = backend.part(__package__).ClothKernels(backend)
-        self.cloth = ClothPass(self._found, self._settings, parts, kernels)
+        self.cloth = ClothPass(self._found, self._settings.cloth, parts, kernels)
         self.cloth.add_to(passes)
         self.passes = {self.cloth.name: self.cloth}
 

@@ -60,11 +60,11 @@ class GlBackend(Backend):
         context = self.device
         self.frames = Recordings(context)
         self.pipelines = Pipelines(context)
-        anisotropy = settings.anisotropy if plan.native("anisotropy") else 1.0
+        anisotropy = settings.scene.anisotropy if plan.native("anisotropy") else 1.0
         self.data = GlSceneData(context, scene, settings, anisotropy, loading)
-        self.workers = Workers(settings.recording_threads)
+        self.workers = Workers(settings.frames.recording_threads)
         multi_draw = plan.native("multi-draw")
-        self.commands = open_commands(context, self.pipelines, multi_draw, self.workers, settings)
+        self.commands = open_commands(context, self.pipelines, multi_draw, self.workers, settings.frames)
         self.copies = CopyOutputs(context)
 
     # --- a graph ---
@@ -80,8 +80,8 @@ class GlBackend(Backend):
             passes | {COPY: self.copies},
             self.data.sampler,
             partial(self.copies.attach, graph),
-            settings.alias,
-            settings.poison,
+            settings.graph.alias,
+            settings.graph.poison,
         )
         images = self.executor.images.by_name(graph)
         self.inspection = Inspection(self.device, plan.watched(graph), images, SLOTS)

@@ -109,7 +109,7 @@ class FrameStream:
         self._inspects = inspect
         # Targets that are copied after the passes: to the CPU, or to a window.
         self._handed_on = {*(SOURCES[name] for name in self.outputs), *(["color"] if presents else [])}
-        self._loading = Loading.of(self.settings, presents)
+        self._loading = Loading.of(self.settings.loading, presents)
         self._closed = False
         return off
 
@@ -121,7 +121,7 @@ class FrameStream:
         self.size = check_size(size, self.capabilities.limits["maxImageDimension2D"])
         self.samples, short = choose_samples(
             self.settings,
-            self._api.offered_samples(self.settings.color_format),
+            self._api.offered_samples(self.settings.shading.color_format),
             self.capabilities.device,
         )
         if short:

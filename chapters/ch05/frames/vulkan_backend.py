@@ -65,15 +65,15 @@ class VulkanBackend(Backend):
     def create(self, scene: Scene, settings: Settings, plan: Plan, loading: Loading, pose: Pose) -> None:
         """Make frames, pipelines and the scene's data."""
         device, self._scene = self.device, scene
-        self._queues = Queues(device, plan.native("async-compute") and settings.async_compute)
+        self._queues = Queues(device, plan.native("async-compute") and settings.queues.async_compute)
         self.frames = QueueFrames(device, self._queues)
         self.resources = Resources(device, self._queues.families)
         self.descriptors = Descriptors(device)
         self.profiler = Profiler(device)
-        self.workers = Workers(settings.recording_threads)
+        self.workers = Workers(settings.frames.recording_threads)
         self.by_address = multi_draw = plan.native("multi-draw")
-        self.commands = open_commands(device, self.frames, self.workers, multi_draw, settings)
-        anisotropy = settings.anisotropy if plan.native("anisotropy") else 1.0
+        self.commands = open_commands(device, self.frames, self.workers, multi_draw, settings.frames)
+        anisotropy = settings.scene.anisotropy if plan.native("anisotropy") else 1.0
         bindless = plan.native("bindless")
         self.data = VulkanSceneData(
             device, scene, settings, anisotropy, self.resources, self.descriptors, bindless, loading
@@ -81,7 +81,7 @@ class VulkanBackend(Backend):
         rehearse(loading, device, self.frames.slots, self.data, pose)
         self._cache = PipelineCache.on_disk(device)
         self.pipelines = Pipelines(device, self._cache, self.data.slot_count or CAPACITY)
-        poisoned = ["copy_target"] * (settings.poison != "off")
+        poisoned = ["copy_target"] * (settings.graph.poison != "off")
         self.memory = GraphMemory(device, poisoned, self._queues.families)
         self.requirement = self.memory.requirement
         self.copies = CopyOutputs(device)
@@ -122,7 +122,7 @@ class VulkanBackend(Backend):
             self.resources,
             self.descriptors,
             partial(self.copies.attach, graph),
-            settings.poison,
+            settings.graph.poison,
             self._queues,
         )
         self.frames.follow(self.executor, self.profiler)

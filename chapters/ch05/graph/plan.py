@@ -33,9 +33,6 @@ COPY = "copy outputs"
 
 OFF = "switched off"
 
-POISONS = ("off", "depth 0", "depth 1")
-"""What memory can be filled with before its first use: nothing, or NaN, integers of all ones and this depth."""
-
 
 def graph_name(settings: Any) -> str:
     """Return the graph that settings mean: "auto" is deferred, where that can show what is asked for.
@@ -43,14 +40,14 @@ def graph_name(settings: Any) -> str:
     A G-buffer holds one surface a pixel, so several samples a pixel are the forward path's; and so are views, which
     show a quantity of each surface while it is drawn.
     """
-    if settings.view != PICTURE or (settings.graph == "auto" and settings.msaa > 1):
+    if settings.shading.view != PICTURE or (settings.graph.name == "auto" and settings.shading.msaa > 1):
         return "forward"
-    return "deferred" if settings.graph == "auto" else str(settings.graph)
+    return "deferred" if settings.graph.name == "auto" else str(settings.graph.name)
 
 
 def check_samples(file: GraphFile, settings: Any) -> None:
     """Raise UserError where a graph with a G-buffer is asked for several samples a pixel."""
-    if "gbuffer" in file.passes.values() and settings.msaa > 1:
+    if "gbuffer" in file.passes.values() and settings.shading.msaa > 1:
         raise UserError(
             f"{file.path.name} has a G-buffer, which holds one sample a pixel: set msaa=1, or graph=forward."
         )

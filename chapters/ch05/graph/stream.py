@@ -102,7 +102,7 @@ class GraphStream(FrameStream):
 
     def _compiled(self) -> Graph:
         """Compile the frame as it is planned; GraphError where that cannot be one."""
-        api, alias = self._api, self._settings.alias
+        api, alias = self._api, self._settings.graph.alias
         return self._plan.compile(self.size, self.scene, self._settings, api.requirement, alias, api.queues)
 
     def _create_passes(self) -> None:

@@ -27,11 +27,11 @@ import numpy as np
 from common.errors import SceneError, StrataError
 from common.scene import Scene
 
-from ..settings import Settings
 from ..tasks.errors import TaskCancelledError
 from ..tasks.state import Task
 from ..tasks.switching import QuickTurns
 from ..tasks.workers import Workers
+from .settings import LoadingSettings
 from .uploads import Upload
 
 AHEAD = 4 << 20
@@ -125,9 +125,9 @@ class Loading:
         self._reads = np.zeros((2, 0), np.int64)
 
     @classmethod
-    def of(cls, settings: Settings, presents: bool) -> Loading:
+    def of(cls, settings: LoadingSettings, presents: bool) -> Loading:
         """Return what the settings ask for; `presents`: whether there is a window, in which one can watch."""
-        streams = settings.loading == "stream" or (settings.loading == "auto" and presents)
+        streams = settings.mode == "stream" or (settings.mode == "auto" and presents)
         threads = settings.decoding_threads or min(8, max(1, (os.cpu_count() or 2) - 1))
         return cls(threads, streams, max(1, int(settings.upload_budget * 2**20)))
 

@@ -17,7 +17,7 @@ class DepthOfFieldPass(lens.LensPass):
 
     def __init__(self, parts: PassParts) -> None:
         super().__init__(parts)
-        format = parts.settings.color_format
+        format = parts.settings.shading.color_format
         self.writes = (Access("color_focused", "color", format=format, instead="color_hdr"),)
 
     def describe(self) -> PipelineDescription:
@@ -25,7 +25,7 @@ class DepthOfFieldPass(lens.LensPass):
         return PipelineDescription(
             shaders=("post/fullscreen.vert", "post/depth_of_field.frag"),
             defines=lens.lens_defines(self._settings),
-            color=self._settings.color_format,
+            color=self._settings.shading.color_format,
             depth=None,
             name="depth of field",
         )

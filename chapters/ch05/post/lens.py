@@ -6,8 +6,10 @@ from typing import Protocol
 
 from common.scene import Scene
 
+from ..shading.settings import ShadingSettings
 from ..shading.views import PICTURE
 from .fullscreen import FullscreenPass
+from .settings import PostSettings
 
 Defines = tuple[tuple[str, int | float | str], ...]
 
@@ -27,22 +29,20 @@ PART_FORMAT = "r8"
 class Settings(Protocol):
     """What a lens asks of a chapter's settings."""
 
-    view: str
-    aperture: float
-    focus_distance: float
-    bokeh_taps: int
+    shading: ShadingSettings
+    post: PostSettings
 
 
 def needed(scene: Scene, settings: Settings) -> bool:
     """Whether anything can be out of focus: not through a pinhole, and not where a view shows numbers."""
-    return settings.aperture > 0.0 and settings.view == PICTURE and len(scene.instances) > 0
+    return settings.post.aperture > 0.0 and settings.shading.view == PICTURE and len(scene.instances) > 0
 
 
 def lens_defines(settings: Settings) -> Defines:
     """Return what shaders are built with that include circle_of_confusion.glsl; a focus at 0 is found by the shader."""
     return (
-        ("F_NUMBER", settings.aperture),
-        ("FOCUS_DISTANCE", settings.focus_distance),
+        ("F_NUMBER", settings.post.aperture),
+        ("FOCUS_DISTANCE", settings.post.focus_distance),
         ("SENSOR_HEIGHT", SENSOR_HEIGHT_M),
         ("LARGEST_RADIUS", LARGEST_RADIUS),
     )
@@ -50,7 +50,7 @@ def lens_defines(settings: Settings) -> Defines:
 
 def bokeh_defines(settings: Settings) -> Defines:
     """Return what bokeh.frag is built with."""
-    return (("LARGEST_RADIUS", LARGEST_RADIUS), ("TAPS", settings.bokeh_taps))
+    return (("LARGEST_RADIUS", LARGEST_RADIUS), ("TAPS", settings.post.bokeh_taps))
 
 
 class LensPass(FullscreenPass):

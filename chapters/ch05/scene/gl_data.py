@@ -110,7 +110,7 @@ class GlSceneData(SceneData):
         self._environment: EnvironmentMaps | None = None
         if self.has_environment:
             assert self._scene.environment is not None
-            sizes = Sizes.of(self._settings)
+            sizes = Sizes.of(self._settings.environment)
             self._environment = create_environment(self._context, self._scene.environment, sizes)
             self._tell_environment(self._environment)
 

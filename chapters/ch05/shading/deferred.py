@@ -11,7 +11,9 @@ import numpy as np
 from backends.contract import Access
 from common.scene import Scene
 
+from ..post.settings import PostSettings
 from ..scene.packing import Variant
+from .settings import ShadingSettings
 from .views import PICTURE, background
 
 Defines = tuple[tuple[str, int | float | str], ...]
@@ -42,13 +44,8 @@ _LIGHT = ("LIT", "ENVIRONMENT", "ENERGY")
 class Settings(Protocol):
     """What the deferred path asks of a chapter's settings."""
 
-    gbuffer_format: str
-    background: float
-    view: str
-    msaa: int
-    tone_curve: str
-    skip_unused: bool
-    depth_prepass: bool
+    shading: ShadingSettings
+    post: PostSettings
 
 
 def possible(settings: Settings) -> bool:
@@ -57,7 +54,7 @@ def possible(settings: Settings) -> bool:
     A view shows what a surface has, which the forward pass knows in full; several samples a pixel would need as many
     surfaces, all of them lit.
     """
-    return settings.view == PICTURE and settings.msaa == 1
+    return settings.shading.view == PICTURE and settings.shading.msaa == 1
 
 
 def written(settings: Settings) -> tuple[Access, ...]:
@@ -65,7 +62,7 @@ def written(settings: Settings) -> tuple[Access, ...]:
 
     Cleared, since the driver need not load what was there; nobody looks at a pixel whose depth is 0.
     """
-    formats = FORMATS[settings.gbuffer_format]
+    formats = FORMATS[settings.shading.gbuffer_format]
     nothing = (0.0, 0.0, 0.0, 0.0)
     return tuple(
         Access(name, "color", format=format, clear=nothing)
@@ -75,7 +72,7 @@ def written(settings: Settings) -> tuple[Access, ...]:
 
 def normal_defines(settings: Settings) -> Defines:
     """Return what tells the shaders that write normals and those that read them how they are stored."""
-    return (("NORMAL_CODED", 1),) if FORMATS[settings.gbuffer_format][1] == "rgb10a2" else ()
+    return (("NORMAL_CODED", 1),) if FORMATS[settings.shading.gbuffer_format][1] == "rgb10a2" else ()
 
 
 def surface_alone(variant: Variant) -> Variant:
@@ -86,7 +83,7 @@ def surface_alone(variant: Variant) -> Variant:
 def light_defines(variants: Iterable[Variant], sky: bool, settings: Settings) -> Defines:
     """Return what lighting.frag is built with for surfaces of these variants, with or without a `sky` behind them."""
     found = {name: value for variant in variants for name, value in variant.defines if name in _LIGHT}
-    behind: tuple[str, int | float | str] = ("BACKGROUND", background(settings, settings.background))
+    behind: tuple[str, int | float | str] = ("BACKGROUND", background(settings, settings.shading.background))
     return (*sorted(found.items()), *normal_defines(settings), ("SKY", 1) if sky else behind)
 
 

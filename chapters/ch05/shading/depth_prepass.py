@@ -29,7 +29,7 @@ class DepthPrepass(ObjectsPass):
 
     def __init__(self, parts: PassParts) -> None:
         super().__init__(parts)
-        depth, samples = views.depth_target(parts.settings), parts.settings.msaa
+        depth, samples = views.depth_target(parts.settings), parts.settings.shading.msaa
         self.writes = (Access(depth, "depth", format="d32f", clear=(0.0,), samples=samples),)
 
     @staticmethod
@@ -54,6 +54,6 @@ class DepthPrepass(ObjectsPass):
                 *((("DEPTH_ALONE", 1),) if masked else ()),
             ),
             color=None,
-            samples=self._settings.msaa,
+            samples=self._settings.shading.msaa,
             name="depth masked" if masked else "depth",
         )

@@ -19,7 +19,7 @@ from .sky import Sky
 
 def depth_accesses(settings: Settings) -> tuple[tuple[Access, ...], tuple[Access, ...]]:
     """Return how a pass reads and writes the depth of solid objects: behind a pre-pass it is only compared with."""
-    samples, depth = settings.msaa, views.depth_target(settings)
+    samples, depth = settings.shading.msaa, views.depth_target(settings)
     if has_prepass(settings):
         return (Access(depth, "depth", samples=samples),), ()
     return (), (Access(depth, "depth", format="d32f", clear=(0.0,), samples=samples),)
@@ -34,10 +34,10 @@ def describe_lit(data: SceneData, settings: Settings, variant: Variant) -> Pipel
             *data.texture_defines(variant),
             *coverage_defines(variant, settings),
         ),
-        color=settings.color_format,
+        color=settings.shading.color_format,
         depth=views.depth_use(settings, variant),
         blend=views.blending(settings, variant),
-        samples=settings.msaa,
+        samples=settings.shading.msaa,
         name=f"forward {' '.join(name.lower() for name, _ in variant.defines)}",
     )
 
@@ -53,12 +53,12 @@ class ForwardPass(ObjectsPass):
     def __init__(self, parts: PassParts) -> None:
         super().__init__(parts)
         settings = parts.settings
-        grey = views.background(settings, settings.background)
-        samples = settings.msaa
+        grey = views.background(settings, settings.shading.background)
+        samples = settings.shading.msaa
         color, clear = "color_hdr" if samples == 1 else "color_msaa", (grey, grey, grey, 1.0)
         self.reads, written = depth_accesses(settings)
         self.writes = (
-            Access(color, "color", format=settings.color_format, clear=clear, samples=samples),
+            Access(color, "color", format=settings.shading.color_format, clear=clear, samples=samples),
             *written,
         )
         self._sky = Sky(parts) if Sky.needed(parts.scene, settings) else None

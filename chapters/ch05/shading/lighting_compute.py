@@ -17,11 +17,11 @@ class ComputeLightingPass(LightingPass):
 
     def __init__(self, parts: PassParts) -> None:
         super().__init__(parts)
-        self.writes = (Access("color_lit", "storage", format=parts.settings.color_format),)
+        self.writes = (Access("color_lit", "storage", format=parts.settings.shading.color_format),)
 
     def create(self) -> None:
         """Build the pipeline; again when a material became another kind."""
-        defines = (*self.describe().defines, ("FORMAT", self._settings.color_format))
+        defines = (*self.describe().defines, ("FORMAT", self._settings.shading.color_format))
         described = ComputeDescription("shading/lighting.comp", defines, name=self.name)
         self.pipelines = self._pipelines.get([described])
 

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
+
+if TYPE_CHECKING:
+    from .settings import ShadingSettings
 
 
 class Settings(Protocol):
     """What is asked of a chapter's settings."""
 
-    view: str
-    depth_prepass: bool
+    shading: ShadingSettings
 
 
 def has_prepass(settings: Settings) -> bool:
     """Whether depth is drawn first; where a view counts all fragments, none of them must be left out."""
-    return settings.depth_prepass and settings.view != "overdraw"
+    return settings.shading.depth_prepass and settings.shading.view != "overdraw"

@@ -20,10 +20,10 @@ from backends.vulkan.device import Device
 from backends.vulkan.resources import FORMATS
 
 from ...pipelines.description import Built
-from ...settings import Settings
 from ...tasks.scheduler import split
 from ...tasks.workers import ALONE, Workers
 from ..commands import DrawGroup, SceneBinding
+from ..settings import FrameSettings
 from ..vulkan import Frames, FrameSlot
 from ..vulkan_commands import Commands, Rendering
 from .parts import DrawList, part_count
@@ -33,7 +33,7 @@ _DRAWS_IN_SECONDARIES = vk.VK_RENDERING_CONTENTS_SECONDARY_COMMAND_BUFFERS_BIT
 
 
 def open_commands(
-    device: Device, frames: Frames, workers: Workers, multi_draw: bool, settings: Settings
+    device: Device, frames: Frames, workers: Workers, multi_draw: bool, settings: FrameSettings
 ) -> Commands:
     """Return what records the frames: in parallel where there are workers."""
     if workers.count == 0:

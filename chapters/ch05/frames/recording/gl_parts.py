@@ -14,17 +14,17 @@ from backends.gl.context import Context
 
 from ...pipelines.description import Built, Front
 from ...pipelines.gl import Pipelines
-from ...settings import Settings
 from ...tasks.scheduler import split
 from ...tasks.workers import ALONE, Workers
 from ..commands import DrawGroup, SceneBinding
 from ..gl import FrameSlot
 from ..gl_commands import Commands
+from ..settings import FrameSettings
 from .parts import Groups, part_count
 
 
 def open_commands(
-    context: Context, pipelines: Pipelines, multi_draw: bool, workers: Workers, settings: Settings
+    context: Context, pipelines: Pipelines, multi_draw: bool, workers: Workers, settings: FrameSettings
 ) -> Commands:
     """Return what makes the calls of frames: where there are workers, they prepare them."""
     if workers.count == 0:
