@@ -86,8 +86,8 @@ WORDS = re.compile("|".join((*BY_NAME, *BY_OTHER_MEANS, *BUILTIN, "packages")))
 UNKNOWN_TARGETS = {
     "assets/scenes.py": "the generator of a scene, which its entry in the list of scenes names",
     "backends/selftest.py": "the self-test of a use, whose module `module_of` names in backends.*.selftests",
-    "chapters/ch04/frames/backend.py": "the module of an API, in the chapter's own `frames` or in a subject's folder",
-    "chapters/ch05/frames/backend.py": "the module of an API, in the chapter's own `frames` or in a subject's folder",
+    "chapters/ch04/frames/backend/backend.py": "the module of an API, beside it or in a subject's folder",
+    "chapters/ch05/frames/backend/backend.py": "the module of an API, beside it or in a subject's folder",
     "backends/vulkan/api.py": "one file of the package vulkan, without the package",
     "common/packages.py": "a package that may be missing; what calls `load` is looked at instead",
 }
@@ -301,6 +301,37 @@ def test_no_two_files_of_a_chapter_share_a_run_of_lines(number):
     folder = ROOT / "chapters" / chapters.folder_name(number)
     own = [path for path in folder.rglob("*.py") if chapter_file(shown(path))]
     assert equal_runs({shown(path): lines_of(path) for path in own}) == set()
+
+
+SHORT_RUN, MOST_COVERED = 4, 0.1
+"""Runs of so many equal lines may cover so much of a file."""
+
+
+def covered(texts: Mapping[str, Sequence[str]], length: int = SHORT_RUN) -> dict[str, float]:
+    """Return, by file, the share of its lines that lie in a run which is also elsewhere among these files."""
+    places: dict[tuple[str, ...], list[tuple[str, int]]] = {}
+    for name, lines in texts.items():
+        for first in range(len(lines) - length + 1):
+            places.setdefault(tuple(lines[first : first + length]), []).append((name, first))
+    shared: dict[str, set[int]] = {name: set() for name in texts}
+    for found in places.values():
+        for name, first in found if len(found) > 1 else []:
+            shared[name] |= {*range(first, first + length)}
+    return {name: len(shared[name]) / len(lines) for name, lines in texts.items() if lines}
+
+
+@pytest.mark.parametrize("number", chapters.available())
+def test_short_equal_runs_cover_little_of_any_file_of_a_chapter(number):
+    folder = ROOT / "chapters" / chapters.folder_name(number)
+    own = {shown(path): lines_of(path) for path in folder.rglob("*.py") if chapter_file(shown(path))}
+    assert {name: part for name, part in covered(own).items() if part > MOST_COVERED} == {}
+
+
+def test_what_short_runs_cover_is_measured():
+    run = ["a", "b", "c", "d"]
+    own = {"one": [*run, *"0123456"], "other": ["x", *run, "y"], "short": run[:3]}
+    assert covered(own) == {"one": 4 / 11, "other": 4 / 6, "short": 0}
+    assert covered({"twice": [*run, "x", *run, "y"]}) == {"twice": 8 / 10}
 
 
 def test_a_shared_run_is_found(tmp_path):

@@ -73,7 +73,6 @@ LESSON = Lesson(
         "shading/sky.py": "declares no layout",
         "post/tonemap.py": "declares no layout",
         "shading/instance_id.py": "declares no layout, and says which textures its shaders reach",
-        "scene/bindings.py": "counts units anew, as textures are known by number",
         "shading/objects.py": "binds pages of geometry, and keeps what is bound for each state",
         "frames/commands.py": "draws records out of a buffer",
         "frames/stream.py": "has the scene's sets made by the layouts that shaders told",

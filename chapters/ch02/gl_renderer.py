@@ -1,11 +1,4 @@
-"""A frame on OpenGL, from top to bottom; compare ../renderer.py.
-
-    update     constants, instances and lights of this frame are written into its slot
-    forward    every object is drawn once and lit while it is drawn     -> color_hdr, depth
-    instance   which object is where, if somebody asks                  -> instance_id
-    resolve    with several samples a pixel: one colour from theirs     -> color_hdr
-    tonemap    light becomes a picture                                  -> color
-    copy       the outputs that were asked for go to the CPU
+"""A frame on OpenGL, from top to bottom; compare renderer.py, which lists the same passes.
 
 The driver finds out by itself that a pass must wait for what it reads. That is comfortable, and it is work that the
 driver does for each call of each frame: what Vulkan's barriers say once, OpenGL guesses again and again.
@@ -39,6 +32,8 @@ from .shading.views import shown_exposure
 
 class Renderer(FrameStream):
     """The chapter on OpenGL: one stream of frames of one view of one scene."""
+
+    PARTS = ("_data", "_frames", "_pipelines")
 
     device: Context
     _data: GlSceneData
@@ -211,18 +206,5 @@ class Renderer(FrameStream):
         rebuilt = self._pipelines.reload(changed)
         return self._reloaded(rebuilt, changed)
 
-    def close(self) -> None:
-        """Free everything on the GPU; a second time does nothing."""
-        if self._closed:
-            return
-        self._closed = True
-        self.device.make_current()
-        if hasattr(self, "_readbacks"):  # else it was never whole, and there are no frames
-            self._let_go("its renderer was closed")
+    def _free(self) -> None:
         self._destroy_targets()
-        for name in ("_data", "_frames", "_pipelines"):
-            held = getattr(self, name, None)
-            if held is not None:
-                held.close()
-        for owned in reversed(self._owned):
-            owned.close()

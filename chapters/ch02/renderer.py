@@ -48,6 +48,17 @@ from .shading.views import shown_exposure
 class Renderer(FrameStream):
     """The chapter on Vulkan: one stream of frames of one view of one scene."""
 
+    PARTS = (
+        "inspection",
+        "_frames",
+        "_profiler",
+        "_pipelines",
+        "_cache",
+        "_data",
+        "_resources",
+        "_descriptors",
+    )
+
     device: Device
     _data: VulkanSceneData
 
@@ -286,29 +297,8 @@ class Renderer(FrameStream):
         rebuilt = self._pipelines.reload(changed, self._resources.defer)
         return self._reloaded(rebuilt, changed)
 
-    def close(self) -> None:
-        """Free everything on the GPU; a second time does nothing."""
-        if self._closed:
-            return
-        self._closed = True
+    def _free(self) -> None:
         self.device.wait_idle()
-        if hasattr(self, "_readbacks"):  # else it was never whole, and there are no frames
-            self._let_go("its renderer was closed")
         for readbacks in getattr(self, "_readbacks", []):
             for readback in readbacks.values():
                 readback.close()
-        for name in (
-            "inspection",
-            "_frames",
-            "_profiler",
-            "_pipelines",
-            "_cache",
-            "_data",
-            "_resources",
-            "_descriptors",
-        ):
-            held = getattr(self, name, None)
-            if held is not None:
-                held.close()
-        for owned in reversed(self._owned):
-            owned.close()

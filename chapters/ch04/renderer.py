@@ -11,7 +11,7 @@ Which passes there are, in which order, and what stands between them, follows fr
 graph (graph/frame_graph.py), compiled when its structure changes. It is recorded once for each slot and submitted again
 while the recording is good, so that a frame in which only the camera moves costs a few writes and one call.
 
-What differs between the APIs is behind `frames/backend.py`.
+What differs between the APIs is behind `frames/backend/backend.py`.
 """
 
 from __future__ import annotations
@@ -127,14 +127,7 @@ class Renderer(GraphStream):
             self._frames.forget()
         return replace(self._reloaded(rebuilt, changed), graph=graph)
 
-    def close(self) -> None:
-        """Free everything on the GPU; a second time does nothing."""
-        if self._closed:
-            return
-        self._closed = True
-        self._api.enter()
-        if self._api.executor is not None:  # else it was never whole, and there are no frames
-            self._let_go("its renderer was closed")
+    def _free(self) -> None:
         self._loading.close()
         for technique in self.techniques.values():
             technique.close()

@@ -1,4 +1,4 @@
-"""The frame of renderer.py on OpenGL: the same passes in the same order, by `frames/gl_backend.py`."""
+"""The frame of renderer.py on OpenGL: the same passes in the same order, by `frames/backend/gl.py`."""
 
 from __future__ import annotations
 

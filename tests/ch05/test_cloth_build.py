@@ -9,8 +9,8 @@ import pytest
 
 from chapters.ch05.benches.twin import Twin
 from chapters.ch05.cloth.build import LEAST_MASS, MASS_WITHOUT_AREA, STIFFNESS, build_cloth
-from chapters.ch05.cloth.colors import color_springs
 from chapters.ch05.cloth.layout import Limits, pack
+from chapters.ch05.cloth.model import color_springs
 from chapters.ch05.cloth.steps import (
     MARGIN,
     MAX_SUBSTEPS,

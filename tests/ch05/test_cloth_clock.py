@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from chapters.ch05.cloth.clock import CALM_SECONDS, ClothClock
 from chapters.ch05.cloth.frames import ClothFrames, drawn_from
 from chapters.ch05.cloth.layout import CLOTH_FRAME, GLOBALS, STATS, WRITE
 from chapters.ch05.cloth.scene import cloth_scene
 from chapters.ch05.cloth.settings import ClothSettings
+from chapters.ch05.cloth.steps import CALM_SECONDS, ClothClock
 from chapters.ch05.scene.pages import plan_pages
 from common.numerics.transforms import pose_looking_at, translation
 from common.view.camera import Perspective, View

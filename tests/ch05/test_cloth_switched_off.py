@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from chapters.ch05.cloth.clock import CALM_SECONDS, ClothClock
+from chapters.ch05.cloth.steps import CALM_SECONDS, ClothClock
 from chapters.ch05.settings import Settings
 from common.numerics.transforms import translation
 from common.scene import Material

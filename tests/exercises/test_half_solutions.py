@@ -124,12 +124,12 @@ CASES = {
     ),
     "a colour for each spring": (
         (5, "few-colours"),
-        ("cloth/colors.py", "bit = ~both & (both + 1)", "bit = 1 << len(bits)"),
+        ("cloth/model.py", "bit = ~both & (both + 1)", "bit = 1 << len(bits)"),
         "are enough",
     ),
     "in numbers of 64 bits": (
         (5, "few-colours"),
-        ("cloth/colors.py", "bit = ~both & (both + 1)", "bit = ~both & (both + 1) & (2**64 - 1)"),
+        ("cloth/model.py", "bit = ~both & (both + 1)", "bit = ~both & (both + 1) & (2**64 - 1)"),
         "a star of 100 springs",
     ),
     "for the last one of the other queue": (

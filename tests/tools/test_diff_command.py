@@ -255,8 +255,7 @@ def test_versions_stand_side_by_side_where_there_is_room(versions):
     assert row, wide[:3000]
     assert not row.re.search(narrow)
     assert (
-        "-         self._device = device\n"
-        "-         self.slots = [FrameSlot(device, index) for index in range(SLOTS)]\n"
+        "ONE_TIME_SUBMIT_BIT)\n"
         "+     def __init__(self, context: Context) -> None:\n"
         "+         self._context = context\n"
     ) in narrow

@@ -23,6 +23,9 @@ from .packing import ROLES, Variant
 from .records import Records, Slot
 from .textures import texels
 
+ENVIRONMENT_UNIT = 5
+"""The first of the three texture units of the environment, after those of materials (forward.frag)."""
+
 ENVIRONMENT_BINDING = 4
 """The first of the three bindings of the environment in the frame's set (forward.frag)."""
 

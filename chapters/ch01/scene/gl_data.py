@@ -37,8 +37,7 @@ from ..frames.gl_commands import Draw, Textures
 from ..settings import Settings
 from ..shading import views
 from . import geometry, records
-from .bindings import ENVIRONMENT_UNIT
-from .data import SceneData
+from .data import ENVIRONMENT_UNIT, SceneData
 from .draw_lists import Range
 from .packing import PUSH_SIZE, ROLES
 from .textures import texels

@@ -6,46 +6,61 @@ is it written again.
 
 from __future__ import annotations
 
-from backends.vulkan import api as vk
-from backends.vulkan.device import Device
+from typing import Any
 
-from .frame import SLOTS
+from backends.vulkan import api as vk
+from backends.vulkan.device import Device, Queue
+
+from .frame import SLOTS, FrameRing
 
 FOREVER = 2**64 - 1
+
+
+def create_pool(device: Device, queue: Queue, name: str) -> Any:
+    """Return a command pool for command buffers that are recorded anew each time, for submission to `queue`."""
+    flags = vk.VK_COMMAND_POOL_CREATE_TRANSIENT_BIT
+    info = vk.new("VkCommandPoolCreateInfo", flags=flags, queueFamilyIndex=queue.family)
+    return device.create("vkCreateCommandPool", info, name)
+
+
+def allocate_commands(
+    device: Device, pool: Any, name: str, level: int = vk.VK_COMMAND_BUFFER_LEVEL_PRIMARY
+) -> Any:
+    """Return a command buffer of a pool; it lives as long as the pool."""
+    info = vk.new("VkCommandBufferAllocateInfo", commandPool=pool, level=level, commandBufferCount=1)
+    out = vk.ffi.new("VkCommandBuffer[1]")
+    vk.check(device.fn.vkAllocateCommandBuffers(device.handle, info, out), "vkAllocateCommandBuffers")
+    device.name("VkCommandBuffer", out[0], name)
+    return out[0]
 
 
 class FrameSlot:
     """What belongs to one frame in flight: its commands and the fence that its submission signals."""
 
     def __init__(self, device: Device, index: int) -> None:
-        self.index = index
+        self._device, self.index = device, index
         self.number = -1  # of the frame that used the slot last
         # Resetting a whole pool is cheaper than resetting its buffers one by one.
-        pool = vk.new(
-            "VkCommandPoolCreateInfo",
-            flags=vk.VK_COMMAND_POOL_CREATE_TRANSIENT_BIT,
-            queueFamilyIndex=device.queue.family,
-        )
-        self.pool = device.create("vkCreateCommandPool", pool, f"frame slot {index}")
-        info = vk.new("VkCommandBufferAllocateInfo", commandPool=self.pool, commandBufferCount=1)
-        out = vk.ffi.new("VkCommandBuffer[1]")
-        vk.check(device.fn.vkAllocateCommandBuffers(device.handle, info, out), "vkAllocateCommandBuffers")
-        self.commands = out[0]
-        device.name("VkCommandBuffer", self.commands, f"frame slot {index}")
+        self.pool = create_pool(device, device.queue, f"frame slot {index}")
+        self.commands = allocate_commands(device, self.pool, f"frame slot {index}")
         fence = vk.new("VkFenceCreateInfo", flags=vk.VK_FENCE_CREATE_SIGNALED_BIT)
         self.fence = device.create("vkCreateFence", fence, f"frame slot {index} done")
         # Structs of the hot path are built once.
         self.fences = vk.array("VkFence", [self.fence])
         self.submit = vk.new("VkSubmitInfo2", pCommandBufferInfos=[{"commandBuffer": self.commands}])
 
+    def close(self) -> None:
+        """Free the pool and the fence."""
+        self._device.destroy("VkCommandPool", self.pool)
+        self._device.destroy("VkFence", self.fence)
 
-class Frames:
+
+class Frames(FrameRing):
     """The ring of slots. `begin` gives the next slot once the GPU has left it, `submit` sends its commands off."""
 
     def __init__(self, device: Device) -> None:
         self._device = device
         self.slots = [FrameSlot(device, index) for index in range(SLOTS)]
-        self.number = 0
         self._begin = vk.new("VkCommandBufferBeginInfo", flags=vk.VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT)
 
     def begin(self) -> FrameSlot:
@@ -70,10 +85,3 @@ class Frames:
         """Wait until the GPU has finished the frame that used `slot` last."""
         code = self._device.fn.vkWaitForFences(self._device.handle, 1, slot.fences, 1, FOREVER)
         vk.check(code, "vkWaitForFences")
-
-    def close(self) -> None:
-        """Free the slots, after the GPU has left them all."""
-        for slot in self.slots:
-            self.wait(slot)
-            self._device.destroy("VkCommandPool", slot.pool)
-            self._device.destroy("VkFence", slot.fence)

@@ -37,8 +37,7 @@ from ..frames.gl_commands import Textures
 from ..settings import Settings
 from ..shading import views
 from . import pages, records
-from .bindings import ARRAY_UNIT, ENVIRONMENT_UNIT
-from .data import SceneData
+from .data import ARRAY_UNIT, ENVIRONMENT_UNIT, SceneData
 from .draw_lists import COMMAND
 from .textures import texels
 from .textures.arrays import ArrayTexture, plan_arrays

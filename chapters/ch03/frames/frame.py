@@ -20,6 +20,24 @@ SOURCES = {"color": "color", "color_linear": "color_hdr", "depth": "depth", "ins
 """The target that each output is read from."""
 
 
+class FrameRing:
+    """The frame slots of a renderer, used in turn."""
+
+    slots: list[Any]
+    number = 0
+    """How many frames were submitted."""
+
+    def wait(self, slot: Any) -> None:
+        """Wait until the GPU has finished the frame that used `slot` last."""
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """Free each slot after the GPU has finished its last frame."""
+        for slot in self.slots:
+            self.wait(slot)
+            slot.close()
+
+
 class Reads(Protocol):
     """What a frame asks of the renderer that made it."""
 

@@ -52,6 +52,9 @@ class FrameStream:
     A renderer makes `_frames`, `_data` and `_pipelines` of its backend, and calls `_begin_stream` when it is whole.
     """
 
+    PARTS: tuple[str, ...]
+    """Attributes that `close` closes, in this order; opening may have failed before some were set."""
+
     device: Any
     passes: list[Pass]
     inspection: Any
@@ -313,7 +316,23 @@ class FrameStream:
                 last.let_go(why)
 
     def close(self) -> None:
-        """Free everything on the GPU."""
+        """Free everything on the GPU; a second time does nothing."""
+        if self._closed:
+            return
+        self._closed = True
+        self._enter()
+        if hasattr(self, "_in_slot"):  # else it was never whole, and there are no frames
+            self._let_go("its renderer was closed")
+        self._free()
+        for name in self.PARTS:
+            held = getattr(self, name, None)
+            if held is not None:
+                held.close()
+        for owned in reversed(self._owned):
+            owned.close()
+
+    def _free(self) -> None:
+        """Free what the stream does not; no frame is in flight."""
         raise NotImplementedError
 
     def __enter__(self) -> Self:

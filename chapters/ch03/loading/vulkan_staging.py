@@ -19,7 +19,7 @@ from backends.vulkan.device import Device, Queue
 from backends.vulkan.resources import create_buffer, destroy_buffer
 
 from ..frames.frame import SLOTS
-from ..frames.vulkan import FOREVER
+from ..frames.vulkan import FOREVER, allocate_commands, create_pool
 from .loading import Loading
 from .ring import Ring
 
@@ -74,17 +74,8 @@ class Submission:
     """
 
     def __init__(self, device: Device, queue: Queue, name: str) -> None:
-        pool = vk.new(
-            "VkCommandPoolCreateInfo",
-            flags=vk.VK_COMMAND_POOL_CREATE_TRANSIENT_BIT,
-            queueFamilyIndex=queue.family,
-        )
-        self.pool = device.create("vkCreateCommandPool", pool, name)
-        info = vk.new("VkCommandBufferAllocateInfo", commandPool=self.pool, commandBufferCount=1)
-        out = vk.ffi.new("VkCommandBuffer[1]")
-        vk.check(device.fn.vkAllocateCommandBuffers(device.handle, info, out), "vkAllocateCommandBuffers")
-        self.commands = out[0]
-        device.name("VkCommandBuffer", self.commands, name)
+        self.pool = create_pool(device, queue, name)
+        self.commands = allocate_commands(device, self.pool, name)
         signalled = vk.new("VkFenceCreateInfo", flags=vk.VK_FENCE_CREATE_SIGNALED_BIT)
         self.fence = device.create("vkCreateFence", signalled, f"{name} done")
         self.fences = vk.array("VkFence", [self.fence])

@@ -26,6 +26,9 @@ from .records import Records, Slot
 from .textures import texels
 from .textures.reads import uses
 
+ENVIRONMENT_UNIT, ARRAY_UNIT = 0, 3
+"""The first texture unit of the environment's three maps, and the first behind them."""
+
 
 class SceneData:
     """Everything that draws read. A backend uploads it, and says what its commands bind."""

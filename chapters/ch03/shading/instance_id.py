@@ -24,6 +24,7 @@ class InstanceIdPass(ObjectsPass):
     """
 
     name = "instance_id"
+    shape_only = True
 
     def __init__(self, parts: PassParts) -> None:
         super().__init__(parts)
@@ -38,10 +39,6 @@ class InstanceIdPass(ObjectsPass):
     def needed(scene: Scene, settings: Settings) -> bool:
         """Whether there is anything to tell apart; whether anybody asks is known from the outputs."""
         return len(scene.instances) > 0
-
-    def part_of(self, variant: Variant) -> Variant:
-        """Return what says where a surface is."""
-        return shape_alone(variant)
 
     def describe(self, variant: Variant) -> PipelineDescription:
         """Return the pipeline: one for all opaque materials."""

@@ -10,7 +10,7 @@ from backends.gl.context import Context
 from backends.gl.queries import Timestamps
 from backends.gl.readback import Fence
 
-from .frame import SLOTS
+from .frame import SLOTS, FrameRing
 
 
 class FrameSlot:
@@ -22,14 +22,17 @@ class FrameSlot:
         self.timestamps = Timestamps(context, f"frame slot {index}")
         self.fence: Fence | None = None
 
+    def close(self) -> None:
+        """Free the timestamps."""
+        self.timestamps.close()
 
-class Frames:
+
+class Frames(FrameRing):
     """The ring of slots. `begin` gives the next slot once the GPU has left it, `submit` ends its calls."""
 
     def __init__(self, context: Context) -> None:
         self._context = context
         self.slots = [FrameSlot(context, index) for index in range(SLOTS)]
-        self.number = 0
 
     def begin(self) -> FrameSlot:
         """Return the slot for the next frame."""
@@ -48,9 +51,3 @@ class Frames:
         """Wait until the GPU has finished the frame that used `slot` last."""
         if slot.fence is not None:
             slot.fence.wait()
-
-    def close(self) -> None:
-        """Free the slots, after the GPU has left them all."""
-        for slot in self.slots:
-            self.wait(slot)
-            slot.timestamps.close()

@@ -38,7 +38,7 @@ from ..scene.scene_draws import SceneDrawLists
 from ..settings import Settings
 from ..shading.samples import choose_samples
 from ..tasks.workers import ALONE
-from .backend import FrameInfo, open_backend
+from .backend.backend import FrameInfo, open_backend
 from .frame import OUTPUTS, SLOTS, SOURCES, Frame, check_outputs, output_of
 
 
@@ -73,7 +73,7 @@ class FrameStream:
         self._api = open_backend(self.API, device, validate, off)
         self.device = self._api.device
         try:
-            self._api.enter()
+            self._enter()
             self._follow_device(size, off)
             self._create()
         except BaseException:
@@ -240,7 +240,7 @@ class FrameStream:
     def wait_loaded(self) -> None:
         """Wait until every texture has arrived or failed: the next frame is the final picture."""
         if self._loading.busy:
-            self._api.enter()
+            self._enter()
             self._data.load_textures()
             self._last = None  # the same view makes another picture now
 
@@ -267,7 +267,7 @@ class FrameStream:
         """Return an output of the slot's frame; see `Frame.image`."""
         inspected = self._api.inspection.readbacks[slot.index]
         check_outputs((*self.outputs, *inspected), OUTPUTS, name)
-        self._api.enter()
+        self._enter()
         self._frames.wait(slot)
         readback = (dict(self._api.readbacks(slot)) | inspected).get(name)
         if readback is None:  # an empty scene has no instances, and so no pass that would draw them
@@ -279,12 +279,16 @@ class FrameStream:
         size = check_size(size, self.capabilities.limits["maxImageDimension2D"])
         if size == self.size or self._closed:
             return
-        self._api.enter()
+        self._enter()
         self._let_go("the size of the picture has changed since")
         self._api.leave()
         self.size = size
         self._create_targets()
         self.reset_history(self._reset or "resize")
+
+    def _enter(self) -> None:
+        """Get ready to call the API: OpenGL makes its context current."""
+        self._api.enter()
 
     def _create_targets(self) -> None:
         """Make everything whose size is the picture's."""
@@ -299,7 +303,17 @@ class FrameStream:
                 last.let_go(why)
 
     def close(self) -> None:
-        """Free everything on the GPU."""
+        """Free everything on the GPU; a second time does nothing."""
+        if self._closed:
+            return
+        self._closed = True
+        self._enter()
+        if hasattr(self, "_in_slot"):  # else it was never whole, and there are no frames
+            self._let_go("its renderer was closed")
+        self._free()
+
+    def _free(self) -> None:
+        """Free what the stream does not; no frame is in flight."""
         raise NotImplementedError
 
     def __enter__(self) -> Self:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from backends.contract import Access, Sources
 
 from ..pipelines.description import PipelineDescription
-from ..scene.bindings import ARRAY_UNIT
+from ..scene.data import ARRAY_UNIT
 from . import lens
 
 

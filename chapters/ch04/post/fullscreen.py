@@ -6,7 +6,7 @@ from backends.contract import Pass, Sources
 
 from ..frames.commands import Commands
 from ..pipelines.description import PipelineDescription
-from ..scene.bindings import BEHIND_SCENE
+from ..scene.data import BEHIND_SCENE
 from ..scene.pass_parts import PassParts
 
 

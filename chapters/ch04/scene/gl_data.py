@@ -42,8 +42,7 @@ from ..loading.loading import Loading, Request
 from ..settings import Settings
 from ..shading import views
 from . import pages, records
-from .bindings import ARRAY_UNIT, ENVIRONMENT_UNIT
-from .data import SceneData
+from .data import ARRAY_UNIT, ENVIRONMENT_UNIT, SceneData
 from .draw_lists import COMMAND
 from .textures import texels
 from .textures.arrays import ArrayTexture

@@ -11,12 +11,15 @@ from backends.contract import Pass
 from ..frames.commands import Commands, DrawGroup
 from ..pipelines.description import Built, PipelineDescription
 from ..scene.draw_lists import Batch
-from ..scene.packing import Variant
+from ..scene.packing import Variant, shape_alone
 from ..scene.pass_parts import PassParts
 
 
 class ObjectsPass(Pass):
     """Draws the objects of the scene's lists with pipelines of its own: the solid ones, unless `takes` says more."""
+
+    shape_only = False
+    """Whether the pass asks only where surfaces are, and not how they look."""
 
     def __init__(self, parts: PassParts) -> None:
         self._scene, self._settings = parts.scene, parts.settings
@@ -31,7 +34,7 @@ class ObjectsPass(Pass):
 
     def part_of(self, variant: Variant) -> Variant:
         """Return what this pass needs of a material's variant: materials that differ in the rest share a pipeline."""
-        return variant
+        return shape_alone(variant) if self.shape_only else variant
 
     def describe(self, variant: Variant) -> PipelineDescription:
         """Return the pipeline that draws materials of `variant`."""

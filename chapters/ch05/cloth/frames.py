@@ -23,7 +23,6 @@ from ..frames.frame import SLOTS
 from ..scene import pages
 from ..scene.geometry import DEFORMED, STREAMS
 from ..scene.pages import Page
-from .clock import ClothClock
 from .dispatches import (
     Dispatch,
     Moment,
@@ -36,7 +35,7 @@ from .dispatches import (
 from .layout import Drawn, Limits, pack
 from .scene import ClothScene
 from .settings import ClothSettings
-from .steps import MOST_SECONDS, fit_steps, motion_between
+from .steps import MOST_SECONDS, ClothClock, fit_steps, motion_between
 from .types import Float64, Forces, Steps
 
 CALM = 2e-3

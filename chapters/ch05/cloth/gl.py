@@ -21,8 +21,8 @@ from backends.gl.resources import (
     write_buffer,
 )
 
+from ..frames.backend.gl import GlBackend
 from ..frames.frame import SLOTS
-from ..frames.gl_backend import GlBackend
 from ..frames.gl_commands import Commands
 from ..pipelines.description import Built
 from .dispatches import Kernel

@@ -2,6 +2,10 @@
 
 Sums of floating-point numbers depend on their order, so the order is part of the model: a particle adds the pulls of
 its springs by their place here, and those of its triangles by theirs, wherever it is simulated.
+
+XPBD moves both particles of a spring, so springs that share a particle cannot move at once. Each spring has a colour;
+springs of one colour share no particle. First fit gives each spring, in order, the lowest colour that neither of its
+particles has yet: at most 2 d - 1 colours where a particle has d springs, and about d for a grid of Provot's springs.
 """
 
 from __future__ import annotations
@@ -13,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .build import areas
-from .colors import color_springs
 from .types import Cloth
 
 Floats = NDArray[np.floating[Any]]
@@ -104,3 +107,21 @@ def _rest_lengths(cloth: Cloth, springs: Ints, rest: Floats, positions: Floats) 
     modelled = np.abs(exact - rest) <= 1e-9 * exact
     given = rest.astype(positions.dtype)
     return np.where(modelled, np.sqrt(squared), given), np.where(modelled, squared, given * given)
+
+
+def color_springs(springs: NDArray[np.integer[Any]], particles: int) -> NDArray[np.int32]:
+    """Return (S,) the colour of each spring, from 0; `springs` are (S, 2) pairs of `particles` particles.
+
+    The colours a particle has are the bits of one integer, so that the lowest free one is found without a search:
+    a million springs take about a second.
+    """
+    taken = [0] * particles
+    bits = []
+    for a, b in zip(springs[:, 0].tolist(), springs[:, 1].tolist(), strict=True):
+        both = taken[a] | taken[b]
+        bit = ~both & (both + 1)
+        taken[a] |= bit
+        taken[b] |= bit
+        bits.append(bit)
+    lengths = map(int.bit_length, bits)  # a colour beyond 64 is as good as any
+    return np.fromiter(lengths, np.int32, len(bits)) - 1

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from backends.contract import Pass, Technique
 from common.scene import Pose, Scene
 
-from ..frames.backend import Backend, FrameInfo
+from ..frames.backend.backend import Backend, FrameInfo
 from ..scene.pass_parts import PassParts
 from ..settings import Settings
 from .passes import ClothPass

@@ -9,8 +9,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from common.errors import ShaderError, UnsupportedError
+
+from ..pipelines.description import Built
 
 MOST_GROUPS = 65_535
 """Work groups that every device runs along each axis: the least that Vulkan and OpenGL allow as the limit."""
@@ -65,3 +68,19 @@ def check_group(
             "less, or work on less at a time.",
             files,
         )
+
+
+class DispatchCommands:
+    """What the compute commands of both APIs share."""
+
+    sources: Any = None
+    extent = (0, 0)
+    work: dict[str, int]
+
+    def dispatch(self, x: int, y: int = 1, z: int = 1) -> None:
+        """Run work groups of the pipeline that is bound."""
+        raise NotImplementedError
+
+    def dispatch_over(self, pipeline: Built, extent: Sequence[int]) -> None:
+        """Run as many groups as cover `extent`, 1 to 3 numbers of invocations: pixels, or elements of an array."""
+        self.dispatch(*group_count(extent, pipeline.group))

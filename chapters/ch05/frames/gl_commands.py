@@ -39,8 +39,6 @@ class Commands(Dispatches):
 
     def __init__(self, context: Context, pipelines: Pipelines, multi_draw: bool) -> None:
         self._context, self._pipelines, self._multi_draw = context, pipelines, multi_draw
-        self.sources: Any = None
-        self.extent = (0, 0)
         self.slot: FrameSlot
         self.work: dict[str, int] = {}
 

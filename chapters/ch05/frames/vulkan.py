@@ -6,13 +6,33 @@ left it; only then is it written again.
 
 from __future__ import annotations
 
+from typing import Any
+
 from backends.vulkan import api as vk
 from backends.vulkan.device import Device, Queue
 
-from .frame import SLOTS
+from .frame import SLOTS, FrameRing
 from .queues.vulkan_pace import Pace, submit_info
 
 FOREVER = 2**64 - 1
+
+
+def create_pool(device: Device, queue: Queue, name: str) -> Any:
+    """Return a command pool for command buffers that are recorded anew each time, for submission to `queue`."""
+    flags = vk.VK_COMMAND_POOL_CREATE_TRANSIENT_BIT
+    info = vk.new("VkCommandPoolCreateInfo", flags=flags, queueFamilyIndex=queue.family)
+    return device.create("vkCreateCommandPool", info, name)
+
+
+def allocate_commands(
+    device: Device, pool: Any, name: str, level: int = vk.VK_COMMAND_BUFFER_LEVEL_PRIMARY
+) -> Any:
+    """Return a command buffer of a pool; it lives as long as the pool."""
+    info = vk.new("VkCommandBufferAllocateInfo", commandPool=pool, level=level, commandBufferCount=1)
+    out = vk.ffi.new("VkCommandBuffer[1]")
+    vk.check(device.fn.vkAllocateCommandBuffers(device.handle, info, out), "vkAllocateCommandBuffers")
+    device.name("VkCommandBuffer", out[0], name)
+    return out[0]
 
 
 class FrameSlot:
@@ -21,32 +41,26 @@ class FrameSlot:
     batch = 0  # that the commands are, among those of the frame
 
     def __init__(self, device: Device, index: int, queue: Queue | None = None) -> None:
-        self.index = index
+        self._device, self.index = device, index
         self.number = -1  # of the frame that used the slot last
         # Resetting a whole pool is cheaper than resetting its buffers one by one.
-        pool = vk.new(
-            "VkCommandPoolCreateInfo",
-            flags=vk.VK_COMMAND_POOL_CREATE_TRANSIENT_BIT,
-            queueFamilyIndex=(queue or device.queue).family,
-        )
-        self.pool = device.create("vkCreateCommandPool", pool, f"frame slot {index}")
-        info = vk.new("VkCommandBufferAllocateInfo", commandPool=self.pool, commandBufferCount=1)
-        out = vk.ffi.new("VkCommandBuffer[1]")
-        vk.check(device.fn.vkAllocateCommandBuffers(device.handle, info, out), "vkAllocateCommandBuffers")
-        self.commands = out[0]
-        device.name("VkCommandBuffer", self.commands, f"frame slot {index}")
+        self.pool = create_pool(device, queue or device.queue, f"frame slot {index}")
+        self.commands = allocate_commands(device, self.pool, f"frame slot {index}")
         self.values = [0]
         # Structs of the hot path are built once.
         self.submit = submit_info(self.commands)
 
+    def close(self) -> None:
+        """Free the pool."""
+        self._device.destroy("VkCommandPool", self.pool)
 
-class Frames:
+
+class Frames(FrameRing):
     """The ring of slots. `begin` gives the next slot once the GPU has left it, `submit` sends its commands off."""
 
     def __init__(self, device: Device) -> None:
         self._device, self.pace = device, Pace(device)
         self.slots = [FrameSlot(device, index) for index in range(SLOTS)]
-        self.number = 0
         self._begin = vk.new("VkCommandBufferBeginInfo", flags=vk.VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT)
 
     def begin(self) -> FrameSlot:
@@ -71,8 +85,6 @@ class Frames:
         self.pace.wait(slot)
 
     def close(self) -> None:
-        """Free the slots, after the GPU has left them all."""
-        for slot in self.slots:
-            self.wait(slot)
-            self._device.destroy("VkCommandPool", slot.pool)
+        """Free the slots and what they wait for."""
+        super().close()
         self.pace.close()

@@ -78,8 +78,6 @@ class Commands(Dispatches):
         self._label_infos: dict[str, Any] = {}
         self._states: dict[tuple[int, int], tuple[Any, Any]] = {}
         self.handle: Any = None
-        self.sources: Any = None
-        self.extent = (0, 0)
         self.slot: FrameSlot
         self.work: dict[str, int] = {}
         self._multi_draw = multi_draw

@@ -7,7 +7,6 @@ pass, where the second reads what the first wrote, is the pass's own: `compute_b
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,7 @@ from backends.vulkan.barriers import barriers
 
 from ..pipelines.description import Built
 from .commands import SceneBinding
-from .dispatches import group_count
+from .dispatches import DispatchCommands
 
 _COMPUTE = vk.VK_PIPELINE_BIND_POINT_COMPUTE
 
@@ -31,13 +30,11 @@ _STAGE = vk.VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT
 _ONE_AFTER_ANOTHER = barriers(memory=(_STAGE, _WRITES, _STAGE, _READS | _WRITES))
 
 
-class Dispatches:
+class Dispatches(DispatchCommands):
     """The compute half of `Commands`."""
 
     _fn: Any
     handle: Any
-    sources: Any
-    work: dict[str, int]
 
     def bind_compute(self, pipeline: Built, scene: SceneBinding | None = None) -> None:
         """Bind the pipeline that the next dispatches run, the set of the scene if given, and that of the sources."""
@@ -68,10 +65,6 @@ class Dispatches:
         """Run work groups of the pipeline that is bound."""
         self._fn.vkCmdDispatch(self.handle, x, y, z)
         self.work["dispatches"] += 1
-
-    def dispatch_over(self, pipeline: Built, extent: Sequence[int]) -> None:
-        """Run as many groups as cover `extent`, 1 to 3 numbers of invocations: pixels, or elements of an array."""
-        self.dispatch(*group_count(extent, pipeline.group))
 
     def compute_barrier(self) -> None:
         """Let the dispatches behind this wait for those before it, and see what they stored."""

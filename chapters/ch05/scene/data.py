@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from backends.contract import Sources
 from common.scene import Change, Scene
 from common.view.camera import View
 
@@ -25,6 +26,12 @@ from .packing import Variant
 from .records import Records, Slot
 from .textures import texels
 from .textures.reads import uses
+
+ENVIRONMENT_UNIT, ARRAY_UNIT = 0, 3
+"""The first texture unit of the environment's three maps, and the first behind them."""
+
+BEHIND_SCENE = Sources(set=1, first={"texture": ARRAY_UNIT, "storage": 4, "uniform": 1})
+"""The sources of a pass that reads the scene: set 0, and the first bindings of OpenGL, are the scene's (scene.glsl)."""
 
 
 class SceneData:

@@ -26,6 +26,7 @@ class DepthPrepass(ObjectsPass):
     """
 
     name = "depth_prepass"
+    shape_only = True
 
     def __init__(self, parts: PassParts) -> None:
         super().__init__(parts)
@@ -36,10 +37,6 @@ class DepthPrepass(ObjectsPass):
     def needed(scene: Scene, settings: Settings) -> bool:
         """Whether it is asked for; a scene with nothing in it has a depth, too."""
         return has_prepass(settings)
-
-    def part_of(self, variant: Variant) -> Variant:
-        """Return what says where a surface is."""
-        return shape_alone(variant)
 
     def describe(self, variant: Variant) -> PipelineDescription:
         """Return the pipeline: without a fragment shader, unless a mask decides."""

@@ -15,7 +15,7 @@ from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 
 from ...tasks.workers import Workers
-from ..vulkan import FrameSlot
+from ..vulkan import FrameSlot, allocate_commands, create_pool
 from .parts import pool_index
 
 
@@ -25,24 +25,14 @@ class CommandPool:
     def __init__(self, device: Device, handle: Any, name: str, level: int) -> None:
         self.handle = handle
         self.used = 0
-        self._device, self._name = device, name
+        self._device, self._name, self._level = device, name, level
         self._buffers: list[Any] = []
-        self._info = vk.new(
-            "VkCommandBufferAllocateInfo",
-            commandPool=handle,
-            level=level,
-            commandBufferCount=1,
-        )
 
     def take(self) -> Any:
         """Return a buffer that nobody has used since the pool was reset."""
         if self.used == len(self._buffers):
-            device, out = self._device, vk.ffi.new("VkCommandBuffer[1]")
-            vk.check(
-                device.fn.vkAllocateCommandBuffers(device.handle, self._info, out), "vkAllocateCommandBuffers"
-            )
-            device.name("VkCommandBuffer", out[0], f"{self._name}, buffer {self.used}")
-            self._buffers.append(out[0])
+            name = f"{self._name}, buffer {self.used}"
+            self._buffers.append(allocate_commands(self._device, self.handle, name, self._level))
         self.used += 1
         return self._buffers[self.used - 1]
 
@@ -70,16 +60,11 @@ class CommandPools:
     def open(self) -> Workers:
         """Return the threads that may take buffers; they get their pools at the first time."""
         device = self._device
-        info = vk.new(
-            "VkCommandPoolCreateInfo",
-            flags=vk.VK_COMMAND_POOL_CREATE_TRANSIENT_BIT,
-            queueFamilyIndex=device.queue.family,
-        )
         for number in range(len(self.pools), len(self._slots) * self.threads):
             slot, thread = self._slots[number // self.threads], number % self.threads
             name, handle = f"frame slot {slot.index}, thread {thread}", slot.pool
             if thread > 0:
-                handle = device.create("vkCreateCommandPool", info, name)
+                handle = create_pool(device, device.queue, name)
                 self._own.append(handle)
             self.pools.append(CommandPool(device, handle, name, self._level))
         return self._workers

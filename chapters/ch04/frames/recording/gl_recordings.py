@@ -57,7 +57,6 @@ class Recordings(Frames):
     def __init__(self, context: Context) -> None:
         self._context = context
         self.slots: list[Any] = [RecordedSlot(context, index) for index in range(SLOTS)]
-        self.number = 0
 
     def begin(self) -> RecordedSlot:
         """Return the slot for the next frame, once the GPU has left it."""

@@ -15,7 +15,7 @@ from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 
 from ..frame import SLOTS
-from ..vulkan import Frames, FrameSlot
+from ..vulkan import Frames, FrameSlot, allocate_commands, create_pool
 
 
 class RecordedSlot(FrameSlot):
@@ -26,20 +26,16 @@ class RecordedSlot(FrameSlot):
         self.key: Any = None
         self.work: dict[str, int] = {}
         """What the recording counted of itself."""
-        pool = vk.new(
-            "VkCommandPoolCreateInfo",
-            flags=vk.VK_COMMAND_POOL_CREATE_TRANSIENT_BIT,
-            queueFamilyIndex=device.queue.family,
-        )
-        self.upload_pool = device.create("vkCreateCommandPool", pool, f"uploads, slot {index}")
-        info = vk.new("VkCommandBufferAllocateInfo", commandPool=self.upload_pool, commandBufferCount=1)
-        out = vk.ffi.new("VkCommandBuffer[1]")
-        vk.check(device.fn.vkAllocateCommandBuffers(device.handle, info, out), "vkAllocateCommandBuffers")
-        self.uploads = out[0]
-        device.name("VkCommandBuffer", self.uploads, f"uploads, slot {index}")
+        self.upload_pool = create_pool(device, device.queue, f"uploads, slot {index}")
+        self.uploads = allocate_commands(device, self.upload_pool, f"uploads, slot {index}")
         both = [{"commandBuffer": self.uploads}, {"commandBuffer": self.commands}]
         self.submit_both = vk.new("VkSubmitInfo2", pCommandBufferInfos=both)
         self.uploading = False
+
+    def close(self) -> None:
+        """Free the pools."""
+        self._device.destroy("VkCommandPool", self.upload_pool)
+        super().close()
 
 
 class Recordings(Frames):
@@ -48,7 +44,6 @@ class Recordings(Frames):
     def __init__(self, device: Device) -> None:
         self._device = device
         self.slots: list[Any] = [RecordedSlot(device, index) for index in range(SLOTS)]
-        self.number = 0
         self._once = vk.new("VkCommandBufferBeginInfo", flags=vk.VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT)
         self._again = vk.new("VkCommandBufferBeginInfo")
 
@@ -94,10 +89,3 @@ class Recordings(Frames):
         """Have all slots recorded anew before they are submitted again: something that is recorded is another one."""
         for slot in self.slots:
             slot.key = None
-
-    def close(self) -> None:
-        """Free the slots, after the GPU has left them all."""
-        for slot in self.slots:
-            self.wait(slot)
-            self._device.destroy("VkCommandPool", slot.upload_pool)
-        super().close()

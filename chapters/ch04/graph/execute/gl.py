@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from backends.contract import Pass
 from backends.gl.context import Context
@@ -18,25 +17,21 @@ from backends.gl.resources import Buffer, Image
 from common.scene import Sampler
 
 from ...frames.frame import SLOTS
-from ...frames.gl_commands import Commands, Textures
+from ...frames.gl_commands import Commands
 from ...frames.recording.gl_recordings import CallRecorder
 from ..memory.gl_images import GraphImages
 from ..memory.gl_poison import Poison
 from ..sync.gl import memory_barriers
 from ..types import Graph, Step
 from .gl_targets import Framebuffers, Targets
+from .steps import ReadyStep, add_externals
 
 
 @dataclass
-class _Ready:
-    """A step in one slot, as it is recorded."""
-
-    step: Any  # a `Step`, which has what an inspection asks of a pass: its name
+class _Ready(ReadyStep):
     barrier: int
     targets: Targets | None
     poison: Poison | None = None
-    sources: Textures | None = None
-    """For a pass that samples what others drew."""
 
 
 class GraphExecutor:
@@ -61,9 +56,7 @@ class GraphExecutor:
         self._framebuffers = Framebuffers(context)
         self.images = GraphImages(context, graph, alias)
         try:
-            if externals is not None:
-                for held, more in zip(self.images.in_slot, externals(self.images), strict=True):
-                    held.update(more)
+            add_externals(self.images, externals)
             self.barriers = memory_barriers(graph, self._passes, self.images.in_slot)
             """By step the bits of the glMemoryBarrier in front of it, 0 for none."""
             self._slots = [self._ready(slot, poison) for slot in range(SLOTS)]
@@ -130,8 +123,7 @@ class GraphExecutor:
             with context.label(name):
                 if timed:
                     commands.slot.timestamps.begin(name)
-                commands.sources = one.sources
-                made.pre_render(commands)
+                one.enter(commands, made)
                 if one.targets is not None:
                     one.targets.begin(commands)
                 made.record(commands)

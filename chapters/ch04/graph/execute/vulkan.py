@@ -28,19 +28,15 @@ from ..memory.vulkan_images import GraphImages, GraphMemory
 from ..memory.vulkan_poison import Poison
 from ..sync.vulkan import dependency, layout_of
 from ..types import Graph, Step
+from .steps import ReadyStep, add_externals
 from .vulkan_targets import Targets
 
 
 @dataclass
-class _Ready:
-    """A step in one slot, as it is recorded."""
-
-    step: Any  # a `Step`, which has what an inspection asks of a pass: its name
+class _Ready(ReadyStep):
     barriers: Any
     targets: Targets | None
     poison: Poison | None = None
-    sources: Any = None
-    """(number, array of one descriptor set), for a pass that reads what others wrote."""
 
 
 @dataclass
@@ -72,9 +68,7 @@ class GraphExecutor:
         self._sets: dict[str, Sets] = {}
         self.images = GraphImages(device, graph, memory, {})
         try:
-            if externals is not None:
-                for held, more in zip(self.images.in_slot, externals(self.images), strict=True):
-                    held.update(more)
+            add_externals(self.images, externals)
             self._slots = [self._ready(slot, poison) for slot in range(SLOTS)]
             for step in graph.steps:
                 self._bind_sources(step)
@@ -161,8 +155,7 @@ class GraphExecutor:
             timed = one.step.kind != "copy"
             if timed:
                 profiler.begin(commands.slot, name)
-            commands.sources = one.sources
-            made.pre_render(commands)
+            one.enter(commands, made)
             if one.targets is not None:
                 commands.begin_rendering(one.targets)
             made.record(commands)

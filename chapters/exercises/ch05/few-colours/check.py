@@ -38,7 +38,7 @@ def check(given: Given) -> None:
 
 
 def _hold(given: Given, what: str, springs: Sequence[Pair]) -> None:
-    find: Any = given.module("cloth.colors").color_springs
+    find: Any = given.module("cloth.model").color_springs
     particles = 1 + max(max(pair) for pair in springs)
     colors = np.asarray(find(np.array(springs), particles)).tolist()
     given.need(

@@ -6,8 +6,8 @@ from backends.vulkan.device import Device
 from backends.vulkan.readback import Readback
 from backends.vulkan.resources import Image
 
+from ..vulkan_commands import Commands
 from .outputs import OutputCopies
-from .vulkan_commands import Commands
 
 
 class CopyOutputs(OutputCopies):

@@ -1,4 +1,4 @@
-"""The renderer's objects on OpenGL; compare vulkan_backend.py.
+"""The renderer's objects on OpenGL; compare vulkan.py.
 
 The driver finds out by itself that a pass must wait for what it reads. That is comfortable, and it is work that the
 driver does for each call of each frame: what Vulkan's barriers say once, OpenGL guesses again and again.
@@ -10,32 +10,31 @@ from collections.abc import Collection, Iterable, Mapping
 from functools import partial
 from typing import Any
 
-from backends.contract import Plan
+from backends.contract import Pass, Plan
 from backends.gl.context import Context
 from backends.gl.inspection import Inspection
 from backends.gl.resources import FORMATS, sample_counts
 from backends.gl.targets import Framebuffer
 from common.scene import Pose, Scene
 
-from ..graph.execute.gl import GraphExecutor
-from ..graph.plan import COPY, FramePlan
-from ..graph.types import Graph
-from ..loading.loading import Loading
-from ..pipelines.gl import Pipelines
-from ..scene.gl_data import GlSceneData
-from ..settings import Settings
-from ..tasks.workers import Workers
+from ...graph.execute.gl import GraphExecutor
+from ...graph.types import Graph
+from ...loading.loading import Loading
+from ...pipelines.gl import Pipelines
+from ...scene.gl_data import GlSceneData
+from ...settings import Settings
+from ...tasks.workers import Workers
+from ..recording.gl_parts import open_commands
+from ..recording.gl_recordings import RecordedSlot, Recordings
 from .backend import Backend
-from .frame import SLOTS
 from .gl_outputs import CopyOutputs
-from .recording.gl_parts import open_commands
-from .recording.gl_recordings import RecordedSlot, Recordings
 
 
 class GlBackend(Backend):
     """Programs, buffers, textures, and the lists of calls that stand in for recordings."""
 
     name = "gl"
+    inspector = Inspection
     formats = FORMATS
     data: GlSceneData
     pipelines: Pipelines
@@ -69,22 +68,9 @@ class GlBackend(Backend):
 
     # --- a graph ---
 
-    def follow(self, plan: FramePlan, graph: Graph, settings: Settings) -> None:
-        """Make everything whose size is the picture's: targets, framebuffers, readback."""
-        self.frames.forget()
-        passes = plan.implementations()
-        self._passes = [passes[step.name] for step in graph.steps if step.name != COPY]
-        self.executor = GraphExecutor(
-            self.device,
-            graph,
-            passes | {COPY: self.copies},
-            self.data.sampler,
-            partial(self.copies.attach, graph),
-            settings.graph.alias,
-            settings.graph.poison,
-        )
-        images = self.executor.images.by_name(graph)
-        self.inspection = Inspection(self.device, plan.watched(graph), images, SLOTS)
+    def _execute(self, graph: Graph, passes: Mapping[str, Pass], settings: Settings) -> GraphExecutor:
+        attach, knobs = partial(self.copies.attach, graph), settings.graph
+        return GraphExecutor(self.device, graph, passes, self.data.sampler, attach, knobs.alias, knobs.poison)
 
     def leave(self) -> None:
         """Free that; OpenGL itself waits for the GPU's use."""
@@ -121,7 +107,9 @@ class GlBackend(Backend):
 
     def picture(self, graph: Graph) -> Framebuffer:
         """Return the framebuffer with the picture."""
-        assert self.copies.picture is not None, "a picture is handed on"
+        assert isinstance(self.copies, CopyOutputs) and self.copies.picture is not None, (
+            "a picture is handed on"
+        )
         return self.copies.picture
 
     # --- life ---

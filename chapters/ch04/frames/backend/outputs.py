@@ -7,9 +7,9 @@ from typing import Any
 
 from backends.contract import Pass
 
-from ..graph.plan import COPY, on_cpu
-from ..graph.types import Graph
-from .frame import SLOTS
+from ...graph.plan import COPY, on_cpu
+from ...graph.types import Graph
+from ..frame import SLOTS
 
 
 class OutputCopies(Pass):

@@ -15,33 +15,38 @@ from backends.vulkan.resources import FORMATS, Image
 from common.errors import ShaderError
 from common.scene import Pose, Scene
 
-from ..graph.execute.vulkan import GraphExecutor
-from ..graph.memory.vulkan_images import GraphMemory
-from ..graph.plan import COPY, FramePlan
-from ..graph.types import Graph
-from ..loading.loading import Loading
-from ..loading.vulkan_first_uses import rehearse
-from ..pipelines.vulkan import Pipelines
-from ..pipelines.vulkan_cache import PipelineCache
-from ..pipelines.vulkan_descriptors import Descriptors
-from ..pipelines.vulkan_layouts import CAPACITY, SetLayout
-from ..scene.vulkan_data import VulkanSceneData
-from ..settings import Settings
-from ..tasks.workers import Workers
+from ...graph.execute.vulkan import GraphExecutor
+from ...graph.memory.vulkan_images import GraphMemory
+from ...graph.plan import FramePlan
+from ...graph.sync.queues import QUEUES
+from ...graph.types import Graph
+from ...loading.loading import Loading
+from ...loading.vulkan_first_uses import rehearse
+from ...pipelines.compute_description import ComputeDescription
+from ...pipelines.vulkan import Pipelines
+from ...pipelines.vulkan_cache import PipelineCache
+from ...pipelines.vulkan_descriptors import Descriptors
+from ...pipelines.vulkan_layouts import CAPACITY, SetLayout
+from ...scene.vulkan_data import COMPUTED, VulkanSceneData
+from ...settings import Settings
+from ...tasks.workers import Workers
+from ..queues.vulkan_queues import Queues
+from ..queues.vulkan_submission import QueueFrames
+from ..recording.vulkan_recordings import RecordedSlot
+from ..recording.vulkan_secondaries import open_commands
+from ..vulkan_profiler import Profiler
+from ..vulkan_resources import Resources, offered_samples
 from .backend import Backend
-from .frame import SLOTS
-from .recording.vulkan_recordings import RecordedSlot, Recordings
-from .recording.vulkan_secondaries import open_commands
 from .vulkan_outputs import CopyOutputs
-from .vulkan_profiler import Profiler
-from .vulkan_resources import Resources, offered_samples
 
 
 class VulkanBackend(Backend):
     """Queues, resources, descriptors and recordings."""
 
     name = "vulkan"
+    inspector = Inspection
     formats = FORMATS
+    queues = QUEUES
     data: VulkanSceneData
     pipelines: Pipelines
 
@@ -60,8 +65,9 @@ class VulkanBackend(Backend):
     def create(self, scene: Scene, settings: Settings, plan: Plan, loading: Loading, pose: Pose) -> None:
         """Make frames, pipelines and the scene's data."""
         device, self._scene = self.device, scene
-        self.frames = Recordings(device)
-        self.resources = Resources(device)
+        self._queues = Queues(device, plan.native("async-compute") and settings.queues.async_compute)
+        self.frames = QueueFrames(device, self._queues)
+        self.resources = Resources(device, self._queues.families)
         self.descriptors = Descriptors(device)
         self.profiler = Profiler(device)
         self.workers = Workers(settings.frames.recording_threads)
@@ -75,7 +81,8 @@ class VulkanBackend(Backend):
         rehearse(loading, device, self.frames.slots, self.data, pose)
         self._cache = PipelineCache.on_disk(device)
         self.pipelines = Pipelines(device, self._cache, self.data.slot_count or CAPACITY)
-        self.memory = GraphMemory(device, ["copy_target"] * (settings.graph.poison != "off"))
+        poisoned = ["copy_target"] * (settings.graph.poison != "off")
+        self.memory = GraphMemory(device, poisoned, self._queues.families)
         self.requirement = self.memory.requirement
         self.copies = CopyOutputs(device)
 
@@ -92,6 +99,8 @@ class VulkanBackend(Backend):
                 for number, layout in enumerate(pipeline.sets):
                     if layout is None or number == own:
                         continue
+                    if isinstance(pipeline.described, ComputeDescription):
+                        number += COMPUTED
                     if layouts.setdefault(number, layout).handle != layout.handle:
                         raise ShaderError(
                             f"The shaders of the scene disagree about set {number}: a file that a new pipeline needs "
@@ -104,21 +113,21 @@ class VulkanBackend(Backend):
 
     def follow(self, plan: FramePlan, graph: Graph, settings: Settings) -> None:
         """Make everything whose size is the picture's: targets, attachments, barriers, readback."""
-        self.frames.forget()
-        passes = plan.implementations()
-        self._passes = [passes[step.name] for step in graph.steps if step.name != COPY]
-        self.executor = GraphExecutor(
+        super().follow(plan, graph, settings)
+        self.frames.follow(self.executor, self.profiler)
+
+    def _execute(self, graph: Graph, passes: Mapping[str, Pass], settings: Settings) -> GraphExecutor:
+        return GraphExecutor(
             self.device,
             graph,
-            passes | {COPY: self.copies},
+            passes,
             self.memory,
             self.resources,
             self.descriptors,
             partial(self.copies.attach, graph),
             settings.graph.poison,
+            self._queues,
         )
-        images = self.executor.images.by_name(graph)
-        self.inspection = Inspection(self.device, plan.watched(graph), images, SLOTS)
 
     def leave(self) -> None:
         """Free that; no frame is in flight."""
@@ -141,20 +150,12 @@ class VulkanBackend(Backend):
         return self.data.record_deformation(self.frames.uploads(slot), slot.index, pose)
 
     def record(self, slot: RecordedSlot, again: bool) -> bool:
-        """Record the slot's frame where its recording is no longer good; return whether it did."""
-        key = tuple(one.key(slot.index) for one in self._passes)
-        if slot.key == key and again:
-            return False
-        with self.frames.recording(slot, key):
-            self.commands.begin(slot)
-            self.profiler.begin_frame(slot)
-            self.executor.record(self.commands, slot.index, self.profiler, self.inspection)
-            slot.work = self.commands.work
-        return True
+        """Record the batches whose recordings are no longer good; return whether those of graphics are among them."""
+        return self.frames.record(slot, self.commands, self.inspection, again)
 
     def timings(self, slot: RecordedSlot) -> dict[str, float]:
         """Return GPU milliseconds by pass of the slot's frame."""
-        return self.profiler.read(slot)
+        return self.frames.timings(slot)
 
     def readbacks(self, slot: RecordedSlot) -> Mapping[str, Any]:
         """Return the copies of the slot's outputs, by name."""
@@ -169,10 +170,11 @@ class VulkanBackend(Backend):
 
     @property
     def counts(self) -> dict[str, int]:
-        """Return how many descriptor sets and samplers there are."""
+        """Return how many descriptor sets and samplers there are, and how the last frame was submitted."""
         return {
             "descriptor_sets": self.descriptors.set_count + self.data.bindless_sets,
             "samplers": self.resources.counts["samplers"],
+            **self.frames.work,
         }
 
     def reload(self, changed: Collection[Any]) -> tuple[str, ...]:

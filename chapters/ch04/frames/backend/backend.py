@@ -1,4 +1,4 @@
-"""What the renderer asks of an API. `vulkan_backend.py` and `gl_backend.py` answer, each with objects of its own."""
+"""What the renderer asks of an API. `vulkan.py` and `gl.py` answer, each with objects of its own."""
 
 from __future__ import annotations
 
@@ -11,12 +11,14 @@ from backends.contract import Pass, Plan
 from common.scene import Pose, Scene
 from common.view.camera import View
 
-from ..graph.plan import FramePlan
-from ..graph.types import Graph, Requirements
-from ..loading.loading import Loading
-from ..pipelines.description import Pipelines
-from ..scene.data import SceneData
-from ..settings import Settings
+from ...graph.plan import COPY, FramePlan
+from ...graph.types import Graph, Requirements
+from ...loading.loading import Loading
+from ...pipelines.description import Pipelines
+from ...scene.data import SceneData
+from ...settings import Settings
+from ..frame import SLOTS
+from .outputs import OutputCopies
 
 
 @dataclass(frozen=True)
@@ -46,6 +48,10 @@ class Backend:
     """The ring of slots: `begin`, `submit`, `wait`, `forget`."""
     executor: Any = None
     """What carries the graph out that `follow` was given; None before."""
+    copies: OutputCopies
+    """The last step of a frame."""
+    inspector: type[Any]
+    """The class of `inspection`, which copies and counts after each pass what it wrote."""
     inspection: Any
     by_address = True
     """Whether a recorded draw reads its record when it is drawn, and not when it is recorded."""
@@ -78,6 +84,15 @@ class Backend:
 
     def follow(self, plan: FramePlan, graph: Graph, settings: Settings) -> None:
         """Make everything whose size is the picture's: targets, barriers, readback."""
+        self.frames.forget()
+        passes = plan.implementations()
+        self._passes = [passes[step.name] for step in graph.steps if step.name != COPY]
+        self.executor = self._execute(graph, passes | {COPY: self.copies}, settings)
+        images = self.executor.images.by_name(graph)
+        self.inspection = self.inspector(self.device, plan.watched(graph), images, SLOTS)
+
+    def _execute(self, graph: Graph, passes: Mapping[str, Pass], settings: Settings) -> Any:
+        """Return what carries the graph out with these passes."""
         raise NotImplementedError
 
     def leave(self) -> None:
@@ -130,5 +145,5 @@ class Backend:
 
 def open_backend(name: str, device: Any, validate: bool, without: Iterable[str]) -> Backend:
     """Return the backend "vulkan" or "gl"; its module, and the binding that it needs, are loaded only now."""
-    backend: Backend = import_module(f".{name}_backend", __package__).open_backend(device, validate, without)
+    backend: Backend = import_module(f".{name}", __package__).open_backend(device, validate, without)
     return backend

@@ -10,8 +10,8 @@ from backends.gl.readback import Readback
 from backends.gl.resources import Image
 from backends.gl.targets import Framebuffer, create_framebuffer, destroy_framebuffer
 
-from ..graph.types import Graph
-from .gl_commands import Commands
+from ...graph.types import Graph
+from ..gl_commands import Commands
 from .outputs import OutputCopies
 
 

@@ -1,0 +1,1 @@
+"""What differs between the APIs, behind one interface for the renderer."""
