@@ -350,6 +350,19 @@ class Pass:
         return None
 
 
+@dataclass(frozen=True)
+class FrameInfo:
+    """What a technique prepares a frame from. `pose` is that of the scene with all its nodes, `size` in pixels."""
+
+    slot: int
+    view: View
+    time: float
+    size: tuple[int, int]
+    pose: Pose
+    passes: Collection[Pass]
+    """The passes of this frame."""
+
+
 class Technique:
     """What a subject does outside its passes, from the start of a renderer to its end.
 
@@ -382,8 +395,8 @@ class Technique:
         """Return the pose that is drawn, of the pose of the scene that was given."""
         return pose
 
-    def prepare(self, frame: Any) -> int:
-        """Do what a frame needs before its passes are recorded (a chapter's `FrameInfo`); return the bytes written."""
+    def prepare(self, frame: FrameInfo) -> int:
+        """Do what a frame needs before its passes are recorded; return the bytes written."""
         return 0
 
     def resting(self, time: float) -> bool:

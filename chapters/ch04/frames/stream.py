@@ -13,6 +13,7 @@ import numpy as np
 
 from backends.contract import (
     Capabilities,
+    FrameInfo,
     Pass,
     Plan,
     Reloaded,
@@ -38,7 +39,7 @@ from ..scene.scene_draws import SceneDrawLists
 from ..settings import Settings
 from ..shading.samples import choose_samples
 from ..tasks.workers import ALONE
-from .backend.backend import FrameInfo, open_backend
+from .backend.backend import open_backend
 from .frame import OUTPUTS, SLOTS, SOURCES, Frame, check_outputs, output_of
 
 

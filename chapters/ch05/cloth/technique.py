@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from backends.contract import Pass, Technique
+from backends.contract import FrameInfo, Pass, Technique
 from common.scene import Pose, Scene
 
-from ..frames.backend.backend import Backend, FrameInfo
+from ..frames.backend.backend import Backend
 from ..scene.pass_parts import PassParts
 from ..settings import Settings
 from .passes import ClothPass

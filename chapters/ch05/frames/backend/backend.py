@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
 from backends.contract import Pass, Plan
 from common.scene import Pose, Scene
-from common.view.camera import View
 
 from ...graph.plan import COPY, FramePlan
 from ...graph.sync.queues import GRAPHICS
@@ -20,19 +18,6 @@ from ...scene.data import SceneData
 from ...settings import Settings
 from ..frame import SLOTS
 from .outputs import OutputCopies
-
-
-@dataclass(frozen=True)
-class FrameInfo:
-    """What a technique prepares a frame from. `pose` is that of the scene with all its nodes, `size` in pixels."""
-
-    slot: int
-    view: View
-    time: float
-    size: tuple[int, int]
-    pose: Pose
-    passes: Collection[Pass]
-    """The passes of this frame."""
 
 
 class Backend:
