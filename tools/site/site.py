@@ -28,7 +28,7 @@ from common.errors import UserError
 from common.paths import ROOT, temporary_folder
 from tools.cli.console import Steps, say
 from tools.cli.stopping import prompt_stop
-from tools.site import chapter, inputs, notebook
+from tools.site import chapter, inputs, moved, notebook
 from tools.site import check as site_check
 from tools.site.draft import TEXTS, Draft, reason
 from tools.site.tables import filled
@@ -117,6 +117,7 @@ def draft_of(numbers: Collection[int], drawing: bool = True, steps: Steps | None
             steps(f"chapter {number}", 0.1 + 0.6 * place / len(numbers))
         chapter.add(draft, number, drawing)
     notebook.add(draft, drawing)
+    moved.add(draft)
     for name in ASSETS:
         if (OWN / name).is_file():
             draft.files[f"assets/{name}"] = (OWN / name).read_bytes()
