@@ -1,7 +1,7 @@
-"""What everything outside a chapter sees of a renderer, whatever its chapter and backend.
+"""The interface of a renderer: the same for every chapter and backend, and all that code outside a chapter uses.
 
-`Renderer` and `Frame` are what `chapters.open` returns and `render` gives; every pass of a chapter derives from `Pass`;
-`Capabilities` says what a device can do, `resolve` which path each feature takes.
+`chapters.open` returns a `Renderer`, and its `render` returns a `Frame`. Every pass derives from `Pass`, and every
+technique from `Technique`. `Capabilities` lists the features of a device; `resolve` chooses a path for each feature.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ BACKENDS = ("vulkan", "gl")
 
 @dataclass(frozen=True)
 class Capabilities:
-    """What one device can do, as probed; `why_not` explains each missing feature in a few words."""
+    """The features of one device, as probed; `why_not` gives the reason for each missing feature in a few words."""
 
     backend: str
     device: str
@@ -49,7 +49,7 @@ class Capabilities:
 
     @property
     def is_software(self) -> bool:
-        """Whether the device is a program on the CPU: goldens are compared on one such driver alone."""
+        """Whether the device is a software driver; goldens are compared on one such driver only."""
         return self.kind == "software"
 
     def use(self, feature: str, use: str) -> bool:
@@ -85,7 +85,7 @@ class Plan:
         return any(choice.feature == feature and choice.native for choice in self.choices)
 
     def falling_short(self, setting: str, path: str, reason: str) -> Plan:
-        """Return the plan with one more line: what becomes of a preset's wish that the device cannot meet."""
+        """Return the plan with one more choice: the path of a preset's setting that the device cannot meet."""
         return Plan((*self.choices, Choice(setting, False, path, reason)))
 
 
@@ -130,13 +130,13 @@ class Frame(Protocol):
     index: int  # frames since `reset_history` or `resize`, else since the renderer was opened
     cpu_ms: float  # time that `render` took on the CPU
     reset: str
-    """Why nothing of the frames before was used: "first frame", "resize", "camera cut", "time ran backwards" or what
-    `reset_history` was given; "" where nothing was reset. `work` counts it as "history_resets"."""
+    """The reason for which histories were reset: "first frame", "resize", "camera cut", "time ran backwards" or the
+    argument of `reset_history`; "" if none were. `work` counts it as "history_resets"."""
 
     def image(self, name: str) -> np.ndarray:
         """Wait for the frame and return an output as (H, W) or (H, W, C), row 0 on top.
 
-        Of a renderer opened with `inspect=True`, "pass/resource" is the resource as that pass left it, as it is stored.
+        If the renderer was opened with `inspect=True`, "pass/resource" names a resource right after that pass wrote it.
 
         Raises StaleFrameError when the slot was used again or `name` was not in `outputs`.
         """
@@ -147,15 +147,15 @@ class Frame(Protocol):
 
     @property
     def work(self) -> dict[str, int]:
-        """Counters of what was done and of what was skipped; "history_resets" is 1 where `reset` is not ""."""
+        """Counters of work that was done and of work that was skipped; "history_resets" is 1 if `reset` is not ""."""
 
 
 @dataclass(frozen=True)
 class Reloaded:
-    """What a renderer did for files of shaders that were edited.
+    """The result of reloading shader files that were edited.
 
-    `pipelines` are the names of those built anew, `graph` whether the frame graph is; `at_start` are files whose
-    shaders ran when the renderer was opened and run no more, so that the edit is seen when it is opened again.
+    `pipelines` are the names of the rebuilt pipelines; `graph` says whether the frame graph was rebuilt. `at_start`
+    are files whose shaders ran only while the renderer was opened: an edit shows after opening it again.
     """
 
     pipelines: tuple[str, ...]
@@ -173,27 +173,27 @@ class Renderer(Protocol):
     size: tuple[int, int]
 
     passes: Sequence[Any]
-    """The passes of a frame, in order; see `Pass`. A study has none."""
+    """The passes of a frame in their order; none in a study."""
 
     inspection: Any
     """`inspection.work.by_pass`: the counters of each pass of the last frame, if opened with `inspect=True`."""
 
     graph: Any
-    """The compiled frame graph, `logic.graph_types.Graph`, changed by `logic.graph_stream`; from chapter 4 on."""
+    """The compiled frame graph (`graph.types.Graph`), from chapter 4 on."""
 
-    nodes: Sequence[Any]  # beside `passes`, what they read and write, by the graph's names
+    nodes: Sequence[Any]  # for each pass what it reads and writes, by the names of the graph
 
     techniques: Mapping[str, Technique]  # by name; from chapter 4 on
 
     @property
     def prepared_ms(self) -> dict[str, float]:
-        """Milliseconds of GPU work before the first frame, by what was made; what came from a cache is left out."""
+        """Milliseconds of GPU work before the first frame, by result; results that came from a cache are left out."""
 
     @property
     def present_source(self) -> Any:
         """The image that holds the last frame's picture, for a window: 8-bit sRGB codes, row 0 on top.
 
-        StaleFrameError unless the renderer was opened with `presents=True` (nothing is copied to the CPU for it) or
+        Raises StaleFrameError unless the renderer was opened with `presents=True` (which copies nothing to the CPU) or
         with the output "color". On Vulkan it is a `backends.vulkan.resources.Image`, in state 'copy_source' after each
         frame's submission. Copies from it that are submitted to the same queue end before the next frame draws to it.
         `resize` makes another one.
@@ -202,7 +202,7 @@ class Renderer(Protocol):
     def render(self, view: View, time: float = 0.0) -> Frame:
         """Enqueue one frame of `view` at `time` seconds; nothing is waited for.
 
-        UserError for what is no view, and for a time that is not finite or beyond `MAX_TIME_S`.
+        Raises UserError if `view` is not a View, and for a time that is not finite or beyond `MAX_TIME_S`.
         """
 
     def idle(self, view: View, time: float = 0.0) -> bool:
@@ -219,15 +219,15 @@ class Renderer(Protocol):
 
     @property
     def shader_files(self) -> frozenset[Path]:
-        """All on disk that decides about the texts of this renderer's shaders, files that are not there included.
+        """The files that the shaders of this renderer depend on, also those that do not exist yet.
 
-        None where it cannot exchange its shaders: then another renderer is opened in its place.
+        None if the renderer cannot reload shaders: then the caller opens another one.
         """
 
     def reload_shaders(self, changed: Collection[Path]) -> Reloaded:
-        """Build anew the pipelines that use one of these files, all or none; between frames, which go on as before.
+        """Rebuild the pipelines that use one of these files, all or none of them; view, time and frame index stay.
 
-        ShaderError, with nothing changed, where a shader does not compile or expects other data than the host gives.
+        Raises ShaderError, and changes nothing, if a shader does not compile or its interface differs from the host's.
         """
 
     def close(self) -> None:
@@ -239,7 +239,7 @@ class Renderer(Protocol):
 
 
 class PassWork:
-    """What each pass of a frame had to do, from counters that run over the whole frame."""
+    """The counters of each pass, from counters that run over the whole frame."""
 
     def __init__(self) -> None:
         self.by_pass: dict[str, dict[str, int]] = {}
@@ -247,7 +247,7 @@ class PassWork:
         self._before: dict[str, int] = {}
 
     def add(self, name: str, counters: Mapping[str, int]) -> None:
-        """Note what pass `name` added to the frame's `counters`; another frame has another mapping."""
+        """Store how much pass `name` added to the frame's `counters`; each frame has a mapping of its own."""
         if counters is not self._frame:
             self._frame, self.by_pass, self._before = counters, {}, {}
         self.by_pass[name] = {key: value - self._before.get(key, 0) for key, value in counters.items()}
@@ -261,19 +261,18 @@ Use = Literal["color", "depth", "sampled", "storage", "copy", "uniform", "indire
 
 @dataclass(frozen=True)
 class Access:
-    """What a pass reads or writes: the resource's name, the kind of use, and for images format and size.
+    """One read or write of a pass: the name of the resource, its use, and for images format and size.
 
-    `format` is a short name such as 'rgba16f'; None leaves it to the renderer. `scale` is relative to the output, and
-    `size` is absolute, in its place. `clear` is the value an attachment starts from. `samples` are those of each pixel
-    of an attachment. A buffer has `bytes`, and neither format nor size.
+    `format` is a short name such as 'rgba16f'; None leaves it to the renderer. `scale` is relative to the output;
+    `size` is absolute and replaces it. `clear` is the value that an attachment is cleared to. `samples` is the number
+    of samples per pixel of an attachment. A buffer has `bytes`, and neither format nor size.
 
-    A name stands for what one pass wrote. One that draws on top of another's result writes a name of its own, `of`
-    which other it is the continuation: same memory, another moment. Without `of` and without `clear` nothing of what
-    was there is kept. When the writer is left out of a frame, readers get the name in `instead`, or else that in `of`.
+    A name stands for the result of one pass. A pass that draws over the result of another pass writes a new name, and
+    `of` is the old one: the same memory at a later moment. Without `of` and `clear` the old contents are lost. If the
+    frame leaves the writer out, its readers get the resource named by `instead`, or else the one named by `of`.
 
-    `previous` reads what the frame before wrote. `stages` are those of the shaders that read or write, where it is not
-    the fragment shader of a pass that draws (of what is "uniform" also the vertex shader), or the compute shader of one
-    that does not.
+    `previous` reads the result of the previous frame. `stages` are the shader stages that read or write. By default
+    they are the fragment shader of a pass that draws (for "uniform" also the vertex shader), or the compute shader.
     """
 
     resource: str
@@ -292,11 +291,10 @@ class Access:
 
 @dataclass(frozen=True)
 class Sources:
-    """How the shaders of a pass reach the images and buffers that it reads.
+    """The bindings of the images and buffers that a pass reads.
 
-    `set` is the number of their descriptor set. OpenGL counts the bindings of each kind on its own: `first` says with
-    which number those of a kind ("texture", "image", "storage", "uniform") begin, where that is not 0. `filter` is that
-    of the sampler.
+    `set` is the number of their descriptor set. OpenGL numbers the bindings of each kind separately: `first` has the
+    first number of a kind ("texture", "image", "storage", "uniform") that does not begin at 0. `filter` is the sampler's.
     """
 
     set: int = 0
@@ -307,8 +305,9 @@ class Sources:
 class Pass:
     """One pass of a chapter, written once for both backends. Every pass derives from this class.
 
-    It names all that a renderer or an executor asks of a pass. `record` holds draws and dispatches only: barriers,
-    targets, clears, labels and timestamps stand around it. What chapter 4's frame graph asks for has its default here.
+    Renderers and executors use only the members below. `record` contains draws and dispatches only: barriers, targets,
+    clears, labels and timestamps are recorded around it. Members that only the frame graph of chapter 4 uses have
+    defaults.
     """
 
     name: str
@@ -316,43 +315,43 @@ class Pass:
     writes: tuple[Access, ...] = ()
 
     queue: str = "graphics"
-    """The queue that the pass asks for: graphics, or compute where it draws nothing."""
+    """The queue on which the pass runs: "graphics", or "compute" for a pass that only dispatches."""
 
     externals: Mapping[str, Any] = {}
     """Resources that the pass brings into the graph, by name (`graph.types.External`)."""
 
     sources: Sources | None = None
-    """How its shaders reach what it reads; None for a pass that binds everything itself."""
+    """The bindings of what the pass reads; None if the pass binds everything itself."""
 
     pipelines: Sequence[Any] = ()
-    """The pipelines that `create` built. The renderer makes their sets, which hold the scene; `sources` has its own."""
+    """The pipelines that `create` built. The renderer creates their descriptor sets of the scene."""
 
     resting: bool = False
-    """Whether this frame gives the pass nothing to do: a batch of such passes is not submitted."""
+    """Whether the pass has no work in this frame; a batch of resting passes is not submitted."""
 
     @staticmethod
     def needed(scene: Scene, settings: Any) -> bool:
-        """Whether the scene and the settings give this pass anything to do."""
+        """Whether the scene and the settings need this pass; a pass that is not needed is never created."""
         return True
 
     def create(self) -> None:
-        """Build pipelines and whatever else lives as long as the pass; again when a material became another kind."""
+        """Build the pipelines and other objects of the pass; called again when a material changes its variant."""
 
     def pre_render(self, commands: Any) -> None:
-        """Record what comes directly before the pass, outside of its rendering."""
+        """Record commands directly before the attachments of the pass begin."""
 
     def record(self, commands: Any) -> None:
         """Record this frame's draws and dispatches into the `Commands` of the chapter."""
         raise NotImplementedError
 
     def key(self, slot: int) -> Any:
-        """Return what the recording for a slot depends on: when it changes, the recording is made anew."""
+        """Return a value that the recording for a slot depends on; the frame is recorded again when it changes."""
         return None
 
 
 @dataclass(frozen=True)
 class FrameInfo:
-    """What a technique prepares a frame from. `pose` is that of the scene with all its nodes, `size` in pixels."""
+    """The input of `Technique.prepare`. `pose` is the pose of the whole scene, `size` is in pixels."""
 
     slot: int
     view: View
@@ -364,22 +363,22 @@ class FrameInfo:
 
 
 class Technique:
-    """What a subject does outside its passes, from the start of a renderer to its end.
+    """The work of a subject outside its passes, from the opening of a renderer to its closing.
 
-    A renderer makes one of each class in its `TECHNIQUES`, in their order, and knows them by this class alone.
+    A renderer creates one object of each class in its `TECHNIQUES`, in that order, and uses only the members below.
     """
 
     name: str
-    """By which `Renderer.techniques` has it: that of the subject's folder."""
+    """The key in `Renderer.techniques`: the name of the subject's folder."""
 
     scene: Scene
-    """The scene as this subject has it drawn: the one that it was given, or a view of it."""
+    """The scene that is drawn: the scene of the constructor, or a view of it."""
 
     passes: Mapping[str, Pass]
-    """The subject's passes by name; made by `create`."""
+    """The passes of the subject by name, from `create` on."""
 
     readers: Mapping[str, Mapping[str, str]]
-    """For passes that the graph's file does not name: which passes read another resource in place of theirs."""
+    """For each pass that reads a resource of the subject: that resource, by the one that it replaces."""
 
     work: dict[str, int]
     """Counters of the last frame."""
@@ -389,14 +388,14 @@ class Technique:
         self.passes, self.readers, self.work = {}, {}, {}
 
     def create(self, parts: Any, backend: Any, passes: Mapping[str, Pass]) -> None:
-        """Make the subject's passes, from the chapter's `PassParts` and backend; `passes` are those of others."""
+        """Create the passes of the subject from the chapter's `PassParts` and `Backend`; `passes` are the others."""
 
     def pose(self, pose: Pose) -> Pose:
-        """Return the pose that is drawn, of the pose of the scene that was given."""
+        """Return the pose that is drawn, from the pose of the scene."""
         return pose
 
     def prepare(self, frame: FrameInfo) -> int:
-        """Do what a frame needs before its passes are recorded; return the bytes written."""
+        """Prepare a frame before its passes are recorded; return the number of bytes written."""
         return 0
 
     def resting(self, time: float) -> bool:
@@ -404,7 +403,7 @@ class Technique:
         return True
 
     def reset(self, reason: str) -> None:
-        """Forget the frames before: nothing of them counts for the one that is prepared next."""
+        """Drop all history: the next frame starts without earlier frames."""
 
     def close(self) -> None:
-        """Free what the subject holds on the GPU; no frame is in flight."""
+        """Free the GPU objects of the subject; no frame is in flight."""
