@@ -294,7 +294,8 @@ class Sources:
     """The bindings of the images and buffers that a pass reads.
 
     `set` is the number of their descriptor set. OpenGL numbers the bindings of each kind separately: `first` has the
-    first number of a kind ("texture", "image", "storage", "uniform") that does not begin at 0. `filter` is the sampler's.
+    first number of each kind ("texture", "image", "storage", "uniform") that does not begin at 0. `filter` is that of
+    the sampler.
     """
 
     set: int = 0
