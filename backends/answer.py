@@ -43,9 +43,9 @@ def answer() -> Answer:
         by_vulkan, by_gl = pool.submit(ask_vulkan), pool.submit(probed, "gl")
         answers = {"vulkan": by_vulkan.result(), "gl": by_gl.result()}
     layers = answers["vulkan"].pop("layers", [])
-    for backend, found in answers.items():
-        if "problem" in found:
-            found["libraries"] = missing_libraries(backend)
+    for backend, device in answers.items():
+        if "problem" in device:
+            device["libraries"] = missing_libraries(backend)
     return {**answers, "auto": automatic(answers), "layers": layers}
 
 
@@ -71,18 +71,18 @@ def ask_vulkan(child: Sequence[str] = CHILD, timeout_s: float = TIMEOUT_S) -> An
         output, problem = error.stdout or b"", f"its driver hung for {timeout_s:g} s"
     except OSError as error:
         problem = f"no process could be started to ask: {error}"
-    found: Answer = {}
+    device: Answer = {}
     for line in output.decode("utf-8", "replace").splitlines():
         try:
             part = json.loads(line)
         except ValueError:
             continue  # a driver that prints to stdout
-        found |= part if isinstance(part, dict) else {}
-    if not problem and not {"kind", "problem"} & found.keys():
+        device |= part if isinstance(part, dict) else {}
+    if not problem and not {"kind", "problem"} & device.keys():
         problem = "it gave no answer"
     if problem:
-        return {"problem": NO_DEVICE.format(problem), "layers": found.get("layers", [])}
-    return found
+        return {"problem": NO_DEVICE.format(problem), "layers": device.get("layers", [])}
+    return device
 
 
 def probed(backend: str) -> Answer:
@@ -98,10 +98,10 @@ def automatic(answers: dict[str, Answer]) -> Answer:
     """Return what `--backend auto` takes, by the rules of `backends.choice` from the answers already there."""
 
     def asked(backend: str) -> tuple[str, str]:
-        found = answers[backend]
-        if "problem" in found:
-            raise UnsupportedError(found["problem"])
-        return found["kind"], found["name"]
+        device = answers[backend]
+        if "problem" in device:
+            raise UnsupportedError(device["problem"])
+        return device["kind"], device["name"]
 
     try:
         chosen = choice.decide("auto", asked)

@@ -22,13 +22,13 @@ def check_names(names: Any, what: str) -> tuple[str, ...]:
     if isinstance(names, str):
         return (names,)
     try:
-        found = tuple(names)
+        listed = tuple(names)
     except TypeError:
-        found = (None,)
-    for name in found:
+        listed = (None,)
+    for name in listed:
         if not isinstance(name, str):
             raise UserError(f'{what}={_brief(names)} holds no names: write {what}={{"name", ...}}.')
-    return found
+    return listed
 
 
 def check_arguments(

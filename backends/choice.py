@@ -50,13 +50,13 @@ def probe(backend: str) -> tuple[str, str]:
     if backend == "gl":
         from backends.gl.probe import ask
 
-        found = ask()
-        _try_out("gl", found.identity, 0, found.advertised)
-        reason = verdicts.unfit(verdicts.broken(found.identity.driver, verdicts.read(found.identity)))
+        probed = ask()
+        _try_out("gl", probed.identity, 0, probed.advertised)
+        reason = verdicts.unfit(verdicts.broken(probed.identity.driver, verdicts.read(probed.identity)))
         if reason:
-            raise UnsupportedError(f"OpenGL on {found.identity.device} cannot be used: {reason}.")
-        identities["gl"] = found.identity
-        return found.kind, found.identity.device
+            raise UnsupportedError(f"OpenGL on {probed.identity.device} cannot be used: {reason}.")
+        identities["gl"] = probed.identity
+        return probed.kind, probed.identity.device
     from backends.vulkan.device import capabilities
     from backends.vulkan.instance import Instance, choose
 

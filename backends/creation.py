@@ -105,21 +105,21 @@ def _words(known: Iterable[str]) -> Rule:
     words = tuple(known)
 
     def rule(values: Any) -> tuple[Any, ...]:
-        found = _several(_word(words))(values)
-        return tuple(word for word in words if word in found)
+        chosen = _several(_word(words))(values)
+        return tuple(word for word in words if word in chosen)
 
     return rule
 
 
-def _several(one: Rule, count: int | None = None) -> Rule:
-    """Return the rule of a tuple, of `count` values where that is given, each by the rule `one`."""
+def _several(each: Rule, count: int | None = None) -> Rule:
+    """Return the rule of a tuple, of `count` values where that is given, each value by the rule `each`."""
 
     def rule(values: Any) -> tuple[Any, ...]:
         several = isinstance(values, Iterable) and not isinstance(values, str)
-        found = tuple(values) if several else ()
-        if not several or count not in (None, len(found)):
+        items = tuple(values) if several else ()
+        if not several or count not in (None, len(items)):
             raise ValueError(": give a tuple." if count is None else f": give {count} values.")
-        return tuple(one(value) for value in found)
+        return tuple(each(value) for value in items)
 
     return rule
 
@@ -226,7 +226,7 @@ class BufferCreation(Creation):
         return self
 
     def set_memory(self, memory: Memory) -> Self:
-        """Say who reaches the memory."""
+        """Set whether the GPU or the CPU accesses the memory."""
         self.memory = memory
         return self
 

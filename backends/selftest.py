@@ -85,11 +85,11 @@ def judge_all(
     A use whose child crashed is tried once more alone: what came before it, or chance, may have done it.
     """
     command = (*child, backend, str(number))
-    found: Verdicts = {}
+    judged: Verdicts = {}
 
     def note(use: str, verdict: str) -> None:
         feature, _, what = use.partition("/")
-        found.setdefault(feature, {})[what] = verdict
+        judged.setdefault(feature, {})[what] = verdict
         told(use, verdict)
 
     left = list(uses)
@@ -106,7 +106,7 @@ def judge_all(
             note(left[tried], verdict)
             tried += 1
         left = left[tried:]
-    return found
+    return judged
 
 
 def _run(
@@ -215,23 +215,23 @@ def judge_device(
 
     Uses that could not be checked are kept as such and tried at the next call.
     """
-    found: Verdicts = {} if again else verdicts.read(identity) or {}
+    judged: Verdicts = {} if again else verdicts.read(identity) or {}
     missing = uses_of(backend, advertised) if again else untried(backend, identity, advertised)
 
     def note(use: str, verdict: str) -> None:
         told(use, verdict)
         if verdict:  # kept at once: whatever waits for this process may stop it
             feature, _, what = use.partition("/")
-            found.setdefault(feature, {})[what] = verdict
-            verdicts.write(identity, found)
+            judged.setdefault(feature, {})[what] = verdict
+            verdicts.write(identity, judged)
 
     judge_all(backend, number, missing, note, timeout_s=timeout_s, child=child)
-    return found
+    return judged
 
 
-def _verdict(found: Verdicts, use: str) -> str:
+def _verdict(judged: Verdicts, use: str) -> str:
     feature, _, what = use.partition("/")
-    return found.get(feature, {}).get(what, UNCHECKED)
+    return judged.get(feature, {}).get(what, UNCHECKED)
 
 
 # --- the child --------------------------------------------------------------------------------------------------------

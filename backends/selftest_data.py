@@ -22,14 +22,14 @@ FULL_SCREEN = "void main() { gl_Position = vec4(VERTEX_ID == 1 ? 3 : -1, VERTEX_
 """A vertex shader whose three vertices cover everything."""
 
 
-def differ(what: str, found: np.ndarray, expected: np.ndarray) -> str:
+def differ(what: str, values: np.ndarray, expected: np.ndarray) -> str:
     """Return "" where two arrays are equal, else how many of their values differ, and the first of these."""
-    wrong = np.flatnonzero(np.ravel(found != expected))
+    wrong = np.flatnonzero(np.ravel(values != expected))
     if not wrong.size:
         return ""
     first = int(wrong[0])
     return (
-        f"{wrong.size} of {expected.size} {what} differ, the first ({first}) is {found.ravel()[first]} "
+        f"{wrong.size} of {expected.size} {what} differ, the first ({first}) is {values.ravel()[first]} "
         f"and should be {expected.ravel()[first]}"
     )
 
@@ -39,13 +39,13 @@ def differ(what: str, found: np.ndarray, expected: np.ndarray) -> str:
 
 @dataclass(frozen=True)
 class Computation:
-    """A compute shader that reads storage buffer 0, with `given`, and writes storage buffer 1.
+    """A compute shader that reads storage buffer 0, filled with `input`, and writes storage buffer 1.
 
     A result may be off by `tolerance`, relative to the right one.
     """
 
     source: str
-    given: np.ndarray
+    input: np.ndarray
     expected: np.ndarray
     groups: int = 1
     tolerance: float = 0.0
@@ -55,11 +55,11 @@ class Computation:
         """The length of the output in 32-bit words."""
         return self.expected.nbytes // 4
 
-    def wrong(self, found: np.ndarray) -> str:
+    def wrong(self, values: np.ndarray) -> str:
         """Return "" for results that are right, else what is wrong."""
         if not self.tolerance:
-            return differ("numbers", found, self.expected)
-        error = np.max(np.abs(found - self.expected) / np.abs(self.expected))
+            return differ("numbers", values, self.expected)
+        error = np.max(np.abs(values - self.expected) / np.abs(self.expected))
         return "" if error < self.tolerance else f"the relative error is {error:.1e}"
 
 
@@ -79,9 +79,9 @@ void main() {
 
 def compute_buffers() -> Computation:
     """Return sums of each word with another one of its group, which share memory."""
-    given = (np.arange(256, dtype=np.uint64) * 2654435761 % 65521).astype(np.uint32)
-    rows = given.reshape(4, 64)
-    return Computation(_BUFFERS, given, (rows + 3 * rows[:, ::-1]).ravel(), groups=4)
+    numbers = (np.arange(256, dtype=np.uint64) * 2654435761 % 65521).astype(np.uint32)
+    rows = numbers.reshape(4, 64)
+    return Computation(_BUFFERS, numbers, (rows + 3 * rows[:, ::-1]).ravel(), groups=4)
 
 
 _FP64 = """
@@ -202,7 +202,9 @@ def bc_blocks() -> list[Block]:
     # One channel in 8 bytes: two ends, the lower one first, and 3 bits a texel, of which 6 is black and 7 white.
     ends = np.array([40, 200, 0, 0, 0, 0, 0, 255], np.uint32)
     red, green = random.choice([0, 1, 6, 7], (2, 16))
-    one, two = (_packed((40, 8), (200, 8), *((int(code), 3) for code in codes)) for codes in (red, green))
+    red_block, two = (
+        _packed((40, 8), (200, 8), *((int(code), 3) for code in codes)) for codes in (red, green)
+    )
     # BC7's mode 6: ends of 7 bits a channel and one more that its channels share, and 4 bits a texel (the first: 3).
     low, high = (10, 20, 30, 40), (120, 90, 70, 127)
     colors = [(end[channel], 7) for channel in range(4) for end in (low, high)]
@@ -212,8 +214,8 @@ def bc_blocks() -> list[Block]:
     seven = _packed((1 << 6, 7), *colors, (0, 1), (1, 1), *indices)
     texels = [np.where(last == 0, 2 * low[c], 2 * high[c] + 1).astype(np.uint32) for c in range(4)]
     return [
-        Block("bc4", one[None], _words(ends[red], zero, zero, full)),
-        Block("bc5", np.concatenate([one, two])[None], _words(ends[red], ends[green], zero, full)),
+        Block("bc4", red_block[None], _words(ends[red], zero, zero, full)),
+        Block("bc5", np.concatenate([red_block, two])[None], _words(ends[red], ends[green], zero, full)),
         Block("bc7", seven[None], _words(*texels)),
     ]
 
@@ -275,12 +277,12 @@ MIPS_LEVELS = (0, 200, 40, 160, 80)
 
 def mips_wrong(pixels: np.ndarray) -> str:
     """Return what is wrong with a picture by MIPS_FRAGMENT of `gray_levels(MIPS_LEVELS)`."""
-    found = (pixels[4] & 0xFFFF) / 65535.0 * 255.0
+    levels = (pixels[4] & 0xFFFF) / 65535.0 * 255.0
     expected = np.interp(np.minimum(0.5 * np.arange(16), 4.0), np.arange(5), MIPS_LEVELS)
     # The specification leaves 8 bits of fraction between levels, here of 200 codes, and a code to the format.
-    worst = int(np.abs(found - expected).argmax())
-    if abs(found[worst] - expected[worst]) > 200 / 256 + 1:
-        return f"level {0.5 * worst:g} reads {found[worst]:.1f} and should read {expected[worst]:.1f}"
+    worst = int(np.abs(levels - expected).argmax())
+    if abs(levels[worst] - expected[worst]) > 200 / 256 + 1:
+        return f"level {0.5 * worst:g} reads {levels[worst]:.1f} and should read {expected[worst]:.1f}"
     return ""
 
 

@@ -279,7 +279,7 @@ class _Builder:
             self.output.append(file.lines[number - 1])
             self.code.append(own)
             if kind in ("define", "undef"):
-                # Under a condition nobody knows here; only what the prelude says is certain.
+                # Under a condition that is unknown here; only the prelude's definitions are certain.
                 self.macros[_first_name(rest)] = False
                 continue
             if kind.startswith("if"):
@@ -312,9 +312,9 @@ class _Builder:
         if not quoted:
             raise self._error(place, 'an include is written #include "name.glsl"')
         file = self._find(quoted[1], above[-1], place)
-        if file.identity in [one.identity for one in above]:
-            first = [one.identity for one in above].index(file.identity)
-            names = " -> ".join(one.name for one in (*above[first:], file))
+        if file.identity in [includer.identity for includer in above]:
+            first = [includer.identity for includer in above].index(file.identity)
+            names = " -> ".join(link.name for link in (*above[first:], file))
             raise self._error(place, f"files include each other in a circle: {names}")
         if file.identity in self.done:
             return
@@ -350,9 +350,9 @@ class _Builder:
 
 def _first_name(rest: str) -> str:
     """Return the name at the beginning of what stands behind a directive, "" where there is none."""
-    found = _NAME.match(rest)
-    assert found is not None, "it takes no letter"
-    return found[0]
+    name = _NAME.match(rest)
+    assert name is not None, "it takes no letter"
+    return name[0]
 
 
 # --- messages -----------------------------------------------------------------------------------------------
@@ -379,15 +379,15 @@ def describe_errors(log: str, source: ShaderSource) -> str:
     for line in log.splitlines():
         if _NOISE.match(line):
             continue
-        found = next((match for pattern in _MESSAGES if (match := pattern.match(line.strip()))), None)
-        if found is None or int(found["file"]) >= len(source.files):
+        place = next((match for pattern in _MESSAGES if (match := pattern.match(line.strip()))), None)
+        if place is None or int(place["file"]) >= len(source.files):
             shown.append(line.rstrip().removeprefix("ERROR: "))
             continue
-        located = located or found["file"] != "0"  # a place in the prelude does not say which shader it is
-        parts = found.groupdict()
+        located = located or place["file"] != "0"  # a place in the prelude does not say which shader it is
+        parts = place.groupdict()
         message = f"{parts['kind'].lower()}: {parts['text']}" if parts.get("kind") else parts["text"]
         column = int(parts["column"]) if parts.get("column") else None
-        shown.append(_located(source.files, int(found["file"]), int(found["line"]), column, message.strip()))
+        shown.append(_located(source.files, int(place["file"]), int(place["line"]), column, message.strip()))
     text = "\n".join(dict.fromkeys(shown)) or "the compiler refuses this shader and does not say why"
     return text if located else f"{source.name}: {text}"
 

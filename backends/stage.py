@@ -83,7 +83,7 @@ class Stage(ABC):
         self._reset = "first frame"
         self._previous: tuple[View, float] | None = None
         self._last: Any = None
-        # Only to tell them when their slot is used again: a frame that nobody else holds goes.
+        # Weak: frames are told when their slot is used again, and a frame that is dropped is freed.
         self._in_slot: list[Callable[[], Any]] = [lambda: None] * self.frame_logic.SLOTS
         try:
             self.size = check_size(size, self.capabilities.limits["maxImageDimension2D"])
@@ -111,17 +111,17 @@ class Stage(ABC):
         """Draw one frame to the picture."""
 
     def destroy(self) -> None:  # noqa: B027
-        """Free what `create` made and nobody else frees; it may have failed halfway."""
+        """Free what `create` made and nothing else frees; `create` may have failed halfway."""
 
-    def keep(self, made: Made, free: Callable[[Made], None]) -> Made:
-        """Return what was made; `free(made)` is called when the study closes, for the last made first."""
-        self._kept.append(lambda: free(made))
-        return made
+    def keep(self, resource: Made, free: Callable[[Made], None]) -> Made:
+        """Return the resource; `free(resource)` is called when the study closes, in reverse order."""
+        self._kept.append(lambda: free(resource))
+        return resource
 
-    def keep_sized(self, made: Made, free: Callable[[Made], None]) -> Made:
-        """Return what was made; `free(made)` is called as by `keep`, or before, when the picture changes its size."""
-        self._kept_sized.append(lambda: free(made))
-        return made
+    def keep_sized(self, resource: Made, free: Callable[[Made], None]) -> Made:
+        """Return the resource; `free(resource)` is called when the study closes or the picture changes its size."""
+        self._kept_sized.append(lambda: free(resource))
+        return resource
 
     @staticmethod
     def image_of(
@@ -233,8 +233,8 @@ class Stage(ABC):
     @property
     def shader_files(self) -> frozenset[Path]:
         """The files of shaders that can be exchanged; none where a study builds all by itself, to be opened anew."""
-        found: frozenset[Path] = self.pipelines.files
-        return found
+        files: frozenset[Path] = self.pipelines.files
+        return files
 
     def reload_shaders(self, changed: Collection[Path]) -> Reloaded:
         """Build anew the pipelines that use one of these files; time goes on."""

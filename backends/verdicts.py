@@ -104,12 +104,12 @@ _unkept: dict[str, dict[str, Any]] = {}
 def read(identity: Identity) -> Verdicts | None:
     """Return the verdicts kept for this driver and these self-tests, or None; a damaged file is none."""
     try:
-        found = _unkept.get(identity.file) or json.loads((folder() / identity.file).read_bytes())
-        if found["sources"] != sources_hash():
+        record = _unkept.get(identity.file) or json.loads((folder() / identity.file).read_bytes())
+        if record["sources"] != sources_hash():
             return None
         return {
             str(feature): {str(use): visible(str(verdict)) for use, verdict in uses.items()}
-            for feature, uses in found["verdicts"].items()
+            for feature, uses in record["verdicts"].items()
         }
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return None

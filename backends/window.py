@@ -1,4 +1,4 @@
-"""A window of the desktop: opened by GLFW for either backend, its events collected for whoever asks once a frame.
+"""A window of the desktop: opened by GLFW for either backend, its events are collected once a frame.
 
 GLFW works on one thread, the one that opened the window, and from the first window to the last one is open.
 """
@@ -131,7 +131,7 @@ class Window:
 
     `inputs` is the state of keyboard and mouse for cameras; `take_keys` gives the keys pressed, for commands;
     `listener` is a user interface in the window, if there is one. `damaged` is set when the desktop wants the content
-    again, and stays set until whoever draws clears it. For "vulkan", `loader` is the address of vkGetInstanceProcAddr.
+    again, and stays set until the renderer clears it. For "vulkan", `loader` is the address of vkGetInstanceProcAddr.
     Raises UnsupportedError where there is no display. A context manager.
     """
 

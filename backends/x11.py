@@ -1,7 +1,7 @@
 """What becomes of a window when its X server dies or another program destroys it: Xlib by itself ends the process.
 
 Xlib's two handlers (Xlib manual, section 11.8.2) print lines that no user understands and call exit(1). Ours note that
-a window is gone, or end the process with a sentence, since Xlib does not let anybody go on after a broken connection.
+a window is gone, or end the process with a sentence, since a process cannot go on with Xlib after a broken connection.
 """
 
 from __future__ import annotations

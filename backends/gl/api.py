@@ -74,7 +74,7 @@ class Functions:
         error = self.glGetError
 
         def call(*arguments: Any) -> Any:
-            error()  # of an earlier call that nobody checked, as moderngl makes them: the sink has it
+            error()  # of an earlier unchecked call, as moderngl makes them; the sink reports it
             result = function(*arguments)
             code = error()
             if code != GL_NO_ERROR:

@@ -268,8 +268,8 @@ class Context:
         if self._push is None:
             self._push = self.create("buffer", "push constants")
             self.fn.glNamedBufferStorage(self._push, PUSH_SIZE, gl.NULL, gl.GL_DYNAMIC_STORAGE_BIT)
-            made = self._push
-            self.at_close(lambda: self.destroy("buffer", made))
+            handle = self._push
+            self.at_close(lambda: self.destroy("buffer", handle))
         self.fn.glNamedBufferSubData(self._push, 0, size, gl.pointer(data))
         self.fn.glBindBufferBase(gl.GL_UNIFORM_BUFFER, PUSH_BINDING, self._push)
 

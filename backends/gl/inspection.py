@@ -18,15 +18,16 @@ from backends.gl.targets import Framebuffer, copy, create_framebuffer, destroy_f
 
 @dataclass
 class _Tap:
-    """One output of one pass, with one buffer per slot; of many samples (`many`) one is made first (`one`).
+    """One output of one pass, with one readback buffer per slot.
 
-    `stored` is what a shader stored, which is there for a copy behind a barrier alone.
+    An output with several samples is resolved first, from `multisampled` to `resolved`. If a shader `stored` the output,
+    the copy needs a barrier.
     """
 
     depth: bool
     stored: bool
-    many: Framebuffer | None
-    one: Framebuffer | None
+    multisampled: Framebuffer | None
+    resolved: Framebuffer | None
     readbacks: list[Readback]
 
 
@@ -46,8 +47,10 @@ class Inspection:
         """For each slot what can be read, by "pass/resource"."""
         self.work = PassWork()
         self._taps = {
-            made.name: [self._tap(made.name, access, targets[access.resource]) for access in made.writes]
-            for made in passes
+            gpu_pass.name: [
+                self._tap(gpu_pass.name, access, targets[access.resource]) for access in gpu_pass.writes
+            ]
+            for gpu_pass in passes
         }
 
     @property
@@ -56,36 +59,36 @@ class Inspection:
         return tuple(self.readbacks[0])
 
     def _tap(self, name: str, access: Access, image: Image) -> _Tap:
-        depth, source, many, one = access.use == "depth", image, None, None
+        depth, source, multisampled, resolved = access.use == "depth", image, None, None
         if image.samples > 1:
             source = create_image(
                 self._context, image.format, (image.width, image.height), f"{name} {image.name}"
             )
             self._resolved.append(source)
-            many, one = self._framebuffer(image, depth), self._framebuffer(source, depth)
+            multisampled, resolved = self._framebuffer(image, depth), self._framebuffer(source, depth)
         taken = [
             Readback(self._context, source, f"{name} {image.name}, slot {slot}")
             for slot in range(len(self.readbacks))
         ]
         for held, readback in zip(self.readbacks, taken, strict=True):
             held[f"{name}/{access.resource}"] = readback
-        return _Tap(depth, access.use == "storage", many, one, taken)
+        return _Tap(depth, access.use == "storage", multisampled, resolved, taken)
 
     def _framebuffer(self, image: Image, depth: bool) -> Framebuffer:
         colors, deep = ([], image) if depth else ([image], None)
         self._framebuffers.append(create_framebuffer(self._context, colors, deep, f"inspect {image.name}"))
         return self._framebuffers[-1]
 
-    def record(self, slot: int, made: Pass, work: Mapping[str, int]) -> None:
-        """Copy behind pass `made`; `work` are the frame's counters so far. Without passes nothing is done."""
+    def record(self, slot: int, gpu_pass: Pass, work: Mapping[str, int]) -> None:
+        """Copy what a pass wrote; `work` are the frame's counters so far. Without passes nothing is done."""
         if not self._taps:
             return
-        self.work.add(made.name, work)
-        for tap in self._taps.get(made.name, ()):
+        self.work.add(gpu_pass.name, work)
+        for tap in self._taps.get(gpu_pass.name, ()):
             if tap.stored:
                 self._context.fn.glMemoryBarrier(gl.GL_TEXTURE_UPDATE_BARRIER_BIT)
-            if tap.many is not None and tap.one is not None:
-                copy(self._context, tap.many, tap.one, depth=tap.depth)
+            if tap.multisampled is not None and tap.resolved is not None:
+                copy(self._context, tap.multisampled, tap.resolved, depth=tap.depth)
             tap.readbacks[slot].record()
 
     def close(self) -> None:

@@ -19,7 +19,7 @@ def open_window(size: tuple[int, int], title: str, **more: Any) -> Window:
 
     Raises UnsupportedError where there is no display.
     """
-    let_go()  # GLFW makes the window's context current for a moment, while nobody else may hold the thread
+    let_go()  # GLFW makes the window's context current for a moment: no other context may be current then
     return Window(size, title, "gl", hints=hints(), **more)
 
 

@@ -55,15 +55,15 @@ def ask(child: Sequence[str] = CHILD, timeout_s: float = TIMEOUT_S) -> Found:
     try:
         answer = json.loads(lines[-1])
         problem = answer.get("problem")
-        found = None
+        device_found = None
         if not problem:
             device = Identity(*(str(answer[name]) for name in ("device", "driver", "build")))
-            found = Found(str(answer["kind"]), device, tuple(map(str, answer["advertised"])))
+            device_found = Found(str(answer["kind"]), device, tuple(map(str, answer["advertised"])))
     except (ValueError, IndexError, KeyError, AttributeError):
-        problem, found = NO_CONTEXT.format(f"its driver crashed, exit code {done.returncode}"), None
-    if found is None:
+        problem, device_found = NO_CONTEXT.format(f"its driver crashed, exit code {done.returncode}"), None
+    if device_found is None:
         raise UnsupportedError(str(problem))
-    return found
+    return device_found
 
 
 def main() -> None:
@@ -71,11 +71,11 @@ def main() -> None:
     answer: dict[str, Any]
     try:
         with Context(believe=True) as context:
-            found = context.capabilities
+            capabilities = context.capabilities
             answer = {
-                "kind": found.kind,
-                **asdict(gc.identity(found)),
-                "advertised": sorted(found.features),
+                "kind": capabilities.kind,
+                **asdict(gc.identity(capabilities)),
+                "advertised": sorted(capabilities.features),
             }
     except StrataError as error:
         answer = {"problem": str(error)}

@@ -41,27 +41,27 @@ _PER_BLOCK = {
 
 def interface_of(context: Context, program: int) -> Interface:
     """Return what a linked program expects of its host. The context is current."""
-    found = {}
+    slots = {}
     for interface, (kind, members) in _PER_BLOCK.items():
         fields = _fields(context, program, members)
         for index, (binding, size) in enumerate(
             _resources(context, program, interface, gl.GL_BUFFER_BINDING, gl.GL_BUFFER_DATA_SIZE)
         ):
-            inside = tuple(sorted(fields.get(index, []), key=lambda one: (one.offset, one.kind)))
+            inside = tuple(sorted(fields.get(index, []), key=lambda member: (member.offset, member.kind)))
             name = _name(context, program, interface, index)
-            found[f"{kind}, binding {binding}"] = Slot(name, kind, size, inside)
+            slots[f"{kind}, binding {binding}"] = Slot(name, kind, size, inside)
     for interface, what in ((gl.GL_PROGRAM_INPUT, "vertex input"), (gl.GL_PROGRAM_OUTPUT, "output")):
         for index, (location, type_) in enumerate(
             _resources(context, program, interface, gl.GL_LOCATION, gl.GL_TYPE)
         ):
             if location >= 0:  # not gl_VertexID and its like
-                found[f"{what} {location}"] = Slot(_name(context, program, interface, index), _kind(type_))
-    return dict(sorted({**found, **_units(context, program)}.items()))
+                slots[f"{what} {location}"] = Slot(_name(context, program, interface, index), _kind(type_))
+    return dict(sorted({**slots, **_units(context, program)}.items()))
 
 
 def _units(context: Context, program: int) -> Interface:
     """Return the textures and images of a program, by their units."""
-    found = {}
+    slots = {}
     values = gl.ffi.new("GLint[1]")
     for index, (location, type_, count) in enumerate(
         _resources(context, program, gl.GL_UNIFORM, gl.GL_LOCATION, gl.GL_TYPE, gl.GL_ARRAY_SIZE)
@@ -71,13 +71,13 @@ def _units(context: Context, program: int) -> Interface:
         context.fn.glGetUniformiv(program, location, values)
         what = "image unit" if type_ in _IMAGES else "texture unit"
         kind = _kind(type_) + (f"[{count}]" if count > 1 else "")
-        found[f"{what} {values[0]}"] = Slot(_name(context, program, gl.GL_UNIFORM, index), kind)
-    return found
+        slots[f"{what} {values[0]}"] = Slot(_name(context, program, gl.GL_UNIFORM, index), kind)
+    return slots
 
 
 def _fields(context: Context, program: int, interface: int) -> dict[int, list[Field]]:
     """Return the members of all blocks of a kind, by the number of their block."""
-    found: dict[int, list[Field]] = {}
+    members: dict[int, list[Field]] = {}
     asked = [gl.GL_BLOCK_INDEX, gl.GL_OFFSET, gl.GL_TYPE, gl.GL_ARRAY_SIZE, gl.GL_ARRAY_STRIDE]
     asked.append(gl.GL_MATRIX_STRIDE)
     storage = interface == gl.GL_BUFFER_VARIABLE
@@ -94,8 +94,8 @@ def _fields(context: Context, program: int, interface: int) -> dict[int, list[Fi
             kind += f" in columns of {columns} bytes"
         if outer and outer[0] > 0:
             kind += f" in elements of {outer[0]} bytes"
-        found.setdefault(block, []).append(Field(_name(context, program, interface, index), offset, kind))
-    return found
+        members.setdefault(block, []).append(Field(_name(context, program, interface, index), offset, kind))
+    return members
 
 
 def _kind(type_: int) -> str:

@@ -113,15 +113,15 @@ class Programs:
         mgl = self._context.mgl
         try:
             if [source.stage for source in sources] == ["comp"]:
-                made = mgl.compute_shader(sources[0].text)
+                linked = mgl.compute_shader(sources[0].text)
             else:
-                made = mgl.program(**{_ARGUMENTS[source.stage]: source.text for source in sources})
+                linked = mgl.program(**{_ARGUMENTS[source.stage]: source.text for source in sources})
         except KeyError as error:
             raise ShaderError(f"{name}: OpenGL takes no shaders of the stage {error}.") from None
         except _refusal() as error:
             raise ShaderError(_explain(str(error), sources)) from None
         self.linked += 1
-        program = Program(int(made.glo), made, name, text="\n".join(source.text for source in sources))
+        program = Program(int(linked.glo), linked, name, text="\n".join(source.text for source in sources))
         self._context.adopt("program", program.handle, name)
         try:
             for source in sources:
@@ -189,8 +189,8 @@ def _refusal() -> type[Exception]:
     """Return moderngl's exception for a shader that it cannot compile or link."""
     import moderngl
 
-    found: type[Exception] = moderngl.Error
-    return found
+    error: type[Exception] = moderngl.Error
+    return error
 
 
 def _explain(log: str, sources: Sequence[ShaderSource]) -> str:

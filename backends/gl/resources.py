@@ -286,9 +286,9 @@ def sample_counts(context: Context, format: str) -> tuple[int, ...]:
     internal, query = FORMATS[format].internal, context.fn.glGetInternalformativ
     count = gl.ffi.new("GLint[1]")
     query(gl.GL_TEXTURE_2D_MULTISAMPLE, internal, gl.GL_NUM_SAMPLE_COUNTS, 1, count)
-    found = gl.ffi.new("GLint[]", max(1, count[0]))
-    query(gl.GL_TEXTURE_2D_MULTISAMPLE, internal, gl.GL_SAMPLES, count[0], found)
-    return tuple(sorted({1, *(int(one) for one in found[0 : count[0]])}))
+    counts = gl.ffi.new("GLint[]", max(1, count[0]))
+    query(gl.GL_TEXTURE_2D_MULTISAMPLE, internal, gl.GL_SAMPLES, count[0], counts)
+    return tuple(sorted({1, *(int(number) for number in counts[0 : count[0]])}))
 
 
 def create_view(

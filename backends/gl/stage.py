@@ -80,35 +80,35 @@ class Stage(AnyStage):
         One that is `sized` is made by `create_sized` and goes when the picture's size changes.
         """
         image = image_from(self.device, self.image_of(pixels, shape, name, format))
-        (self.keep_sized if sized else self.keep)(image, lambda one: destroy_image(self.device, one))
+        (self.keep_sized if sized else self.keep)(image, lambda image: destroy_image(self.device, image))
         write_image(self.device, image, pixels)
         return image
 
     def target(self, name: str, format: str, output: str = "") -> Image:
         """Return an image of the picture's size to draw to, freed when that changes; frames can read an `output`."""
         image = create_image(self.device, format, self.size, name)
-        self.keep_sized(image, lambda one: destroy_image(self.device, one))
+        self.keep_sized(image, lambda image: destroy_image(self.device, image))
         if output:
             self._targets[output] = image
         return image
 
     def framebuffer_of(self, color: Image, depth: Image | None, name: str) -> Framebuffer:
         """Return what draws to targets, freed when the picture's size changes."""
-        made = create_framebuffer(self.device, [color], depth, name)
-        return self.keep_sized(made, lambda one: destroy_framebuffer(self.device, one))
+        framebuffer = create_framebuffer(self.device, [color], depth, name)
+        return self.keep_sized(framebuffer, lambda framebuffer: destroy_framebuffer(self.device, framebuffer))
 
     def sampler(self, how: Sampler, name: str) -> int:
         """Return a sampler."""
-        made = create_sampler(self.device, how, 1.0, name)
-        return self.keep(made, lambda one: self.device.destroy("sampler", one))
+        sampler = create_sampler(self.device, how, 1.0, name)
+        return self.keep(sampler, lambda sampler: self.device.destroy("sampler", sampler))
 
     def _buffer(self, size: int, use: MemoryUse, name: str) -> Buffer:
-        made = create_buffer(self.device, size, use, name)
-        return self.keep(made, lambda one: destroy_buffer(self.device, one))
+        buffer = create_buffer(self.device, size, use, name)
+        return self.keep(buffer, lambda buffer: destroy_buffer(self.device, buffer))
 
     def _made_from(self, creation: BufferCreation) -> Buffer:
-        made = buffer_from(self.device, creation)
-        return self.keep(made, lambda one: destroy_buffer(self.device, one))
+        buffer = buffer_from(self.device, creation)
+        return self.keep(buffer, lambda buffer: destroy_buffer(self.device, buffer))
 
     # --- what the study is not about ---
 

@@ -43,21 +43,21 @@ def create_framebuffer(
     name: str,
 ) -> Framebuffer:
     """Return a framebuffer; raise DeviceError when the driver cannot draw to these attachments together."""
-    held = tuple(_attachment(one) for one in colors)
+    held = tuple(_attachment(attachment) for attachment in colors)
     deep = None if depth is None else _attachment(depth)
     everything = [*held, *([deep] if deep else [])]
     if not everything:
         raise ValueError(f"'{name}' has no attachment.")
-    sizes = {level_size(one.image, one.level) for one in everything}
+    sizes = {level_size(attachment.image, attachment.level) for attachment in everything}
     if len(sizes) > 1:
         raise ValueError(f"'{name}' has attachments of different sizes: {sorted(sizes)}.")
-    samples = {one.image.samples for one in everything}
+    samples = {attachment.image.samples for attachment in everything}
     if len(samples) > 1:
         # Some drivers take them (NV_framebuffer_mixed_samples), most do not.
         raise ValueError(f"'{name}' has attachments of different numbers of samples: {sorted(samples)}.")
     handle, fn = context.create("framebuffer", name), context.fn
-    for number, one in enumerate(held):
-        _attach(context, handle, gl.GL_COLOR_ATTACHMENT0 + number, one)
+    for number, attachment in enumerate(held):
+        _attach(context, handle, gl.GL_COLOR_ATTACHMENT0 + number, attachment)
     if deep is not None:
         _attach(context, handle, gl.GL_DEPTH_ATTACHMENT, deep)
     buffers = gl.ffi.new("GLenum[]", [gl.GL_COLOR_ATTACHMENT0 + number for number in range(len(held))])
@@ -67,21 +67,25 @@ def create_framebuffer(
     status = fn.glCheckNamedFramebufferStatus(handle, gl.GL_FRAMEBUFFER)
     if status != gl.GL_FRAMEBUFFER_COMPLETE:
         context.destroy("framebuffer", handle)
-        formats = ", ".join(f"{one.image.name} ({one.image.storage_format})" for one in everything)
+        formats = ", ".join(
+            f"{attachment.image.name} ({attachment.image.storage_format})" for attachment in everything
+        )
         raise DeviceError(f"The driver cannot draw to '{name}' ({status:#x}): {formats}.")
     return Framebuffer(handle, sizes.pop(), held, deep, name)
 
 
-def _attachment(one: Attachment | Image) -> Attachment:
-    return Attachment(one) if isinstance(one, Image) else one
+def _attachment(target: Attachment | Image) -> Attachment:
+    return Attachment(target) if isinstance(target, Image) else target
 
 
-def _attach(context: Context, framebuffer: int, point: int, one: Attachment) -> None:
+def _attach(context: Context, framebuffer: int, point: int, target: Attachment) -> None:
     # The view, not the storage: an image viewed as sRGB is written as sRGB.
-    if one.layer is None:
-        context.fn.glNamedFramebufferTexture(framebuffer, point, one.image.view, one.level)
+    if target.layer is None:
+        context.fn.glNamedFramebufferTexture(framebuffer, point, target.image.view, target.level)
     else:
-        context.fn.glNamedFramebufferTextureLayer(framebuffer, point, one.image.view, one.level, one.layer)
+        context.fn.glNamedFramebufferTextureLayer(
+            framebuffer, point, target.image.view, target.level, target.layer
+        )
 
 
 def destroy_framebuffer(context: Context, framebuffer: Framebuffer) -> None:

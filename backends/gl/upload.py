@@ -55,13 +55,13 @@ class Uploader:
             raise ValueError(f"'{target.name}' has {target.layers} layers, and {len(layers)} were given.")
         if target.levels > 1 and not mips:
             raise ValueError(f"'{target.name}' has {target.levels} levels, and only one was given.")
-        for number, one in enumerate(layers):
-            if one.shape[:2] != expected:
-                raise ValueError(f"'{target.name}' wants {expected} pixels, not {one.shape[:2]}.")
-            if one.ndim == 3 and one.shape[2] == 1:
-                one = one[:, :, 0]
-            write_image(self._context, target, one, layer=number)
-            self.bytes += one.nbytes
+        for number, layer in enumerate(layers):
+            if layer.shape[:2] != expected:
+                raise ValueError(f"'{target.name}' wants {expected} pixels, not {layer.shape[:2]}.")
+            if layer.ndim == 3 and layer.shape[2] == 1:
+                layer = layer[:, :, 0]
+            write_image(self._context, target, layer, layer=number)
+            self.bytes += layer.nbytes
         if target.levels > 1:
             self.make_mips(target, srgb=srgb)
 

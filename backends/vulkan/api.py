@@ -159,14 +159,14 @@ _TYPES: dict[str, _StructType] = {}
 
 
 def _struct_type(name: str) -> _StructType:
-    found = _TYPES.get(name)
-    if found is None:
+    struct_type = _TYPES.get(name)
+    if struct_type is None:
         try:
             # As the specification writes it: cffi calls some of them `struct VkX`.
-            found = _TYPES[name] = _StructType(name.removeprefix("struct ").removeprefix("union "))
+            struct_type = _TYPES[name] = _StructType(name.removeprefix("struct ").removeprefix("union "))
         except (ffi.error, KeyError, AttributeError):
             raise AttributeError(f"{name} is not a struct of Vulkan 1.3.275") from None
-    return found
+    return struct_type
 
 
 def new(struct: str, /, **fields: Any) -> Any:
@@ -211,8 +211,8 @@ def _members(described: _StructType, fields: dict[str, Any], kept: list[Any]) ->
 def array(item: str, values: Iterable[Any]) -> Any:
     """Return a C array of structs, handles or numbers, with everything they point to kept alive."""
     kept: list[Any] = []
-    made = _array(ffi.typeof(item), list(values), kept)
-    return keep(made, *kept) if kept else made
+    array = _array(ffi.typeof(item), list(values), kept)
+    return keep(array, *kept) if kept else array
 
 
 def _forget(key: int, _: object, drop: Callable[..., Any] = _KEEP.pop) -> None:
@@ -223,11 +223,11 @@ def _forget(key: int, _: object, drop: Callable[..., Any] = _KEEP.pop) -> None:
 def keep(owner: Any, *things: Any) -> Any:
     """Keep `things` alive as long as the cffi object `owner`; return `owner`."""
     key = id(owner)
-    found = _KEEP.get(key)
-    if found is None:
+    kept = _KEEP.get(key)
+    if kept is None:
         # The callback runs while the object dies, so before its id can be another's.
-        found = _KEEP[key] = (weakref.ref(owner, partial(_forget, key)), [])
-    found[1].extend(things)
+        kept = _KEEP[key] = (weakref.ref(owner, partial(_forget, key)), [])
+    kept[1].extend(things)
     return owner
 
 
@@ -279,25 +279,25 @@ def _convert_pointer(ctype: Any, value: Any, keep: list[Any]) -> Any:
         keep.append(value)
         return ffi.cast("void *", value) if item.kind == "void" else value
     if isinstance(value, str):
-        made = ffi.new("char[]", value.encode())
+        data = ffi.new("char[]", value.encode())
     elif isinstance(value, dict) and item.kind != "void":
-        made = new(item.cname, **value)
+        data = new(item.cname, **value)
     elif isinstance(value, np.ndarray):
         if not _fits(value.dtype, item):
             raise TypeError(f"an array of {value.dtype} was given for {ctype.cname}")
-        made = ffi.from_buffer(np.ascontiguousarray(value))
-        keep.append(made)
-        return ffi.cast(ctype, made)
+        data = ffi.from_buffer(np.ascontiguousarray(value))
+        keep.append(data)
+        return ffi.cast(ctype, data)
     elif isinstance(value, (bytes, bytearray, memoryview)):
-        made = ffi.from_buffer(value)
-        keep.append(made)
-        return ffi.cast(ctype, made)
+        data = ffi.from_buffer(value)
+        keep.append(data)
+        return ffi.cast(ctype, data)
     elif isinstance(value, (list, tuple)) and item.kind != "void":
-        made = _array(item, list(value), keep)
+        data = _array(item, list(value), keep)
     else:
         raise TypeError(f"{type(value).__name__} given for {ctype.cname}")
-    keep.append(made)
-    return made
+    keep.append(data)
+    return data
 
 
 # --- functions and results --------------------------------------------------------------------------------------------

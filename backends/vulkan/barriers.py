@@ -112,5 +112,5 @@ def barriers(*images: Any, memory: tuple[int, int, int, int] | None = None) -> A
 
 def transition(device: Device, commands: Any, image: Image, before: str, after: str) -> None:
     """Record one barrier for all of `image`: for loading and tests, where nothing is made ahead."""
-    made = barriers(image_barrier(image.handle, image.aspect, before, after))
-    device.fn.vkCmdPipelineBarrier2(commands, made)
+    dependency = barriers(image_barrier(image.handle, image.aspect, before, after))
+    device.fn.vkCmdPipelineBarrier2(commands, dependency)

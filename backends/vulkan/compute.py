@@ -88,8 +88,8 @@ class Kernel:
         sets = vk.ffi.new("VkDescriptorSet[1]")
         vk.check(fn.vkAllocateDescriptorSets(device, info, sets), "vkAllocateDescriptorSets")
         writes = [
-            self._write(sets[0], number, kind, one)
-            for number, (kind, one) in enumerate(zip(self._kinds, held, strict=True))
+            self._write(sets[0], number, kind, resource)
+            for number, (kind, resource) in enumerate(zip(self._kinds, held, strict=True))
         ]
         fn.vkUpdateDescriptorSets(device, len(writes), vk.array("VkWriteDescriptorSet", writes), 0, vk.NULL)
         point = vk.VK_PIPELINE_BIND_POINT_COMPUTE

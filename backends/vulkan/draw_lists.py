@@ -94,8 +94,8 @@ class DrawLists:
         ]
         formats = (vk.VK_FORMAT_R32G32_SFLOAT, vk.VK_FORMAT_R32G32_SFLOAT, vk.VK_FORMAT_R8G8B8A8_UNORM)
         attributes = [
-            {"location": location, "format": made, "offset": VERTEX.fields[name][1]}
-            for location, (name, made) in enumerate(zip(VERTEX.names or (), formats, strict=True))
+            {"location": location, "format": format_, "offset": VERTEX.fields[name][1]}
+            for location, (name, format_) in enumerate(zip(VERTEX.names or (), formats, strict=True))
             if VERTEX.fields is not None
         ]
         over = vk.VK_BLEND_FACTOR_ONE_MINUS_SRC_ALPHA
@@ -125,10 +125,10 @@ class DrawLists:
             layout=self._layout,
         )
         infos = vk.array("VkGraphicsPipelineCreateInfo", [info])
-        made = device.create_pipelines("vkCreateGraphicsPipelines", infos, ["user interface"])[0]
+        pipeline = device.create_pipelines("vkCreateGraphicsPipelines", infos, ["user interface"])[0]
         for module in modules:
             device.destroy("VkShaderModule", module)
-        return made
+        return pipeline
 
     # --- textures ---
 

@@ -106,7 +106,7 @@ class Library:
         loaded = [ctypes.CDLL(str(path), mode=ctypes.RTLD_GLOBAL) for path in paths]
         self._functions: dict[str, Any] = {}
         for name, (result, arguments) in _SIGNATURES.items():
-            function = next((found for library in loaded if (found := getattr(library, name, None))), None)
+            function = next((symbol for library in loaded if (symbol := getattr(library, name, None))), None)
             if function is None:
                 raise OSError(f"{folder} has no {name}")
             function.restype, function.argtypes = result, arguments
@@ -119,7 +119,7 @@ class Library:
         """Return the SPIR-V of GLSL `text`; raise CompilationFailed with the log."""
         call = self._functions
         code = text.encode()
-        given = _Input(
+        shader_input = _Input(
             language=_SOURCE_GLSL,
             stage=_STAGES[stage],
             client=_CLIENT_VULKAN,
@@ -132,11 +132,11 @@ class Library:
             messages=_MESSAGES,
             resource=self._limits,
         )
-        shader = call["glslang_shader_create"](given)
+        shader = call["glslang_shader_create"](shader_input)
         program = call["glslang_program_create"]()
         try:
             for step in ("glslang_shader_preprocess", "glslang_shader_parse"):
-                if not call[step](shader, given):
+                if not call[step](shader, shader_input):
                     raise CompilationFailed(_decode(call["glslang_shader_get_info_log"](shader)))
             call["glslang_program_add_shader"](program, shader)
             if not call["glslang_program_link"](program, _MESSAGES) or not call["glslang_program_map_io"](
@@ -169,9 +169,9 @@ def wheel_folder() -> Path | None:
 
 def _library_file(folder: Path, name: str) -> Path | None:
     for pattern in (f"lib{name}.so", f"lib{name}.dylib", f"lib{name}.so.*", f"lib{name}.*.dylib"):
-        found = sorted(folder.glob(pattern))
-        if found:
-            return found[0]
+        paths = sorted(folder.glob(pattern))
+        if paths:
+            return paths[0]
     return None
 
 
@@ -219,8 +219,8 @@ def _version_of(path: str) -> str | None:
         shown = subprocess.run([path, "--version"], capture_output=True, text=True, timeout=30)
     except (OSError, subprocess.TimeoutExpired):
         return None
-    found = re.search(r"Glslang Version: (\S+)", shown.stdout)
-    return found[1] if shown.returncode == 0 and found else None
+    version = re.search(r"Glslang Version: (\S+)", shown.stdout)
+    return version[1] if shown.returncode == 0 and version else None
 
 
 def compiler_version() -> str:

@@ -53,8 +53,10 @@ class Inspection:
         """For each slot what can be read, by "pass/resource"."""
         self.work = PassWork()
         self._taps = {
-            made.name: [self._tap(made.name, access, targets[access.resource]) for access in made.writes]
-            for made in passes
+            gpu_pass.name: [
+                self._tap(gpu_pass.name, access, targets[access.resource]) for access in gpu_pass.writes
+            ]
+            for gpu_pass in passes
         }
 
     @property
@@ -110,13 +112,13 @@ class Inspection:
             pDepthAttachment=attachment if state == "depth" else None,
         )
 
-    def record(self, commands: Any, slot: int, made: Pass, work: Mapping[str, int]) -> None:
-        """Record the copies behind pass `made`; `work` are the frame's counters so far. Without passes do nothing."""
+    def record(self, commands: Any, slot: int, gpu_pass: Pass, work: Mapping[str, int]) -> None:
+        """Record the copies of what a pass wrote; `work` are the frame's counters so far. Without passes do nothing."""
         if not self._taps:
             return
         fn = self._device.fn
-        self.work.add(made.name, work)
-        for tap in self._taps.get(made.name, ()):
+        self.work.add(gpu_pass.name, work)
+        for tap in self._taps.get(gpu_pass.name, ()):
             fn.vkCmdPipelineBarrier2(commands, tap.before)
             if tap.rendering is not None:
                 fn.vkCmdBeginRendering(commands, tap.rendering)

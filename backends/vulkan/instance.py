@@ -15,7 +15,9 @@ from backends.vulkan.debug import ValidationSink
 from common.errors import UnsupportedError, UserError
 
 VALIDATION_LAYER = "VK_LAYER_KHRONOS_validation"
-PORTABILITY_ENUMERATION = "VK_KHR_portability_enumeration"  # macOS: MoltenVK is listed only to those who ask
+PORTABILITY_ENUMERATION = (
+    "VK_KHR_portability_enumeration"  # macOS: the loader lists MoltenVK only with this extension
+)
 NO_DEVICE = "No Vulkan 1.3 device was found ({}): ./strata doctor says what to install."
 
 
@@ -101,10 +103,10 @@ class Instance:
 
     def devices(self) -> list[PhysicalDevice]:
         """Return every device that the drivers offer, described; devices below Vulkan 1.3 are among them."""
-        found = vk.listed(
+        handles = vk.listed(
             self.fn.vkEnumeratePhysicalDevices, "vkEnumeratePhysicalDevices", "VkPhysicalDevice", self.handle
         )
-        return [describe(self, handle) for handle in found]
+        return [describe(self, handle) for handle in handles]
 
     def close(self) -> None:
         """Destroy the instance; its devices must be closed before."""
@@ -277,12 +279,12 @@ def _structs_of(extensions: frozenset[str]) -> list[str]:
 
 def feature_chain(*structs: str) -> dict[str, Any]:
     """Return the named feature structs chained by pNext in this order, the first one owning the rest."""
-    made = {name: vk.new(name) for name in structs}
-    pointers = list(made.values())
+    filled = {name: vk.new(name) for name in structs}
+    pointers = list(filled.values())
     for first, second in pairwise(pointers):
         first.pNext = vk.ffi.cast("void *", second)
     vk.keep(pointers[0], *pointers[1:])
-    return made
+    return filled
 
 
 def choose(devices: Sequence[PhysicalDevice], wanted: str | None = None) -> PhysicalDevice:

@@ -63,11 +63,11 @@ def check_fit(old: Stages, new: Stages, changed: Collection[Path]) -> None:
 
 def compiled_alone(files: Collection[Path]) -> dict[Path, Stages]:
     """Return the shaders in these files, each as a pipeline of its own; without those that need constants of a host."""
-    found = {}
+    compiled = {}
     for path in files:
         with contextlib.suppress(ShaderError):
-            found[path] = compile_stages([[build(path, "vulkan")]], keep=False)[0]
-    return found
+            compiled[path] = compile_stages([[build(path, "vulkan")]], keep=False)[0]
+    return compiled
 
 
 def check_alone(before: Mapping[Path, Stages], changed: Collection[Path]) -> None:

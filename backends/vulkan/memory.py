@@ -170,7 +170,7 @@ class MemoryAllocator:
             self._release(block)
 
     def invalidate(self, allocation: Allocation | None) -> None:
-        """Make what the GPU wrote visible to the CPU; free of cost where the memory is coherent or nobody's here."""
+        """Make what the GPU wrote visible to the CPU; free of cost where the memory is coherent or not from here."""
         if allocation is None or allocation.coherent:
             return
         ranges = vk.array("VkMappedMemoryRange", [{"memory": allocation.memory, "size": vk.VK_WHOLE_SIZE}])

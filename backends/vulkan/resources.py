@@ -44,7 +44,7 @@ class Buffer:
 
     handle: Any
     size: int
-    allocation: Allocation | None  # None: the memory is somebody else's
+    allocation: Allocation | None  # None: the memory belongs to another object
     name: str
 
     @property
@@ -72,7 +72,7 @@ class Image:
     levels: int
     layers: int
     aspect: int
-    allocation: Allocation | None  # None: the memory is somebody else's
+    allocation: Allocation | None  # None: the memory belongs to another object
     name: str
     samples: int = 1
     array: bool = False
@@ -97,8 +97,8 @@ def buffer_requirements(
     info = vk.new("VkDeviceBufferMemoryRequirements", pCreateInfo=_buffer_info(size, usage, families))
     out = vk.new("VkMemoryRequirements2")
     device.fn.vkGetDeviceBufferMemoryRequirements(device.handle, info, out)
-    found = out.memoryRequirements
-    return int(found.size), int(found.alignment), int(found.memoryTypeBits)
+    requirements = out.memoryRequirements
+    return int(requirements.size), int(requirements.alignment), int(requirements.memoryTypeBits)
 
 
 def create_buffer(
@@ -182,8 +182,8 @@ def image_requirements(
     )
     out = vk.new("VkMemoryRequirements2")
     device.fn.vkGetDeviceImageMemoryRequirements(device.handle, info, out)
-    found = out.memoryRequirements
-    return int(found.size), int(found.alignment), int(found.memoryTypeBits)
+    requirements = out.memoryRequirements
+    return int(requirements.size), int(requirements.alignment), int(requirements.memoryTypeBits)
 
 
 def create_image(

@@ -88,10 +88,10 @@ class Compiler:
         threads = min(len(missing), os.cpu_count() or 1)
         if threads > 1:
             with ThreadPoolExecutor(threads, thread_name_prefix="glsl") as pool:
-                made = list(pool.map(self.compile, missing, repeat(keep)))
+                compiled = list(pool.map(self.compile, missing, repeat(keep)))
         else:
-            made = [self.compile(source, keep) for source in missing]
-        known = dict(zip((source.key for source in missing), made, strict=True))
+            compiled = [self.compile(source, keep) for source in missing]
+        known = dict(zip((source.key for source in missing), compiled, strict=True))
         return [known[source.key] if source.key in known else self.compile(source) for source in sources]
 
     def _path(self, source: ShaderSource) -> Path | None:

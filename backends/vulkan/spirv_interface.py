@@ -109,19 +109,19 @@ class Module:
 
     def fields(self, struct_: int, offset: int = 0, prefix: str = "") -> list[Field]:
         """Return the members of a struct with their bytes, and those of structs in it."""
-        found = []
+        fields = []
         for number, member in enumerate(self._types[struct_][1]):
             at = offset + self._member_marks.get((struct_, number, _OFFSET), 0)
             name = prefix + self._members.get((struct_, number), str(number))
             stride = self._member_marks.get((struct_, number, _MATRIX_STRIDE))
             kind = self.kind(member) + (f" in columns of {stride} bytes" if stride else "")
-            found.append(Field(name, at, kind))
+            fields.append(Field(name, at, kind))
             inner = member
             while self._types[inner][0] in (_ARRAY, _RUNTIME_ARRAY):
                 inner, name = self._types[inner][1][0], name + "[]"
             if self._types[inner][0] == _STRUCT:
-                found += self.fields(inner, at, name + ".")
-        return found
+                fields += self.fields(inner, at, name + ".")
+        return fields
 
     def _bytes(self, type_: int) -> int:
         """Return the bytes of a type; 0 for an array whose end is open."""
@@ -174,9 +174,9 @@ class Module:
     def locations(self, storage: int) -> dict[int, str]:
         """Return the names of what a stage hands on (`_OUTPUT`) or gets (`_INPUT`), by location."""
         return {
-            self._marks[one.id, _LOCATION]: self._names.get(one.id, "")
-            for one in self.variables
-            if one.storage == storage and (one.id, _LOCATION) in self._marks
+            self._marks[variable.id, _LOCATION]: self._names.get(variable.id, "")
+            for variable in self.variables
+            if variable.storage == storage and (variable.id, _LOCATION) in self._marks
         }
 
 
@@ -187,7 +187,7 @@ def _text(words: Sequence[int]) -> str:
 
 def interface_of(stages: Mapping[str, bytes]) -> Interface:
     """Return what the SPIR-V of each stage ("vert", "frag", "comp", ...) expects of the host, all stages together."""
-    found: dict[str, Slot] = {}
+    slots: dict[str, Slot] = {}
     for stage, code in stages.items():
         module = Module(code)
         for variable in module.variables:
@@ -195,8 +195,8 @@ def interface_of(stages: Mapping[str, bytes]) -> Interface:
             if place:
                 slot = module.slot(variable)
                 # Stages share their bindings; one that sees something else in a place is compared by itself.
-                found[place if found.get(place, slot) == slot else f"{place} of stage {stage}"] = slot
-    return dict(sorted(found.items()))
+                slots[place if slots.get(place, slot) == slot else f"{place} of stage {stage}"] = slot
+    return dict(sorted(slots.items()))
 
 
 def unwritten(stages: Mapping[str, bytes]) -> str:

@@ -95,7 +95,7 @@ class Stage(AnyStage):
         """
         slices = pixels if shape != "2d" else pixels[None]
         image = image_from(self.device, self.image_of(pixels, shape, name, format))
-        (self.keep_sized if sized else self.keep)(image, lambda one: destroy_image(self.device, one))
+        (self.keep_sized if sized else self.keep)(image, lambda image: destroy_image(self.device, image))
         with Uploader(self.device) as uploader:
             uploader.image(image, list(slices))
         return image
@@ -109,23 +109,23 @@ class Stage(AnyStage):
         use = "depth" if format == "d32f" else "color"
         usage = self.graphics.target_usage(use, 1)
         image = create_image(self.device, format, self.size, usage, name)
-        self.keep_sized(image, lambda one: destroy_image(self.device, one))
+        self.keep_sized(image, lambda image: destroy_image(self.device, image))
         if output:
             self._targets[output] = (image, leaves)
         return image
 
     def sampler(self, how: Sampler, name: str) -> Any:
         """Return a sampler."""
-        made = create_sampler(self.device, how, 1.0, name)
-        return self.keep(made, lambda one: self.device.destroy("VkSampler", one))
+        sampler = create_sampler(self.device, how, 1.0, name)
+        return self.keep(sampler, lambda sampler: self.device.destroy("VkSampler", sampler))
 
     def _buffer(self, size: int, usage: int, use: MemoryUse, name: str) -> Buffer:
-        made = create_buffer(self.device, size, usage, use, name)
-        return self.keep(made, lambda one: destroy_buffer(self.device, one))
+        buffer = create_buffer(self.device, size, usage, use, name)
+        return self.keep(buffer, lambda buffer: destroy_buffer(self.device, buffer))
 
     def _made_from(self, creation: BufferCreation) -> Buffer:
-        made = buffer_from(self.device, creation)
-        return self.keep(made, lambda one: destroy_buffer(self.device, one))
+        buffer = buffer_from(self.device, creation)
+        return self.keep(buffer, lambda buffer: destroy_buffer(self.device, buffer))
 
     # --- what the study is not about ---
 

@@ -61,9 +61,9 @@ class Stamps:
 
     def _sent(self, queue: Any, count: int, submits: Any, fence: Any) -> int:
         for number in range(count):
-            one = submits[number]
-            for place in range(one.commandBufferInfoCount):
-                first = self._stamped.pop(one.pCommandBufferInfos[place].commandBuffer, None)
+            info = submits[number]
+            for place in range(info.commandBufferInfoCount):
+                first = self._stamped.pop(info.pCommandBufferInfos[place].commandBuffer, None)
                 if first is not None:
                     self._submitted.append((queue, first))
         code: int = self._submit(queue, count, submits, fence)
@@ -92,14 +92,14 @@ class Stamps:
             vk.check(code, "vkGetQueryPoolResults")
         period = float(device.limits.timestampPeriod) * 1e-6
         origin = min((int(stamps[first]) for _, first in self._submitted), default=0)
-        found: dict[str, list[Interval]] = {}
+        intervals: dict[str, list[Interval]] = {}
         for queue, first in self._submitted:
             begin, end = (
                 (int(stamps[first]) - origin) * period,
                 (int(stamps[first + 1]) - origin) * period,
             )
-            found.setdefault(self._name(queue), []).append((begin, end))
-        return found
+            intervals.setdefault(self._name(queue), []).append((begin, end))
+        return intervals
 
     def _name(self, queue: Any) -> str:
         named: list[tuple[str, Queue | None]] = [
@@ -107,7 +107,7 @@ class Stamps:
             ("compute", self._device.compute_queue),
             ("graphics", self._device.queue),
         ]
-        return next(name for name, one in named if one is not None and one.handle == queue)
+        return next(name for name, candidate in named if candidate is not None and candidate.handle == queue)
 
     def close(self) -> None:
         """Take the watches away, and free the stamps."""
@@ -126,18 +126,18 @@ def can_stamp(device: Device) -> bool:
 
 def merged(intervals: Sequence[Interval]) -> list[Interval]:
     """Return the union of intervals as intervals that lie apart, in order."""
-    made: list[Interval] = []
+    union: list[Interval] = []
     for begin, end in sorted(intervals):
-        if made and begin <= made[-1][1]:
-            made[-1] = made[-1][0], max(made[-1][1], end)
+        if union and begin <= union[-1][1]:
+            union[-1] = union[-1][0], max(union[-1][1], end)
         else:
-            made.append((begin, end))
-    return made
+            union.append((begin, end))
+    return union
 
 
-def common_ms(one: Sequence[Interval], other: Sequence[Interval]) -> float:
-    """Return for how long something of both ran at the same time."""
-    first, second = merged(one), merged(other)
+def common_ms(left: Sequence[Interval], right: Sequence[Interval]) -> float:
+    """Return how long intervals of both lists ran at the same time."""
+    first, second = merged(left), merged(right)
     total, place = 0.0, 0
     for begin, end in first:
         while place < len(second) and second[place][1] <= begin:

@@ -21,7 +21,7 @@ SLOTS = 2
 """Copies in flight: as many as renderers have frames."""
 
 TIMEOUT_NS = 500_000_000
-"""How long to wait for an image: a compositor may give none to a window that nobody sees."""
+"""How long to wait for an image: a compositor may give none to a hidden window."""
 
 _FOREVER = 2**64 - 1
 
@@ -171,33 +171,33 @@ class Swapchain:
         self._list: DrawList | None = None
 
     def _capabilities(self) -> Any:
-        found = vk.new("VkSurfaceCapabilitiesKHR")
+        capabilities = vk.new("VkSurfaceCapabilitiesKHR")
         code = self._device.instance.fn.vkGetPhysicalDeviceSurfaceCapabilitiesKHR(
-            self._device.physical.handle, self._surface, found
+            self._device.physical.handle, self._surface, capabilities
         )
         vk.check(code, "vkGetPhysicalDeviceSurfaceCapabilitiesKHR")
-        return found
+        return capabilities
 
     def _recreate(self, wanted: tuple[int, int]) -> bool:
         """Make the images for the surface as it is now; return False if it has no area."""
-        found = self._capabilities()
+        capabilities = self._capabilities()
         extent = choose_extent(
-            (found.currentExtent.width, found.currentExtent.height),
-            (found.minImageExtent.width, found.minImageExtent.height),
-            (found.maxImageExtent.width, found.maxImageExtent.height),
+            (capabilities.currentExtent.width, capabilities.currentExtent.height),
+            (capabilities.minImageExtent.width, capabilities.minImageExtent.height),
+            (capabilities.maxImageExtent.width, capabilities.maxImageExtent.height),
             wanted,
         )
         if 0 in extent:
             return False
-        if not found.supportedUsageFlags & vk.VK_IMAGE_USAGE_TRANSFER_DST_BIT:
+        if not capabilities.supportedUsageFlags & vk.VK_IMAGE_USAGE_TRANSFER_DST_BIT:
             raise UnsupportedError("This display takes no copies of pictures: run with --headless.")
-        alphas = found.supportedCompositeAlpha
+        alphas = capabilities.supportedCompositeAlpha
         opaque = vk.VK_COMPOSITE_ALPHA_OPAQUE_BIT_KHR
         old = self.handle
         info = vk.new(
             "VkSwapchainCreateInfoKHR",
             surface=self._surface,
-            minImageCount=choose_image_count(found.minImageCount, found.maxImageCount),
+            minImageCount=choose_image_count(capabilities.minImageCount, capabilities.maxImageCount),
             imageFormat=self.format,
             imageColorSpace=self._space,
             imageExtent={"width": extent[0], "height": extent[1]},
@@ -205,7 +205,7 @@ class Swapchain:
             # A surface's images can always be drawn to (specification of VkSurfaceCapabilitiesKHR).
             imageUsage=vk.VK_IMAGE_USAGE_TRANSFER_DST_BIT | vk.VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT,
             imageSharingMode=vk.VK_SHARING_MODE_EXCLUSIVE,
-            preTransform=found.currentTransform,
+            preTransform=capabilities.currentTransform,
             compositeAlpha=opaque if alphas & opaque else alphas & -alphas,
             presentMode=self.mode,
             clipped=1,

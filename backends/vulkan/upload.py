@@ -132,15 +132,15 @@ class Uploader:
         count = target.depth or target.layers
         if len(layers) != count:
             raise ValueError(f"'{target.name}' has {count} layers, and {len(layers)} were given.")
-        for one in layers:
-            if one.shape != expected or one.dtype != dtype:
+        for layer in layers:
+            if layer.shape != expected or layer.dtype != dtype:
                 raise ValueError(
-                    f"'{target.name}' wants {expected} {np.dtype(dtype)}, not {one.shape} {one.dtype}."
+                    f"'{target.name}' wants {expected} {np.dtype(dtype)}, not {layer.shape} {layer.dtype}."
                 )
         row = target.width * texel
         self._barrier(self._half().commands, target, "undefined", "copy_target")
-        for number, one in enumerate(layers):
-            rows = np.ascontiguousarray(one).view(np.uint8).reshape(target.height, row)
+        for number, layer in enumerate(layers):
+            rows = np.ascontiguousarray(layer).view(np.uint8).reshape(target.height, row)
             self._copy_rows(target, number, 0, rows)
         commands = self._half().commands
         self._barrier(commands, target, "copy_target", "sampled", 0, 1)
@@ -207,8 +207,8 @@ class Uploader:
     def _barrier(
         self, commands: Any, image: Image, before: str, after: str, level: int = 0, levels: int | None = None
     ) -> None:
-        made = barriers(image_barrier(image.handle, image.aspect, before, after, level, levels))
-        self._device.fn.vkCmdPipelineBarrier2(commands, made)
+        dependency = barriers(image_barrier(image.handle, image.aspect, before, after, level, levels))
+        self._device.fn.vkCmdPipelineBarrier2(commands, dependency)
 
     def _make_mips(self, image: Image, srgb: bool) -> None:
         plain = "rgba8" if image.format == "rgba8_srgb" else image.format
@@ -398,8 +398,8 @@ class MipPipeline:
         usage = vk.VK_IMAGE_USAGE_SAMPLED_BIT | vk.VK_IMAGE_USAGE_STORAGE_BIT
         views = create_level_views(self._device, image, format, layer=layer, layers=layers, usage=usage)
         self._write_sets(sets, views)
-        made = barriers(image_barrier(image.handle, image.aspect, "storage", "sampled", levels=1))
-        written = made.pImageMemoryBarriers[0].subresourceRange
+        dependency = barriers(image_barrier(image.handle, image.aspect, "storage", "sampled", levels=1))
+        written = dependency.pImageMemoryBarriers[0].subresourceRange
         written.baseArrayLayer, written.layerCount = layer, layers
         push, layout = self._push, self._layout
         point, stage = vk.VK_PIPELINE_BIND_POINT_COMPUTE, vk.VK_SHADER_STAGE_COMPUTE_BIT
@@ -413,7 +413,7 @@ class MipPipeline:
             fn.vkCmdPushConstants(commands, layout, stage, 0, PUSH_BYTES, push)
             fn.vkCmdDispatch(commands, (width + 7) // 8, (height + 7) // 8, layers)
             written.baseMipLevel = level
-            fn.vkCmdPipelineBarrier2(commands, made)
+            fn.vkCmdPipelineBarrier2(commands, dependency)
 
     def _make_ahead(self) -> None:
         """Make what every image fills in and hands over: a scene has hundreds, and new structs take longer."""

@@ -46,11 +46,11 @@ def _levels(bench: Bench) -> str:
     plain, better = (half / 65535.0 * 255.0 / 20.0 for half in (pixels & 0xFFFF, pixels >> 16))
     # log2(16) = 4 without; with a ratio of N, log2(16 / N), for which drivers take some freedom.
     wanted = max(4.0 - np.log2(bench.ratio(ANISOTROPY)), 0.0)
-    for name, found, level, freedom in (
+    for name, samples, level, freedom in (
         ("trilinear", plain, 4.0, 0.25),
         ("anisotropic", better, wanted, 1.0),
     ):
-        worst = found.ravel()[np.abs(found - level).argmax()]
+        worst = samples.ravel()[np.abs(samples - level).argmax()]
         if abs(worst - level) > freedom:
             return f"the {name} sampler took level {worst:.2f} and should take {level:.0f}"
     return ""

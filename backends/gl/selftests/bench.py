@@ -139,9 +139,9 @@ class Bench:
 
     def statistics(self) -> Statistics:
         """Return counts of the GPU's work."""
-        made = Statistics(self.context, "selftest")
-        self.at_end(made.close)
-        return made
+        statistics = Statistics(self.context, "selftest")
+        self.at_end(statistics.close)
+        return statistics
 
     # --- programs ---
 
@@ -156,7 +156,7 @@ class Bench:
     def computes(self, work: Computation, extensions: Sequence[str] = ()) -> str:
         """Return what is wrong with the results of `work`, or ""."""
         output = self.output(work.words)
-        self.dispatch(work.source, [self.input(work.given), output], work.groups, extensions)
+        self.dispatch(work.source, [self.input(work.input), output], work.groups, extensions)
         return work.wrong(self.read(output, work.expected.dtype))
 
     def graphics(self, vertex: str, fragment: str) -> Program:
@@ -189,8 +189,8 @@ class Bench:
         return read_image(context, image)
 
     def _bind(self, program: Program, resources: Sequence[Resource]) -> None:
-        buffers = [one for one in resources if isinstance(one, Buffer)]
-        textures = [one for one in resources if isinstance(one, Texture)]
+        buffers = [resource for resource in resources if isinstance(resource, Buffer)]
+        textures = [resource for resource in resources if isinstance(resource, Texture)]
         for binding, buffer in enumerate(buffers):
             bind_buffer(self.context, "storage", binding, buffer)
         for unit, texture in enumerate(textures):

@@ -54,7 +54,7 @@ EVERYTHING = (
     vk.VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT | vk.VK_PIPELINE_STAGE_2_HOST_BIT,
     vk.VK_ACCESS_2_MEMORY_READ_BIT | vk.VK_ACCESS_2_MEMORY_WRITE_BIT | vk.VK_ACCESS_2_HOST_READ_BIT,
 )
-"""The memory barrier for who does not count microseconds."""
+"""A memory barrier over everything: simple, and slower than a precise one."""
 
 BUFFER_USAGE = (
     vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT
@@ -171,11 +171,11 @@ class Bench:
             }
             regions.append({"bufferOffset": offset, "imageSubresource": part, "imageExtent": extent})
             offset += data.itemsize * extent["width"] * extent["height"]
-        made = vk.array("VkBufferImageCopy", regions)
+        copies = vk.array("VkBufferImageCopy", regions)
         layout = vk.VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL
         with self.submit() as commands:
             self.move(commands, image, vk.VK_IMAGE_LAYOUT_UNDEFINED, layout)
-            self.fn.vkCmdCopyBufferToImage(commands, buffer.handle, image, layout, len(regions), made)
+            self.fn.vkCmdCopyBufferToImage(commands, buffer.handle, image, layout, len(regions), copies)
             self.move(commands, image, layout, vk.VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL)
 
     def move(
@@ -236,14 +236,14 @@ class Bench:
 
     def stages(self, sources: Mapping[str, str], extensions: Sequence[str] = ()) -> list[Any]:
         """Return the stages of GLSL texts by stage ("comp", "frag"); needs glslang or its cache."""
-        made = []
+        stages = []
         for stage, text in sources.items():
             code = compile_shader(build_text(text, stage, "vulkan", name=stage, extensions=extensions))
             module = self.make(
                 "vkCreateShaderModule", "VkShaderModuleCreateInfo", codeSize=len(code), pCode=code
             )
-            made.append({"stage": STAGES[stage], "module": module, "pName": "main"})
-        return made
+            stages.append({"stage": STAGES[stage], "module": module, "pName": "main"})
+        return stages
 
     def compute(self, source: str, resources: Sequence[Resource], extensions: Sequence[str] = ()) -> Program:
         """Return a compute program of one GLSL text."""
@@ -271,7 +271,7 @@ class Bench:
     def computes(self, work: Computation, extensions: Sequence[str] = ()) -> str:
         """Return what is wrong with the results of `work`, or ""."""
         output = self.output(work.words)
-        self.dispatch(work.source, [self.input(work.given), output], work.groups, extensions)
+        self.dispatch(work.source, [self.input(work.input), output], work.groups, extensions)
         return work.wrong(self.read(output, work.expected.dtype))
 
     def graphics(

@@ -98,18 +98,18 @@ def sparse_image(
 def _page_of(bench: Bench, image: Any) -> tuple[tuple[int, int], int]:
     """Return the size of a page in texels and in bytes."""
     fn, device = bench.fn, bench.device
-    for found in vk.listed(
+    for requirement in vk.listed(
         fn.vkGetImageSparseMemoryRequirements,
         "vkGetImageSparseMemoryRequirements",
         "VkSparseImageMemoryRequirements",
         device.handle,
         image,
     ):
-        size = found.formatProperties.imageGranularity
+        size = requirement.formatProperties.imageGranularity
         # llvmpipe calls the aspect of a depth image colour: so anything but metadata will do.
-        if found.formatProperties.aspectMask & vk.VK_IMAGE_ASPECT_METADATA_BIT:
+        if requirement.formatProperties.aspectMask & vk.VK_IMAGE_ASPECT_METADATA_BIT:
             continue
-        if found.imageMipTailFirstLod == 0 or SIZE % size.width or SIZE % size.height:
+        if requirement.imageMipTailFirstLod == 0 or SIZE % size.width or SIZE % size.height:
             raise UnsupportedError(f"Pages of {size.width}x{size.height} texels are not what is tried here.")
         requirements = vk.new("VkMemoryRequirements")
         fn.vkGetImageMemoryRequirements(device.handle, image, requirements)

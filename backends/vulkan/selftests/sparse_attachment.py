@@ -18,9 +18,9 @@ void main() { color = uint(gl_FragCoord.y) * 1000u + uint(gl_FragCoord.x) + 1u; 
 def run(bench: Bench) -> str:
     """Return what was wrong, or ""."""
     program = bench.graphics({"vert": FULL_SCREEN, "frag": FRAGMENT})
-    found = drawn(bench, program, "r32ui").view(np.uint32)
+    pixels = drawn(bench, program, "r32ui").view(np.uint32)
     y, x = np.mgrid[0:SIZE, 0:SIZE]
-    return differ("pixels", found, (y * 1000 + x + 1).astype(np.uint32))
+    return differ("pixels", pixels, (y * 1000 + x + 1).astype(np.uint32))
 
 
 def drawn(bench: Bench, program: Program, format: str) -> np.ndarray:

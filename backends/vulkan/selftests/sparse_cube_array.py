@@ -51,8 +51,8 @@ def _direction(face: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     The inverse of the table "Cube map face and coordinate selection" in the Vulkan specification.
     """
     s, t = (x + 0.5) / SIZE * 2 - 1, (y + 0.5) / SIZE * 2 - 1
-    one = np.ones_like(s)
-    faces = [(one, -t, -s), (-one, -t, s), (s, one, t), (s, -one, -t), (s, -t, one), (-s, -t, -one)]
+    unit = np.ones_like(s)
+    faces = [(unit, -t, -s), (-unit, -t, s), (s, unit, t), (s, -unit, -t), (s, -t, unit), (-s, -t, -unit)]
     table = np.stack([np.stack(vectors, axis=1) for vectors in faces])
     chosen: np.ndarray = table[face, np.arange(len(face))]
     return chosen

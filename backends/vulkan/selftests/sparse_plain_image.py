@@ -13,6 +13,6 @@ def run(bench: Bench) -> str:
     data = np.arange(256 * 256, dtype=np.uint32).reshape(256, 256) + 7
     output = bench.output(2 * data.size)
     bench.dispatch(SOURCE, [bench.texture("r32ui", data), output], data.size // 64, EXTENSIONS)
-    found = bench.read(output, np.uint32).reshape(-1, 2)
-    wrong = differ("residency codes", found[:, 0], np.ones(data.size, np.uint32))
-    return wrong or differ("texels", found[:, 1], data.ravel())
+    words = bench.read(output, np.uint32).reshape(-1, 2)
+    wrong = differ("residency codes", words[:, 0], np.ones(data.size, np.uint32))
+    return wrong or differ("texels", words[:, 1], data.ravel())

@@ -33,8 +33,8 @@ def run(bench: Bench) -> str:
     bench.fill(image.handle, (SIZE, SIZE), data)
     output = bench.output(2 * SIZE * SIZE)
     bench.dispatch(SOURCE, [Texture(image.view, bench.sampler()), output], SIZE * SIZE // 64, EXTENSIONS)
-    found = bench.read(output, np.uint32).reshape(SIZE, SIZE, 2)
+    words = bench.read(output, np.uint32).reshape(SIZE, SIZE, 2)
     bound = (x // image.page[0] + y // image.page[1]) % 2 == 0
-    wrong = differ("residency codes", found[..., 0], bound.astype(np.uint32))
+    wrong = differ("residency codes", words[..., 0], bound.astype(np.uint32))
     # What an unbound page returns is the driver's to say.
-    return wrong or differ("texels", found[..., 1][bound], data[bound])
+    return wrong or differ("texels", words[..., 1][bound], data[bound])

@@ -32,19 +32,19 @@ _BUILD_INPUT = vk.VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_B
 def rays() -> np.ndarray:
     """Return (RAYS, 8) float32: origins (w unused) and directions (w unused), over and beside the triangles."""
     random = np.random.default_rng(12)
-    made = np.zeros((RAYS, 8), np.float32)
-    made[:, 0:3] = random.uniform((-0.5, -0.5, 4.0), (8.5, 1.5, 6.0), (RAYS, 3))
-    made[:, 4:7] = random.normal((0.0, 0.0, -1.0), (0.1, 0.1, 0.05), (RAYS, 3))
-    return made
+    rays = np.zeros((RAYS, 8), np.float32)
+    rays[:, 0:3] = random.uniform((-0.5, -0.5, 4.0), (8.5, 1.5, 6.0), (RAYS, 3))
+    rays[:, 4:7] = random.normal((0.0, 0.0, -1.0), (0.1, 0.1, 0.05), (RAYS, 3))
+    return rays
 
 
-def expected(given: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return what `given` rays hit: 0 or 1 + 4 instance + triangle, the distance, and whether that is beyond doubt.
+def expected(rays: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return what rays hit: 0 or 1 + 4 instance + triangle, the distance, and whether that is beyond doubt.
 
     In float64, by Möller and Trumbore's "Fast, Minimum Storage Ray/Triangle Intersection" (1997). A ray within 1e-4 of
     an edge is in doubt.
     """
-    origins, directions = given[:, 0:3].astype(np.float64), given[:, 4:7].astype(np.float64)
+    origins, directions = rays[:, 0:3].astype(np.float64), rays[:, 4:7].astype(np.float64)
     corners = (CORNERS[None] + OFFSETS[:, None, None]).reshape(8, 3, 3)
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     p = np.cross(directions[:, None], second)
@@ -57,23 +57,23 @@ def expected(given: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     margin = np.minimum(np.minimum(u, v), 1.0 - u - v)
     distance = np.where((margin >= 0) & (distance > 0), distance, np.inf)
     nearest = distance.argmin(axis=1)
-    reached = distance[np.arange(len(given)), nearest]
+    reached = distance[np.arange(len(rays)), nearest]
     hit = np.where(np.isfinite(reached), nearest + 1, 0)
     return hit, reached, (np.abs(margin) > 1e-4).all(axis=1)
 
 
-def compare(found: np.ndarray, given: np.ndarray) -> str:
+def compare(words: np.ndarray, rays: np.ndarray) -> str:
     """Return "" if (RAYS, 2) uint32 words, hit and distance as float bits, are right, else what is wrong."""
-    hit, reached, sure = expected(given)
-    wrong = (found[:, 0] != hit) & sure
+    hit, reached, sure = expected(rays)
+    wrong = (words[:, 0] != hit) & sure
     if wrong.any():
         first = int(np.flatnonzero(wrong)[0])
         return (
             f"{wrong.sum()} of {RAYS} rays hit another triangle, the first ({first}) hits "
-            f"{found[first, 0]} and should hit {hit[first]}"
+            f"{words[first, 0]} and should hit {hit[first]}"
         )
     both = (hit > 0) & sure
-    distance = found[:, 1].copy().view(np.float32)[both]
+    distance = words[:, 1].copy().view(np.float32)[both]
     error = np.max(np.abs(distance - reached[both]) / reached[both])
     return "" if error < 1e-5 else f"the relative error of the distance is {error:.1e}"
 
@@ -146,7 +146,7 @@ def _structure(bench: Bench, kind: int, geometry: dict[str, Any], count: int) ->
     fn.vkGetAccelerationStructureBuildSizesKHR(device.handle, by_device, info, counts, sizes)
     size = int(sizes.accelerationStructureSize)
     storage = _buffer(bench, size, vk.VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR)
-    made = bench.make(
+    structure = bench.make(
         "vkCreateAccelerationStructureKHR",
         "VkAccelerationStructureCreateInfoKHR",
         buffer=storage.handle,
@@ -155,11 +155,11 @@ def _structure(bench: Bench, kind: int, geometry: dict[str, Any], count: int) ->
     )
     # No driver aligns scratch memory to more than 256 bytes.
     scratch = _buffer(bench, int(sizes.buildScratchSize) + 256, 0)
-    info.dstAccelerationStructure = made
+    info.dstAccelerationStructure = structure
     info.scratchData.deviceAddress = (buffer_address(device, scratch) + 255) & ~255
     ranges = vk.new("VkAccelerationStructureBuildRangeInfoKHR", primitiveCount=count)
     pointers = vk.array("VkAccelerationStructureBuildRangeInfoKHR *", [ranges])
     with bench.submit() as commands:
         fn.vkCmdBuildAccelerationStructuresKHR(commands, 1, info, pointers)
         fn.vkCmdPipelineBarrier2(commands, barriers(memory=EVERYTHING))
-    return made
+    return structure

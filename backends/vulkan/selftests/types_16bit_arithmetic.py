@@ -34,8 +34,8 @@ def run(bench: Bench) -> str:
     wrong = differ("16-bit integers", bench.read(integers, np.int16), expected)
     # Vulkan lets a product of halves round up or down; the exact one is known in 32 bits.
     exact = b.astype(np.float32) * b[other].astype(np.float32)
-    found = bench.read(halves, np.float16)
+    results = bench.read(halves, np.float16)
     step = np.spacing(np.abs(exact).astype(np.float16)).astype(np.float32)
-    if not wrong and not (np.abs(found.astype(np.float32) - exact) <= step).all():
+    if not wrong and not (np.abs(results.astype(np.float32) - exact) <= step).all():
         wrong = "products of half floats are off by more than the last place"
     return wrong
