@@ -31,7 +31,7 @@ def visible(text: str, keep: str = "") -> str:
     out can be encoded, is one line, and steers no terminal. A byte of a file's name that is no UTF-8, which Python has
     as U+DC80 to U+DCFF, becomes \\x80 to \\xff. `keep` are characters that stay.
     """
-    return _UNSEEN.sub(lambda found: found[0] if found[0] in keep else _escaped(found[0]), text)
+    return _UNSEEN.sub(lambda match: match[0] if match[0] in keep else _escaped(match[0]), text)
 
 
 def shortened(text: str, most: int = 600) -> str:

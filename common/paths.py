@@ -18,7 +18,7 @@ ROOT = Path(__file__).resolve().parents[1]
 def _current() -> str:
     try:
         return os.getcwd()
-    except OSError:  # somebody removed it
+    except OSError:  # it was removed
         return str(ROOT)
 
 
@@ -102,7 +102,7 @@ def _naming(path: Path) -> Iterator[None]:
 
 
 class WholeFile:
-    """A file written in steps to `stream`, which nobody sees before `keep` puts it in the place of `path`.
+    """A file written in steps to `stream`, which is invisible before `keep` puts it in the place of `path`.
 
     `drop` removes what was not kept, and does nothing otherwise. Both raise OSError, as writing to `stream` does.
     """
@@ -168,10 +168,10 @@ def matched(patterns: Iterable[str], root: Path = ROOT) -> list[Path]:
 
     Raises FileNotFoundError for one that names nothing: a table whose files moved would lose them silently.
     """
-    found: set[Path] = set()
+    files_found: set[Path] = set()
     for pattern in patterns:
         files = [path for path in root.glob(pattern) if path.is_file()]
         if not files:
             raise FileNotFoundError(f"no file of {root} matches {pattern}")
-        found.update(files)
-    return sorted(found)
+        files_found.update(files)
+    return sorted(files_found)

@@ -193,14 +193,14 @@ class Grouped:
         Both at once are refused: `loading` may be the name of a knob and of a group.
         """
         kinds = _groups(type(self))
-        given = {name: value for name, value in values.items() if isinstance(value, kinds.get(name, ()))}
-        if given and len(given) < len(values):
+        groups = {name: value for name, value in values.items() if isinstance(value, kinds.get(name, ()))}
+        if groups and len(groups) < len(values):
             raise SettingError(
                 "settings take groups or single knobs, not both: use replaced(settings, name=value)"
             )
         for name, kind in kinds.items():
-            setattr(self, name, copy.copy(given[name]) if name in given else kind())
-        if not given:
+            setattr(self, name, copy.copy(groups[name]) if name in groups else kind())
+        if not groups:
             _set(self, values)
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -224,24 +224,26 @@ def knobs(settings: Any) -> dict[str, Knob]:
 @cache
 def _knobs(kind: type) -> dict[str, Knob]:
     """Return the knobs of a class; raises ValueError where two have the same flat name."""
-    found: dict[str, Knob] = {}
+    named: dict[str, Knob] = {}
     for field in dataclasses.fields(kind):
         inner = field.metadata.get("group")
         prefix = f"{field.name}." if inner else ""
-        for one in dataclasses.fields(inner) if inner else (field,):
-            record = one.metadata.get("knob")
+        for member in dataclasses.fields(inner) if inner else (field,):
+            record = member.metadata.get("knob")
             if not isinstance(record, Knob):
                 continue
-            name = record.flat or one.name
-            if name in found:
+            name = record.flat or member.name
+            if name in named:
                 raise ValueError(f"two knobs of {kind.__name__} have the name {name!r}")
-            found[name] = dataclasses.replace(record, flat=name, path=prefix + one.name)
-    first = [name for name in getattr(kind, "ORDER", "").split() if name in found]
-    return {name: found[name] for name in (*first, *(name for name in found if name not in first))}
+            named[name] = dataclasses.replace(record, flat=name, path=prefix + member.name)
+    first = [name for name in getattr(kind, "ORDER", "").split() if name in named]
+    return {name: named[name] for name in (*first, *(name for name in named if name not in first))}
 
 
 def _groups(kind: type) -> dict[str, type]:
-    return {one.name: one.metadata["group"] for one in dataclasses.fields(kind) if "group" in one.metadata}
+    return {
+        field.name: field.metadata["group"] for field in dataclasses.fields(kind) if "group" in field.metadata
+    }
 
 
 def _instead(kind: type, name: str) -> str:

@@ -20,8 +20,8 @@ from backends.gl.targets import Framebuffer, copy, create_framebuffer, destroy_f
 class _Tap:
     """One output of one pass, with one readback buffer per slot.
 
-    An output with several samples is resolved first, from `multisampled` to `resolved`. If a shader `stored` the output,
-    the copy needs a barrier.
+    An output with several samples is resolved first, from `multisampled` to `resolved`. If a shader `stored` the
+    output, the copy needs a barrier.
     """
 
     depth: bool

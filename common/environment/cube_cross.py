@@ -24,8 +24,8 @@ def cross_directions(edge: int) -> tuple[Float64, NDArray[np.bool_]]:
     """Return directions (4 edge, 3 edge, 3), with 1 as largest coordinate, and which pixels (...) the cross covers."""
     at = 2 * (np.arange(edge) + 0.5) / edge - 1
     a, b = np.meshgrid(at, at)
-    one = np.ones_like(a)
-    faces = ((-one, a, b), (a, -one, -b), (one, a, -b), (-a, one, -b), (b, a, one), (-b, a, -one))
+    unit = np.ones_like(a)
+    faces = ((-unit, a, b), (a, -unit, -b), (unit, a, -b), (-a, unit, -b), (b, a, unit), (-b, a, -unit))
     directions, covered = np.zeros((4 * edge, 3 * edge, 3)), np.zeros((4 * edge, 3 * edge), bool)
     for (column, row), face in zip(_OFFSETS, faces, strict=True):
         place = np.s_[row * edge : (row + 1) * edge, column * edge : (column + 1) * edge]

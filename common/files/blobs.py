@@ -63,12 +63,12 @@ def read_blob(data: bytes | memoryview | np.ndarray[Any, Any], version: int, nam
     view = memoryview(cast(bytes, data)).cast("B")
     if len(view) < _HEADER.size:
         raise BlobError(f"{name} is cut short: {len(view)} bytes, fewer than its header has; make it again")
-    magic, layout, found, size = _HEADER.unpack_from(view)
+    magic, layout, own_version, size = _HEADER.unpack_from(view)
     if magic != _MAGIC:
         raise BlobError(f"{name} is no blob of Strata: name another file, or make it again")
-    if (layout, found) != (_LAYOUT, version):
+    if (layout, own_version) != (_LAYOUT, version):
         raise BlobError(
-            f"{name} has version {layout}.{found}, and {_LAYOUT}.{version} is needed: make it again"
+            f"{name} has version {layout}.{own_version}, and {_LAYOUT}.{version} is needed: make it again"
         )
     if size != len(view) - _HEADER.size:
         raise BlobError(

@@ -20,10 +20,10 @@ def mark_read(path: Path) -> None:
 def prune(folder: Path, most_bytes: int) -> int:
     """Remove the entries that were needed longest ago until at most `most_bytes` are left; return how many went.
 
-    Entries of the last day stay: other processes may be about to read them. Whatever cannot be removed stays too. What
-    begins with a dot was being written, and goes when nobody has written to it for a day: its program was killed.
+    Entries of the last day stay: other processes may be about to read them. Entries that cannot be removed stay too.
+    A file that begins with a dot is being written. It is removed a day after its last write: its program was killed.
     """
-    found, removed = [], 0
+    entries, removed = [], 0
     newest = time.time() - DAY_S
     with contextlib.suppress(OSError):
         for entry in os.scandir(folder):
@@ -35,9 +35,9 @@ def prune(folder: Path, most_bytes: int) -> int:
                             os.unlink(entry.path)
                             removed += 1
                         continue
-                    found.append((state.st_mtime, state.st_size, entry.path))
-    total = sum(size for _, size, _ in found)
-    for when, size, path in sorted(found):
+                    entries.append((state.st_mtime, state.st_size, entry.path))
+    total = sum(size for _, size, _ in entries)
+    for when, size, path in sorted(entries):
         if total <= most_bytes or when > newest:
             break
         with contextlib.suppress(OSError):

@@ -54,9 +54,9 @@ class Finder:
         for entry in self._candidates(folder, parts[0]):
             path = folder / entry
             if len(parts) > 1:
-                found = self._find(path, parts[1:]) if path.is_dir() else None
-                if found is not None:
-                    return found
+                repaired = self._find(path, parts[1:]) if path.is_dir() else None
+                if repaired is not None:
+                    return repaired
             elif path.is_file() and not leads_outside(path, self.folder):
                 return path
         return None
@@ -65,16 +65,16 @@ class Finder:
         if name == "..":
             return []
         names = self._listed(folder).get(_folded(name), [])
-        return [name] * (name in names) + [one for one in names if one != name]
+        return [name] * (name in names) + [other for other in names if other != name]
 
 
 def _listed(folder: Path) -> dict[str, list[str]]:
     """Return the sorted names of the entries of a folder by what `_folded` makes of them."""
-    found: dict[str, list[str]] = {}
+    by_folded: dict[str, list[str]] = {}
     with suppress(OSError):
         for name in sorted(os.listdir(folder)):
-            found.setdefault(_folded(name), []).append(name)
-    return found
+            by_folded.setdefault(_folded(name), []).append(name)
+    return by_folded
 
 
 def _folded(name: str) -> str:

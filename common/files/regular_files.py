@@ -61,8 +61,8 @@ def leads_outside(path: Path, folder: Path) -> bool:
         return False
 
 
-def _check(found: os.stat_result, path: str | os.PathLike[str]) -> None:
-    if stat.S_ISDIR(found.st_mode):
+def _check(state: os.stat_result, path: str | os.PathLike[str]) -> None:
+    if stat.S_ISDIR(state.st_mode):
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), os.fspath(path))
-    if not stat.S_ISREG(found.st_mode):
+    if not stat.S_ISREG(state.st_mode):
         raise OSError(errno.EINVAL, NOT_REGULAR, os.fspath(path))

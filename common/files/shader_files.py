@@ -1,4 +1,4 @@
-"""The files that shaders are built from: read, split into lines, and kept as they are while somebody edits them.
+"""The files that shaders are built from: read, split into lines, and kept in memory while they are edited.
 
 A file is analysed again only where it changed on disk. Within `pinned` not even then: a program that runs while its
 shaders are edited goes on with the texts it began with, until `refreshed` lets new ones in.
@@ -102,14 +102,14 @@ def refreshed(paths: Collection[Path]) -> Iterator[None]:
 def state_of(path: Path) -> State | None:
     """Return the state of a file on disk; None where there is none, or none that can be looked at."""
     try:
-        found = path.stat()
+        stat = path.stat()
     except (OSError, ValueError):  # ValueError: a zero byte in the name
         return None
-    return State(found.st_mtime_ns, found.st_ctime_ns, found.st_size, found.st_ino)
+    return State(stat.st_mtime_ns, stat.st_ctime_ns, stat.st_size, stat.st_ino)
 
 
 def state_read(path: Path) -> State | None:
-    """Return the state in which shaders found a file; as it is now where none looked for it yet."""
+    """Return the state in which shaders found a file; or its present state if no shader used the file yet."""
     if _pinned is not None and path in _pinned:
         read = _pinned[path]
         return read[0] if read else None
@@ -136,12 +136,12 @@ def load(path: Path) -> File:
         shader: File = held[1]
         return shader
     try:
-        found = path.stat()
+        stat = path.stat()
     except OSError as error:
         raise ShaderError(
             f"The shader {shown_path(path)} cannot be read: {error.strerror or error}."
         ) from None
-    state = State(found.st_mtime_ns, found.st_ctime_ns, found.st_size, found.st_ino)
+    state = State(stat.st_mtime_ns, stat.st_ctime_ns, stat.st_size, stat.st_ino)
     read = _analysed.get(path)
     if read is None or read[0] != state:
         read = state, _split(shown_path(path), _text(path), path.parent, str(path.resolve()))
@@ -158,10 +158,10 @@ def held(path: Path, read: Callable[[Path], T]) -> T:
         before: T = known[1]
         return before
     state = state_of(path)  # before it is read: an edit that comes meanwhile is then noticed
-    found = read(path)
+    lines = read(path)
     if _pinned is not None and state is not None:
-        _pinned[path] = state, found
-    return found
+        _pinned[path] = state, lines
+    return lines
 
 
 @lru_cache(64)
@@ -206,8 +206,12 @@ def _without_comments(lines: Sequence[str]) -> list[str]:
         if inside:
             _, end, line = line.partition("*/")
             inside = not end
-        found = _COMMENT.findall(line)
-        if found and found[-1].startswith("/*") and (len(found[-1]) < 4 or not found[-1].endswith("*/")):
+        comments = _COMMENT.findall(line)
+        if (
+            comments
+            and comments[-1].startswith("/*")
+            and (len(comments[-1]) < 4 or not comments[-1].endswith("*/"))
+        ):
             inside = True
         result.append(_COMMENT.sub(" ", line))
     return result

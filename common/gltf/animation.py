@@ -44,11 +44,11 @@ def read_animations(document: Document, accessors: Accessors, forest: Forest) ->
         place = f"animations[{number}]"
         channels = []
         for index, channel in enumerate(entry["channels"]):
-            found = _channel(
+            animated = _channel(
                 document, accessors, forest, entry, channel, f"{place}.channels[{index}]", times, place
             )
-            if found is not None:
-                channels.append(found)
+            if animated is not None:
+                channels.append(animated)
         if channels:
             duration = max(float(channel.times[-1]) for channel in channels)
             animations.append(

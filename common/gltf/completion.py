@@ -129,8 +129,8 @@ def generate_tangents(
 
     sums = total[weld[source] * 2 + side]
     tangents = any_tangents(normals[source].astype(np.float32))
-    found = (np.abs(sums) > 1e-12).any(axis=1)
-    tangents[found, :3] = unit(sums[found])
+    valid = (np.abs(sums) > 1e-12).any(axis=1)
+    tangents[valid, :3] = unit(sums[valid])
     tangents[:, 3] = np.where(side, -1, 1)
     return source, tangents, new_indices
 
@@ -176,8 +176,8 @@ def _welded(rows: Float32) -> tuple[NDArray[np.intp], int]:
 
 def _at(points: Any, corners: NDArray[np.intp]) -> Float64:
     """Return (C, 3, T) the `points` (C, V) of corners (3, T); they become longer numbers only here, a few at a time."""
-    found: Float64 = points.take(corners, axis=1).astype(np.float64, copy=False)
-    return found
+    corner_points: Float64 = points.take(corners, axis=1).astype(np.float64, copy=False)
+    return corner_points
 
 
 def _edges(points: Any, corners: NDArray[np.intp]) -> Float64:

@@ -94,11 +94,11 @@ def _inside(value: Any) -> Iterator[str]:
     """Give the names in all objects called `extensions` in a JSON value, at any depth; `extras` are the user's own."""
     stack = [value]
     while stack:
-        found = stack.pop()
-        if isinstance(found, list):
-            stack.extend(found)
-        elif isinstance(found, dict):
-            extensions = found.get("extensions")
+        item = stack.pop()
+        if isinstance(item, list):
+            stack.extend(item)
+        elif isinstance(item, dict):
+            extensions = item.get("extensions")
             if isinstance(extensions, dict):
                 yield from (name for name in extensions if isinstance(name, str))
-            stack.extend(inner for key, inner in found.items() if key != "extras")
+            stack.extend(inner for key, inner in item.items() if key != "extras")

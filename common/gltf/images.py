@@ -1,6 +1,6 @@
 """Pictures of a glTF file decoded with Pillow on threads, their size bounded before a pixel is unpacked.
 
-Or decoded later, by whoever needs their pixels: then only headers are read here.
+With `later` they are decoded when their pixels are needed, and only headers are read here.
 """
 
 from __future__ import annotations
@@ -68,7 +68,8 @@ class ImageDecoder:
     ) -> None:
         """`used` are image numbers of the file; `progress` is called from a thread after each image.
 
-        With `later` nobody waits for pixels here: images are `EncodedImage`, and it makes of a refusal what they raise.
+        With `later` nothing waits for pixels here: images are `EncodedImage`, and `later` makes the
+        error that a refused image raises.
         The first of them, up to `ahead` bytes of pixels, are begun all the same.
         """
         self._later, self._encoded = later, list[Image]()
@@ -127,7 +128,7 @@ class ImageDecoder:
         return [*self._encoded, *(future.result() for future in self._futures)]
 
     def close(self) -> None:
-        """Drop what has not begun and wait for the rest; whoever asks for an image waits for what is decoded ahead."""
+        """Drop images that have not begun and wait for the rest; an access to pixels waits for its image alone."""
         self._pool.shutdown(wait=self._later is None, cancel_futures=True)
 
 

@@ -94,10 +94,10 @@ def read_instances(
             if not (skinned or animated or baked) and key in rigid:
                 drawing.add(node, rigid[key], copies)
                 continue
-            found = reader.read(number, place_in_mesh, skinned, animated or baked)
-            if found is None:
+            shape = reader.read(number, place_in_mesh, skinned, animated or baked)
+            if shape is None:
                 continue
-            surface, material = found
+            surface, material = shape
             if baked:
                 surface = bake_targets(surface, weights)
             skin = None

@@ -46,7 +46,7 @@ def load_scene(
 
     `use_library` says whether pygltflib decodes the document, as a second opinion. Without `decode` images are
     `EncodedImage`: only their headers are read, and a damaged one raises SceneError when its pixels are asked for.
-    Threads then decode up to `ahead` bytes of them beside what else there is to read, for who asks first.
+    Threads then decode up to `ahead` bytes of them beside what else there is to read, for the first that are needed.
     `opened` is told the name of each other file before it is opened, relative to the scene's folder; both names, where
     a URI can be read as two.
 

@@ -107,13 +107,13 @@ def _shown(document: Document, parents: list[int]) -> list[int]:
         stack = list(scenes[document.root.get("scene", 0)].get("nodes") or ())
     else:
         stack = [index for index, parent in enumerate(parents) if parent < 0]
-    found: set[int] = set()
+    reached: set[int] = set()
     while stack:
         node = stack.pop()
-        if node not in found:
-            found.add(node)
+        if node not in reached:
+            reached.add(node)
             stack.extend(entries[node].get("children") or ())
-    return sorted(found)
+    return sorted(reached)
 
 
 def _affine(values: list[float], place: str) -> np.ndarray:
@@ -138,13 +138,13 @@ def read_cameras(document: Document, forest: Forest) -> list[SceneCamera]:
     Raises:
         Refusal: a camera without its projection, or with one that no picture can have.
     """
-    found = []
+    cameras = []
     for index in forest.shown:
         entry = document.items("nodes")[index]
         if "camera" in entry:
             camera = _camera(document, entry["camera"], forest.place[index], entry.get("name"))
-            found.append(camera)
-    return found
+            cameras.append(camera)
+    return cameras
 
 
 def _camera(document: Document, number: int, node: int, node_name: str | None) -> SceneCamera:
@@ -188,16 +188,16 @@ def read_lights(document: Document, forest: Forest) -> list[Light]:
     Raises:
         Refusal: a range or a cone that the extension does not allow.
     """
-    found = []
+    lights = []
     extension = (document.root.get("extensions") or {}).get("KHR_lights_punctual") or {}
     for index in forest.shown:
         node = document.items("nodes")[index]
         use = (node.get("extensions") or {}).get("KHR_lights_punctual")
         if use:
-            found.append(
+            lights.append(
                 _light(extension["lights"][use["light"]], use["light"], forest.place[index], node.get("name"))
             )
-    return found
+    return lights
 
 
 def _light(entry: Object, number: int, node: int, node_name: str | None) -> Light:

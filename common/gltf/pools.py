@@ -90,14 +90,14 @@ class Pools:
         tangents, uv0 = np.empty((total, 4), np.float32), np.zeros((total, 2), np.float32)
         uv1 = np.zeros((total, 2), np.float32) if has_uv1 else None
         colors = np.ones((total, 4), np.float32) if has_colors else None
-        given = np.zeros(total, bool)
+        present = np.zeros(total, bool)
         first = 0
         for block in self.blocks:
             place = slice(first, first + len(block.positions))
             first = place.stop
             if block.tangents is not None:
                 tangents[place] = block.tangents
-                given[place] = True
+                present[place] = True
             if block.uv0 is not None:
                 uv0[place] = block.uv0
             if uv1 is not None and block.uv1 is not None:
@@ -105,11 +105,11 @@ class Pools:
             if colors is not None and block.colors is not None:
                 colors[place] = block.colors
         normals /= _lengths(normals)
-        if given.all():
+        if present.all():
             tangents[:, :3] /= _lengths(tangents[:, :3])
         else:
-            tangents[~given] = any_tangents(normals[~given])
-            tangents[given, :3] /= _lengths(tangents[given, :3])
+            tangents[~present] = any_tangents(normals[~present])
+            tangents[present, :3] /= _lengths(tangents[present, :3])
         tangents[:, 3] = np.where(tangents[:, 3] < 0, np.float32(-1), np.float32(1))
         return {
             "positions": positions,

@@ -121,12 +121,12 @@ class PrimitiveReader:
         sets = self._materials.uv_sets(material)
         names = ("POSITION", "NORMAL", "TANGENT", f"TEXCOORD_{sets[0]}", f"TEXCOORD_{sets[1]}", "COLOR_0")
         key = tuple(attributes.get(name, -1) for name in names)
-        found = self._attributes.get(key)
-        if found is None:
+        values_by_name = self._attributes.get(key)
+        if values_by_name is None:
             count = accessors.count(attributes["POSITION"])
             fields = ("positions", "normals", "tangents", "uv0", "uv1", "colors")
             types = (("VEC3",), ("VEC3",), ("VEC4",), ("VEC2",), ("VEC2",), ("VEC3", "VEC4"))
-            found = {}
+            values_by_name = {}
             for name, attribute, allowed in zip(fields, names, types, strict=True):
                 if attribute in attributes:
                     spot = f"{place}.{attribute}"
@@ -135,24 +135,26 @@ class PrimitiveReader:
                     )
                     if len(values) != count:
                         refuse(spot, f"has {len(values)} elements, but POSITION has {count}")
-                    found[name] = values
-            if "colors" in found:
-                found["colors"] = self._colors(found["colors"], f"{place}.COLOR_0")
+                    values_by_name[name] = values
+            if "colors" in values_by_name:
+                values_by_name["colors"] = self._colors(values_by_name["colors"], f"{place}.COLOR_0")
             for name in ("uv0", "uv1"):
-                if name in found and not within(found[name], UV_LIMIT):
+                if name in values_by_name and not within(values_by_name[name], UV_LIMIT):
                     self._document.warn(
                         f"{place} has texture coordinates beyond 1e9 or not finite; they became 0."
                     )
-                    found[name] = np.where(np.abs(found[name]) <= UV_LIMIT, found[name], np.float32(0))
-            self._attributes[key] = found
+                    values_by_name[name] = np.where(
+                        np.abs(values_by_name[name]) <= UV_LIMIT, values_by_name[name], np.float32(0)
+                    )
+            self._attributes[key] = values_by_name
         return Surface(
-            found["positions"],
+            values_by_name["positions"],
             indices,
-            found.get("normals"),
-            found.get("tangents"),
-            found.get("uv0"),
-            found.get("uv1"),
-            found.get("colors"),
+            values_by_name.get("normals"),
+            values_by_name.get("tangents"),
+            values_by_name.get("uv0"),
+            values_by_name.get("uv1"),
+            values_by_name.get("colors"),
         )
 
     def _colors(self, values: Float32, place: str) -> Float32:

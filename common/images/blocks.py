@@ -135,9 +135,9 @@ def encode(pixels: Bytes, format: str, effort: Effort = "medium") -> Bytes:
         for x in range(0, padded.shape[1], step):
             tile = padded[y : y + step, x : x + step]
             down, across = tile.shape[0] // BLOCK, tile.shape[1] // BLOCK
-            made = work(tile.tobytes(), tile.shape[1], tile.shape[0])
+            packed = work(tile.tobytes(), tile.shape[1], tile.shape[0])
             place = encoded[y // BLOCK :, x // BLOCK :][:down, :across]
-            place[:] = np.frombuffer(made, np.uint8).reshape(place.shape)
+            place[:] = np.frombuffer(packed, np.uint8).reshape(place.shape)
     if family == "etc2":
         texels = padded.reshape(rows, BLOCK, -1, BLOCK, 4).swapaxes(1, 2).reshape(-1, BLOCK * BLOCK, 4)
         encoded = etc2.with_constants(encoded.reshape(-1, size), texels)

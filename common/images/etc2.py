@@ -64,9 +64,9 @@ def with_constants(blocks: Bytes, pixels: Bytes) -> Bytes:
     constant = (pixels[..., :3] == pixels[:, :1, :3]).all(axis=(1, 2))
     colors = pixels[constant, 0, :3].astype(np.int64)
     red, green, blue = ((2 * colors[:, n] * top + 255) // 510 for n, top in enumerate((63, 127, 63)))
-    made = blocks.copy()
-    made[constant] = _plane(red, green, blue).astype(">u8").view(np.uint8).reshape(-1, 8)
-    return made
+    plain = blocks.copy()
+    plain[constant] = _plane(red, green, blue).astype(">u8").view(np.uint8).reshape(-1, 8)
+    return plain
 
 
 def _plane(red: Int, green: Int, blue: Int) -> NDArray[np.uint64]:
@@ -96,13 +96,13 @@ def _modes(words: NDArray[np.uint64]) -> NDArray[np.uint8]:
         ends = base + ((step ^ 4) - 4)  # three bits with a sign
         over.append((ends < 0) | (ends > 31))
     differential = _bits(words, 33, 33) == 1
-    found = np.select([~differential, *over], [INDIVIDUAL, T, H, PLANAR], DIFFERENTIAL)
-    return found.astype(np.uint8)
+    modes = np.select([~differential, *over], [INDIVIDUAL, T, H, PLANAR], DIFFERENTIAL)
+    return modes.astype(np.uint8)
 
 
 def _texels(words: NDArray[np.uint64]) -> Bytes:
     """Return the colours (N, 16, 3) of N blocks, texels by their number."""
-    found = np.empty((len(words), 16, 3), np.uint8)
+    texels = np.empty((len(words), 16, 3), np.uint8)
     mode = _modes(words)
     for kinds, unpack in (
         ((INDIVIDUAL, DIFFERENTIAL), _halves),
@@ -112,8 +112,8 @@ def _texels(words: NDArray[np.uint64]) -> Bytes:
     ):
         chosen = np.isin(mode, kinds)
         if chosen.any():
-            found[chosen] = np.clip(unpack(words[chosen]), 0, 255)
-    return found
+            texels[chosen] = np.clip(unpack(words[chosen]), 0, 255)
+    return texels
 
 
 def _codes(words: NDArray[np.uint64]) -> Int:
@@ -163,23 +163,23 @@ def _halves(words: NDArray[np.uint64]) -> Int:
 def _t(words: NDArray[np.uint64]) -> Int:
     """One colour alone, and three on a line: the upper stroke and the stem of a T."""
     red = _bits(words, 60, 59) << 2 | _bits(words, 57, 56)
-    one = np.stack([red, _bits(words, 55, 52), _bits(words, 51, 48)], axis=-1) * 17
+    first = np.stack([red, _bits(words, 55, 52), _bits(words, 51, 48)], axis=-1) * 17
     two = _color(words, (47, 44), (43, 40), (39, 36)) * 17
     distance = DISTANCES[_bits(words, 35, 34) << 1 | _bits(words, 32, 32)][:, None]
-    return _painted(words, one, two + distance, two, two - distance)
+    return _painted(words, first, two + distance, two, two - distance)
 
 
 def _h(words: NDArray[np.uint64]) -> Int:
     """Two colours on each of two parallel lines, as the strokes of an H."""
     green = _bits(words, 58, 56) << 1 | _bits(words, 52, 52)
     blue = _bits(words, 51, 51) << 3 | _bits(words, 49, 47)
-    one = np.stack([_bits(words, 62, 59), green, blue], axis=-1) * 17
+    first = np.stack([_bits(words, 62, 59), green, blue], axis=-1) * 17
     two = _color(words, (46, 43), (42, 39), (38, 35)) * 17
     # One more bit is saved: it is the order in which the two colours stand.
     weights = np.array([1 << 16, 1 << 8, 1])
-    order = (one @ weights >= two @ weights).astype(np.int64)
+    order = (first @ weights >= two @ weights).astype(np.int64)
     distance = DISTANCES[_bits(words, 34, 34) << 2 | _bits(words, 32, 32) << 1 | order][:, None]
-    return _painted(words, one + distance, one - distance, two + distance, two - distance)
+    return _painted(words, first + distance, first - distance, two + distance, two - distance)
 
 
 def _painted(words: NDArray[np.uint64], *paints: Int) -> Int:

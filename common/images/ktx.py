@@ -207,8 +207,8 @@ def decode_ktx(data: bytes) -> Ktx:
             stored = np.frombuffer(data, np.uint8, size, at).reshape(rows, padded)[:, :row]
             levels_of_layer.append(_ordered(stored, described.word, swapped))
             at += size
-    made = tuple(tuple(one) for one in layers)
-    return Ktx(name, width, height, made, faces == 6, elements > 0, metadata)
+    level_pixels = tuple(tuple(layer) for layer in layers)
+    return Ktx(name, width, height, level_pixels, faces == 6, elements > 0, metadata)
 
 
 def _shape(format: str, width: int, height: int, level: int) -> tuple[int, int]:
@@ -238,12 +238,12 @@ def _pair(key: str, value: bytes, order: str) -> bytes:
 
 
 def _pairs(data: bytes, order: str) -> dict[str, bytes]:
-    found, at = {}, 0
+    pairs, at = {}, 0
     while at + 4 <= len(data):
         (size,) = struct.unpack_from(f"{order}I", data, at)
         key, zero, value = data[at + 4 : at + 4 + size].partition(b"\0")
         if size > len(data) - at - 4 or not zero:
             raise ValueError("its metadata is broken")
-        found[key.decode("utf-8", "replace")] = value
+        pairs[key.decode("utf-8", "replace")] = value
         at += 4 + (size + 3) // 4 * 4
-    return found
+    return pairs

@@ -119,7 +119,7 @@ def convert_textures(
     """Convert textures, whose names are relative to `folder`, into files in `out`; equal requests are one.
 
     A name in other letters than its file's is repaired. What is absent, outside the folder or damaged becomes a
-    placeholder of one texel, so that whoever uses the files finds all of them, and its note says so. A file whose
+    placeholder of one texel, so that each file that is referred to exists, and its note says so. A file whose
     sources and size are those of a run before is left as it is, untouched; a damaged one is made again. Each file is
     written whole or not at all. Two runs make the same bytes. `progress` is called with a part from 0 to 1.
 
@@ -130,7 +130,7 @@ def convert_textures(
         raise UserError(f"{most} texels a side are none: ask for 1 or more.")
     wanted = list(dict.fromkeys(requests))
     finder = Finder(folder)
-    found: dict[TextureRequest, Converted] = {}
+    converted: dict[TextureRequest, Converted] = {}
     try:
         out.mkdir(parents=True, exist_ok=True)
         with (
@@ -139,13 +139,18 @@ def convert_textures(
         ):
             simplefilter("ignore", Pillow.DecompressionBombWarning)  # a note says it
             try:
-                made = pool.map(lambda one: _made(one, finder, out / one.output, most), wanted)
-                for number, (request, one) in enumerate(zip(wanted, made, strict=True), 1):
-                    if one.data is not None:
+                results = pool.map(lambda request: _made(request, finder, out / request.output, most), wanted)
+                for number, (request, result) in enumerate(zip(wanted, results, strict=True), 1):
+                    if result.data is not None:
                         # On this thread alone: a file gets its rights by way of the umask, which is the process's.
-                        write_whole(out / request.output, one.data)
-                    found[request] = Converted(
-                        request, request.output, one.size, one.data is not None, one.placeholder, one.note
+                        write_whole(out / request.output, result.data)
+                    converted[request] = Converted(
+                        request,
+                        request.output,
+                        result.size,
+                        result.data is not None,
+                        result.placeholder,
+                        result.note,
                     )
                     if progress is not None:
                         progress(number / len(wanted), request.name)
@@ -154,7 +159,7 @@ def convert_textures(
                 raise
     except OSError as error:
         raise UserError(f"{error.filename or out} cannot be written: {error.strerror or error}.") from None
-    return found
+    return converted
 
 
 def _made(request: TextureRequest, finder: Finder, target: Path, most: int) -> _Made:
@@ -195,8 +200,8 @@ def _kept(target: Path, key: str) -> _Made | None:
             picture.verify()  # its checksums
     except Exception:  # absent, cut short, no picture: Pillow's plugins let errors of many kinds out
         return None
-    found, _, what = str(told).partition(" ")
-    return _Made(None, size, what == "placeholder", str(note)) if found == key else None
+    own_key, _, what = str(told).partition(" ")
+    return _Made(None, size, what == "placeholder", str(note)) if own_key == key else None
 
 
 # --- sources ---
@@ -304,12 +309,12 @@ def _along(values: Float32, count: int) -> Float32:
 
 def pictures_in(folder: Path, leaving_out: Path | None = None) -> list[str]:
     """Return the names of all pictures in a folder and below it, relative to it and sorted, but for one folder's."""
-    found = []
+    files_found = []
     for here, folders, files in os.walk(folder):
         base = Path(here)
         if leaving_out is not None:
-            folders[:] = [one for one in folders if (base / one).resolve() != leaving_out.resolve()]
-        found += [
-            (base / one).relative_to(folder).as_posix() for one in files if one.lower().endswith(SUFFIXES)
+            folders[:] = [name for name in folders if (base / name).resolve() != leaving_out.resolve()]
+        files_found += [
+            (base / name).relative_to(folder).as_posix() for name in files if name.lower().endswith(SUFFIXES)
         ]
-    return sorted(found)
+    return sorted(files_found)

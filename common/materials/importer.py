@@ -29,7 +29,7 @@ from common.names import visible
 
 OPAQUE_FROM = 0.95
 """An opacity from here on is 1: exporters round, and a blended surface costs sorting, overdraw and its place in the
-depth pre-pass for 5 % that nobody sees."""
+depth pre-pass, for 5 % that are invisible."""
 
 MASKED = 0.5
 """The alpha test of a material that has a map of opacity, or a colour of transparency."""
@@ -85,8 +85,8 @@ def words_of(name: str) -> set[str]:
 
     Words and not parts of them: fibreglass is not seen through.
     """
-    found = {word.lower() for word in _WORD.findall(name)}
-    return found | {word.removesuffix("s") for word in found} | {word.removesuffix("es") for word in found}
+    words = {word.lower() for word in _WORD.findall(name)}
+    return words | {word.removesuffix("s") for word in words} | {word.removesuffix("es") for word in words}
 
 
 def opacity_of(source: SourceMaterial) -> float:
@@ -180,8 +180,8 @@ def _alpha_at_most_1(color: Sequence[float]) -> tuple[float, ...]:
 
 def _stated(stated: float | None, by_name: Sequence[float | None], default: float) -> float:
     """Return what is stated, else what the name says, else the default; within 0 to 1."""
-    found = (one for one in (stated, *by_name, default) if one is not None)
-    return min(max(float(next(found)), 0.0), 1.0)
+    stated_values = (value for value in (stated, *by_name, default) if value is not None)
+    return min(max(float(next(stated_values)), 0.0), 1.0)
 
 
 def _check(source: SourceMaterial, number: int) -> None:
@@ -223,10 +223,10 @@ def read_mtl(path: str | os.PathLike[str]) -> tuple[list[SourceMaterial], list[s
     Raises SceneError: the file cannot be read, or has no material.
     """
     text = read_bytes(path).decode("utf-8-sig", "replace")  # names may be in any old code page
-    found, warnings = parse_mtl(text, Path(path).name)
-    if not found:
+    materials, warnings = parse_mtl(text, Path(path).name)
+    if not materials:
         raise SceneError(f"{path} has no material: name a library, a text with newmtl in it")
-    return found, warnings
+    return materials, warnings
 
 
 def parse_mtl(text: str, name: str = "the library") -> tuple[list[SourceMaterial], list[str]]:
@@ -236,31 +236,31 @@ def parse_mtl(text: str, name: str = "the library") -> tuple[list[SourceMaterial
     in most files, and as emission everything would glow. So is Tf, the colour of what passes, which is 1 1 1 for opaque
     materials too.
     """
-    found: list[SourceMaterial] = []
+    materials: list[SourceMaterial] = []
     left_out: set[str] = set()
     warnings: list[str] = []
     for line, keyword, words in statements(text):
         role = _MAPS.get(keyword.lower(), "")
         if keyword == "newmtl":
-            found.append(SourceMaterial(visible(" ".join(words))))
-        elif not found:
+            materials.append(SourceMaterial(visible(" ".join(words))))
+        elif not materials:
             continue
         elif role:
             file = map_name(words)
             if file:
-                found[-1] = replace(found[-1], textures={**found[-1].textures, role: file})
+                materials[-1] = replace(materials[-1], textures={**materials[-1].textures, role: file})
             else:
                 warnings.append(f"Line {line} of {name[:80]} names no file for {keyword} and was left out.")
         elif keyword.lower().startswith("map_") or keyword in ("disp", "decal", "refl"):
             left_out.add(keyword[:20])
         elif keyword in ("Kd", "Ke", "d", "Tr", "Ns", "Pr", "Pm"):
             try:
-                found[-1] = _with(found[-1], keyword, [float(word) for word in words])
+                materials[-1] = _with(materials[-1], keyword, [float(word) for word in words])
             except (ValueError, IndexError):
                 warnings.append(f"Line {line} of {name[:80]} has no numbers for {keyword} and was left out.")
     if left_out:
         warnings.append(f"Textures of {name[:80]} ({', '.join(sorted(left_out))}) were left out.")
-    return found, [visible(text) for text in warnings]
+    return materials, [visible(text) for text in warnings]
 
 
 def _with(source: SourceMaterial, keyword: str, numbers: list[float]) -> SourceMaterial:

@@ -55,15 +55,15 @@ def merged(lists: Sequence[MaterialList], names: Sequence[str] = ()) -> Material
     """
     together = TextureNames()
     records = [np.zeros(0, RECORD_DTYPE)]
-    for number, one in enumerate(lists):
-        if fault := fault_of(one.records, len(one.textures)):
+    for number, materials in enumerate(lists):
+        if fault := fault_of(materials.records, len(materials.textures)):
             name = names[number] if number < len(names) else f"material list {number}"
             raise SceneError(f"{name} cannot be merged: {fault}")
         # The last entry is for empty slots, whose number would be far beyond the table.
-        new = np.array([*(together.add(texture) for texture in one.textures), NO_TEXTURE], np.uint64)
-        slots = slots_of(one.records)
-        place = np.where(slots == NO_TEXTURE, len(one.textures), slots).astype(np.int64)
-        records.append(with_slots(one.records, new[place]))
-    counts = [len(one.records) for one in lists]
+        new = np.array([*(together.add(texture) for texture in materials.textures), NO_TEXTURE], np.uint64)
+        slots = slots_of(materials.records)
+        place = np.where(slots == NO_TEXTURE, len(materials.textures), slots).astype(np.int64)
+        records.append(with_slots(materials.records, new[place]))
+    counts = [len(materials.records) for materials in lists]
     first = np.cumsum([0, *counts], dtype=np.int64)[: len(lists)]
     return MaterialMerge(MaterialList(np.concatenate(records), tuple(together)), first)

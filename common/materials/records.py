@@ -178,7 +178,7 @@ def to_bytes(materials: MaterialList) -> bytes:
         raise ValueError(fault)
     # File names that are no UTF-8 come from the system with lone surrogates, and are to come back as they were.
     coded = [name.encode("utf-8", "surrogatepass") for name in materials.textures]
-    names = b"".join(struct.pack("<I", len(one)) + one for one in coded)
+    names = b"".join(struct.pack("<I", len(text)) + text for text in coded)
     body = materials.records.astype(RECORD_DTYPE, copy=False).tobytes() + names
     counts = (VERSION, len(materials.records), len(coded), len(names))
     checksum = zlib.crc32(body, zlib.crc32(HEADER.pack(MAGIC, *counts, 0, 0)))
@@ -234,7 +234,7 @@ def _names(data: bytes, count: int) -> tuple[str, ...] | None:
 
 
 def write_material_file(path: str | os.PathLike[str], materials: MaterialList) -> None:
-    """Write a list of materials; who reads it meanwhile sees the old file or the new one, never a part.
+    """Write a list of materials; a reader sees the old file or the new one, never a part.
 
     Raises SceneError where the file cannot be written, ValueError as `to_bytes` does.
     """

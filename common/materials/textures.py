@@ -33,7 +33,7 @@ def texture_requests(materials: MaterialList) -> list[dict[str, TextureRequest]]
     A map of opacity goes into the alpha of the albedo; without an albedo it makes one that is white. Raises ValueError
     where a slot names no texture of the list.
     """
-    found = []
+    requests = []
     for record, names in zip(materials.records, materials.resolved(), strict=True):
         heights = bool(record["flags"] & MATERIAL_HEIGHT_MAP)
         wanted = {}
@@ -42,8 +42,8 @@ def texture_requests(materials: MaterialList) -> list[dict[str, TextureRequest]]
             if names[role] or opacity:
                 own: Kind = "data" if role == "normal" and heights else kind
                 wanted[role] = TextureRequest(names[role], opacity, own)
-        found.append(wanted)
-    return found
+        requests.append(wanted)
+    return requests
 
 
 def convert_materials(
@@ -62,7 +62,7 @@ def convert_materials(
     """
     wanted = texture_requests(materials)
     done = convert_textures(
-        (one for by_role in wanted for one in by_role.values()), folder, out, most, progress
+        (request for by_role in wanted for request in by_role.values()), folder, out, most, progress
     )
     names = TextureNames()
     slots = np.full_like(slots_of(materials.records), NO_TEXTURE)

@@ -117,7 +117,7 @@ def to_bytes(meshes: MeshFile) -> bytes:
 
 
 def write_mesh_file(path: str | os.PathLike[str], meshes: MeshFile) -> None:
-    """Write a mesh file; who reads it meanwhile sees the old one or the new one, never a part.
+    """Write a mesh file; a reader sees the old file or the new one, never a part.
 
     Raises:
         SceneError: the file cannot be written.

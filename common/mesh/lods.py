@@ -101,23 +101,23 @@ def lod_chain(
         )
 
     while len(levels) <= further and (count := len(levels[-1].indices)) > FEW_INDICES:
-        limit, found = distance, None
+        limit, chosen = distance, None
         for _ in range(_ATTEMPTS):
             indices, error = _simplify(library, positions, source, count // 2, limit)
             if len(indices) * _LEAST_GAIN > count:
                 break
             level = measured(indices, error, sloppy=False)
             if surely(level):
-                found = level
+                chosen = level
                 break
             limit = _STEP_BACK * min(limit, error) * distance / max(level.distance, distance)
-        if found is None and len(levels) > 1:
+        if chosen is None and len(levels) > 1:
             indices, error = _simplify(library, positions, source, count // 2, _SLOPPY_ERROR, sloppy=True)
             if 0 < len(indices) < count:
-                found = measured(indices, error, sloppy=True)
-        if found is None:
+                chosen = measured(indices, error, sloppy=True)
+        if chosen is None:
             break
-        levels.append(found)
+        levels.append(chosen)
     return levels
 
 

@@ -60,7 +60,7 @@ def merged_by_material(scene: Scene, materials: Collection[int] | None = None) -
     node. Where all its parts had the same transform the node takes that, and vertices keep their bits; otherwise
     the node stands in the middle of the parts, so that vertices stay small and precise however far they are from zero.
     Where a transform mirrors, triangles are turned round and tangents change their handedness. Draws become
-    before - merged + 1 for each material. Meshes that nobody draws any more leave the scene; nodes stay, and so do
+    before - merged + 1 for each material. Meshes that are no longer drawn leave the scene; nodes stay, and so do
     lights, cameras and animations. What follows from boxes (bounds, origin) may become tighter.
 
     Raises:

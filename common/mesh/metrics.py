@@ -75,8 +75,8 @@ def hausdorff(
         return 0.0 if len(a) == len(b) else float("inf")
     rng = np.random.default_rng(seed)
     return max(
-        float(distances_to_triangles(sample_points(one, samples, rng), other).max())
-        for one, other in ((a, b), (b, a))
+        float(distances_to_triangles(sample_points(surface, samples, rng), other).max())
+        for surface, other in ((a, b), (b, a))
     )
 
 

@@ -130,7 +130,7 @@ def statements(text: str) -> Iterator[tuple[int, str, list[str]]]:
 def _parse(text: str) -> _File:
     values: dict[str, list[list[str]]] = {name: [] for name in _WIDTHS}
     numbers: dict[str, list[int]] = {name: [] for name in _WIDTHS}
-    found = _File({}, [], [], set())
+    parsed = _File({}, [], [], set())
     parts: dict[tuple[str, str], _Part] = {}
     name, material = "", ""
     for number, keyword, words in statements(text):
@@ -150,14 +150,14 @@ def _parse(text: str) -> _File:
         elif keyword == "usemtl":
             material = visible(" ".join(words))
         elif keyword == "mtllib":
-            found.libraries.append((number, " ".join(words)))
+            parsed.libraries.append((number, " ".join(words)))
         elif keyword not in _IGNORED:
-            found.left_out.add(keyword[:20])
-    if not any(values.values()) and not found.libraries and not parts and found.left_out:
+            parsed.left_out.add(keyword[:20])
+    if not any(values.values()) and not parsed.libraries and not parts and parsed.left_out:
         refuse("", "has no vertex and no face, so it is no OBJ file", "check the file")
-    found.arrays = {key: _numbers(rows, numbers[key], _WIDTHS[key]) for key, rows in values.items()}
-    found.parts = list(parts.values())
-    return found
+    parsed.arrays = {key: _numbers(rows, numbers[key], _WIDTHS[key]) for key, rows in values.items()}
+    parsed.parts = list(parts.values())
+    return parsed
 
 
 def _numbers(rows: list[list[str]], lines: list[int], width: int) -> Float32:
@@ -241,45 +241,45 @@ def _materials(folder: Path, name: str, line: int, warnings: list[str]) -> dict[
     except Refusal as refusal:
         warnings.append(f"The material library was not read: {refusal}")
         return {}
-    found: dict[str, Material] = {}
+    materials: dict[str, Material] = {}
     current = ""
     skipped = set()
     for number, keyword, words in statements(text):
         if keyword == "newmtl":
             current = visible(" ".join(words))
-            found[current] = Material(name=current, metallic=0.0)
+            materials[current] = Material(name=current, metallic=0.0)
         elif keyword.startswith(("map_", "bump", "disp", "norm", "refl")):
             skipped.add(keyword[:20])
         elif current and keyword in ("Kd", "Ke", "d", "Tr", "Ns", "Pr", "Pm"):
             try:
                 numbers = [min(max(float(word), 0.0), NUMBER_LIMIT) for word in words]
-                found[current] = _with(found[current], keyword, numbers)
+                materials[current] = _with(materials[current], keyword, numbers)
             except (ValueError, IndexError):
                 warnings.append(
                     f"Line {number} of {name[:80]} has no numbers for {keyword} and was left out."
                 )
     if skipped:
         warnings.append(f"Textures of {name[:80]} ({', '.join(sorted(skipped))}) were left out.")
-    return found
+    return materials
 
 
 def _with(material: Material, keyword: str, numbers: list[float]) -> Material:
     """Return a material with one statement of an .mtl applied; `numbers` are not negative."""
-    one = min(numbers[0], 1.0)
+    clamped = min(numbers[0], 1.0)
     if keyword == "Kd":
         red, green, blue = (min(value, 1.0) for value in numbers[:3])
         return replace(material, base_color=(red, green, blue, material.base_color[3]))
     if keyword == "Ke":
         return replace(material, emissive=(numbers[0], numbers[1], numbers[2]))
     if keyword in ("d", "Tr"):
-        alpha = one if keyword == "d" else 1.0 - one
+        alpha = clamped if keyword == "d" else 1.0 - clamped
         mode = "blend" if alpha < 1.0 else "opaque"
         color = (*material.base_color[:3], alpha)
         return replace(material, base_color=color, alpha_mode=mode)  # type: ignore[arg-type]
     if keyword == "Pr":
-        return replace(material, roughness=one)
+        return replace(material, roughness=clamped)
     if keyword == "Pm":
-        return replace(material, metallic=one)
+        return replace(material, metallic=clamped)
     return replace(material, roughness=roughness_of_exponent(numbers[0]))
 
 

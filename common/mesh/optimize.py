@@ -40,8 +40,8 @@ def meshoptimizer(use: str) -> ModuleType:
             f"{use} needs the package meshoptimizer, which a C++ compiler builds from source: "
             "run `pip install meshoptimizer==0.2.30a0`"
         ) from None
-    found: ModuleType = module
-    return found
+    package: ModuleType = module
+    return package
 
 
 def optimized(scene: Scene, passes: Iterable[Pass] = PASSES, unused_tangents: bool = True) -> Scene:

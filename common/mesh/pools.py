@@ -105,8 +105,8 @@ def rebuilt(
 ) -> Scene:
     """Return a scene with other geometry; nodes and instances are those of `scene` unless given.
 
-    What `edit()` changes is copied, so that the two scenes have nothing in common that either may write to; images
-    and animations, which nobody writes to, are shared.
+    What `edit()` changes is copied, so that the two scenes share nothing that either may write to; images and
+    animations are read-only and shared.
     """
     drawn = scene.instances
     if instances is None:

@@ -1,7 +1,7 @@
 """The manifest of well-known models: where each comes from, under which licence, and what its bytes are.
 
-`assets/wellknown.toml` pins a model by a commit and every file of it by size and SHA-256, so that an address that gives
-other bytes, tomorrow or on somebody's way here, is noticed.
+`assets/wellknown.toml` pins a model by a commit and every file of it by size and SHA-256, so that any change of
+the bytes, on the server or on the way, is noticed.
 """
 
 from __future__ import annotations

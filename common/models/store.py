@@ -154,7 +154,7 @@ def in_bytes(count: int) -> str:
 
 
 def write_notice(model: Model) -> None:
-    """Write who made a model, under which licence and where it is from, beside its files: that belongs to them."""
+    """Write author, licence and source of a model beside its files, where they belong."""
     address, asks = LICENCES[model.licence]
     lines = (
         f"{model.name}: {model.title}",

@@ -9,8 +9,8 @@ from rich.table import Table
 
 def table(title: str, *columns: str) -> Table:
     """Return an empty table; the title is taken as it is, and a column whose name begins with ">" is aligned right."""
-    made = Table(title=escape(title), title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+    table = Table(title=escape(title), title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
     for column in columns:
         right = column.startswith(">")
-        made.add_column(column.removeprefix(">"), justify="right" if right else "left", overflow="fold")
-    return made
+        table.add_column(column.removeprefix(">"), justify="right" if right else "left", overflow="fold")
+    return table

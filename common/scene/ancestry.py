@@ -1,4 +1,4 @@
-"""Who stands above and below whom in a forest of nodes: levels, subtrees, and the product of matrices downwards.
+"""Ancestors and descendants in a forest of nodes: levels, subtrees, and products of matrices from the roots down.
 
 A forest is one array: the parent of each node, -1 for roots. Everything else follows from it, and all of it is
 computed for many nodes at once, since a loop over nodes in Python costs a hundred times as much.
@@ -103,11 +103,11 @@ class Ancestry:
 
     def levels_below(self, nodes: ArrayLike) -> list[Places]:
         """Return the subtrees of `nodes` by depth, upper nodes first, ascending in each."""
-        found = self.subtrees(nodes)
-        if len(found) == 0:
+        below = self.subtrees(nodes)
+        if len(below) == 0:
             return []
         order, rank, firsts = self._ranks
-        ranks = np.sort(rank[found])  # sorts of plain numbers are many times as fast as those of places
+        ranks = np.sort(rank[below])  # sorts of plain numbers are many times as fast as those of places
         parts = np.split(order[ranks], np.searchsorted(ranks, firsts))
         return [part for part in parts if len(part)]
 

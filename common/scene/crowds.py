@@ -38,7 +38,7 @@ DISTANCE = 2.0
 def crowd(draws: int, materials: int) -> Scene:
     """Return `draws` squares on a grid that share `materials`, of which each has a texture of its own.
 
-    Neighbours have different materials: whoever draws in the scene's order binds another one for every square. With
+    Neighbours have different materials: drawing in the scene's order binds another material for every square. With
     fewer squares than materials, each square has its own and the rest is left out.
 
     Raises ValueError for fewer than one of either.
@@ -47,11 +47,13 @@ def crowd(draws: int, materials: int) -> Scene:
         raise ValueError(f"a crowd has at least one square and one material, not {draws} and {materials}")
     materials = min(draws, materials)
     images = _images(materials)
-    made = [
+    grid_materials = [
         Material(name=f"material {number}", metallic=0.0, base_color_texture=TextureRef(number))
         for number in range(materials)
     ]
-    return _grid(f"{draws} squares of {materials} materials", np.arange(draws) % materials, made, images)
+    return _grid(
+        f"{draws} squares of {materials} materials", np.arange(draws) % materials, grid_materials, images
+    )
 
 
 def kinds() -> Scene:
@@ -62,13 +64,15 @@ def kinds() -> Scene:
     """
     images = _images(len(TEXTURE_SIZES))
     roles = [field.name for field in fields(Material) if field.name.endswith("_texture")]
-    made = []
+    kinds = []
     for count in (0, 1, len(roles)):
-        used: dict[str, Any] = {role: TextureRef(one % len(images)) for one, role in enumerate(roles[:count])}
-        made.append(Material(f"{count} textures", emissive=(0.1, 0.1, 0.1), **used))
-    made += [replace(made[-1], name="masked", alpha_mode="mask")]
-    made += [replace(made[-1], name="transparent", alpha_mode="blend")]
-    return _grid("kinds of materials", np.arange(len(made)), made, images)
+        used: dict[str, Any] = {
+            role: TextureRef(number % len(images)) for number, role in enumerate(roles[:count])
+        }
+        kinds.append(Material(f"{count} textures", emissive=(0.1, 0.1, 0.1), **used))
+    kinds += [replace(kinds[-1], name="masked", alpha_mode="mask")]
+    kinds += [replace(kinds[-1], name="transparent", alpha_mode="blend")]
+    return _grid("kinds of materials", np.arange(len(kinds)), kinds, images)
 
 
 def layers(count: int, lights: int = 32) -> Scene:
@@ -82,7 +86,7 @@ def layers(count: int, lights: int = 32) -> Scene:
     if count < 1:
         raise ValueError(f"there is at least one layer, not {count}")
     images = _images(2)
-    made = [
+    layers = [
         Material(
             name=f"layer {number}",
             metallic=0.0,
@@ -106,7 +110,7 @@ def layers(count: int, lights: int = 32) -> Scene:
         f"{count} layers under {lights} lamps",
         local,
         np.arange(count)[::-1] % 2,
-        made,
+        layers,
         images,
         places,
         [
@@ -178,7 +182,7 @@ def _squares(
         colors=None,
         indices=np.array([0, 1, 2, 0, 2, 3], np.uint32),
         meshes=meshes,
-        mesh_names=[one.name for one in materials],
+        mesh_names=[material.name for material in materials],
         materials=materials,
         images=images,
         nodes=Nodes(

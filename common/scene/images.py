@@ -64,7 +64,7 @@ class Image:
 
 
 class EncodedImage(Image):
-    """A picture whose size and type are known and whose pixels are not decoded before somebody asks for them.
+    """A picture whose size and type are known and whose pixels are decoded at the first access.
 
     `decode` decodes whenever it is called and keeps nothing; `pixels` decodes once and keeps them.
     """

@@ -69,10 +69,10 @@ def merge_scenes(
         images=[image for scene in pools.looks for image in scene.images],
         nodes=nodes.joined(),
         instances=_joined(instances),
-        lights=[one for part in parts for one in part["lights"]],
-        cameras=[one for part in parts for one in part["cameras"]],
-        animations=[one for part in parts for one in part["animations"]],
-        deformations=[one for part in parts for one in part["deformations"]],
+        lights=[light for part in parts for light in part["lights"]],
+        cameras=[camera for part in parts for camera in part["cameras"]],
+        animations=[animation for part in parts for animation in part["animations"]],
+        deformations=[deformation for part in parts for deformation in part["deformations"]],
         ambient=_first(scene.ambient for scene in scenes),
         environment=_first(scene.environment for scene in scenes),
         ev100=_first(scene.ev100 for scene in scenes),
@@ -128,15 +128,15 @@ class _Pools:
         self, of: Callable[[Scene], Float32 | None], default: tuple[float, ...]
     ) -> Float32 | None:
         """Return an array of all vertices, with `default` where a scene has none, or None if none has."""
-        found = [of(scene) for scene in self.scenes]
-        if all(values is None for values in found):
+        values_by_scene = [of(scene) for scene in self.scenes]
+        if all(values is None for values in values_by_scene):
             return None
         return np.concatenate(
             [
                 np.tile(np.array(default, np.float32), (len(scene.positions), 1))
                 if values is None
                 else values
-                for scene, values in zip(self.scenes, found, strict=True)
+                for scene, values in zip(self.scenes, values_by_scene, strict=True)
             ]
         )
 

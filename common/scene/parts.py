@@ -47,29 +47,35 @@ def attached(scene: Scene, place: Place, mesh_place: Place) -> Attached:
         if channels:
             animations.append(replace(clip, channels=channels))
     return {
-        "lights": [replace(one, node=int(place[one.node])) for one in scene.lights if place[one.node] >= 0],
-        "cameras": [replace(one, node=int(place[one.node])) for one in scene.cameras if place[one.node] >= 0],
+        "lights": [
+            replace(light, node=int(place[light.node])) for light in scene.lights if place[light.node] >= 0
+        ],
+        "cameras": [
+            replace(camera, node=int(place[camera.node]))
+            for camera in scene.cameras
+            if place[camera.node] >= 0
+        ],
         "animations": animations,
         "deformations": [
-            _deformation(scene, one, place, mesh_place)
-            for one in scene.deformations
-            if place[one.node] >= 0 and mesh_place[one.mesh] >= 0
+            _deformation(scene, deformation, place, mesh_place)
+            for deformation in scene.deformations
+            if place[deformation.node] >= 0 and mesh_place[deformation.mesh] >= 0
         ],
     }
 
 
-def _deformation(scene: Scene, one: Deformation, place: Place, mesh_place: Place) -> Deformation:
-    joints = one.joints
+def _deformation(scene: Scene, skin: Deformation, place: Place, mesh_place: Place) -> Deformation:
+    joints = skin.joints
     if joints is not None:
         joints = place[joints]
         if (joints < 0).any():
-            assert one.joints is not None
-            lost = int(one.joints[joints < 0][0])
+            assert skin.joints is not None
+            lost = int(skin.joints[joints < 0][0])
             raise UserError(
                 f"Node {lost} ({scene.nodes.names[lost]!r}) cannot be deleted alone, since it is a joint of mesh "
-                f"{scene.mesh_names[one.mesh]!r}: delete node {one.node} ({scene.nodes.names[one.node]!r}) too."
+                f"{scene.mesh_names[skin.mesh]!r}: delete node {skin.node} ({scene.nodes.names[skin.node]!r}) too."
             )
-    return replace(one, node=int(place[one.node]), mesh=int(mesh_place[one.mesh]), joints=joints)
+    return replace(skin, node=int(place[skin.node]), mesh=int(mesh_place[skin.mesh]), joints=joints)
 
 
 def kept_nodes(nodes: Nodes, kept: NDArray[np.bool_]) -> Nodes:

@@ -44,8 +44,8 @@ def alone(scene: Scene, instance: int) -> Scene:
             raise UserError(f"Scene {scene.name!r} draws nothing: name another one with --scene.")
     held = scene.instances
     local = held.local[chosen : chosen + 1] if held.local is not None else None
-    one = Instances(held.node[chosen : chosen + 1], held.mesh[chosen : chosen + 1], local)
-    return replace(scene, instances=one, cameras=[])
+    single = Instances(held.node[chosen : chosen + 1], held.mesh[chosen : chosen + 1], local)
+    return replace(scene, instances=single, cameras=[])
 
 
 def material_of(scene: Scene, instance: int) -> Material:

@@ -230,7 +230,7 @@ class Nodes:
 
     @cached_property
     def ancestry(self) -> Ancestry:
-        """Who stands above whom: levels, subtrees, world matrices."""
+        """The hierarchy of nodes: levels, subtrees, world matrices."""
         return Ancestry(self.parent)
 
     def __len__(self) -> int:

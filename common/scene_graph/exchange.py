@@ -78,8 +78,8 @@ def scene_with(scene: Scene, graph: SceneGraph, origins: Origins) -> Scene:
         ValueError: a mesh or material that the scene does not have, or a deforming mesh that two nodes draw.
     """
     shapes = _ordered(graph, origins)
-    wrong = [one for one in shapes if not (0 <= one.mesh < len(scene.meshes))]
-    wrong += [one for one in shapes if not (0 <= one.material < len(scene.materials))]
+    wrong = [shape for shape in shapes if not (0 <= shape.mesh < len(scene.meshes))]
+    wrong += [shape for shape in shapes if not (0 <= shape.material < len(scene.materials))]
     if wrong:
         raise ValueError(f"the scene has no mesh or no material of {wrong[0]}")
     meshes, names, rows = _meshes(scene, shapes)
@@ -87,8 +87,8 @@ def scene_with(scene: Scene, graph: SceneGraph, origins: Origins) -> Scene:
     for node, visible in zip(origins.instances.tolist(), scene.instances.visible.tolist(), strict=True):
         if node >= 0:
             seen[node] = visible
-    seen[sorted({one.node for one in shapes} - set(origins.instances.tolist()))] = True
-    drawing = np.array([one.node for one in shapes], np.int32)
+    seen[sorted({shape.node for shape in shapes} - set(origins.instances.tolist()))] = True
+    drawing = np.array([shape.node for shape in shapes], np.int32)
     return changed(
         scene,
         meshes=meshes,
@@ -112,9 +112,9 @@ def _meshes(scene: Scene, shapes: list[Shape]) -> tuple[np.ndarray, list[str], l
     A row that deforms is drawn once and takes its shape's material itself.
     """
     meshes, names = scene.meshes.copy(), list(scene.mesh_names)
-    deforming = {one.mesh for one in scene.deformations}
+    deforming = {deformation.mesh for deformation in scene.deformations}
     uses = Counter(shape.mesh for shape in shapes)
-    found: dict[tuple[int, int], int] = {}
+    row_of: dict[tuple[int, int], int] = {}
     added: list[np.void] = []
     rows = []
     for _, mesh, material in shapes:
@@ -122,9 +122,9 @@ def _meshes(scene: Scene, shapes: list[Shape]) -> tuple[np.ndarray, list[str], l
             if uses[mesh] > 1:
                 raise ValueError(f"mesh {mesh} deforms, and {uses[mesh]} nodes draw it")
             meshes["material"][mesh] = material
-        row = mesh if meshes["material"][mesh] == material else found.get((mesh, material))
+        row = mesh if meshes["material"][mesh] == material else row_of.get((mesh, material))
         if row is None:
-            row = found[mesh, material] = len(meshes) + len(added)
+            row = row_of[mesh, material] = len(meshes) + len(added)
             added.append(meshes[mesh].copy())
             added[-1]["material"] = material
             names.append(names[mesh])

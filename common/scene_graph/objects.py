@@ -1,4 +1,4 @@
-"""A scene graph of objects, as everybody writes it first: what `common.scene_graph` is measured against.
+"""A scene graph of objects, the obvious first design: `common.scene_graph` is measured against it.
 
 Nothing in Strata draws with it. It is short and plainly right, which makes it the tests' truth; and it shows the
 costs of pointers: a Python object and two small arrays for every node, one call of numpy for every product, and

@@ -69,7 +69,7 @@ class SceneGraph:
 
     @property
     def ancestry(self) -> Ancestry:
-        """Who is above whom, for work on many nodes at once; a new one after nodes were added."""
+        """The hierarchy, for work on many nodes at once; another object after nodes were added."""
         if self._ancestry is None:
             self._ancestry = Ancestry(self.links["parent"].copy())
         return self._ancestry

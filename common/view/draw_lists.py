@@ -159,7 +159,7 @@ def load(path: Path) -> DrawList:
             number = len(updates)
             texture, width, height, x, y = (int(value) for value in arrays[f"update{number}"])
             updates.append(TextureUpdate(texture, (width, height), arrays[f"pixels{number}"], x, y))
-        found = DrawList(
+        draw_list = DrawList(
             (extent[0], extent[1]),
             arrays["vertices"],
             arrays["indices"],
@@ -168,5 +168,5 @@ def load(path: Path) -> DrawList:
             tuple(arrays["dropped"].tolist()),
             (extent[2], extent[3]),
         )
-    found.check()
-    return found
+    draw_list.check()
+    return draw_list
