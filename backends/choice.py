@@ -9,9 +9,9 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from backends import selftest, verdicts
 from backends.contract import BACKENDS
-from backends.verdicts import Identity
+from backends.selftest import run, verdicts
+from backends.selftest.verdicts import Identity
 from common.errors import StrataError, UnsupportedError, UserError
 from common.names import suggest
 from common.reports import waiting
@@ -48,7 +48,7 @@ def probe(backend: str) -> tuple[str, str]:
     devices, as the renderer does next anyway. A driver's first trial takes seconds, and its verdicts are kept.
     """
     if backend == "gl":
-        from backends.gl.probe import ask
+        from backends.gl.driver.probe import ask
 
         probed = ask()
         _try_out("gl", probed.identity, 0, probed.advertised)
@@ -75,7 +75,7 @@ def probe(backend: str) -> tuple[str, str]:
 
 def _try_out(backend: str, identity: Identity, number: int, advertised: Collection[str]) -> None:
     """Try a device by self-tests where no verdicts are kept for its driver; say so if that takes long."""
-    if not selftest.untried(backend, identity, advertised):
+    if not run.untried(backend, identity, advertised):
         return
 
     def sentence() -> str:
@@ -84,11 +84,11 @@ def _try_out(backend: str, identity: Identity, number: int, advertised: Collecti
             kept = f"at each start, since nothing can be kept in {verdicts.folder()}"
         return (
             f"trying what {NAMES[backend]} on {identity.device} can do, {kept}; a use that takes longer than "
-            f"{selftest.TIMEOUT_S:g} s is stopped and counts as missing."
+            f"{run.TIMEOUT_S:g} s is stopped and counts as missing."
         )
 
     with waiting.told(sentence):
-        selftest.judge_device(backend, identity, number, advertised)
+        run.judge_device(backend, identity, number, advertised)
 
 
 def gpu_possible() -> bool:

@@ -1,8 +1,8 @@
 """What a program fills for a shader before it draws: bindings, blocks, vertex inputs; and whether a new text fits it.
 
-A shader may be edited while the program runs, the program itself may not. So what both must agree upon is compared:
-for Vulkan it is read from the SPIR-V (`backends.vulkan.spirv_interface`), for OpenGL it is asked from the driver
-(`backends.gl.program_interface`).
+A shader may be edited while the program runs, the program itself may not. So the interfaces of the old and the new
+shader are compared. For Vulkan they are read from the SPIR-V (`backends.vulkan.shaders.spirv_interface`); for OpenGL
+the driver returns them (`backends.gl.program_interface`).
 """
 
 from __future__ import annotations

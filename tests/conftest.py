@@ -14,8 +14,9 @@ from typing import Any
 
 import pytest
 
-from backends import choice, verdicts
+from backends import choice
 from backends.gl.context import Context
+from backends.selftest import verdicts
 from backends.vulkan.device import Device
 from backends.vulkan.instance import VALIDATION_LAYER, Instance
 from common.errors import UnsupportedError

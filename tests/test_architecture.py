@@ -85,7 +85,7 @@ WORDS = re.compile("|".join((*BY_NAME, *BY_OTHER_MEANS, *BUILTIN, "packages")))
 
 UNKNOWN_TARGETS = {
     "assets/scenes.py": "the generator of a scene, which its entry in the list of scenes names",
-    "backends/selftest.py": "the self-test of a use, whose module `module_of` names in backends.*.selftests",
+    "backends/selftest/run.py": "the self-test of a use, whose module `module_of` names in backends.*.selftests",
     "chapters/ch04/frames/backend/backend.py": "the module of an API, beside it or in a subject's folder",
     "chapters/ch05/frames/backend/backend.py": "the module of an API, beside it or in a subject's folder",
     "backends/vulkan/api.py": "one file of the package vulkan, without the package",
@@ -132,7 +132,7 @@ exec("import chapters")
     targets = dynamic_imports(text)
     assert targets.count(None) == 5
     assert refused("common/packages.py", targets) == ["chapters.ch02.renderer", "backends", "moderngl"]
-    assert refused("backends/selftest.py", targets) == ["chapters.ch02.renderer"]
+    assert refused("backends/selftest/run.py", targets) == ["chapters.ch02.renderer"]
     assert refused("common/images/images.py", targets)[3:] == ["not known from the text"] * 5
     assert refused("chapters/ch02/renderer.py", targets[:4]) == []
     assert refused("chapters/ch01/renderer.py", targets[:4]) == ["chapters.ch02.renderer"]
@@ -342,6 +342,23 @@ def test_a_shared_run_is_found(tmp_path):
     assert equal_runs({path.name: lines_of(path) for path in (one, other)}) == {("one.py", "other.py")}
     other.write_text(other.read_text().replace("x3", "y3"))
     assert equal_runs({path.name: lines_of(path) for path in (one, other)}) == set()
+
+
+MOST_MODULES = 14
+"""Modules of one folder, `__init__.py` aside, that a reader still takes in at a glance."""
+
+STARS = {"studies", "benches", "selftests"}
+"""Folders of independent programs, one a module: what one of them is called says what it does."""
+
+
+def test_no_folder_has_more_modules_than_a_reader_takes_in():
+    counts: dict[str, int] = {}
+    for top in ("chapters", "common", "backends", "tools"):
+        for path in (ROOT / top).rglob("*.py"):
+            if path.name != "__init__.py" and not STARS & {*path.parts}:
+                counts[shown(path.parent)] = counts.get(shown(path.parent), 0) + 1
+    assert len(counts) > 50
+    assert {folder: count for folder, count in counts.items() if count > MOST_MODULES} == {}
 
 
 def test_nothing_runs_the_python_layer_of_the_vulkan_package():

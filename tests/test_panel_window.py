@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import chapters
-from backends.gl import present
+from backends.gl.window import present
 from backends.vulkan.instance import VALIDATION_LAYER, Instance
 from chapters.ch01.settings import Settings
 from common.errors import UserError

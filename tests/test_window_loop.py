@@ -433,7 +433,7 @@ def test_a_chapter_that_does_not_open_leaves_no_window(display):
 def test_a_window_that_another_program_destroys_ends_the_loop_with_a_sentence(display, monkeypatch, backend):
     windows, kept = catch_windows(monkeypatch), []
     if backend == "gl":
-        from backends.gl import present
+        from backends.gl.window import present
 
         monkeypatch.setattr(present, "Window", windows_of(present.Window, windows))
 

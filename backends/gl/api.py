@@ -13,9 +13,9 @@ from typing import Any
 import cffi
 import numpy as np
 
-from backends.gl.calls import CALLS, TYPES
-from backends.gl.constants import *  # noqa: F403
-from backends.gl.constants import (
+from backends.gl.driver.calls import CALLS, TYPES
+from backends.gl.driver.constants import *  # noqa: F403
+from backends.gl.driver.constants import (
     GL_INVALID_ENUM,
     GL_INVALID_FRAMEBUFFER_OPERATION,
     GL_INVALID_OPERATION,

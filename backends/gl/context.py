@@ -7,11 +7,11 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any, Literal
 
-from backends import verdicts
 from backends.contract import check_without
 from backends.gl import api as gl
-from backends.gl import capabilities as gc
-from backends.gl.debug import DebugSink
+from backends.gl.driver import capabilities as gc
+from backends.gl.driver.debug import DebugSink
+from backends.selftest import verdicts
 from common.errors import DeviceError, UnsupportedError
 from common.names import visible
 

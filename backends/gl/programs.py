@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from backends.gl import api as gl
-from backends.gl.capabilities import SAMPLERS, STORAGE_BUFFERS
 from backends.gl.context import Context
+from backends.gl.driver.capabilities import SAMPLERS, STORAGE_BUFFERS
 from backends.gl.program_interface import interface_of
 from backends.shader_interface import Interface, misfit, refusal
 from backends.shader_text import ShaderSource, describe_errors

@@ -15,7 +15,7 @@ from backends.shader_text import ShaderSource
 from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 from backends.vulkan.resources import Buffer
-from backends.vulkan.shaders import compile_shader
+from backends.vulkan.shaders.compiler import compile_shader
 
 Kind = Literal["texture", "image", "storage"]
 

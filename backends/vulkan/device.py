@@ -7,10 +7,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from backends import verdicts
 from backends.contract import Capabilities, check_without
+from backends.selftest import verdicts
 from backends.vulkan import api as vk
-from backends.vulkan import features as vf
+from backends.vulkan.driver import features as vf
 from backends.vulkan.instance import Instance, PhysicalDevice, choose, feature_chain, find_family
 from common.errors import DeviceError
 from common.names import visible

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Literal
 
-from backends import verdicts
+from backends.selftest import verdicts
 from backends.vulkan import api as vk
-from backends.vulkan import features as vf
-from backends.vulkan.debug import ValidationSink
+from backends.vulkan.driver import features as vf
+from backends.vulkan.driver.debug import ValidationSink
 from common.errors import UnsupportedError, UserError
 
 VALIDATION_LAYER = "VK_LAYER_KHRONOS_validation"

@@ -23,7 +23,7 @@ from backends.vulkan.resources import (
     create_level_views,
     destroy_buffer,
 )
-from backends.vulkan.shaders import compile_shader
+from backends.vulkan.shaders.compiler import compile_shader
 from common.images import blocks
 from common.paths import ROOT
 

@@ -8,14 +8,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from common.gltf.accessors import Accessors
-from common.gltf.deformation import Skin, bake_targets, check_joints, read_skin, rest_weights
 from common.gltf.document import Document, Object
+from common.gltf.geometry.deformation import Skin, bake_targets, check_joints, read_skin, rest_weights
+from common.gltf.geometry.pools import Pools
+from common.gltf.geometry.primitives import PrimitiveReader
+from common.gltf.geometry.surface import Surface
 from common.gltf.materials import MaterialKey
 from common.gltf.nodes import Forest
-from common.gltf.pools import Pools
-from common.gltf.primitives import PrimitiveReader
 from common.gltf.refusal import refuse
-from common.gltf.surface import Surface
 from common.numerics.transforms import compose
 from common.scene import Animation, Deformation, Float64, Instances
 

@@ -15,11 +15,11 @@ from common.gltf.accessors import Accessors
 from common.gltf.animation import read_animations
 from common.gltf.container import Opened
 from common.gltf.document import Document, read_document
+from common.gltf.geometry.primitives import PrimitiveReader
 from common.gltf.images import ImageDecoder
 from common.gltf.instances import read_instances
 from common.gltf.materials import MaterialKey, Materials
 from common.gltf.nodes import Forest, read_cameras, read_forest, read_lights
-from common.gltf.primitives import PrimitiveReader
 from common.gltf.refusal import Refusal, refuse
 from common.names import shortened, visible
 from common.scene import NUMBER_LIMIT, Scene

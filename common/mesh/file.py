@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from common.errors import SceneError
 from common.files.regular_files import read_regular
-from common.gltf.pools import MAX_INDICES
+from common.gltf.geometry.pools import MAX_INDICES
 from common.mesh.pools import mesh_indices
 from common.paths import write_whole
 from common.scene import Scene, UInt32

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.errors import UserError
-from common.gltf.pools import MAX_INDICES
-from common.gltf.surface import MAX_VERTICES
+from common.gltf.geometry.pools import MAX_INDICES
+from common.gltf.geometry.surface import MAX_VERTICES
 from common.mesh.pools import ATTRIBUTES, gathered, mesh_indices, rebuilt
 from common.numerics.transforms import normal_matrix, translation
 from common.scene import MESH_DTYPE, Float32, Float64, Instances, Nodes, Scene, UInt32

@@ -15,11 +15,11 @@ from typing import Any, NoReturn
 import numpy as np
 
 from common.errors import SceneError
-from common.gltf.completion import flat_normals, smooth_normals
 from common.gltf.container import map_file, read_uri
-from common.gltf.pools import Pools
+from common.gltf.geometry.completion import flat_normals, smooth_normals
+from common.gltf.geometry.pools import Pools
+from common.gltf.geometry.surface import Surface
 from common.gltf.refusal import Refusal, refuse
-from common.gltf.surface import Surface
 from common.names import shortened, visible
 from common.scene import NUMBER_LIMIT, Float32, Instances, Material, Nodes, Scene
 

@@ -15,7 +15,7 @@ import pytest
 
 from backends.shader_text import build_text
 from backends.vulkan import api as vk
-from backends.vulkan import glslang
+from backends.vulkan.shaders import glslang
 from common.errors import DeviceError, UnsupportedError
 from tests.support.timing import least_times, timed
 

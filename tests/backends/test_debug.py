@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from backends.vulkan import api as vk
-from backends.vulkan.debug import ALLOWED, ValidationSink
 from backends.vulkan.device import Device
+from backends.vulkan.driver.debug import ALLOWED, ValidationSink
 from backends.vulkan.instance import VALIDATION_LAYER, Instance
 from backends.vulkan.once import submit_once
 from backends.vulkan.resources import create_buffer, destroy_buffer

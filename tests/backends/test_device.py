@@ -10,9 +10,9 @@ import pytest
 from backends.contract import check_without, resolve
 from backends.features import FEATURES
 from backends.vulkan import api as vk
-from backends.vulkan import features as vf
 from backends.vulkan import resources
 from backends.vulkan.device import Device, capabilities
+from backends.vulkan.driver import features as vf
 from backends.vulkan.instance import Instance, choose, find_family
 from common.errors import DeviceError, UnsupportedError, UserError
 from tests.support.devices import (

@@ -15,8 +15,8 @@ from pathlib import Path
 import pytest
 
 from backends.shader_text import STAGES, ShaderSource, build_text
-from backends.vulkan import glslang
-from backends.vulkan.shaders import MAGIC
+from backends.vulkan.shaders import glslang
+from backends.vulkan.shaders.compiler import MAGIC
 from common.errors import UnsupportedError
 from tests.support.timing import least_time, timed
 
@@ -269,7 +269,7 @@ def test_a_library_that_does_not_load_is_passed_over(
 
 
 def test_asking_for_the_version_does_not_load_the_library() -> None:
-    code = "from backends.vulkan import glslang as g; g.compiler_version(); raise SystemExit(g.is_loaded())"
+    code = "from backends.vulkan.shaders import glslang as g; g.compiler_version(); raise SystemExit(g.is_loaded())"
     try:
         glslang.compiler_version()
     except UnsupportedError as error:

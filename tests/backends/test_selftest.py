@@ -15,10 +15,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from backends import selftest, verdicts
 from backends.contract import Capabilities, resolve
 from backends.features import FEATURES, MAIN_USES, OTHER_USES, REQUIRED_USES
-from backends.verdicts import OK, UNCHECKED, Identity
+from backends.selftest import run as selftest
+from backends.selftest import verdicts
+from backends.selftest.verdicts import OK, UNCHECKED, Identity
 from backends.vulkan.device import Device, capabilities
 from backends.vulkan.instance import choose
 from backends.vulkan.selftests import pages, triangles
@@ -171,7 +172,7 @@ def test_a_child_that_hangs_ends_with_its_parent(tmp_path: Path) -> None:
     child = f"""
 import os, sys, time
 from pathlib import Path
-from backends import selftest
+from backends.selftest import run as selftest
 selftest.begin_child()
 selftest.tell(selftest.OPENED, "ok")
 Path({str(hung)!r}).write_text(str(os.getpid()))
@@ -179,7 +180,7 @@ time.sleep(60)
 """
     parent = f"""
 import sys
-from backends import selftest
+from backends.selftest import run as selftest
 selftest.judge_all("vulkan", 0, ["a/b"], timeout_s=60.0, child=[sys.executable, "-P", "-c", {child!r}])
 """
     with subprocess.Popen([sys.executable, "-P", "-c", parent], env=selftest.child_environment()) as process:
@@ -553,13 +554,17 @@ def test_the_self_tests_are_hashed_whole(tmp_path: Path, monkeypatch: pytest.Mon
     folder = tmp_path / "backends"
     for api in ("vulkan", "gl"):
         shutil.copytree(ROOT / "backends" / api / "selftests", folder / api / "selftests")
-    for path in (ROOT / "backends").glob("selftest*.py"):
-        shutil.copy(path, folder)
+    shutil.copytree(ROOT / "backends" / "selftest", folder / "selftest")
     monkeypatch.setattr(verdicts, "ROOT", tmp_path)
     fresh = verdicts.sources_hash.__wrapped__
     before = fresh()
     assert before == verdicts.sources_hash()
-    for name in ("selftest.py", "vulkan/selftests/bench.py", "gl/selftests/bench.py", "gl/selftests/new.py"):
+    for name in (
+        "selftest/run.py",
+        "vulkan/selftests/bench.py",
+        "gl/selftests/bench.py",
+        "gl/selftests/new.py",
+    ):
         with (folder / name).open("a") as file:
             file.write("# changed\n")
         after = fresh()

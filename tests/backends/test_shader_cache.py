@@ -15,12 +15,13 @@ import pytest
 
 from backends.shader_text import ShaderSource, build, build_text
 from backends.vulkan import api as vk
-from backends.vulkan import glslang, shaders
 from backends.vulkan.barriers import barriers
 from backends.vulkan.readback import TO_HOST
 from backends.vulkan.selftests import bindings
 from backends.vulkan.selftests.bench import Bench, Program
-from backends.vulkan.shaders import Compiler, Counters, check_module
+from backends.vulkan.shaders import compiler as shaders
+from backends.vulkan.shaders import glslang
+from backends.vulkan.shaders.compiler import Compiler, Counters, check_module
 from common.errors import ShaderError, UnsupportedError
 
 spirv_compile = pytest.mark.feature("device/spirv-compile")
@@ -81,7 +82,8 @@ def test_a_device_takes_what_was_compiled_and_what_was_kept(vulkan_device, tmp_p
 @spirv_compile
 def test_a_warm_process_does_not_load_the_compiler(tmp_path: Path) -> None:
     code = (
-        "from backends.shader_text import build_text; from backends.vulkan import glslang, shaders\n"
+        "from backends.shader_text import build_text\n"
+        "from backends.vulkan.shaders import compiler as shaders, glslang\n"
         "shaders.compile_all([build_text('void main() {}', stage, 'vulkan') for stage in ('vert', 'frag')])\n"
         "print(shaders.shared().counters, glslang.is_loaded())"
     )

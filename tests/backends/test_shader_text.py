@@ -13,7 +13,7 @@ import pytest
 
 from backends import shader_text
 from backends.shader_text import ShaderSource, build, build_text, describe_errors, literal
-from backends.vulkan import glslang
+from backends.vulkan.shaders import glslang
 from common.errors import ShaderError, UnsupportedError
 from common.paths import ROOT
 

@@ -9,8 +9,13 @@ import pytest
 
 from backends.vulkan import api as vk
 from backends.vulkan.instance import VALIDATION_LAYER, Instance
-from backends.vulkan.screen import Screen, choose_presenting, loader_address
-from backends.vulkan.swapchain import choose_extent, choose_format, choose_image_count, choose_present_mode
+from backends.vulkan.window.screen import Screen, choose_presenting, loader_address
+from backends.vulkan.window.swapchain import (
+    choose_extent,
+    choose_format,
+    choose_image_count,
+    choose_present_mode,
+)
 from backends.window import Window
 from chapters.ch01.renderer import Renderer
 from common.errors import StaleFrameError, UnsupportedError, UserError

@@ -9,8 +9,8 @@ import pytest
 
 from backends import shader_text
 from backends.gl import api as gl
-from backends.gl import constants as gl_constants
 from backends.gl import resources as gl_resources
+from backends.gl.driver import constants as gl_constants
 from backends.gl.programs import Programs
 from backends.vulkan import api as vk
 from backends.vulkan.barriers import barriers

@@ -24,7 +24,7 @@ pytestmark = pytest.mark.every_chapter
 START = """
 import hashlib, json, sys
 from assets import locate
-from backends.vulkan import glslang, shaders
+from backends.vulkan.shaders import compiler as shaders, glslang
 import chapters
 from common.view.camera import view_of_scene
 from common.gltf import load_scene

@@ -14,7 +14,7 @@ from backends.vulkan.barriers import barriers, transition
 from backends.vulkan.once import submit_once
 from backends.vulkan.readback import read_image
 from backends.vulkan.resources import FORMATS, Image, create_buffer, destroy_buffer
-from backends.vulkan.shaders import compile_shader
+from backends.vulkan.shaders.compiler import compile_shader
 from backends.vulkan.upload import Uploader
 from chapters.ch02.frames.vulkan import SLOTS
 from chapters.ch02.frames.vulkan_resources import Resources

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from backends.vulkan import features as vf
 from backends.vulkan.device import capabilities
-from backends.vulkan.shaders import compile_shader
+from backends.vulkan.driver import features as vf
+from backends.vulkan.shaders.compiler import compile_shader
 from chapters.ch02.pipelines import vulkan
 from chapters.ch02.pipelines.vulkan import CHAPTER, source_of
 from chapters.ch02.pipelines.vulkan_layouts import Layouts

@@ -15,7 +15,7 @@ from backends.vulkan.barriers import transition
 from backends.vulkan.once import submit_once
 from backends.vulkan.readback import read_image
 from backends.vulkan.resources import create_buffer, create_image, destroy_buffer, destroy_image
-from backends.vulkan.shaders import compile_shader
+from backends.vulkan.shaders.compiler import compile_shader
 from chapters.ch02.pipelines import vulkan_layouts
 from chapters.ch02.pipelines.description import PipelineDescription
 from chapters.ch02.pipelines.vulkan import Pipelines

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from backends import shader_text
-from backends.vulkan.shaders import compile_shader
+from backends.vulkan.shaders.compiler import compile_shader
 from chapters.ch02.pipelines.spirv.declared import mismatch
 from chapters.ch02.pipelines.spirv.parser import parse
 from chapters.ch02.pipelines.spirv.words import SpirvError, instructions, words_of

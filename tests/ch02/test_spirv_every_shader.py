@@ -10,7 +10,7 @@ import pytest
 
 from backends import shader_text
 from backends.shader_text import STAGES
-from backends.vulkan.shaders import shared
+from backends.vulkan.shaders.compiler import shared
 from chapters.ch02.pipelines.spirv import parser
 from chapters.ch02.pipelines.spirv.declared import Kind
 from chapters.ch02.pipelines.spirv.words import instructions, words_of

@@ -8,9 +8,9 @@ import pytest
 import chapters
 from backends.gl import api as gl
 from backends.gl.context import Context
-from backends.gl.present import blit
 from backends.gl.resources import create_image, destroy_image
 from backends.gl.targets import create_framebuffer, destroy_framebuffer
+from backends.gl.window.present import blit
 from chapters.ch04.gl import Renderer
 from chapters.ch04.settings import Settings
 from common.errors import DeviceError, UnsupportedError

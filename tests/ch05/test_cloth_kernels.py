@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from backends import shader_text
-from backends.vulkan.shaders import compile_shader
+from backends.vulkan.shaders.compiler import compile_shader
 from chapters.ch05.benches import measures as measures
 from chapters.ch05.benches.twin import Twin
 from chapters.ch05.cloth import dispatches as jobs

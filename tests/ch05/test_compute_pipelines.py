@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from backends import shader_text
-from backends.vulkan.shaders import compile_shader
+from backends.vulkan.shaders.compiler import compile_shader
 from chapters.ch05.frames.dispatches import MOST_GROUPS, group_count
 from chapters.ch05.pipelines.spirv.shared_memory import shared_bytes
 from common.errors import ShaderError, UnsupportedError

@@ -17,8 +17,8 @@ import pytest
 from rich.console import Console
 
 import chapters
-from backends import selftest
 from backends.features import FEATURES
+from backends.selftest import run
 from common.lessons import Lesson, Needs
 from common.paths import ROOT
 from tools.doctor import doctor
@@ -59,7 +59,7 @@ def strata(*words: str, **environment: str) -> subprocess.CompletedProcess[str]:
     """Run the command line as a user does, in another folder."""
     return subprocess.run(
         [sys.executable, "-P", "-m", "chapters", *words],
-        env={**selftest.child_environment(), "COLUMNS": "160", **environment},
+        env={**run.child_environment(), "COLUMNS": "160", **environment},
         cwd="/" if sys.platform != "win32" else None,
         capture_output=True,
         text=True,
@@ -71,7 +71,7 @@ def examined(selftest: bool = False) -> tuple[int, dict[str, Any]]:
     """Return exit code and report of `strata doctor --json` in this process."""
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed):
-        code = doctor.run(json=True, selftest=selftest)
+        code = doctor.run(json=True, selftest=run)
     return code, json.loads(printed.getvalue())
 
 
@@ -389,7 +389,7 @@ def test_a_device_that_failed_is_tried_again_when_that_is_asked_for(monkeypatch:
         )
 
     monkeypatch.setattr(doctor, "ask", ask)
-    monkeypatch.setattr(selftest, "judge_device", lambda *_, again: tried.append(again))
+    monkeypatch.setattr(run, "judge_device", lambda *_, again: tried.append(again))
     monkeypatch.setattr(doctor.trial, "judge", lambda *_: None)
     assert not doctor.report()["works"]
     assert doctor.report(selftest=True)["works"]
@@ -410,7 +410,7 @@ def test_selftest_tries_what_is_advertised_and_asks_again(monkeypatch: pytest.Mo
         told("fp64/arithmetic", "wrong: half")
 
     monkeypatch.setattr(doctor, "ask", ask)
-    monkeypatch.setattr(selftest, "judge_device", judge_device)
+    monkeypatch.setattr(run, "judge_device", judge_device)
     monkeypatch.setattr(doctor.trial, "judge", lambda *_: None)
     heard: list[str] = []
     report = doctor.report(selftest=True, progress=lambda what, part: heard.append(what))

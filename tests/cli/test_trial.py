@@ -12,9 +12,10 @@ from pathlib import Path
 import pytest
 
 import chapters
-from backends import choice, selftest, verdicts
+from backends import choice
 from backends.choice import Choice
-from backends.verdicts import UNCHECKED, Identity
+from backends.selftest import run, verdicts
+from backends.selftest.verdicts import UNCHECKED, Identity
 from common.errors import UnsupportedError
 from tools.doctor import trial
 
@@ -43,7 +44,7 @@ def tried(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Tried:
     kinds = {"vulkan": ("discrete", VULKAN.device), "gl": ("software", GL.device)}
     monkeypatch.setenv("STRATA_VERDICTS", str(tmp_path / "verdicts"))
     monkeypatch.setattr(verdicts, "_unkept", {})
-    monkeypatch.setattr(selftest, "judge_all", made.judge_all)
+    monkeypatch.setattr(run, "judge_all", made.judge_all)
     monkeypatch.setattr(choice, "probe", lambda backend: kinds[backend])
     monkeypatch.setattr(choice, "identities", {"vulkan": VULKAN, "gl": GL})
     trial.problem_of.cache_clear()
@@ -151,7 +152,7 @@ def test_studies_and_devices_alone_are_not_tried(monkeypatch: pytest.MonkeyPatch
 def test_the_newest_chapter_passes_its_trial_in_a_child(backend: str, vulkan_instance) -> None:
     """The child of a real trial says ok for the newest chapter, on either backend."""
     number = chapters.available()[-1]
-    found = selftest.judge_all(
+    found = run.judge_all(
         backend, 0, [f"chapter-{number}/frame"], timeout_s=trial.TIMEOUT_S, child=trial.CHILD
     )
     assert found == {f"chapter-{number}": {"frame": "ok"}}
@@ -187,7 +188,7 @@ def test_a_chapter_that_draws_something_else_fails(
     text = shader.read_text()
     assert before in text
     shader.write_text(text.replace(before, after, 1))
-    child = selftest.child_environment()
+    child = run.child_environment()
     done = subprocess.run(
         [sys.executable, "-P", "-m", "tools.doctor.trial", "vulkan", "0", "chapter-1/frame"],
         env={**child, "PYTHONPATH": os.pathsep.join([str(tmp_path), child["PYTHONPATH"]])},

@@ -10,8 +10,8 @@ from backends import shader_text
 from backends.gl import program_interface
 from backends.gl.programs import Programs
 from backends.shader_interface import Field, Slot, misfit
-from backends.vulkan import spirv_interface
-from backends.vulkan.shaders import compile_all
+from backends.vulkan.shaders import spirv_interface
+from backends.vulkan.shaders.compiler import compile_all
 from chapters.ch01.pipelines.vulkan import CHAPTER
 from common import layouts
 from tests.support.timing import least_time, timed

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import chapters
-from backends.vulkan import shaders as compiler
+from backends.vulkan.shaders import compiler as compiler
 from chapters.ch01.environment.model import files_at_start
 from chapters.ch01.frames import stream
 from common.errors import ShaderError

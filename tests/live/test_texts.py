@@ -6,8 +6,8 @@ import pytest
 
 from backends.gl.programs import Programs
 from backends.shader_text import build, describe_errors
-from backends.vulkan import glslang
-from backends.vulkan.shaders import Compiler
+from backends.vulkan.shaders import glslang
+from backends.vulkan.shaders.compiler import Compiler
 from common.errors import ShaderError
 from tests.support.drivers import needs_line_marks
 

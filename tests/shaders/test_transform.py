@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from backends.shader_text import build_text
-from backends.vulkan.shaders import compile_shader
+from backends.vulkan.shaders.compiler import compile_shader
 from tests.support.gpu_functions import evaluate
 
 COUNT = 5000

@@ -14,7 +14,7 @@ from tools.ledger.results import Area, Run
 from tools.site import pairs as site_pairs
 from tools.site import tables
 from tools.site.draft import Draft
-from tools.site.overlay import overlays
+from tools.site.pairs import overlays
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import pytest
 
 import chapters
 from backends.gl import api as gl
-from backends.gl.capabilities import extensions
+from backends.gl.driver.capabilities import extensions
 from chapters import studies
 from chapters.ch02.studies.texture_handles import ACROSS, COUNT, DOWN, EXTENSION, Settings, defines, textures
 from common.errors import UnsupportedError

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from backends.gl.capabilities import integer
+from backends.gl.driver.capabilities import integer
 from common.images.color import decode_srgb
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from backends.vulkan import api as vk
-from backends.vulkan import features as vf
+from backends.vulkan.driver import features as vf
 from backends.vulkan.instance import PhysicalDevice, QueueFamily
 
 GRAPHICS, COMPUTE, TRANSFER, SPARSE = (

@@ -6,19 +6,19 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from backends.gl import draw_lists as gl_lists
 from backends.gl import readback as gl_readback
 from backends.gl import resources as gl_resources
 from backends.gl.context import Context
 from backends.gl.targets import create_framebuffer, destroy_framebuffer
+from backends.gl.window import draw_lists as gl_lists
 from backends.vulkan import api as vk
-from backends.vulkan import draw_lists as vulkan_lists
 from backends.vulkan.barriers import transition
 from backends.vulkan.device import Device
 from backends.vulkan.once import submit_once
 from backends.vulkan.readback import read_image
 from backends.vulkan.resources import FORMATS, create_image, destroy_image
 from backends.vulkan.upload import Uploader
+from backends.vulkan.window import draw_lists as vulkan_lists
 from common.view.draw_lists import VERTEX, DrawList
 
 

@@ -22,7 +22,7 @@ from backends.vulkan.resources import (
     destroy_buffer,
     destroy_image,
 )
-from backends.vulkan.shaders import compile_shader
+from backends.vulkan.shaders.compiler import compile_shader
 
 FULLSCREEN = """
 void main() {

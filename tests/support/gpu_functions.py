@@ -24,7 +24,7 @@ from backends.vulkan.barriers import barriers
 from backends.vulkan.device import Device
 from backends.vulkan.once import submit_once
 from backends.vulkan.resources import Buffer, create_buffer, destroy_buffer
-from backends.vulkan.shaders import compile_shader
+from backends.vulkan.shaders.compiler import compile_shader
 
 GROUP = 64
 

@@ -28,7 +28,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from backends import choice, verdicts
+from backends import choice
+from backends.selftest import verdicts
 from common.errors import StrataError, UnsupportedError, UserError
 from common.names import suggest
 from common.paths import ROOT, asset_dir, write_whole

@@ -19,7 +19,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from backends import verdicts
+from backends.selftest import verdicts
 from common.paths import ROOT, user_cache
 
 OPENING = {"open", "os.listdir", "os.scandir"}

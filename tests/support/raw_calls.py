@@ -11,8 +11,8 @@ from collections.abc import Callable
 from typing import Any
 
 from backends.gl import api as gl
-from backends.gl.calls import CALLS
 from backends.gl.context import Context
+from backends.gl.driver.calls import CALLS
 from backends.vulkan import api as vk
 from tests.support.gl_functions import noted
 

@@ -26,7 +26,7 @@ import numpy as np
 from rich.console import Console
 
 import chapters
-from backends import verdicts
+from backends.selftest import verdicts
 from backends.vulkan import api as vk
 from common.errors import DeviceError
 from common.paths import ROOT

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 import chapters
-from backends import verdicts
+from backends.selftest import verdicts
 from chapters import scenes
 from common.reports.benches import Effort, errors
 from common.settings import Sweep, flat, preset, replaced

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import chapters
-from backends import verdicts
+from backends.selftest import verdicts
 from common.errors import DeviceError
 from common.paths import ROOT
 
@@ -29,7 +29,7 @@ def steps(
     chapter: chapters.Whole, backend: str, scene: str, size: tuple[int, int], began: float
 ) -> dict[str, float]:
     """Go from nothing to a picture on the CPU; return the seconds of each step and "total"."""
-    from backends.vulkan import shaders
+    from backends.vulkan.shaders import compiler
     from chapters import scenes
     from common.settings import preset
 
@@ -51,7 +51,7 @@ def steps(
         renderer.render(chapters.view_of(renderer)).image("color")
         step("first frame")
     times["total"] = sum(times.values())
-    times["shaders_compiled"] = shaders.shared().counters.compiled
+    times["shaders_compiled"] = compiler.shared().counters.compiled
     return {name: round(value, 4) for name, value in times.items()}
 
 

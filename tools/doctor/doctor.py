@@ -21,9 +21,9 @@ from typing import Any
 
 import chapters
 from backends import choice
-from backends import selftest as trials
 from backends.features import FEATURES
-from backends.verdicts import Identity
+from backends.selftest import run as trials
+from backends.selftest.verdicts import Identity
 from common.errors import UnsupportedError
 from common.paths import ROOT, asset_dir, cache_problem, user_cache
 from tools.doctor import trial

@@ -20,7 +20,7 @@ from common.errors import StrataError, UnsupportedError, UserError
 
 def vulkan() -> Iterator[dict[str, Any]]:
     """Yield the loader, then the layers, then each device, then which one Strata takes."""
-    from backends import verdicts
+    from backends.selftest import verdicts
     from backends.vulkan import api as vk
     from backends.vulkan import device as vd
     from backends.vulkan.instance import Instance, choose
@@ -98,9 +98,10 @@ def _mapped(name: str) -> str | None:
 
 def gl() -> Iterator[dict[str, Any]]:
     """Yield what Strata's OpenGL context without a window says of itself, and what it can do."""
-    from backends import verdicts
-    from backends.gl import api, capabilities
+    from backends.gl import api
     from backends.gl.context import Context
+    from backends.gl.driver import capabilities
+    from backends.selftest import verdicts
 
     with Context(
         believe=True
@@ -152,7 +153,7 @@ def display() -> Iterator[dict[str, Any]]:
 def compilers() -> Iterator[dict[str, Any]]:
     """Yield each GLSL compiler, tried on a small shader."""
     from backends.shader_text import build_text
-    from backends.vulkan import glslang
+    from backends.vulkan.shaders import glslang
 
     source = build_text("layout(local_size_x = 1) in; void main() {}", "comp", "vulkan")
     folder = glslang.wheel_folder()

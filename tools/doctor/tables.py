@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from backends.features import REQUIRED_USES
-from backends.verdicts import OK, UNCHECKED
+from backends.selftest.verdicts import OK, UNCHECKED
 from common.reports.tables import table
 
 Report = dict[str, Any]

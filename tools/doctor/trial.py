@@ -19,8 +19,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import chapters
-from backends import choice, selftest, verdicts
-from backends.verdicts import OK, UNCHECKED, Identity
+from backends import choice
+from backends.selftest import run as selftest
+from backends.selftest import verdicts
+from backends.selftest.verdicts import OK, UNCHECKED, Identity
 from common.errors import UnsupportedError
 from common.reports import waiting
 

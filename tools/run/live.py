@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 from backends.contract import Reloaded
 from backends.shader_text import STAGES
-from backends.vulkan.live import check_alone, compiled_alone
+from backends.vulkan.shaders.live import check_alone, compiled_alone
 from common.errors import ShaderError, StrataError
 from common.files import shader_files
 from common.files.shader_files import State, shown_path

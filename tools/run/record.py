@@ -77,7 +77,7 @@ class Log:
 
     def record(self) -> dict[str, Any]:
         """Return everything as JSON has it."""
-        from backends.vulkan.shaders import shared
+        from backends.vulkan.shaders.compiler import shared
 
         scene, capabilities, renderer = self.renderer.scene, self.renderer.capabilities, self.renderer
         return {

@@ -24,7 +24,7 @@ from tools.site import plot
 from tools.site.code import following
 from tools.site.draft import Draft
 from tools.site.glossary import linked
-from tools.site.overlay import overlays
+from tools.site.pairs import overlays
 from tools.site.records import lacks, records_of
 
 GRAPH_SIZE = (640, 360)

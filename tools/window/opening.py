@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 def open_screen(backend: str, window: Window, **options: Any) -> Any:
     """Return the backend's `Screen`: a device for renderers, and what brings their pictures into the window."""
     if backend == "gl":
-        from backends.gl.screen import Screen as OnGl
+        from backends.gl.window.screen import Screen as OnGl
 
         return OnGl(window, **options)
-    from backends.vulkan.screen import Screen as OnVulkan
+    from backends.vulkan.window.screen import Screen as OnVulkan
 
     return OnVulkan(window, **options)
 

@@ -364,10 +364,10 @@ def open_window(backend: str, size: tuple[int, int], title: str) -> Window:
     """Open a window for a renderer on "vulkan" or "gl"."""
     inputs = Inputs(bindings=BINDINGS)
     if backend == "gl":
-        from backends.gl import present
+        from backends.gl.window import present
 
         return present.open_window(size, title, inputs=inputs)
-    from backends.vulkan.screen import loader_address
+    from backends.vulkan.window.screen import loader_address
 
     return Window(size, title, "vulkan", inputs=inputs, loader=loader_address())
 

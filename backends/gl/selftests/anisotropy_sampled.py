@@ -12,7 +12,7 @@ import numpy as np
 from backends.gl import api as gl
 from backends.gl.selftests import texturing_edges
 from backends.gl.selftests.bench import Bench
-from backends.selftest_data import ANISOTROPY, FULL_SCREEN, too_slow
+from backends.selftest.data import ANISOTROPY, FULL_SCREEN, too_slow
 from common.scene import Sampler
 
 TRILINEAR = Sampler("linear", "linear", "linear", "clamp", "clamp")

@@ -34,7 +34,7 @@ from backends.gl.resources import (
 )
 from backends.gl.targets import begin, create_framebuffer, destroy_framebuffer
 from backends.gl.upload import Uploader
-from backends.selftest_data import SIZE, UNSET, Computation
+from backends.selftest.data import SIZE, UNSET, Computation
 from backends.shader_text import build_text
 from common.scene import Sampler
 

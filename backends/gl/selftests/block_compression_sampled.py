@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from backends import selftest_data as data
 from backends.gl.selftests.bench import NEAREST, Bench
+from backends.selftest import data as data
 
 
 def sampled(bench: Bench, block: data.Block) -> str:

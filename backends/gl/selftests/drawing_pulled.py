@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from backends import selftest_draws as data
 from backends.gl import api as gl
 from backends.gl.selftests.bench import Bench
+from backends.selftest import draws as data
 
 
 def run(bench: Bench) -> str:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from backends import selftest_data as data
 from backends.gl.selftests.bench import Bench
 from backends.gl.selftests.block_compression_sampled import sampled
+from backends.selftest import data as data
 
 
 def run(bench: Bench) -> str:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from backends import selftest_data as data
 from backends.gl.selftests.bench import Bench
+from backends.selftest import data as data
 
 
 def run(bench: Bench) -> str:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from backends import selftest_draws as data
 from backends.gl import api as gl
 from backends.gl.selftests.bench import Bench
+from backends.selftest import draws as data
 
 INDICES = np.arange(data.SQUARES_VERTICES, dtype=np.uint32)
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from backends import selftest_data as data
 from backends.gl import api as gl
 from backends.gl.selftests.bench import Bench
+from backends.selftest import data as data
 from common.scene import Sampler
 
 LINEAR = Sampler("linear", "linear", None, "clamp", "clamp")

@@ -5,9 +5,9 @@ Fragments beside the triangle, which only serve derivatives, must read buffers a
 
 from __future__ import annotations
 
-from backends import selftest_data as data
 from backends.gl import api as gl
 from backends.gl.selftests.bench import MIPMAPPED, Bench
+from backends.selftest import data as data
 from common.scene import Sampler
 
 

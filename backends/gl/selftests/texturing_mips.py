@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from backends import selftest_data as data
 from backends.gl import api as gl
 from backends.gl.selftests.bench import MIPMAPPED, Bench
+from backends.selftest import data as data
 
 
 def run(bench: Bench) -> str:

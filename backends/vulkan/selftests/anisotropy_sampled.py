@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from backends.selftest_data import too_slow
+from backends.selftest.data import too_slow
 from backends.vulkan import api as vk
 from backends.vulkan.resources import create_image, destroy_image
 from backends.vulkan.selftests import texturing_edges

@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from backends.selftest_data import FULL_SCREEN as FULL_SCREEN
-from backends.selftest_data import UNSET as UNSET
-from backends.selftest_data import Computation
-from backends.selftest_data import differ as differ
+from backends.selftest.data import FULL_SCREEN as FULL_SCREEN
+from backends.selftest.data import UNSET as UNSET
+from backends.selftest.data import Computation
+from backends.selftest.data import differ as differ
 from backends.shader_text import build_text
 from backends.vulkan import api as vk
 from backends.vulkan.barriers import barriers, transition
@@ -35,7 +35,7 @@ from backends.vulkan.resources import (
 )
 from backends.vulkan.selftests import bindings
 from backends.vulkan.selftests.bindings import Resource, Texture
-from backends.vulkan.shaders import compile_shader
+from backends.vulkan.shaders.compiler import compile_shader
 
 STAGES = {
     "vert": vk.VK_SHADER_STAGE_VERTEX_BIT,

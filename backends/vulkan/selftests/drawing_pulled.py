@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from backends import selftest_draws as data
+from backends.selftest import draws as data
 from backends.vulkan import api as vk
 from backends.vulkan.selftests.bench import Bench
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from backends import selftest_data as data
+from backends.selftest import data as data
 from backends.vulkan.selftests.bench import Bench
 from backends.vulkan.selftests.block_compression_sampled import sampled
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from backends import selftest_draws as data
+from backends.selftest import draws as data
 from backends.vulkan.selftests.bench import Bench
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from backends import selftest_data as data
+from backends.selftest import data as data
 from backends.vulkan import api as vk
 from backends.vulkan.selftests.bench import Bench
 

@@ -6,7 +6,7 @@ as the others do: the llvmpipe of Mesa 22.3 gives them zeros, and takes the coar
 
 from __future__ import annotations
 
-from backends import selftest_data as data
+from backends.selftest import data as data
 from backends.vulkan.selftests.bench import Bench
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from backends import shader_text
 from backends.vulkan import api as vk
-from backends.vulkan.shaders import compile_all
+from backends.vulkan.shaders.compiler import compile_all
 
 from ..frames.vulkan_commands import Commands
 from ..pipelines.description import Binding

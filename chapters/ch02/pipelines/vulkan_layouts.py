@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from backends.vulkan import api as vk
-from backends.vulkan import features as vf
 from backends.vulkan.device import Device
+from backends.vulkan.driver import features as vf
 from common.errors import ShaderError, UnsupportedError
 
 from .spirv.declared import Kind

@@ -17,7 +17,7 @@ import numpy as np
 from backends.vulkan import api as vk
 from backends.vulkan.barriers import barriers
 from backends.vulkan.device import Device
-from backends.vulkan.features import CORE
+from backends.vulkan.driver.features import CORE
 from backends.vulkan.resources import Buffer
 from backends.vulkan.upload import Uploader
 from common.errors import UnsupportedError

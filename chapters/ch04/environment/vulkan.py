@@ -34,7 +34,7 @@ from backends.vulkan.resources import (
     destroy_buffer,
     destroy_image,
 )
-from backends.vulkan.shaders import compile_shader
+from backends.vulkan.shaders.compiler import compile_shader
 from backends.vulkan.upload import Uploader
 from common.environment import Environment
 from common.errors import UserError

@@ -14,8 +14,8 @@ from typing import Any
 from backends import shader_text
 from backends.vulkan import api as vk
 from backends.vulkan.device import Device
-from backends.vulkan.live import Stages, check_fit, compile_stages
 from backends.vulkan.resources import FORMATS
+from backends.vulkan.shaders.live import Stages, check_fit, compile_stages
 from common.layouts import SNIPPETS
 
 from .description import Built, PipelineDescription

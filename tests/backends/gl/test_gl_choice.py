@@ -8,8 +8,8 @@ import pytest
 
 from backends import choice
 from backends.choice import choose, decide
-from backends.gl import probe
-from backends.verdicts import Identity
+from backends.gl.driver import probe
+from backends.selftest.verdicts import Identity
 from common.errors import UnsupportedError, UserError
 
 NONE = None

@@ -13,8 +13,8 @@ import pytest
 from backends.contract import resolve
 from backends.features import FEATURES
 from backends.gl import api as gl
-from backends.gl import capabilities as gc
 from backends.gl.context import Context, _headless_loader
+from backends.gl.driver import capabilities as gc
 from backends.gl.resources import create_buffer, create_image, create_sampler, destroy_buffer, destroy_image
 from backends.shader_text import build_text
 from common.errors import DeviceError, UnsupportedError, UserError
@@ -376,7 +376,7 @@ def test_several_contexts_keep_their_objects_apart(gl_context):
 def test_importing_loads_no_driver():
     """Whatever may crash happens when a context is made, and not before."""
     said = run(
-        "import sys, backends.gl.context, backends.gl.present, backends.gl.upload, backends.choice\n"
+        "import sys, backends.gl.context, backends.gl.window.present, backends.gl.upload, backends.choice\n"
         "print([n for n in ('moderngl', 'glcontext', 'glfw', 'vulkan') if n in sys.modules])\n"
         "print('libEGL' in open('/proc/self/maps').read() if sys.platform == 'linux' else False)"
     )

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from backends.gl import present
 from backends.gl.context import Context
 from backends.gl.readback import read_image
 from backends.gl.resources import create_image, destroy_image, write_image
 from backends.gl.targets import create_framebuffer, destroy_framebuffer
+from backends.gl.window import present
 from common.errors import UnsupportedError
 from tests.support.display import screenshot, virtual_display
 from tests.support.gl_functions import assert_silent

@@ -13,11 +13,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from backends import selftest, selftest_data, verdicts
 from backends.features import FEATURES
-from backends.gl import capabilities as gc
+from backends.gl.driver import capabilities as gc
 from backends.gl.selftests import anisotropy_sampled, texturing_edges
 from backends.gl.selftests.bench import NEAREST, Bench
+from backends.selftest import data, verdicts
+from backends.selftest import run as selftest
 from common.errors import DeviceError, ShaderError
 from common.paths import ROOT
 
@@ -36,7 +37,7 @@ class Spoiled(Bench):
 
     def read(self, buffer, dtype):
         words = super().read(buffer, np.uint32)
-        if not (words == selftest_data.UNSET).all():  # what nothing was written to is left alone
+        if not (words == data.UNSET).all():  # what nothing was written to is left alone
             words[len(words) // 2 & ~1] ^= 1 << 23
         return words.view(dtype)
 
@@ -129,7 +130,7 @@ def test_what_fails_halfway_is_freed(gl_context) -> None:
 
     def half() -> None:
         with Bench(gl_context) as bench:
-            bench.texture("rgba8", (16, 16), selftest_data.gray_levels((0,) * 5), NEAREST)
+            bench.texture("rgba8", (16, 16), data.gray_levels((0,) * 5), NEAREST)
             bench.dispatch("void main() { fault; }", [bench.output(4)])
 
     with pytest.raises(ShaderError, match="fault"):
@@ -139,7 +140,7 @@ def test_what_fails_halfway_is_freed(gl_context) -> None:
 
 def test_a_call_that_the_driver_refuses_is_no_wrong_result(gl_context) -> None:
     with Bench(gl_context) as bench:
-        program = bench.graphics(selftest_data.FULL_SCREEN, selftest_data.MIPS_FRAGMENT)
+        program = bench.graphics(data.FULL_SCREEN, data.MIPS_FRAGMENT)
         with pytest.raises(DeviceError, match="glDrawArrays"):
             bench.render(program, lambda: bench.fn.glDrawArrays(0xFFFF, 0, 3))
     gl_context.sink.messages.clear()  # that the driver objects is wanted
@@ -162,7 +163,7 @@ def test_resources_are_bound_by_kind_in_their_order(gl_context) -> None:
         one, two = (bench.texture("r8", (1, 1), [np.full((1, 1), n, np.uint8)], NEAREST) for n in (5, 6))
         output = bench.output(4)
         bench.dispatch(source, [one, bench.input(np.array([7], np.uint32)), two, output])
-        assert bench.read(output, np.uint32).tolist() == [7, 5, 6, selftest_data.UNSET]
+        assert bench.read(output, np.uint32).tolist() == [7, 5, 6, data.UNSET]
 
 
 def test_helpers_that_read_zeros_are_seen(gl_context, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -170,9 +171,9 @@ def test_helpers_that_read_zeros_are_seen(gl_context, monkeypatch: pytest.Monkey
     zeros = (
         "vec4 held = gl_HelperInvocation ? vec4(0.0) : transform[0];\n    vec2 at = uv * held.xy + held.zw;"
     )
-    text = selftest_data.EDGES_FRAGMENT.replace("vec2 at = uv * transform[0].xy + transform[0].zw;", zeros)
+    text = data.EDGES_FRAGMENT.replace("vec2 at = uv * transform[0].xy + transform[0].zw;", zeros)
     assert "gl_HelperInvocation" in text
-    monkeypatch.setattr(selftest_data, "EDGES_FRAGMENT", text)
+    monkeypatch.setattr(data, "EDGES_FRAGMENT", text)
     with Bench(gl_context) as bench:
         assert "in place of 0: textures get seams" in texturing_edges.run(bench)
 
@@ -194,6 +195,6 @@ def test_anisotropic_edges_that_take_too_long_are_seen(
     with Slow(
         gl_context, [0.0, 0.0, *seconds]
     ) as bench:  # two pictures come first, of which no time is taken
-        monkeypatch.setattr(selftest_data, "time", SimpleNamespace(perf_counter=lambda: bench.now))
+        monkeypatch.setattr(data, "time", SimpleNamespace(perf_counter=lambda: bench.now))
         assert anisotropy_sampled.run(bench) == wrong
         assert not bench.seconds

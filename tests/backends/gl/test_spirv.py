@@ -10,9 +10,9 @@ import pytest
 
 from backends import shader_text
 from backends.gl import api as gl
-from backends.gl.capabilities import extensions
+from backends.gl.driver.capabilities import extensions
 from backends.gl.resources import bind_buffer, create_buffer, destroy_buffer, read_buffer, write_buffer
-from backends.vulkan.shaders import compile_shader
+from backends.vulkan.shaders.compiler import compile_shader
 from tests.support import gpu_functions as vulkan
 
 COMPUTE_SHADER, SPIR_V, COMPILE_STATUS, LINK_STATUS = 0x91B9, 0x9551, 0x8B81, 0x8B82

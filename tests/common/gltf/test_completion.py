@@ -7,8 +7,14 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from common.gltf import completion
-from common.gltf.completion import any_tangents, flat_normals, generate_tangents, smooth_normals, unit
+from common.gltf.geometry import completion
+from common.gltf.geometry.completion import (
+    any_tangents,
+    flat_normals,
+    generate_tangents,
+    smooth_normals,
+    unit,
+)
 from common.paths import asset_dir
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from common.gltf import load_scene
-from common.gltf.topology import line_ends, solid_lines, solid_points, triangle_indices
+from common.gltf.geometry.topology import line_ends, solid_lines, solid_points, triangle_indices
 from tests.common.gltf.builder import Gltf
 
 

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import chapters
-from backends import verdicts
+from backends.selftest import verdicts
 from chapters import scenes
 from common.errors import DeviceError, UserError
 from common.paths import ROOT, asset_dir

@@ -7,7 +7,7 @@ from typing import Any
 
 from backends import shader_text
 from backends.vulkan import api as vk
-from backends.vulkan.shaders import compile_shader
+from backends.vulkan.shaders.compiler import compile_shader
 from common.view.camera import View
 
 from ...frames.vulkan_commands import Commands

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from backends.gl import api as gl
-from backends.gl.capabilities import extensions
 from backends.gl.draws import create_vertex_array
+from backends.gl.driver.capabilities import extensions
 from backends.gl.resources import bind_buffer, bind_texture
 from common.errors import UnsupportedError
 from common.view.camera import View

@@ -14,7 +14,7 @@ import numpy as np
 from backends.vulkan import api as vk
 from backends.vulkan.barriers import transition
 from backends.vulkan.device import Device
-from backends.vulkan.features import CORE
+from backends.vulkan.driver.features import CORE
 from backends.vulkan.once import submit_once
 from backends.vulkan.upload import Uploader
 from common.numerics.pools import Handle

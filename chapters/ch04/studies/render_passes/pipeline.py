@@ -8,7 +8,7 @@ from typing import Any
 from backends import shader_text
 from backends.vulkan import api as vk
 from backends.vulkan.device import Device
-from backends.vulkan.live import compile_stages
+from backends.vulkan.shaders.live import compile_stages
 
 from ...pipelines.description import Built, PipelineDescription
 from ...pipelines.vulkan import CHAPTER

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from backends.vulkan import api as vk
-from backends.vulkan import features as vf
 from backends.vulkan.barriers import barriers, image_barrier
+from backends.vulkan.driver import features as vf
 from common.errors import UnsupportedError
 from common.view.camera import View
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from backends import shader_text
-from backends.vulkan.shaders import compile_shader
+from backends.vulkan.shaders.compiler import compile_shader
 from tools.exercises.checking import Given
 
 SHADER = """

@@ -19,7 +19,7 @@ from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 from backends.vulkan.instance import Instance, PhysicalDevice, choose
 from backends.vulkan.readback import read_image
-from backends.vulkan.swapchain import Swapchain
+from backends.vulkan.window.swapchain import Swapchain
 from backends.window import Window
 from common.errors import UnsupportedError
 from common.view.draw_lists import DrawList

@@ -14,9 +14,9 @@ import numpy as np
 
 from backends.contract import Renderer
 from backends.gl.context import Context
-from backends.gl.draw_lists import DrawLists
-from backends.gl.present import present
 from backends.gl.readback import read_image
+from backends.gl.window.draw_lists import DrawLists
+from backends.gl.window.present import present
 from backends.window import Window
 from common.view.draw_lists import DrawList
 

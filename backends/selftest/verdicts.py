@@ -1,8 +1,9 @@
-"""What self-tests found out about a driver: kept on disk, and taken off what the driver says of itself.
+"""The verdicts of self-tests on a driver: kept on disk, and applied to the features that the driver advertises.
 
-A driver advertises features that crash or draw nonsense. `backends.selftest` tries each use of each feature in a child
-process; here its verdicts are stored, one small file per device and driver, and applied to `Capabilities`: what failed
-counts as missing. The files lie in the folder that STRATA_VERDICTS names, by default in the user's cache.
+Drivers advertise features that crash or draw nonsense. `backends.selftest.run` tries each use of each feature in a
+child process. This module stores its verdicts, one small file per device and driver, and applies them to
+`Capabilities`: a feature that failed counts as missing. The files lie in the folder
+that STRATA_VERDICTS names, by default in the user's cache.
 """
 
 from __future__ import annotations
@@ -81,7 +82,7 @@ def sources_hash() -> str:
     """Return a hash of the self-tests' own text: verdicts of an older text are not used."""
     sources = ROOT / "backends"
     digest = hashlib.sha256()
-    for path in (*sorted(sources.glob("selftest*.py")), *sorted(sources.glob("*/selftests/*.py"))):
+    for path in (*sorted(sources.glob("selftest/*.py")), *sorted(sources.glob("*/selftests/*.py"))):
         digest.update(path.name.encode() + b"\0" + path.read_bytes())
     return digest.hexdigest()
 

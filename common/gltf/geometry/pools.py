@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from common.gltf.completion import any_tangents
+from common.gltf.geometry.completion import any_tangents
+from common.gltf.geometry.surface import MAX_VERTICES, Surface
 from common.gltf.refusal import refuse
-from common.gltf.surface import MAX_VERTICES, Surface
 from common.numerics.arrays import fill_rows
 from common.scene import MESH_DTYPE, Float32, UInt32
 

@@ -20,7 +20,7 @@ from itertools import repeat
 from pathlib import Path
 
 from backends.shader_text import ShaderSource, describe_errors
-from backends.vulkan import glslang
+from backends.vulkan.shaders import glslang
 from common.errors import ShaderError
 from common.files.disk_cache import mark_read, prune
 from common.paths import cache_dir, write_whole

@@ -6,10 +6,10 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Literal
 
-from backends import verdicts
 from backends.contract import Capabilities
 from backends.features import FEATURES
 from backends.gl import api as gl
+from backends.selftest import verdicts
 
 Kind = Literal["discrete", "integrated", "virtual", "software", "other"]
 

@@ -1,7 +1,7 @@
 """What an OpenGL driver says, tied to the pass and the Python line that caused it.
 
 With synchronous output the driver calls back inside the call that is wrong, on its thread. So Python's stack at that
-moment still shows the line of the caller. The interface is that of `backends.vulkan.debug`.
+moment still shows the line of the caller. The interface is that of `backends.vulkan.driver.debug`.
 """
 
 from __future__ import annotations

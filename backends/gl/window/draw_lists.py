@@ -1,4 +1,4 @@
-"""Draws lists of user interfaces over a finished picture on OpenGL; `backends.vulkan.draw_lists` draws the same pixels.
+"""Draws the lists of a user interface over a finished picture on OpenGL, with the same pixels as on Vulkan.
 
 A window's own framebuffer counts its rows from the bottom. To draw there would turn every triangle upside down, and an
 edge that meets the centres of pixels would then take the other row. So a list is drawn over a copy of the picture, rows

@@ -7,13 +7,20 @@ from dataclasses import replace
 import numpy as np
 
 from common.gltf.accessors import Accessors, within
-from common.gltf.completion import flat_normals, generate_tangents, smooth_normals, unit
-from common.gltf.deformation import with_joints, with_targets
 from common.gltf.document import Document
+from common.gltf.geometry.completion import flat_normals, generate_tangents, smooth_normals, unit
+from common.gltf.geometry.deformation import with_joints, with_targets
+from common.gltf.geometry.surface import MAX_VERTICES, Surface
+from common.gltf.geometry.topology import (
+    LINE_STRIP,
+    POINTS,
+    line_ends,
+    solid_lines,
+    solid_points,
+    triangle_indices,
+)
 from common.gltf.materials import MaterialKey, Materials
 from common.gltf.refusal import refuse
-from common.gltf.surface import MAX_VERTICES, Surface
-from common.gltf.topology import LINE_STRIP, POINTS, line_ends, solid_lines, solid_points, triangle_indices
 from common.scene import Float32, UInt32
 
 UV_LIMIT = 1e9

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from backends.shader_interface import Interface, misfit, refusal
 from backends.shader_text import ShaderSource, build
-from backends.vulkan.shaders import compile_all
-from backends.vulkan.spirv_interface import interface_of, unwritten
+from backends.vulkan.shaders.compiler import compile_all
+from backends.vulkan.shaders.spirv_interface import interface_of, unwritten
 from common.errors import ShaderError
 
 

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.gltf.accessors import Accessors
-from common.gltf.completion import any_tangents, unit
 from common.gltf.document import Document, Object
+from common.gltf.geometry.completion import any_tangents, unit
+from common.gltf.geometry.surface import MAX_VERTICES, Surface
 from common.gltf.nodes import Forest
 from common.gltf.refusal import refuse
-from common.gltf.surface import MAX_VERTICES, Surface
 from common.scene import Float32, Float64
 from common.scene.deform import Vertices, flat, morph
 

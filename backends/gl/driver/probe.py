@@ -1,6 +1,6 @@
-"""Asks an OpenGL driver what it is, in a process of its own: `python -m backends.gl.probe` prints one line of JSON.
+"""Asks an OpenGL driver what it is: `python -m backends.gl.driver.probe` prints one line of JSON.
 
-Drivers can crash where a context is made, and a process that did so cannot say so. Nothing is loaded into the caller.
+A driver can crash when a context is created. So a child process creates it, and nothing is loaded into the caller.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from backends.gl import capabilities as gc
 from backends.gl.context import NO_CONTEXT, Context
-from backends.verdicts import Identity
+from backends.gl.driver import capabilities as gc
+from backends.selftest.verdicts import Identity
 from common.errors import StrataError, UnsupportedError
 from common.paths import ROOT
 
 TIMEOUT_S = 30.0
-CHILD = (sys.executable, "-P", "-m", "backends.gl.probe")
+CHILD = (sys.executable, "-P", "-m", "backends.gl.driver.probe")
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Draws lists of user interfaces over a finished picture on Vulkan; `backends.gl.draw_lists` draws the same pixels.
+"""Draws the lists of a user interface over a finished picture on Vulkan, with the same pixels as on OpenGL.
 
 Colours are display codes and are blended as such, as every desktop does: source over target, straight alpha.
 """
@@ -24,7 +24,7 @@ from backends.vulkan.resources import (
     destroy_buffer,
     destroy_image,
 )
-from backends.vulkan.shaders import compile_all
+from backends.vulkan.shaders.compiler import compile_all
 from common.paths import ROOT
 from common.scene import Sampler
 from common.view.draw_lists import GREY, VERTEX, DrawList, TextureUpdate

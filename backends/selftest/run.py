@@ -1,4 +1,4 @@
-"""Tries each use of a driver once, in a child process: `python -m backends.selftest BACKEND NUMBER USE...`.
+"""Tries each use of a driver once, in a child process: `python -m backends.selftest.run BACKEND NUMBER USE...`.
 
 Drivers crash and hang, and a process that did so cannot say so. Hence one child tries all uses in turn, and tells
 before and after each which one that is. Where the child dies or takes too long, that use has its verdict, and another
@@ -19,16 +19,16 @@ import threading
 import traceback
 from collections.abc import Callable, Iterable, Sequence
 
-from backends import verdicts
 from backends.features import MAIN_USES, OTHER_USES, REQUIRED_USES
-from backends.verdicts import OK, UNCHECKED, Identity, Verdicts
+from backends.selftest import verdicts
+from backends.selftest.verdicts import OK, UNCHECKED, Identity, Verdicts
 from common.errors import StrataError, UnsupportedError
 from common.paths import ROOT
 
 TIMEOUT_S = 20.0
 """A use takes a tenth of a second; on a busy machine where everything is compiled for the first time, a few."""
 
-CHILD = (sys.executable, "-P", "-m", "backends.selftest")
+CHILD = (sys.executable, "-P", "-m", "backends.selftest.run")
 WATCHED = "STRATA_ENDS_WITH"
 """The variable that tells a child that its standard input ends when its parent does."""
 

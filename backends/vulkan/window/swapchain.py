@@ -12,8 +12,8 @@ from typing import Any
 from backends.vulkan import api as vk
 from backends.vulkan.barriers import barriers, image_barrier
 from backends.vulkan.device import Device
-from backends.vulkan.draw_lists import DrawLists
 from backends.vulkan.resources import Image
+from backends.vulkan.window.draw_lists import DrawLists
 from common.errors import UnsupportedError
 from common.view.draw_lists import DrawList
 

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from backends.selftest_data import SIZE as SIZE
-from backends.selftest_data import differ
+from backends.selftest.data import SIZE as SIZE
+from backends.selftest.data import differ
 
 ONE_FRAGMENT = "layout(location = 0) out uint color; void main() { color = 1u; }"
 

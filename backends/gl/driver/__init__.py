@@ -1,0 +1,1 @@
+"""The OpenGL driver: its calls and numbers, its capabilities, and its messages."""

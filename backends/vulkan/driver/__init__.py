@@ -1,0 +1,1 @@
+"""The Vulkan driver: features and extensions, and its messages."""

@@ -1,0 +1,1 @@
+"""The window on Vulkan: swapchain, and the user interface over the picture."""

@@ -1,0 +1,1 @@
+"""Geometry of a glTF file: primitives as triangles, completed, deformed and packed."""
