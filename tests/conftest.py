@@ -20,7 +20,7 @@ from backends.vulkan.device import Device
 from backends.vulkan.instance import VALIDATION_LAYER, Instance
 from common.errors import UnsupportedError
 from common.paths import asset_dir
-from tests.support import first, goldens, packages, snapshots
+from tests.support import first, goldens, packages, sharing, snapshots
 from tests.support.chapter import Chapter
 from tests.support.gl_functions import assert_silent
 from tests.support.report import Report
@@ -80,6 +80,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--first", action="store_true", help="end with the first failure, and in time")
     parser.addoption("--uses", type=Path, metavar="DIR", help="write which test files ask for packages")
     goldens.add_options(parser)
+    sharing.add_options(parser)
     snapshots.add_options(parser)
 
 
@@ -91,10 +92,15 @@ def pytest_configure(config: pytest.Config) -> None:
     hear_signals()
     config.pluginmanager.register(Report(config), "strata-report")
     later = snapshots.Snapshots(
-        snapshots.official(), snapshots.chosen(config.getoption("--chapter")), config.getoption("--long")
+        snapshots.official(),
+        snapshots.chosen(config.getoption("--chapter")),
+        long=config.getoption("--long"),
+        full=config.getoption("--first"),
     )
     config.pluginmanager.register(later, "strata-snapshots")
     config.pluginmanager.register(goldens, "strata-goldens")
+    if not (config.getoption("--first") or sharing.is_second(config)):
+        config.pluginmanager.register(sharing.Sharing(config), "strata-sharing")
     if config.getoption("--first"):
         (subject,) = later.chosen
         word = str(subject.folder) if subject.is_fork else str(subject.number)
@@ -154,6 +160,8 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
         names = mark.args if mark else used[0]
         if "chapter" in metafunc.fixturenames and "vulkan" in names and _takes_both_paths(metafunc):
             names = (*names, "deferred")
+        later: Any = metafunc.config.pluginmanager.getplugin("strata-snapshots")
+        names = later.variants_for(metafunc.definition, names)
         metafunc.parametrize("variant", names, indirect=True, scope="module")
 
 

@@ -31,7 +31,7 @@ from common.scene import Light, Material
 from tests.support.chapter import on_path
 from tests.support.scenes import facing, quad_scene, translated
 
-pytestmark = [pytest.mark.every_chapter, pytest.mark.variants("gl")]
+pytestmark = [pytest.mark.newest, pytest.mark.variants("gl")]
 
 SIZE = (64, 48)
 EXACT = on_path(Settings(color_format="rgba32f"))

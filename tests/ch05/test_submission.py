@@ -27,6 +27,7 @@ def assert_equal(found, wanted):
         assert np.array_equal(one, other), f"frame {frame}"
 
 
+@pytest.mark.core
 @pytest.mark.variants("vulkan")
 @pytest.mark.parametrize("own", [True, False], ids=["own queue", "one queue"])
 @pytest.mark.parametrize("alias", [True, False], ids=["shared memory", "own memory"])

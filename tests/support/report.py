@@ -22,7 +22,7 @@ import pytest
 
 import chapters
 from common.paths import ROOT, user_cache, write_whole
-from tests.support import oracles, records
+from tests.support import oracles, records, sharing
 from tools.bench.bench import commit
 from tools.ledger import features, results
 
@@ -196,9 +196,14 @@ class Report:
             outcome.result = "skipped"
             outcome.reason = why_skipped(report)
 
+    def _has_nothing_to_say(self) -> bool:
+        """Whether nothing was run, or the first of two processes says it."""
+        nothing = self.config.option.collectonly or not (self.outcomes or self.skipped_files)
+        return nothing or sharing.is_second(self.config)
+
     @pytest.hookimpl(tryfirst=True)
     def pytest_sessionfinish(self, session: pytest.Session, exitstatus: int) -> None:
-        if self.config.option.collectonly or not (self.outcomes or self.skipped_files):
+        if self._has_nothing_to_say():
             return
         outcomes = list(self.outcomes.values())
         later: Any = self.config.pluginmanager.getplugin("strata-snapshots")
@@ -282,7 +287,7 @@ class Report:
         self.said += [f"It keeps what it had of {area}: {left[area]}." for area in left if area not in areas]
 
     def pytest_terminal_summary(self, terminalreporter: Any) -> None:
-        if self.config.option.collectonly or not (self.outcomes or self.skipped_files):
+        if self._has_nothing_to_say():
             return
         terminalreporter.section("strata", sep="=")
         cache = "shaders were compiled in this run" if self.cold else "compiled shaders were there"
