@@ -23,6 +23,7 @@ from common.paths import asset_dir
 from tests.support import first, goldens, packages, sharing, snapshots
 from tests.support.chapter import Chapter
 from tests.support.gl_functions import assert_silent
+from tests.support.opened import Opened
 from tests.support.report import Report
 
 HERE = Path(__file__).parent
@@ -187,7 +188,15 @@ def variant(request: pytest.FixtureRequest) -> str | None:
 
 
 @pytest.fixture(scope="session")
-def vulkan_instance(request: pytest.FixtureRequest) -> Iterator[Instance]:
+def opened() -> Iterator[Opened]:
+    """The devices that are open."""
+    devices = Opened()
+    yield devices
+    devices.close()
+
+
+@pytest.fixture(scope="session")
+def vulkan_instance(request: pytest.FixtureRequest, opened: Opened) -> Iterator[Instance]:
     """A Vulkan instance with validation and synchronization validation, where the layers are installed."""
     try:
         choice.probe("vulkan")  # tries the driver, if that is new: what it gets wrong is not used
@@ -202,12 +211,23 @@ def vulkan_instance(request: pytest.FixtureRequest) -> Iterator[Instance]:
     report.devices.setdefault("vulkan", fit[0].name)
     with Instance(validate) as instance:
         yield instance
+        opened.close()
+
+
+def _place(request: pytest.FixtureRequest) -> str:
+    """Return whose tests share devices: a chapter's, for which files of several folders run, or a folder's."""
+    of_chapter = snapshots.first_chapter(request.path) is not None
+    return snapshots.tested(request.node).label if of_chapter else str(request.path.parent)
 
 
 @contextmanager
 def _vulkan(request: pytest.FixtureRequest, variant: str | None) -> Iterator[Device]:
     instance: Instance = request.getfixturevalue("vulkan_instance")
-    with Device(instance, without=VARIANTS[variant or "vulkan"]) as device:
+    opened: Opened = request.getfixturevalue("opened")
+    without = VARIANTS[variant or "vulkan"]
+    with opened.lent(
+        _place(request), ("vulkan", without), lambda: Device(instance, without=without)
+    ) as device:
         layers = "validated" if instance.validates else "without validation layers"
         report: Any = request.config.pluginmanager.getplugin("strata-report")
         report.devices["vulkan"] = f"{device.capabilities.device}, {device.capabilities.driver}, {layers}"
@@ -216,12 +236,17 @@ def _vulkan(request: pytest.FixtureRequest, variant: str | None) -> Iterator[Dev
 
 @contextmanager
 def _opengl(request: pytest.FixtureRequest, variant: str | None) -> Iterator[Context]:
-    try:
-        choice.probe("gl")
-        context = Context(validate=True, without=VARIANTS[variant or "gl"])
-    except UnsupportedError as error:
-        pytest.skip(f"no OpenGL: {error}")
-    with context:
+    opened: Opened = request.getfixturevalue("opened")
+
+    def open_() -> Context:
+        try:
+            choice.probe("gl")
+            return Context(validate=True, without=VARIANTS[variant or "gl"])
+        except UnsupportedError as error:
+            pytest.skip(f"no OpenGL: {error}")
+
+    with opened.lent(_place(request), ("gl", VARIANTS[variant or "gl"]), open_) as context:
+        context.make_current()
         report: Any = request.config.pluginmanager.getplugin("strata-report")
         report.devices["gl"] = f"{context.capabilities.device}, {context.capabilities.driver}"
         yield context
@@ -231,14 +256,14 @@ def _opengl(request: pytest.FixtureRequest, variant: str | None) -> Iterator[Con
 def vulkan_device(
     request: pytest.FixtureRequest, variant: str | None, vulkan_instance: Instance
 ) -> Iterator[Device]:
-    """A device for the tests of one module; an object that outlives them fails the last one."""
+    """A device, lent to the tests of one module; an object that outlives them fails the last one."""
     with _vulkan(request, variant) as device:
         yield device
 
 
 @pytest.fixture(scope="module")
 def gl_context(request: pytest.FixtureRequest, variant: str | None) -> Iterator[Context]:
-    """An OpenGL context whose calls are checked, for the tests of one module; what outlives them fails the last one."""
+    """An OpenGL context whose calls are checked, lent to the tests of one module; what outlives them fails the last."""
     with _opengl(request, variant) as context:
         yield context
 

@@ -250,10 +250,10 @@ def turn_of(test: str, chapter: int) -> int:
     return zlib.crc32(test.encode()) + chapter
 
 
-def _later(item: pytest.Item) -> int:
-    """Return the chapter of a further run, 0 for a test that runs as it is written."""
+def _chapter(item: pytest.Item) -> int:
+    """Return the chapter that a test runs for, 0 for a test of no chapter."""
     module = item.getparent(LaterModule)
-    return module.subject.number if module is not None else 0
+    return module.subject.number if module is not None else first_chapter(item.path) or 0
 
 
 class Snapshots:
@@ -326,7 +326,7 @@ class Snapshots:
             (left if why else kept).append(item)
         if left:
             config.hook.pytest_deselected(items=left)
-        items[:] = sorted(kept, key=_later)
+        items[:] = sorted(kept, key=_chapter)
 
     def _why_not(self, item: pytest.Item) -> str:
         """Return which of the REASONS there is to leave a test out; "" if there is none."""
