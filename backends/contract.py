@@ -1,19 +1,23 @@
 """What everything outside a chapter sees of a renderer, whatever its chapter and backend.
 
-`Renderer` and `Frame` are what `chapters.open` returns and `render` gives; `Pass` is the shape of every module in a
-chapter's `passes/` and `gl/`; `Capabilities` says what a device can do, `resolve` which path each feature takes.
+`Renderer` and `Frame` are what `chapters.open` returns and `render` gives; every pass of a chapter derives from `Pass`;
+`Capabilities` says what a device can do, `resolve` which path each feature takes.
 """
 
 from __future__ import annotations
 
-import numbers
-import operator
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 
+from backends.arguments import MAX_TIME_S as MAX_TIME_S
+from backends.arguments import check_arguments as check_arguments
+from backends.arguments import check_moment as check_moment
+from backends.arguments import check_names as check_names
+from backends.arguments import check_size as check_size
+from backends.arguments import check_time as check_time
 from backends.features import FEATURES, MAIN_USES, OTHER_USES, REQUIRED_USES
 from common.errors import UnsupportedError, UserError
 from common.names import suggest
@@ -21,7 +25,7 @@ from common.names import suggest
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from common.scene import Scene
+    from common.scene import Pose, Scene
     from common.view.camera import View
 
 BACKENDS = ("vulkan", "gl")
@@ -179,6 +183,8 @@ class Renderer(Protocol):
 
     nodes: Sequence[Any]  # beside `passes`, what they read and write, by the graph's names
 
+    techniques: Mapping[str, Technique]  # by name; from chapter 4 on
+
     @property
     def prepared_ms(self) -> dict[str, float]:
         """Milliseconds of GPU work before the first frame, by what was made; what came from a cache is left out."""
@@ -230,94 +236,6 @@ class Renderer(Protocol):
     def __enter__(self) -> Renderer: ...
 
     def __exit__(self, *_: object) -> None: ...
-
-
-MAX_TIME_S = 1e9
-"""The furthest time from 0 in either direction, about 30 years: shaders hold it in 32 bits."""
-
-
-def check_names(names: Any, what: str) -> tuple[str, ...]:
-    """Return the names in `names`, where one alone needs no list; raise UserError for what holds none.
-
-    `what` is the argument's name, for the text.
-    """
-    if isinstance(names, str):
-        return (names,)
-    try:
-        found = tuple(names)
-    except TypeError:
-        found = (None,)
-    for name in found:
-        if not isinstance(name, str):
-            raise UserError(f'{what}={_brief(names)} holds no names: write {what}={{"name", ...}}.')
-    return found
-
-
-def check_arguments(
-    scene: Any, settings: Any, kind: type, outputs: Any, known: Iterable[str]
-) -> tuple[Any, tuple[str, ...]]:
-    """Check what a renderer of any chapter is opened with; return its settings and outputs.
-
-    `kind` is the chapter's class of settings, whose defaults None stands for; `known` are its outputs. Raises
-    UserError with one sentence for an argument of another kind.
-    """
-    from common.scene import Scene
-
-    if not isinstance(scene, Scene):
-        raise UserError(
-            f"scene={_brief(scene)} is no scene: chapters.scenes.load(name or path) and "
-            f"common.gltf.load_scene(path) load one."
-        )
-    if settings is not None and not isinstance(settings, kind):
-        raise UserError(
-            f"settings={_brief(settings)} are not this chapter's: give {kind.__module__}.{kind.__name__}(name=value)."
-        )
-    known, wanted = tuple(known), check_names(outputs, "outputs")
-    for name in sorted(set(wanted) - set(known)):
-        near = suggest(name, known)
-        raise UserError(f"There is no output '{name}'{near}" + ("" if near.endswith("?") else "."))
-    return kind() if settings is None else settings, wanted
-
-
-def check_moment(view: Any, time: Any) -> None:
-    """Raise UserError unless `view` is a View and `time` a number of seconds that a frame can show."""
-    from common.view.camera import View
-
-    if not isinstance(view, View):
-        raise UserError(
-            f"{_brief(view)} is no view: common.view.camera.View is one, and chapters.view_of gives one."
-        )
-    check_time(time)
-
-
-def check_time(time: Any, name: str = "time") -> None:
-    """Raise UserError, which begins with `name`, unless `time` is a number between -MAX_TIME_S and MAX_TIME_S."""
-    real = isinstance(time, numbers.Real)
-    if not (real and -MAX_TIME_S <= time <= MAX_TIME_S):  # NaN is in no range
-        raise UserError(
-            f"{name} {_brief(time)} is no time: give seconds between -{MAX_TIME_S:g} and {MAX_TIME_S:g}."
-        )
-
-
-def _brief(value: Any) -> str:
-    """Return how an argument looks, on one line of bounded length."""
-    text = " ".join(repr(value).split())
-    return text if len(text) <= 60 else f"{text[:57]}..."
-
-
-def check_size(size: tuple[int, int], largest: int = 16384) -> tuple[int, int]:
-    """Return (width, height); raise UserError unless both are between 1 and `largest` pixels."""
-    try:
-        width, height = (operator.index(side) for side in size)
-    except (TypeError, ValueError):
-        raise UserError(
-            f"{size!r} is no size of a picture: give two whole numbers, (width, height)."
-        ) from None
-    if not (1 <= width <= largest and 1 <= height <= largest):
-        raise UserError(
-            f"A picture of {width}x{height} pixels cannot be made: each side must be 1 to {largest}."
-        )
-    return width, height
 
 
 class PassWork:
@@ -372,19 +290,108 @@ class Access:
     stages: tuple[str, ...] = ()
 
 
-class Pass(Protocol):
-    """One pass of a chapter. `record` holds draws and dispatches only; the renderer writes everything around it."""
+@dataclass(frozen=True)
+class Sources:
+    """How the shaders of a pass reach the images and buffers that it reads.
+
+    `set` is the number of their descriptor set. OpenGL counts the bindings of each kind on its own: `first` says with
+    which number those of a kind ("texture", "image", "storage", "uniform") begin, where that is not 0. `filter` is that
+    of the sampler.
+    """
+
+    set: int = 0
+    filter: Literal["nearest", "linear"] = "nearest"
+    first: Mapping[str, int] = field(default_factory=dict)
+
+
+class Pass:
+    """One pass of a chapter, written once for both backends. Every pass derives from this class.
+
+    It names all that a renderer or an executor asks of a pass. `record` holds draws and dispatches only: barriers,
+    targets, clears, labels and timestamps stand around it. What chapter 4's frame graph asks for has its default here.
+    """
 
     name: str
-    reads: tuple[Access, ...]
-    writes: tuple[Access, ...]
+    reads: tuple[Access, ...] = ()
+    writes: tuple[Access, ...] = ()
+
+    queue: str = "graphics"
+    """The queue that the pass asks for: graphics, or compute where it draws nothing."""
+
+    externals: Mapping[str, Any] = {}
+    """Resources that the pass brings into the graph, by name (`graph.types.External`)."""
+
+    sources: Sources | None = None
+    """How its shaders reach what it reads; None for a pass that binds everything itself."""
+
+    pipelines: Sequence[Any] = ()
+    """The pipelines that `create` built. The renderer makes their sets, which hold the scene; `sources` has its own."""
+
+    resting: bool = False
+    """Whether this frame gives the pass nothing to do: a batch of such passes is not submitted."""
 
     @staticmethod
     def needed(scene: Scene, settings: Any) -> bool:
         """Whether the scene and the settings give this pass anything to do."""
+        return True
 
     def create(self) -> None:
-        """Make pipelines and whatever else lives as long as the pass."""
+        """Build pipelines and whatever else lives as long as the pass; again when a material became another kind."""
+
+    def pre_render(self, commands: Any) -> None:
+        """Record what comes directly before the pass, outside of its rendering."""
 
     def record(self, commands: Any) -> None:
-        """Record this frame's draws and dispatches."""
+        """Record this frame's draws and dispatches into the `Commands` of the chapter."""
+        raise NotImplementedError
+
+    def key(self, slot: int) -> Any:
+        """Return what the recording for a slot depends on: when it changes, the recording is made anew."""
+        return None
+
+
+class Technique:
+    """What a subject does outside its passes, from the start of a renderer to its end.
+
+    A renderer makes one of each class in its `TECHNIQUES`, in their order, and knows them by this class alone.
+    """
+
+    name: str
+    """By which `Renderer.techniques` has it: that of the subject's folder."""
+
+    scene: Scene
+    """The scene as this subject has it drawn: the one that it was given, or a view of it."""
+
+    passes: Mapping[str, Pass]
+    """The subject's passes by name; made by `create`."""
+
+    readers: Mapping[str, Mapping[str, str]]
+    """For passes that the graph's file does not name: which passes read another resource in place of theirs."""
+
+    work: dict[str, int]
+    """Counters of the last frame."""
+
+    def __init__(self, scene: Scene, settings: Any) -> None:
+        self.scene = scene
+        self.passes, self.readers, self.work = {}, {}, {}
+
+    def create(self, parts: Any, backend: Any, passes: Mapping[str, Pass]) -> None:
+        """Make the subject's passes, from the chapter's `PassParts` and backend; `passes` are those of others."""
+
+    def pose(self, pose: Pose) -> Pose:
+        """Return the pose that is drawn, of the pose of the scene that was given."""
+        return pose
+
+    def prepare(self, frame: Any) -> int:
+        """Do what a frame needs before its passes are recorded (a chapter's `FrameInfo`); return the bytes written."""
+        return 0
+
+    def resting(self, time: float) -> bool:
+        """Whether a frame at `time` would show the same as the last one."""
+        return True
+
+    def reset(self, reason: str) -> None:
+        """Forget the frames before: nothing of them counts for the one that is prepared next."""
+
+    def close(self) -> None:
+        """Free what the subject holds on the GPU; no frame is in flight."""

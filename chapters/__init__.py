@@ -153,11 +153,10 @@ def renderer_module(which: Which, backend: str) -> ModuleType:
     """
     if isinstance(which, str):
         return studies.renderer_module(which, backend)
-    if backend == "gl" and not (folder_of(which) / "gl_renderer.py").is_file():
+    name = folders.renderer_name(folder_of(which), backend)
+    if not name:
         raise UnsupportedError(f"{studies.spoken(which)} has no OpenGL version: use --backend vulkan.")
-    return import_module(
-        f"{package_of(which)}.gl_renderer" if backend == "gl" else f"{package_of(which)}.renderer"
-    )
+    return import_module(f"{package_of(which)}.{name}")
 
 
 def open(  # the name of the contract: chapters.open(6, ...)
@@ -194,7 +193,7 @@ def outputs_of(which: Which) -> tuple[str, ...]:
     """Return the images that the frames of a chapter, a study or a fork can be asked for."""
     if isinstance(which, str):
         return tuple(studies.study(which).outputs)
-    found: tuple[str, ...] = import_module(f"{package_of(which)}.renderer").OUTPUTS
+    found: tuple[str, ...] = import_module(f"{package_of(which)}.frames.frame").OUTPUTS
     return found
 
 

@@ -91,6 +91,16 @@ class Folder:
         return hashlib.sha256("\n".join([str(self.path), *parts]).encode()).hexdigest()
 
 
+def renderer_name(folder: Path, backend: str) -> str:
+    """Return the name of the module of a chapter's folder with its renderer on "vulkan" or "gl", "" if there is none.
+
+    Chapters 1 to 3 tell the frame once for each API, in `renderer.py` and `gl_renderer.py`. From chapter 4 on it is
+    told once, and `gl.py` opens it on OpenGL.
+    """
+    names = ("renderer",) if backend == "vulkan" else ("gl_renderer", "gl")
+    return next((name for name in names if (folder / f"{name}.py").is_file()), "")
+
+
 def named(text: str) -> Folder | int | None:
     """Return the fork, or the chapter, whose folder `text` names; None where it names none.
 

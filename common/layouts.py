@@ -160,6 +160,14 @@ def glsl_constants() -> str:
     return "".join(f"const uint {name} = {value}u;\n" for name, value in CONSTANTS.items())
 
 
+SNIPPETS = {
+    "frame_constants.glsl": glsl("FrameConstants"),
+    "instance.glsl": glsl("Instance"),
+    "masks.glsl": glsl_constants(),
+}
+"""Includes by name whose text is made here, so that a record is laid out in one place only."""
+
+
 def fill_frame_constants(
     record: np.ndarray,
     view: View,

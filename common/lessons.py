@@ -32,7 +32,7 @@ class Lesson:
     """One chapter. `adds` are slugs of the feature ledger in teaching order; `reading` is what to go on with.
 
     `replaces` names what earlier chapters did and this one no longer does: a feature, a file, or a name in a file as
-    "shading/vulkan_sky.py:SkyPass". `plumbing` are files that the lesson is not about and that had to follow, with the
+    "shading/sky.py:SkyPass". `plumbing` are files that the lesson is not about and that had to follow, with the
     reason.
     """
 

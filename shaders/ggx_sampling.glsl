@@ -1,7 +1,7 @@
 // Sampling of the GGX distribution in proportion to what is seen of it, and of the cosine.
 //
 // Directions are local: the surface's normal is +z. Numbers `u` are uniform in the unit square. The same functions in
-// float64, and why they are right, are in common/twins/ggx_sampling.py.
+// float64, and why they are right, are in tests/twins/ggx_sampling.py.
 
 #include "brdf.glsl"
 

@@ -6,7 +6,7 @@
 //     A, B   F0 A + B is the directional albedo of the specular part, Fresnel's F being F0 (1 - w) + w, w = (1 - v.h)^5
 //     W      the mean of w over cosine-weighted light: what Fresnel takes from the diffuse part
 //
-// common/twins/shading_environment.py has the same formulas in float64, and quadratures of what the table holds.
+// tests/twins/shading_environment.py has the same formulas in float64, and quadratures of what the table holds.
 
 #include "brdf.glsl"
 #include "environment.glsl"

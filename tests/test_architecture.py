@@ -6,7 +6,7 @@ import ast
 import re
 import subprocess
 import sys
-from collections.abc import Collection
+from collections.abc import Collection, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 
@@ -82,6 +82,8 @@ WORDS = re.compile("|".join((*BY_NAME, *BY_OTHER_MEANS, *BUILTIN, "packages")))
 UNKNOWN_TARGETS = {
     "assets/scenes.py": "the generator of a scene, which its entry in the list of scenes names",
     "backends/selftest.py": "the self-test of a use, whose module `module_of` names in backends.*.selftests",
+    "chapters/ch04/frames/backend.py": "the module of an API, in the chapter's own `frames` or in a subject's folder",
+    "chapters/ch05/frames/backend.py": "the module of an API, in the chapter's own `frames` or in a subject's folder",
     "backends/vulkan/api.py": "one file of the package vulkan, without the package",
     "common/packages.py": "a package that may be missing; what calls `load` is looked at instead",
 }
@@ -204,6 +206,8 @@ def chapter_file(name: str) -> bool:
 def api_of(name: str) -> str:
     """Return the backend that a file of a chapter may use by its name: "vulkan", "gl", or "" for none."""
     file = name.rpartition("/")[2]
+    if file == "renderer.py" and not re.match(r"chapters/ch0[123]/", name):
+        return ""  # from chapter 4 on one renderer serves both
     return next((api for api, pattern in APIS.items() if pattern.fullmatch(file)), "")
 
 
@@ -261,6 +265,48 @@ def test_an_import_against_a_file_s_name_is_found(name, allowed):
         key for key, line in lines.items() if not against_its_name(f"chapters/ch02/fog/{name}", line, known)
     }
     assert found == allowed
+
+
+EQUAL_RUN = 8
+"""So many equal lines in a row, imports and blank ones aside, belong into a file that both can use."""
+
+
+def lines_of(path: Path) -> list[str]:
+    """Return the lines of a file without imports and blank ones, each without what it is indented by."""
+    text = path.read_text("utf-8")
+    left_out: set[int] = set()
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            left_out |= {*range(node.lineno, (node.end_lineno or node.lineno) + 1)}
+    lines = enumerate(text.splitlines(), start=1)
+    return [line.strip() for number, line in lines if line.strip() and number not in left_out]
+
+
+def equal_runs(texts: Mapping[str, Sequence[str]], length: int = EQUAL_RUN) -> set[tuple[str, ...]]:
+    """Return the files that share a run of so many lines, each group of files once."""
+    found: dict[tuple[str, ...], set[str]] = {}
+    for name, lines in texts.items():
+        for first in range(len(lines) - length + 1):
+            found.setdefault(tuple(lines[first : first + length]), set()).add(name)
+    return {tuple(sorted(names)) for names in found.values() if len(names) > 1}
+
+
+@pytest.mark.parametrize("number", chapters.available())
+def test_no_two_files_of_a_chapter_share_a_run_of_lines(number):
+    """What both APIs do in the same words is written once, in a file without an API in its name."""
+    folder = ROOT / "chapters" / chapters.folder_name(number)
+    own = [path for path in folder.rglob("*.py") if chapter_file(shown(path))]
+    assert equal_runs({shown(path): lines_of(path) for path in own}) == set()
+
+
+def test_a_shared_run_is_found(tmp_path):
+    one, other = tmp_path / "one.py", tmp_path / "other.py"
+    body = "".join(f"    x{number} = {number}\n\n" for number in range(EQUAL_RUN))
+    one.write_text("import os\n\ndef first():\n" + body)
+    other.write_text("import sys\n\nif True:\n    def second():\n" + body.replace("    ", "        "))
+    assert equal_runs({path.name: lines_of(path) for path in (one, other)}) == {("one.py", "other.py")}
+    other.write_text(other.read_text().replace("x3", "y3"))
+    assert equal_runs({path.name: lines_of(path) for path in (one, other)}) == set()
 
 
 def test_nothing_runs_the_python_layer_of_the_vulkan_package():

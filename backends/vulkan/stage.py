@@ -41,7 +41,7 @@ class Graphics(NamedTuple):
     commands: Callable[[Device], Any]
     rendering: Callable[..., Any]
     descriptors: Callable[[Device], Any]
-    pipelines: Callable[[Device], Any]
+    pipelines: Callable[..., Any]
     profiler: Callable[[Device], Any]
     target_usage: Callable[[str, int], int]
 
@@ -142,9 +142,13 @@ class Stage(AnyStage):
     def _set_up(self) -> None:
         self._frames = self.graphics.frames(self.device)
         self._profiler = self.graphics.profiler(self.device)
-        self.pipelines = self.graphics.pipelines(self.device)
         self.descriptors = self.graphics.descriptors(self.device)
+        self.pipelines = self.make_pipelines()
         self.commands = self.graphics.commands(self.device)
+
+    def make_pipelines(self) -> Any:
+        """Return what builds the study's pipelines."""
+        return self.graphics.pipelines(self.device)
 
     def _create_targets(self) -> None:
         device = self.device

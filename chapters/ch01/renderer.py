@@ -15,13 +15,10 @@ from __future__ import annotations
 import time as clock
 import weakref
 from collections.abc import Collection, Iterable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from backends.contract import Reloaded, check_arguments, check_moment, check_names, check_size, resolve
+from backends.contract import Pass, Reloaded
 from backends.vulkan import api as vk
 from backends.vulkan.barriers import barriers, image_barrier
 from backends.vulkan.device import Device
@@ -30,14 +27,10 @@ from backends.vulkan.instance import Instance
 from backends.vulkan.readback import TO_HOST, Readback
 from backends.vulkan.resources import Image
 from common.errors import StaleFrameError
-from common.numerics.transforms import translation
-from common.scene import Change, Sampler, Scene
-from common.scene.pose import evaluate_pose
-from common.view.camera import View, exposure
+from common.scene import Pose, Sampler
+from common.view.camera import View
 
-from . import LESSON
-from .environment.model import files_at_start
-from .frames.frame import OUTPUTS, SLOTS, SOURCES, Frame, check_outputs, output_of, reset_by
+from .frames.frame import SLOTS, SOURCES, Frame, reset_by
 from .frames.stream import FrameStream
 from .frames.vulkan import Frames, FrameSlot
 from .frames.vulkan_commands import Commands, Rendering
@@ -45,101 +38,46 @@ from .frames.vulkan_profiler import Profiler
 from .frames.vulkan_resources import Resources, offered_samples
 from .pipelines.vulkan import Pipelines
 from .pipelines.vulkan_descriptors import Descriptors, Sets, Texture
-from .post.vulkan_resolve import ResolvePass
-from .post.vulkan_tonemap import BINDINGS, TonemapPass
-from .scene.constants import frame_constants
-from .scene.default_light import DefaultLight
-from .scene.vulkan_data import SceneData
-from .settings import Settings
-from .shading.samples import choose_samples
+from .post.fullscreen import SOURCE
+from .scene.vulkan_data import VulkanSceneData
 from .shading.views import shown_exposure
-from .shading.vulkan_forward import ForwardPass
-from .shading.vulkan_instance_id import InstanceIdPass
 
 
 class Renderer(FrameStream):
     """The chapter on Vulkan: one stream of frames of one view of one scene."""
 
-    def __init__(
-        self,
-        scene: Scene,
-        size: tuple[int, int] = (640, 360),
-        settings: Settings | None = None,
-        without: Iterable[str] = (),
-        outputs: Collection[str] = ("color",),
-        validate: bool = False,
-        device: Device | None = None,
-        presents: bool = False,
-        inspect: bool = False,
-    ) -> None:
-        self.settings, outputs = check_arguments(scene, settings, Settings, outputs, OUTPUTS)
-        without = check_names(without, "without")
-        self._light = DefaultLight(scene, self.settings)
-        self.scene = self._light.scene
-        self.outputs = tuple(name for name in OUTPUTS if name in outputs or inspect)
-        self._inspects = inspect
-        # Targets that somebody copies from after the passes: the CPU, or a window.
-        self._handed_on = {*(SOURCES[name] for name in self.outputs), *(["color"] if presents else [])}
-        self._owned: list[Any] = []
-        self._closed = False
-        if device is None:
-            instance = Instance(validate)
-            self._owned.append(instance)
-            try:
-                device = Device(instance, without=without)
-            except BaseException:
-                instance.close()
-                raise
-            self._owned.append(device)
-        self.device = device
-        self.capabilities = device.capabilities
-        off = {*without, *device.without}
-        self.plan = resolve(LESSON.needs.required, LESSON.needs.optional, self.capabilities, off)
-        self.size = check_size(size, self.capabilities.limits["maxImageDimension2D"])
-        try:
-            self._choose_samples()
-            self._create()
-        except BaseException:
-            self.close()
-            raise
+    device: Device
+    _data: VulkanSceneData
 
     # --- made once ---
 
-    def _choose_samples(self) -> None:
-        self.samples, short = choose_samples(self.settings, self._offered(), self.capabilities.device)
-        if short:
-            self.plan = self.plan.falling_short("msaa", f"{self.samples} samples a pixel", short)
+    def _open_device(self, validate: bool, without: Iterable[str]) -> Device:
+        instance = Instance(validate)
+        self._owned.append(instance)
+        try:
+            device = Device(instance, without=without)
+        except BaseException:
+            instance.close()
+            raise
+        self._owned.append(device)
+        return device
 
     def _offered(self) -> set[int]:
-        """Return how many samples a pixel of both targets of the forward pass can have."""
         return offered_samples(self.device, self.settings.color_format, "d32f")
 
     def _create(self) -> None:
         device, scene = self.device, self.scene
-        settings = replace(self.settings, msaa=self.samples)
+        settings = self.settings
         self._frames = Frames(device)
         self._resources = Resources(device)
         self._descriptors = Descriptors(device)
-        self._pipelines = Pipelines(device)
+        self._pipelines = Pipelines(device, self._descriptors)
         self._profiler = Profiler(device)
         self._begin_stream()
         self._commands = Commands(device)
         anisotropy = settings.anisotropy if self.plan.native("anisotropy") else 1.0
-        self._data = SceneData(device, scene, settings, anisotropy, self._resources, self._descriptors)
-        self._forward = ForwardPass(scene, settings, self._data, self._pipelines)
-        self._instance_id = InstanceIdPass(self._forward, self._data, self._pipelines)
-        self._resolve = ResolvePass(settings, self._descriptors, self._pipelines)
-        self._tonemap = TonemapPass(settings, self._descriptors, self._pipelines)
-        self.passes: list[Any] = [self._forward]
-        asked = {access.resource for access in self._instance_id.writes} & set(self.outputs)
-        if asked and InstanceIdPass.needed(scene, settings):
-            self.passes.append(self._instance_id)
-        if {"color", "color_hdr"} & self._handed_on and ResolvePass.needed(scene, settings):
-            self.passes.append(self._resolve)
-        if "color" in self._handed_on:
-            self.passes.append(self._tonemap)
-        for made in self.passes:
-            made.create()
+        self._data = VulkanSceneData(device, scene, settings, anisotropy, self._resources, self._descriptors)
+        self._make_passes()
         self._create_targets()
 
     def _create_targets(self) -> None:
@@ -147,6 +85,7 @@ class Renderer(FrameStream):
         self._targets: dict[str, Image] = {}
         self._target_handles = []
         self._source_sets: list[Sets] = []
+        self._sources: dict[str, Any] = {}
         for made in self.passes:
             for access in made.writes:
                 handle = self._resources.target(access, self.size)
@@ -174,21 +113,21 @@ class Renderer(FrameStream):
             self._to_resolve = barriers(
                 image_barrier(many.handle, many.aspect, "color", "sampled"), self._start("color_hdr", "color")
             )
-            self._resolve.source_set = self._source(many, "resolve source")
+            self._sources["resolve"] = self._source(many, "resolve source")
         if self._tonemap in self.passes:
             self._tonemap_rendering = Rendering(self.size, target["color"], None)
             hdr = target["color_hdr"]
             self._to_tonemap = barriers(
                 image_barrier(hdr.handle, hdr.aspect, "color", "sampled"), self._start("color", "color")
             )
-            self._tonemap.source_set = self._source(hdr, "tonemap source")
+            self._sources["tonemap"] = self._source(hdr, "tonemap source")
         self._create_readbacks()
 
     def _source(self, image: Image, name: str) -> Any:
         """Return an array of one set, through which a full-screen pass reads a target texel by texel."""
         nearest = Sampler("nearest", "nearest", None, "clamp", "clamp")
         texture = Texture(image.view, self._resources.sampler(nearest, 1.0))
-        self._source_sets.append(self._descriptors.create([(BINDINGS, {0: texture}, name)]))
+        self._source_sets.append(self._descriptors.create([(SOURCE, {0: texture}, name)]))
         return vk.array("VkDescriptorSet", self._source_sets[-1].handles)
 
     def _used_last(self, name: str) -> str:
@@ -219,8 +158,7 @@ class Renderer(FrameStream):
         self.inspection = Inspection(self.device, self.passes if self._inspects else [], target, SLOTS)
 
     def _destroy_targets(self) -> None:
-        self.device.wait_idle()  # for the frames, and for what a window still copies from them
-        self._let_go("the size of the picture has changed since")
+        self.device.wait_idle()  # for what a window still copies
         for slot in self._readbacks:
             for readback in slot.values():
                 readback.close()
@@ -237,14 +175,10 @@ class Renderer(FrameStream):
 
     def render(self, view: View, time: float = 0.0) -> Frame:
         """Enqueue one frame of `view` at `time` seconds; nothing is waited for but the slot's last frame."""
-        if self._closed:
-            raise StaleFrameError("This renderer was closed and renders no more: open another one.")
-        check_moment(view, time)
+        self._check_frame(view, time)
         started = clock.perf_counter()
         slot = self._frames.begin()
-        last = self._in_slot[slot.index]()
-        if last is not None:
-            last.let_go(f"its slot was used again by frame {slot.number}")
+        self._use_again(slot)
         self._resources.collect(slot.number)
         frame = Frame(self, slot, self._index, shown_exposure(self.settings, view))
         self._in_slot[slot.index] = weakref.ref(frame)
@@ -269,50 +203,17 @@ class Renderer(FrameStream):
         self._copy_outputs(slot)
 
         self._frames.submit(slot)
-        frame.work = self._count(commands.work, written) | {"history_resets": int(frame.reset != "")}
-        self._index += 1
-        self._reset = ""
-        self._previous = view, time
+        self._end_frame(frame, view, time, commands.work, written)
         frame.cpu_ms = (clock.perf_counter() - started) * 1e3
         return frame
 
-    def _update(self, slot: FrameSlot, view: View, time: float, reset: str) -> int:
-        """Write what this frame's shaders read; return the bytes written."""
-        scene = self.scene
-        if self._data.follow_materials():
-            for made in (self._forward, self._instance_id):
-                if made in self.passes:
-                    made.create()
-            self._data.followed()
-        previous = self._previous
-        if reset:  # then the frame before says nothing: neither where the camera was nor where objects were
-            previous = None
-            self._data.records.forget_pose()
-        pose = self._light.pose(evaluate_pose(scene, time), view)
-        constants = frame_constants(
-            scene,
-            self.size,
-            view,
-            time,
-            previous=previous,
-            index=self._index,
-            ambient=self._light.ambient(),
-            environment=self._data.environment,
-        )
-        self._data.write_frame(slot.index, constants)
-        written = constants.nbytes + self._data.records.write(
-            self._data.slots[slot.index], pose, exposure(view.ev100)
-        )
-        written += self._data.record_deformation(slot.commands, slot.index, pose)
-        view_from_origin = view.view_from_world() @ translation(scene.origin)
-        visibility = scene.revision[Change.VISIBILITY]
-        self._forward.prepare(slot.index, view_from_origin, self._data.records.instances, visibility)
-        self._last = self._state(view, time)
-        return written
+    def _deform(self, slot: FrameSlot, pose: Pose) -> int:
+        return self._data.record_deformation(slot.commands, slot.index, pose)
 
-    def _run(self, made: Any, rendering: Rendering) -> None:
+    def _run(self, made: Pass, rendering: Rendering) -> None:
         """Record one pass between its label, its timestamps and its attachments."""
         commands = self._commands
+        commands.sources = self._sources.get(made.name)
         commands.begin_label(made.name)
         self._profiler.begin(commands.slot, made.name)
         commands.begin_rendering(rendering)
@@ -331,16 +232,8 @@ class Renderer(FrameStream):
             self._commands.barrier(self._to_host)
             self._commands.end_label()
 
-    def _count(self, work: dict[str, int], written: int) -> dict[str, int]:
+    def _made(self) -> dict[str, int]:
         return {
-            **work,
-            "passes": len(self.passes),
-            "passes_skipped": 4 - len(self.passes),
-            "samples": self.samples,
-            "instances": int(self.scene.instances.visible.sum()),
-            "lights": len(self.scene.lights) if self._data.lit else 0,
-            "bytes_written": written,
-            "pipelines": len(self._pipelines),
             "descriptor_sets": self._descriptors.set_count,
             "textures": self._data.textures,
             "samplers": self._resources.counts["samplers"],
@@ -355,16 +248,6 @@ class Renderer(FrameStream):
             raise StaleFrameError("This renderer has no picture for a window: open it with presents=True.")
         return self._targets["color"]
 
-    def read(self, slot: FrameSlot, name: str, exposed: float) -> np.ndarray:
-        """Return an output of the slot's frame; see `Frame.image`."""
-        inspected = self.inspection.readbacks[slot.index]
-        check_outputs((*self.outputs, *inspected), OUTPUTS, name)
-        self._frames.wait(slot)
-        readback = (self._readbacks[slot.index] | inspected).get(name)
-        if readback is None:  # an empty scene has no instances, and so no pass that would draw them
-            return np.zeros(self.size[::-1], np.uint32 if name == "instance_id" else np.float32)
-        return output_of(name, readback.read(), exposed)
-
     def read_timings(self, slot: FrameSlot) -> dict[str, float]:
         """Return GPU milliseconds by pass of the slot's frame."""
         self._frames.wait(slot)
@@ -372,22 +255,10 @@ class Renderer(FrameStream):
 
     # --- life ---
 
-    def resize(self, size: tuple[int, int]) -> None:
-        """Change the picture to (width, height) pixels."""
-        size = check_size(size, self.capabilities.limits["maxImageDimension2D"])
-        if size == self.size:
-            return
-        self._destroy_targets()
-        self.size = size
-        self._create_targets()
-        self.reset_history(self._reset or "resize")
-
     def reload_shaders(self, changed: Collection[Path]) -> Reloaded:
         """Build anew the pipelines that use one of these files; view, time and the number of the frame go on."""
         rebuilt = self._pipelines.reload(changed, self._resources.defer)
-        if rebuilt:
-            self._last = None  # the same view makes another picture now
-        return Reloaded(rebuilt, files_at_start(self.scene, self.settings).intersection(changed))
+        return self._reloaded(rebuilt, changed)
 
     def close(self) -> None:
         """Free everything on the GPU; a second time does nothing."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from common.environment import ENERGIES
 from common.settings import AtMost, Sweep, knob
-from common.twins.shading_environment import ENERGIES
 
 from .shading.views import CHOICES, PICTURE
 

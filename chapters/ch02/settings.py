@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, ClassVar
 
+from common.environment import ENERGIES
 from common.scene import Scene
 from common.scene.crowds import crowd, kinds
 from common.settings import AtMost, Scale, Side, Sweep, knob
-from common.twins.shading_environment import ENERGIES
 
 from .shading.views import CHOICES, PICTURE
 

@@ -57,6 +57,7 @@ LESSON = Lesson(
         "renderer.py",
     ),
     plumbing={
+        "scene/data.py": "goes on loading textures in each frame",
         "settings.py": "has knobs for threads, loading and the budget, and names what a bench measures of threads",
         "frames/vulkan_commands.py": "sets viewport and scissor by a function that secondaries call as well",
         "scene/vulkan_data.py": "orders what is to be loaded by the view, and writes what has arrived",

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,6 +31,11 @@ MAX_WIDTH = 8192
 
 BRIGHTEST = 1e17
 """Nits of the brightest texel: the sun has 2e9; exposures, which end at EV100 60, fit no light beyond."""
+
+Energy = Literal["gltf", "compensated", "conserving"]
+
+ENERGIES: tuple[Energy, ...] = ("gltf", "compensated", "conserving")
+"""How the parts of the BRDF share an environment's light; the position is the number that `shaders/ibl.glsl` uses."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -34,8 +34,7 @@ def test_a_wrapper_is_passed_over(path):
 @pytest.mark.parametrize(
     "path",
     [
-        "chapters/ch01/shading/vulkan_forward.py",
-        "chapters/ch01/shading/gl_forward.py",
+        "chapters/ch01/shading/forward.py",
         "chapters/ch01/frames/vulkan.py",
     ],
 )

@@ -284,6 +284,7 @@ def test_files_are_named_as_one_sees_them(clone, monkeypatch):
         (["../ch04/passes/forward.py"], "is not in ch03"),
         (["passes/sky.py"], "is as it is in HEAD"),
         (["studies/one.py"], "studies are not copied"),
+        (["benches/one.py"], "benches are not copied"),
         ([], "Which files. In ch03 this differs from HEAD: passes/forward.py"),
     ],
 )

@@ -54,6 +54,15 @@ def test_what_it_tells_to_do_helps(clone):
     assert said(clone) == []
 
 
+def test_a_commit_that_only_rearranged_code_repaired_nothing(clone):
+    sha = mend(clone, 2)
+    listed = clone.root.parent / ".git-blame-ignore-revs"
+    listed.write_text(f"# Chapters: another order\n{'0' * 40}\n", "utf-8")
+    assert len(said(clone)) == 2, "another commit is listed"
+    listed.write_text(f"# Chapters: another order\n{sha}\n", "utf-8")
+    assert said(clone) == []
+
+
 def test_a_chapter_in_between_does_not_hide_a_later_one(clone):
     mend(clone, 2, 3)
     assert said(clone) == [f"ch04/{FORWARD}:5 line 5"]

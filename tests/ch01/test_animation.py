@@ -13,10 +13,10 @@ from common.gltf import load_scene
 from common.numerics.transforms import pose_looking_at
 from common.scene import Animation, AnimationChannel, Deformation, Image, Light, Material
 from common.scene.pose import evaluate_pose
-from common.twins import shading
 from common.view.camera import Perspective, View, framed_view
 from tests.support.bounds import snapping
 from tests.support.scenes import facing, nodes_at, quad_scene, texture, translated
+from tests.twins import shading
 
 SIZE = (64, 64)
 EXACT = Settings(color_format="rgba32f", background=0.0, default_light=False, tone_curve="none")

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 from backends.vulkan import api as vk
+from chapters.ch01.frames.frame import OUTPUTS
 from chapters.ch01.frames.vulkan_commands import Rendering
-from chapters.ch01.renderer import OUTPUTS, Renderer
+from chapters.ch01.renderer import Renderer
 from chapters.ch01.settings import Settings
 from common.scene import Image, Light, Material
 from tests.support.chapter import on_path, record_anew

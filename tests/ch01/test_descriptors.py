@@ -127,7 +127,7 @@ def test_a_pool_that_is_too_small_raises_what_the_driver_says(vulkan_device, hel
 
 
 def test_equal_tables_share_a_layout(descriptors):
-    table = [Binding(0, "uniform"), Binding(1, "texture", vk.VK_SHADER_STAGE_FRAGMENT_BIT)]
+    table = [Binding(0, "uniform"), Binding(1, "texture", "fragment")]
     layout = descriptors.layout(table)
     assert descriptors.layout(list(table)) == layout
     assert descriptors.layout(table[:1]) != layout

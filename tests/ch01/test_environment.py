@@ -17,7 +17,7 @@ from chapters.ch01.environment import model as logic
 from chapters.ch01.environment.model import SMOOTH, Sizes
 from chapters.ch01.environment.vulkan import create_environment, read_levels
 from chapters.ch01.settings import Settings
-from common.environment import Environment, constant, read_environment
+from common.environment import ENERGIES, Environment, constant, read_environment
 from common.environment.directions import (
     cube_directions,
     cube_solid_angles,
@@ -27,8 +27,8 @@ from common.environment.directions import (
 )
 from common.paths import asset_dir
 from common.settings import knobs
-from common.twins import shading_environment as ibl
-from common.twins.shading import distribution_ggx
+from tests.twins import shading_environment as ibl
+from tests.twins.shading import distribution_ggx
 
 pytestmark = pytest.mark.variants("vulkan")  # the kernels need nothing that a device may lack
 
@@ -239,7 +239,7 @@ void main() {
 
 def reflected(device, maps, points, energy):
     """Return the light (P, 3) that leaves for points (P, 4) of cosine, roughness, base colour, metallic."""
-    defines = {"ENERGY": ibl.ENERGIES.index(energy), "LAST_LEVEL": float(maps.last_level)}
+    defines = {"ENERGY": ENERGIES.index(energy), "LAST_LEVEL": float(maps.last_level)}
     source = shader_text.build_text(FURNACE, "comp", "vulkan", name="furnace", defines=defines)
     kernel = Kernel(device, source, ("texture", "texture", "texture", "storage"))
     sampler = create_sampler(device, SMOOTH, 1.0, "maps")
@@ -273,7 +273,7 @@ def furnace_truth():
 
 
 @pytest.mark.feature("ibl/specular-split-sum")
-@pytest.mark.parametrize("energy", ibl.ENERGIES)
+@pytest.mark.parametrize("energy", ENERGIES)
 def test_furnace(vulkan_device, energy):
     """In light that is 1 from everywhere, what leaves is what float64 quadrature of the same formula says."""
     cosine, roughness, table = furnace_truth()
@@ -334,7 +334,7 @@ def test_grazing_and_smooth_surfaces_stay_finite(vulkan_device):
     maps = create_environment(vulkan_device, constant(3.0), SMALL)
     points = [(c, r, b, m) for c in (0.0, 1e-7) for r in (0.0, 1e-4, 1.0) for b in (0, 1) for m in (0, 1)]
     try:
-        for energy in ibl.ENERGIES:
+        for energy in ENERGIES:
             got = reflected(vulkan_device, maps, points, energy) * maps.scale
             assert np.isfinite(got).all()
             assert got.min() >= 0

@@ -10,13 +10,14 @@ import pytest
 from chapters.ch01.environment import model as logic
 from chapters.ch01.renderer import Renderer
 from chapters.ch01.settings import Settings
-from common.environment import Environment, constant
+from common.environment import ENERGIES, Environment, constant
 from common.environment.directions import panorama_directions
 from common.numerics.transforms import pose_looking_at
 from common.scene import Light, Material
-from common.twins import shading_environment as ibl
 from common.view.camera import View, exposure
+from tests.support.chapter import on_opengl
 from tests.support.scenes import facing, quad_scene, translated
+from tests.twins import shading_environment as ibl
 
 SIZE = (16, 16)
 EXACT = Settings(
@@ -81,7 +82,7 @@ def test_the_sky_is_the_environment_where_nothing_was_drawn(vulkan_device):
     assert np.abs(picture[8, 8] - (0.5, 1.0, 1.0)).max() < 4e-3  # what was on the left came behind
 
 
-@pytest.mark.parametrize("energy", ibl.ENERGIES)
+@pytest.mark.parametrize("energy", ENERGIES)
 @pytest.mark.parametrize(("metallic", "roughness"), [(1.0, 1.0), (0.0, 0.3), (0.5, 0.6)])
 def test_a_square_in_uniform_light(vulkan_device, energy, metallic, roughness):
     """Seen head on by an orthographic camera: one direction, one number, by quadrature."""
@@ -147,8 +148,7 @@ def test_a_second_start_makes_nothing(vulkan_device, monkeypatch):
 @pytest.mark.feature("environment/skybox")
 @pytest.mark.parametrize("energy", ["gltf", "conserving"])
 def test_opengl_draws_the_same(vulkan_device, gl_context, energy):
-    from chapters.ch01.gl_renderer import Renderer as OpenGL
-
+    OpenGL = on_opengl(Renderer)
     scene = around(
         quad_scene(
             materials=(Material(roughness=0.3), Material(metallic=0.0, base_color=(0.8, 0.3, 0.2, 1.0))),

@@ -13,9 +13,9 @@ from chapters.ch01.settings import Settings
 from common.images.color import decode_srgb
 from common.numerics.transforms import pose_looking_at
 from common.scene import Image, Light, Material
-from common.twins import shading
 from common.view.camera import Orthographic, View, exposure
 from tests.support.scenes import facing, nodes_at, quad_scene, texture, translated
+from tests.twins import shading
 
 pytestmark = [pytest.mark.newest, pytest.mark.variants("vulkan", "without-all")]
 everywhere = pytest.mark.variants("vulkan", "without-all", "gl")

@@ -15,6 +15,7 @@ from common.paths import asset_dir
 from common.scene.pose import evaluate_pose
 from common.view.camera import exposure, view_of_scene
 from tests.support import gl_functions
+from tests.support.chapter import on_opengl
 from tests.support.recorded import draws
 
 SIZE = (64, 64)
@@ -138,8 +139,7 @@ def test_flight_helmet_is_six_draws(vulkan_device, models, opened):
 @pytest.mark.feature("gltf/gpu-upload")
 def test_flight_helmet_is_six_draws_on_opengl(gl_context, models, opened):
     """All of one buffer of indices, each at an offset of its own; a part that is hidden is missing."""
-    from chapters.ch01.gl_renderer import Renderer as OpenGL
-
+    OpenGL = on_opengl(Renderer)
     if "FlightHelmet" not in FILES:
         pytest.skip("FlightHelmet is not among the models")
     scene = opened(FILES["FlightHelmet"])

@@ -11,7 +11,6 @@ import pytest
 import chapters
 from chapters import scenes
 from chapters.ch01.frames.frame import OUTPUTS
-from chapters.ch01.gl_renderer import Renderer as OpenGL
 from chapters.ch01.renderer import Renderer as Vulkan
 from chapters.ch01.settings import Settings
 from chapters.ch01.shading.samples import choose_samples
@@ -22,13 +21,14 @@ from common.numerics.transforms import matrix_from_quaternion, pose_looking_at
 from common.scene import Image, Material, Sampler, Scene
 from common.settings import preset
 from common.view.camera import Perspective, View
-from tests.support.chapter import on_path, targets_of
+from tests.support.chapter import on_opengl, on_path, targets_of
 from tests.support.drivers import needs_feature, needs_whole_quads
 from tests.support.scenes import facing, quad_scene, texture, translated
 from tools.bench.points import _averaged
 
 pytestmark = pytest.mark.variants("gl")
 
+OpenGL = on_opengl(Vulkan)
 SIZE = (32, 32)
 FOUR = Settings(color_format="rgba32f", background=0.0, msaa=4)
 LINEAR = replace(FOUR, resolve="linear")

@@ -9,12 +9,13 @@ from dataclasses import replace
 import pytest
 
 from backends import shader_text
-from chapters.ch01.pipelines.gl import GraphicsPipeline, Pipelines
+from chapters.ch01.pipelines.description import PipelineDescription
+from chapters.ch01.pipelines.gl import Pipelines
 from common.scene import Light, Material
 from tests.support.gl_functions import noted
 from tests.support.scenes import facing, quad_scene
 
-PLAIN = GraphicsPipeline(("post/fullscreen.vert", "post/tonemap.frag"), depth=None, name="plain")
+PLAIN = PipelineDescription(("post/fullscreen.vert", "post/tonemap.frag"), depth=None, name="plain")
 
 
 @pytest.fixture
@@ -48,7 +49,7 @@ def test_equal_descriptions_share_a_pipeline(pipelines, gl_context, monkeypatch)
     with built(gl_context, monkeypatch) as work:
         first, second, other = pipelines.get([PLAIN, replace(PLAIN), replace(PLAIN, blend="add")])
     assert first is second and first is not other
-    assert first.program is other.program, "OpenGL's programs hold no state"
+    assert first.code is other.code, "OpenGL's programs hold no state"
     assert work.count("link") == 1 and work.count("text") == 2 * 2, "two stages of two descriptions"
     calls: list[str] = []
     with built(gl_context, monkeypatch) as work, noted(gl_context, lambda name, _: calls.append(name)):

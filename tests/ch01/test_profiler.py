@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 from backends.vulkan import api as vk
+from chapters.ch01.frames.frame import OUTPUTS
 from chapters.ch01.frames.vulkan_profiler import Profiler
-from chapters.ch01.renderer import OUTPUTS, Renderer
+from chapters.ch01.renderer import Renderer
 from chapters.ch01.settings import Settings
 from common.scene import Light, Material
-from tests.support.chapter import on_path, record_anew
+from tests.support.chapter import of_backend, on_path, record_anew
 from tests.support.scenes import facing, quad_scene
 
 SUN = Light("directional", node=0, intensity=math.pi)
@@ -34,7 +35,7 @@ def test_stamps_rise_through_the_frame_and_every_pass_takes_time(vulkan_device):
         ticks = np.zeros(6, np.uint64)
         code = vulkan_device.fn.vkGetQueryPoolResults(
             vulkan_device.handle,
-            made._profiler._pools[1],
+            of_backend(made, "profiler")._pools[1],
             0,
             6,
             48,

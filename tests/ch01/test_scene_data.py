@@ -20,7 +20,7 @@ from common.images.color import decode_srgb
 from common.scene import Deformation, Image, Instances, Light, Material, Sampler
 from common.view.camera import UNIT_EV100, exposure
 from tests.support.bounds import decoded_srgb
-from tests.support.chapter import building
+from tests.support.chapter import building, of_backend
 from tests.support.scenes import facing, nodes_at, quad_scene, texture, translated
 
 on_vulkan = pytest.mark.variants("vulkan", "without-all")
@@ -123,7 +123,9 @@ def test_only_streams_that_a_material_reads_are_uploaded(chapter):
         with chapter.open(scene, SIZE, EXACT) as made:
             sizes = {name: 4 * 4 * STREAMS[name][1] for name in streams} | {"indices": scene.indices.nbytes}
             held = [
-                buffer for _, buffer in made._resources.buffers.items() if buffer.name.startswith(GEOMETRY)
+                buffer
+                for _, buffer in of_backend(made, "resources").buffers.items()
+                if buffer.name.startswith(GEOMETRY)
             ]
             assert [buffer.size for buffer in held] == [stream_offsets(sizes)[1]]
             assert made._data.textures == ("uv0" in streams)
@@ -187,7 +189,9 @@ def test_mip_levels_are_made_where_they_are_read(chapter):
     for reference, levels in ((mipmapped, 7), (plain, 1)):
         scene = quad_scene(Material(unlit=True, base_color_texture=reference), images=(noise,))
         with chapter.open(scene, (4, 4), EXACT, outputs={"color_linear"}) as made:
-            (image,) = (image for _, image in made._resources.images.items() if image.name == "noise")
+            (image,) = (
+                image for _, image in of_backend(made, "resources").images.items() if image.name == "noise"
+            )
             assert image.levels == levels
             spread[levels] = made.render(facing()).image("color_linear").std()
     assert spread[7] < 0.25 * spread[1], "16 texels a pixel are averaged, or one of them is taken"

@@ -11,9 +11,9 @@ import pytest
 from chapters.ch01.settings import Settings
 from common.images.color import decode_srgb, encode_srgb
 from common.scene import Image, Light, Material, Sampler
-from common.twins import shading
 from common.view.camera import exposure
 from tests.support.scenes import facing, nodes_at, quad_scene, texture, translated
+from tests.twins import shading
 
 pytestmark = [pytest.mark.newest, pytest.mark.variants("vulkan", "without-all")]
 everywhere = pytest.mark.variants("vulkan", "without-all", "gl")

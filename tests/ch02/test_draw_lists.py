@@ -12,7 +12,7 @@ import pytest
 from chapters.ch02.scene import packing
 from chapters.ch02.scene.draw_lists import COMMAND, build_draw_lists
 from chapters.ch02.scene.packing import Variant, material_variant
-from chapters.ch02.scene.scene_draws import SceneDraws
+from chapters.ch02.scene.scene_draws import SceneDrawLists
 from common import layouts
 from common.numerics.transforms import pose_looking_at
 from common.scene import MESH_DTYPE, Image, Instances, Material, Scene
@@ -200,6 +200,10 @@ class Written:
         self.lists = {slot: np.zeros(len(instances), COMMAND) for slot in (0, 1)}
         self.writes: list[tuple[int, int, int]] = []
 
+    def binding(self, slot: int) -> int:
+        """Return the slot in place of what its draws bind."""
+        return slot
+
     def write_commands(self, slot: int, commands: np.ndarray, first: int = 0) -> int:
         self.lists[slot][first : first + len(commands)] = commands
         self.writes.append((slot, first, len(commands)))
@@ -219,11 +223,11 @@ def test_transparent_objects_are_drawn_from_the_farthest_on(seed):
     """In either slot, from each view, ties in the order of the scene; and what stands in the slot says the same."""
     case = Case(seed)
     data = Written(case)
-    draws = SceneDraws(case.scene, data)
+    draws = SceneDrawLists(case.scene, data)
     for frame, view in enumerate([*VIEWS, VIEWS[0], VIEWS[0]]):
         slot = frame % 2
         draws.prepare(slot, view)
-        batches = draws.transparent(slot)
+        batches = draws.transparent
         ids = [
             i
             for b in batches
@@ -243,7 +247,7 @@ def test_records_are_written_when_they_change_and_once_per_slot():
         case for case in map(Case, CASES) if len(case.lists.transparent) > 3 and len(case.lists.solid) > 2
     )
     data = Written(case)
-    draws = SceneDraws(case.scene, data)
+    draws = SceneDrawLists(case.scene, data)
     total, clear = len(case.lists.commands), len(case.lists.transparent)
     every, order = (0, total), (total - clear, clear)
 
@@ -283,7 +287,7 @@ def test_an_opaque_scene_writes_nothing_for_a_camera_that_moves():
         if not len(case.lists.transparent) and len(case.lists.solid) > 2
     )
     data = Written(case)
-    draws = SceneDraws(case.scene, data)
+    draws = SceneDrawLists(case.scene, data)
     for slot in (0, 1):
         draws.prepare(slot, VIEWS[0])
     data.writes.clear()

@@ -14,6 +14,7 @@ from common import layouts
 from common.scene import Image, Light, Material, Sampler, Scene
 from common.view.camera import UNIT_EV100, View
 from tests.ch02.test_bindless import TEXEL, Reader, one_color
+from tests.support.chapter import of_backend
 from tests.support.scenes import NEAREST, facing, nodes_at, quad_scene, texture
 
 SIZE = (16, 16)
@@ -205,7 +206,7 @@ def test_a_list_longer_than_the_device_takes_is_several_calls(chapter, monkeypat
     for most in (None, 3):
         with chapter.open(objects(40), (20, 20), EXACT, outputs={"instance_id"}) as made:
             if most:
-                monkeypatch.setattr(made._commands, "_most", most)
+                monkeypatch.setattr(of_backend(made, "commands"), "_most", most)
             frame = made.render(over(20))
             pictures.append((frame.image("instance_id"), frame.work["draw_calls"]))
     assert np.array_equal(pictures[0][0], pictures[1][0])

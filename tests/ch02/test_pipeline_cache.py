@@ -14,12 +14,13 @@ import pytest
 from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 from chapters.ch02.pipelines import vulkan_cache
-from chapters.ch02.pipelines.vulkan import GraphicsPipeline, Pipelines
+from chapters.ch02.pipelines.description import PipelineDescription
+from chapters.ch02.pipelines.vulkan import Pipelines
 from chapters.ch02.pipelines.vulkan_cache import PipelineCache
 from common import paths
 
 disk_cache = pytest.mark.feature("pipeline-cache/disk-cache")
-PLAIN = GraphicsPipeline(("post/fullscreen.vert", "post/tonemap.frag"), color="rgba8", depth=None)
+PLAIN = PipelineDescription(("post/fullscreen.vert", "post/tonemap.frag"), color="rgba8", depth=None)
 HEADER = struct.Struct("<4I16s")  # Vulkan 1.3, section 10.7.4: VkPipelineCacheHeaderVersionOne
 PREFIX = 16 + 4 + 8 + 32  # mark, driver version, length, SHA-256
 FIELDS = {"size": 0, "version": 4, "vendor": 8, "device": 12, "UUID": 16, "UUID's end": 31}

@@ -17,7 +17,8 @@ from backends.vulkan.readback import read_image
 from backends.vulkan.resources import create_buffer, create_image, destroy_buffer, destroy_image
 from backends.vulkan.shaders import compile_shader
 from chapters.ch02.pipelines import vulkan_layouts
-from chapters.ch02.pipelines.vulkan import GraphicsPipeline, Pipelines
+from chapters.ch02.pipelines.description import PipelineDescription
+from chapters.ch02.pipelines.vulkan import Pipelines
 from chapters.ch02.pipelines.vulkan_cache import PipelineCache
 from chapters.ch02.pipelines.vulkan_layouts import CAPACITY, Layouts
 from chapters.ch02.pipelines.vulkan_reflection import STAGES, Binding, Push, Stage, merge
@@ -424,7 +425,7 @@ def written(folder, vertex, fragment, **more):
     for name, text in (("own.vert", vertex), ("own.frag", fragment)):
         (folder / name).write_text(text, "utf-8")
     paths = tuple(str(folder / name) for name in ("own.vert", "own.frag"))
-    return GraphicsPipeline(paths, color="rgba32f", depth=None, **more)
+    return PipelineDescription(paths, color="rgba32f", depth=None, **more)
 
 
 @pytest.mark.feature("reflection/spirv-parser")
@@ -433,7 +434,7 @@ def written(folder, vertex, fragment, **more):
 def test_the_projects_shaders_need_no_layout_by_hand(pipelines, order):
     names = ("post/fullscreen.vert", "post/tonemap.frag")
     shaders = tuple(names[number] for number in order)
-    (built,) = pipelines.get([GraphicsPipeline(shaders, color="rgba8", depth=None)])
+    (built,) = pipelines.get([PipelineDescription(shaders, color="rgba8", depth=None)])
     assert built.sets[0].bindings == (Binding(0, "texture", 1, "color_hdr", FRAG),)
     assert (len(built.sets), built.push_stages) == (1, 0)
 

@@ -11,11 +11,11 @@ import pytest
 from backends import shader_text
 from backends.shader_text import STAGES
 from backends.vulkan.shaders import shared
-from chapters.ch02.pipelines.snippets import SNIPPETS
 from chapters.ch02.pipelines.spirv import parser
 from chapters.ch02.pipelines.spirv.declared import Kind
 from chapters.ch02.pipelines.spirv.words import instructions, words_of
 from common.errors import ShaderError
+from common.layouts import SNIPPETS
 from common.paths import ROOT
 from tests.backends.test_glslang import SHADERS as STAGE_SHADERS
 from tests.ch02.test_spirv import KINDS, KINDS_EXTENSIONS, RULES, SPECIAL

@@ -17,6 +17,7 @@ from chapters.ch03.scene import pages
 from chapters.scenes import load
 from common.scene.crowds import crowd
 from common.view.camera import UNIT_EV100
+from tests.support.chapter import of_backend
 from tests.support.meshes import grid, scene_of, shuffled
 from tests.support.scenes import facing
 
@@ -64,7 +65,9 @@ def pages_of(chapter, made):
         if chapter.backend == "gl":
             found.append(words_on_gl(chapter.device, one, page.size))
         else:
-            found.append(words_on_vulkan(chapter.device, made._resources.buffers.get(one), page.size))
+            found.append(
+                words_on_vulkan(chapter.device, of_backend(made, "resources").buffers.get(one), page.size)
+            )
     return found
 
 
@@ -141,7 +144,7 @@ def test_a_page_is_copied_to_before_the_first_frame_and_by_none(chapter):
     chapter.device.fn.trace(log)
     try:
         with chapter.open(load("spheres"), (16, 16)) as made:
-            held = {made._resources.buffers.get(one).handle for one in made._data._geometry[0]}
+            held = {of_backend(made, "resources").buffers.get(one).handle for one in made._data._geometry[0]}
             before = targets(log)
             log.clear()
             for turn in range(4):

@@ -10,6 +10,7 @@ from functools import partial
 import numpy as np
 import pytest
 
+from chapters.ch03.benches import scene as bench_scene
 from chapters.ch03.loading.importance import material_sizes
 from chapters.ch03.loading.loading import (
     AHEAD,
@@ -33,7 +34,6 @@ from common.scene import Material
 from common.view.camera import Perspective, View
 from tests.support.scenes import facing, quad_scene, translated
 from tests.support.timing import PATIENCE_S, until
-from tools.bench.lessons import scene as bench_scene
 
 pytestmark = pytest.mark.usefixtures("no_thread_left")
 

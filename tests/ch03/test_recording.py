@@ -19,7 +19,7 @@ from chapters.ch03.settings import Settings
 from chapters.ch03.tasks.errors import TaskError
 from common.scene import Image, Material, Scene
 from tests.support import recorded
-from tests.support.chapter import record_anew
+from tests.support.chapter import of_backend, record_anew
 from tests.support.pacing import ends
 from tests.support.scenes import facing, quad_scene, texture, translated
 from tests.support.timing import PATIENCE_S
@@ -261,7 +261,7 @@ def test_a_pool_has_one_thread_is_reset_once_a_frame_and_never_in_flight(chapter
         for _ in range(frames):
             record_anew(renderer)
             renderer.render(facing())
-        pools = {key(pool.handle) for pool in renderer._commands._pools.pools}
+        pools = {key(pool.handle) for pool in of_backend(renderer, "commands")._pools.pools}
     assert len(pools) == SLOTS * threads
     counts = Counter(name for name, _ in log)
     assert counts["vkFreeCommandBuffers"] == counts["vkResetCommandBuffer"] == 0
@@ -311,7 +311,11 @@ def test_a_pool_has_one_thread_is_reset_once_a_frame_and_never_in_flight(chapter
 def test_buffers_of_a_pool_are_kept_and_given_out_anew(chapter):
     with opened(chapter, knobs(1, 2), without=("multi-draw",)) as renderer:
         slot = renderer._frames.slots[0]
-        pools = CommandPools(chapter.device, [slot], renderer._workers)
+        pools = CommandPools(
+            chapter.device,
+            [slot],
+            of_backend(renderer, "workers"),
+        )
         pools.open()
         first = [key(pools.take(slot)) for _ in range(3)]
         assert len({*first}) == 3 and pools.pools[pool_index(0, 0, 2)].used == 3

@@ -16,10 +16,10 @@ from chapters.ch04.settings import Settings
 from common.environment import constant
 from common.images.color import decode_srgb
 from common.scene import Light, Material, Scene
-from common.twins import shading
 from common.view.camera import exposure
 from tests.support.jumble import CAMERA, KINDS, jumble
 from tests.support.scenes import facing, quad_scene, translated
+from tests.twins import shading
 
 pytestmark = pytest.mark.variants("vulkan", "gl")  # no optional feature takes part in lighting
 

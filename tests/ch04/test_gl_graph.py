@@ -13,7 +13,7 @@ from backends.gl.context import Context
 from backends.gl.present import blit
 from backends.gl.resources import create_image, destroy_image
 from backends.gl.targets import create_framebuffer, destroy_framebuffer
-from chapters.ch04.gl_renderer import Renderer
+from chapters.ch04.gl import Renderer
 from chapters.ch04.settings import Settings
 from common.errors import DeviceError, UnsupportedError
 from common.scene import Image, Light, Material
@@ -73,7 +73,7 @@ def test_chapter_3_draws_the_same_bits(chapter, msaa):
     scene, views = scene_of(), [facing(), facing(), moved(0.1), facing(), moved(0.2)]
     found = []
     for which, settings in ((3, {}), (4, {"graph": "forward"})):
-        kind = chapters.renderer_module(which, "gl").Settings
+        kind = chapters.settings_class(which)
         settings = kind(anisotropy=1.0, msaa=msaa, **settings)
         with Chapter(which, "gl", chapter.device).open(scene, SIZE, settings, outputs=OUTPUTS) as renderer:
             found.append([images(renderer.render(view)) for view in views])
@@ -177,7 +177,7 @@ def test_a_frame_of_unchanged_structure_is_the_same_calls(chapter, settings):
         assert not building(frames[0])
         assert not [name for name in frames[0] if name.startswith("glGet") and "SubImage" not in name]
         assert "glMemoryBarrier" not in frames[0]
-        assert renderer._executor.barriers == [0] * len(renderer.graph.steps)
+        assert renderer._api.executor.barriers == [0] * len(renderer.graph.steps)
 
 
 def test_the_list_does_not_grow_with_objects(chapter):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from backends import shader_text
-from backends.contract import Access
+from backends.contract import Access, Pass, Sources
 from backends.gl import api as gl
 from backends.gl.draws import create_vertex_array
 from backends.gl.programs import Programs
@@ -41,7 +41,7 @@ FETCH, UPDATE = gl.GL_TEXTURE_FETCH_BARRIER_BIT, gl.GL_TEXTURE_UPDATE_BARRIER_BI
 TARGET, COMMAND = gl.GL_FRAMEBUFFER_BARRIER_BIT, gl.GL_COMMAND_BARRIER_BIT
 
 
-class Made:
+class Made(Pass):
     """A pass of a test: `draw(commands)` is what it records."""
 
     def __init__(self, name, reads=(), writes=(), draw=lambda commands: None):
@@ -88,7 +88,8 @@ class Stage:
             fn.glUseProgram(program.handle)
             for capability in (gl.GL_CULL_FACE, gl.GL_DEPTH_TEST, gl.GL_BLEND):
                 fn.glDisable(capability)
-            commands.draw_fullscreen(self.empty)
+            fn.glBindVertexArray(self.empty)
+            fn.glDrawArrays(gl.GL_TRIANGLES, 0, 3)
 
         return draw
 
@@ -240,10 +241,10 @@ def chain(stage, length):
         draw = stage.fullscreen(text.format(float(number)))
 
         def record(commands, made=made, draw=draw):
-            commands.bind_textures(made.source)
+            commands.bind_textures(commands.sources)
             draw(commands)
 
-        made.source, made.record = (), record
+        made.sources, made.record = Sources(), record
         passes.append(made)
     return passes
 
@@ -283,10 +284,10 @@ def test_what_comes_from_outside_is_read_and_is_neither_shared_nor_freed(stage, 
     draw = stage.fullscreen(text)
 
     def record(commands):
-        commands.bind_textures(sums.source)
+        commands.bind_textures(commands.sources)
         draw(commands)
 
-    sums.source, sums.record = (), record
+    sums.sources, sums.record = Sources(), record
     externals = {"theirs": External("rgba32f", SIZE, Touch("sampled", frozenset(), frozenset()), None)}
     passes = [*chain(stage, 4), sums]
     with stage.drawing(passes, ("sum",), True, externals, {"theirs": theirs}) as (executor, frame):
@@ -413,10 +414,10 @@ def test_what_shaders_store_is_there_for_the_next_pass(stage, gl_context):
         (Access("stored", "sampled"), Access("sums", "storage")),
         (Access("shown", "color", format="rgba32f"),),
     )
-    show.source = ()
+    show.sources = Sources()
 
     def record(commands):
-        commands.bind_textures(show.source)
+        commands.bind_textures(commands.sources)
         bind_buffer(gl_context, "storage", 1, held["executor"].images.in_slot[commands.slot.index]["sums"])
         draw(commands)
 

@@ -9,11 +9,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from backends.contract import Access
+from backends.contract import Access, Sources
 from chapters.ch04.graph import plan
 from chapters.ch04.graph.file import graph_path
-from chapters.ch04.graph.report import counts
 from chapters.ch04.graph.types import GraphError
+from chapters.ch04.pipelines.description import PipelineDescription
+from chapters.ch04.post.fullscreen import FullscreenPass
 from chapters.ch04.settings import Settings
 from common.errors import ShaderError, StaleFrameError
 from common.files import shader_files
@@ -72,30 +73,16 @@ def invert(chapter, tmp_path):
     """Return a class of passes that invert what they read, in light."""
     file = tmp_path / "invert.frag"
     file.write_text(INVERT)
-    if chapter.backend == "gl":
-        from chapters.ch04.pipelines.gl import GraphicsPipeline
-        from chapters.ch04.post.gl_fullscreen import FullscreenPass
-
-        formats = {}
-    else:
-        from chapters.ch04.pipelines.vulkan import GraphicsPipeline
-        from chapters.ch04.post.vulkan_fullscreen import FullscreenPass
-
-        formats = {"color": "rgba16f"}
 
     class Invert(FullscreenPass):
         name = "invert"
-        source_number = 0
+        sources = Sources(first={"texture": 3})
         reads = (Access("color_focused", "sampled"),)
         writes = (Access("color_inverted", "color", format="rgba16f"),)
 
-        @staticmethod
-        def needed(scene, settings):
-            return True
-
         def describe(self):
             shaders = ("post/fullscreen.vert", str(file))
-            return GraphicsPipeline(shaders=shaders, depth=None, name=self.name, **formats)
+            return PipelineDescription(shaders=shaders, depth=None, name=self.name, color="rgba16f")
 
     return Invert
 
@@ -168,7 +155,7 @@ def test_a_change_is_recorded_once_and_counted_in_every_frame(opened):
             renderer.switch_pass("depth_of_field", switch)
         work = renderer.render(VIEW).work
         figures.append(work["recorded"])
-        assert {key: work[key] for key in counts(renderer.graph)} == counts(renderer.graph)
+        assert {key: work[key] for key in renderer.graph.counts()} == renderer.graph.counts()
     assert figures == [1, 1, 0, 1, 1, 0, 0]
     apart = opened(settings={"alias": False}).render(VIEW).work
     assert apart["transient_bytes"] == apart["transient_bytes_alone"]

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from backends.contract import Access
+from backends.contract import Access, Pass
 from chapters.ch04.graph.checks import check_access, check_name, check_output, check_pass, check_readers
 from chapters.ch04.graph.file import graph_path, read_graph
 from chapters.ch04.graph.plan import FramePlan
@@ -22,16 +22,10 @@ GOOD = Access("mine", "color", format="rgba16f")
 
 
 def pass_of(**more):
-    """Return something that has what a pass has, but for what is given."""
-    members = {
-        "name": "mine",
-        "reads": (),
-        "writes": (GOOD,),
-        "needed": lambda *_: True,
-        "create": lambda: None,
-        "record": lambda _: None,
-    }
-    return SimpleNamespace(**(members | more))
+    """Return a pass that is right, but for what is given."""
+    made = Pass()
+    vars(made).update({"name": "mine", "writes": (GOOD,)} | more)
+    return made
 
 
 @pytest.mark.parametrize("name", [None, 3, [], "tonemop", ""])
@@ -48,7 +42,7 @@ def test_what_is_no_name_of_a_pass(name):
         SimpleNamespace,
         pass_of(name=""),
         pass_of(name=3),
-        pass_of(record=None),
+        SimpleNamespace(name="mine", reads=(), writes=(GOOD,)),
         pass_of(writes=[GOOD]),
         pass_of(reads=("depth",)),
         pass_of(writes=(replace(GOOD, use="colour"),)),
@@ -149,7 +143,7 @@ def test_a_change_for_which_the_device_has_no_memory_leaves_the_frame_as_it_was(
     settings = Settings(graph="deferred", aperture=1.0)
     with chapter.open(quad_scene(), (16, 12), settings, outputs={"color"}) as made:
         before = made.render(facing()).image("color")
-        create, tries = made._create_targets, []
+        create, tries = made._follow_graph, []
 
         def fails_once():
             tries.append(1)
@@ -157,7 +151,7 @@ def test_a_change_for_which_the_device_has_no_memory_leaves_the_frame_as_it_was(
                 raise MemoryError("the device is full")
             create()
 
-        monkeypatch.setattr(made, "_create_targets", fails_once)
+        monkeypatch.setattr(made, "_follow_graph", fails_once)
         with pytest.raises(MemoryError):
             made.switch_pass("depth_of_field", False)
         assert made.switches["depth_of_field"] and len(tries) == 2

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from backends import shader_text
-from backends.contract import Access
+from backends.contract import Access, Pass
 from backends.vulkan import api as vk
 from backends.vulkan.compute import Kernel, Sampled
 from backends.vulkan.readback import read_image
@@ -53,7 +53,7 @@ void main() {
 """
 
 
-class Dispatch:
+class Dispatch(Pass):
     """A compute pass, which binds what it touches in the order of `held`."""
 
     def __init__(self, device, name, text, held, reads, writes):
@@ -70,7 +70,7 @@ class Dispatch:
         self.kernel.record(commands.handle, held, (1, 1, 1))
 
 
-class Copy:
+class Copy(Pass):
     """A pass that copies one buffer into another."""
 
     def __init__(self, device, source, target):
@@ -208,7 +208,7 @@ def test_each_type_of_resource_yields_its_barrier_or_attachment_and_a_reference_
     graph = compile_graph(nodes, (8, 8), ["shown"], requirements=memory.requirement)
     resources, descriptors = Resources(vulkan_device), Descriptors(vulkan_device)
     made = GraphExecutor(
-        vulkan_device, graph, {node.name: node for node in nodes}, memory, resources, descriptors
+        vulkan_device, graph, {node.name: Clear(node.name) for node in nodes}, memory, resources, descriptors
     )
     try:
         steps = {ready.step.name: ready for ready in made._slots[0].steps}
@@ -236,7 +236,7 @@ def test_each_type_of_resource_yields_its_barrier_or_attachment_and_a_reference_
         descriptors.close()
 
 
-class Clear:
+class Clear(Pass):
     """A pass that draws nothing: its targets are what they were cleared to."""
 
     def __init__(self, name, *writes):

@@ -85,7 +85,7 @@ def test_poison_is_seen_where_somebody_reads_what_nobody_wrote(chapter, scene):
             # As if the pass had forgotten to clear: what is not drawn to keeps what was there.
             steps = [
                 ready
-                for slot in made._executor._slots
+                for slot in made._api.executor._slots
                 for ready in (slot if chapter.backend == "gl" else slot.steps)
                 if ready.step.name == gbuffer.name
             ]

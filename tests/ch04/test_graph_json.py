@@ -26,6 +26,7 @@ class Declared:
     reads: tuple[Access, ...] = ()
     writes: tuple[Access, ...] = ()
     why_not: str = ""
+    queue: str = "graphics"
 
 
 def passes(**why_not: str) -> dict[str, Declared]:

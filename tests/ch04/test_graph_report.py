@@ -14,9 +14,9 @@ import pytest
 
 from backends.contract import Access
 from chapters.ch04.graph.frame_graph import compile_graph
-from chapters.ch04.graph.report import counts, record, rows, sharing, text
-from chapters.ch04.graph.svg import net, svg
 from chapters.ch04.graph.types import External, Node, Touch
+from tools.frames.report import record, rows, sharing, text
+from tools.frames.svg import net, svg
 
 SIZE = (64, 32)  # 2 KiB of depth or of rgba8, 4 KiB of rgba16f
 SVG = "{http://www.w3.org/2000/svg}"
@@ -139,7 +139,7 @@ def test_the_text_says_whose_memory_is_whose(graph):
         "     16,384  lit      16.0 KiB, steps 3 to 5",
         "     32,768  depth     8.0 KiB, steps 1 to 4",
     ]
-    figures = counts(graph)
+    figures = graph.counts()
     assert (figures["transient_bytes"], figures["transient_bytes_alone"]) == (40 * 1024, 48 * 1024)
     assert (figures["passes"], figures["passes_skipped"]) == (6, 1)
     # One for each of the five resources' first writing; reading depth, albedo, lit and small; and going on with lit.
@@ -203,7 +203,7 @@ def test_json_has_everything_and_is_always_the_same(graph):
         *("version", "counts", "steps", "resources", "names", "edges", "left_out", "memory"),
         *("prologue", "epilogue", "missing", "size", "outputs"),
     }
-    assert read["version"] == 1 and read["counts"]["barriers"] == counts(graph)["barriers"]
+    assert read["version"] == 1 and read["counts"]["barriers"] == graph.counts()["barriers"]
     assert [step["name"] for step in read["steps"]] == [step.name for step in graph.steps]
     light = read["steps"][2]
     assert light["colors"] == [{"resource": "lit", "load": "clear", "store": "store", "clear": [0, 0, 0, 1]}]

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from chapters.ch04.gl_renderer import Renderer as OpenGL
+from chapters.ch04.gl import Renderer as OpenGL
 from chapters.ch04.renderer import Renderer as Vulkan
 from chapters.ch04.settings import Settings
 from tests.support.jumble import CAMERA, jumble

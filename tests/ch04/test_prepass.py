@@ -158,7 +158,7 @@ def stages_of(renderer: Any) -> dict[str, set[str]]:
     """Return the stages of the pre-pass's pipelines by their names."""
     made = next(one for one in renderer.passes if one.name == "depth_prepass")
     found = {}
-    for variant in made._made:
+    for variant in made._built:
         described = made.describe(variant)
         found[described.name] = {file.rpartition(".")[2] for file in described.shaders}
     return found
@@ -170,7 +170,7 @@ def test_without_masks_there_is_no_alpha_test(chapter):
         renderer.render(facing())
         assert stages_of(renderer) == {"depth": {"vert"}}
         made = next(one for one in renderer.passes if one.name == "depth_prepass")
-        assert len(set(map(id, made._made.values()))) == 1, "one pipeline for all that is opaque"
+        assert len(set(map(id, made._built.values()))) == 1, "one pipeline for all that is opaque"
 
 
 def test_it_is_left_out_where_every_fragment_is_to_be_counted(chapter):

@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 
+from chapters.ch05.benches.twin import Twin
 from chapters.ch05.cloth.build import LEAST_MASS, MASS_WITHOUT_AREA, STIFFNESS, build_cloth
 from chapters.ch05.cloth.colors import color_springs
 from chapters.ch05.cloth.layout import Limits, pack
@@ -18,7 +19,6 @@ from chapters.ch05.cloth.steps import (
     greatest_omega,
     motion_between,
 )
-from chapters.ch05.cloth.twin import Twin
 from chapters.ch05.cloth.types import Collider, Forces, Steps
 from common.errors import SceneError, SettingError, UserError
 from tests.support import cloths

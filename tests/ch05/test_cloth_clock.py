@@ -15,6 +15,7 @@ from chapters.ch05.scene.pages import plan_pages
 from chapters.ch05.settings import Settings
 from common.numerics.transforms import pose_looking_at, translation
 from common.view.camera import Perspective, View
+from tests.support.cloth_runs import posed
 from tests.support.cloth_scenes import cloth, cloth_scene_of
 
 SPHERE = {"shape": "sphere", "radius_m": 1.0}
@@ -87,7 +88,14 @@ def answer(frames, speed=0.0, lost=0.0):
 def run(frames, found, k, view=VIEW, speed=0.0):
     """Return the plan of frame number k at 60 a second; what the frame before in its slot did had this speed."""
     frames.told(k % 2, answer(frames, speed))
-    return frames.begin(k % 2, found.pose(k / 60), view, 1.0, k / 60, "first frame" if k == 0 else "")
+    return frames.begin(
+        k % 2,
+        posed(found, k / 60),
+        view,
+        1.0,
+        k / 60,
+        "first frame" if k == 0 else "",
+    )
 
 
 def asked(plan):
@@ -137,7 +145,7 @@ def test_a_cloth_that_was_just_outside_is_written_if_it_can_have_come_into_view(
         )
         k += 1
         frames.told(k % 2, stats)
-        plan = frames.begin(k % 2, found.pose(k / 60), VIEW, 1.0, k / 60, "")
+        plan = frames.begin(k % 2, posed(found, k / 60), VIEW, 1.0, k / 60, "")
         assert asked(plan)[1] == [written], (outside, speed)
 
 
@@ -150,7 +158,7 @@ def test_a_cloth_that_begins_anew_is_where_it_begins_whatever_was_told_of_it_bef
         stats.view(STATS)["low"] = stats.view(STATS)["high"] = (100, 100, 100)  # before it began anew
         frames.told(slot, stats)
         reset = "time ran backwards" if time == 0.0 else ""
-        assert asked(frames.begin(slot, found.pose(time), VIEW, 1.0, time, reset))[1] == [True]
+        assert asked(frames.begin(slot, posed(found, time), VIEW, 1.0, time, reset))[1] == [True]
 
 
 def test_what_acts_on_a_cloth_wakes_it_and_what_it_looks_like_does_not():
@@ -193,7 +201,7 @@ def test_a_first_frame_at_a_later_time_says_that_cloth_does_not_hang_as_it_would
     for k, told in ((0, 0), (15, 0), (16, 1), (120, 1)):
         scene = cloth_scene_of(cloth())
         found, frames = frames_of(scene)
-        plan = frames.begin(0, found.pose(k / 60), VIEW, 1.0, k / 60, "first frame")
+        plan = frames.begin(0, posed(found, k / 60), VIEW, 1.0, k / 60, "first frame")
         assert plan.work["cloth_steps_skipped"] == max(0, k - 15)
         assert len([text for text in scene.warnings if "begin at time 0" in text]) == told
 

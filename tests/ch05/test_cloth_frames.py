@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 import chapters
+from chapters.ch05.benches.twin import Twin
 from chapters.ch05.cloth.scene import cloth_scene
-from chapters.ch05.cloth.twin import Twin
 from chapters.ch05.settings import Settings
 from common.numerics.transforms import translation
 from common.scene import Material
 from common.scene.pose import evaluate_pose
-from tests.support.cloth_runs import AWAY, VIEW, at_rate, picture, run, state
+from tests.support.cloth_runs import AWAY, VIEW, at_rate, picture, posed, run, state
 from tests.support.cloth_scenes import cloth, cloth_scene_of
 from tests.support.scenes import quad_scene
 
@@ -41,12 +41,17 @@ def test_pins_are_exact_and_the_rest_hangs_as_the_twin_says(chapter):
         work = frame.work
         assert np.abs(frame.image("color").astype(int) - before).max() > 50
         at = state(renderer)
-        steps = renderer._cloth.frames.steps
+        steps = renderer.techniques["cloth"].cloth.frames.steps
     assert work["cloth_steps"] == 1 and work["cloth_particles"] == 25 and work["cloths_at_rest"] == 0
     rest = found.cloths[0].positions.astype(np.float32)
     assert np.array_equal(at[[0, 4]], rest[[0, 4]]) and np.isfinite(at).all()
     assert at[20:, 1].max() < rest[20:, 1].min() - 0.3, "the lower edge has fallen"
-    twin = Twin(found.cloths[0], steps, colliders=found.colliders(found.pose(0.0)), dtype=np.float32)
+    twin = Twin(
+        found.cloths[0],
+        steps,
+        colliders=found.colliders(posed(found, 0.0)),
+        dtype=np.float32,
+    )
     twin.advance(40)
     assert np.abs(at - twin.state.positions).max() < 2e-3
 
@@ -314,7 +319,7 @@ def test_without_cloth_a_frame_is_that_of_chapter_4(chapter):
     module = chapters.renderer_module(4, chapter.backend)
     for each, expected in ((scene, now), (dressed, stiff)):
         before = module.Renderer(
-            each, SIZE, replace(module.Settings(), graph="forward"), device=chapter.device
+            each, SIZE, replace(chapters.settings_class(4)(), graph="forward"), device=chapter.device
         )
         with before:
             assert np.array_equal(picture(before, at_rate(60, 2)), expected)

@@ -10,14 +10,14 @@ import pytest
 
 from backends import shader_text
 from backends.vulkan.shaders import compile_shader
+from chapters.ch05.benches import measures as measures
+from chapters.ch05.benches.twin import Twin
 from chapters.ch05.cloth import dispatches as jobs
 from chapters.ch05.cloth import layout as layout
-from chapters.ch05.cloth import measures as measures
 from chapters.ch05.cloth.build import build_cloth
 from chapters.ch05.cloth.dispatches import Moment, dispatches, frame_arrays, states_of
 from chapters.ch05.cloth.layout import Drawn, pack
 from chapters.ch05.cloth.steps import fit_steps
-from chapters.ch05.cloth.twin import Twin
 from chapters.ch05.cloth.types import Cloth, Collider, Forces, State, Steps
 from chapters.ch05.pipelines.spirv.parser import parse
 from chapters.ch05.pipelines.vulkan import CHAPTER

@@ -13,11 +13,11 @@ from functools import partial
 import numpy as np
 import pytest
 
+from chapters.ch05.benches.twin import Twin
 from chapters.ch05.cloth.build import build_cloth
 from chapters.ch05.cloth.dispatches import Moment, dispatches, frame_arrays, states_of
 from chapters.ch05.cloth.layout import COLLIDER, pack
 from chapters.ch05.cloth.scene import FASTEST, cloth_scene
-from chapters.ch05.cloth.twin import Twin
 from chapters.ch05.cloth.types import Cloth, Collider, Forces, State, Steps
 from chapters.ch05.pipelines.vulkan import CHAPTER
 from chapters.ch05.settings import Settings

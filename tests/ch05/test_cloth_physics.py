@@ -12,11 +12,11 @@ from functools import partial
 import numpy as np
 import pytest
 
-from chapters.ch05.cloth import measures as measures
+from chapters.ch05.benches import measures as measures
+from chapters.ch05.benches.twin import Twin, depth_below
 from chapters.ch05.cloth.build import build_cloth
 from chapters.ch05.cloth.model import model_of
 from chapters.ch05.cloth.steps import fit_steps, greatest_omega
-from chapters.ch05.cloth.twin import Twin, depth_below
 from chapters.ch05.cloth.types import Cloth, Collider, Forces, State, Steps
 from tests.support import cloths
 

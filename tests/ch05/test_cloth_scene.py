@@ -17,6 +17,7 @@ from common.mesh.merge import merged_by_material
 from common.numerics.transforms import translation
 from common.scene import Change, Deformation
 from common.scene.pose import evaluate_pose
+from tests.support.cloth_runs import posed
 from tests.support.cloth_scenes import cloth, cloth_scene_of
 
 TURNED = np.array([[0, 0, 2, 3.0], [0, 2, 0, 5], [-2, 0, 0, 7], [0, 0, 0, 1]])
@@ -36,7 +37,7 @@ def test_the_view_draws_each_cloth_where_the_scene_does_from_vertices_of_its_own
     places = (TURNED, np.eye(4), translation((0, 9, 0)) @ MIRRORED)
     scene = cloth_scene_of(cloth(), {}, cloth(), matrices=places)
     found = cloth_scene(scene)
-    before, after = evaluate_pose(scene, 0.0), found.pose(0.0)
+    before, after = evaluate_pose(scene, 0.0), posed(found, 0.0)
     for instance in range(3):
         was = corners(scene, instance, before.world_from_object[instance])
         now = corners(found.scene, instance, after.world_from_object[instance])
@@ -67,7 +68,7 @@ def test_edits_of_the_scene_are_edits_of_its_view():
     view = found.scene
     assert not view.instances.visible[0] and view.materials[0].roughness == 0.25
     assert all(view.revision[kind] == scene.revision[kind] for kind in Change)
-    pose = found.pose(1.0)
+    pose = posed(found, 1.0)
     assert np.array_equal(pose.world_from_object[1], translation((1, 2, 3)))
     assert np.array_equal(pose.world_from_object[0], np.eye(4)), "a cloth stays where it is anchored"
     assert np.array_equal(pose.world_from_node[0], translation((4, 5, 6))), "and what holds it goes along"
@@ -80,7 +81,7 @@ def test_a_scene_without_cloth_or_without_its_setting_is_drawn_itself():
     dressed = cloth_scene_of(cloth())
     found = cloth_scene(dressed, on=False)
     assert found.scene is dressed and not found.cloths
-    assert found.pose(0.0) is evaluate_pose(dressed, 0.0)
+    assert posed(found, 0.0) is evaluate_pose(dressed, 0.0)
 
 
 def test_the_atrium_and_the_scene_of_fabric_hang_what_their_files_say():
@@ -91,7 +92,7 @@ def test_the_atrium_and_the_scene_of_fabric_hang_what_their_files_say():
     fabric = cloth_scene(scene)
     assert [scene.nodes.names[one.node] for one in fabric.cloths] == ["sheet", "throw", "flag", "curtain"]
     assert [one.shape for one in fabric.obstacles] == ["plane", "sphere", "box"]
-    plane, ball, box = fabric.colliders(fabric.pose(0.0))
+    plane, ball, box = fabric.colliders(posed(fabric, 0.0))
     assert np.allclose(plane.world_from_collider[:3, 1], (0, 1, 0))
     assert ball.radius == pytest.approx(0.55, abs=1e-3)
     assert np.allclose(box.half, 0.35, atol=1e-3)
@@ -103,7 +104,7 @@ def test_colliders_follow_their_nodes():
     stones = [({"shape": "sphere", "radius_m": 0.5}, TURNED), ({"shape": "plane"}, np.diag((1.0, 3, 2, 1)))]
     scene = cloth_scene_of(cloth(), colliders=stones)
     found = cloth_scene(scene)
-    ball, plane = found.colliders(found.pose(0.0))
+    ball, plane = found.colliders(posed(found, 0.0))
     assert ball.radius == pytest.approx(1.0) and np.allclose(ball.world_from_collider[:3, 3], (3, 5, 7))
     up = plane.world_from_collider
     assert np.allclose(up[:3, 1], (0, 1, 0)) and np.allclose(up[:3, :3] @ up[:3, :3].T, np.eye(3))
@@ -111,7 +112,10 @@ def test_colliders_follow_their_nodes():
     tipped[:3, :3] = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
     with scene.edit() as edit:
         edit.set_transform(2, matrix=tipped)
-    assert np.allclose(found.colliders(found.pose(0.0))[1].world_from_collider[:3, 1], (-1, 0, 0))
+    assert np.allclose(
+        found.colliders(posed(found, 0.0))[1].world_from_collider[:3, 1],
+        (-1, 0, 0),
+    )
 
 
 @pytest.mark.parametrize(

@@ -8,12 +8,12 @@ from functools import partial
 import numpy as np
 import pytest
 
-from chapters.ch05.cloth import measures as measures
+from chapters.ch05.benches import measures as measures
+from chapters.ch05.benches.twin import Twin
 from chapters.ch05.cloth.build import build_cloth
 from chapters.ch05.cloth.frames import ClothFrames, drawn_from
 from chapters.ch05.cloth.scene import cloth_scene
 from chapters.ch05.cloth.steps import UNITS, fit_steps, least_substep
-from chapters.ch05.cloth.twin import Twin
 from chapters.ch05.cloth.types import Forces, Steps
 from chapters.ch05.scene.pages import plan_pages
 from chapters.ch05.settings import Settings

@@ -7,12 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from backends.contract import Access
+from backends.contract import Access, Pass, Sources
 from chapters.ch05.graph.execute.bindings import STORABLE, Bound, bindings_of, check_table
 from chapters.ch05.graph.frame_graph import compile_graph
 from chapters.ch05.graph.types import GraphError, Node
-from chapters.ch05.pipelines import gl_compute as on_gl
-from chapters.ch05.pipelines import vulkan_compute as on_vulkan
+from chapters.ch05.pipelines.compute_description import ComputeDescription
 from chapters.ch05.settings import Settings
 from common.scene import Material
 from tests.support.scenes import facing, quad_scene, translated
@@ -63,30 +62,21 @@ def scene():
     )
 
 
-class Computing:
+class Computing(Pass):
     """A compute pass of a test: everything that it declares is bound, on either backend."""
 
     def __init__(self, chapter, renderer, file, name, text, reads, writes):
-        self.gl, self.pipelines = chapter.backend == "gl", renderer._pipelines
+        self.builder, self.sources = renderer._pipelines, Sources()
         self.file, self.name, self.reads, self.writes = file, name, reads, writes
-        self.source = self.source_set = None
         file.parent.mkdir()
         file.write_text(text, "utf-8")
 
-    def needed(self, scene, settings):
-        return True
-
     def create(self):
-        kind = (on_gl if self.gl else on_vulkan).ComputePipeline
-        self.pipeline = self.pipelines.get([kind(str(self.file), name=self.name)])[0]
+        self.pipelines = self.builder.get([ComputeDescription(str(self.file), name=self.name)])
 
     def record(self, commands):
-        commands.bind_compute(self.pipeline)
-        if self.gl:
-            commands.bind_sources(self.source)
-        else:
-            commands.bind_compute_set(self.pipeline, 0, self.source_set)
-        commands.dispatch_over(self.pipeline, self.extent)
+        commands.bind_compute(self.pipelines[0])
+        commands.dispatch_over(self.pipelines[0], commands.extent)
 
 
 @pytest.fixture

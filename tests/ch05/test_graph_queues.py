@@ -10,14 +10,13 @@ import pytest
 from backends.contract import Access
 from chapters.ch04.graph import types as before_words
 from chapters.ch04.graph.frame_graph import compile_graph as compile_before
-from chapters.ch04.graph.report import record as record_before
 from chapters.ch05.graph import types as words
 from chapters.ch05.graph.frame_graph import compile_graph
-from chapters.ch05.graph.report import record
 from chapters.ch05.graph.types import External, GraphError, Node, Touch
 from tests.support.graph_truths import Truth
 from tests.support.queue_truths import QUEUES, Submissions, hazards_of, on_queues, pieces
 from tests.support.random_graphs import random_graph
+from tools.frames.report import record
 
 queues = pytest.mark.feature("async-compute/queue")
 guard = pytest.mark.feature("async-compute/vertex-hazard-guard")
@@ -102,7 +101,7 @@ def test_with_one_queue_a_frame_is_that_of_the_chapter_before_in_one_batch():
         now = random_graph(seed, words)
         now.nodes = on_queues(now.nodes, seed)
         graph = now.compile(compile_graph)
-        assert plain(record(graph)) == record_before(made.compile(compile_before))
+        assert plain(record(graph)) == record(made.compile(compile_before))
         (batch,) = graph.batches
         assert (batch.queue, batch.steps, batch.waits) == ("graphics", tuple(range(len(graph.steps))), ())
 

@@ -14,14 +14,14 @@ from chapters.ch05.graph import types as words
 from chapters.ch05.graph.checks import check_pass
 from chapters.ch05.graph.file import read_graph
 from chapters.ch05.graph.frame_graph import compile_graph
-from chapters.ch05.graph.report import record, text
-from chapters.ch05.graph.svg import svg
-from chapters.ch05.graph.sync.overlap import overlaps
 from chapters.ch05.graph.types import GraphError, Node
 from tests.ch04.test_graph_checks import pass_of
 from tests.support.queue_truths import QUEUES, on_queues
 from tests.support.random_graphs import random_graph
 from tests.support.timing import least_times, timed
+from tools.frames.overlap import overlaps
+from tools.frames.report import record, text
+from tools.frames.svg import svg
 
 queues = pytest.mark.feature("async-compute/queue")
 SVG = "{http://www.w3.org/2000/svg}"
@@ -187,7 +187,7 @@ class Pass:
     """A pass as a file finds it."""
 
     def __init__(self, name, *writes, reads=(), **more):
-        self.name, self.reads, self.writes, self.why_not = name, reads, writes, ""
+        self.name, self.reads, self.writes, self.why_not, self.queue = name, reads, writes, "", "graphics"
         vars(self).update(more)
 
 

@@ -139,7 +139,7 @@ def test_the_first_submission_has_no_wait_and_graphics_waits_where_compute_works
     with stream(vulkan_device, ch05.__name__) as frames, watched(vulkan_device, frames._frames) as log:
         for _ in range(2):
             frames.draw()
-        count = len(frames._executor.batches)
+        count = len(frames.executor.batches)
         first = log.batches[:count]
         assert first[0][0] == [], "the first of all"
         for waits, _ in first:
@@ -245,12 +245,12 @@ def test_a_batch_of_idle_passes_is_not_submitted_and_nobody_misses_it(vulkan_dev
     with stream(vulkan_device, ch05.__name__) as frames:
         passes, counts = frames.made["step"], []
         for rest in rests:
-            passes.idle = rest
+            passes.resting = rest
             frames.draw()
             counts.append(frames._frames.work["batches"])
         assert counts == [max(counts) - rest for rest in rests]
         assert_equal(frames.finish(), stepped(rests))
-        frames.made["mix"].idle = True  # it touches images, which others count on
+        frames.made["mix"].resting = True  # it touches images, which others count on
         frames.draw()
         assert frames._frames.work["batches"] == max(counts)
 
@@ -263,7 +263,7 @@ def test_there_is_no_hazard_whenever_compute_rests(vulkan_device, seed):
     with stream(vulkan_device, ch05.__name__) as frames:
 
         def draw():
-            frames.made["step"].idle = bool(rng.integers(2))
+            frames.made["step"].resting = bool(rng.integers(2))
             frames.draw()
 
         for _ in range(2):
@@ -299,7 +299,7 @@ def test_what_a_pass_says_it_was_recorded_from_has_its_batch_recorded_anew_and_n
 def test_each_pass_has_its_time_on_either_queue_and_none_while_it_rests(vulkan_device):
     with stream(vulkan_device, ch05.__name__) as frames:
         for rest in (False, True):
-            frames.made["step"].idle = rest
+            frames.made["step"].resting = rest
             slot = frames.draw()
             frames._frames.wait(slot)
             times = frames._frames.timings(slot)

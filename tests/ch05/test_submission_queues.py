@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from backends.contract import Access
+from backends.contract import Access, Pass
 from backends.shader_text import build_text
 from backends.vulkan import api as vk
 from backends.vulkan import resources
@@ -116,7 +116,7 @@ void main() {
 """
 
 
-class Invert:
+class Invert(Pass):
     """A compute pass between lighting and tone mapping, on the compute queue: two images change hands."""
 
     name = "invert"
@@ -137,7 +137,7 @@ class Invert:
         pass
 
     def record(self, commands):
-        images, names = self._renderer._executor.images, self._renderer.graph.names
+        images, names = self._renderer._api.executor.images, self._renderer.graph.names
         held = [
             images.image(commands.slot.index, names[name]) for name in ("color_focused", "color_inverted")
         ]

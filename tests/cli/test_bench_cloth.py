@@ -12,25 +12,16 @@ from rich.console import Console
 
 from backends.vulkan.device import Device
 from chapters import scenes
+from chapters.ch05.benches import async_compute
+from chapters.ch05.benches import cloth as bench_cloth
+from chapters.ch05.benches import drift as bench_drift
+from chapters.ch05.benches import executions as bench_executions
+from chapters.ch05.benches import pacing as bench_pacing
+from chapters.ch05.benches.sheet import level_sheet, medium_of, opened, states, timed_step
 from common.errors import UserError
+from common.reports.benches import Effort
 from tools.bench import bench, report
-from tools.bench.lessons import (
-    async_compute,
-)
-from tools.bench.lessons import (
-    cloth as bench_cloth,
-)
-from tools.bench.lessons import (
-    drift as bench_drift,
-)
-from tools.bench.lessons import (
-    executions as bench_executions,
-)
-from tools.bench.lessons import (
-    pacing as bench_pacing,
-)
-from tools.bench.lessons.sheet import level_sheet, medium_of, opened, states, timed_step
-from tools.bench.points import Effort, Subject
+from tools.bench.points import Subject
 from tools.run.run import open_device
 
 SMALL = Effort(1, 1, 1, 1, 1, everything=False)
@@ -113,14 +104,14 @@ def test_errors_are_those_of_the_states_that_the_gpu_came_to(subject):
     """The twin with the steps of the run, in float32, is where the GPU is: so errors to the truth are its own, too."""
     with opened(subject, level_sheet(4), medium_of(subject, cloth_substeps=2)) as renderer:
         for number in range(4):
-            timed_step(renderer, number, 1 / 60)
+            timed_step(subject, renderer, number, 1 / 60)
         (state,) = states(renderer)
         with pytest.raises(AssertionError, match="made 2 steps"):
-            timed_step(renderer, 5, 1 / 60)
+            timed_step(subject, renderer, 5, 1 / 60)
     sheet, truth = bench_cloth._truth(
         subject, level_sheet(4), replace(TINY, truth=2), 1 / 60, lambda part: None
     )
-    from chapters.ch05.cloth.twin import Twin
+    from chapters.ch05.benches.twin import Twin
     from chapters.ch05.cloth.types import Steps
 
     twin = Twin(sheet, Steps(substeps=2), dtype=np.float32).advance(3)
@@ -180,8 +171,8 @@ def test_frames_with_the_setting_on_and_off_are_the_same(subject, monkeypatch):
 def test_the_large_sheet_hangs_in_the_building(subject, monkeypatch):
     from chapters.ch05.cloth.scene import cloth_scene
 
-    monkeypatch.setattr(scenes, "load", lambda name: subject.scene)  # the atrium takes a second
-    scene = async_compute.building_with_sheet(12)
+    monkeypatch.setattr(scenes, "load", lambda name, around: subject.scene)  # the atrium takes a second
+    scene = async_compute.building_with_sheet(subject, 12)
     (sheet,) = cloth_scene(scene).cloths
     assert len(scene.instances) == len(subject.scene.instances) + 1
     places = sheet.positions + sheet.anchor
@@ -258,14 +249,14 @@ def test_a_dispatch_pays_from_where_it_pays_for_good():
 def test_tables_and_panels_show_every_part(cloth, drift, pacing, capsys):
     made = {"cloth": cloth, "drift": drift, "async": queues(4.0, 5.0), "pacing": pacing}
     for part in PARTS:
-        report.FRAME_PARTS[part].show(made[part], Console(width=100))
+        report.shows(part).show(made[part], Console(width=100))
     said = capsys.readouterr().out
     for word in ("XPBD, iterations", "dispatch", "euler", "float64", "queues", "fences", "spared"):
         assert word in said
     if report.can_plot():
         from matplotlib.figure import Figure
 
-        drawn = [(report.FRAME_PARTS[part], made[part]) for part in PARTS]
+        drawn = [(report.shows(part), made[part]) for part in PARTS]
         for shown, one in (*drawn, (bench_executions, cloth["executions"])):
             axes = Figure().add_subplot()
             shown.plot(axes, one)

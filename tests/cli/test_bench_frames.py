@@ -11,14 +11,15 @@ from rich.console import Console
 
 import chapters
 from chapters import scenes
+from chapters.ch04.benches import gbuffer
+from chapters.ch04.benches import graph as bench_graph
 from chapters.ch04.settings import Settings
 from common.errors import UserError
+from common.reports.benches import Effort, middle
 from common.scene.crowds import layers
 from tools.bench import bench, report
 from tools.bench import prepass as bench_prepass
-from tools.bench.lessons import gbuffer
-from tools.bench.lessons import graph as bench_graph
-from tools.bench.points import Effort, Subject, middle
+from tools.bench.points import Subject
 from tools.run.run import open_device
 
 SMALL = Effort(1, 1, 1, 1, 1, everything=False)
@@ -209,7 +210,7 @@ def test_tables_and_panels_show_every_part(graph, capsys):
     point = {"format": "tiny", "bytes": 12, **times, "error": {"full": error, "forward": error}}
     made = {"graph": graph, "prepass": prepass(*points), "gbuffer": [{"scene": "box", "points": [point]}]}
     for part in made:
-        report.FRAME_PARTS[part].show(made[part], Console(width=100))
+        report.shows(part).show(made[part], Console(width=100))
     said = capsys.readouterr().out
     for word in ("deferred with a lens", "vkQueueSubmit2", "camera moves", "4.00", "tiny", "0.0040"):
         assert word in said
@@ -218,7 +219,7 @@ def test_tables_and_panels_show_every_part(graph, capsys):
 
         for part in made:
             axes = Figure().add_subplot()
-            report.FRAME_PARTS[part].plot(axes, made[part])
+            report.shows(part).plot(axes, made[part])
             assert axes.get_title() and axes.get_ylabel() and axes.get_legend() is not None
 
 

@@ -14,11 +14,12 @@ from rich.console import Console
 
 from chapters.ch02.settings import SIDES, Settings
 from common.errors import UnsupportedError, UserError
+from common.reports.benches import difference
 from common.scene.crowds import crowd
 from common.settings import Scale, Side
 from tools.bench import bench, pipelines, report
 from tools.bench import scale as bench_scale
-from tools.bench.points import QUICK, Subject, difference
+from tools.bench.points import QUICK, Subject
 from tools.cli.commands import invoke
 from tools.run.run import open_device
 

@@ -8,8 +8,9 @@ import pytest
 from rich.console import Console
 
 import chapters
+from common.reports.benches import Effort
 from tools.bench import threads as bench_threads
-from tools.bench.points import Effort, Subject
+from tools.bench.points import Subject
 from tools.run.run import open_device
 
 SMALL = Effort(1, 1, 1, 1, 1, everything=False)

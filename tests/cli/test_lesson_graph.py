@@ -9,9 +9,9 @@ import pytest
 
 import chapters
 from assets import locate
-from chapters.ch04.graph.report import text
 from chapters.ch04.settings import Settings
 from common.gltf import load_scene
+from tools.frames.report import text
 
 LESSON = chapters.FOLDER / "ch04" / "README.md"
 

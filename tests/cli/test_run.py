@@ -157,7 +157,7 @@ def test_opengl_writes_the_same_light_depth_and_ids(strata, tmp_path, gl_context
 
 def test_validation_on_opengl_names_the_pass_and_the_line(strata, box, gl_context, monkeypatch):
     """A wrong call by moderngl is heard from the driver, and the picture is drawn; a wrong raw call ends the run."""
-    from chapters.ch01.post.gl_tonemap import TonemapPass
+    from chapters.ch01.post.tonemap import TonemapPass
 
     whole = TonemapPass.record
 

@@ -119,10 +119,14 @@ def test_a_check_names_the_backend_that_is_wrong(strata, tmp_path):
     strata("exercise", 1, "half-a-mirror", "--into", "mine")
     assert strata("check", "mine")[1].startswith("Not right yet. Vulkan: ")
     strata("exercise", 1, "half-a-mirror", "--solution", "--into", "done")
-    path = tmp_path / "done" / "shading" / "gl_forward.py"
-    path.write_text(
-        path.read_text("utf-8").replace('"clockwise" if mirrored', '"clockwise" if not mirrored'), "utf-8"
+    path = tmp_path / "done" / "pipelines" / "gl.py"
+    before, after = (
+        "FRONT_FACES[front]",
+        'FRONT_FACES["clockwise" if front != "clockwise" else "counter_clockwise"]',
     )
+    text = path.read_text("utf-8")
+    assert text.count(before) == 1
+    path.write_text(text.replace(before, after), "utf-8")
     assert strata("check", "done")[1].startswith("Not right yet. OpenGL: ")
 
 

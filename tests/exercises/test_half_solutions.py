@@ -114,7 +114,7 @@ CASES = {
     ),
     "there without being asked for": (
         (4, "natural-vignette"),
-        ("post/vulkan_vignette.py", "settings.vignette and ", ""),
+        ("post/vignette.py", "settings.vignette and ", ""),
         "runs all the same",
     ),
     "by name alone": (
@@ -169,7 +169,7 @@ CASES = {
     "along its line": (
         (5, "capsule"),
         ("cloth/contact.glsl", "vec3(1.0, 0.0, 0.0);  // along", "outward;  // along"),
-        "In the kernel, what begins on its axis",
+        "What begins on its axis",
     ),
     "of its first size": (
         (5, "capsule"),
@@ -182,12 +182,12 @@ CASES = {
     ),
     "with open ends": (
         (5, "capsule"),
-        ("cloth/twin.py", "np.clip(q[:, 1], -size[1], size[1])", "q[:, 1]"),
-        "In the twin, what begins in its upper end",
+        ("cloth/contact.glsl", "q.y - clamp(q.y, -size.y, size.y)", "0.0"),
+        "What begins in its upper end",
     ),
     "in front of the others": (
         (5, "grain"),
-        ("post/vulkan_grain.py", '    queue = "compute"\n', ""),
+        ("post/grain.py", '    queue = "compute"\n', ""),
         "runs on the queue for graphics",
     ),
     "the same in each frame": (

@@ -12,7 +12,6 @@ from backends.gl.programs import Programs
 from backends.shader_interface import Field, Slot, misfit
 from backends.vulkan import spirv_interface
 from backends.vulkan.shaders import compile_all
-from chapters.ch01.pipelines.snippets import SNIPPETS
 from chapters.ch01.pipelines.vulkan import CHAPTER
 from common import layouts
 from tests.support.timing import least_time, timed
@@ -23,7 +22,9 @@ FILES = ("shading/forward.vert", "shading/forward.frag")
 
 def sources(backend, defines=EVERYTHING, files=FILES):
     return [
-        shader_text.build(CHAPTER / file, backend, roots=(CHAPTER,), defines=defines, snippets=SNIPPETS)
+        shader_text.build(
+            CHAPTER / file, backend, roots=(CHAPTER,), defines=defines, snippets=layouts.SNIPPETS
+        )
         for file in files
     ]
 

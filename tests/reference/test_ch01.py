@@ -15,10 +15,10 @@ from common.environment.directions import panorama_directions
 from common.numerics.transforms import pose_looking_at
 from common.paths import asset_dir
 from common.scene import Light, Material
-from common.twins import shading_environment as ibl
 from common.view.camera import Perspective, View
 from tests.reference import mitsuba_sphere as truth
 from tests.support.scenes import nodes_at, quad_scene
+from tests.twins import shading_environment as ibl
 
 pytest.importorskip("mitsuba", reason="the package mitsuba is not installed")
 pytestmark = pytest.mark.parametrize("variant", ["vulkan", "gl"], indirect=True, scope="module")

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from common.twins import shading
 from tests.support.gpu_functions import evaluate
+from tests.twins import shading
 
 COUNT = 60_000
 ALPHAS = (1e-3, 0.01, 0.04, 0.1, 0.25, 0.5, 1.0)

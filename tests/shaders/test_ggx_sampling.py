@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from common.twins import ggx_sampling
-from common.twins.shading import distribution_ggx
 from tests.support.either import evaluate
+from tests.twins import ggx_sampling
+from tests.twins.shading import distribution_ggx
 
 integrate = pytest.importorskip("scipy.integrate", reason="scipy is in the extra reference")
 stats = pytest.importorskip("scipy.stats", reason="scipy is in the extra reference")

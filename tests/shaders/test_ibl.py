@@ -7,9 +7,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from common.twins import shading_environment as ibl
-from common.twins.shading import metallic_roughness
+from common.environment import ENERGIES
 from tests.support.either import evaluate
+from tests.twins import shading_environment as ibl
+from tests.twins.shading import metallic_roughness
 
 integrate = pytest.importorskip("scipy.integrate", reason="scipy is in the extra reference")
 
@@ -112,7 +113,7 @@ def test_compensated_metal_is_white_and_the_conserving_sum_stays_below_one():
     assert printed.min() < 0.98
 
 
-@pytest.mark.parametrize("energy", ibl.ENERGIES)
+@pytest.mark.parametrize("energy", ENERGIES)
 def test_the_shader_is_the_float64_function(vulkan_device, energy):
     rng = np.random.default_rng(8)
     count = 20_000
@@ -121,7 +122,7 @@ def test_the_shader_is_the_float64_function(vulkan_device, energy):
     a = rng.random(count)
     table = np.float32(np.stack([a, (1 - a) * rng.random(count), rng.random(count) * 0.03], axis=1))
     metallic = np.float32(rng.choice([0, 0.3, 1], count))
-    body = f"environment_weights(base, metallic, table, {ibl.ENERGIES.index(energy)}, mirrored, spread);"
+    body = f"environment_weights(base, metallic, table, {ENERGIES.index(energy)}, mirrored, spread);"
     outputs = {"mirrored": "vec3", "spread": "vec3"}
     got = evaluate(
         vulkan_device, ["ibl.glsl"], body, {"base": base, "metallic": metallic, "table": table}, outputs

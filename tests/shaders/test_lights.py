@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from common.twins import shading
 from tests.support.gpu_functions import evaluate
+from tests.twins import shading
 
 POINT, SPOT, DIRECTIONAL = 0, 1, 2
 ENDLESS = float(np.finfo(np.float32).max)

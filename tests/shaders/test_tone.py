@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from common.twins.shading import tone_neutral
 from tests.support.gpu_functions import evaluate
+from tests.twins.shading import tone_neutral
 
 LARGEST = 65504.0
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.support import browser as browsers
-from tools.site import code, serve, site
+from tools.site import code, site
 
 
 @pytest.fixture
@@ -31,7 +31,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> site.Built:
 @pytest.fixture(scope="session")
 def address(built: site.Built) -> Iterator[str]:
     """Where the built site is served, "http://127.0.0.1:port"."""
-    with serve.server(built.folder, 0) as serving:
+    with site.server(built.folder, 0) as serving:
         thread = threading.Thread(target=serving.serve_forever, args=(0.01,), daemon=True)
         thread.start()
         yield f"http://127.0.0.1:{serving.server_address[1]}"

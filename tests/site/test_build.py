@@ -19,7 +19,7 @@ from tools.bench import bench
 from tools.diff.style import DARK, LIGHT
 from tools.run import notebooks
 from tools.run.shown import Picture
-from tools.site import chapter, notebook, pairs, serve, site, tables
+from tools.site import chapter, notebook, pairs, site, tables
 from tools.site import draft as site_draft
 from tools.site.draft import TEXTS, Draft
 
@@ -140,7 +140,7 @@ def test_a_chapter_that_fails_to_draw_leaves_the_rest_of_its_page(plain, monkeyp
     monkeypatch.setattr(chapter.graph, "compiled", broken)
     monkeypatch.setattr(chapter, "cache_dir", lambda name: None)
     monkeypatch.setattr(chapter, "_changes", lambda *_: "changes")
-    with_graph = [n for n in chapters.available() if (chapters.folder_of(n) / chapter.graph.REPORT).is_file()]
+    with_graph = [n for n in chapters.available() if (chapters.folder_of(n) / chapter.graph.GRAPH).is_file()]
     if not with_graph:
         pytest.skip("no chapter has a graph")
     number = with_graph[0]
@@ -283,8 +283,8 @@ def test_without_mkdocs_the_pages_are_left_as_markdown(out, monkeypatch) -> None
 
 
 def test_a_port_in_use_is_one_sentence(tmp_path) -> None:
-    with serve.server(tmp_path, 0) as first, pytest.raises(UserError, match="--port"):
-        serve.server(tmp_path, first.server_address[1])
+    with site.server(tmp_path, 0) as first, pytest.raises(UserError, match="--port"):
+        site.server(tmp_path, first.server_address[1])
 
 
 def test_the_command_refuses_before_it_builds(strata, tmp_path) -> None:

@@ -29,6 +29,7 @@ def clone(tmp_path):
     made.write("ch01/__init__.py", INIT)
     made.write("ch01/README.md", "# One\n")
     made.write("ch01/studies/one.py", "1\n")
+    made.write("ch01/benches/one.py", "1\n")
     made.write("ch01/table.bin", b"\0\r\n")
     made.commit("finished")
     return made
@@ -38,6 +39,7 @@ def test_a_new_chapter_is_a_byte_copy_with_a_lesson_to_write(clone, capsys):
     assert new_chapter.run(clone.root, ' The "second"\n – chapter.') == 0
     old, new = read_tree(clone.root / "ch01"), read_tree(clone.root / "ch02", studies=True)
     own = {"__init__.py", "README.md"}
+    assert not [name for name in new if name.endswith("one.py")]
     assert {name: new[name] for name in set(new) - own} == {name: old[name] for name in set(old) - own}
     lesson = lesson_of(clone.root / "ch02")
     assert (lesson.number, lesson.title) == (2, 'The "second" – chapter')

@@ -75,7 +75,7 @@ def test_the_lots_take_every_texture_and_neighbours_differ():
 
 def decorated(renderer) -> int:
     """Return how many results of the fragment shader are marked as non-uniform, by a walk over its words."""
-    code = next(iter(renderer.pipelines._built.values())).stages.codes[1]
+    code = next(iter(renderer.pipelines._built.values())).code.codes[1]
     words, at, found = np.frombuffer(code, np.uint32), 5, 0
     while at < len(words):
         found += bool(words[at] & 0xFFFF == Op.DECORATE and words[at + 2] == NON_UNIFORM)

@@ -10,9 +10,10 @@ import pytest
 import chapters
 from backends.vulkan import api as vk
 from chapters import studies
+from chapters.ch05.benches.pacing import COUNTED, measure_pacing
 from chapters.ch05.frames.frame import SLOTS
 from chapters.ch05.studies.timeline_or_fences import CELLS, WAYS, Settings
-from tools.bench.lessons.pacing import COUNTED, measure_pacing
+from tools.bench.points import Subject
 
 WHICH = "5/timeline-or-fences"
 SIZE = (CELLS, CELLS)
@@ -222,7 +223,8 @@ def test_nothing_is_touched_by_two_at_once_and_without_any_one_wait_something_wo
 
 def test_the_cost_of_pacing_is_measured_for_each_way(vulkan_device):
     told = []
-    found = measure_pacing(vulkan_device, 3, lambda name, part: told.append((name, part)))
+    subject = Subject(WHICH, "vulkan", studies.load(WHICH, None), SIZE, vulkan_device)
+    found = measure_pacing(subject, 3, lambda name, part: told.append((name, part)))
     assert [one["way"] for one in found] == list(WAYS)
     for one in found:
         assert 0 < one["wait_best_us"] <= one["wait_us"] and 0 < one["submit_best_us"] <= one["submit_us"]

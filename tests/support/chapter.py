@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 import chapters
 from backends.contract import Renderer
+from chapters.folders import renderer_name
 from common.scene import Scene
 from tests.support import gl_functions
 from tests.support.graph_truths import Truth, events_of, places_of
@@ -55,7 +58,9 @@ class Chapter:
     def open(self, scene: Scene, size: tuple[int, int], settings: Any = None, **more: Any) -> Renderer:
         """Return a renderer, as `chapters.open` does; `outputs` are ("color",) unless they are given."""
         module = chapters.renderer_module(self.which, self.backend)
-        settings = on_path(module.Settings() if settings is None else settings, self.graph)
+        settings = on_path(
+            chapters.settings_class(self.which)() if settings is None else settings, self.graph
+        )
         settings = as_modelled(settings, self.written_for)
         opened: Renderer = module.Renderer(scene, size, settings, device=self.device, **more)
         if getattr(opened, "graph", None) is not None:
@@ -81,6 +86,18 @@ class Chapter:
         finally:
             self.device.fn.trace(None)
             made += [name for name, _ in log]
+
+
+def on_opengl(vulkan: type) -> Any:
+    """Return the renderer on OpenGL of the chapter whose renderer on Vulkan is `vulkan`."""
+    package = vulkan.__module__.rpartition(".")[0]
+    folder = Path(chapters.__file__).parent / package.rpartition(".")[2]
+    return import_module(f"{package}.{renderer_name(folder, 'gl')}").Renderer
+
+
+def of_backend(renderer: Any, name: str) -> Any:
+    """Return what a renderer holds of its API ("resources", "commands"): from chapter 4 on its backend has it."""
+    return getattr(renderer._api, name) if hasattr(renderer, "_api") else getattr(renderer, f"_{name}")
 
 
 def record_anew(renderer: Any) -> None:

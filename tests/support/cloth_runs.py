@@ -8,10 +8,16 @@ from typing import Any
 import numpy as np
 
 from common.numerics.transforms import pose_looking_at
+from common.scene.pose import evaluate_pose
 from common.view.camera import Perspective, View
 
 VIEW = View(pose_looking_at((0.3, -0.3, 2.2), (0, -0.5, 0)), Perspective(np.radians(50), 0.1))
 AWAY = View(pose_looking_at((0.3, -0.3, 2.2), (0.3, -0.3, 9)), Perspective(np.radians(50), 0.1))
+
+
+def posed(found: Any, time: float) -> Any:
+    """Return the pose of the view of a scene with cloth (`ClothScene`) at a time."""
+    return found.pose(evaluate_pose(found.source, time))
 
 
 def at_rate(rate: float, last: int, first: int = 0) -> list[float]:
@@ -35,4 +41,4 @@ def picture(renderer: Any, times: Iterable[float], view: View = VIEW) -> np.ndar
 def state(renderer: Any, name: str = "positions") -> np.ndarray:
     """Return the (P, 3) float32 of a buffer of the simulation, after all frames that were rendered."""
     renderer.device.wait_idle()
-    return renderer._cloth._memory.read(name).reshape(-1, 3)
+    return renderer.techniques["cloth"].cloth._memory.read(name).reshape(-1, 3)

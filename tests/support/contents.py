@@ -15,7 +15,10 @@ from functools import cache
 from pathlib import Path
 
 SHADERS = (".vert", ".frag", ".comp", ".glsl")
-NOT_DRAWN = ("README.md", "studies", "__pycache__")
+STAR = ("studies", "benches")
+"""The folders of a chapter that later chapters do not have: what a test imports of them is always the chapter's own."""
+
+NOT_DRAWN = ("README.md", "__pycache__", *STAR)
 """What of a chapter's folder takes no part in its pictures."""
 
 
@@ -27,12 +30,13 @@ def syntax(path: Path) -> ast.Module:
 
 @cache
 def digest(test: Path, package: str, folder: Path) -> str:
-    """Return the digest of what `test` depends on of a chapter.
+    """Return the digest of what `test` depends on of a chapter, but for what is the same for each (`STAR`).
 
     `package` is the name by which the test imports the chapter it was written for ("chapters.ch01"), `folder` holds the
     chapter that is looked at.
     """
-    used = everything(folder) if _asks_for_chapter(test) else _closure(_imported(test, package), folder)
+    names = (name for name in _imported(test, package) if name[0] not in STAR)
+    used = everything(folder) if _asks_for_chapter(test) else _closure(names, folder)
     found = hashlib.sha256()
     for path in sorted(used):
         found.update(f"{path.relative_to(folder).as_posix()}\0{path.stat().st_size}\0".encode())

@@ -32,10 +32,10 @@ class VulkanKernels:
         self.pipelines = import_module(f"{package}.pipelines.vulkan").Pipelines(device)
         self.descriptors = import_module(f"{package}.pipelines.vulkan_descriptors").Descriptors(device)
         self.commands = import_module(f"{package}.frames.vulkan_commands").Commands(device)
-        self._pipeline = import_module(f"{package}.pipelines.vulkan_compute").ComputePipeline
+        self._describe = import_module(f"{package}.pipelines.compute_description").ComputeDescription
 
     def pipeline(self, file: Path, **more: Any) -> Any:
-        return self.pipelines.get([self._pipeline(str(file), **more)])[0]
+        return self.pipelines.get([self._describe(str(file), **more)])[0]
 
     def reload(self, file: Path) -> tuple[str, ...]:
         reloaded: tuple[str, ...] = self.pipelines.reload({file}, lambda free: free())
@@ -91,10 +91,10 @@ class GlKernels:
         self.context = context
         self.pipelines = import_module(f"{package}.pipelines.gl").Pipelines(context)
         self.commands = import_module(f"{package}.frames.gl_commands").Commands(context, self.pipelines, True)
-        self._pipeline = import_module(f"{package}.pipelines.gl_compute").ComputePipeline
+        self._describe = import_module(f"{package}.pipelines.compute_description").ComputeDescription
 
     def pipeline(self, file: Path, **more: Any) -> Any:
-        return self.pipelines.get([self._pipeline(str(file), **more)])[0]
+        return self.pipelines.get([self._describe(str(file), **more)])[0]
 
     def reload(self, file: Path) -> tuple[str, ...]:
         reloaded: tuple[str, ...] = self.pipelines.reload({file})
@@ -122,7 +122,7 @@ class GlKernels:
                 commands.compute_barrier()
             commands.bind_compute(one)
             if push is not None:
-                commands.push(push)
+                commands.push(one, push)
             commands.dispatch_over(one, extent)
         context.fn.glMemoryBarrier(gl.GL_BUFFER_UPDATE_BARRIER_BIT)
         found = []

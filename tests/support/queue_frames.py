@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from backends import shader_text
-from backends.contract import Access
+from backends.contract import Access, Pass
 from backends.vulkan import api as vk
 from backends.vulkan.compute import Kernel, Sampled
 from backends.vulkan.resources import create_buffer, destroy_buffer
@@ -81,20 +81,20 @@ WRITES = {
 }
 
 
-class Dispatch:
-    """One of the passes. `idle` and `recorded` are what a pass may say of itself."""
+class Dispatch(Pass):
+    """One of the passes; `version` is what its recording depends on."""
 
     def __init__(self, device: Any, name: str, queue: str) -> None:
         kinds: Any = ["image" if one in IMAGES else "storage" for one in HELD[name]]
         text = shader_text.build_text(SHADERS[name], "comp", "vulkan", name=f"<{name}>")
         self.kernel = Kernel(device, text, kinds, dispatches=64)
-        self.name, self.queue, self.idle, self.version = name, queue, False, 0
+        self.name, self.queue, self.version = name, queue, 0
         self.reads, self.writes = READS[name], WRITES[name]
         self.images: Any = None
         self.times_recorded = 0
 
-    def recorded(self, slot: int) -> int:
-        """Return what the pass was recorded from."""
+    def key(self, slot: int) -> int:
+        """Return what the recording depends on."""
         return self.version
 
     def record(self, commands: Any) -> None:
@@ -168,14 +168,14 @@ class Stream:
         self._profiler = owned(part("frames.vulkan_profiler").Profiler(device))
         self._frames = owned(frames.QueueFrames(device, queues))
         held = [{"given": self.given, "result": result} for result in self._results]
-        self._executor = owned(
+        self.executor = owned(
             part("graph.execute.vulkan").GraphExecutor(
                 device, self.graph, self.made, memory, resources, descriptors, lambda _: held, queues=queues
             )
         )
         for made in self.made.values():
-            made.images = self._executor.images
-        self._frames.follow(self._executor, self._profiler)
+            made.images = self.executor.images
+        self._frames.follow(self.executor, self._profiler)
         self._commands = part("frames.vulkan_commands").Commands(device)
         self._clear()
         outputs: dict[str, str] = {}
@@ -190,7 +190,7 @@ class Stream:
         from backends.vulkan.once import submit_once
 
         with submit_once(self.device) as commands:
-            for held in self._executor.images.in_slot:
+            for held in self.executor.images.in_slot:
                 if "state" in held:
                     self.device.fn.vkCmdFillBuffer(commands, held["state"].handle, 0, vk.VK_WHOLE_SIZE, 0)
 
@@ -199,7 +199,7 @@ class Stream:
         slot = self._frames.begin()
         if slot in self._slots:
             self._take(slot)
-        self.recorded.append(self._frames.record(slot, "key", self._commands))
+        self.recorded.append(self._frames.record(slot, self._commands))
         self._frames.submit(slot)
         self._slots.append(slot)
         return slot

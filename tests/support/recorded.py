@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from backends.vulkan import api as vk
+from tests.support.chapter import of_backend
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ def draws(renderer: Any, log: Sequence[tuple[str, tuple[Any, ...]]]) -> list[lis
 
 
 def _records(renderer: Any, buffer: Any, offset: int, count: int, stride: int) -> Iterable[list[int]]:
-    (held,) = (one for _, one in renderer._resources.buffers.items() if one.handle == buffer)
+    (held,) = (one for _, one in of_backend(renderer, "resources").buffers.items() if one.handle == buffer)
     assert stride == 20, "VkDrawIndexedIndirectCommand"
     raw = held.mapped[offset : offset + count * stride]
     found: list[list[int]] = raw.view(np.int32).reshape(count, 5).tolist()

@@ -118,15 +118,18 @@ def tested(node: pytest.Collector | pytest.Item) -> Subject:
 
 
 class _Renamed(ast.NodeTransformer):
-    """Replaces the name of a package in imports, in attributes and in texts."""
+    """Replaces the name of a package in imports, in attributes and in texts, but for what no later chapter has."""
 
     def __init__(self, old: str, new: str) -> None:
         self._old, self._new = old, new
         (self._parent, _, self._last), self._new_last = old.rpartition("."), new.rpartition(".")[2]
-        self._in_text = re.compile(rf"\b{re.escape(old)}\b")
+        self._own = tuple(f"{old}.{name}" for name in contents.STAR)
+        self._in_text = re.compile(rf"\b{re.escape(old)}\b(?!\.(?:{'|'.join(contents.STAR)})\b)")
 
     def _name(self, name: str) -> str:
         below = name[len(self._old) :]
+        if name.startswith(self._own):
+            return name
         return self._new + below if name.startswith(self._old) and below[:1] in ("", ".") else name
 
     def visit_ImportFrom(self, node: ast.ImportFrom) -> ast.AST:

@@ -91,7 +91,8 @@ class Trace:
         self._renderer, self._apart = renderer, apart
         self.truth = graph_truth(renderer)
         self._names: dict[int, str] = {}
-        for slot, held in enumerate(renderer._executor.images.in_slot):
+        api = getattr(renderer, "_api", renderer)
+        for slot, held in enumerate(api.executor.images.in_slot):
             for name, one in held.items():
                 self._names[number(one.handle)] = self._physical(name, slot)
         frames = renderer._frames

@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
-from backends.vulkan.device import Device
+from chapters.ch03.benches import load as bench_load
+from chapters.ch03.benches import scene as bench_scene
 from chapters.ch03.pipelines.vulkan import Pipelines
 from chapters.ch03.scene_cache import cache
 from chapters.ch03.scene_cache.images import CachedImage, compress, image_uses
+from chapters.ch03.settings import Settings
 from common.errors import UnsupportedError
 from common.gltf import load_scene
+from common.scene.primitive import nothing
+from common.settings import preset
 from tests.support.timing import least_times
-from tools.bench.lessons import load as bench_load
-from tools.bench.lessons import scene as bench_scene
+from tools.bench.lessons import loads as bench_loads
+from tools.bench.points import Subject
+from tools.run.run import open_device
 
 SIZE = (16, 16)
 CHAINS = [(True, True, "rgba"), (False, True, "r"), (False, False, "gb")]
@@ -33,13 +40,17 @@ def squares(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def load(path: Path, way: str) -> dict[str, float]:
     try:
-        return bench_load.once(3, "vulkan", path, SIZE, way)
+        return bench_loads.once(3, "vulkan", path, SIZE, way)
     except UnsupportedError as error:
         pytest.skip(f"no Vulkan, or none that samples blocks: {error}")
 
 
+def subject(device: object) -> Subject:
+    return Subject(3, "vulkan", nothing("what is loaded"), SIZE, device)
+
+
 def way(name: str) -> bench_load._Load:
-    return bench_load._Load(3, "vulkan", Path(), SIZE, None, name)
+    return bench_load._Load(subject(None), Path(), None, name)
 
 
 def caches(path: Path) -> list[Path]:
@@ -63,9 +74,9 @@ def test_what_any_scene_takes_is_measured_when_the_scene_is_gone(squares, monkey
     """Beside another renderer it would need memory that the load found there, and too much would be taken out."""
     alone, before = bench_load._alone, []
 
-    def recorded(load: bench_load._Load, device: Device, building: list[float]) -> float:
-        before.append(dict(device.alive))
-        return alone(load, device, building)
+    def recorded(load: bench_load._Load, building: list[float]) -> float:
+        before.append(dict(load.subject.device.alive))
+        return alone(load, building)
 
     monkeypatch.setattr(bench_load, "_alone", recorded)
     load(squares, "plain")
@@ -83,7 +94,7 @@ def test_the_time_of_pipelines_is_that_of_the_calls_that_build_them(monkeypatch)
         return wanted
 
     monkeypatch.setattr(Pipelines, "get", staticmethod(get))
-    with bench_load._building(3, "vulkan") as took:
+    with bench_load._building(subject(None)) as took:
         assert Pipelines.get("one") == "one"
         now[0] += 1.0
         with pytest.raises(ValueError, match="wrong"):
@@ -100,15 +111,13 @@ def test_the_warm_up_neither_reads_nor_writes_a_cache_and_decodes_nothing(square
     monkeypatch.setattr(cache, "Writer", refuse)
     monkeypatch.setattr(cache, "maker", refuse)
     monkeypatch.setattr("common.gltf.images._decode", refuse)
-    settings = bench_load.replace(
-        bench_load.preset(bench_load.chapters.settings_class(3), "medium"), loading="wait"
-    )
-    with bench_load.ExitStack() as stack:
+    settings = replace(preset(Settings, "medium"), loading="wait")
+    with ExitStack() as stack:
         try:
-            device = bench_load.open_device(stack, "vulkan")
+            device = open_device(stack, "vulkan")
         except UnsupportedError as error:
             pytest.skip(f"no Vulkan: {error}")
-        bench_load._warm_up(bench_load._Load(3, "vulkan", squares, SIZE, settings, "plain"), device)
+        bench_load._warm_up(bench_load._Load(subject(device), squares, settings, "plain"))
     assert caches(squares) == []
 
 
@@ -173,9 +182,18 @@ def spares_enough(took: dict[str, float]) -> bool:
 
 
 def test_reading_alone_is_measured_on_the_same_pictures_as_pillow(squares):
-    read, pillow = bench_load.once(3, "vulkan", squares, SIZE, "read"), load(squares, "pillow")
+    read, pillow = load(squares, "read"), load(squares, "pillow")
     assert read["decoded_bytes"] == pillow["decoded_bytes"] == 2 * 64 * 64 * 4
     assert read["load_s"] == read["total_s"] > 0
+
+
+def test_a_record_says_how_long_copies_ran_beside_drawing():
+    made = bench_load.record(
+        {"graphics": [(0.0, 4.0), (6.0, 8.0)], "transfer": [(1.0, 2.0), (3.0, 7.0), (9.0, 10.0)]}
+    )
+    assert (made["copies"], made["copies_ms"], made["beside_drawing_ms"]) == (3, 6.0, 3.0)
+    alone = bench_load.record({"graphics": [(0.0, 4.0)]})
+    assert (alone["queues"], alone["copies_ms"], alone["beside_drawing_ms"]) == (["graphics"], 0.0, 0.0)
 
 
 def recorded(call, calls):

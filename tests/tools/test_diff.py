@@ -303,11 +303,12 @@ def test_imports_alone_are_known(of):
     ]
 
 
-def test_studies_caches_and_hidden_files_are_no_part_of_a_chapter(of):
+def test_studies_benches_caches_and_hidden_files_are_no_part_of_a_chapter(of):
     made = of(
         {},
         {
             "studies/a.py": "x",
+            "benches/a.py": "x",
             "__pycache__/a.pyc": b"x",
             ".hidden": "x",
             "a.py": "x = 1\n",

@@ -78,8 +78,8 @@ def sides(tmp_path, monkeypatch):
 
 @pytest.fixture(scope="module")
 def versions():
-    """The passes of chapter 1 on Vulkan beside those on OpenGL."""
-    return compare(tree_of("1"), tree_of("1@gl"), ["shading", "post"])
+    """The frames and pipelines of chapter 1 on Vulkan beside those on OpenGL."""
+    return compare(tree_of("1"), tree_of("1@gl"), ["frames", "pipelines"])
 
 
 def printed(made, everything=False, width=100, stat=False, **more) -> str:
@@ -142,7 +142,7 @@ def test_each_file_of_opengl_stands_beside_its_twin_on_vulkan():
     vulkan, opengl = (files_of(tree_of(text), versions=True) for text in ("1@vulkan", "1@gl"))
     pairs = {key: opengl[key].path for key in vulkan.keys() & opengl.keys()}
     assert pairs["renderer.py"] == "gl_renderer.py"
-    assert pairs["shading/vulkan_forward.py"] == "shading/gl_forward.py"
+    assert pairs["frames/vulkan_commands.py"] == "frames/gl_commands.py"
     assert pairs["frames/vulkan.py"] == "frames/gl.py"
     own = [path for path in (chapters.FOLDER / "ch01").rglob("gl*.py") if "studies" not in path.parts]
     drawn = {path.name for path in own}
@@ -152,16 +152,25 @@ def test_each_file_of_opengl_stands_beside_its_twin_on_vulkan():
     made = compare(tree_of("1"), tree_of("1@gl"))
     assert made.versions and made.title == "Chapter 1 on Vulkan beside chapter 1 on OpenGL"
     assert all(file.old and file.new for file in made.ideas)
+    assert not {file.path.split("/")[0] for file in made.tree.files} & {"shading", "post"}, (
+        "both APIs share passes"
+    )
     assert made.tree.moves == () and made.tree.of_status("renamed") == ()
 
 
 def test_only_what_draws_on_vulkan_is_a_twin():
-    known = ["settings.py", "shading/__init__.py", "shading/vulkan_sky.py", "shading/sky.py", "renderer.py"]
+    known = [
+        "settings.py",
+        "frames/__init__.py",
+        "frames/vulkan_commands.py",
+        "frames/commands.py",
+        "renderer.py",
+    ]
     twins = {
-        "shading/gl_sky.py": "shading/vulkan_sky.py",
+        "frames/gl_commands.py": "frames/vulkan_commands.py",
         "gl_renderer.py": "renderer.py",
-        "shading/gl_settings.py": "shading/gl_settings.py",
-        "frames/gl.py": "frames/gl.py",
+        "frames/gl_settings.py": "frames/gl_settings.py",
+        "scene/gl.py": "scene/gl.py",
     }
     assert {path: twin(path, known) for path in twins} == twins
 
@@ -205,8 +214,8 @@ def test_only_leaves_out_the_rest_with_its_counts(sides, versions):
     made = compare(*sides, ["shading", "passes"])
     assert {file.path for file in made.tree.files} == {"passes/fog.py", "shading/forward.frag"}
     assert (made.tree.insertions, made.tree.deletions) == (6, 1)
-    assert versions.ideas[0].path == "shading/vulkan_forward.py"
-    assert {file.path.split("/")[0] for file in versions.tree.files} == {"post", "shading"}
+    assert versions.ideas[0].path == "frames/vulkan.py"
+    assert {file.path.split("/")[0] for file in versions.tree.files} == {"frames", "pipelines"}
     with pytest.raises(UserError, match="--only shadin: there is no such part; did you mean 'shading'"):
         compare(*sides, ["shadin"])
 
@@ -242,13 +251,15 @@ def test_colours_are_for_terminals_that_have_them(sides, monkeypatch):
 
 def test_versions_stand_side_by_side_where_there_is_room(versions):
     wide, narrow = printed(versions, width=160), printed(versions, width=100)
-    row = re.search(r"^ +\d+ - +self\.frame_set: Any = None +\d+ \+ +self\.slot = 0", wide, re.M)
+    row = re.search(r"^ +\d+ - +self\._device = device +\d+ \+ +self\._context = context", wide, re.M)
     assert row, wide[:3000]
     assert not row.re.search(narrow)
     assert (
-        "-         self.frame_set: Any = None\n-         self.geometry: Any = None\n+         self.slot = 0\n"
-        in narrow
-    )
+        "-         self._device = device\n"
+        "-         self.slots = [FrameSlot(device, index) for index in range(SLOTS)]\n"
+        "+     def __init__(self, context: Context) -> None:\n"
+        "+         self._context = context\n"
+    ) in narrow
     assert max(len(line) for line in wide.splitlines()) <= 160
 
 
@@ -458,8 +469,8 @@ def test_a_disk_that_refuses_is_said(command, sides, monkeypatch):
 def test_the_chapters_differ_in_what_their_lessons_say(command):
     code, out, _ = command("1", "2")
     assert code == 0 and out.startswith("From chapter 1 to chapter 2: Bindless")
-    code, out, _ = command("1@gl", "1", "--stat", "--only", "shading")
-    assert code == 0 and "3 files with a twin" in out
+    code, out, _ = command("1@gl", "1", "--stat", "--only", "frames")
+    assert code == 0 and "2 files with a twin, 2 only on Vulkan" in out
 
 
 # --- pictures ---------------------------------------------------------------------------------------------------------

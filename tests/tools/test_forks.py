@@ -226,7 +226,7 @@ def test_a_preset_that_was_measured_holds_until_a_file_is_saved(fork):
     before = folder.state()
     assert folder.state() == before
     later = time.time_ns() + 10**9
-    os.utime(fork / "shading" / "vulkan_sky.py", ns=(later, later))
+    os.utime(fork / "shading" / "sky.py", ns=(later, later))
     assert folder.state() != before
 
 
@@ -254,32 +254,32 @@ def test_calls_of_a_fork_are_checked_unless_told_otherwise(fork, strata, vulkan_
     code, _, err = strata(*words)
     line = next(
         n
-        for n, text in enumerate((fork / "post" / "vulkan_tonemap.py").read_text("utf-8").splitlines(), 1)
+        for n, text in enumerate((fork / "post" / "fullscreen.py").read_text("utf-8").splitlines(), 1)
         if "draw_fullscreen" in text
     )
     assert code == 1 and "VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL" in err
-    assert f"in pass tonemap, called from {fork.resolve() / 'post' / 'vulkan_tonemap.py'}:{line}" in err
+    assert f"in pass tonemap, called from {fork.resolve() / 'post' / 'fullscreen.py'}:{line}" in err
     assert strata(*words, "--no-validate")[0] == 0
 
 
 FAULTS = {
     "a name that is not there": (
-        "post/vulkan_tonemap.py",
+        "post/tonemap.py",
         "\nclass ",
         "\nabsent\n\n\nclass ",
         "NameError: name 'absent'",
         "absent",
     ),
     "half a line": (
-        "post/vulkan_tonemap.py",
+        "post/tonemap.py",
         "\nclass ",
         "\ndef (\n\n\nclass ",
         "SyntaxError: invalid syntax",
         "def (",
     ),
     "a division in a frame": (
-        "post/vulkan_tonemap.py",
-        "        commands.draw_fullscreen()",
+        "post/fullscreen.py",
+        "        commands.draw_fullscreen(pipeline)",
         "        1 / 0",
         "ZeroDivisionError: division by zero",
         "1 / 0",

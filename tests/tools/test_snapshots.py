@@ -262,7 +262,9 @@ def test_every_kind_of_import_leads_to_the_other_package(tmp_path):
     text = (
         "import chapters.ch01.settings\nfrom chapters import ch01\nfrom chapters.ch01 import LESSON\n"
         "from chapters.ch01.settings import Settings as S\n"
+        "from chapters.ch01.studies import reflection_refraction as own\n"
         "found = {chapters.ch01.settings.__name__, ch01.__name__, S.__module__, 'chapters.ch01.x', 'chapters.ch011'}\n"
+        "kept = {own.__name__, 'chapters.ch01.benches.x'}\n"
         "number = LESSON.number\n"
     )
     path = tmp_path / "imports.py"
@@ -271,21 +273,23 @@ def test_every_kind_of_import_leads_to_the_other_package(tmp_path):
     assert module.number == 2
     names = {"chapters.ch02.settings", "chapters.ch02", "chapters.ch02.x", "chapters.ch011"}
     assert module.found == names
+    assert module.kept == {"chapters.ch01.studies.reflection_refraction", "chapters.ch01.benches.x"}
 
 
 def test_a_digest_is_of_what_a_test_leads_to_and_of_nothing_else(tmp_path):
-    """Modules, theirs in turn, and shaders where one is named; studies, READMEs and other modules are no part."""
+    """Modules, theirs in turn, and shaders where one is named; studies, benches and other modules are no part."""
     test, logic, draws = (tmp_path / name for name in ("test_a.py", "test_b.py", "test_c.py"))
-    test.write_text("from chapters.ch01.shading.vulkan_sky import draw\n")
+    test.write_text("from chapters.ch01.shading.sky import draw\nfrom chapters.ch01.benches.b import B\n")
     logic.write_text("def test_x():\n    from chapters.ch01.logic import numbers\n")
     draws.write_text("def test_x(chapter): pass\n")
     files = {
-        "shading/vulkan_sky.py": "from ..logic.numbers import ONE\nSHADER = 'sky.frag'\n",
+        "shading/sky.py": "from ..logic.numbers import ONE\nSHADER = 'sky.frag'\n",
         "logic/numbers.py": "ONE = 1\n",
         "shading/sky.frag": "void main() {}\n",
         "renderer.py": "from . import LESSON\n",
         "README.md": "words\n",
         "studies/a.py": "A = 1\n",
+        "benches/b.py": "B = 1\n",
         "__init__.py": "LESSON = 1\n",
     }
 
@@ -300,12 +304,13 @@ def test_a_digest_is_of_what_a_test_leads_to_and_of_nothing_else(tmp_path):
     same = digests(0)
     assert len({*same}) == 3
     expected = {
-        "shading/vulkan_sky.py": [False, True, False],
+        "shading/sky.py": [False, True, False],
         "logic/numbers.py": [False, False, False],
         "shading/sky.frag": [False, True, False],
         "renderer.py": [True, True, False],
         "README.md": [True, True, True],
         "studies/a.py": [True, True, True],
+        "benches/b.py": [True, True, True],
         "__init__.py": [True, True, False],
     }
     for number, (name, equal) in enumerate(expected.items(), 1):

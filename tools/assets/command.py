@@ -15,10 +15,10 @@ from common.models import store
 from common.models.manifest import LICENCES, MANIFEST, SOURCES, Model, find, is_name, read_manifest
 from common.models.store import in_bytes
 from common.names import suggest
+from common.reports.tables import table
 from tools.assets.fetch import fetch, unfinished
 from tools.cli.console import Steps, err, out, quoted, say
 from tools.cli.stopping import prompt_stop
-from tools.cli.tables import table
 
 if TYPE_CHECKING:
     from common.gltf.extensions import ExtensionUse

@@ -29,11 +29,11 @@ from common.mesh.lods import lod_chain
 from common.mesh.merge import merged_by_material
 from common.mesh.pools import mesh_bounds
 from common.paths import write_whole
+from common.reports.tables import table
 from common.scene import Scene, UInt32
 from common.scene_graph import file as scene_graph_file
 from common.scene_graph.exchange import graph_of
 from tools.cli.console import Steps, out, shown
-from tools.cli.tables import table
 
 VERSION = 1
 TEXTURES = "textures"

@@ -20,8 +20,8 @@ from common.materials.importer import import_materials, read_mtl
 from common.materials.merge import merged
 from common.materials.records import MaterialList
 from common.materials.textures import convert_materials
+from common.reports.tables import table
 from tools.cli.console import Steps, out, say, shown
-from tools.cli.tables import table
 
 MATERIALS = "scene.materials"
 """The file of the records of all .mtl files."""

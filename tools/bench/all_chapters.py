@@ -21,14 +21,15 @@ from rich.console import Console
 import chapters
 from backends.choice import NOTHING, probe
 from backends.contract import BACKENDS
-from chapters import scenes
+from chapters import folders, scenes
 from common.errors import StrataError, UnsupportedError, UserError
 from common.paths import ROOT, temporary_folder
+from common.reports.benches import Effort
+from common.reports.tables import table
 from tools.bench import bench
-from tools.bench.points import FULL, Effort
+from tools.bench.points import FULL
 from tools.bench.report import show
 from tools.cli.console import Steps, err, out, say
-from tools.cli.tables import table
 from tools.run.record import STDOUT
 
 BRIEF = Effort(warm_up=1, frames=4, rounds=2, samples=2, starts=1, everything=False)
@@ -154,7 +155,7 @@ def pairs(
 
 def _parts(number: int, api: str, quick: bool, only: Sequence[str]) -> tuple[str, ...] | None:
     """Return what is measured of a chapter on a graphics API; None if it has no such version, or none of the parts."""
-    if api == "gl" and not (chapters.folder_of(number) / "gl_renderer.py").is_file():
+    if api == "gl" and not folders.renderer_name(chapters.folder_of(number), "gl"):
         return None
     wanted: Collection[str] = only or (QUICK_PARTS if quick else bench.PARTS)
     parts = tuple(part for part in bench.parts_of(number, api) if part in wanted)

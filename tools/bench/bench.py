@@ -18,40 +18,17 @@ from chapters import scenes
 from common.errors import UserError
 from common.names import suggest
 from common.paths import ROOT, write_whole
+from common.reports.benches import Effort
 from common.scene import stability
-from tools.bench import (
-    pipelines as bench_pipelines,
-)
-from tools.bench import (
-    points as bench_points,
-)
-from tools.bench import (
-    prepared as bench_prepared,
-)
-from tools.bench import (
-    prepass,
-    scale,
-    start,
-)
-from tools.bench import (
-    readback as bench_readback,
-)
-from tools.bench import (
-    threads as bench_threads,
-)
-from tools.bench.lessons import (
-    async_compute,
-    cloth,
-    drift,
-    gbuffer,
-    graph,
-    pacing,
-    sheet,
-)
-from tools.bench.lessons import (
-    loads as bench_loads,
-)
-from tools.bench.points import Effort, Subject
+from tools.bench import pipelines as bench_pipelines
+from tools.bench import points as bench_points
+from tools.bench import prepared as bench_prepared
+from tools.bench import prepass, scale, start
+from tools.bench import readback as bench_readback
+from tools.bench import threads as bench_threads
+from tools.bench.lessons import bench
+from tools.bench.lessons import loads as bench_loads
+from tools.bench.points import Subject
 from tools.bench.report import can_plot, plot, show
 from tools.cli.console import Steps, err, out, say
 from tools.run.record import STDOUT, naming
@@ -242,13 +219,13 @@ def parts_of(which: chapters.Whole, api: str, only: Sequence[str] = ()) -> tuple
         ("threads", "THREADS"),
         ("loads", "LOADS"),
         ("readback", "LOADS"),
-        ("graph", graph.KNOB),
+        ("graph", "graph"),
         ("prepass", prepass.PREPASS),
-        ("gbuffer", gbuffer.KNOB),
-        ("cloth", sheet.KNOB),
-        ("drift", sheet.KNOB),
-        ("async", async_compute.KNOB),
-        ("pacing", pacing.KNOB),
+        ("gbuffer", "gbuffer_format"),
+        ("cloth", "cloth_method"),
+        ("drift", "cloth_method"),
+        ("async", "async_compute"),
+        ("pacing", "async_compute"),
     ):
         if not hasattr(settings_class, names):
             missing[part] = f"{spoken} names none in its settings ({names})"
@@ -311,19 +288,21 @@ def measure(
         if "readback" in parts:
             readback = bench_readback.measure(device, effort, within(0.75, 0.76, "read back"))
         if "graph" in parts:
-            framed["graph"] = graph.measure(subject, effort, within(0.76, 0.8))
+            framed["graph"] = bench("graph").measure(subject, effort, within(0.76, 0.8))
         if "prepass" in parts:
             framed["prepass"] = prepass.measure(subject, effort, within(0.8, 0.85, "pre-pass,"))
         if "gbuffer" in parts:
-            framed["gbuffer"] = gbuffer.measure(subject, effort, within(0.85, 0.87, "G-buffer,"), scene)
+            framed["gbuffer"] = bench("gbuffer").measure(
+                subject, effort, within(0.85, 0.87, "G-buffer,"), scene
+            )
         if "cloth" in parts:
-            framed["cloth"] = cloth.measure(subject, effort, within(0.87, 0.89, "cloth,"))
+            framed["cloth"] = bench("cloth").measure(subject, effort, within(0.87, 0.89, "cloth,"))
         if "drift" in parts:
-            framed["drift"] = drift.measure(subject, effort, within(0.89, 0.9, "cloth left alone,"))
+            framed["drift"] = bench("drift").measure(subject, effort, within(0.89, 0.9, "cloth left alone,"))
         if "async" in parts:
-            framed["async"] = async_compute.measure(subject, effort, within(0.9, 0.92, "queues,"))
+            framed["async"] = bench("async_compute").measure(subject, effort, within(0.9, 0.92, "queues,"))
         if "pacing" in parts:
-            framed["pacing"] = pacing.measure(subject, effort, within(0.92, 0.93))
+            framed["pacing"] = bench("pacing").measure(subject, effort, within(0.92, 0.93))
         if "stability" in parts:
             steps("stability", 0.93)
             cases = bench_points.stability_cases(subject, effort)

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
+from common.reports.tables import table
 from tools.bench.figures import Figure
-from tools.cli.tables import table
 
 if TYPE_CHECKING:
     from tools.bench.compare import Change, Comparison, Whole

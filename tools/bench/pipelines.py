@@ -30,8 +30,8 @@ from backends import verdicts
 from backends.vulkan import api as vk
 from common.errors import DeviceError
 from common.paths import ROOT
-from tools.bench.points import Effort, difference
-from tools.cli.tables import table
+from common.reports.benches import Effort, difference
+from common.reports.tables import table
 from tools.run.run import open_device
 
 STATES = ("cold", "memory", "disk")

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import statistics
 import time as clock
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
+from importlib import import_module
 from itertools import islice
 from typing import Any
 
@@ -18,28 +19,14 @@ import numpy as np
 
 import chapters
 from backends.contract import Frame, Renderer
-from common.errors import UserError
+from chapters import scenes, studies
 from common.images.color import decode_srgb, encode_srgb
-from common.reports import metrics
+from common.reports.benches import Effort, errors, middle
 from common.scene import Scene, stability
 from common.settings import Knob, knobs, preset
+from common.view.camera import View
 
 Array = np.ndarray
-
-
-@dataclass(frozen=True)
-class Effort:
-    """How much is measured: frames before and in each of several rounds, samples per axis of the reference, starts.
-
-    Without `everything`, only the presets, and of stability the first case.
-    """
-
-    warm_up: int
-    frames: int
-    rounds: int
-    samples: int
-    starts: int
-    everything: bool
 
 
 FULL = Effort(warm_up=3, frames=12, rounds=7, samples=4, starts=3, everything=True)
@@ -140,14 +127,46 @@ def _values(name: str, knob: Knob, presets: dict[str, dict[str, Any]]) -> Iterat
 class Subject:
     """One chapter on one scene and size, opened with one setting after the other on one device.
 
+    It is what the benches of lessons are handed: see `common.reports.benches`. A study can be one, too.
     A device for each opening would measure the same, but some drivers load no more after some hundred times.
     """
 
     def __init__(
-        self, chapter: chapters.Whole, backend: str, scene: Scene, size: tuple[int, int], device: Any
+        self, chapter: chapters.Which, backend: str, scene: Scene, size: tuple[int, int], device: Any
     ) -> None:
         self.chapter, self.backend, self.scene, self.size = chapter, backend, scene, size
         self.device = device
+
+    @property
+    def settings_class(self) -> Any:
+        """The class of the chapter's settings."""
+        return chapters.settings_class(self.chapter)
+
+    def module(self, name: str) -> Any:
+        """Return a module of the chapter by its name in it: "graph.types"."""
+        if isinstance(self.chapter, str):
+            raise ValueError(f"{self.chapter} is a study, which has no modules of a chapter")
+        return import_module(f"{chapters.package_of(self.chapter)}.{name}")
+
+    def load(self, name: str, around: str = "none") -> Scene:
+        """Return one of the project's scenes by name, in the environment `around`."""
+        return scenes.load(name, around=around)
+
+    def on(self, scene: Scene, size: tuple[int, int] | None = None) -> Subject:
+        """Return the same chapter on another scene, and if given, in another size."""
+        return Subject(self.chapter, self.backend, scene, size or self.size, self.device)
+
+    def study(self, name: str, size: tuple[int, int]) -> Subject:
+        """Return a study, as "5/timeline-or-fences", on its own scene and the same device."""
+        return Subject(name, self.backend, studies.load(name, None), size, self.device)
+
+    def view(self, renderer: Renderer) -> View:
+        """Return the first view of a renderer's scene."""
+        return chapters.view_of(renderer)
+
+    def settled_picture(self, renderer: Renderer) -> tuple[Array, Array]:
+        """Return what is seen when another frame would be the same, as `errors` takes it."""
+        return picture(settled(renderer, self.view(renderer)))
 
     @contextmanager
     def open(
@@ -228,41 +247,9 @@ def _averaged(image: Array, samples: int) -> Array:
     return blocks.mean(axis=(1, 3), dtype=np.float64).astype(np.float32)
 
 
-def errors(got: tuple[Array, Array], truth: tuple[Array, Array]) -> dict[str, float | None]:
-    """Return relative MSE of linear light, and the largest difference and FLIP of what is shown."""
-    try:
-        flip: float | None = metrics.flip_mean(got[1], truth[1])
-    except UserError:  # the package is an extra; the others need none
-        flip = None
-    return {
-        "relative_mse": metrics.relative_mse(got[0], truth[0]),
-        "max_abs": metrics.max_abs(got[1], truth[1]),
-        "flip": flip,
-    }
-
-
-def difference(image: Array, other: Array) -> dict[str, float]:
-    """Return how far two pictures of linear light (H, W, 3) float32 are apart, which should be the same to the bit."""
-    differ = (image.view(np.uint32) != other.view(np.uint32)).any(axis=-1)
-    return {"max_abs": metrics.max_abs(image, other), "pixels_differ": int(differ.sum())}
-
-
-def recorded_anew(settings: Any) -> Any:
-    """Return settings with which every frame is recorded, in chapters that can send one again, too."""
-    return replace(settings, resubmit=False) if hasattr(settings, "resubmit") else settings
-
-
 def forward_path(settings: Any) -> Any:
     """Return settings that light objects while they are drawn: what every chapter can, with the same picture."""
     return replace(settings, graph="forward") if hasattr(settings, "graph") else settings
-
-
-def middle(values: Sequence[float]) -> tuple[float, float]:
-    """Return the median, and half the distance of the quartiles; NaN where there are no values."""
-    if not values:
-        return float("nan"), float("nan")
-    low, median, high = np.percentile(values, (25, 50, 75))
-    return float(median), float(high - low) / 2
 
 
 def sweep(subject: Subject, effort: Effort, step: Callable[[str, float], None]) -> list[Point]:

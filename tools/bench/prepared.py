@@ -21,8 +21,9 @@ import numpy as np
 import chapters
 from backends import verdicts
 from chapters import scenes
+from common.reports.benches import Effort, errors
 from common.settings import Sweep, preset
-from tools.bench.points import Effort, Subject, errors, on_front, picture
+from tools.bench.points import Subject, on_front, picture
 
 
 def prepared_points(settings_class: type, swept: Sweep) -> list[tuple[str, str, Any]]:

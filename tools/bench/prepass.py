@@ -21,10 +21,11 @@ from rich.console import Console
 
 import chapters
 from backends.contract import Renderer
+from common.reports.benches import Effort, difference, middle
+from common.reports.tables import table
 from common.scene.crowds import layers
 from common.settings import knobs, preset
-from tools.bench.points import Effort, Subject, difference, middle
-from tools.cli.tables import table
+from tools.bench.points import Subject
 
 PATHS = {"forward": "forward", "deferred": "gbuffer"}
 """The graphs that are measured, and the pass of each that shades the layers."""

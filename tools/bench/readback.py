@@ -23,8 +23,8 @@ from backends.vulkan.barriers import barriers
 from backends.vulkan.device import Device
 from backends.vulkan.once import submit_once
 from backends.vulkan.readback import TO_HOST
-from tools.bench.points import Effort
-from tools.cli.tables import table
+from common.reports.benches import Effort
+from common.reports.tables import table
 
 BYTES = 21 * 10**6
 """Of a copy; a multiple of four."""

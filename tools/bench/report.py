@@ -15,22 +15,27 @@ from rich.console import Console
 from common.errors import UserError
 from common.images.small_pictures import encode_small
 from common.paths import write_whole
+from common.reports.tables import table
 from tools.bench import pipelines, prepass, readback, scale, threads
 from tools.bench import points as bench_points
-from tools.bench.lessons import async_compute, cloth, drift, executions, gbuffer, graph, loads, pacing
+from tools.bench.lessons import bench
 from tools.cli.console import out
-from tools.cli.tables import table
 
-FRAME_PARTS: dict[str, Any] = {
-    "graph": graph,
-    "prepass": prepass,
-    "gbuffer": gbuffer,
-    "cloth": cloth,
-    "drift": drift,
-    "async": async_compute,
-    "pacing": pacing,
+FRAME_PARTS = {
+    "graph": "graph",
+    "prepass": "",
+    "gbuffer": "gbuffer",
+    "cloth": "cloth",
+    "drift": "drift",
+    "async": "async_compute",
+    "pacing": "pacing",
 }
-"""What shows and draws the parts of chapters whose frame is a graph."""
+"""The parts of chapters whose frame is a graph, and the benches of lessons that show and draw them."""
+
+
+def shows(part: str) -> Any:
+    """Return the module that shows and draws a part of `FRAME_PARTS`."""
+    return bench(FRAME_PARTS[part]) if FRAME_PARTS[part] else prepass
 
 
 def show(made: dict[str, Any], to: Console = out) -> None:
@@ -54,12 +59,12 @@ def show(made: dict[str, Any], to: Console = out) -> None:
         pipelines.show(made["pipelines"], to)
     if made.get("threads"):
         threads.show(made["threads"], to)
-    loads.show(made.get("loads", []), to)
+    bench("loads").show(made.get("loads", []), to)
     if made.get("readback"):
         readback.show(made["readback"], to)
-    for part, shown in FRAME_PARTS.items():
+    for part in FRAME_PARTS:
         if made.get(part):
-            shown.show(made[part], to)
+            shows(part).show(made[part], to)
     _show_starts(to, made["start_s"])
     if made["stability"]:
         worst = made["stability"]["worst"]
@@ -137,11 +142,11 @@ def plot(path: Path, made: dict[str, Any]) -> None:
         panels.append(partial(_plot_pipelines, made["pipelines"]))
     if any(one["ways"] for one in made.get("loads", ())):
         panels.append(partial(_plot_loads, made["loads"]))
-    for part, shown in FRAME_PARTS.items():
+    for part in FRAME_PARTS:
         if made.get(part):
-            panels.append(partial(_plot_alone, shown.plot, made[part]))
+            panels.append(partial(_plot_alone, shows(part).plot, made[part]))
             if part == "cloth":
-                panels.append(partial(_plot_alone, executions.plot, made[part]["executions"]))
+                panels.append(partial(_plot_alone, bench("executions").plot, made[part]["executions"]))
     columns = min(len(panels), 3)
     rows = -(-len(panels) // columns)
     figure = Figure(figsize=(1 + 6 * columns, 4.8 * rows), layout="constrained")
@@ -194,7 +199,7 @@ def _plot_pipelines(one: dict[str, Any], figure: Any, cell: Any) -> None:
 
 
 def _plot_loads(made: list[dict[str, Any]], figure: Any, cell: Any) -> None:
-    loads.plot(figure.add_subplot(cell), made)
+    bench("loads").plot(figure.add_subplot(cell), made)
 
 
 def _plot_alone(draw: Callable[[Any, Any], None], one: Any, figure: Any, cell: Any) -> None:

@@ -17,7 +17,7 @@ import sys
 import time as clock
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -25,16 +25,13 @@ from rich.console import Console
 
 import chapters
 from backends.contract import Frame, Renderer
-from common.numerics.transforms import translation
+from common.reports.benches import Effort, difference, moved_view
+from common.reports.tables import table
 from common.scene import Scene
 from common.settings import Scale, Side, preset
 from common.view.camera import View
-from tools.bench.points import Effort, Subject, difference, forward_path
-from tools.cli.tables import table
+from tools.bench.points import Subject, forward_path
 from tools.run.run import open_device
-
-STEP = 1e-3
-"""How far the camera moves from one frame to the next, in length scales of the scene."""
 
 if sys.platform == "win32":  # its clock of a thread's time has steps of 16 ms
     _processor = clock.perf_counter
@@ -124,7 +121,7 @@ def _scale(
         truths: dict[int, np.ndarray] = {}
         for run in runs:  # every slot is filled and every pipeline compiled before a time counts
             for turn in range(max(effort.warm_up, 2)):
-                frame = run.frame(moved_view(run.renderer, turn))
+                frame = run.frame(_view(run.renderer, turn))
             picture = frame.image("color_linear")
             truth = truths.setdefault(run.count, picture)
             run.error = difference(picture, truth)
@@ -136,7 +133,7 @@ def _scale(
         for turn in range(rounds):
             step(f"frames with more and more {scale.name}", 0.6 + 0.4 * turn / rounds)
             for one in random.permutation(len(runs)):
-                runs[one].frame(moved_view(runs[one].renderer, turn + one / len(runs)))
+                runs[one].frame(_view(runs[one].renderer, turn + one / len(runs)))
     points = [run.point() for run in runs]
     made = {"name": scale.name, "frames": rounds, "skipped": skipped, "points": points}
     return {**made, "ratios": ratios(points, scale.sides[-1].name, scale.flat_from)}
@@ -168,11 +165,8 @@ def _open(stack: ExitStack, subject: Subject, side: Side, count: int, scene: Sce
     return _Run(side, count, renderer, clock.perf_counter() - began)
 
 
-def moved_view(renderer: Renderer, turn: float) -> View:
-    """Return the view of frame number `turn`; no two frames should have one, since matrices of a view are kept."""
-    view, scene = chapters.view_of(renderer), renderer.scene
-    moved = translation((STEP * scene.length_scale * turn, 0.0, 0.0))
-    return replace(view, world_from_view=moved @ view.world_from_view)
+def _view(renderer: Renderer, turn: float) -> View:
+    return moved_view(chapters.view_of(renderer), renderer.scene, turn)
 
 
 # --- what the points say ----------------------------------------------------------------------------------------------

@@ -19,11 +19,11 @@ from rich.console import Console
 
 import chapters
 from backends.contract import Renderer
+from common.reports.benches import Effort, difference, recorded_anew
+from common.reports.tables import table
 from common.scene.crowds import crowd
 from common.settings import preset
-from tools.bench import points as bench_points
-from tools.bench.points import Effort, Subject, difference
-from tools.cli.tables import table
+from tools.bench.points import Subject
 from tools.run.run import open_device
 
 WITHOUT = ("multi-draw",)
@@ -50,7 +50,7 @@ class _Run:
         renderer: Any = self.renderer
         # Where a frame is a graph, its executor goes through all passes; else the renderer runs each of them.
         graph = hasattr(renderer, "graph")
-        owner, name = (renderer._executor, "record") if graph else (renderer, "_run")
+        owner, name = (renderer._api.executor, "record") if graph else (renderer, "_run")
         run = getattr(owner, name)
 
         def timed(*arguments: Any) -> None:
@@ -91,7 +91,7 @@ def measure(
     wanted: tuple[int, ...] = getattr(settings_class, "THREADS", ())
     if not wanted:
         return None
-    anew = bench_points.recorded_anew(preset(settings_class, "medium"))
+    anew = recorded_anew(preset(settings_class, "medium"))
     runs: list[_Run] = []
     with ExitStack() as stack:
         device = open_device(stack, subject.backend, without=WITHOUT)

@@ -13,14 +13,11 @@ from tools.cli import assets
 from tools.cli.bench import bench
 from tools.cli.bundle import bundle
 from tools.cli.console import say
-from tools.cli.convert import convert
 from tools.cli.diff import diff
 from tools.cli.docs import docs
 from tools.cli.exercises import check, exercise
-from tools.cli.explain import explain
-from tools.cli.frame import frame
-from tools.cli.graph import graph
-from tools.cli.listing import list_
+from tools.cli.frames import frame, graph
+from tools.cli.ledger import explain, list_
 from tools.cli.options import (
     Backend,
     Camera,
@@ -400,7 +397,7 @@ app.command(cls=Command)(exercise)
 app.command(cls=Command)(check)
 app.command(cls=Command)(carry)
 app.command(cls=Command)(new)
-app.command(cls=Command)(convert)
+app.command(cls=Command)(assets.convert)
 app.command(cls=Command)(docs)
 app.command(cls=Command)(bundle)
 models = typer.Typer(name="assets", cls=Group, invoke_without_command=True, callback=assets.alone)

@@ -52,7 +52,7 @@ def carry(
         return carry_check.run(chapters.FOLDER)
     if chapter is None:
         raise UserError(
-            "Which chapter has the fix? `strata carry ch03 shading/vulkan_forward.py` takes it to the later ones."
+            "Which chapter has the fix? `strata carry ch03 shading/forward.py` takes it to the later ones."
         )
     return carrying.start(chapters.FOLDER, _number(chapter), files or [], base=base, dry_run=dry_run)
 
@@ -89,7 +89,9 @@ def fork(
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="With --update: say what would happen, and write nothing.")
     ] = False,
-    studies: Annotated[bool, typer.Option("--studies", help="Copy the chapter's studies, too.")] = False,
+    studies: Annotated[
+        bool, typer.Option("--studies", help="Copy the chapter's studies and benches, too.")
+    ] = False,
 ) -> int:
     """Make a copy of a chapter that is yours to change, or bring later fixes of the chapter into it."""
     from tools.snapshots import fork_update, forks

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
-from tools.cli.tables import table
+from common.reports.tables import table
 from tools.compare.measure import ErrorMap, Errors, Measured
 from tools.compare.sides import BACKEND_NAMES, Picture, Side
 from tools.run.record import naming, strata_version

@@ -10,9 +10,9 @@ from pathlib import Path, PurePosixPath
 
 from tools.diff.sentences import SHADERS, sentence_of
 
-LEFT_OUT = frozenset({"studies", "out", "__pycache__", "fork.json"})
-"""What is no part of a chapter's frame: studies stay with their chapter, a fork's record is about the fork, and the
-rest is made by running."""
+LEFT_OUT = frozenset({"studies", "benches", "out", "__pycache__", "fork.json"})
+"""What is no part of a chapter's frame: studies and benches stay with their chapter, a fork's record is about the fork,
+and the rest is made by running."""
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from PIL import Image
 
 import chapters
 from chapters import scenes
+from chapters.folders import renderer_name
 from common.errors import UserError
 from common.images.frame_pictures import picture_of
 from common.names import stable_hash
@@ -67,9 +68,7 @@ def passes_of(side: Side, wanted: Collection[str]) -> dict[str, bytes]:
     if side.own and side.number is not None:
         module = chapters.renderer_module(side.number, backend)
     else:
-        module = import_module(
-            f"{package_of(side.folder)}.{'gl_renderer' if backend == 'gl' else 'renderer'}"
-        )
+        module = import_module(f"{package_of(side.folder)}.{renderer_name(side.folder, backend)}")
     found = {}
     with module.Renderer(scene, SIZE, inspect=True) as renderer:
         view = chapters.view_of(renderer)

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import chapters
+from chapters.folders import renderer_name
 from common.errors import UnsupportedError, UserError
 from common.names import suggest
 from tools.diff.files import Source, sources
@@ -64,9 +65,9 @@ def tree_of(text: str) -> Side:
         if re.fullmatch(r"(ch)?\d+", name, re.ASCII | re.I)
         else _folder(name, backend)
     )
-    if backend == "gl" and not (side.folder / "gl_renderer.py").is_file():
+    if backend == "gl" and not renderer_name(side.folder, "gl"):
         raise UnsupportedError(
-            f"{text}: {name} has no OpenGL version, since gl_renderer.py is missing there."
+            f"{text}: {name} has no OpenGL version, since gl_renderer.py and gl.py are missing there."
         )
     return side
 
@@ -158,5 +159,7 @@ def files_of(side: Side, versions: bool) -> dict[str, Source]:
 def twin(path: str, known: Sequence[str]) -> str:
     """Return the file on Vulkan that does what `path`, "a/gl_x.py", does on OpenGL, or `path` where there is none."""
     folder, _, name = path.rpartition("/")
-    other = "renderer.py" if path == "gl_renderer.py" else f"{folder}/vulkan{name.removeprefix('gl')}"
+    other = (
+        "renderer.py" if path in ("gl_renderer.py", "gl.py") else f"{folder}/vulkan{name.removeprefix('gl')}"
+    )
     return other if other in known else path

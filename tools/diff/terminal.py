@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from common.names import visible
-from tools.cli.tables import table
+from common.reports.tables import table
 from tools.diff.diff import FileDifference, Hunk, Line
 from tools.diff.lesson import Comparison, count
 

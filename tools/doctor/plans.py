@@ -7,6 +7,7 @@ from typing import Any
 
 import chapters
 from backends.contract import Capabilities, resolve
+from chapters import folders
 from common.errors import UnsupportedError
 
 Report = dict[str, Any]
@@ -45,7 +46,7 @@ def plans(
             if device is None:
                 entry["problem"] = "no device works"
                 continue
-            if device.backend == "gl" and not (chapters.FOLDER / name / "gl_renderer.py").is_file():
+            if device.backend == "gl" and not folders.renderer_name(chapters.FOLDER / name, "gl"):
                 entry["problem"] = "it has no OpenGL version"
                 continue
             plan = resolve(lesson.needs.required, lesson.needs.optional, device)

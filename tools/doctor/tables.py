@@ -9,7 +9,7 @@ from rich.markup import escape
 
 from backends.features import REQUIRED_USES
 from backends.verdicts import OK, UNCHECKED
-from tools.cli.tables import table
+from common.reports.tables import table
 
 Report = dict[str, Any]
 

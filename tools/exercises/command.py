@@ -13,8 +13,8 @@ from rich.syntax import Syntax
 
 from chapters import folders
 from common.errors import UserError
+from common.reports.tables import table
 from tools.cli.console import out, quoted, say
-from tools.cli.tables import table
 from tools.exercises import KINDS, Exercise, answers, checking, find, of_chapter
 from tools.exercises.patches import difference, files_of, start_of, states
 from tools.snapshots import forks

@@ -8,7 +8,6 @@ import re
 import statistics
 import sys
 from dataclasses import asdict, dataclass, field
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,11 +23,11 @@ from common.images import write_image
 from common.images.frame_pictures import picture_of
 from common.names import suggest
 from common.paths import write_whole
+from common.reports.tables import table
 from common.settings import preset
 from tools.cli.console import Steps, err, out, say
 from tools.cli.stopping import prompt_stop
-from tools.cli.tables import table
-from tools.frames import page
+from tools.frames import page, report
 from tools.run import run
 from tools.run.record import STDOUT, naming
 from tools.run.views import stored_as
@@ -266,15 +265,13 @@ def described(access: Access, written: tuple[Access, str] | None, renderer: Rend
 
 def held_by(renderer: Renderer) -> list[Held]:
     """Return the images and buffers of a renderer's frame graph."""
-    package = type(renderer.settings).__module__.rpartition(".")[0]
-    report = import_module(f"{package}.graph.report")
     found, graph = [], renderer.graph
     for row in report.rows(graph):
         one = row.resource
         if row.name == one.name:  # else it is what the frame before left of it
             used = sorted(row.signs)
             ends = graph.steps[used[0]].name, graph.steps[used[-1]].name
-            taken = report.texels(one).size
+            taken = report.bytes_of(one)
             found.append(
                 Held([*one.names], one.life, one.format or one.kind, one.size, one.samples, taken, *ends)
             )

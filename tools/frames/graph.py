@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import sys
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +13,13 @@ from common.errors import UserError
 from common.paths import write_whole, written_file
 from tools.cli.console import Steps, err, out, say
 from tools.cli.stopping import prompt_stop
+from tools.frames import report
+from tools.frames.svg import svg
 from tools.run import run
 from tools.run.record import STDOUT
 
-REPORT = "graph/report.py"
-"""The module of a chapter that shows its graph; a chapter without it has none."""
+GRAPH = "graph/frame_graph.py"
+"""The module of a chapter that compiles its graph; a chapter without it has none."""
 
 
 def show(request: run.Request, outputs: tuple[str, ...] = ("color",), drawing: Path | None = None) -> int:
@@ -27,22 +28,20 @@ def show(request: run.Request, outputs: tuple[str, ...] = ("color",), drawing: P
     The text is printed; `request.json` and `drawing` name the files of JSON and SVG.
     """
     which = chapters.parse_chapter(request.chapter)
-    if not (chapters.folder_of(which) / REPORT).is_file():
-        here = [number for number in chapters.available() if (chapters.folder_of(number) / REPORT).is_file()]
+    if not (chapters.folder_of(which) / GRAPH).is_file():
+        here = [number for number in chapters.available() if (chapters.folder_of(number) / GRAPH).is_file()]
         raise UserError(_without_graph(which, here))
     run.check(request)
     if drawing is not None:
         _check_drawing(drawing, request.json)
     with prompt_stop():
         graph, device = compiled(which, request, outputs)
-    package = chapters.package_of(which)
-    report = import_module(f"{package}.graph.report")
     name = request.scene or ""
     title = f"{studies.spoken(which)}, {name}, {device}"
     if request.json is not None:
         _write("--json", request.json, json.dumps(report.record(graph), indent=1) + "\n")
     if drawing is not None:
-        _write("--svg", drawing, import_module(f"{package}.graph.svg").svg(graph, title))
+        _write("--svg", drawing, svg(graph, title))
     printed = err if request.json == STDOUT else out
     printed.print(f"{title}\n{report.text(graph)}", markup=False, soft_wrap=True, end="")
     for path in (request.json, drawing):

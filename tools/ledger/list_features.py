@@ -11,8 +11,8 @@ from rich.markup import escape
 
 import chapters
 from common.errors import UserError
+from common.reports.tables import table
 from tools.cli.console import out
-from tools.cli.tables import table
 from tools.ledger import features, results
 from tools.ledger.features import Feature
 from tools.ledger.results import BACKENDS, Area

@@ -10,9 +10,9 @@ import chapters
 from chapters import studies
 from common.errors import UserError
 from common.files.shader_files import shown_path
+from common.reports.tables import table
 from common.settings import describe, knobs, preset
 from tools.cli.console import out
-from tools.cli.tables import table
 from tools.diff.sentences import first_sentence
 from tools.ledger import list_features
 from tools.run.views import views_of

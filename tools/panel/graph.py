@@ -11,6 +11,8 @@ from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from tools.frames import report
+
 if TYPE_CHECKING:
     from backends.contract import Renderer
 
@@ -64,7 +66,6 @@ def graph_of(renderer: Renderer) -> GraphState | None:
     if switches is None:
         return None
     package = type(renderer.settings).__module__.rpartition(".")[0]
-    report = import_module(f"{package}.graph.report")
     graph, memory = renderer.graph, renderer.graph.memory
     passes = [PassRow(step.name, switches.get(step.name)) for step in graph.steps]
     passes += [PassRow(name, switches.get(name), why) for name, why in graph.left_out.items()]
@@ -81,7 +82,7 @@ def graph_of(renderer: Renderer) -> GraphState | None:
                 names,
                 tuple(name for name in names if name in drawn),
                 f"{one.format or one.kind}{samples}{size}",
-                report.shown_bytes(report.texels(one).size),
+                report.shown_bytes(report.bytes_of(one)),
                 tuple(shared),
             )
         )

@@ -128,10 +128,13 @@ class Log:
 
     def show(self) -> None:
         """Print plan and figures as tables."""
-        from tools.cli.tables import plan_table, table
+        from common.reports.tables import table
 
         to = err if self.request.json == STDOUT else out
-        to.print(plan_table(self.renderer.plan, self.device))
+        plan = table(f"Plan on {self.device}", "feature", "path", "why")
+        for choice in self.renderer.plan.choices:
+            plan.add_row(choice.feature, choice.path, choice.reason)
+        to.print(plan)
         figures = table("Milliseconds", "part", ">median")
         for name, value in self.medians().items():
             figures.add_row("recording (CPU)" if name == "cpu" else name, f"{value:.2f}")

@@ -8,7 +8,6 @@ import re
 from collections.abc import Callable
 from functools import partial
 from html import escape
-from importlib import import_module
 from pathlib import Path
 
 import chapters
@@ -19,6 +18,7 @@ from tools.diff.page import page as diff_page
 from tools.diff.pictures import Pictures, draw
 from tools.diff.sides import tree_of
 from tools.frames import graph
+from tools.frames.svg import svg
 from tools.run.run import Request
 from tools.site import plot
 from tools.site.code import following
@@ -158,7 +158,7 @@ def _kept(suffix: str, inputs: list[Path], make: Callable[[], tuple[bytes, bool]
 
 def _graph(draft: Draft, number: int, page: str, drawing: bool) -> str:
     folder = chapters.folder_of(number)
-    if not (folder / graph.REPORT).is_file():
+    if not (folder / graph.GRAPH).is_file():
         return ""
     if not drawing:
         return draft.lack(page, "the frame graph: nothing was to be drawn.")
@@ -169,10 +169,9 @@ def _graph(draft: Draft, number: int, page: str, drawing: bool) -> str:
         def drawn() -> tuple[bytes, bool]:
             request = Request(number, scene="atrium", size=GRAPH_SIZE, headless=True)
             compiled, device = graph.compiled(number, request)
-            svg = import_module(f"{chapters.package_of(number)}.graph.svg").svg
             return svg(compiled, f"Chapter {number}, atrium, {device}").encode(), True
 
-        draft.files[place] = _kept("graph.svg", _files(number), drawn)
+        draft.files[place] = _kept("graph.svg", [*_files(number), *matched(("tools/frames/*.py",))], drawn)
         link = posixpath.basename(place)
         words = f"The compiled frame of chapter {number}: passes in order, who reads and writes what, shared memory"
         return (

@@ -26,7 +26,7 @@ from tools.diff.sentences import SHADERS
 
 RECORD = ROOT / "docs" / "records" / "pictures.json"
 CODE = (*SHADERS, ".py", ".json")
-BESIDE = {"README.md", "studies", "exercises", "__pycache__"}
+BESIDE = {"README.md", "studies", "benches", "exercises", "__pycache__"}
 """What is in a chapter's folder and not in its frame."""
 _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 

@@ -17,6 +17,8 @@ import tempfile
 from collections.abc import Collection
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -28,7 +30,6 @@ from tools.cli.console import Steps, say
 from tools.cli.stopping import prompt_stop
 from tools.site import chapter, inputs, notebook
 from tools.site import check as site_check
-from tools.site import serve as site_serve
 from tools.site.draft import TEXTS, Draft, reason
 from tools.site.tables import filled
 
@@ -81,7 +82,7 @@ def run(folder: Path | None, *, serve: bool, check: bool, port: int, drawing: bo
         say(f"strata: {sentence}")
     say(f"Wrote {built.folder}{os.sep}index.html: {page_count(built.folder)} pages.")
     if serve:
-        site_serve.serve(built.folder, port)
+        _serve(built.folder, port)
     return 1 if check and (built.lacks or built.faults or stale) else 0
 
 
@@ -257,6 +258,37 @@ def replace(target: Path, made: Path) -> None:
                         raise
     except OSError as error:
         raise UserError(f"{target} cannot be written: {error.strerror or error}.") from None
+
+
+# --- showing it -------------------------------------------------------------------------------------------------------
+
+
+class _Quiet(SimpleHTTPRequestHandler):
+    """Gives out files without a line for each."""
+
+    def log_message(self, format: str, *args: object) -> None:
+        """Say nothing."""
+
+
+def server(folder: Path, port: int) -> ThreadingHTTPServer:
+    """Return a server on the loopback address that has not begun; port 0 takes a free one. Raises UserError."""
+    try:
+        return ThreadingHTTPServer(("127.0.0.1", port), partial(_Quiet, directory=str(folder)))
+    except (OSError, OverflowError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise UserError(
+            f"--port {port} cannot be used ({reason}): name another, or 0 for a free one."
+        ) from None
+
+
+def _serve(folder: Path, port: int) -> None:
+    """Show a folder until Ctrl-C."""
+    with server(folder, port) as serving:
+        say(f"The site is at http://127.0.0.1:{serving.server_address[1]}/; Ctrl-C ends it.")
+        serving.serve_forever(poll_interval=0.1)
+
+
+# --- pictures that are out of date ------------------------------------------------------------------------------------
 
 
 def late_pictures() -> list[str]:

@@ -29,7 +29,7 @@ from tools.snapshots.merging import (
     show_conflict,
     writes,
 )
-from tools.snapshots.trees import STUDIES, Tree, belongs, numbers, read_tree, write_files
+from tools.snapshots.trees import STAR, Tree, belongs, numbers, read_tree, write_files
 
 KINDS = {
     "taken": "takes it: the file was the same",
@@ -301,12 +301,11 @@ def _wanted(root: Path, folder: Path, text: str, changed: Sequence[str], base: s
     tried = [(start / text).resolve() for start in (Path.cwd(), root.parent, folder)]
     inside = [path for path in tried if path.is_relative_to(home)]
     if not inside:
-        raise UserError(
-            f"{text} is not in {folder.name}: name files of that chapter, as shading/vulkan_forward.py."
-        )
+        raise UserError(f"{text} is not in {folder.name}: name files of that chapter, as shading/forward.py.")
     names = [path.relative_to(home).as_posix() for path in inside]
-    if names[0].split("/")[0] == STUDIES:
-        raise UserError(f"{text} belongs to a study, and studies are not copied to later chapters.")
+    star = names[0].split("/")[0]
+    if star in STAR:
+        raise UserError(f"{text} is of one chapter alone: {star} are not copied to later chapters.")
     for name in names:
         found = {one for one in changed if name in (".", one) or one.startswith(f"{name}/")}
         if found:

@@ -7,12 +7,13 @@ after it. A later chapter is named when all of this is so:
 - before that commit it had the file already, and the same lines at the same place, with the same neighbours. So a
   chapter's history begins when it is made by copying: nothing before that counts;
 - it has them still, on disk now, and chapter N has not: a repair that was taken back is none;
-- the file does not belong to one chapter alone, as its `__init__.py`, its README.md and its studies do.
+- the file does not belong to one chapter alone, as its `__init__.py`, its README.md, its studies and its benches do.
 
 "At the same place" is what a line-by-line alignment of the two versions says (difflib): an equal line elsewhere in the
 file is none, and lines that a lesson rewrote or moved to other neighbours are its own business. A commit that changes
 both chapters, or a later one that brings the second in step, is what `strata carry` makes, and satisfies the check.
-What is wanted nevertheless, `chapters/exceptions.toml` says with its reason.
+Commits that `.git-blame-ignore-revs` lists rearranged code and repaired nothing. What is wanted nevertheless,
+`chapters/exceptions.toml` says with its reason.
 """
 
 from __future__ import annotations
@@ -104,9 +105,12 @@ def faults(root: Path) -> list[Fault]:
     names = [folder.name for folder in folders.values()]
     now = cache(lambda path: _lines(path.read_bytes() if path.is_file() else None))
     found: dict[tuple[str, str, int], Fault] = {}
+    rearranging = rearranged(root)
     with history.reader() as read:
         then = lru_cache(KEPT)(lambda revision, name: _lines(read(revision, name)))
         for commit in history.commits():
+            if commit.sha in rearranging:
+                continue
             for changed in commit.paths:
                 chapter, _, path = changed.partition("/")
                 if chapter not in names or not belongs(path) or path in OWN:
@@ -117,6 +121,13 @@ def faults(root: Path) -> list[Fault]:
                     for fault in _lacking(root, now, then, commit, chapter, later, path):
                         found.setdefault((later, path, fault.line), fault)
     return [found[key] for key in sorted(found)]
+
+
+def rearranged(root: Path) -> frozenset[str]:
+    """Return the hashes of commits that only rearranged code: those in `.git-blame-ignore-revs` beside `root`."""
+    listed = root.parent / ".git-blame-ignore-revs"
+    lines = listed.read_text("utf-8").splitlines() if listed.is_file() else []
+    return frozenset(line.strip() for line in lines if line.strip() and not line.startswith("#"))
 
 
 def _lacking(

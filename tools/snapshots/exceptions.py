@@ -7,7 +7,7 @@ reason = "the forward pass becomes a G-buffer pass, and that is the lesson"
 
 [[not_carried]]        # a repair that a later chapter does without
 commit = "1a2b3c4d"    # at least eight digits
-file = "shading/vulkan_sky.py"
+file = "shading/sky.py"
 chapter = "ch09"
 reason = "chapter 9 draws the sky in compute"
 """

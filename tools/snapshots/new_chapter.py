@@ -55,7 +55,7 @@ def run(root: Path, title: str | None = None, *, force: bool = False) -> int:
         refuse_changes(root)
     made = make(root, folder, number + 1, " ".join((title or f"Chapter {number + 1}").split()).rstrip("."))
     out.print(
-        f"{root.name}/{made.name} is {root.name}/{folder.name} to the byte, without its studies.",
+        f"{root.name}/{made.name} is {root.name}/{folder.name} to the byte, without its studies and benches.",
         markup=False,
     )
     say(f"""Next:

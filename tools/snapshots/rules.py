@@ -5,14 +5,14 @@
     named       no file names the number of its own chapter, except __init__.py and README.md
     relative    imports inside a chapter are relative and do not leave it
     monotone    files, public names of modules, fields of Settings and features stay, unless LESSON.replaces names
-                them: "a feature", "shading/vulkan_sky.py", "shading/vulkan_sky.py:SkyPass", "settings.py:Settings.msaa"
+                them: "a feature", "shading/sky.py", "shading/sky.py:SkyPass", "settings.py:Settings.msaa"
     deletions   deleted lines are at most 0.15 of the inserted ones, those of new files included
     size        at most 400 lines of Python change inside files that existed before; a replaced one counts once
     long        a new file has at most 400 lines
     moved       no code goes from one file to another
 
-Lines are those of Python and GLSL files. `__init__.py` and README.md are each chapter's own, and `studies/` is outside
-of all this. Exceptions, at most three in all chapters, stand with their reasons in `exceptions.toml`.
+Lines are those of Python and GLSL files. `__init__.py` and README.md are each chapter's own; `studies/` and `benches/`
+are outside of all this. Exceptions, at most three in all chapters, stand with their reasons in `exceptions.toml`.
 """
 
 from __future__ import annotations

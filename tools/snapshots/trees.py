@@ -16,8 +16,8 @@ from common.paths import write_whole
 Tree = dict[str, bytes]
 """Content by path, relative to the chapter's folder, with "/" between its parts."""
 
-STUDIES = "studies"
-"""The folder of a chapter that is never copied to the next one."""
+STAR = ("studies", "benches")
+"""The folders of a chapter that are never copied to the next one."""
 
 
 def numbers(root: Path) -> dict[int, Path]:
@@ -43,10 +43,10 @@ def lesson_of(folder: Path) -> Lesson:
 
 
 def belongs(path: str, studies: bool = False) -> bool:
-    """Whether a file at this place is the chapter's: nothing hidden, nothing made by running, studies if asked for."""
+    """Whether a file at this place is the chapter's: nothing hidden, nothing made by running, `STAR` if asked for."""
     parts = path.split("/")
     made = any(part.startswith(".") or part in ("__pycache__", "out") for part in parts)
-    return not made and (studies or parts[0] != STUDIES)
+    return not made and (studies or parts[0] not in STAR)
 
 
 def read_tree(folder: Path, studies: bool = False) -> Tree:

@@ -114,6 +114,23 @@ class Maps:
     scale: float
 
 
+@dataclass(eq=False)
+class MapsOnGpu:
+    """The environment's maps on the GPU, as far as shaders are told of them; a backend's class has the images."""
+
+    radiance: Any
+    scale: float
+    """What a stored 1 stands for, in nits."""
+    made_ms: dict[str, float]
+    """Milliseconds that the GPU took for what was made ("maps", "table"); what came from the disk is left out."""
+
+    @property
+    def last_level(self) -> int:
+        """The level for roughness 1."""
+        levels: int = self.radiance.levels
+        return levels - 1
+
+
 def needed(scene: Scene, settings: Settings) -> bool:
     """Whether the scene has an environment that sends out light, and light is computed."""
     return scene.environment is not None and settings.environment_intensity > 0 and is_lit(settings)

@@ -10,7 +10,9 @@ from backends.gl import api as gl
 from backends.gl.context import PUSH_BINDING, Context
 from backends.gl.targets import Framebuffer, begin
 
-from ..pipelines.gl import Built, Pipelines
+from ..pipelines.description import Built, Front
+from ..pipelines.gl import Pipelines
+from .commands import DrawGroup, SceneBinding
 from .gl import FrameSlot
 
 
@@ -28,18 +30,6 @@ Textures = tuple[tuple[int, int, int], ...]
 
 
 @dataclass(frozen=True)
-class DrawGroup:
-    """Draws that share pipeline, culling and textures."""
-
-    pipeline: Built
-    cull: bool
-    front: str
-    material: int
-    textures: Textures
-    draws: Sequence[Draw]
-
-
-@dataclass(frozen=True)
 class Rendering:
     """A framebuffer, and what its attachments start from; None keeps what is there."""
 
@@ -54,6 +44,7 @@ class Commands:
     def __init__(self, context: Context, pipelines: Pipelines, push_buffer: int, push_size: int) -> None:
         self._context, self._pipelines = context, pipelines
         self._push_buffer, self._push_size = push_buffer, push_size
+        self.sources: Textures | None = None
         self.slot: FrameSlot
         self.work: dict[str, int] = {}
 
@@ -70,35 +61,38 @@ class Commands:
 
     # --- within passes ---
 
-    def bind_pipeline(self, pipeline: Built, cull: bool, front: str) -> None:
-        """Bind a pipeline and set what it is drawn with."""
+    def bind_pipeline(self, pipeline: Built, cull: bool = False, front: Front = "counter_clockwise") -> None:
+        """Bind a pipeline and set its state; `cull` leaves out back faces."""
         self._pipelines.bind(pipeline, cull, front)
         self.work["pipeline_binds"] += 1
 
     def bind_textures(self, textures: Textures) -> None:
-        """Bind the textures of a material."""
+        """Bind textures to their units."""
         fn = self._context.fn
         for unit, view, sampler in textures:
             fn.glBindTextureUnit(unit, view)
             fn.glBindSampler(unit, sampler)
         self.work["descriptor_binds"] += 1
 
-    def draw_fullscreen(self, vertex_array: int) -> None:
-        """Draw the one triangle of `fullscreen.vert`."""
-        self._context.fn.glBindVertexArray(vertex_array)
+    def draw_fullscreen(self, pipeline: Built, scene: SceneBinding | None = None) -> None:
+        """Draw the one triangle of `fullscreen.vert`; what it reads of the scene is bound since the frame began."""
+        self.bind_pipeline(pipeline)
+        if self.sources:
+            self.bind_textures(self.sources)
+        self._context.fn.glBindVertexArray(self._pipelines.no_vertices)
         self._context.fn.glDrawArrays(gl.GL_TRIANGLES, 0, 3)
         self.work["draws"] += 1
         self.work["triangles"] += 1
 
-    def draw_groups(self, groups: Sequence[DrawGroup], vertex_array: int) -> None:
+    def draw_groups(self, groups: Sequence[DrawGroup], scene: SceneBinding) -> None:
         """Draw all of `groups` in order."""
         fn = self._context.fn
-        fn.glBindVertexArray(vertex_array)
+        fn.glBindVertexArray(scene.geometry)
         # Looked up once: the loop runs for every object of the scene, every frame.
         bind, draw = fn.glBindBufferRange, fn.glDrawElementsBaseVertex
         uniform, buffer, size = gl.GL_UNIFORM_BUFFER, self._push_buffer, self._push_size
         triangles_of, unsigned = gl.GL_TRIANGLES, gl.GL_UNSIGNED_INT
-        bound: tuple[Any, bool, str] | None = None
+        bound: tuple[Any, bool, Front] | None = None
         textures: Textures = ()
         count = triangles = 0
         for group in groups:

@@ -7,19 +7,23 @@ Every struct that a frame needs is built once and used again; a draw is then thr
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 from backends.vulkan.resources import Image
 
-from ..pipelines.snippets import PUSH_SIZE
-from ..pipelines.vulkan import Built
+from ..pipelines.description import Built, Front
+from ..scene.packing import PUSH_SIZE
+from .commands import DrawGroup, SceneBinding
 from .vulkan import FrameSlot
 
 _GRAPHICS = vk.VK_PIPELINE_BIND_POINT_GRAPHICS
 _STAGES = vk.VK_SHADER_STAGE_VERTEX_BIT | vk.VK_SHADER_STAGE_FRAGMENT_BIT
+_FRONT_FACES = {
+    "counter_clockwise": vk.VK_FRONT_FACE_COUNTER_CLOCKWISE,
+    "clockwise": vk.VK_FRONT_FACE_CLOCKWISE,
+}
 
 
 class Draw(NamedTuple):
@@ -29,18 +33,6 @@ class Draw(NamedTuple):
     index_count: int
     first_index: int
     first_vertex: int
-
-
-@dataclass(frozen=True)
-class DrawGroup:
-    """Draws that share pipeline, culling and textures (`material_set`, an array of one set, or None)."""
-
-    pipeline: Built
-    cull: int
-    front: int
-    material: int
-    material_set: Any
-    draws: Sequence[Draw]
 
 
 class Rendering:
@@ -94,6 +86,7 @@ class Commands:
         self._label_infos: dict[str, Any] = {}
         self._states: dict[tuple[int, int], tuple[Any, Any]] = {}
         self.handle: Any = None
+        self.sources: Any = None
         self.slot: FrameSlot
         self.work: dict[str, int] = {}
 
@@ -141,11 +134,11 @@ class Commands:
 
     # --- within passes ---
 
-    def bind_pipeline(self, pipeline: Built, cull: int, front: int) -> None:
-        """Bind a pipeline and set its dynamic state."""
+    def bind_pipeline(self, pipeline: Built, cull: bool = False, front: Front = "counter_clockwise") -> None:
+        """Bind a pipeline and set its dynamic state; `cull` leaves out back faces."""
         self._fn.vkCmdBindPipeline(self.handle, _GRAPHICS, pipeline.handle)
-        self._fn.vkCmdSetCullMode(self.handle, cull)
-        self._fn.vkCmdSetFrontFace(self.handle, front)
+        self._fn.vkCmdSetCullMode(self.handle, vk.VK_CULL_MODE_BACK_BIT if cull else vk.VK_CULL_MODE_NONE)
+        self._fn.vkCmdSetFrontFace(self.handle, _FRONT_FACES[front])
         self.work["pipeline_binds"] += 1
 
     def bind_set(self, pipeline: Built, number: int, descriptor_set: Any) -> None:
@@ -164,14 +157,21 @@ class Commands:
             self._fn.vkCmdBindVertexBuffers(self.handle, binding, 1, buffers, offsets)
         self._fn.vkCmdBindIndexBuffer(self.handle, index_buffer, index_offset, vk.VK_INDEX_TYPE_UINT32)
 
-    def draw_fullscreen(self) -> None:
-        """Draw the one triangle of `fullscreen.vert`."""
+    def draw_fullscreen(self, pipeline: Built, scene: SceneBinding | None = None) -> None:
+        """Draw the one triangle of `fullscreen.vert`; set 0 is that of the scene, or of what the pass reads."""
+        self.bind_pipeline(pipeline)
+        self.bind_set(pipeline, 0, scene.frame if scene else self.sources)
+        self.draw_triangle()
+
+    def draw_triangle(self) -> None:
+        """Draw three vertices with what is bound."""
         self._fn.vkCmdDraw(self.handle, 3, 1, 0, 0)
         self.work["draws"] += 1
         self.work["triangles"] += 1
 
-    def draw_groups(self, groups: Sequence[DrawGroup], frame_set: Any) -> None:
-        """Record all draws of `groups` in order, with `frame_set` as set 0."""
+    def draw_groups(self, groups: Sequence[DrawGroup], scene: SceneBinding) -> None:
+        """Record all draws of `groups` in order, with the frame's set as set 0."""
+        self.bind_geometry(*scene.geometry)
         # Looked up once: the loop runs for every object of the scene, every frame.
         bind, push, draw = (
             self._fn.vkCmdBindDescriptorSets,
@@ -179,23 +179,23 @@ class Commands:
             self._fn.vkCmdDrawIndexed,
         )
         handle, null = self.handle, vk.NULL
-        bound: tuple[Any, int, int] | None = None
+        bound: tuple[Any, bool, str] | None = None
         layout: Any = None
-        material_set: Any = None
+        texture_set: Any = None
         count = triangles = binds = 0
         for group in groups:
-            pipeline, textures, draws = group.pipeline, group.material_set, group.draws
-            state = (pipeline.handle, group.cull, group.front)
+            pipeline, cull, front, textures, draws = group
+            state = (pipeline.handle, cull, front)
             if state != bound:
-                self.bind_pipeline(pipeline, group.cull, group.front)
+                self.bind_pipeline(pipeline, cull, front)
                 bound = state
             if pipeline.layout != layout:
                 # Sets stay bound as long as the layout does.
-                layout, material_set = pipeline.layout, None
-                self.bind_set(pipeline, 0, frame_set)
-            if textures is not None and textures is not material_set:
+                layout, texture_set = pipeline.layout, None
+                self.bind_set(pipeline, 0, scene.frame)
+            if textures is not None and textures is not texture_set:
                 bind(handle, _GRAPHICS, layout, 1, 1, textures, 0, null)
-                material_set = textures
+                texture_set = textures
                 binds += 1
             for constants, index_count, first_index, first_vertex in draws:
                 push(handle, layout, _STAGES, 0, PUSH_SIZE, constants)

@@ -1,4 +1,4 @@
-"""Graphics pipelines: a description in plain words, and the object the driver builds from it.
+"""Graphics pipelines: the objects that the driver builds from descriptions.
 
 Equal descriptions share one pipeline. Viewport, scissor, culling and the front face are dynamic state, since they
 change with the window and with mirrored objects; everything else is fixed when the pipeline is built.
@@ -7,18 +7,20 @@ change with the window and with mirrored objects; everything else is fixed when 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from backends import shader_text
 from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 from backends.vulkan.live import Stages, check_fit, compile_stages
 from backends.vulkan.resources import FORMATS
+from common.layouts import SNIPPETS
 
-from .snippets import PUSH_SIZE, SNIPPETS
+from ..scene.packing import PUSH_SIZE
+from .description import Binding, Built, PipelineDescription
+from .vulkan_descriptors import Descriptors
 
 CHAPTER = Path(__file__).resolve().parents[1]
 
@@ -41,53 +43,26 @@ _ALL_CHANNELS = (
 )
 
 
-@dataclass(frozen=True)
-class GraphicsPipeline:
-    """What a pipeline is made of. `streams` are (shader location, floats per vertex), one vertex buffer each."""
-
-    shaders: tuple[str, ...]
-    set_layouts: tuple[Any, ...] = ()
-    defines: tuple[tuple[str, int | float | str], ...] = ()
-    streams: tuple[tuple[int, int], ...] = ()
-    color: str | None = "rgba16f"
-    depth: Literal["write", "test", "equal"] | None = "write"
-    blend: Literal["over", "add"] | None = None
-    samples: int = 1
-    name: str = ""
-
-
-@dataclass(eq=False)
-class Built:
-    """A pipeline with the layout through which descriptors and push constants reach it.
-
-    Whoever draws with it asks for the handle each time: it is another one after a shader was edited.
-    """
-
-    handle: Any
-    layout: Any
-    stages: Stages
-
-
 class Pipelines:
     """Builds pipelines at their first use and keeps them."""
 
-    def __init__(self, device: Device) -> None:
-        self._device = device
-        self._built: dict[GraphicsPipeline, Built] = {}
-        self._layouts: dict[tuple[Any, ...], Any] = {}
+    def __init__(self, device: Device, descriptors: Descriptors) -> None:
+        self._device, self._descriptors = device, descriptors
+        self._built: dict[PipelineDescription, Built] = {}
+        self._layouts: dict[tuple[tuple[Binding, ...], ...], Any] = {}
 
     def __len__(self) -> int:
         return len(self._built)
 
-    def get(self, wanted: Sequence[GraphicsPipeline]) -> list[Built]:
+    def get(self, wanted: Sequence[PipelineDescription]) -> list[Built]:
         """Return one pipeline per description; those that are new have their shaders compiled together, on threads."""
         new = [described for described in dict.fromkeys(wanted) if described not in self._built]
         for described, stages in zip(new, self._compile(new), strict=True):
             handle = self._build(described, stages.codes)
-            self._built[described] = Built(handle, self._layout(described.set_layouts), stages)
+            self._built[described] = Built(described, handle, stages, self._layout(described.sets))
         return [self._built[described] for described in wanted]
 
-    def _compile(self, wanted: Sequence[GraphicsPipeline], keep: bool = True) -> list[Stages]:
+    def _compile(self, wanted: Sequence[PipelineDescription], keep: bool = True) -> list[Stages]:
         sources = [
             [
                 shader_text.build(
@@ -106,7 +81,7 @@ class Pipelines:
     @property
     def files(self) -> frozenset[Path]:
         """All on disk that decides about the shaders of these pipelines."""
-        return frozenset().union(*(built.stages.files for built in self._built.values()))
+        return frozenset().union(*(built.code.files for built in self._built.values()))
 
     def reload(
         self, changed: Collection[Path], retire: Callable[[Callable[[], None]], None]
@@ -116,12 +91,12 @@ class Pipelines:
         `retire` gets what destroys an old pipeline, to be called when no frame in flight uses it. Raises ShaderError
         for a shader that does not compile, or that no longer fits what is bound to it.
         """
-        old = {described: built for described, built in self._built.items() if built.stages.use(changed)}
+        old = {described: built for described, built in self._built.items() if built.code.use(changed)}
         new = dict(zip(old, self._compile(list(old), keep=False), strict=True))
         for described, stages in new.items():
-            check_fit(old[described].stages, stages, changed)
-        anew = [described for described in old if new[described].codes != old[described].stages.codes]
-        handles: dict[GraphicsPipeline, Any] = {}
+            check_fit(old[described].code, stages, changed)
+        anew = [described for described in old if new[described].codes != old[described].code.codes]
+        handles: dict[PipelineDescription, Any] = {}
         try:
             for described in anew:
                 handles[described] = self._build(described, new[described].codes)
@@ -133,21 +108,21 @@ class Pipelines:
             retire(partial(self._device.destroy, "VkPipeline", old[described].handle))
             old[described].handle = handles[described]
         for described, built in old.items():
-            built.stages = new[described]
-        return tuple(_name(described) for described in anew)
+            built.code = new[described]
+        return tuple(described.title for described in anew)
 
-    def _layout(self, set_layouts: tuple[Any, ...]) -> Any:
-        if set_layouts not in self._layouts:
+    def _layout(self, sets: tuple[tuple[Binding, ...], ...]) -> Any:
+        if sets not in self._layouts:
             stages = vk.VK_SHADER_STAGE_VERTEX_BIT | vk.VK_SHADER_STAGE_FRAGMENT_BIT
             info = vk.new(
                 "VkPipelineLayoutCreateInfo",
-                pSetLayouts=list(set_layouts),
+                pSetLayouts=[self._descriptors.layout(bindings) for bindings in sets],
                 pPushConstantRanges=[{"stageFlags": stages, "size": PUSH_SIZE}],
             )
-            self._layouts[set_layouts] = self._device.create("vkCreatePipelineLayout", info, "graphics")
-        return self._layouts[set_layouts]
+            self._layouts[sets] = self._device.create("vkCreatePipelineLayout", info, "graphics")
+        return self._layouts[sets]
 
-    def _build(self, described: GraphicsPipeline, codes: Sequence[bytes]) -> Any:
+    def _build(self, described: PipelineDescription, codes: Sequence[bytes]) -> Any:
         modules = [
             self._device.create(
                 "vkCreateShaderModule",
@@ -165,7 +140,7 @@ class Pipelines:
             )
             for file, module in zip(described.shaders, modules, strict=True)
         ]
-        layout = self._layout(described.set_layouts)
+        layout = self._layout(described.sets)
         dynamic = [
             vk.VK_DYNAMIC_STATE_VIEWPORT,
             vk.VK_DYNAMIC_STATE_SCISSOR,
@@ -193,13 +168,13 @@ class Pipelines:
         )
         infos = vk.array("VkGraphicsPipelineCreateInfo", [info])
         try:
-            return self._device.create_pipelines("vkCreateGraphicsPipelines", infos, [_name(described)])[0]
+            return self._device.create_pipelines("vkCreateGraphicsPipelines", infos, [described.title])[0]
         finally:
             for module in modules:
                 self._device.destroy("VkShaderModule", module)
 
     @staticmethod
-    def _vertex_input(described: GraphicsPipeline) -> Any:
+    def _vertex_input(described: PipelineDescription) -> Any:
         return vk.new(
             "VkPipelineVertexInputStateCreateInfo",
             pVertexBindingDescriptions=[
@@ -213,7 +188,7 @@ class Pipelines:
         )
 
     @staticmethod
-    def _depth(described: GraphicsPipeline) -> Any:
+    def _depth(described: PipelineDescription) -> Any:
         # Reversed z: the near plane is 1, infinity 0, and nearer is greater. The float's fine steps near 0 then fall
         # together with the coarse ones of 1/z, and depth keeps its relative precision at any distance.
         compare = vk.VK_COMPARE_OP_EQUAL if described.depth == "equal" else vk.VK_COMPARE_OP_GREATER_OR_EQUAL
@@ -225,7 +200,7 @@ class Pipelines:
         )
 
     @staticmethod
-    def _blend(described: GraphicsPipeline) -> Any:
+    def _blend(described: PipelineDescription) -> Any:
         if described.color is None:
             return vk.new("VkPipelineColorBlendStateCreateInfo")
         attachment: dict[str, Any] = {"colorWriteMask": _ALL_CHANNELS}
@@ -250,7 +225,3 @@ class Pipelines:
             self._device.destroy("VkPipeline", built.handle)
         for layout in self._layouts.values():
             self._device.destroy("VkPipelineLayout", layout)
-
-
-def _name(described: GraphicsPipeline) -> str:
-    return described.name or " + ".join(described.shaders)

@@ -8,28 +8,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 from backends.vulkan.resources import Buffer
 
-Kind = Literal["uniform", "storage", "texture"]
+from .description import Binding
 
 _TYPES = {
     "uniform": vk.VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER,
     "storage": vk.VK_DESCRIPTOR_TYPE_STORAGE_BUFFER,
     "texture": vk.VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER,
 }
-
-
-@dataclass(frozen=True)
-class Binding:
-    """One binding of a set layout."""
-
-    number: int
-    kind: Kind
-    stages: int = vk.VK_SHADER_STAGE_VERTEX_BIT | vk.VK_SHADER_STAGE_FRAGMENT_BIT
+_STAGES = {
+    "all": vk.VK_SHADER_STAGE_VERTEX_BIT | vk.VK_SHADER_STAGE_FRAGMENT_BIT,
+    "fragment": vk.VK_SHADER_STAGE_FRAGMENT_BIT,
+}
 
 
 @dataclass(frozen=True)
@@ -80,7 +75,7 @@ class Descriptors:
                     "binding": binding.number,
                     "descriptorType": _TYPES[binding.kind],
                     "descriptorCount": 1,
-                    "stageFlags": binding.stages,
+                    "stageFlags": _STAGES[binding.stages],
                 }
                 for binding in key
             ]

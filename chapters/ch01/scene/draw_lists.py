@@ -22,43 +22,51 @@ class Range(NamedTuple):
     first_vertex: int
 
 
-MakeGroup = Callable[[Sequence[Range], int, bool], Any]
-"""Makes a backend's group (a dataclass with a list `draws`, one for each range) of a material; bool: mirrored."""
+@dataclass(frozen=True)
+class Batch:
+    """Draws that share material and handedness; `draws` are as the backend's commands take them."""
+
+    material: int
+    mirrored: bool
+    draws: Sequence[Any]
 
 
 @dataclass
 class DrawLists:
-    """`solid` groups are drawn in any order; `transparent` ones, one per object, farthest first."""
+    """`solid` batches are drawn in any order; `transparent` ones, one per object, farthest first."""
 
-    solid: list[Any]
-    solid_instances: list[np.ndarray]  # for each group (G,) the instances of its draws
-    transparent: list[Any]
+    solid: list[Batch]
+    solid_instances: list[np.ndarray]  # for each batch (G,) the instances of its draws
+    transparent: list[Batch]
     transparent_instances: np.ndarray  # (B,) the instances of `transparent`
 
     def nearest_first(self, depth: np.ndarray) -> DrawLists:
-        """Return the lists with the draws of each solid group sorted by `depth` (I,), which grows away from the eye.
+        """Return the lists with the draws of each solid batch sorted by `depth` (I,), which grows away from the eye.
 
-        What is hidden then fails its depth test before it is shaded. Groups keep their order: a change of state costs
+        What is hidden then fails its depth test before it is shaded. Batches keep their order: a change of state costs
         more than what sorting across them would save.
         """
-        groups, instances = [], []
-        for group, members in zip(self.solid, self.solid_instances, strict=True):
+        batches, instances = [], []
+        for batch, members in zip(self.solid, self.solid_instances, strict=True):
             if len(members) > 1:
                 order = np.argsort(depth[members], kind="stable")
                 members = members[order]
-                group = replace(group, draws=[group.draws[place] for place in order.tolist()])
-            groups.append(group)
+                batch = replace(batch, draws=[batch.draws[place] for place in order.tolist()])
+            batches.append(batch)
             instances.append(members)
-        return replace(self, solid=groups, solid_instances=instances)
+        return replace(self, solid=batches, solid_instances=instances)
 
 
 NOTHING = DrawLists([], [], [], np.zeros(0, np.int64))
 
 
 def build_draw_lists(
-    scene: Scene, variants: Sequence[Variant], mirrored: np.ndarray, make_group: MakeGroup
+    scene: Scene, variants: Sequence[Variant], mirrored: np.ndarray, make_draw: Callable[[Range], Any]
 ) -> DrawLists:
-    """Return the lists of what is visible; `mirrored` (I,) bool says whose front faces wind the other way."""
+    """Return the lists of what is visible.
+
+    `mirrored` (I,) bool says whose front faces wind the other way; `make_draw` returns a draw for a backend's commands.
+    """
     meshes = scene.meshes
     solid: dict[tuple[Any, ...], list[int]] = {}
     transparent: list[int] = []
@@ -75,16 +83,16 @@ def build_draw_lists(
             order = (variant.alpha_mode == "mask", variant.defines, material, bool(mirrored[instance]))
             solid.setdefault(order, []).append(instance)
 
-    def ranges(instances: list[int]) -> list[Range]:
+    def batch(instances: list[int], material: int, mirror: bool) -> Batch:
         found = meshes[scene.instances.mesh[instances]]
         columns = (found[name].tolist() for name in ("index_count", "first_index", "first_vertex"))
-        return [Range(*row) for row in zip(instances, *columns, strict=True)]
+        ranges = (Range(*row) for row in zip(instances, *columns, strict=True))
+        return Batch(material, mirror, [make_draw(one) for one in ranges])
 
     ordered = sorted(solid.items())
-    groups = [make_group(ranges(instances), order[2], order[3]) for order, instances in ordered]
+    batches = [batch(instances, order[2], order[3]) for order, instances in ordered]
     single = [
-        make_group(ranges([i]), int(meshes["material"][scene.instances.mesh[i]]), bool(mirrored[i]))
-        for i in transparent
+        batch([i], int(meshes["material"][scene.instances.mesh[i]]), bool(mirrored[i])) for i in transparent
     ]
     members = [np.array(instances, np.int64) for _, instances in ordered]
-    return DrawLists(groups, members, single, np.array(transparent, np.int64))
+    return DrawLists(batches, members, single, np.array(transparent, np.int64))

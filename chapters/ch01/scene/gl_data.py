@@ -7,7 +7,6 @@ and whatever the CPU writes from frame to frame once per slot.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -27,24 +26,22 @@ from backends.gl.resources import (
     write_buffer,
 )
 from backends.gl.upload import Uploader
-from common.scene import Change, Pose, Sampler, Scene
+from common.scene import Pose, Sampler, Scene
 
 from ..environment import model
 from ..environment.gl import EnvironmentMaps, create_environment
 from ..environment.model import Sizes
+from ..frames.commands import SceneBinding
 from ..frames.frame import SLOTS
 from ..frames.gl_commands import Draw, Textures
-from ..pipelines.snippets import PUSH_SIZE
 from ..settings import Settings
 from ..shading import views
 from . import geometry, records
+from .bindings import ENVIRONMENT_UNIT
+from .data import SceneData
 from .draw_lists import Range
-from .packing import ROLES
-from .records import Records
+from .packing import PUSH_SIZE, ROLES
 from .textures import texels
-
-ENVIRONMENT_UNIT = 5
-"""The first of the three texture units of the environment, after those of materials (forward.frag)."""
 
 
 @dataclass(kw_only=True)
@@ -55,37 +52,25 @@ class _Slot(records.Slot):
     vertex_array: int
 
 
-class SceneData:
+class GlSceneData(SceneData):
     """Everything that draws read: buffers, textures, samplers and vertex arrays."""
 
     def __init__(self, context: Context, scene: Scene, settings: Settings, anisotropy: float) -> None:
-        self._context, self._scene, self._settings, self._anisotropy = context, scene, settings, anisotropy
-        self.records = Records(scene, settings.light_cutoff)
+        self._context = context
+        # It refuses what cannot be drawn, before anything is made that would be left behind.
+        super().__init__(scene, settings, anisotropy, context.limits["maxImageDimension2D"])
         self._images: dict[texels.Key, Image] = {}
         self._samplers: dict[tuple[Sampler, float], int] = {}
-        self._energy = settings.energy if model.needed(scene, settings) else None
-        self._choose_variants()  # it refuses what cannot be drawn, before anything is made that would be left behind
         rows = np.zeros((max(1, len(scene.instances)), PUSH_SIZE // 4), np.uint32)
         rows[:, 0] = np.arange(len(rows))
         self.push = PushTable(context, rows, "push constants")
-        self.empty_vertex_array = create_vertex_array(context, [], None, None, "no vertices")
         self._upload_geometry()
         self._make_environment()
-        self.slots = [self._make_slot(index) for index in range(SLOTS)]
+        self.slots: list[_Slot] = [self._make_slot(index) for index in range(SLOTS)]
         self._keep_textures()
-        self._kinds: Any = self._material_kinds()
-        self._materials_seen = scene.revision[Change.MATERIALS]
+        self.followed()
 
     # --- made once ---
-
-    def _choose_variants(self) -> None:
-        # First: an edit that cannot be followed says so until another one mends it.
-        texels.check_images(self._scene, self._context.limits["maxImageDimension2D"])
-        self.variants = [
-            views.variant_of(material, self._scene, self._settings, self._energy)
-            for material in self._scene.materials
-        ]
-        self.lit = any(variant.has("LIT") for variant in self.variants)
 
     def _upload_geometry(self) -> None:
         scene, context = self._scene, self._context
@@ -103,16 +88,12 @@ class SceneData:
             self._vertex_arrays.append(create_vertex_array(context, streams, buffer, buffer, "geometry"))
 
     def _make_environment(self) -> None:
-        self.environment = model.NO_ENVIRONMENT
-        """What every frame's constants hold of the environment."""
-        self.prepared_ms: dict[str, float] = {}
         self._environment: EnvironmentMaps | None = None
-        if self._energy is None or self._scene.environment is None:
-            return
-        maps = create_environment(self._context, self._scene.environment, Sizes.of(self._settings))
-        self._environment = maps
-        self.prepared_ms = {f"environment {name}": took for name, took in maps.made_ms.items()}
-        self.environment = model.frame_values(self._settings, maps.scale, maps.last_level)
+        if self.has_environment:
+            assert self._scene.environment is not None
+            sizes = Sizes.of(self._settings)
+            self._environment = create_environment(self._context, self._scene.environment, sizes)
+            self._tell_environment(self._environment)
 
     def _free_geometry(self) -> None:
         for vertex_array in self._vertex_arrays:
@@ -141,9 +122,8 @@ class SceneData:
         """Upload what is missing, give up what no material reads any more, and note what each material binds."""
         context = self._context
         wanted: dict[texels.Key, str] = {}
-        for material, variant in zip(self._scene.materials, self.variants, strict=True):
-            for role in variant.roles:
-                wanted.setdefault(texels.key_of(role, material.textures().get(role)), role)
+        for role, texture in self._used_textures():
+            wanted.setdefault(texels.key_of(role, texture), role)
         mended = views.mends_texels(self._settings)
         with Uploader(context) as uploader:
             for key, role in wanted.items():
@@ -188,28 +168,9 @@ class SceneData:
 
     # --- made anew when a material becomes another kind ---
 
-    def _material_kinds(self) -> Any:
-        """Return all of each material that is no number in its record: its variant, images and samplers."""
-        kinds = []
-        for material, variant in zip(self._scene.materials, self.variants, strict=True):
-            textures = material.textures()
-            used = [(role, textures[role]) for role in variant.roles if role in textures]
-            kinds.append((variant, [(texels.key_of(role, one), one.sampler) for role, one in used]))
-        return kinds
-
-    def follow_materials(self) -> bool:
-        """Make what edited materials need, give up what none needs; return whether any became another kind."""
-        revision = self._scene.revision[Change.MATERIALS]
-        if revision == self._materials_seen:
-            return False
-        self._choose_variants()
-        if self._material_kinds() == self._kinds:
-            self._materials_seen = revision
-            return False
-        self._kinds = (
-            None  # until `followed`: what is refused halfway is done anew by the next frame, from the start
-        )
-        if geometry.used_streams(self.variants) != self.streams:
+    def _replace(self, streams_changed: bool) -> None:
+        """Upload what the materials need now, and give up what they no longer need."""
+        if streams_changed:
             self._free_geometry()
             self._upload_geometry()
             for index, slot in enumerate(self.slots):
@@ -221,11 +182,6 @@ class SceneData:
                 size = records.buffer_sizes(self._scene)["lights"]
                 slot.lights = create_buffer(self._context, size, "upload", f"lights, slot {index}")
         self._keep_textures()
-        return True
-
-    def followed(self) -> None:
-        """Note that pipelines were made, too, for what `follow_materials` made: only then is an edit done with."""
-        self._kinds, self._materials_seen = self._material_kinds(), self._scene.revision[Change.MATERIALS]
 
     # --- what passes read ---
 
@@ -233,15 +189,19 @@ class SceneData:
         """Return what the material binds."""
         return self._bound[material]
 
-    def draw(self, one: Range) -> Draw:
+    def draw(self, indices: Range) -> Draw:
         """Return a draw as the commands take it."""
-        first = self._offsets["indices"] + 4 * one.first_index
+        first = self._offsets["indices"] + 4 * indices.first_index
         return Draw(
-            one.instance * self.push.stride,
-            one.index_count,
+            indices.instance * self.push.stride,
+            indices.index_count,
             gl.ffi.cast("void *", first),
-            one.first_vertex,
+            indices.first_vertex,
         )
+
+    def binding(self, slot: int) -> SceneBinding:
+        """Return the slot's vertex array; what else draws read is bound once, when the frame begins."""
+        return SceneBinding(None, self.slots[slot].vertex_array)
 
     @property
     def textures(self) -> int:
@@ -254,10 +214,6 @@ class SceneData:
         return len(self._samplers)
 
     # --- for every frame ---
-
-    def write_frame(self, slot: int, constants: np.ndarray) -> None:
-        """Write the frame's constants."""
-        self.slots[slot].frame.view(constants.dtype)[0] = constants
 
     def bind_frame(self, slot: int) -> None:
         """Bind what all draws of a frame read; the numbers are those of scene.glsl, material.glsl and forward.frag."""
@@ -303,4 +259,3 @@ class SceneData:
         if self._environment is not None:
             self._environment.close(context)
         self.push.close()
-        context.destroy("vertex array", self.empty_vertex_array)

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from common import layouts
+from common.environment import ENERGIES
 from common.scene import Light, Material, Pose, Scene
-from common.twins.shading_environment import ENERGIES
 
 MATERIAL = np.dtype(
     [
@@ -34,6 +34,9 @@ LIGHT_KINDS = {"point": 0, "spot": 1, "directional": 2}
 
 ROLES = ("base_color", "metallic_roughness", "normal", "occlusion", "emissive")
 """Texture roles in the order of their bindings."""
+
+PUSH_SIZE = 16
+"""Bytes of push constants: one uvec4, the number of the instance in x."""
 
 LARGEST = float(np.finfo(np.float32).max)
 NEAREST_END, FARTHEST = 1e18, 1e19

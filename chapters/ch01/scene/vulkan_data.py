@@ -19,27 +19,26 @@ from backends.vulkan.resources import Buffer
 from backends.vulkan.upload import Uploader
 from common.errors import UnsupportedError
 from common.numerics.pools import Handle
-from common.scene import Change, Pose, Sampler, Scene, TextureRef
+from common.scene import Pose, Sampler, Scene
 
 from ..environment import model
 from ..environment.model import Sizes
 from ..environment.vulkan import create_environment
+from ..frames.commands import SceneBinding
 from ..frames.frame import SLOTS
+from ..frames.vulkan_commands import Draw
 from ..frames.vulkan_resources import Resources
-from ..pipelines.vulkan_descriptors import Binding, Descriptors, Texture
+from ..pipelines.vulkan_descriptors import Descriptors, Texture
 from ..settings import Settings
 from ..shading import views
 from . import geometry, records
-from .packing import ROLES, Variant
-from .records import Records
-from .textures import texels
+from .data import ENVIRONMENT_BINDING, SceneData
+from .draw_lists import Range
+from .packing import PUSH_SIZE, ROLES
 from .textures.vulkan_images import Textures
 
 GEOMETRY = (CORE, "geometryShader")
 """The feature with which fragment shaders may ask for gl_PrimitiveID."""
-
-ENVIRONMENT_BINDING = 4
-"""The first of the three bindings of the environment in the frame's set (forward.frag)."""
 
 
 @dataclass(kw_only=True)
@@ -50,7 +49,7 @@ class _Slot(records.Slot):
     geometry: Handle
 
 
-class SceneData:
+class VulkanSceneData(SceneData):
     """Everything that draws read: buffers, textures and descriptor sets."""
 
     def __init__(
@@ -62,36 +61,36 @@ class SceneData:
         resources: Resources,
         descriptors: Descriptors,
     ) -> None:
-        self._device, self._scene, self._settings, self._anisotropy = device, scene, settings, anisotropy
-        self._resources, self._descriptors = resources, descriptors
-        self._energy = settings.energy if model.needed(scene, settings) else None
-        self._choose_variants()
+        self._device, self._resources, self._descriptors = device, resources, descriptors
+        super().__init__(scene, settings, anisotropy, int(device.limits.maxImageDimension2D))
         self._textures = Textures(scene, resources, views.mends_texels(settings))
+        self._push = self._push_constants()
         with Uploader(device) as uploader:
             self._upload_geometry(uploader)
             self._textures.keep(uploader, self._used_textures())
         self.bytes_uploaded = uploader.bytes
         self._make_environment()
-        self.slots = [self._make_slot(index) for index in range(SLOTS)]
+        self.slots: list[_Slot] = [self._make_slot(index) for index in range(SLOTS)]
         self._make_sets()
-        self._kinds: Any = self._material_kinds()
-        self._materials_seen = scene.revision[Change.MATERIALS]
-        self.records = Records(scene, settings.light_cutoff)
+        self.followed()
 
     # --- made once ---
 
     def _choose_variants(self) -> None:
-        # First: an edit that cannot be followed says so until another one mends it.
-        texels.check_images(self._scene, int(self._device.limits.maxImageDimension2D))
-        self.variants = [
-            views.variant_of(material, self._scene, self._settings, self._energy)
-            for material in self._scene.materials
-        ]
-        self.lit = any(variant.has("LIT") for variant in self.variants)
+        super()._choose_variants()
         if self._settings.view == "triangle-id" and GEOMETRY not in self._device.physical.bits:
             raise UnsupportedError(
                 f"{self._device.capabilities.device} gives fragments no number of their triangle: choose another view."
             )
+
+    def _push_constants(self) -> list[Any]:
+        """Write all push constants that there will ever be: draw number i pushes 16 bytes from address i."""
+        self._rows = np.zeros((len(self._scene.instances), PUSH_SIZE // 4), np.uint32)
+        self._rows[:, 0] = np.arange(len(self._rows))
+        if not len(self._rows):
+            return []
+        base = vk.ffi.cast("char *", vk.ffi.from_buffer(self._rows))
+        return [base + PUSH_SIZE * index for index in range(len(self._rows))]
 
     def _upload_geometry(self, uploader: Uploader) -> None:
         scene = self._scene
@@ -112,29 +111,17 @@ class SceneData:
                 uploader.buffer(buffer, array, self._offsets[name])
 
     def _make_environment(self) -> None:
-        self.environment = model.NO_ENVIRONMENT
-        """What every frame's constants hold of the environment."""
-        self.prepared_ms: dict[str, float] = {}
         self._environment: list[Texture] = []
-        if self._energy is None or self._scene.environment is None:
+        if not self.has_environment:
             return
-        sizes = Sizes.of(self._settings)
-        maps = create_environment(self._device, self._scene.environment, sizes)
-        self.prepared_ms = {f"environment {name}": took for name, took in maps.made_ms.items()}
+        assert self._scene.environment is not None
+        maps = create_environment(self._device, self._scene.environment, Sizes.of(self._settings))
+        self._tell_environment(maps)
         for image in (maps.radiance, maps.irradiance, maps.table):
             self._resources.images.create(image)
         sampler = self._resources.sampler(model.SMOOTH, 1.0)
         views = (maps.radiance_view, maps.irradiance_view, maps.table.view)
         self._environment = [Texture(view, sampler) for view in views]
-        self.environment = model.frame_values(self._settings, maps.scale, maps.last_level)
-
-    def _used_textures(self) -> list[tuple[str, TextureRef | None]]:
-        """Return (role, texture) of everything that some variant samples."""
-        return [
-            (role, material.textures().get(role))
-            for material, variant in zip(self._scene.materials, self.variants, strict=True)
-            for role in variant.roles
-        ]
 
     def _make_slot(self, index: int) -> _Slot:
         scene = self._scene
@@ -166,12 +153,8 @@ class SceneData:
 
     def _make_sets(self) -> None:
         """Make all descriptor sets: one per slot for the frame, one per material for its textures."""
-        bindings = [Binding(0, "uniform"), Binding(1, "storage"), Binding(2, "storage")]
-        if self.lit:
-            bindings.append(Binding(3, "storage", vk.VK_SHADER_STAGE_FRAGMENT_BIT))
+        bindings = self.frame_bindings
         far = dict(enumerate(self._environment, start=ENVIRONMENT_BINDING))
-        bindings += [Binding(number, "texture", vk.VK_SHADER_STAGE_FRAGMENT_BIT) for number in far]
-        self.frame_layout = self._descriptors.layout(bindings)
         wanted: list[Any] = []
         for index, slot in enumerate(self.slots):
             held: dict[int, Any] = {0: slot.frame, 1: slot.instances, 2: slot.materials, **far}
@@ -188,7 +171,7 @@ class SceneData:
                 held[ROLES.index(role)] = Texture(
                     self._textures.get(role, texture).view, self._resources.sampler(sampler, self._anisotropy)
                 )
-            wanted.append((self._material_bindings(variant), held, f"material {index} {material.name}"))
+            wanted.append((self.material_bindings(variant), held, f"material {index} {material.name}"))
         self._sets = self._descriptors.create(wanted)
         sets = self._sets.handles
         self.frame_sets = [vk.array("VkDescriptorSet", [made]) for made in sets[:SLOTS]]
@@ -197,41 +180,13 @@ class SceneData:
             for index, made in zip(textured, sets[SLOTS:], strict=True)
         }
 
-    @staticmethod
-    def _material_bindings(variant: Variant) -> list[Binding]:
-        return [
-            Binding(ROLES.index(role), "texture", vk.VK_SHADER_STAGE_FRAGMENT_BIT) for role in variant.roles
-        ]
-
     # --- made anew when a material becomes another kind ---
 
-    def _material_kinds(self) -> Any:
-        """Return all of each material that is no number in its record: its variant, images and samplers."""
-        kinds = []
-        for material, variant in zip(self._scene.materials, self.variants, strict=True):
-            textures = material.textures()
-            used = [(role, textures[role]) for role in variant.roles if role in textures]
-            kinds.append((variant, [(texels.key_of(role, one), one.sampler) for role, one in used]))
-        return kinds
-
-    def follow_materials(self) -> bool:
-        """Make what edited materials need and give up what none needs any more; return whether any became another kind.
-
-        Frames in flight still read the old sets, images and streams, which are therefore deleted later.
-        """
-        revision = self._scene.revision[Change.MATERIALS]
-        if revision == self._materials_seen:
-            return False
-        self._choose_variants()
-        if self._material_kinds() == self._kinds:
-            self._materials_seen = revision
-            return False
-        self._kinds = (
-            None  # until `followed`: what is refused halfway is done anew by the next frame, from the start
-        )
+    def _replace(self, streams_changed: bool) -> None:
+        """Upload and make sets anew; frames in flight still read the old ones, which are therefore deleted later."""
         resources, sets = self._resources, self._sets
         with Uploader(self._device) as uploader:
-            if geometry.used_streams(self.variants) != self.streams:
+            if streams_changed:
                 for handle in self._geometry:
                     resources.destroy_buffer(handle)
                 self._upload_geometry(uploader)
@@ -245,30 +200,19 @@ class SceneData:
                 slot.lights = self._make_lights(index)
         resources.defer(lambda: self._descriptors.destroy(sets))
         self._make_sets()
-        return True
-
-    def followed(self) -> None:
-        """Note that pipelines were made, too, for what `follow_materials` made: only then is an edit done with."""
-        self._kinds, self._materials_seen = self._material_kinds(), self._scene.revision[Change.MATERIALS]
 
     # --- what passes read ---
 
-    def set_layouts(self, variant: Variant) -> tuple[Any, ...]:
-        """Return the set layouts of a pipeline for `variant`: the frame's, and the material's if it has textures."""
-        if not variant.roles:
-            return (self.frame_layout,)
-        return (self.frame_layout, self._descriptors.layout(self._material_bindings(variant)))
-
-    def material_set(self, material: int) -> Any:
+    def textures_of(self, material: int) -> Any:
         """Return the array of one descriptor set with the material's textures, None if it has none."""
         return self._material_sets.get(material)
 
-    def vertex_streams(self, variant: Variant) -> tuple[tuple[int, int], ...]:
-        """Return (location, floats) of the streams that `variant` reads."""
-        return tuple(geometry.STREAMS[name] for name in geometry.used_streams([variant]))
+    def draw(self, indices: Range) -> Draw:
+        """Return a draw as the commands take it."""
+        return Draw(self._push[indices.instance], *indices[1:])
 
-    def bound_geometry(self, slot: int) -> tuple[list[tuple[int, Any, Any]], Any, int]:
-        """Return ([(first binding, buffers, offsets)], index buffer, its offset) to bind for slot number `slot`."""
+    def binding(self, slot: int) -> SceneBinding:
+        """Return the slot's set, and ([(first binding, buffers, offsets)], index buffer, its offset)."""
         buffer = self._resources.buffers.get(self.slots[slot].geometry)
         runs = [
             (
@@ -278,7 +222,7 @@ class SceneData:
             )
             for name in self.streams
         ]
-        return runs, buffer.handle, self._offsets["indices"]
+        return SceneBinding(self.frame_sets[slot], (runs, buffer.handle, self._offsets["indices"]))
 
     @property
     def textures(self) -> int:
@@ -286,10 +230,6 @@ class SceneData:
         return len(self._textures)
 
     # --- written for every frame ---
-
-    def write_frame(self, slot: int, constants: np.ndarray) -> None:
-        """Write the frame's constants."""
-        self.slots[slot].frame.view(constants.dtype)[0] = constants
 
     def record_deformation(self, commands: Any, slot: int, pose: Pose) -> int:
         """Record the copies of deformed vertices into the slot's geometry; return the bytes copied."""

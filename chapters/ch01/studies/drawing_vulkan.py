@@ -12,7 +12,7 @@ from backends.vulkan import api as vk
 from backends.vulkan.shaders import compile_all
 
 from ..frames.vulkan_commands import Commands
-from ..pipelines.vulkan_descriptors import Binding
+from ..pipelines.description import Binding
 from .drawing import Drawn
 from .first_triangle.vulkan import EVERY_CHANNEL
 from .stage_vulkan import Stage

@@ -20,7 +20,7 @@ from common.view.camera import View
 
 from ..frames.frame import SLOTS
 from ..frames.gl import FrameSlot
-from ..pipelines.gl import GraphicsPipeline
+from ..pipelines.description import PipelineDescription
 from .full_screen import AROUND, texels
 from .full_screen import FullScreen as AnyFullScreen
 from .stage_gl import Stage
@@ -44,7 +44,7 @@ class FullScreen(AnyFullScreen, Stage):
             self._image = create_image(self.device, "rgba32f", size, panorama.name)
             write_image(self.device, self._image, pixels)
             self._sampler = create_sampler(self.device, AROUND, 1.0, panorama.name)
-        described = GraphicsPipeline(
+        described = PipelineDescription(
             shaders=("post/fullscreen.vert", f"studies/{self.fragment}"), depth=None, name=self.study.title
         )
         self._pipeline = self.pipelines.get([described])[0]

@@ -20,8 +20,8 @@ from common.view.camera import View
 
 from ..frames.frame import SLOTS
 from ..frames.vulkan_commands import Commands
-from ..pipelines.vulkan import GraphicsPipeline
-from ..pipelines.vulkan_descriptors import Binding, Texture
+from ..pipelines.description import Binding, PipelineDescription
+from ..pipelines.vulkan_descriptors import Texture
 from .full_screen import AROUND, texels
 from .full_screen import FullScreen as AnyFullScreen
 from .stage_vulkan import Stage
@@ -38,16 +38,16 @@ class FullScreen(AnyFullScreen, Stage):
         for slot in range(SLOTS):
             usage, name = vk.VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT, f"uniforms, slot {slot}"
             self._uniforms.append(create_buffer(self.device, self.uniform_bytes, usage, "upload", name))
-        bindings = [Binding(0, "uniform", vk.VK_SHADER_STAGE_FRAGMENT_BIT)]
+        bindings = [Binding(0, "uniform", "fragment")]
         around: dict[int, Any] = self._upload()
-        bindings += [Binding(number, "texture", vk.VK_SHADER_STAGE_FRAGMENT_BIT) for number in around]
+        bindings += [Binding(number, "texture", "fragment") for number in around]
         sets = self.descriptors.create(
             [(tuple(bindings), {0: buffer, **around}, f"set of {buffer.name}") for buffer in self._uniforms]
         )
         self._sets = [vk.array("VkDescriptorSet", [handle]) for handle in sets.handles]
-        described = GraphicsPipeline(
+        described = PipelineDescription(
             shaders=("post/fullscreen.vert", f"studies/{self.fragment}"),
-            set_layouts=(self.descriptors.layout(tuple(bindings)),),
+            sets=(tuple(bindings),),
             color="rgba8",
             depth=None,
             name=self.study.title,
@@ -73,7 +73,7 @@ class FullScreen(AnyFullScreen, Stage):
         slot = commands.slot.index
         self._uniforms[slot].view(np.float32)[:] = self.uniforms(view, time)
         self.begin(commands)
-        commands.bind_pipeline(self._pipeline, vk.VK_CULL_MODE_NONE, vk.VK_FRONT_FACE_COUNTER_CLOCKWISE)
+        commands.bind_pipeline(self._pipeline)
         commands.bind_set(self._pipeline, 0, self._sets[slot])
         self.device.fn.vkCmdDraw(commands.handle, 3, 1, 0, 0)
         self.end(commands)

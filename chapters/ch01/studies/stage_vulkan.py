@@ -21,3 +21,7 @@ class Stage(AnyStage):
     graphics = Graphics(Frames, Commands, Rendering, Descriptors, Pipelines, Profiler, target_usage)
     pipelines: Pipelines
     descriptors: Descriptors
+
+    def make_pipelines(self) -> Pipelines:
+        """Return what builds pipelines, from the layouts of the study's descriptor sets."""
+        return Pipelines(self.device, self.descriptors)

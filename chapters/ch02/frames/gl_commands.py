@@ -8,11 +8,13 @@ from typing import Any
 
 from backends.gl import api as gl
 from backends.gl.context import Context
-from backends.gl.resources import Buffer, bind_buffer
+from backends.gl.resources import bind_buffer
 from backends.gl.targets import Framebuffer, begin
 
-from ..pipelines.gl import Built, Pipelines
-from ..scene.draw_lists import COMMAND, Batch
+from ..pipelines.description import Built, Front
+from ..pipelines.gl import Pipelines
+from ..scene.draw_lists import COMMAND
+from .commands import DrawGroup, SceneBinding
 from .gl import FrameSlot
 
 PAGE_BINDING = 4
@@ -20,19 +22,6 @@ PAGE_BINDING = 4
 
 Textures = tuple[tuple[int, int, int], ...]
 """What a material binds: (unit, view, sampler) of each of its textures."""
-
-
-@dataclass(frozen=True)
-class DrawGroup:
-    """Draws of the slot's list of records that share pipeline, culling, page and textures."""
-
-    batch: Batch
-    pipeline: Built
-    cull: bool
-    front: str
-    page: Buffer
-    vertex_array: int
-    textures: Textures
 
 
 @dataclass(frozen=True)
@@ -49,6 +38,7 @@ class Commands:
 
     def __init__(self, context: Context, pipelines: Pipelines, multi_draw: bool) -> None:
         self._context, self._pipelines, self._multi_draw = context, pipelines, multi_draw
+        self.sources: Textures | None = None
         self.slot: FrameSlot
         self.work: dict[str, int] = {}
 
@@ -65,33 +55,36 @@ class Commands:
 
     # --- within passes ---
 
-    def bind_pipeline(self, pipeline: Built, cull: bool, front: str) -> None:
-        """Bind a pipeline and set what it is drawn with."""
+    def bind_pipeline(self, pipeline: Built, cull: bool = False, front: Front = "counter_clockwise") -> None:
+        """Bind a pipeline and set its state; `cull` leaves out back faces."""
         self._pipelines.bind(pipeline, cull, front)
         self.work["pipeline_binds"] += 1
 
     def bind_textures(self, textures: Textures) -> None:
-        """Bind the textures of a material."""
+        """Bind textures to their units."""
         fn = self._context.fn
         for unit, view, sampler in textures:
             fn.glBindTextureUnit(unit, view)
             fn.glBindSampler(unit, sampler)
         self.work["descriptor_binds"] += 1
 
-    def draw_fullscreen(self, vertex_array: int) -> None:
-        """Draw the one triangle of `fullscreen.vert`."""
-        self._context.fn.glBindVertexArray(vertex_array)
+    def draw_fullscreen(self, pipeline: Built, scene: SceneBinding | None = None) -> None:
+        """Draw the one triangle of `fullscreen.vert`; what it reads of the scene is bound since the frame began."""
+        self.bind_pipeline(pipeline)
+        if self.sources:
+            self.bind_textures(self.sources)
+        self._context.fn.glBindVertexArray(self._pipelines.no_vertices)
         self._context.fn.glDrawArrays(gl.GL_TRIANGLES, 0, 3)
         self.work["draws"] += 1
         self.work["draw_calls"] += 1
         self.work["triangles"] += 1
 
-    def draw_groups(self, groups: Sequence[DrawGroup], records: Buffer) -> None:
-        """Draw all of `groups` in order, with their records in `records`; without multi-draw, record by record."""
+    def draw_groups(self, groups: Sequence[DrawGroup], scene: SceneBinding) -> None:
+        """Draw all of `groups` in order; without multi-draw, record by record."""
         context, fn = self._context, self._context.fn
-        fn.glBindBuffer(gl.GL_DRAW_INDIRECT_BUFFER, records.handle)
+        fn.glBindBuffer(gl.GL_DRAW_INDIRECT_BUFFER, scene.records.handle)
         several, size = self._multi_draw, COMMAND.itemsize
-        bound: tuple[Any, bool, str] | None = None
+        bound: tuple[Any, bool, Front] | None = None
         textures: Textures = ()
         vertex_array = 0
         for group in groups:
@@ -99,10 +92,11 @@ class Commands:
             if state != bound:
                 self.bind_pipeline(*state)
                 bound = state
-            if group.vertex_array != vertex_array:
-                vertex_array = group.vertex_array
+            page, indices = group.page
+            if indices != vertex_array:
+                vertex_array = indices
                 fn.glBindVertexArray(vertex_array)
-                bind_buffer(context, "storage", PAGE_BINDING, group.page)
+                bind_buffer(context, "storage", PAGE_BINDING, page)
             if group.textures and group.textures is not textures:
                 self.bind_textures(group.textures)
                 textures = group.textures

@@ -6,38 +6,19 @@ Equal descriptions share one pipeline. `bind` sets all of its state: OpenGL reme
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 from backends import shader_text
 from backends.gl import api as gl
 from backends.gl.context import FRONT_FACES, Context
-from backends.gl.programs import Program, Programs
+from backends.gl.draws import create_vertex_array
+from backends.gl.programs import Programs
 from backends.shader_text import ShaderSource
+from common.layouts import SNIPPETS
 
-from .snippets import SNIPPETS
+from .description import Built, Front, PipelineDescription
 
 CHAPTER = Path(__file__).resolve().parents[1]
-
-
-@dataclass(frozen=True)
-class GraphicsPipeline:
-    """What a pipeline is made of; compare `pipelines.vulkan`. Vertex streams belong to a vertex array here."""
-
-    shaders: tuple[str, ...]
-    defines: tuple[tuple[str, int | float | str], ...] = ()
-    depth: Literal["write", "test", "equal"] | None = "write"
-    blend: Literal["over", "add"] | None = None
-    name: str = ""
-
-
-@dataclass(eq=False)
-class Built:
-    """A pipeline that can be bound. It has another program after a shader was edited."""
-
-    described: GraphicsPipeline
-    program: Program
 
 
 class Pipelines:
@@ -46,21 +27,23 @@ class Pipelines:
     def __init__(self, context: Context) -> None:
         self._context = context
         self._programs = Programs(context)
-        self._built: dict[GraphicsPipeline, Built] = {}
+        self._built: dict[PipelineDescription, Built] = {}
+        self.no_vertices = create_vertex_array(context, [], None, None, "no vertices")
+        """The vertex array of draws that read no vertices; OpenGL wants one to be bound."""
 
     def __len__(self) -> int:
         return len(self._built)
 
-    def get(self, wanted: Sequence[GraphicsPipeline]) -> list[Built]:
+    def get(self, wanted: Sequence[PipelineDescription]) -> list[Built]:
         """Return one pipeline per description."""
         for described in wanted:
             if described not in self._built:
                 program = self._programs.get(self._sources(described), described.name)
-                self._built[described] = Built(described, program)
+                self._built[described] = Built(described, program.handle, program)
         return [self._built[described] for described in wanted]
 
     @staticmethod
-    def _sources(described: GraphicsPipeline) -> list[ShaderSource]:
+    def _sources(described: PipelineDescription) -> list[ShaderSource]:
         return [
             shader_text.build(
                 CHAPTER / file, "gl", roots=(CHAPTER,), defines=dict(described.defines), snippets=SNIPPETS
@@ -71,7 +54,7 @@ class Pipelines:
     @property
     def files(self) -> frozenset[Path]:
         """All on disk that decides about the shaders of these pipelines."""
-        return frozenset().union(*(built.program.files for built in self._built.values()))
+        return frozenset().union(*(built.code.files for built in self._built.values()))
 
     def reload(self, changed: Collection[Path]) -> tuple[str, ...]:
         """Link the programs anew whose code a file of `changed` changes; all, or none.
@@ -79,18 +62,18 @@ class Pipelines:
         Returns their pipelines' names. Raises ShaderError for a shader that does not compile, or that no longer fits
         what is bound to it.
         """
-        old = [built for built in self._built.values() if built.program.files & set(changed)]
+        old = [built for built in self._built.values() if built.code.files & set(changed)]
         sources = [self._sources(built.described) for built in old]
-        new = self._programs.exchange([built.program for built in old], sources, changed)
-        anew = [pair for pair in zip(old, new, strict=True) if pair[0].program is not pair[1]]
+        new = self._programs.exchange([built.code for built in old], sources, changed)
+        anew = [pair for pair in zip(old, new, strict=True) if pair[0].code is not pair[1]]
         for built, program in anew:
-            built.program = program
+            built.handle, built.code = program.handle, program
         return tuple(built.described.name for built, _ in anew)
 
-    def bind(self, pipeline: Built, cull: bool, front: str) -> None:
+    def bind(self, pipeline: Built, cull: bool, front: Front) -> None:
         """Draw with `pipeline` from here on; `cull` leaves out back faces, `front` says how front faces wind."""
         fn, described = self._context.fn, pipeline.described
-        fn.glUseProgram(pipeline.program.handle)
+        fn.glUseProgram(pipeline.handle)
         _switch(fn, gl.GL_CULL_FACE, cull)
         fn.glFrontFace(FRONT_FACES[front])
         _switch(fn, gl.GL_DEPTH_TEST, described.depth is not None)
@@ -105,8 +88,9 @@ class Pipelines:
             fn.glBlendFuncSeparate(source, kept, gl.GL_ONE, kept)
 
     def close(self) -> None:
-        """Free every program."""
+        """Free every program, and the vertex array."""
         self._programs.close()
+        self._context.destroy("vertex array", self.no_vertices)
 
 
 def _switch(fn: gl.Functions, capability: int, on: bool) -> None:

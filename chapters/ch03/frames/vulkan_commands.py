@@ -7,31 +7,22 @@ Every struct that a frame needs is built once and used again. What a draw is sta
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 from backends.vulkan.resources import Buffer, Image
 
-from ..pipelines.vulkan import Built
-from ..scene.draw_lists import COMMAND, Batch
+from ..pipelines.description import Built, Front
+from ..scene.draw_lists import COMMAND
+from .commands import DrawGroup, SceneBinding
 from .vulkan import FrameSlot
 
 _GRAPHICS = vk.VK_PIPELINE_BIND_POINT_GRAPHICS
-
-
-@dataclass(frozen=True)
-class DrawGroup:
-    """Draws of the slot's list of records that share pipeline, culling, page and textures (arrays of one set)."""
-
-    batch: Batch
-    pipeline: Built
-    cull: int
-    front: int
-    page_set: Any
-    index_buffer: Any
-    texture_set: Any
+_FRONT_FACES = {
+    "counter_clockwise": vk.VK_FRONT_FACE_COUNTER_CLOCKWISE,
+    "clockwise": vk.VK_FRONT_FACE_CLOCKWISE,
+}
 
 
 class Rendering:
@@ -86,6 +77,7 @@ class Commands:
         self._label_infos: dict[str, Any] = {}
         self._states: dict[tuple[int, int], tuple[Any, Any]] = {}
         self.handle: Any = None
+        self.sources: Any = None
         self.slot: FrameSlot
         self.work: dict[str, int] = {}
         self._multi_draw = multi_draw
@@ -142,11 +134,11 @@ class Commands:
 
     # --- within passes ---
 
-    def bind_pipeline(self, pipeline: Built, cull: int, front: int) -> None:
-        """Bind a pipeline and set its dynamic state."""
+    def bind_pipeline(self, pipeline: Built, cull: bool = False, front: Front = "counter_clockwise") -> None:
+        """Bind a pipeline and set its dynamic state; `cull` leaves out back faces."""
         self._fn.vkCmdBindPipeline(self.handle, _GRAPHICS, pipeline.handle)
-        self._fn.vkCmdSetCullMode(self.handle, cull)
-        self._fn.vkCmdSetFrontFace(self.handle, front)
+        self._fn.vkCmdSetCullMode(self.handle, vk.VK_CULL_MODE_BACK_BIT if cull else vk.VK_CULL_MODE_NONE)
+        self._fn.vkCmdSetFrontFace(self.handle, _FRONT_FACES[front])
         self.work["pipeline_binds"] += 1
 
     def bind_set(self, pipeline: Built, number: int, descriptor_set: Any) -> None:
@@ -157,20 +149,26 @@ class Commands:
         )
         self.work["descriptor_binds"] += 1
 
-    def draw_fullscreen(self) -> None:
-        """Draw the one triangle of `fullscreen.vert`."""
+    def draw_fullscreen(self, pipeline: Built, scene: SceneBinding | None = None) -> None:
+        """Draw the one triangle of `fullscreen.vert`; set 0 is that of the scene, or of what the pass reads."""
+        self.bind_pipeline(pipeline)
+        self.bind_set(pipeline, 0, scene.frame if scene else self.sources)
+        self.draw_triangle()
+
+    def draw_triangle(self) -> None:
+        """Draw three vertices with what is bound."""
         self._fn.vkCmdDraw(self.handle, 3, 1, 0, 0)
         self.work["draws"] += 1
         self.work["draw_calls"] += 1
         self.work["triangles"] += 1
 
-    def draw_groups(self, groups: Sequence[DrawGroup], frame_set: Any, records: Buffer) -> None:
-        """Record all draws of `groups` in order, with `frame_set` as set 0 and their records in `records`.
+    def draw_groups(self, groups: Sequence[DrawGroup], scene: SceneBinding) -> None:
+        """Record all draws of `groups` in order, with the frame's set as set 0.
 
         One call draws a whole group; without multi-draw the CPU reads the records and makes a call for each.
         """
         fn, handle = self._fn, self.handle
-        bound: tuple[Any, int, int] | None = None
+        bound: tuple[Any, bool, Front] | None = None
         layout: Any = None
         sets: tuple[Any, Any] = (None, None)
         index_buffer: Any = None
@@ -183,17 +181,16 @@ class Commands:
             if pipeline.layout != layout:
                 # Sets stay bound as long as the layout does.
                 layout, sets = pipeline.layout, (None, None)
-                self.bind_set(pipeline, 0, frame_set)
-            for number, (before, now) in enumerate(
-                zip(sets, (group.page_set, group.texture_set), strict=True), start=1
-            ):
+                self.bind_set(pipeline, 0, scene.frame)
+            page_set, indices = group.page
+            for number, (before, now) in enumerate(zip(sets, (page_set, group.textures), strict=True), 1):
                 if now is not None and now is not before:
                     self.bind_set(pipeline, number, now)
-            sets = (group.page_set, group.texture_set)
-            if group.index_buffer != index_buffer:
-                index_buffer = group.index_buffer
+            sets = (page_set, group.textures)
+            if indices != index_buffer:
+                index_buffer = indices
                 fn.vkCmdBindIndexBuffer(handle, index_buffer, 0, vk.VK_INDEX_TYPE_UINT32)
-            self._draw(records, batch.first, batch.count)
+            self._draw(scene.records, batch.first, batch.count)
             self.work["draws"] += batch.count
             self.work["triangles"] += batch.triangles
 

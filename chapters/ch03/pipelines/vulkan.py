@@ -1,4 +1,4 @@
-"""Graphics pipelines: a description in plain words, and the object the driver builds from it.
+"""Graphics pipelines: the objects that the driver builds from descriptions.
 
 Equal descriptions share one pipeline. Viewport, scissor, culling and the front face are dynamic state, since they
 change with the window and with mirrored objects; everything else is fixed when the pipeline is built.
@@ -7,20 +7,20 @@ change with the window and with mirrored objects; everything else is fixed when 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from backends import shader_text
 from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 from backends.vulkan.live import Stages, check_fit, compile_stages
 from backends.vulkan.resources import FORMATS
+from common.layouts import SNIPPETS
 
-from .snippets import SNIPPETS
+from .description import Built, PipelineDescription
 from .vulkan_cache import PipelineCache
-from .vulkan_layouts import CAPACITY, Layouts, SetLayout
+from .vulkan_layouts import CAPACITY, Layouts
 from .vulkan_reflection import STAGES, Stage, check_pulled, chosen, merge
 
 CHAPTER = Path(__file__).resolve().parents[1]
@@ -34,25 +34,6 @@ _ALL_CHANNELS = (
     | vk.VK_COLOR_COMPONENT_B_BIT
     | vk.VK_COLOR_COMPONENT_A_BIT
 )
-
-
-@dataclass(frozen=True)
-class GraphicsPipeline:
-    """What a pipeline is made of. What it reads, its shaders say themselves.
-
-    `specialization` gives constants of theirs, by name or id, the values that they are compiled with. `dynamic` names
-    buffers whose offset comes with the bind.
-    """
-
-    shaders: tuple[str, ...]
-    defines: tuple[tuple[str, int | float | str], ...] = ()
-    specialization: tuple[tuple[str | int, int | float | bool], ...] = ()
-    dynamic: tuple[str, ...] = ()
-    color: str | None = "rgba16f"
-    depth: Literal["write", "test", "equal"] | None = "write"
-    blend: Literal["over", "add"] | None = None
-    samples: int = 1
-    name: str = ""
 
 
 def source_of(file: str, defines: Sequence[tuple[str, int | float | str]]) -> shader_text.ShaderSource:
@@ -71,34 +52,18 @@ def source_of(file: str, defines: Sequence[tuple[str, int | float | str]]) -> sh
     )
 
 
-@dataclass(eq=False)
-class Built:
-    """A pipeline with the layout through which descriptors and push constants reach it.
-
-    Whoever draws with it asks for the handle each time: it is another one after a shader was edited. `sets` are the
-    layouts of its sets by number, None where no shader uses one; `push_stages` are to be named when constants are
-    pushed, 0 where it takes none.
-    """
-
-    handle: Any
-    layout: Any
-    stages: Stages
-    sets: tuple[SetLayout | None, ...] = ()
-    push_stages: int = 0
-
-
 class Pipelines:
     """Builds pipelines at their first use and keeps them."""
 
     def __init__(self, device: Device, cache: PipelineCache | None = None, capacity: int = CAPACITY) -> None:
         self._device, self._cache = device, cache
-        self._built: dict[GraphicsPipeline, Built] = {}
+        self._built: dict[PipelineDescription, Built] = {}
         self.layouts = Layouts(device, capacity)
 
     def __len__(self) -> int:
         return len(self._built)
 
-    def get(self, wanted: Sequence[GraphicsPipeline]) -> list[Built]:
+    def get(self, wanted: Sequence[PipelineDescription]) -> list[Built]:
         """Return one pipeline per description; those that are new have their shaders compiled together, on threads."""
         new = [described for described in dict.fromkeys(wanted) if described not in self._built]
         for described, stages in zip(new, self._compile(new), strict=True):
@@ -107,17 +72,17 @@ class Pipelines:
             layout, sets = self.layouts.pipeline(signature)
             push_stages = self.layouts.stages(signature.stages) if signature.push else 0
             handle = self._build(described, found, layout, self._cache)
-            self._built[described] = Built(handle, layout, stages, sets, push_stages)
+            self._built[described] = Built(described, handle, stages, layout, sets, push_stages)
         return [self._built[described] for described in wanted]
 
-    def _compile(self, wanted: Sequence[GraphicsPipeline], keep: bool = True) -> list[Stages]:
+    def _compile(self, wanted: Sequence[PipelineDescription], keep: bool = True) -> list[Stages]:
         sources = [[source_of(file, described.defines) for file in described.shaders] for described in wanted]
         return compile_stages(sources, keep)
 
     @property
     def files(self) -> frozenset[Path]:
         """All on disk that decides about the shaders of these pipelines."""
-        return frozenset().union(*(built.stages.files for built in self._built.values()))
+        return frozenset().union(*(built.code.files for built in self._built.values()))
 
     def reload(
         self, changed: Collection[Path], retire: Callable[[Callable[[], None]], None]
@@ -127,12 +92,12 @@ class Pipelines:
         `retire` gets what destroys an old pipeline, to be called when no frame in flight uses it. Raises ShaderError
         for a shader that does not compile, or that no longer fits what is bound to it.
         """
-        old = {described: built for described, built in self._built.items() if built.stages.use(changed)}
+        old = {described: built for described, built in self._built.items() if built.code.use(changed)}
         new = dict(zip(old, self._compile(list(old), keep=False), strict=True))
         for described, stages in new.items():
-            check_fit(old[described].stages, stages, changed)
-        anew = [described for described in old if new[described].codes != old[described].stages.codes]
-        handles: dict[GraphicsPipeline, Any] = {}
+            check_fit(old[described].code, stages, changed)
+        anew = [described for described in old if new[described].codes != old[described].code.codes]
+        handles: dict[PipelineDescription, Any] = {}
         try:
             for described in anew:
                 # In the old layout, which has all that the new shaders use: the sets that are bound were made for it.
@@ -147,12 +112,12 @@ class Pipelines:
             retire(partial(self._device.destroy, "VkPipeline", old[described].handle))
             old[described].handle = handles[described]
         for described, built in old.items():
-            built.stages = new[described]
-        return tuple(_name(described) for described in anew)
+            built.code = new[described]
+        return tuple(described.title for described in anew)
 
     def _build(
         self,
-        described: GraphicsPipeline,
+        described: PipelineDescription,
         found: Sequence[Stage],
         layout: Any,
         cache: PipelineCache | None = None,
@@ -184,7 +149,7 @@ class Pipelines:
         ]
         rendering = vk.new(
             "VkPipelineRenderingCreateInfo",
-            pColorAttachmentFormats=[FORMATS[described.color][0]] if described.color else None,
+            pColorAttachmentFormats=[FORMATS[name][0] for name in described.colors] or None,
             depthAttachmentFormat=FORMATS["d32f"][0] if described.depth else vk.VK_FORMAT_UNDEFINED,
         )
         info = vk.new(
@@ -204,15 +169,15 @@ class Pipelines:
         infos = vk.array("VkGraphicsPipelineCreateInfo", [info])
         try:
             kept = cache.handle if cache else vk.NULL
-            return self._device.create_pipelines(
-                "vkCreateGraphicsPipelines", infos, [_name(described)], kept
-            )[0]
+            return self._device.create_pipelines("vkCreateGraphicsPipelines", infos, [described.title], kept)[
+                0
+            ]
         finally:
             for module in modules:
                 self._device.destroy("VkShaderModule", module)
 
     @staticmethod
-    def _depth(described: GraphicsPipeline) -> Any:
+    def _depth(described: PipelineDescription) -> Any:
         # Reversed z: the near plane is 1, infinity 0, and nearer is greater. The float's fine steps near 0 then fall
         # together with the coarse ones of 1/z, and depth keeps its relative precision at any distance.
         compare = vk.VK_COMPARE_OP_EQUAL if described.depth == "equal" else vk.VK_COMPARE_OP_GREATER_OR_EQUAL
@@ -224,7 +189,7 @@ class Pipelines:
         )
 
     @staticmethod
-    def _blend(described: GraphicsPipeline) -> Any:
+    def _blend(described: PipelineDescription) -> Any:
         if described.color is None:
             return vk.new("VkPipelineColorBlendStateCreateInfo")
         attachment: dict[str, Any] = {"colorWriteMask": _ALL_CHANNELS}
@@ -241,7 +206,8 @@ class Pipelines:
                 "dstAlphaBlendFactor": kept,
                 "alphaBlendOp": vk.VK_BLEND_OP_ADD,
             }
-        return vk.new("VkPipelineColorBlendStateCreateInfo", pAttachments=[attachment])
+        attachments = [attachment] * len(described.colors)
+        return vk.new("VkPipelineColorBlendStateCreateInfo", pAttachments=attachments)
 
     def close(self) -> None:
         """Free every pipeline and layout."""
@@ -250,11 +216,7 @@ class Pipelines:
         self.layouts.close()
 
 
-def _name(described: GraphicsPipeline) -> str:
-    return described.name or " + ".join(described.shaders)
-
-
-def _stages(described: GraphicsPipeline, compiled: Stages) -> list[Stage]:
+def _stages(described: PipelineDescription, compiled: Stages) -> list[Stage]:
     """Return the stages of a pipeline as they are reflected, with the values of their constants."""
     found = [Stage(code, source) for code, source in zip(compiled.codes, compiled.sources, strict=True)]
     for stage in found:

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from common import layouts
+from common.environment import ENERGIES
 from common.errors import SceneError
 from common.scene import Light, Material, Pose, Scene
-from common.twins.shading_environment import ENERGIES
 
 MATERIAL = np.dtype(
     [

@@ -32,25 +32,15 @@ from common.environment import Environment
 from common.errors import UserError
 
 from . import model as logic
-from .model import PANORAMA, SMOOTH, Maps, Sizes
+from .model import PANORAMA, SMOOTH, Maps, MapsOnGpu, Sizes
 
 
 @dataclass(eq=False)
-class EnvironmentMaps:
+class EnvironmentMaps(MapsOnGpu):
     """What shaders sample; `close` frees it."""
 
-    radiance: Image
     irradiance: Image
     table: Image
-    scale: float
-    """What a stored 1 stands for, in nits."""
-    made_ms: dict[str, float]
-    """Milliseconds that the GPU took for what was made ("maps", "table"); what came from the disk is left out."""
-
-    @property
-    def last_level(self) -> int:
-        """The level for roughness 1."""
-        return self.radiance.levels - 1
 
     def close(self, context: Context) -> None:
         """Free the images; OpenGL itself waits for the GPU's use."""
@@ -88,7 +78,7 @@ def create_environment(context: Context, environment: Environment, sizes: Sizes)
         else:
             write_image(context, table, texels_of_table)
         failed.pop_all()
-        return EnvironmentMaps(radiance, irradiance, table, maps.scale, made_ms)
+        return EnvironmentMaps(radiance, maps.scale, made_ms, irradiance, table)
 
 
 def _program(programs: Programs, name: str) -> Program:

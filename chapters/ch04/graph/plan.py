@@ -15,7 +15,7 @@ from copy import copy as shallow
 from dataclasses import dataclass, replace
 from typing import Any
 
-from backends.contract import Access
+from backends.contract import Access, Pass
 from common.errors import UserError
 from common.names import suggest
 
@@ -75,7 +75,7 @@ class FramePlan:
     def __init__(
         self,
         file: GraphFile,
-        passes: Mapping[str, Any],
+        passes: Mapping[str, Pass],
         outputs: Mapping[str, str],
         handed_on: Collection[str],
         formats: Collection[str],
@@ -83,8 +83,8 @@ class FramePlan:
         self._formats, self._asked = formats, (dict(outputs), frozenset(handed_on))
         self._off: dict[str, str] = {}
         self._on: set[str] = set()  # although the file switches them off
-        self._inserted: dict[str, Any] = {}
-        self._swapped: dict[str, Any] = {}
+        self._inserted: dict[str, Pass] = {}
+        self._swapped: dict[str, Pass] = {}
         self._readers: dict[str, Mapping[str, Mapping[str, str]]] = {}
         self.nodes: dict[str, Node] = {}
         """The passes as they were compiled last, by the names of their steps."""
@@ -137,7 +137,7 @@ class FramePlan:
         else:
             self._off[name] = OFF
 
-    def insert(self, made: Any, readers: Mapping[str, Mapping[str, str]] | None = None) -> None:
+    def insert(self, made: Pass, readers: Mapping[str, Mapping[str, str]] | None = None) -> None:
         """Add a pass that the file does not name; where it runs follows from what it reads and writes.
 
         `readers` says, by the names of the graph, which passes read something else from now on:
@@ -158,19 +158,20 @@ class FramePlan:
         del self._inserted[name], self._readers[name]
         self._swapped.pop(name, None)
 
-    def implementations(self) -> dict[str, Any]:
+    def implementations(self) -> dict[str, Pass]:
         """Return what draws, by the names of the steps."""
         own = {name: self.passes[of] for name, of in self.file.passes.items()} | self._inserted
         return own | {name: made for name, made in self._swapped.items() if name in own}
 
-    def swap(self, name: str, made: Any) -> None:
+    def swap(self, name: str, made: Pass) -> None:
         """Let `made` draw in place of pass `name`; it declares the same, and whether it is needed stays as it is."""
         check_name(name, self.switches)
         check_pass(made, self._formats)
         now = self.implementations()[name]
         for what in ("reads", "writes"):
-            if getattr(made, what) != getattr(now, what):
-                declared = [", ".join(one.resource for one in getattr(each, what)) for each in (now, made)]
+            old, new = (each.reads if what == "reads" else each.writes for each in (now, made))
+            if old != new:
+                declared = [", ".join(one.resource for one in each) for each in (old, new)]
                 was, now_ = (text or "nothing" for text in declared)
                 other = f"not {now_}" if was != now_ else "in the same way"
                 raise GraphError(f"What takes the place of '{name}' has to {what[:-1]} {was}, {other}.")
@@ -320,7 +321,7 @@ def _reconnected(node: Node, names: Mapping[str, str]) -> Node:
     return replace(node, reads=reads, writes=writes)
 
 
-def _why_not(made: Any, scene: Any, settings: Any) -> str:
+def _why_not(made: Pass, scene: Any, settings: Any) -> str:
     return "" if made.needed(scene, settings) else "the scene and the settings give it nothing to do"
 
 

@@ -1,12 +1,11 @@
-"""What a renderer on either backend does with its frame graph: compile it, and change it between two frames.
+"""What a renderer does with its frame graph: compile it, carry it out, and change it between two frames.
 
     renderer.switch_pass("depth_of_field", False)
     renderer.insert_pass(renderer.make_pass(Invert), readers={"tonemap": {"color_focused": "color_inverted"}})
     renderer.swap_pass("tonemap", renderer.make_pass(OtherTonemap))
 
-A pass of one's own has what every module in passes/ has (`backends.contract.Pass`): `name`, `reads`, `writes`,
-`needed`, `create` and `record`, and may have `pre_render(commands)`, which is called in front of the pass, outside of
-its rendering. The shortest way to one is a `FullscreenPass` that names a shader of its own:
+A pass of one's own derives from `backends.contract.Pass`, which says what a pass can have. The shortest way to one is a
+`FullscreenPass` that names a shader of its own:
 
     class Invert(FullscreenPass):
         name = "invert"
@@ -22,18 +21,22 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
+from backends.contract import Pass
 from common.errors import StaleFrameError
 from common.names import suggest
 from common.scene import Change
 
 from ..frames.stream import FrameStream
+from ..scene.pass_parts import PassParts
+from ..settings import Settings
 from .file import read_graph
 from .histories import Histories
 from .plan import COPY, FramePlan, check_samples
-from .report import counts
 from .types import Graph, GraphError, Node
+
+PassOfOwn = TypeVar("PassOfOwn", bound=Pass)
 
 
 class GraphStream(FrameStream):
@@ -41,23 +44,23 @@ class GraphStream(FrameStream):
 
     graph: Graph
     """The frame as it is compiled now."""
-    passes: list[Any]
+    passes: list[Pass]
+    _parts: PassParts
+    _settings: Settings
     graph_work: dict[str, int]
     """What the graph has of passes, barriers and memory: part of every frame's `work`."""
     _plan: FramePlan
-    _executor: Any
-    _forward: Any
-    _closed: bool
-    _created: list[Any]
+    _created: list[Pass]
     _materials_seen = 0
     _needs: Mapping[str, bool]
 
-    # --- for the renderers of both backends ---
+    # --- carried out ---
 
     def _plan_frame(self, plan: FramePlan) -> None:
         """Draw what `plan` says from now on."""
         self._plan, self._needs = plan, plan.needs(self.scene, self.settings)
         self._histories = Histories()
+        self._created = []
         self._materials_seen = self.scene.revision[Change.MATERIALS]
 
     def _adopt(self, graph: Graph) -> None:
@@ -72,20 +75,19 @@ class GraphStream(FrameStream):
                 self.passes = before
                 raise
         self._created = self.passes
-        self.graph, self.graph_work = graph, counts(graph)
+        self.graph, self.graph_work = graph, graph.counts()
 
     def _rebuild(self) -> None:
         """Compile the graph, and take it in place of the one before; where that is refused, that one stays."""
-        self._begin_change()
         before = self.graph, self.passes, self.graph_work
         self._adopt(self._compiled())
         self._let_go("the frame is made of other passes since")
-        self._destroy_targets()
+        self._api.leave()
         try:
-            self._create_targets()
+            self._follow_graph()
         except BaseException:  # the device has no such image, or no memory for it
             self.graph, self.passes, self.graph_work = before
-            self._create_targets()
+            self._follow_graph()
             raise
 
     def _follow_needs(self) -> None:
@@ -98,24 +100,28 @@ class GraphStream(FrameStream):
             self._rebuild()
         self._materials_seen, self._needs = revision, needs
 
-    def _begin_change(self) -> None:
-        """Have the calls that follow reach the device."""
-
     def _compiled(self) -> Graph:
         """Compile the frame as it is planned; GraphError where that cannot be one."""
-        raise NotImplementedError
+        needs, alias = self._api.requirement, self._settings.alias
+        return self._plan.compile(self.size, self.scene, self._settings, needs, alias)
 
     def _create_passes(self) -> None:
-        """Make the pipelines of all `passes`, again where they have been made."""
-        raise NotImplementedError
+        """Make the pipelines of all `passes`, again where they have been made, and what binds the scene for them."""
+        for one in self.passes:
+            one.create()
+        self._api.make_sets(self.passes)
 
     def _create_targets(self) -> None:
-        """Make everything that is made for one graph: targets, barriers, readback."""
-        raise NotImplementedError
+        """Compile the graph for the picture's size, and make everything that belongs to it."""
+        self._adopt(self._compiled())
+        self._follow_graph()
 
-    def _destroy_targets(self) -> None:
-        """Free that; no frame is in flight afterwards."""
-        raise NotImplementedError
+    def _follow_graph(self) -> None:
+        self._histories.forget()
+        self._api.follow(self._plan, self.graph, self._settings)
+
+    def _valid_histories(self, slot: Any, reset: str) -> int:
+        return self._histories.mask(self.graph, slot.number, reset)
 
     # --- what a frame consists of ---
 
@@ -139,9 +145,9 @@ class GraphStream(FrameStream):
 
     # --- what can be changed between two frames ---
 
-    def make_pass(self, kind: Callable[..., Any]) -> Any:
+    def make_pass(self, kind: Callable[[PassParts], PassOfOwn]) -> PassOfOwn:
         """Return a pass of one's own of a class that is made as `FullscreenPass` is."""
-        return kind(self._forward, self.settings, self._data, self._pipelines)
+        return kind(self._parts)
 
     def switch_pass(self, name: str, on: bool) -> None:
         """Switch a pass on or off, from the next frame on.
@@ -153,7 +159,7 @@ class GraphStream(FrameStream):
             self._plan.switch(name, on)
             self._rebuild()
 
-    def insert_pass(self, made: Any, readers: Mapping[str, Mapping[str, str]] | None = None) -> None:
+    def insert_pass(self, made: Pass, readers: Mapping[str, Mapping[str, str]] | None = None) -> None:
         """Add a pass from the next frame on; where it runs follows from what it reads and writes.
 
         `readers` says, by the names of the graph, which passes read something else from now on, as
@@ -170,7 +176,7 @@ class GraphStream(FrameStream):
             self._plan.remove(name)
             self._rebuild()
 
-    def swap_pass(self, name: str, made: Any) -> None:
+    def swap_pass(self, name: str, made: Pass) -> None:
         """Let `made` draw in place of pass `name` from the next frame on.
 
         It declares the same reads and writes, so that the graph stays and nothing of it is compiled; GraphError, with
@@ -181,7 +187,7 @@ class GraphStream(FrameStream):
             self._adopt(self.graph)
             if name in {step.name for step in self.graph.steps}:
                 self._let_go("another implementation draws since")
-                self._executor.swap(name, made)
+                self._api.executor.swap(name, made)
                 self._frames.forget()
 
     def show_resource(self, name: str | None) -> str:
@@ -219,7 +225,7 @@ class GraphStream(FrameStream):
     def _changing(self) -> Iterator[None]:
         if self._closed:
             raise StaleFrameError("This renderer was closed and renders no more: open another one.")
-        self._begin_change()
+        self._api.enter()
         with self._plan.changing():
             yield
         self._last = None  # the same view makes another picture now

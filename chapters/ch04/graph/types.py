@@ -13,7 +13,7 @@ A *name* stands for what one pass wrote. A pass that draws on top writes a new n
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -148,6 +148,11 @@ class Step:
     reads: tuple[str, ...] = ()
     writes: tuple[str, ...] = ()
 
+    def sampled(self, declared: Sequence[Access]) -> list[str]:
+        """Return the resources that shaders sample, of a pass that declares these reads; in their order."""
+        pairs = zip(declared, self.reads, strict=True)
+        return [resource for access, resource in pairs if access.use == "sampled"]
+
 
 @dataclass(frozen=True)
 class Edge:
@@ -217,6 +222,22 @@ class Graph:
     size: tuple[int, int] = (1, 1)
     outputs: Mapping[str, str] = field(default_factory=dict)
     """The resource behind every output."""
+
+    def counts(self) -> dict[str, int]:
+        """Return the figures of the graph by name, as `frame.work` has them.
+
+        "passes" draw or compute; what only copies is none. "transitions" are the barriers that change a layout or give
+        up a content; "transient_bytes" is what the heaps take, "transient_bytes_alone" what they would without sharing.
+        """
+        barriers = [barrier for step in self.steps for barrier in step.barriers] + [*self.epilogue]
+        return {
+            "passes": sum(step.kind != "copy" for step in self.steps),
+            "passes_skipped": len(self.left_out),
+            "barriers": len(barriers),
+            "transitions": sum(one.before.layout != one.after.layout or one.discard for one in barriers),
+            "transient_bytes": self.memory.size,
+            "transient_bytes_alone": self.memory.alone,
+        }
 
 
 Requirements = Callable[[Resource], Requirement]

@@ -19,7 +19,7 @@ from backends.gl.resources import FORMATS, Image, create_buffer, create_view, de
 from backends.gl.upload import Uploader
 from common.images.blocks import is_compressed
 
-from .loading import Loading, Request, Wanted, refusal
+from .loading import Loading, Request, Wanted
 from .ring import Ring, rows_that_fit
 from .uploads import Upload, block_rows, cost, is_late
 
@@ -89,9 +89,7 @@ class Loader:
                 elif not self._loading.decoded:
                     self._loading.wait()
                 arrived += self.advance()
-            failed = [] if self._loading.streams else self._loading.failures()
-            if failed:
-                raise refusal(min(failed, key=lambda request: request.place))
+            self._loading.refuse_failed()
         except BaseException:
             self.stop()
             raise

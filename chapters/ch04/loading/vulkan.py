@@ -17,7 +17,7 @@ from backends.vulkan.device import Device
 from backends.vulkan.upload import SETS, MipPipeline
 from common.images import blocks
 
-from .loading import Loading, Request, Wanted, refusal
+from .loading import Loading, Request, Wanted
 from .ring import rows_that_fit
 from .uploads import MOST_LEVELS, block_rows, cost, is_late, level_places
 from .vulkan_barriers import after_copy, before_copy, part_barrier
@@ -104,9 +104,7 @@ class Loader:
                 arrived += self.advance()
                 if self.submissions == before and self._loading.busy and not self._wait_for_gpu():
                     self._loading.wait()
-            failed = [] if self._loading.streams else self._loading.failures()
-            if failed:
-                raise refusal(min(failed, key=lambda request: request.place))
+            self._loading.refuse_failed()
         except BaseException:
             self.stop()
             raise

@@ -12,12 +12,12 @@ from backends.vulkan.device import Device
 from common.scene import Pose
 
 from ..frames.vulkan import FrameSlot
-from ..scene.vulkan_data import SceneData
+from ..scene.vulkan_data import VulkanSceneData
 from .loading import Loading
 
 
 def rehearse(
-    loading: Loading, device: Device, slots: Iterable[FrameSlot], data: SceneData, pose: Pose
+    loading: Loading, device: Device, slots: Iterable[FrameSlot], data: VulkanSceneData, pose: Pose
 ) -> None:
     """Have the driver make memory for the commands of all slots, and write the records at `pose` to them.
 

@@ -7,6 +7,7 @@ from typing import Protocol
 from common.scene import Scene
 
 from ..shading.views import PICTURE
+from .fullscreen import FullscreenPass
 
 Defines = tuple[tuple[str, int | float | str], ...]
 
@@ -50,3 +51,12 @@ def lens_defines(settings: Settings) -> Defines:
 def bokeh_defines(settings: Settings) -> Defines:
     """Return what bokeh.frag is built with."""
     return (("LARGEST_RADIUS", LARGEST_RADIUS), ("TAPS", settings.bokeh_taps))
+
+
+class LensPass(FullscreenPass):
+    """One of the lens's three passes."""
+
+    @staticmethod
+    def needed(scene: Scene, settings: Settings) -> bool:
+        """Whether the lens has an opening, and there is anything before it."""
+        return needed(scene, settings)

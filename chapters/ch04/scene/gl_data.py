@@ -6,9 +6,9 @@ what some material reads, and whatever the CPU writes from frame to frame once p
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 
@@ -27,31 +27,27 @@ from backends.gl.resources import (
     write_buffer,
     write_image,
 )
-from common.scene import Change, Pose, Sampler, Scene
-from common.view.camera import View
+from common.scene import Pose, Sampler, Scene
 
 from ..environment import model
 from ..environment.gl import EnvironmentMaps, create_environment
 from ..environment.model import Sizes
+from ..frames.commands import SceneBinding
 from ..frames.frame import SLOTS
 from ..frames.gl_commands import Textures
 from ..loading import placeholders
 from ..loading.array_arrivals import ArrayArrivals, array_name
 from ..loading.gl import Loader
-from ..loading.importance import material_sizes
-from ..loading.loading import Loading, Request, report_failures
+from ..loading.loading import Loading, Request
 from ..settings import Settings
 from ..shading import views
-from . import geometry, packing, pages, records
+from . import pages, records
+from .bindings import ARRAY_UNIT, ENVIRONMENT_UNIT
+from .data import SceneData
 from .draw_lists import COMMAND
-from .packing import Variant
-from .records import Records
 from .textures import texels
 from .textures.arrays import ArrayTexture
 from .textures.reads import image_roles, uses
-
-ENVIRONMENT_UNIT, ARRAY_UNIT = 0, 3
-"""The first texture units of the environment's three maps, and of the arrays of textures (scene, textures.glsl)."""
 
 
 @dataclass(kw_only=True)
@@ -61,55 +57,31 @@ class _Slot(records.Slot):
     commands: Buffer
 
 
-class SceneData:
+class GlSceneData(SceneData):
     """Everything that draws read: buffers, textures, samplers and vertex arrays."""
 
     def __init__(
         self, context: Context, scene: Scene, settings: Settings, anisotropy: float, loading: Loading
     ) -> None:
-        self._context, self._scene, self._settings, self._anisotropy = context, scene, settings, anisotropy
-        self.records = Records(scene, settings.light_cutoff)
+        self._context = context
+        limits = context.limits["maxImageDimension2D"], context.limits["maxStorageBufferRange"]
+        super().__init__(scene, settings, anisotropy, limits, loading)
         self._images: dict[ArrayTexture, Image] = {}
         self._numbered: dict[int, Image] = {}  # the same by the numbers that OpenGL gave them
-        self._loading = loading
-        self._seen_from: View | None = None
         self._arrivals = ArrayArrivals(scene, views.mends_texels(settings), loading.streams, context.features)
         self._loader = Loader(context, self, loading)
         self._samplers: dict[tuple[Sampler, float], int] = {}
-        self._energy = settings.energy if model.needed(scene, settings) else None
-        # These two refuse what cannot be drawn, before anything is made that would be left behind.
-        self._choose_variants()
-        self._plan_geometry()
         self._upload_geometry()
-        self.empty_vertex_array = create_vertex_array(context, [], None, None, "no vertices")
         self._make_environment()
-        self.slots = [self._make_slot(index) for index in range(SLOTS)]
+        self.slots: list[_Slot] = [self._make_slot(index) for index in range(SLOTS)]
         try:
             self._keep_textures()
         except BaseException:
             self.close()
             raise
-        self._kinds: Any = self._material_kinds()
-        self._materials_seen = scene.revision[Change.MATERIALS]
+        self.followed()
 
     # --- made once ---
-
-    def _choose_variants(self) -> None:
-        # First: an edit that cannot be followed says so until another one mends it.
-        packing.check_materials(self._scene)
-        texels.check_images(self._scene, self._context.limits["maxImageDimension2D"])
-        self.variants = [
-            views.variant_of(material, self._scene, self._settings, self._energy)
-            for material in self._scene.materials
-        ]
-        self.lit = any(variant.has("LIT") for variant in self.variants)
-
-    def _plan_geometry(self) -> None:
-        """Choose streams and pages; where a mesh is too large for one, nothing has changed."""
-        streams = geometry.used_streams(self.variants)
-        largest = min(pages.PAGE_BYTES, self._context.limits["maxStorageBufferRange"])
-        self.pages = pages.plan_pages(self._scene, streams, largest)
-        self.streams = streams
 
     def _upload_geometry(self) -> None:
         scene, context = self._scene, self._context
@@ -135,16 +107,12 @@ class SceneData:
         write_buffer(context, self._meshes, meshes)
 
     def _make_environment(self) -> None:
-        self.environment = model.NO_ENVIRONMENT
-        """What every frame's constants hold of the environment."""
-        self.prepared_ms: dict[str, float] = {}
         self._environment: EnvironmentMaps | None = None
-        if self._energy is None or self._scene.environment is None:
-            return
-        maps = create_environment(self._context, self._scene.environment, Sizes.of(self._settings))
-        self._environment = maps
-        self.prepared_ms = {f"environment {name}": took for name, took in maps.made_ms.items()}
-        self.environment = model.frame_values(self._settings, maps.scale, maps.last_level)
+        if self.has_environment:
+            assert self._scene.environment is not None
+            sizes = Sizes.of(self._settings)
+            self._environment = create_environment(self._context, self._scene.environment, sizes)
+            self._tell_environment(self._environment)
 
     def _free_geometry(self) -> None:
         for arrays in self._vertex_arrays:
@@ -215,23 +183,15 @@ class SceneData:
         number, layer = cast(tuple[int, int], request.key)
         return self._numbered[number], layer
 
-    def update_textures(self, slot: int, view: View) -> None:
-        """Go on loading, most of all what `view` shows, and name to the slot's materials what has arrived."""
-        if self._loading.decoding and self._seen_from != view:
-            self._loading.prioritise(material_sizes(self._scene, self.records.instances, view))
-            self._seen_from = view
+    def _load_textures(self, budget: int | None) -> int:
         before = self._loader.bytes
-        for request in self._loader.advance(self._loading.budget):
+        for request in self._loader.finish() if budget is None else self._loader.advance(budget):
             self._arrivals.arrive(request.key)
-        self.texture_work = self._loading.counts(self.textures, self._loader.bytes - before)
-        report_failures(self._loading, self._scene)
-        self.records.write_maps(self.slots[slot], self._arrivals.revision)
+        return self._loader.bytes - before
 
-    def load_textures(self) -> None:
-        """Wait until all textures are there."""
-        self._context.make_current()
-        for request in self._loader.finish():
-            self._arrivals.arrive(request.key)
+    @property
+    def _maps_revision(self) -> int:
+        return self._arrivals.revision
 
     def sampler(self, described: Sampler, anisotropy: float) -> int:
         """Return the sampler of this description, made at its first use."""
@@ -244,24 +204,9 @@ class SceneData:
 
     # --- made anew when a material becomes another kind ---
 
-    def _material_kinds(self) -> Any:
-        """Return all of the materials that is no number in their records: their variants, images and samplers."""
-        return uses(self._scene, self.variants), list(self.variants)
-
-    def follow_materials(self) -> bool:
-        """Make what edited materials need, give up what none needs; return whether any became another kind."""
-        revision = self._scene.revision[Change.MATERIALS]
-        if revision == self._materials_seen:
-            return False
-        self._choose_variants()
-        if self._material_kinds() == self._kinds:
-            self._materials_seen = revision
-            return False
-        self._kinds = (
-            None  # until `followed`: what is refused halfway is done anew by the next frame, from the start
-        )
-        if geometry.used_streams(self.variants) != self.streams:
-            self._plan_geometry()
+    def _replace(self, streams_changed: bool) -> None:
+        """Upload what the materials need now, and give up what they no longer need."""
+        if streams_changed:
             self._free_geometry()
             self._upload_geometry()
             for slot in self.slots:
@@ -271,22 +216,11 @@ class SceneData:
                 size = records.buffer_sizes(self._scene)["lights"]
                 slot.lights = create_buffer(self._context, size, "upload", f"lights, slot {index}")
         self._keep_textures()
-        return True
-
-    def followed(self) -> None:
-        """Note that pipelines were made, too, for what `follow_materials` made: only then is an edit done with."""
-        self._kinds, self._materials_seen = self._material_kinds(), self._scene.revision[Change.MATERIALS]
 
     # --- what passes read ---
 
-    def texture_defines(
-        self, needed: Variant, of: Callable[[Variant], Variant] = lambda whole: whole
-    ) -> tuple[tuple[str, int | str], ...]:
-        """Return what the shaders of `needed` are built with, which `of` makes of a material's variant."""
-        if not needed.roles:
-            return ()
-        drawn = [number for number, one in enumerate(self.variants) if of(one).defines == needed.defines]
-        return self._plan.defines(drawn)
+    def _defines_of(self, materials: Sequence[int]) -> tuple[tuple[str, int | str], ...]:
+        return self._plan.defines(materials)
 
     @property
     def textures_of(self) -> np.ndarray:
@@ -314,15 +248,9 @@ class SceneData:
 
     # --- for every frame ---
 
-    def write_frame(self, slot: int, constants: np.ndarray) -> None:
-        """Write the frame's constants."""
-        self.slots[slot].frame.view(constants.dtype)[0] = constants
-
-    def write_commands(self, slot: int, commands: np.ndarray, first: int = 0) -> int:
-        """Write records of draws into the slot's list, from number `first` on; return the bytes written."""
-        if len(commands):
-            self.slots[slot].commands.view(COMMAND)[first : first + len(commands)] = commands
-        return int(commands.nbytes)
+    def binding(self, slot: int) -> SceneBinding:
+        """Return the slot's list of draws; what else draws read is bound once, when the frame begins."""
+        return SceneBinding(None, self.slots[slot].commands)
 
     def bind_frame(self, slot: int) -> None:
         """Bind what all draws of a frame read; the numbers are those of scene.glsl."""
@@ -370,4 +298,3 @@ class SceneData:
             context.destroy("sampler", sampler)
         if self._environment is not None:
             self._environment.close(context)
-        context.destroy("vertex array", self.empty_vertex_array)

@@ -1,10 +1,10 @@
-"""What each frame draws of the scene, and which records have to be written for it: on either backend the same."""
+"""What each frame draws of the scene, and in which order. Every pass that draws objects asks here."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -13,26 +13,10 @@ from common.numerics.transforms import translation
 from common.scene import Change, Scene
 from common.view.camera import View
 
+from ..frames.commands import SceneBinding
 from . import packing
+from .data import SceneData
 from .draw_lists import NOTHING, Batch, build_draw_lists
-from .packing import Variant
-from .records import Records
-
-
-class Data(Protocol):
-    """What is asked of the scene's data on the GPU."""
-
-    variants: list[Variant]
-    page_of: np.ndarray
-    first_index: np.ndarray
-    records: Records
-
-    @property
-    def textures_of(self) -> np.ndarray:
-        """(M,) number of the set that holds each material's textures."""
-
-    def write_commands(self, slot: int, commands: np.ndarray, first: int = 0) -> int:
-        """Write records of draws into the slot's list, from number `first` on; return the bytes written."""
 
 
 @dataclass
@@ -44,15 +28,24 @@ class _Slot:
     in_order: bytes = b""
 
 
-class SceneDraws:
+class SceneDrawLists:
     """The draw lists of a scene, written to a slot when they differ from what stands there.
 
     A camera that moves changes nothing but the order of what is transparent. Solid objects keep the scene's order:
     sorting them by distance would spare the GPU some shading, and cost the CPU time for every object in every frame.
     """
 
-    def __init__(self, scene: Scene, data: Data) -> None:
-        self._scene, self._data = scene, data
+    slot = 0
+    """The slot of this frame."""
+    binding: SceneBinding
+    """What the draws of this frame bind of the scene."""
+
+    def __init__(self, scene: Scene, data: SceneData, by_address: bool = True) -> None:
+        self._scene, self._data, self._by_address = scene, data, by_address
+        self.used: list[int] = np.unique(scene.meshes["material"][scene.instances.mesh]).tolist()
+        """The materials of all objects."""
+        self.revision = 0
+        """Grows with every change of variants, pages or sets of textures."""
         self._lists = NOTHING
         self._seen: Any = None
         self._key: Any = None
@@ -62,10 +55,12 @@ class SceneDraws:
 
     def forget(self) -> None:
         """Make all lists anew: variants, pages or textures are other ones."""
+        self.revision += 1
         self._seen = self._key = None
 
     def prepare(self, slot: int, view: View) -> int:
         """Choose what a frame of slot number `slot` draws, and write it; return the bytes written."""
+        self.slot, self.binding = slot, self._data.binding(slot)
         data, instances = self._data, self._data.records.instances
         visibility = self._scene.revision[Change.VISIBILITY]
         seen = (visibility, data.records.revision)
@@ -102,15 +97,16 @@ class SceneDraws:
         """The batches of what is opaque or masked."""
         return self._lists.solid
 
-    def transparent(self, slot: int) -> Sequence[Batch]:
-        """The batches of what is transparent, farthest first, as they stand in the slot."""
-        return self._slots[slot].transparent
+    @property
+    def transparent(self) -> Sequence[Batch]:
+        """The batches of what is transparent, farthest first, as they stand in the slot of this frame."""
+        return self._slots[self.slot].transparent
 
-    def recorded(self, slot: int, by_address: bool) -> Any:
+    def key(self, slot: int) -> Any:
         """Return what a recording of the slot's draws is good for, to be compared with what it was made from.
 
-        The GPU reads records `by_address` as they are when it draws; recorded one by one they are what they were.
+        The GPU reads records by address as they are when it draws; recorded one by one they are what they were.
         """
         held = self._slots[slot]
         batches = (self._lists.solid, held.transparent)
-        return batches if by_address else (*batches, self._key, held.in_order)
+        return batches if self._by_address else (*batches, self._key, held.in_order)

@@ -7,7 +7,7 @@ slot.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -21,27 +21,23 @@ from backends.vulkan.features import CORE
 from backends.vulkan.resources import Buffer
 from backends.vulkan.upload import Uploader
 from common.errors import UnsupportedError
-from common.scene import Change, Pose, Scene
-from common.view.camera import View
+from common.scene import Pose, Scene
 
 from ..environment import model
 from ..environment.model import Sizes
 from ..environment.vulkan import create_environment
+from ..frames.commands import SceneBinding
 from ..frames.frame import SLOTS
 from ..frames.vulkan_resources import Resources
-from ..loading.importance import material_sizes
-from ..loading.loading import Loading, report_failures
+from ..loading.loading import Loading
 from ..loading.vulkan_geometry import GeometryCopies
 from ..pipelines.vulkan_descriptors import Descriptors, Held, Texture
 from ..pipelines.vulkan_layouts import SetLayout
 from ..settings import Settings
 from ..shading import views
-from . import geometry, packing, pages, records
+from . import geometry, pages, records
+from .data import SceneData
 from .draw_lists import COMMAND
-from .packing import Variant
-from .records import Records
-from .textures import texels
-from .textures.reads import uses
 from .textures.vulkan_materials import ArrayTextures, BindlessTextures, MaterialTextures, slots_for
 
 GEOMETRY = (CORE, "geometryShader")
@@ -66,7 +62,7 @@ class _Slot(records.Slot):
     staging: Buffer | None
 
 
-class SceneData:
+class VulkanSceneData(SceneData):
     """Everything that draws read: buffers, textures and descriptor sets."""
 
     def __init__(
@@ -80,10 +76,9 @@ class SceneData:
         bindless: bool,
         loading: Loading,
     ) -> None:
-        self._device, self._scene, self._settings = device, scene, settings
-        self._resources, self._descriptors = resources, descriptors
-        self._energy = settings.energy if model.needed(scene, settings) else None
-        self._choose_variants()
+        self._device, self._resources, self._descriptors = device, resources, descriptors
+        limits = int(device.limits.maxImageDimension2D), int(device.limits.maxStorageBufferRange)
+        super().__init__(scene, settings, anisotropy, limits, loading)
         mended = views.mends_texels(settings)
         self._textures: MaterialTextures
         if bindless:
@@ -94,44 +89,25 @@ class SceneData:
         else:
             self.slot_count = 0
             self._textures = ArrayTextures(device, scene, resources, descriptors, anisotropy, mended, loading)
-        self.records = Records(scene, settings.light_cutoff)
-        self._plan_geometry()
         with GeometryCopies(device, resources, self._textures.close, loading.streams) as uploader:
             self._upload_geometry(uploader)
             self._textures.keep(uploader, self.variants)
         self.records.maps = self._textures.maps
-        self._loading = loading
-        self._seen_from: View | None = None
         self.bytes_uploaded = uploader.bytes
         self._make_environment()
-        self.slots = [self._make_slot(index) for index in range(SLOTS)]
+        self.slots: list[_Slot] = [self._make_slot(index) for index in range(SLOTS)]
         self._sets: list[Any] = []
         self._frame_sets: list[Any] = []
-        self._kinds: Any = self._material_kinds()
-        self._materials_seen = scene.revision[Change.MATERIALS]
+        self.followed()
 
     # --- made once ---
 
     def _choose_variants(self) -> None:
-        # First: an edit that cannot be followed says so until another one mends it.
-        packing.check_materials(self._scene)
-        texels.check_images(self._scene, int(self._device.limits.maxImageDimension2D))
-        self.variants = [
-            views.variant_of(material, self._scene, self._settings, self._energy)
-            for material in self._scene.materials
-        ]
-        self.lit = any(variant.has("LIT") for variant in self.variants)
+        super()._choose_variants()
         if self._settings.view == "triangle-id" and GEOMETRY not in self._device.physical.bits:
             raise UnsupportedError(
                 f"{self._device.capabilities.device} gives fragments no number of their triangle: choose another view."
             )
-
-    def _plan_geometry(self) -> None:
-        """Choose streams and pages; where a mesh is too large for one, nothing has changed."""
-        streams = geometry.used_streams(self.variants)
-        largest = min(pages.PAGE_BYTES, int(self._device.limits.maxStorageBufferRange))
-        self.pages = pages.plan_pages(self._scene, streams, largest)
-        self.streams = streams
 
     def _upload_geometry(self, uploader: Uploader) -> None:
         scene = self._scene
@@ -157,21 +133,17 @@ class SceneData:
         uploader.buffer(self._resources.buffers.get(self._meshes), meshes)
 
     def _make_environment(self) -> None:
-        self.environment = model.NO_ENVIRONMENT
-        """What every frame's constants hold of the environment."""
-        self.prepared_ms: dict[str, float] = {}
         self._environment: list[Texture] = []
-        if self._energy is None or self._scene.environment is None:
+        if not self.has_environment:
             return
-        sizes = Sizes.of(self._settings)
-        maps = create_environment(self._device, self._scene.environment, sizes)
-        self.prepared_ms = {f"environment {name}": took for name, took in maps.made_ms.items()}
+        assert self._scene.environment is not None
+        maps = create_environment(self._device, self._scene.environment, Sizes.of(self._settings))
+        self._tell_environment(maps)
         for image in (maps.radiance, maps.irradiance, maps.table):
             self._resources.images.create(image)
         sampler = self._resources.sampler(model.SMOOTH, 1.0)
         views = (maps.radiance_view, maps.irradiance_view, maps.table.view)
         self._environment = [Texture(view, sampler) for view in views]
-        self.environment = model.frame_values(self._settings, maps.scale, maps.last_level)
 
     def _make_slot(self, index: int) -> _Slot:
         scene = self._scene
@@ -209,7 +181,7 @@ class SceneData:
         There is one per slot for the frame and one per page of geometry; those of the textures are their own.
         """
         if not self._loading.streams:  # threads have decoded while pipelines were made
-            self.load_textures()
+            self._load_textures(None)
         for old in self._sets:
             self._resources.defer(partial(self._descriptors.destroy, old))
         self._sets = []
@@ -242,29 +214,10 @@ class SceneData:
 
     # --- made anew when a material becomes another kind ---
 
-    def _material_kinds(self) -> Any:
-        """Return all of the materials that is no number in their records: their variants, images and samplers."""
-        return uses(self._scene, self.variants), list(self.variants)
-
-    def follow_materials(self) -> bool:
-        """Make what edited materials need and give up what none needs any more; return whether any became another kind.
-
-        Frames in flight still read the old sets, images and streams, which are therefore deleted later. Whoever calls
-        this makes the pipelines anew, and then the sets.
-        """
-        revision = self._scene.revision[Change.MATERIALS]
-        if revision == self._materials_seen:
-            return False
-        self._choose_variants()
-        if self._material_kinds() == self._kinds:
-            self._materials_seen = revision
-            return False
-        self._kinds = (
-            None  # until `followed`: what is refused halfway is done anew by the next frame, from the start
-        )
+    def _replace(self, streams_changed: bool) -> None:
+        """Upload anew; frames in flight still read the old images and streams, which are therefore deleted later."""
         with Uploader(self._device) as uploader:
-            if geometry.used_streams(self.variants) != self.streams:
-                self._plan_geometry()
+            if streams_changed:
                 for handle in [self._meshes, *(handle for copy in self._geometry for handle in copy)]:
                     self._resources.destroy_buffer(handle)
                 self._upload_geometry(uploader)
@@ -276,31 +229,21 @@ class SceneData:
         for index, slot in enumerate(self.slots):
             if self.lit and slot.lights is None:
                 slot.lights = self._make_lights(index)
-        return True
-
-    def followed(self) -> None:
-        """Note that pipelines were made, too, for what `follow_materials` made: only then is an edit done with."""
-        self._kinds, self._materials_seen = self._material_kinds(), self._scene.revision[Change.MATERIALS]
 
     # --- what passes read ---
 
-    def texture_defines(
-        self, needed: Variant, of: Callable[[Variant], Variant] = lambda whole: whole
-    ) -> tuple[tuple[str, int | str], ...]:
-        """Return what the shaders of `needed` are built with, which `of` makes of a material's variant."""
-        if not needed.roles:
-            return ()
-        drawn = [number for number, one in enumerate(self.variants) if of(one).defines == needed.defines]
-        return self._textures.defines(drawn)
+    def _defines_of(self, materials: Sequence[int]) -> tuple[tuple[str, int | str], ...]:
+        return self._textures.defines(materials)
 
     @property
     def textures_of(self) -> np.ndarray:
         """(M,) number of the set that holds each material's textures."""
         return self._textures.set_of
 
-    def frame_set(self, slot: int) -> Any:
-        """Return the array of the slot's descriptor set, None where nothing of the scene is drawn."""
-        return self._frame_sets[slot] if self._frame_sets else None
+    def binding(self, slot: int) -> SceneBinding:
+        """Return the slot's descriptor set, None where nothing of the scene is drawn, and its list of draws."""
+        frame = self._frame_sets[slot] if self._frame_sets else None
+        return SceneBinding(frame, self.slots[slot].commands)
 
     def texture_set(self, number: int) -> Any:
         """Return the array of one descriptor set with textures."""
@@ -312,24 +255,14 @@ class SceneData:
         handle = self._resources.buffers.get(self._geometry[copy][page]).handle
         return self._page_sets[copy * len(self.pages) + page], handle
 
-    def update_textures(self, slot: int, view: View) -> int:
-        """Go on loading, most of all what `view` shows, and name to the slot's materials what has arrived.
-
-        Descriptors of textures that are new are written, before a frame is recorded; returns how many that were.
-        """
-        if self._loading.decoding and self._seen_from != view:
-            self._loading.prioritise(material_sizes(self._scene, self.records.instances, view))
-            self._seen_from = view
+    def _load_textures(self, budget: int | None) -> int:
         before = self._textures.loader.bytes
-        count = self._textures.update(self._loading.budget)
-        self.texture_work = self._loading.counts(self.textures, self._textures.loader.bytes - before)
-        report_failures(self._loading, self._scene)
-        self.records.write_maps(self.slots[slot], self._textures.revision)
-        return count
+        self._textures.update(budget)
+        return self._textures.loader.bytes - before
 
-    def load_textures(self) -> None:
-        """Wait until all textures are there."""
-        self._textures.update(None)
+    @property
+    def _maps_revision(self) -> int:
+        return self._textures.revision
 
     @property
     def bindless_sets(self) -> int:
@@ -342,16 +275,6 @@ class SceneData:
         return len(self._textures)
 
     # --- written for every frame ---
-
-    def write_frame(self, slot: int, constants: np.ndarray) -> None:
-        """Write the frame's constants."""
-        self.slots[slot].frame.view(constants.dtype)[0] = constants
-
-    def write_commands(self, slot: int, commands: np.ndarray, first: int = 0) -> int:
-        """Write records of draws into the slot's list, from number `first` on; return the bytes written."""
-        if len(commands):
-            self.slots[slot].commands.view(COMMAND)[first : first + len(commands)] = commands
-        return int(commands.nbytes)
 
     def record_deformation(self, commands: Any, slot: int, pose: Pose) -> int:
         """Record the copies of deformed vertices into the slot's geometry; return the bytes copied."""

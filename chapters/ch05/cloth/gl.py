@@ -1,8 +1,8 @@
-"""The cloth pass on OpenGL: the same kernels in the same order; compare vulkan.py."""
+"""The kernels of cloth on OpenGL: buffers, and what binds them; compare vulkan.py."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from types import SimpleNamespace
 from typing import Any
@@ -22,15 +22,12 @@ from backends.gl.resources import (
 )
 
 from ..frames.frame import SLOTS
+from ..frames.gl_backend import GlBackend
 from ..frames.gl_commands import Commands
-from ..pipelines.gl import Built, Pipelines
-from ..pipelines.gl_compute import ComputePipeline
-from ..scene.gl_data import SceneData
-from ..settings import Settings
-from .declared import FRAME, STATE, ClothSteps, title
-from .dispatches import Dispatch, Kernel
+from ..pipelines.description import Built
+from .dispatches import Kernel
 from .layout import Limits, Packed
-from .scene import ClothScene
+from .passes import FRAME, STATE
 
 
 class ClothBuffers:
@@ -78,35 +75,37 @@ class ClothBuffers:
         self._held = {}
 
 
-class ClothPass(ClothSteps):
-    """Simulation, normals and vertices of all cloths."""
+class ClothKernels:
+    """Buffers, which are bound to each kernel one by one."""
 
-    def __init__(
-        self, found: ClothScene, settings: Settings, data: SceneData, pipelines: Pipelines, context: Context
-    ) -> None:
-        limits = context.limits
-        super().__init__(
-            found,
-            settings,
-            data,
-            Limits(
-                limits["maxStorageBufferRange"],
-                invocations=limits["maxComputeWorkGroupInvocations"],
-                shared_bytes=limits["maxComputeSharedMemorySize"],
-            ),
+    def __init__(self, backend: GlBackend) -> None:
+        self._context, self._data, self._pipelines = backend.device, backend.data, backend.pipelines
+        limits = backend.device.limits
+        self.limits = Limits(
+            limits["maxStorageBufferRange"],
+            invocations=limits["maxComputeWorkGroupInvocations"],
+            shared_bytes=limits["maxComputeSharedMemorySize"],
         )
-        self._scene_data, self._pipelines, self._context = data, pipelines, context
-        self._made: dict[Kernel, Built] = {}
 
-    def make_memory(self, packed: Packed, before: Any) -> ClothBuffers:
+    def make_memory(self, packed: Packed, before: ClothBuffers | None) -> ClothBuffers:
         """Return the buffers, whose state is that of `before`."""
         self._buffers = ClothBuffers(self._context, packed, before)
         return self._buffers
 
-    def make_kernels(self, kernels: list[Kernel]) -> None:
-        """Make the programs."""
-        described = [ComputePipeline(one.file, tuple(one.defines.items()), title(one)) for one in kernels]
-        self._made = dict(zip(kernels, self._pipelines.get(described), strict=True))
+    def make_kernels(self, kernels: Mapping[Kernel, Built], pages: Collection[int]) -> None:
+        """Make nothing: programs have no sets."""
+
+    def bind(self, commands: Commands, kernel: Kernel, slot: int, page: int) -> None:
+        """Bind the buffers of a kernel."""
+        for binding, name in enumerate(kernel.buffers):
+            words = name == "words"
+            held = self._data.page_buffer(slot, page) if words else self._buffers.buffer(name, slot)
+            bind_buffer(self._context, "storage", binding, held)
+
+    def finish(self, commands: Commands, slot: int) -> None:
+        """Let the CPU see the answers, and bind the scene again where the kernels have bound their buffers."""
+        self._context.fn.glMemoryBarrier(gl.GL_CLIENT_MAPPED_BUFFER_BARRIER_BIT)
+        self._data.bind_frame(slot)
 
     @contextmanager
     def at_once(self, slot: int) -> Iterator[Commands]:
@@ -117,28 +116,3 @@ class ClothPass(ClothSteps):
         commands.begin(where)
         yield commands
         commands.compute_barrier()
-
-    def record(self, commands: Commands) -> None:
-        """Make the dispatches of this frame, each behind those whose results it reads."""
-        slot = commands.slot.index
-        bound: Dispatch | None = None
-        for one in self.dispatched(slot):
-            if bound is None or one.kernel != bound.kernel:
-                commands.bind_compute(self._made[one.kernel])
-            if bound is None or (one.kernel, one.page) != (bound.kernel, bound.page):
-                for binding, name in enumerate(one.kernel.buffers):
-                    words = name == "words"
-                    held = (
-                        self._scene_data.page_buffer(slot, one.page)
-                        if words
-                        else self._buffers.buffer(name, slot)
-                    )
-                    bind_buffer(self._context, "storage", binding, held)
-            bound = one
-            if one.after:
-                commands.compute_barrier()
-            commands.push(np.array(one.push, np.uint32))
-            commands.dispatch(*one.groups)
-        if bound is not None:
-            self._context.fn.glMemoryBarrier(gl.GL_CLIENT_MAPPED_BUFFER_BARRIER_BIT)
-            self._scene_data.bind_frame(slot)

@@ -102,9 +102,8 @@ class ClothScene:
     rest: Float64 = field(default_factory=lambda: np.zeros((0, 4, 4)))
     obstacles: tuple[Obstacle, ...] = ()
 
-    def pose(self, time: float) -> Pose:
-        """Return the pose of the view: cloths stay where they are anchored, whatever their nodes do."""
-        pose = evaluate_pose(self.source, time)
+    def pose(self, pose: Pose) -> Pose:
+        """Return the pose of the view, of one of the source: cloths stay anchored, whatever their nodes do."""
         if not self.cloths:
             return pose
         world = pose.world_from_object.copy()

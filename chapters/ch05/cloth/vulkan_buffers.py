@@ -22,8 +22,8 @@ from common.numerics.pools import Handle
 
 from ..frames.frame import SLOTS
 from ..frames.vulkan_resources import Resources
-from .declared import FRAME, STATE
 from .layout import Packed
+from .passes import FRAME, STATE
 
 _STORAGE = vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT
 

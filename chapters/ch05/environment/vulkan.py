@@ -42,7 +42,7 @@ from common.scene import Sampler
 
 from ..pipelines.spirv.parser import parse
 from . import model as logic
-from .model import PANORAMA, SMOOTH, Maps, Sizes
+from .model import PANORAMA, SMOOTH, Maps, MapsOnGpu, Sizes
 
 _USAGE = (
     vk.VK_IMAGE_USAGE_SAMPLED_BIT
@@ -53,23 +53,13 @@ _USAGE = (
 
 
 @dataclass(eq=False)
-class EnvironmentMaps:
+class EnvironmentMaps(MapsOnGpu):
     """What shaders sample, all in the state 'sampled'; views of the cubes are cube views. `close` frees it."""
 
-    radiance: Image
     irradiance: Image
     table: Image
     radiance_view: Any
     irradiance_view: Any
-    scale: float
-    """What a stored 1 stands for, in nits."""
-    made_ms: dict[str, float]
-    """Milliseconds that the GPU took for what was made ("maps", "table"); what came from the disk is left out."""
-
-    @property
-    def last_level(self) -> int:
-        """The level for roughness 1."""
-        return self.radiance.levels - 1
 
     def close(self, device: Device) -> None:
         """Free the images; no frame in flight may use them."""
@@ -110,7 +100,7 @@ def create_environment(device: Device, environment: Environment, sizes: Sizes) -
             fill(device, table, [texels[None]])
         seen, lit = cube_view(device, radiance), cube_view(device, irradiance)
         failed.pop_all()
-        return EnvironmentMaps(radiance, irradiance, table, seen, lit, maps.scale, made_ms)
+        return EnvironmentMaps(radiance, maps.scale, made_ms, irradiance, table, seen, lit)
 
 
 def cube_view(device: Device, image: Image, level: int = 0, levels: int | None = None) -> Any:

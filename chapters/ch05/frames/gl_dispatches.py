@@ -7,14 +7,15 @@ second reads what the first wrote, is the pass's own: `compute_barrier`.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from backends.gl import api as gl
 from backends.gl.context import Context
 
-from ..graph.execute.gl_bindings import Sources
-from ..pipelines.gl import Built
+from ..pipelines.description import Built
+from .commands import SceneBinding
 from .dispatches import group_count
 
 _STORED = (
@@ -26,19 +27,18 @@ class Dispatches:
     """The compute half of `Commands`."""
 
     _context: Context
+    sources: Any
     work: dict[str, int]
 
-    def bind_compute(self, pipeline: Built) -> None:
-        """Use the program that the next dispatches run."""
-        self._context.fn.glUseProgram(pipeline.program.handle)
+    def bind_compute(self, pipeline: Built, scene: SceneBinding | None = None) -> None:
+        """Use the program that the next dispatches run, and bind the sources; the scene is bound per frame."""
+        self._context.fn.glUseProgram(pipeline.handle)
         self.work["pipeline_binds"] += 1
+        if self.sources is not None:
+            self.sources.bind(self._context)
+            self.work["descriptor_binds"] += 1
 
-    def bind_sources(self, sources: Sources) -> None:
-        """Bind all that a pass declares to read and to write."""
-        sources.bind(self._context)
-        self.work["descriptor_binds"] += 1
-
-    def push(self, data: np.ndarray) -> None:
+    def push(self, pipeline: Built, data: np.ndarray) -> None:
         """Set the push constants to what a recording fixes: sizes, numbers, levels."""
         self._context.push(np.array(data))  # of its own: the call is made in every frame
 

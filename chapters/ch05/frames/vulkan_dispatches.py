@@ -15,7 +15,8 @@ import numpy as np
 from backends.vulkan import api as vk
 from backends.vulkan.barriers import barriers
 
-from ..pipelines.vulkan import Built
+from ..pipelines.description import Built
+from .commands import SceneBinding
 from .dispatches import group_count
 
 _COMPUTE = vk.VK_PIPELINE_BIND_POINT_COMPUTE
@@ -35,12 +36,17 @@ class Dispatches:
 
     _fn: Any
     handle: Any
+    sources: Any
     work: dict[str, int]
 
-    def bind_compute(self, pipeline: Built) -> None:
-        """Bind the pipeline that the next dispatches run."""
+    def bind_compute(self, pipeline: Built, scene: SceneBinding | None = None) -> None:
+        """Bind the pipeline that the next dispatches run, the set of the scene if given, and that of the sources."""
         self._fn.vkCmdBindPipeline(self.handle, _COMPUTE, pipeline.handle)
         self.work["pipeline_binds"] += 1
+        if scene is not None and pipeline.sets[0] is not None:
+            self.bind_compute_set(pipeline, 0, scene.computed)
+        if self.sources is not None:
+            self.bind_compute_set(pipeline, *self.sources)
 
     def bind_compute_set(self, pipeline: Built, number: int, descriptor_set: Any) -> None:
         """Bind an array of one descriptor set as set `number` of compute."""
@@ -50,7 +56,9 @@ class Dispatches:
         self.work["descriptor_binds"] += 1
 
     def push(self, pipeline: Built, data: np.ndarray) -> None:
-        """Set the push constants, from their first byte on, to what a recording fixes: sizes, numbers, levels."""
+        """Set the push constants, from their first byte on, to what a recording fixes; none where none are taken."""
+        if not pipeline.push_stages:
+            return
         raw = np.ascontiguousarray(data).view(np.uint8).reshape(-1)
         self._fn.vkCmdPushConstants(
             self.handle, pipeline.layout, pipeline.push_stages, 0, raw.size, vk.ffi.from_buffer(raw)

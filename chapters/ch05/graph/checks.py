@@ -6,7 +6,7 @@ import math
 from collections.abc import Collection, Mapping
 from typing import Any, get_args
 
-from backends.contract import Access, Use
+from backends.contract import Access, Pass, Use
 from common.names import suggest
 
 from .sync.queues import QUEUES
@@ -46,19 +46,17 @@ def check_readers(readers: Any, known: Collection[str]) -> None:
 
 
 def check_pass(made: Any, formats: Collection[str]) -> None:
-    """Raise GraphError unless `made` has what a pass has, and declares what can be."""
-    name = getattr(made, "name", None)
-    if isinstance(made, type) or not isinstance(name, str) or not name:
+    """Raise GraphError unless `made` is a pass, and declares what can be."""
+    if not isinstance(made, Pass):
         raise GraphError(
-            f"{made!r} is no pass: a pass is an object with a name, reads, writes, create and record."
+            f"{made!r} is no pass: derive its class from backends.contract.Pass, and make one of it."
         )
-    for what in ("create", "record", "needed"):
-        if not callable(getattr(made, what, None)):
-            raise GraphError(f"The pass '{name}' has no {what}().")
-    if getattr(made, "queue", QUEUES[0]) not in QUEUES:
+    name = getattr(made, "name", None)
+    if not isinstance(name, str) or not name:
+        raise GraphError(f"A pass of {type(made).__name__} has no name.")
+    if made.queue not in QUEUES:
         raise GraphError(f"The pass '{name}' asks for {made.queue!r}: its queue is {' or '.join(QUEUES)}.")
-    for what in ("reads", "writes"):
-        declared = getattr(made, what, None)
+    for what, declared in (("reads", made.reads), ("writes", made.writes)):
         if not isinstance(declared, tuple) or not all(isinstance(one, Access) for one in declared):
             raise GraphError(f"The pass '{name}' does not say what it {what}: give a tuple of Access.")
         for access in declared:

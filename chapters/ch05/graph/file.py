@@ -37,7 +37,7 @@ from common.paths import ROOT
 
 from .fields import Field
 from .json_places import JsonError, brief, line_and_column, parse
-from .sync.queues import asked_by, check_word, moved
+from .sync.queues import check_word, moved
 from .types import GraphError, Node
 
 GRAPHS = Path(__file__).parent
@@ -56,6 +56,8 @@ class Declared(Protocol):
     def reads(self) -> tuple[Access, ...]: ...
     @property
     def writes(self) -> tuple[Access, ...]: ...
+    @property
+    def queue(self) -> str: ...
     @property
     def why_not(self) -> str: ...
 
@@ -263,7 +265,7 @@ def _node(
         tuple(_connected(access, reads, reads) for access in made.reads),
         tuple(_connected(_opened(use, access, formats, externals), writes, reads) for access in made.writes),
         why_not,
-        asked_by(made),
+        made.queue,
     )
     return node if use.queue is None else moved(node, use.queue, name)
 

@@ -15,7 +15,7 @@ from copy import copy as shallow
 from dataclasses import dataclass, replace
 from typing import Any
 
-from backends.contract import Access
+from backends.contract import Access, Pass
 from common.errors import UserError
 from common.names import suggest
 
@@ -25,7 +25,7 @@ from .checks import check_name, check_output, check_pass, check_readers
 from .file import GraphFile
 from .frame_graph import bytes_of, compile_graph
 from .names import connect
-from .sync.queues import GRAPHICS, asked_by, brought_by
+from .sync.queues import GRAPHICS
 from .types import External, Graph, GraphError, Node, Requirements, Touch
 
 COPY = "copy outputs"
@@ -77,7 +77,7 @@ class FramePlan:
     def __init__(
         self,
         file: GraphFile,
-        passes: Mapping[str, Any],
+        passes: Mapping[str, Pass],
         outputs: Mapping[str, str],
         handed_on: Collection[str],
         formats: Collection[str],
@@ -85,8 +85,8 @@ class FramePlan:
         self._formats, self._asked = formats, (dict(outputs), frozenset(handed_on))
         self._off: dict[str, str] = {}
         self._on: set[str] = set()  # although the file switches them off
-        self._inserted: dict[str, Any] = {}
-        self._swapped: dict[str, Any] = {}
+        self._inserted: dict[str, Pass] = {}
+        self._swapped: dict[str, Pass] = {}
         self._readers: dict[str, Mapping[str, Mapping[str, str]]] = {}
         self.nodes: dict[str, Node] = {}
         """The passes as they were compiled last, by the names of their steps."""
@@ -139,7 +139,7 @@ class FramePlan:
         else:
             self._off[name] = OFF
 
-    def insert(self, made: Any, readers: Mapping[str, Mapping[str, str]] | None = None) -> None:
+    def insert(self, made: Pass, readers: Mapping[str, Mapping[str, str]] | None = None) -> None:
         """Add a pass that the file does not name; where it runs follows from what it reads and writes.
 
         `readers` says, by the names of the graph, which passes read something else from now on:
@@ -160,19 +160,20 @@ class FramePlan:
         del self._inserted[name], self._readers[name]
         self._swapped.pop(name, None)
 
-    def implementations(self) -> dict[str, Any]:
+    def implementations(self) -> dict[str, Pass]:
         """Return what draws, by the names of the steps."""
         own = {name: self.passes[of] for name, of in self.file.passes.items()} | self._inserted
         return own | {name: made for name, made in self._swapped.items() if name in own}
 
-    def swap(self, name: str, made: Any) -> None:
+    def swap(self, name: str, made: Pass) -> None:
         """Let `made` draw in place of pass `name`; it declares the same, and whether it is needed stays as it is."""
         check_name(name, self.switches)
         check_pass(made, self._formats)
         now = self.implementations()[name]
         for what in ("reads", "writes"):
-            if getattr(made, what) != getattr(now, what):
-                declared = [", ".join(one.resource for one in getattr(each, what)) for each in (now, made)]
+            old, new = (each.reads if what == "reads" else each.writes for each in (now, made))
+            if old != new:
+                declared = [", ".join(one.resource for one in each) for each in (old, new)]
                 was, now_ = (text or "nothing" for text in declared)
                 other = f"not {now_}" if was != now_ else "in the same way"
                 raise GraphError(f"What takes the place of '{name}' has to {what[:-1]} {was}, {other}.")
@@ -206,18 +207,18 @@ class FramePlan:
         self, size: tuple[int, int], scene: Any, settings: Any, requirements: Requirements | None, alias: bool
     ) -> tuple[list[Node], Graph]:
         declared = {
-            name: Declared(name, made.reads, made.writes, _why_not(made, scene, settings), asked_by(made))
+            name: Declared(name, made.reads, made.writes, _why_not(made, scene, settings), made.queue)
             for name, made in self.passes.items()
         }
         nodes = self.file.nodes(declared, self._formats, outputs=OUTPUTS, on=self._on)
         nodes += [
-            Node(made.name, made.reads, made.writes, _why_not(made, scene, settings), asked_by(made))
+            Node(made.name, made.reads, made.writes, _why_not(made, scene, settings), made.queue)
             for made in self._inserted.values()
         ]
         for readers in self._readers.values():
             nodes = [_reconnected(node, readers.get(node.name, {})) for node in nodes]
         nodes = [replace(node, why_not=self._off.get(node.name, node.why_not)) for node in nodes]
-        self.externals = brought_by(self.passes.values())
+        self.externals = {name: one for made in self.passes.values() for name, one in made.externals.items()}
         there, copy, externals = self._copied(nodes, size)
         externals |= self.externals
         if copy.reads:  # else nobody wants anything of this frame
@@ -327,7 +328,7 @@ def _reconnected(node: Node, names: Mapping[str, str]) -> Node:
     return replace(node, reads=reads, writes=writes)
 
 
-def _why_not(made: Any, scene: Any, settings: Any) -> str:
+def _why_not(made: Pass, scene: Any, settings: Any) -> str:
     return "" if made.needed(scene, settings) else "the scene and the settings give it nothing to do"
 
 

@@ -273,6 +273,12 @@ class Loading:
             failed, self._failed = self._failed, []
             return failed
 
+    def refuse_failed(self) -> None:
+        """Raise SceneError where something could not be decoded, unless frames are drawn without it."""
+        failed = [] if self.streams else self.failures()
+        if failed:
+            raise refusal(min(failed, key=lambda request: request.place))
+
     def resident(self, key: Hashable) -> bool:
         """Whether what was asked for as `key` can be sampled."""
         request = self.requests.get(key)

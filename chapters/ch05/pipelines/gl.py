@@ -6,44 +6,21 @@ Equal descriptions share one pipeline. `bind` sets all of its state: OpenGL reme
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 from backends import shader_text
 from backends.gl import api as gl
 from backends.gl.context import FRONT_FACES, Context
+from backends.gl.draws import create_vertex_array
 from backends.gl.programs import Program, Programs
 from backends.shader_text import ShaderSource
+from common.layouts import SNIPPETS
 
-from .gl_compute import ComputePipeline, group_of
-from .snippets import SNIPPETS
+from .compute_description import ComputeDescription
+from .description import Built, Described, Front, PipelineDescription
+from .gl_compute import group_of
 
 CHAPTER = Path(__file__).resolve().parents[1]
-
-
-@dataclass(frozen=True)
-class GraphicsPipeline:
-    """What a pipeline is made of; compare `pipelines.vulkan`. Vertex streams belong to a vertex array here."""
-
-    shaders: tuple[str, ...]
-    defines: tuple[tuple[str, int | float | str], ...] = ()
-    depth: Literal["write", "test", "equal"] | None = "write"
-    blend: Literal["over", "add"] | None = None
-    name: str = ""
-
-
-Described = GraphicsPipeline | ComputePipeline
-
-
-@dataclass(eq=False)
-class Built:
-    """A pipeline that can be bound. It has another program after a shader was edited."""
-
-    described: Described
-    program: Program
-    group: tuple[int, int, int] = (1, 1, 1)
-    """Invocations of a work group along each axis, where it computes."""
 
 
 class Pipelines:
@@ -53,6 +30,8 @@ class Pipelines:
         self._context = context
         self._programs = Programs(context)
         self._built: dict[Described, Built] = {}
+        self.no_vertices = create_vertex_array(context, [], None, None, "no vertices")
+        """The vertex array of draws that read no vertices; OpenGL wants one to be bound."""
 
     def __len__(self) -> int:
         return len(self._built)
@@ -62,11 +41,13 @@ class Pipelines:
         for described in wanted:
             if described not in self._built:
                 program = self._programs.get(self._sources(described), described.name)
-                self._built[described] = Built(described, program, self._group(described, program))
+                self._built[described] = Built(
+                    described, program.handle, program, group=self._group(described, program)
+                )
         return [self._built[described] for described in wanted]
 
     def _group(self, described: Described, program: Program) -> tuple[int, int, int]:
-        computes = isinstance(described, ComputePipeline)
+        computes = isinstance(described, ComputeDescription)
         return group_of(self._context, program) if computes else (1, 1, 1)
 
     @staticmethod
@@ -81,7 +62,7 @@ class Pipelines:
     @property
     def files(self) -> frozenset[Path]:
         """All on disk that decides about the shaders of these pipelines."""
-        return frozenset().union(*(built.program.files for built in self._built.values()))
+        return frozenset().union(*(built.code.files for built in self._built.values()))
 
     def reload(self, changed: Collection[Path]) -> tuple[str, ...]:
         """Link the programs anew whose code a file of `changed` changes; all, or none.
@@ -89,19 +70,20 @@ class Pipelines:
         Returns their pipelines' names. Raises ShaderError for a shader that does not compile, or that no longer fits
         what is bound to it.
         """
-        old = [built for built in self._built.values() if built.program.files & set(changed)]
+        old = [built for built in self._built.values() if built.code.files & set(changed)]
         sources = [self._sources(built.described) for built in old]
-        new = self._programs.exchange([built.program for built in old], sources, changed)
-        anew = [pair for pair in zip(old, new, strict=True) if pair[0].program is not pair[1]]
+        new = self._programs.exchange([built.code for built in old], sources, changed)
+        anew = [pair for pair in zip(old, new, strict=True) if pair[0].code is not pair[1]]
         for built, program in anew:
-            built.program, built.group = program, self._group(built.described, program)
+            built.handle, built.code = program.handle, program
+            built.group = self._group(built.described, program)
         return tuple(built.described.name for built, _ in anew)
 
-    def bind(self, pipeline: Built, cull: bool, front: str) -> None:
+    def bind(self, pipeline: Built, cull: bool, front: Front) -> None:
         """Draw with `pipeline` from here on; `cull` leaves out back faces, `front` says how front faces wind."""
         fn, described = self._context.fn, pipeline.described
-        assert isinstance(described, GraphicsPipeline), "what computes is bound as such"
-        fn.glUseProgram(pipeline.program.handle)
+        assert isinstance(described, PipelineDescription), "what computes is bound as such"
+        fn.glUseProgram(pipeline.handle)
         _switch(fn, gl.GL_CULL_FACE, cull)
         fn.glFrontFace(FRONT_FACES[front])
         _switch(fn, gl.GL_DEPTH_TEST, described.depth is not None)
@@ -116,8 +98,9 @@ class Pipelines:
             fn.glBlendFuncSeparate(source, kept, gl.GL_ONE, kept)
 
     def close(self) -> None:
-        """Free every program."""
+        """Free every program, and the vertex array."""
         self._programs.close()
+        self._context.destroy("vertex array", self.no_vertices)
 
 
 def _switch(fn: gl.Functions, capability: int, on: bool) -> None:

@@ -2,25 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from backends.gl import api as gl
 from backends.gl.context import Context
 from backends.gl.programs import Program
-
-
-@dataclass(frozen=True)
-class ComputePipeline:
-    """What a compute pipeline is made of. What OpenGL cannot specialize is a define of both backends."""
-
-    shader: str
-    defines: tuple[tuple[str, int | float | str], ...] = ()
-    name: str = ""
-
-    @property
-    def shaders(self) -> tuple[str, ...]:
-        """The files of all stages."""
-        return (self.shader,)
 
 
 def group_of(context: Context, program: Program) -> tuple[int, int, int]:

@@ -1,4 +1,4 @@
-"""Graphics pipelines: a description in plain words, and the object the driver builds from it.
+"""Graphics pipelines: the objects that the driver builds from descriptions.
 
 Equal descriptions share one pipeline. Viewport, scissor, culling and the front face are dynamic state, since they
 change with the window and with mirrored objects; everything else is fixed when the pipeline is built.
@@ -7,21 +7,22 @@ change with the window and with mirrored objects; everything else is fixed when 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from backends import shader_text
 from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 from backends.vulkan.live import Stages, check_fit, compile_stages
 from backends.vulkan.resources import FORMATS
+from common.layouts import SNIPPETS
 
-from .snippets import SNIPPETS
+from .compute_description import ComputeDescription
+from .description import Built, Described, PipelineDescription
 from .vulkan_cache import PipelineCache
-from .vulkan_compute import ComputePipeline, build_compute, group_of
-from .vulkan_layouts import CAPACITY, Layouts, SetLayout
+from .vulkan_compute import build_compute, group_of
+from .vulkan_layouts import CAPACITY, Layouts
 from .vulkan_reflection import STAGES, Stage, check_pulled, chosen, merge
 
 CHAPTER = Path(__file__).resolve().parents[1]
@@ -35,33 +36,6 @@ _ALL_CHANNELS = (
     | vk.VK_COLOR_COMPONENT_B_BIT
     | vk.VK_COLOR_COMPONENT_A_BIT
 )
-
-
-@dataclass(frozen=True)
-class GraphicsPipeline:
-    """What a pipeline is made of. What it reads, its shaders say themselves.
-
-    `specialization` gives constants of theirs, by name or id, the values that they are compiled with. `dynamic` names
-    buffers whose offset comes with the bind. `color` may be several formats: of as many targets, blended alike.
-    """
-
-    shaders: tuple[str, ...]
-    defines: tuple[tuple[str, int | float | str], ...] = ()
-    specialization: tuple[tuple[str | int, int | float | bool], ...] = ()
-    dynamic: tuple[str, ...] = ()
-    color: str | tuple[str, ...] | None = "rgba16f"
-    depth: Literal["write", "test", "equal"] | None = "write"
-    blend: Literal["over", "add"] | None = None
-    samples: int = 1
-    name: str = ""
-
-    @property
-    def colors(self) -> tuple[str, ...]:
-        """The format of each colour target."""
-        return (self.color,) if isinstance(self.color, str) else self.color or ()
-
-
-Described = GraphicsPipeline | ComputePipeline
 
 
 def source_of(file: str, defines: Sequence[tuple[str, int | float | str]]) -> shader_text.ShaderSource:
@@ -78,24 +52,6 @@ def source_of(file: str, defines: Sequence[tuple[str, int | float | str]]) -> sh
         extensions_with=BINDLESS,
         snippets=SNIPPETS,
     )
-
-
-@dataclass(eq=False)
-class Built:
-    """A pipeline with the layout through which descriptors and push constants reach it.
-
-    Whoever draws with it asks for the handle each time: it is another one after a shader was edited. `sets` are the
-    layouts of its sets by number, None where no shader uses one; `push_stages` are to be named when constants are
-    pushed, 0 where it takes none.
-    """
-
-    handle: Any
-    layout: Any
-    stages: Stages
-    sets: tuple[SetLayout | None, ...] = ()
-    push_stages: int = 0
-    group: tuple[int, int, int] = (1, 1, 1)
-    """Invocations of a work group along each axis, where it computes."""
 
 
 class Pipelines:
@@ -118,7 +74,9 @@ class Pipelines:
             layout, sets = self.layouts.pipeline(signature)
             push_stages = self.layouts.stages(signature.stages) if signature.push else 0
             handle = self._build(described, found, layout, self._cache)
-            self._built[described] = Built(handle, layout, stages, sets, push_stages, group_of(found[0]))
+            self._built[described] = Built(
+                described, handle, stages, layout, sets, push_stages, group_of(found[0])
+            )
         return [self._built[described] for described in wanted]
 
     def _compile(self, wanted: Sequence[Described], keep: bool = True) -> list[Stages]:
@@ -128,7 +86,7 @@ class Pipelines:
     @property
     def files(self) -> frozenset[Path]:
         """All on disk that decides about the shaders of these pipelines."""
-        return frozenset().union(*(built.stages.files for built in self._built.values()))
+        return frozenset().union(*(built.code.files for built in self._built.values()))
 
     def reload(
         self, changed: Collection[Path], retire: Callable[[Callable[[], None]], None]
@@ -138,11 +96,11 @@ class Pipelines:
         `retire` gets what destroys an old pipeline, to be called when no frame in flight uses it. Raises ShaderError
         for a shader that does not compile, or that no longer fits what is bound to it.
         """
-        old = {described: built for described, built in self._built.items() if built.stages.use(changed)}
+        old = {described: built for described, built in self._built.items() if built.code.use(changed)}
         new = dict(zip(old, self._compile(list(old), keep=False), strict=True))
         for described, stages in new.items():
-            check_fit(old[described].stages, stages, changed)
-        anew = [described for described in old if new[described].codes != old[described].stages.codes]
+            check_fit(old[described].code, stages, changed)
+        anew = [described for described in old if new[described].codes != old[described].code.codes]
         handles: dict[Described, Any] = {}
         try:
             for described in anew:
@@ -158,9 +116,9 @@ class Pipelines:
             retire(partial(self._device.destroy, "VkPipeline", old[described].handle))
             old[described].handle = handles[described]
         for described, built in old.items():
-            built.stages = new[described]
+            built.code = new[described]
             built.group = group_of(_stages(described, new[described])[0])
-        return tuple(_name(described) for described in anew)
+        return tuple(described.title for described in anew)
 
     def _build(
         self,
@@ -169,7 +127,7 @@ class Pipelines:
         layout: Any,
         cache: PipelineCache | None = None,
     ) -> Any:
-        if isinstance(described, ComputePipeline):
+        if isinstance(described, ComputeDescription):
             return build_compute(self._device, described, found[0], _specialization(found[0]), layout, cache)
         special = [_specialization(stage) for stage in found]
         modules = [
@@ -218,15 +176,15 @@ class Pipelines:
         infos = vk.array("VkGraphicsPipelineCreateInfo", [info])
         try:
             kept = cache.handle if cache else vk.NULL
-            return self._device.create_pipelines(
-                "vkCreateGraphicsPipelines", infos, [_name(described)], kept
-            )[0]
+            return self._device.create_pipelines("vkCreateGraphicsPipelines", infos, [described.title], kept)[
+                0
+            ]
         finally:
             for module in modules:
                 self._device.destroy("VkShaderModule", module)
 
     @staticmethod
-    def _depth(described: GraphicsPipeline) -> Any:
+    def _depth(described: PipelineDescription) -> Any:
         # Reversed z: the near plane is 1, infinity 0, and nearer is greater. The float's fine steps near 0 then fall
         # together with the coarse ones of 1/z, and depth keeps its relative precision at any distance.
         compare = vk.VK_COMPARE_OP_EQUAL if described.depth == "equal" else vk.VK_COMPARE_OP_GREATER_OR_EQUAL
@@ -238,7 +196,7 @@ class Pipelines:
         )
 
     @staticmethod
-    def _blend(described: GraphicsPipeline) -> Any:
+    def _blend(described: PipelineDescription) -> Any:
         if described.color is None:
             return vk.new("VkPipelineColorBlendStateCreateInfo")
         attachment: dict[str, Any] = {"colorWriteMask": _ALL_CHANNELS}
@@ -263,10 +221,6 @@ class Pipelines:
         for built in self._built.values():
             self._device.destroy("VkPipeline", built.handle)
         self.layouts.close()
-
-
-def _name(described: Described) -> str:
-    return described.name or " + ".join(described.shaders)
 
 
 def _stages(described: Described, compiled: Stages) -> list[Stage]:

@@ -3,40 +3,23 @@
 `Pipelines` keeps them beside those that draw: what a kernel binds and pushes is read from its SPIR-V, equal
 descriptions share a pipeline, the cache on disk knows it, and an edited file builds it anew.
 
-    pipeline = pipelines.get([ComputePipeline("blur.comp")])[0]
+    pipeline = pipelines.get([ComputeDescription("blur.comp")])[0]
     commands.bind_compute(pipeline)
-    commands.bind_compute_set(pipeline, 0, a_set)
     commands.dispatch_over(pipeline, (width, height))
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 
 from ..frames.dispatches import GroupLimits, check_group
+from .compute_description import ComputeDescription
 from .spirv.shared_memory import shared_bytes
 from .vulkan_cache import PipelineCache
 from .vulkan_reflection import Stage
-
-
-@dataclass(frozen=True)
-class ComputePipeline:
-    """What a compute pipeline is made of; the words are those of `GraphicsPipeline`."""
-
-    shader: str
-    defines: tuple[tuple[str, int | float | str], ...] = ()
-    specialization: tuple[tuple[str | int, int | float | bool], ...] = ()
-    dynamic: tuple[str, ...] = ()
-    name: str = ""
-
-    @property
-    def shaders(self) -> tuple[str, ...]:
-        """The files of all stages."""
-        return (self.shader,)
 
 
 def group_of(stage: Stage) -> tuple[int, int, int]:
@@ -46,7 +29,7 @@ def group_of(stage: Stage) -> tuple[int, int, int]:
 
 def build_compute(
     device: Device,
-    described: ComputePipeline,
+    described: ComputeDescription,
     stage: Stage,
     specialization: Any,
     layout: Any,
@@ -62,7 +45,6 @@ def build_compute(
     shared = shared_bytes(stage.code, dict(stage.constants))
     files = stage.source.paths if stage.source else frozenset()
     check_group(described.shader, group_of(stage), shared, limits, files)
-    name = described.name or described.shader
     module = device.create(
         "vkCreateShaderModule",
         vk.new("VkShaderModuleCreateInfo", codeSize=len(stage.code), pCode=stage.code),
@@ -79,6 +61,6 @@ def build_compute(
         info = vk.new("VkComputePipelineCreateInfo", stage=shader, layout=layout)
         infos = vk.array("VkComputePipelineCreateInfo", [info])
         kept = cache.handle if cache else vk.NULL
-        return device.create_pipelines("vkCreateComputePipelines", infos, [name], kept)[0]
+        return device.create_pipelines("vkCreateComputePipelines", infos, [described.title], kept)[0]
     finally:
         device.destroy("VkShaderModule", module)

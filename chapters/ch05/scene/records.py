@@ -32,6 +32,7 @@ class Slot:
     instances: Mapped
     materials: Mapped
     lights: Mapped | None
+    commands: Mapped
     written: dict[str, Any] = field(default_factory=dict)
 
 

@@ -17,7 +17,8 @@ from backends.gl.stage import Stage as AnyStage
 from ..frames import frame
 from ..frames.dispatches import group_count
 from ..frames.gl import Frames
-from ..pipelines.gl import Built, Pipelines
+from ..pipelines.description import Built
+from ..pipelines.gl import Pipelines
 
 
 class Stage(AnyStage):
@@ -32,7 +33,7 @@ class Stage(AnyStage):
     ) -> tuple[int, int, int]:
         """Run as many work groups of a kernel as cover `extent`, and return how many; barriers are the caller's."""
         groups = group_count(extent, kernel.group)
-        self.device.fn.glUseProgram(kernel.program.handle)
+        self.device.fn.glUseProgram(kernel.handle)
         if push is not None:
             self.device.push(push)
         self.device.fn.glDispatchCompute(*groups)

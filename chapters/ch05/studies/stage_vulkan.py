@@ -23,7 +23,8 @@ from ..frames.vulkan import Frames
 from ..frames.vulkan_commands import Commands, Rendering
 from ..frames.vulkan_profiler import Profiler
 from ..frames.vulkan_resources import target_usage
-from ..pipelines.vulkan import Built, Pipelines
+from ..pipelines.description import Built
+from ..pipelines.vulkan import Pipelines
 from ..pipelines.vulkan_descriptors import Descriptors, Held
 
 

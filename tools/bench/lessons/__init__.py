@@ -1,1 +1,24 @@
-"""Measurements that belong to one lesson."""
+"""The benches of lessons, by name: each is in the chapter of its lesson, and measures later chapters and forks, too."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+CHAPTERS = {
+    "load": 3,
+    "loads": 3,
+    "graph": 4,
+    "gbuffer": 4,
+    "cloth": 5,
+    "executions": 5,
+    "drift": 5,
+    "async_compute": 5,
+    "pacing": 5,
+}
+"""The chapter whose `benches/` has the module."""
+
+
+def bench(name: str) -> Any:
+    """Return the module of a bench."""
+    return import_module(f"chapters.ch{CHAPTERS[name]:02}.benches.{name}")

@@ -1,70 +1,43 @@
-"""What loading a scene takes: from its file, from its cache, and for the frames that are drawn meanwhile.
+"""The part `loads` of a bench. Chapter 3's bench says what is loaded, in which ways and how often.
 
-Each load is a process of its own (`tools.bench.lessons.load`), with what the system keeps of files and what was
-compiled before warm. The ways:
-
-    plain      decoded from the file; nothing is kept
-    write      the same, and the cache is written
-    cached     from that cache: mapped, nothing is decoded
-    compress   decoded, compressed in blocks, written
-    blocks     from that cache
-    least      the same, with textures of a few texels in the place of its own: what no cache spares
-    stream     frames are drawn while textures arrive from the file
-    overlap    the same, with a stamp on the GPU before and after every submission (Vulkan)
-
-A load ends with the last byte on the device. Its time is that of opening the scene and uploading it, with everything
-that takes but starting Python, opening a device, and what is no scene's own: pipelines are built during each load, and
-their time is taken in that load and shown apart, as is that of a renderer without a scene (`tools.bench.lessons.load`).
-Memory is what the process grew by at its peak, over a process that has opened the device and the same scene with tiny
-textures.
-
-Beside them, `pillow` is what a program takes that reads the document with pygltflib and decodes the images with Pillow
-on as many threads, and uploads nothing; `read` is that work done by our own reader, which also makes geometry, and
-decodes no picture that nothing drawn has.
+Each load is a process of its own: `python -m tools.bench.lessons.loads WHICH BACKEND SCENE WxH WAY [FILE.npz]` prints
+what it measured as JSON.
 """
 
 from __future__ import annotations
 
 import json
 import os
-import statistics
 import subprocess
 import sys
-import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any
-
-import numpy as np
-from rich.console import Console
 
 import chapters
 from backends import verdicts
 from chapters import scenes
 from common.errors import DeviceError, UserError
 from common.paths import ROOT, asset_dir
-from tools.bench import points
-from tools.bench.lessons import scene
-from tools.bench.lessons.load import ONCE
-from tools.bench.points import Effort
-from tools.cli.tables import table
-
-WAYS = {
-    "plain": "from the file",
-    "write": "and writing the cache",
-    "cached": "from the cache",
-    "compress": "and compressing it",
-    "blocks": "from the cache of blocks",
-    "least": "the same without texels",
-    "stream": "while frames are drawn",
-    "read": "read and decoded, no upload",
-    "pillow": "the same, pygltflib and Pillow",
-}
+from common.reports.benches import Effort
+from common.scene.primitive import nothing
+from tools.bench.lessons import bench
+from tools.bench.points import Subject
+from tools.run.run import open_device
 
 
-GENERATED = "generated"
-"""The scene of `tools.bench.lessons.scene`, 0.5 GB of textures, which is written for the bench and removed after it."""
+def measure(
+    which: chapters.Whole,
+    backend: str,
+    size: tuple[int, int],
+    effort: Effort,
+    step: Callable[[str, float], None],
+) -> list[dict[str, Any]]:
+    """Return a record for each scene of `Settings.LOADS`; [] where there are none."""
+    names = getattr(chapters.settings_class(which), "LOADS", ())
+    return bench("loads").measure(names, find, partial(run, which, backend, size), effort, step)
 
 
 def find(name: str) -> Path | None:
@@ -79,195 +52,56 @@ def find(name: str) -> Path | None:
         return None
 
 
-def measure(
+def run(
     which: chapters.Whole,
     backend: str,
     size: tuple[int, int],
-    effort: Effort,
-    step: Callable[[str, float], None],
-    names: Sequence[str] | None = None,
-) -> list[dict[str, Any]]:
-    """Return a record for each scene of `names`, by default those of `Settings.LOADS`; [] where there are none."""
-    wanted = getattr(chapters.settings_class(which), "LOADS", ()) if names is None else names
-    found = []
-    for number, name in enumerate(wanted):
-
-        def within(what: str, part: float, number: int = number, name: str = name) -> None:
-            step(f"{name}, {what}", (number + part) / len(wanted))
-
-        with ExitStack() as stack:
-            if name == GENERATED:
-                within("writing it", 0.0)
-                folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="strata-bench-"))
-                path: Path | None = scene.write(Path(folder))
-            else:
-                path = find(name)
-            if path is None:
-                found.append({"scene": name, "ways": {}})
-            else:
-                found.append(_measure(which, backend, name, path, size, effort, within))
-    return found
+    scene: Path,
+    way: str,
+    cache: Path,
+    picture: Path | None = None,
+) -> dict[str, Any]:
+    """Return the figures of one load in a process of its own, whose cache is the folder `cache`."""
+    words = [str(which if isinstance(which, int) else which.path), backend, str(scene)]
+    words += [f"{size[0]}x{size[1]}", way, *([str(picture)] if picture else [])]
+    done = subprocess.run(
+        [sys.executable, "-m", "tools.bench.lessons.loads", *words],
+        env={**os.environ, **verdicts.variables(), "STRATA_CACHE": str(cache)},
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+    )
+    if done.returncode:
+        last = (done.stderr.strip().splitlines() or ["no message"])[-1]
+        raise DeviceError(f"Loading {scene.stem} in a process of its own failed: {last}")
+    figures: dict[str, Any] = json.loads(done.stdout)
+    return figures
 
 
-def _measure(
+def once(
     which: chapters.Whole,
     backend: str,
-    name: str,
     path: Path,
     size: tuple[int, int],
-    effort: Effort,
-    step: Callable[[str, float], None],
+    way: str,
+    picture: Path | None = None,
 ) -> dict[str, Any]:
-    turns = max(effort.starts, 3)
-    runs: dict[str, list[dict[str, Any]]] = {way: [] for way in WAYS}
-    with tempfile.TemporaryDirectory(prefix="strata-bench-") as folder:
-        pictures = {way: Path(folder) / f"{way}.npz" for way in ("plain", "cached", "blocks")}
-        environment = {**os.environ, **verdicts.variables(), "STRATA_CACHE": str(Path(folder) / "strata")}
-
-        def run(way: str, picture: Path | None = None) -> dict[str, Any]:
-            words = [str(which if isinstance(which, int) else which.path), backend, str(path)]
-            words += [f"{size[0]}x{size[1]}", way, *([str(picture)] if picture else [])]
-            done = subprocess.run(
-                [sys.executable, "-m", "tools.bench.lessons.load", *words],
-                env=environment,
-                cwd=ROOT,
-                capture_output=True,
-                text=True,
-            )
-            if done.returncode:
-                last = (done.stderr.strip().splitlines() or ["no message"])[-1]
-                raise DeviceError(f"Loading {name} in a process of its own failed: {last}")
-            made: dict[str, Any] = json.loads(done.stdout)
-            return made
-
-        step("shaders", 0.0)
-        run("plain", pictures["plain"])  # what is compiled here, later starts find
-        for number, way in enumerate(WAYS):
-            step(WAYS[way], (number + 1) / (len(WAYS) + 1))
-            runs[way] = [run(way) for _ in range(1 if way in ONCE else turns)]
-        for way in ("cached", "blocks"):
-            run(way, pictures[way])
-        overlap = run("overlap")["overlap"]
-        shown = {way: _read(path) for way, path in pictures.items()}
-        errors = {
-            way: {
-                **points.errors(shown[way], shown["plain"]),
-                **points.difference(shown[way][0], shown["plain"][0]),
-            }
-            for way in ("cached", "blocks")
-        }
-    return {
-        "scene": name,
-        "textures": runs["plain"][0]["textures"],
-        "decoded_bytes": runs["plain"][0]["decoded_bytes"],
-        "bytes": runs["plain"][0]["bytes"],
-        "turns": turns,
-        "ways": {way: _middle(found) for way, found in runs.items()},
-        "times_faster": {
-            way: _median(runs["plain"], "load_s") / _median(runs[way], "load_s")
-            for way in ("cached", "blocks", "least")
-        },
-        "errors": errors,
-        "overlap": overlap,
-    }
+    """Return the figures of one load in this process; `picture` is an .npz that gets what is seen."""
+    load = bench("load")
+    if way in load.DECODED:
+        return dict(load.decoded(path, way))
+    with ExitStack() as stack:
+        subject = Subject(which, backend, nothing("what is loaded"), size, open_device(stack, backend))
+        return dict(load.once(subject, path, way, picture))
 
 
-def _read(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Return a picture's linear light and what is shown of it."""
-    with np.load(path) as held:
-        return held["color_linear"], held["color"]
+def main() -> None:
+    """Measure this process."""
+    chapter, backend, path, size, way, *picture = sys.argv[1:]
+    width, _, height = size.partition("x")
+    which = chapters.parse_chapter(chapter)
+    print(json.dumps(once(which, backend, Path(path), (int(width), int(height)), way, *map(Path, picture))))
 
 
-def _median(found: list[dict[str, Any]], name: str) -> float:
-    return statistics.median(float(one[name]) for one in found)
-
-
-def _middle(found: list[dict[str, Any]]) -> dict[str, float]:
-    """Return the median of every figure."""
-    numbers = {name for name, value in found[0].items() if isinstance(value, int | float)}
-    return {name: _median(found, name) for name in sorted(numbers)}
-
-
-# --- what came out ----------------------------------------------------------------------------------------------------
-
-
-def show(made: list[dict[str, Any]], to: Console) -> None:
-    """Print a table for each scene."""
-    for one in made:
-        if not one["ways"]:
-            to.print(
-                f"Loading {one['scene']}: not measured, since the scene is not on this machine.",
-                soft_wrap=True,
-            )
-            continue
-        shown = table(
-            f"Loading {one['scene']}: {one['textures']} textures, {one['bytes'] / 1e6:.0f} MB",
-            "way",
-            ">s",
-            ">of it, scene",
-            ">pipelines apart",
-            ">renderer apart",
-            ">peak / scene",
-        )
-        for way, found in one["ways"].items():
-            if way == "stream":
-                continue
-            peak = found.get("peak_bytes", 0) / one["bytes"]
-            shown.add_row(
-                WAYS[way],
-                f"{found['load_s']:.3f}",
-                f"{found['scene_s']:.3f}" if "scene_s" in found else "",
-                f"{found['pipelines_s']:.3f}" if "pipelines_s" in found else "",
-                f"{found['renderer_s']:.3f}" if "renderer_s" in found else "",
-                f"{peak:.2f}" if peak else "",
-            )
-        to.print(shown)
-        for line in sentences(one):
-            to.print(line, soft_wrap=True)
-
-
-def sentences(one: dict[str, Any]) -> list[str]:
-    """Return what the figures of a scene say."""
-    faster, errors = one["times_faster"], one["errors"]
-    said = [
-        f"From the cache it is there {faster['cached']:.1f} times as fast, "
-        f"from that of blocks {faster['blocks']:.1f} times. Without its texels it is there {faster['least']:.1f} times "
-        "as fast: about the most that a cache of textures can bring.",
-    ]
-    if errors["cached"]["pixels_differ"]:
-        said.append(f"Its picture differs by up to {errors['cached']['max_abs']:.2g}.")
-    else:
-        said.append("Its picture is the same to the bit.")
-    blocks = errors["blocks"]
-    flip = "" if blocks["flip"] is None else f", FLIP {blocks['flip']:.4f}"
-    said.append(f"With blocks the picture's relative MSE is {blocks['relative_mse']:.2g}{flip}.")
-    stream = one["ways"]["stream"]
-    said.append(
-        f"Streamed, the first frame is there after {stream['first_frame_s']:.2f} s and the last texture after "
-        f"{stream['complete_s']:.2f} s and {stream['frames']:.0f} frames; the renderer's own time in the longest of "
-        f"them was {stream['longest_ms']:.1f} ms, {stream['after_ms']:.1f} ms afterwards."
-    )
-    overlap = one["overlap"]
-    if overlap and "transfer" in overlap["queues"]:
-        said.append(
-            f"Copies took {overlap['copies_ms']:.1f} ms on a queue of their own, {overlap['beside_drawing_ms']:.1f} ms "
-            "of that while the other queue drew."
-        )
-    elif overlap:
-        said.append("Copies and drawing share the device's one queue: nothing overlaps on the GPU.")
-    return said
-
-
-def plot(axes: Any, made: list[dict[str, Any]]) -> None:
-    """Draw the seconds of each way as bars, scene beside scene."""
-    drawn = [one for one in made if one["ways"]]
-    ways = [way for way in WAYS if way != "stream" and all(way in one["ways"] for one in drawn)]
-    width = 0.8 / len(ways)
-    for number, way in enumerate(ways):
-        places = [place + (number - (len(ways) - 1) / 2) * width for place in range(len(drawn))]
-        axes.bar(places, [one["ways"][way]["load_s"] for one in drawn], width, label=WAYS[way])
-    axes.set_xticks(range(len(drawn)), [one["scene"] for one in drawn])
-    axes.set_yscale("log")
-    axes.set_ylabel("s to the last byte on the device")
-    axes.set_title("Loading", fontsize=10)
-    axes.legend(fontsize=7)
+if __name__ == "__main__":
+    main()

@@ -9,7 +9,7 @@ import numpy as np
 from common.view.camera import View
 
 from ...frames.vulkan_commands import Commands
-from ...pipelines.vulkan_descriptors import Binding
+from ...pipelines.description import Binding
 from ..drawing_vulkan import Drawing
 from . import DRAWN, STUDY, UNIFORM_BYTES, Settings, uniforms
 
@@ -36,6 +36,6 @@ class Renderer(Drawing):
         self._uniforms[slot].view(np.float32)[:] = uniforms(self.settings, view, self.size)
         self.begin(commands)
         self.bind(commands, self._pipeline, self._sets[slot])
-        commands.draw_fullscreen()
+        commands.draw_triangle()
         self.end(commands)
         self.work.draws, self.work.triangles = 1, 1

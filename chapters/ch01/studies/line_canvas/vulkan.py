@@ -9,7 +9,7 @@ import numpy as np
 from common.view.camera import View
 
 from ...frames.vulkan_commands import Commands
-from ...pipelines.vulkan_descriptors import Binding
+from ...pipelines.description import Binding
 from ..drawing_vulkan import Drawing
 from . import CANVAS_BYTES, DRAWN, STUDY, UNIFORM_BYTES, LineWork, Settings, uniforms
 from . import fill as fill_canvas

@@ -10,7 +10,7 @@ from common.view.camera import View
 
 from ...frames.frame import SLOTS
 from ...frames.gl import FrameSlot
-from ...pipelines.gl import GraphicsPipeline
+from ...pipelines.description import PipelineDescription
 from ..stage_gl import Stage
 from . import STUDY, matrices
 
@@ -33,7 +33,7 @@ class Renderer(Stage):
             self._uniforms.append(create_buffer(self.device, UNIFORM_BYTES, "upload", name))
         # A program, and the state that `bind` sets with it. `depth="write"` draws a pixel only where it is not behind
         # what was drawn there before, and notes how near it is.
-        described = GraphicsPipeline(
+        described = PipelineDescription(
             shaders=("studies/rotating_cube/cube.vert", "studies/rotating_cube/cube.frag"),
             depth="write",
             name="cube",

@@ -10,14 +10,13 @@ from common.view.camera import View
 
 from ...frames.frame import SLOTS
 from ...frames.vulkan_commands import Commands
-from ...pipelines.vulkan import GraphicsPipeline
-from ...pipelines.vulkan_descriptors import Binding
+from ...pipelines.description import Binding, PipelineDescription
 from ..stage_vulkan import Stage
 from . import STUDY, matrices
 
 UNIFORM_BYTES = 2 * 64
 
-BINDINGS = (Binding(0, "uniform", vk.VK_SHADER_STAGE_VERTEX_BIT),)
+BINDINGS = (Binding(0, "uniform"),)
 """What the shaders read from outside, by number: `binding = 0` in cube.vert."""
 
 
@@ -42,9 +41,9 @@ class Renderer(Stage):
         self._sets = [vk.array("VkDescriptorSet", [handle]) for handle in sets.handles]
         # The study first-triangle writes a pipeline out in full; from here on a description is enough. `depth="write"`
         # draws a pixel only where it is not behind what was drawn there before, and notes how near it is.
-        described = GraphicsPipeline(
+        described = PipelineDescription(
             shaders=("studies/rotating_cube/cube.vert", "studies/rotating_cube/cube.frag"),
-            set_layouts=(self.descriptors.layout(BINDINGS),),
+            sets=(BINDINGS,),
             color="rgba8",
             depth="write",
             name="cube",
@@ -58,7 +57,7 @@ class Renderer(Stage):
         self._uniforms[slot].view(np.float32)[:] = matrices(view, time, self.size[0] / self.size[1]).ravel()
         self.begin(commands)
         # Back faces could be left out ("culled"), which would halve the work. Here depth alone sorts them out.
-        commands.bind_pipeline(self._pipeline, vk.VK_CULL_MODE_NONE, vk.VK_FRONT_FACE_COUNTER_CLOCKWISE)
+        commands.bind_pipeline(self._pipeline)
         commands.bind_set(self._pipeline, 0, self._sets[slot])
         self.device.fn.vkCmdDraw(commands.handle, 36, 1, 0, 0)
         self.end(commands)

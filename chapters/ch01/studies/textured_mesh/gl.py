@@ -25,7 +25,7 @@ from common.view.camera import View
 
 from ...frames.frame import SLOTS
 from ...frames.gl import FrameSlot
-from ...pipelines.gl import GraphicsPipeline
+from ...pipelines.description import PipelineDescription
 from ...scene.geometry import stream_offsets
 from ...scene.textures import texels
 from ..stage_gl import Stage
@@ -59,7 +59,7 @@ class Renderer(Stage):
         self._uniforms = [
             self._buffer(self.uniform_bytes, "upload", f"uniforms, slot {slot}") for slot in range(SLOTS)
         ]
-        described = GraphicsPipeline(
+        described = PipelineDescription(
             shaders=(f"studies/{self.folder}/mesh.vert", f"studies/{self.folder}/mesh.frag"),
             name=self.study.title,
         )

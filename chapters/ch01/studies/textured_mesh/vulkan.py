@@ -21,14 +21,14 @@ from common.view.camera import View
 
 from ...frames.frame import SLOTS
 from ...frames.vulkan_commands import Commands
-from ...pipelines.vulkan import GraphicsPipeline
-from ...pipelines.vulkan_descriptors import Binding, Texture
+from ...pipelines.description import Binding, PipelineDescription
+from ...pipelines.vulkan_descriptors import Texture
 from ...scene.geometry import stream_offsets
 from ...scene.textures import texels
 from ..stage_vulkan import Stage
 from . import STREAMS, STUDY, UNIFORM_BYTES, Settings, uniforms
 
-BINDINGS = (Binding(0, "uniform"), Binding(1, "texture", vk.VK_SHADER_STAGE_FRAGMENT_BIT))
+BINDINGS = (Binding(0, "uniform"), Binding(1, "texture", "fragment"))
 
 
 class Renderer(Stage):
@@ -68,9 +68,9 @@ class Renderer(Stage):
             [(BINDINGS, {0: buffer, 1: texture}, f"set of {buffer.name}") for buffer in self._uniforms]
         )
         self._sets = [vk.array("VkDescriptorSet", [handle]) for handle in sets.handles]
-        described = GraphicsPipeline(
+        described = PipelineDescription(
             shaders=(f"studies/{self.folder}/mesh.vert", f"studies/{self.folder}/mesh.frag"),
-            set_layouts=(self.descriptors.layout(BINDINGS),),
+            sets=(BINDINGS,),
             streams=tuple(self.streams.values()),
             color="rgba8",
             name=self.study.title,
@@ -125,7 +125,7 @@ class Renderer(Stage):
         slot, count = commands.slot.index, len(self._primitive.indices)
         self._uniforms[slot].view(np.float32)[:] = self.uniforms(view, time)
         self.begin(commands)
-        commands.bind_pipeline(self._pipeline, vk.VK_CULL_MODE_NONE, vk.VK_FRONT_FACE_COUNTER_CLOCKWISE)
+        commands.bind_pipeline(self._pipeline)
         commands.bind_set(self._pipeline, 0, self._sets[slot])
         commands.bind_geometry(*self._bound)
         # A vertex that six triangles share is in memory once, and often shaded once.

@@ -14,7 +14,8 @@ from common.scene import Sampler
 from common.view.camera import View
 
 from ...frames.vulkan_commands import Commands
-from ...pipelines.vulkan_descriptors import Binding, Texture
+from ...pipelines.description import Binding
+from ...pipelines.vulkan_descriptors import Texture
 from ..drawing_vulkan import Drawing
 from . import (
     CAPACITY,
@@ -30,12 +31,11 @@ from . import (
     uniforms,
 )
 
-FRAGMENT = vk.VK_SHADER_STAGE_FRAGMENT_BIT
 BINDINGS = (
     Binding(0, "uniform"),
     Binding(1, "storage"),
-    Binding(2, "texture", FRAGMENT),
-    Binding(3, "texture", FRAGMENT),
+    Binding(2, "texture", "fragment"),
+    Binding(3, "texture", "fragment"),
 )
 
 

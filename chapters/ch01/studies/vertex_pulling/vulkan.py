@@ -12,11 +12,11 @@ from common.scene.primitive import alone, primitive_of
 from common.view.camera import View
 
 from ...frames.vulkan_commands import Commands
-from ...pipelines.vulkan_descriptors import Binding
+from ...pipelines.description import Binding
 from ..drawing_vulkan import Drawing
 from . import STUDY, UNIFORM_BYTES, Settings, drawn, uniforms, vertices_of
 
-BINDINGS = (Binding(0, "uniform"), Binding(1, "storage", vk.VK_SHADER_STAGE_VERTEX_BIT))
+BINDINGS = (Binding(0, "uniform"), Binding(1, "storage"))
 
 
 class Renderer(Drawing):

@@ -12,7 +12,7 @@ from common.scene.primitive import alone, primitive_of
 from common.view.camera import View
 
 from ...frames.vulkan_commands import Commands
-from ...pipelines.vulkan_descriptors import Binding
+from ...pipelines.description import Binding
 from ..drawing_vulkan import Drawing
 from . import STUDY, UNIFORM_BYTES, Settings, corners_of, draws_of, plan_of, uniforms
 

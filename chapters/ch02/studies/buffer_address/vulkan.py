@@ -13,7 +13,7 @@ from common.scene.primitive import alone, primitive_of
 from common.view.camera import View
 
 from ...frames.vulkan_commands import Commands
-from ...pipelines.vulkan import GraphicsPipeline
+from ...pipelines.description import PipelineDescription
 from ..stage_vulkan import Stage
 from . import SHADERS, STUDY, UNIFORM, Settings, uniforms, vertices_of
 
@@ -46,7 +46,7 @@ class Renderer(Stage):
             held = {1: self.filled(vertices, ["storage"], "vertices")}
             self._address = 0
         self._count = len(indices)
-        described = GraphicsPipeline(
+        described = PipelineDescription(
             SHADERS, (("BY_ADDRESS", int(by_address)),), color="rgba8", depth="write", name=STUDY.title
         )
         self._pipeline = self.pipelines.get([described])[0]
@@ -62,7 +62,7 @@ class Renderer(Stage):
         slot, aspect = commands.slot.index, self.size[0] / self.size[1]
         self._uniforms[slot].view(UNIFORM)[0] = uniforms(self.scene, view, time, aspect, self._address)
         self.begin(commands)
-        commands.bind_pipeline(self._pipeline, vk.VK_CULL_MODE_NONE, vk.VK_FRONT_FACE_COUNTER_CLOCKWISE)
+        commands.bind_pipeline(self._pipeline)
         commands.bind_set(self._pipeline, 0, self._sets[slot])
         fn = self.device.fn
         fn.vkCmdBindIndexBuffer(commands.handle, self._indices.handle, 0, vk.VK_INDEX_TYPE_UINT32)

@@ -9,7 +9,7 @@ from backends.gl.resources import bind_buffer, bind_texture
 from common.view.camera import View
 
 from ...frames.gl import FrameSlot
-from ...pipelines.gl import GraphicsPipeline
+from ...pipelines.description import PipelineDescription
 from ..stage_gl import Stage
 from . import (
     CAPACITY,
@@ -39,7 +39,7 @@ class Renderer(Stage):
         self._smooth = self.sampler(SMOOTH, "book")
         self._uniforms = self.per_slot(UNIFORM_BYTES, "picture's size")
         self._records = self.per_slot(CAPACITY * RECORD.itemsize, "explosions")
-        described = GraphicsPipeline(SHADERS, depth=None, blend="over", name=STUDY.title)
+        described = PipelineDescription(SHADERS, depth=None, blend="over", name=STUDY.title)
         self._pipeline = self.pipelines.get([described])[0]
 
     def draw(self, slot: FrameSlot, view: View, time: float) -> None:

@@ -8,7 +8,7 @@ from backends.vulkan import api as vk
 from common.view.camera import View
 
 from ...frames.vulkan_commands import Commands
-from ...pipelines.vulkan import GraphicsPipeline
+from ...pipelines.description import PipelineDescription
 from ...pipelines.vulkan_descriptors import Texture
 from ..stage_vulkan import Stage
 from . import (
@@ -38,7 +38,7 @@ class Renderer(Stage):
         book = Texture(self.texture(self.pictures(), "array", "book").view, self.sampler(SMOOTH, "book"))
         self._uniforms = self.per_slot(UNIFORM_BYTES, "uniform", "picture's size")
         self._records = self.per_slot(CAPACITY * RECORD.itemsize, "storage", "explosions")
-        described = GraphicsPipeline(SHADERS, color="rgba8", depth=None, blend="over", name=STUDY.title)
+        described = PipelineDescription(SHADERS, color="rgba8", depth=None, blend="over", name=STUDY.title)
         self._pipeline = self.pipelines.get([described])[0]
         layout = self._pipeline.sets[0]
         assert layout is not None  # the shaders declare it
@@ -56,7 +56,7 @@ class Renderer(Stage):
         if len(records):
             self._uniforms[slot].view(np.float32)[:2] = self.size
             self._records[slot].view(RECORD)[: len(records)] = records
-            commands.bind_pipeline(self._pipeline, vk.VK_CULL_MODE_NONE, vk.VK_FRONT_FACE_COUNTER_CLOCKWISE)
+            commands.bind_pipeline(self._pipeline)
             commands.bind_set(self._pipeline, 0, self._sets[slot])
             self.device.fn.vkCmdDraw(commands.handle, 6, len(records), 0, 0)
         self.end(commands)

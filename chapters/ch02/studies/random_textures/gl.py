@@ -9,7 +9,7 @@ from backends.gl.resources import bind_buffer, bind_texture
 from common.view.camera import View
 
 from ...frames.gl import FrameSlot
-from ...pipelines.gl import GraphicsPipeline
+from ...pipelines.description import PipelineDescription
 from ..stage_gl import Stage
 from . import SHADERS, SHARP, SIDE, STUDY, UNIFORM_BYTES, Settings, defines, grid, textures, volumes
 
@@ -29,7 +29,7 @@ class Renderer(Stage):
         self._layers = self.texture(self.textures(), "array", "textures")
         self._stack = self.texture(self.volumes().reshape(-1, SIDE, SIDE, 4), "3d", "volumes")
         self._uniforms = self.per_slot(UNIFORM_BYTES, "picture's size")
-        described = GraphicsPipeline(SHADERS, defines(self.settings), depth=None, name=STUDY.title)
+        described = PipelineDescription(SHADERS, defines(self.settings), depth=None, name=STUDY.title)
         self._pipeline = self.pipelines.get([described])[0]
 
     def draw(self, slot: FrameSlot, view: View, time: float) -> None:

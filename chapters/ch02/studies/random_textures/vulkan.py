@@ -9,7 +9,7 @@ from common.view.camera import View
 
 from ...frames.vulkan_commands import Commands
 from ...frames.vulkan_resources import Resources
-from ...pipelines.vulkan import GraphicsPipeline
+from ...pipelines.description import PipelineDescription
 from ...pipelines.vulkan_descriptors import Texture
 from ...scene.textures.vulkan_bindless import DUMMY, Bindless
 from ..stage_vulkan import Stage
@@ -39,7 +39,7 @@ class Renderer(Stage):
 
     def create(self) -> None:
         """Upload the textures, give each a slot of the chapter's one set, and make the pipeline."""
-        described = GraphicsPipeline(
+        described = PipelineDescription(
             SHADERS, (*defines(self.settings), ("BINDLESS", 1)), color="rgba8", depth=None, name=STUDY.title
         )
         self._pipeline = self.pipelines.get([described])[0]
@@ -66,7 +66,7 @@ class Renderer(Stage):
         slot, cells = commands.slot.index, grid(self.size)
         self._uniforms[slot].view(np.float32)[:3] = *self.size, cells[0]
         self.begin(commands)
-        commands.bind_pipeline(self._pipeline, vk.VK_CULL_MODE_NONE, vk.VK_FRONT_FACE_COUNTER_CLOCKWISE)
+        commands.bind_pipeline(self._pipeline)
         commands.bind_set(self._pipeline, 0, self._sets[slot])
         commands.bind_set(self._pipeline, 2, self._bindless.sets)
         self.device.fn.vkCmdDraw(commands.handle, 6 * cells[0] * cells[1], 1, 0, 0)

@@ -12,7 +12,7 @@ from common.errors import UnsupportedError
 from common.view.camera import View
 
 from ...frames.gl import FrameSlot
-from ...pipelines.gl import GraphicsPipeline
+from ...pipelines.description import PipelineDescription
 from ...scene.draw_lists import COMMAND
 from ..stage_gl import Stage
 from . import COUNT, EXTENSION, INDICES, SHADERS, SMOOTH, STUDY, Settings, defines, textures
@@ -41,7 +41,7 @@ class Renderer(Stage):
         indices = self.filled(INDICES, "indices")
         made = create_vertex_array(self.device, (), None, indices, "rectangle")
         self._array = self.keep(made, lambda one: self.device.destroy("vertex array", one))
-        described = GraphicsPipeline(SHADERS, defines(self.settings), depth=None, name=STUDY.title)
+        described = PipelineDescription(SHADERS, defines(self.settings), depth=None, name=STUDY.title)
         self._pipeline = self.pipelines.get([described])[0]
         if self.settings.way == "handles":
             self.handles = np.array([self._handle(one.view) for one in self._images])

@@ -12,10 +12,13 @@ objects is one, without them it is a thousand, and is cut in the middle. Every p
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import accumulate
 from typing import Any
+
+from ...pipelines.description import Built
+from ..commands import Commands, DrawGroup, SceneBinding
 
 
 def pool_index(frame: int, thread: int, threads: int) -> int:
@@ -32,16 +35,16 @@ def part_count(calls: int, least: int) -> int:
 
 
 class Groups:
-    """Groups of draws (either backend's `DrawGroup`) whose calls are numbered from `first` on."""
+    """Groups of draws whose calls are numbered from `first` on."""
 
-    def __init__(self, groups: Sequence[Any], multi_draw: bool, first: int = 0) -> None:
+    def __init__(self, groups: Sequence[DrawGroup], multi_draw: bool, first: int = 0) -> None:
         self._groups, self._first = groups, first
         calls = (1 if multi_draw else group.batch.count for group in groups)
         self._ends = list(accumulate(calls, initial=first))[1:]
         self.end = self._ends[-1] if self._ends else first
         """The number behind that of the last call."""
 
-    def part(self, first: int, last: int) -> list[Any]:
+    def part(self, first: int, last: int) -> list[DrawGroup]:
         """Return the groups of calls [first, last), of which there is one at least; those at its ends may be cut."""
         low, high = bisect_right(self._ends, first), bisect_left(self._ends, last)
         found = list(self._groups[low : high + 1])
@@ -53,7 +56,7 @@ class Groups:
         return found
 
 
-def _cut(group: Any, begin: int, end: int) -> Any:
+def _cut(group: DrawGroup, begin: int, end: int) -> DrawGroup:
     """Return draws [begin, end) of a group. Its triangles count where its first draw is: their sum stays right."""
     batch = group.batch
     triangles = batch.triangles if begin == 0 else 0
@@ -63,45 +66,39 @@ def _cut(group: Any, begin: int, end: int) -> Any:
 
 
 class DrawList:
-    """Has the methods of a backend's `Commands` with which passes record, and writes down what they are asked for."""
+    """Has the methods of a backend's `Commands` with which passes draw, and writes down what they are asked for."""
 
     def __init__(self, multi_draw: bool) -> None:
         self._multi_draw = multi_draw
-        self._steps: list[tuple[int, int, Groups | None, tuple[Any, ...]]] = []
-        self._state: list[tuple[str, tuple[Any, ...]]] = []
+        self._steps: list[tuple[int, int, Callable[[Commands, int, int], None]]] = []
         self.calls = 0
         """How many calls draw."""
 
-    def bind_pipeline(self, *arguments: Any) -> None:
-        """Write down a pipeline for the draw that comes next."""
-        self._state.append(("bind_pipeline", arguments))
+    def draw_fullscreen(self, pipeline: Built, scene: SceneBinding | None, sources: Any) -> None:
+        """Write down a triangle with all that is bound for it: no part begins between them."""
 
-    def bind_set(self, *arguments: Any) -> None:
-        """Write down a descriptor set for the draw that comes next."""
-        self._state.append(("bind_set", arguments))
+        def record(commands: Commands, first: int, last: int) -> None:
+            commands.sources = sources
+            commands.draw_fullscreen(pipeline, scene)
 
-    def draw_fullscreen(self, *arguments: Any) -> None:
-        """Write down a triangle with all that was bound for it: no part begins between them."""
-        self._add(None, self.calls + 1, (*self._state, ("draw_fullscreen", arguments)))
-        self._state.clear()
+        self._add(self.calls + 1, record)
 
-    def draw_groups(self, groups: Sequence[Any], *arguments: Any) -> None:
-        """Write down groups of draws, and the other arguments with which they are recorded."""
+    def draw_groups(self, groups: Sequence[DrawGroup], scene: SceneBinding) -> None:
+        """Write down groups of draws, and what they are drawn with."""
         found = Groups(groups, self._multi_draw, self.calls)
-        self._add(found, found.end, arguments)
 
-    def _add(self, groups: Groups | None, end: int, what: tuple[Any, ...]) -> None:
-        self._steps.append((self.calls, end, groups, what))
+        def record(commands: Commands, first: int, last: int) -> None:
+            commands.draw_groups(found.part(first, last), scene)
+
+        self._add(found.end, record)
+
+    def _add(self, end: int, record: Callable[[Commands, int, int], None]) -> None:
+        self._steps.append((self.calls, end, record))
         self.calls = end
 
-    def record(self, commands: Any, first: int, last: int) -> None:
+    def record(self, commands: Commands, first: int, last: int) -> None:
         """Record calls [first, last), in their order, and all that they need, into the backend's `commands`."""
-        for start, end, groups, what in self._steps:
+        for start, end, record in self._steps:
             begin, stop = max(first, start), min(last, end)
-            if begin >= stop:
-                continue
-            if groups is not None:
-                commands.draw_groups(groups.part(begin, stop), *what)
-                continue
-            for name, arguments in what:
-                getattr(commands, name)(*arguments)
+            if begin < stop:
+                record(commands, begin, stop)

@@ -17,14 +17,15 @@ from typing import Any
 
 from backends.vulkan import api as vk
 from backends.vulkan.device import Device
-from backends.vulkan.resources import FORMATS, Buffer
+from backends.vulkan.resources import FORMATS
 
-from ...pipelines.vulkan import Built
+from ...pipelines.description import Built
 from ...settings import Settings
 from ...tasks.scheduler import split
 from ...tasks.workers import ALONE, Workers
+from ..commands import DrawGroup, SceneBinding
 from ..vulkan import Frames, FrameSlot
-from ..vulkan_commands import Commands, DrawGroup, Rendering
+from ..vulkan_commands import Commands, Rendering
 from .parts import DrawList, part_count
 from .vulkan_pools import CommandPools
 
@@ -70,21 +71,13 @@ class ParallelCommands(Commands):
         """Begin to write down what is drawn to the attachments of `rendering`."""
         self._rendering, self._draws = rendering, DrawList(self._multi_draw)
 
-    def bind_pipeline(self, pipeline: Built, cull: int, front: int) -> None:
-        """Write down a pipeline and its dynamic state."""
-        self._draws.bind_pipeline(pipeline, cull, front)
-
-    def bind_set(self, pipeline: Built, number: int, descriptor_set: Any) -> None:
-        """Write down a descriptor set."""
-        self._draws.bind_set(pipeline, number, descriptor_set)
-
-    def draw_fullscreen(self) -> None:
+    def draw_fullscreen(self, pipeline: Built, scene: SceneBinding | None = None) -> None:
         """Write down the one triangle of `fullscreen.vert`."""
-        self._draws.draw_fullscreen()
+        self._draws.draw_fullscreen(pipeline, scene, self.sources)
 
-    def draw_groups(self, groups: Sequence[DrawGroup], frame_set: Any, records: Buffer) -> None:
+    def draw_groups(self, groups: Sequence[DrawGroup], scene: SceneBinding) -> None:
         """Write down groups of draws."""
-        self._draws.draw_groups(groups, frame_set, records)
+        self._draws.draw_groups(groups, scene)
 
     def end_rendering(self) -> None:
         """Record all that was written down: into this buffer, or with enough of it by all threads into secondaries.

@@ -11,7 +11,7 @@ from common.view.camera import View
 from ...frames.recording.vulkan_pools import CommandPools
 from ...frames.vulkan import Frames, FrameSlot
 from ...frames.vulkan_commands import Commands, Rendering
-from ...pipelines.vulkan import GraphicsPipeline
+from ...pipelines.description import PipelineDescription
 from ...tasks.scheduler import split
 from ...tasks.workers import Workers
 from ..stage_vulkan import Stage
@@ -37,7 +37,7 @@ class Renderer(Stage):
 
     def create(self) -> None:
         """Make the pipeline, and a pool of primaries for each frame slot and thread."""
-        described = GraphicsPipeline(SHADERS, color="rgba8", depth=None, blend="over", name=STUDY.title)
+        described = PipelineDescription(SHADERS, color="rgba8", depth=None, blend="over", name=STUDY.title)
         self._pipeline = self.pipelines.get([described])[0]
         self._workers = self.keep(Workers(self.settings.threads), Workers.close)
         slots, primary = self._frames.slots, vk.VK_COMMAND_BUFFER_LEVEL_PRIMARY
@@ -64,7 +64,7 @@ class Renderer(Stage):
             own.handle = self._open_primary(slot)
             own.barrier(after)
             own.begin_rendering(over)
-            own.bind_pipeline(self._pipeline, vk.VK_CULL_MODE_NONE, vk.VK_FRONT_FACE_COUNTER_CLOCKWISE)
+            own.bind_pipeline(self._pipeline)
             fn.vkCmdDraw(own.handle, 6, last - first, 0, first)
             own.end_rendering()
             vk.check(fn.vkEndCommandBuffer(own.handle), "vkEndCommandBuffer")

@@ -11,14 +11,15 @@ from typing import Any
 
 from backends.gl import api as gl
 from backends.gl.context import Context
-from backends.gl.resources import Buffer
 
-from ...pipelines.gl import Built, Pipelines
+from ...pipelines.description import Built, Front
+from ...pipelines.gl import Pipelines
 from ...settings import Settings
 from ...tasks.scheduler import split
 from ...tasks.workers import ALONE, Workers
+from ..commands import DrawGroup, SceneBinding
 from ..gl import FrameSlot
-from ..gl_commands import Commands, DrawGroup
+from ..gl_commands import Commands
 from .parts import Groups, part_count
 
 
@@ -59,8 +60,8 @@ class ListedCommands(Commands):
         super().__init__(listed, pipelines, multi_draw)
         self.begin(slot)
 
-    def bind_pipeline(self, pipeline: Built, cull: bool, front: str) -> None:
-        """Write down that a pipeline is to be bound: by the one who knows what is bound already."""
+    def bind_pipeline(self, pipeline: Built, cull: bool = False, front: Front = "counter_clockwise") -> None:
+        """Write down that a pipeline is to be bound; the context's thread knows what is bound already."""
         self.list.calls.append((self._pipelines.bind, (pipeline, cull, front)))
         self.work["pipeline_binds"] += 1
 
@@ -79,7 +80,7 @@ class ParallelCommands(Commands):
         super().begin(slot)
         self.work |= ALONE
 
-    def draw_groups(self, groups: Sequence[DrawGroup], records: Buffer) -> None:
+    def draw_groups(self, groups: Sequence[DrawGroup], scene: SceneBinding) -> None:
         """Draw all of `groups` in order; with enough calls, lists of them are made by all threads before.
 
         Raises TaskError, when all threads have stopped, if a list could not be made.
@@ -87,13 +88,13 @@ class ParallelCommands(Commands):
         found = Groups(groups, self._multi_draw)
         parts = part_count(found.end, self._least)
         if not parts:
-            super().draw_groups(groups, records)
+            super().draw_groups(groups, scene)
             return
         listed: dict[int, ListedCommands] = {}
 
         def write(first: int, last: int, thread: int) -> None:
             commands = ListedCommands(self._pipelines, self._multi_draw, self.slot)
-            commands.draw_groups(found.part(first, last), records)
+            commands.draw_groups(found.part(first, last), scene)
             listed[first] = commands
 
         self._workers.share("list draws", write, found.end, parts)

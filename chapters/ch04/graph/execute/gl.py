@@ -9,8 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
+from backends.contract import Pass
 from backends.gl.context import Context
 from backends.gl.inspection import Inspection
 from backends.gl.resources import Buffer, Image
@@ -49,7 +50,7 @@ class GraphExecutor:
         self,
         context: Context,
         graph: Graph,
-        passes: Mapping[str, Any],
+        passes: Mapping[str, Pass],
         sampler: Callable[[Sampler, float], int],
         externals: Callable[[GraphImages], list[Mapping[str, Image | Buffer]]] | None = None,
         alias: bool = True,
@@ -91,22 +92,19 @@ class GraphExecutor:
     def _bind_sources(self, step: Step) -> None:
         """Note what a pass binds to sample what it reads: one unit for each, in the order in which it declares them."""
         made = self._passes[step.name]
-        if not hasattr(made, "source"):
+        if made.sources is None:
             return
-        sampled = [
-            resource
-            for access, resource in zip(made.reads, step.reads, strict=True)
-            if access.use == "sampled"
-        ]
-        smooth: Literal["nearest", "linear"] = getattr(made, "source_filter", "nearest")
+        sampled = step.sampled(made.reads)
+        smooth, first = made.sources.filter, made.sources.first.get("texture", 0)
         sampler = self._sampler(Sampler(smooth, smooth, None, "clamp", "clamp"), 1.0)
         for slot, steps in enumerate(self._slots):
             ready = next(one for one in steps if one.step.name == step.name)
             ready.sources = tuple(
-                (unit, self.images.image(slot, name).view, sampler) for unit, name in enumerate(sampled)
+                (unit, self.images.image(slot, name).view, sampler)
+                for unit, name in enumerate(sampled, first)
             )
 
-    def swap(self, name: str, made: Any) -> None:
+    def swap(self, name: str, made: Pass) -> None:
         """Let another implementation draw step `name`: the graph stays as it is, the recordings do not.
 
         It declares the same reads and writes.
@@ -132,10 +130,8 @@ class GraphExecutor:
             with context.label(name):
                 if timed:
                     commands.slot.timestamps.begin(name)
-                if one.sources is not None:
-                    made.source = one.sources
-                if hasattr(made, "pre_render"):
-                    made.pre_render(commands)
+                commands.sources = one.sources
+                made.pre_render(commands)
                 if one.targets is not None:
                     one.targets.begin(commands)
                 made.record(commands)

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any
 
+from backends.contract import Pass
 from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 from backends.vulkan.inspection import Inspection
@@ -39,7 +40,7 @@ class _Ready:
     targets: Targets | None
     poison: Poison | None = None
     sources: Any = None
-    """An array of one descriptor set, for a pass that samples what others drew."""
+    """(number, array of one descriptor set), for a pass that reads what others wrote."""
 
 
 @dataclass
@@ -59,7 +60,7 @@ class GraphExecutor:
         self,
         device: Device,
         graph: Graph,
-        passes: Mapping[str, Any],
+        passes: Mapping[str, Pass],
         memory: GraphMemory,
         resources: Resources,
         descriptors: Descriptors,
@@ -108,17 +109,12 @@ class GraphExecutor:
     def _bind_sources(self, step: Step) -> None:
         """Make the sets through which a pass samples, one binding for each of its reads in the order it declares."""
         made = self._passes[step.name]
-        if not hasattr(made, "source_set"):
+        if made.sources is None:
             return
-        sampled = [
-            resource
-            for access, resource in zip(made.reads, step.reads, strict=True)
-            if access.use == "sampled"
-        ]
-        smooth: Literal["nearest", "linear"] = getattr(made, "source_filter", "nearest")
+        sampled = step.sampled(made.reads)
+        number, smooth = made.sources.set, made.sources.filter
         sampler = self._resources.sampler(Sampler(smooth, smooth, None, "clamp", "clamp"), 1.0)
-        number = getattr(made, "source_number", 0)
-        layout = made.pipeline.sets[number]
+        layout = made.pipelines[0].sets[number]
         assert layout is not None, f"'{step.name}' samples what it reads"
         wanted = []
         for slot in range(SLOTS):
@@ -130,13 +126,13 @@ class GraphExecutor:
             wanted.append((layout, held, f"{step.name} sources, slot {slot}"))
         self._sets[step.name] = self._descriptors.create(wanted)
         for ready, handle in zip(self._of(step.name), self._sets[step.name].handles, strict=True):
-            ready.sources = vk.array("VkDescriptorSet", [handle])
+            ready.sources = number, vk.array("VkDescriptorSet", [handle])
 
     def _of(self, name: str) -> list[_Ready]:
         """Return a step as it is in each slot."""
         return [next(one for one in mine.steps if one.step.name == name) for mine in self._slots]
 
-    def swap(self, name: str, made: Any) -> None:
+    def swap(self, name: str, made: Pass) -> None:
         """Let another implementation draw step `name`: the graph stays as it is, the recordings do not.
 
         It declares the same reads and writes; no frame is in flight.
@@ -165,10 +161,8 @@ class GraphExecutor:
             timed = one.step.kind != "copy"
             if timed:
                 profiler.begin(commands.slot, name)
-            if one.sources is not None:
-                made.source_set = one.sources
-            if hasattr(made, "pre_render"):
-                made.pre_render(commands)
+            commands.sources = one.sources
+            made.pre_render(commands)
             if one.targets is not None:
                 commands.begin_rendering(one.targets)
             made.record(commands)

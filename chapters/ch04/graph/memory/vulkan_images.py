@@ -26,6 +26,7 @@ from backends.vulkan.resources import (
 
 from ...frames.frame import SLOTS
 from ..types import PREVIOUS, Graph, Requirement, Resource
+from .images import ImagesInSlots
 
 _IMAGE_USAGE: dict[str, int] = {
     "color": vk.VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT,
@@ -80,8 +81,10 @@ class GraphMemory:
         return self._asked[key]
 
 
-class GraphImages:
-    """All that a graph's steps use: `in_slot[slot]` has the image or buffer behind each name of a resource."""
+class GraphImages(ImagesInSlots[Image, Buffer]):
+    """The images and buffers of a graph."""
+
+    kind = Image
 
     def __init__(
         self, device: Device, graph: Graph, memory: GraphMemory, externals: Mapping[str, Image | Buffer]
@@ -146,17 +149,6 @@ class GraphImages:
             )
         self._made.append(made)
         return made
-
-    def image(self, slot: int, name: str) -> Image:
-        """Return the image of a resource in a slot."""
-        held = self.in_slot[slot][name]
-        assert isinstance(held, Image), name
-        return held
-
-    def by_name(self, graph: Graph) -> dict[str, Image]:
-        """Return the images of the first slot by every name that they have in the graph."""
-        held = {name: self.in_slot[0].get(of) for name, of in graph.names.items()}
-        return {name: image for name, image in held.items() if isinstance(image, Image)}
 
     def close(self) -> None:
         """Free what was made; no frame is in flight."""

@@ -10,7 +10,7 @@ from backends.gl.targets import begin
 from common.view.camera import View
 
 from ...frames.gl import FrameSlot
-from ...pipelines.gl import GraphicsPipeline
+from ...pipelines.description import PipelineDescription
 from ..stage_gl import Stage
 from . import CLEAR_COLOR, CLEAR_DEPTH, PANELS, SHADERS, STUDY, UNIFORM_BYTES, Settings, uniforms
 
@@ -24,7 +24,7 @@ class Renderer(Stage):
 
     def create(self) -> None:
         """Make what the panels are drawn with."""
-        described = GraphicsPipeline(SHADERS, depth="write", name="panels")
+        described = PipelineDescription(SHADERS, depth="write", name="panels")
         self._pipeline = self.pipelines.get([described])[0]
         self._uniforms = self.per_slot(UNIFORM_BYTES, "place of the panels")
 

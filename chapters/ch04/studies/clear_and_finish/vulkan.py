@@ -11,7 +11,7 @@ from backends.vulkan.barriers import barriers, image_barrier
 from common.view.camera import View
 
 from ...frames.vulkan_commands import Commands, Rendering
-from ...pipelines.vulkan import GraphicsPipeline
+from ...pipelines.description import PipelineDescription
 from ..stage_vulkan import Stage
 from . import CLEAR_COLOR, CLEAR_DEPTH, PANELS, SHADERS, STUDY, UNIFORM_BYTES, Settings, uniforms
 
@@ -26,7 +26,7 @@ class Renderer(Stage):
     def create(self) -> None:
         """Make what the panels are drawn with, and note in which state the picture will be handed on."""
         self.leaves = self.settings.finish
-        described = GraphicsPipeline(SHADERS, color="rgba8", depth="write", name="panels")
+        described = PipelineDescription(SHADERS, color="rgba8", depth="write", name="panels")
         self._pipeline = self.pipelines.get([described])[0]
         self._uniforms = self.per_slot(UNIFORM_BYTES, "uniform", "place of the panels")
         layout = self._pipeline.sets[0]
@@ -77,7 +77,7 @@ class Renderer(Stage):
         """Draw on what is there."""
         commands.barrier(self._after)
         commands.begin_rendering(self._loading)
-        commands.bind_pipeline(self._pipeline, vk.VK_CULL_MODE_NONE, vk.VK_FRONT_FACE_COUNTER_CLOCKWISE)
+        commands.bind_pipeline(self._pipeline)
         commands.bind_set(self._pipeline, 0, self._sets[commands.slot.index])
         self.device.fn.vkCmdDraw(commands.handle, 6, PANELS, 0, 0)
         commands.end_rendering()

@@ -7,7 +7,7 @@ from backends.gl.targets import begin
 from common.view.camera import View
 
 from ...frames.gl import FrameSlot
-from ...pipelines.gl import GraphicsPipeline
+from ...pipelines.description import PipelineDescription
 from ..stage_gl import Stage
 from . import EMPTY, SHADERS, STUDY, VERTICES, WRITTEN, Settings, defines
 
@@ -23,7 +23,7 @@ class Renderer(Stage):
         """Make a program for each output."""
         self._drawn = dict.fromkeys(("color", *self.outputs))
         wanted = [
-            GraphicsPipeline(
+            PipelineDescription(
                 SHADERS,
                 defines(self.settings, output),
                 depth=None,

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from backends.vulkan import api as vk
 from backends.vulkan.barriers import barriers, image_barrier
 from common.view.camera import View
 
 from ...frames.vulkan_commands import Commands, Rendering
-from ...pipelines.vulkan import GraphicsPipeline
+from ...pipelines.description import PipelineDescription
 from ..stage_vulkan import Stage
 from . import EMPTY, SHADERS, STUDY, VERTICES, WRITTEN, Settings, defines
 
@@ -25,7 +24,7 @@ class Renderer(Stage):
         """Make a pipeline for each output; that one is filled by three vertices and another by six, none can see."""
         self._drawn = dict.fromkeys(("color", *self.outputs))
         wanted = [
-            GraphicsPipeline(
+            PipelineDescription(
                 SHADERS,
                 defines(self.settings, output),
                 color=WRITTEN[output].format,
@@ -57,7 +56,7 @@ class Renderer(Stage):
         for output, rendering in self._renderings.items():
             commands.begin_rendering(rendering)
             pipeline = self._pipelines[output]
-            commands.bind_pipeline(pipeline, vk.VK_CULL_MODE_NONE, vk.VK_FRONT_FACE_COUNTER_CLOCKWISE)
+            commands.bind_pipeline(pipeline)
             self.device.fn.vkCmdDraw(commands.handle, vertices, 1, 0, 0)
             commands.end_rendering()
             self.work.draws += 1

@@ -9,7 +9,7 @@ from common.scene import Sampler
 from common.view.camera import View
 
 from ...frames.gl import FrameSlot
-from ...pipelines.gl import GraphicsPipeline
+from ...pipelines.description import PipelineDescription
 from ..stage_gl import Stage
 from . import CLEAR, SCREEN, SHADERS, STUDY, Item, LayerWork, Settings, defines, items, passes_of
 
@@ -28,7 +28,7 @@ class Renderer(Stage):
         self._passes = passes_of(listed, self.settings.merge)
         self._enabled = [item for item in listed if item.enabled]
         wanted = [
-            GraphicsPipeline(SHADERS, defines(item), depth=None, blend="over", name=item.name)
+            PipelineDescription(SHADERS, defines(item), depth=None, blend="over", name=item.name)
             for item in self._enabled
         ]
         self._pipelines = dict(zip(self._enabled, self.pipelines.get(wanted), strict=True))

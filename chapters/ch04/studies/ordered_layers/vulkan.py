@@ -11,7 +11,7 @@ from common.scene import Sampler
 from common.view.camera import View
 
 from ...frames.vulkan_commands import Commands, Rendering
-from ...pipelines.vulkan import GraphicsPipeline
+from ...pipelines.description import PipelineDescription
 from ...pipelines.vulkan_descriptors import Sets, Texture
 from ..stage_vulkan import Stage
 from . import CLEAR, SCREEN, SHADERS, STUDY, Item, LayerWork, Settings, defines, items, passes_of
@@ -39,7 +39,7 @@ class Renderer(Stage):
         self._passes = passes_of(listed, self.settings.merge)
         self._enabled = [item for item in listed if item.enabled]
         wanted = [
-            GraphicsPipeline(
+            PipelineDescription(
                 SHADERS, defines(item), color="rgba8", depth=None, blend="over", name=f"{item.name}"
             )
             for item in self._enabled
@@ -97,7 +97,7 @@ class Renderer(Stage):
 
     def _draw_item(self, commands: Commands, item: Item) -> None:
         pipeline = self._pipelines[item]
-        commands.bind_pipeline(pipeline, vk.VK_CULL_MODE_NONE, vk.VK_FRONT_FACE_COUNTER_CLOCKWISE)
+        commands.bind_pipeline(pipeline)
         if item in self._sets:
             commands.bind_set(pipeline, 0, self._sets[item])
-        commands.draw_fullscreen()
+        commands.draw_triangle()

@@ -10,7 +10,8 @@ from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 from backends.vulkan.live import compile_stages
 
-from ...pipelines.vulkan import CHAPTER, Built
+from ...pipelines.description import Built, PipelineDescription
+from ...pipelines.vulkan import CHAPTER
 from ...pipelines.vulkan_layouts import Layouts
 from ...pipelines.vulkan_reflection import STAGES, Stage, merge
 
@@ -65,4 +66,4 @@ def create_pipeline(
     pipeline = device.create_pipelines("vkCreateGraphicsPipelines", infos, [sources[-1].name])[0]
     for module in modules:
         device.destroy("VkShaderModule", module)
-    return Built(pipeline, layout, stages, sets)
+    return Built(PipelineDescription(tuple(files)), pipeline, stages, layout, sets)

@@ -10,7 +10,7 @@ from common.scene import Sampler
 from common.view.camera import View
 
 from ...frames.vulkan_commands import Commands
-from ...pipelines.vulkan import Built
+from ...pipelines.description import Built
 from ...pipelines.vulkan_descriptors import Texture
 from ..stage_vulkan import Stage
 from . import FLAGS, FORMATS, GOES_ON, SCENE, SHOWN, SQUARES, STUDY, PassWork, Settings
@@ -73,7 +73,7 @@ class Renderer(Stage):
             if number == SHOWN:
                 self._bind(commands, self._show)
                 commands.bind_set(self._show, 0, self._set)
-                commands.draw_fullscreen()
+                commands.draw_triangle()
             else:
                 self._bind(commands, self._squares)
                 first = 0 if number == SCENE else half
@@ -84,4 +84,4 @@ class Renderer(Stage):
         work.draws, work.triangles = 3, 2 * SQUARES + 1
 
     def _bind(self, commands: Commands, pipeline: Any) -> None:
-        commands.bind_pipeline(pipeline, vk.VK_CULL_MODE_NONE, vk.VK_FRONT_FACE_COUNTER_CLOCKWISE)
+        commands.bind_pipeline(pipeline)

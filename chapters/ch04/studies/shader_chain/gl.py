@@ -9,7 +9,7 @@ from backends.gl.targets import begin
 from common.view.camera import View
 
 from ...frames.gl import FrameSlot
-from ...pipelines.gl import Built, GraphicsPipeline
+from ...pipelines.description import Built, PipelineDescription
 from ..stage_gl import Stage
 from . import COPY, EMPTY, STUDY, TEXELS, Pass, Settings, chain, check, original, shaders, stored, textures
 
@@ -31,7 +31,7 @@ class Renderer(Stage):
         """Link a program for each different pass; equal ones share theirs."""
         self._chain = self.chain(self.settings)
         wanted = [
-            GraphicsPipeline(shaders(one), one.defines, depth=None, name=one.fragment)
+            PipelineDescription(shaders(one), one.defines, depth=None, name=one.fragment)
             for one in [*self._chain, COPY]
         ]
         self._pipelines = self.pipelines.get(wanted)
@@ -56,7 +56,7 @@ class Renderer(Stage):
 
     def _units_of(self, one: Pass, pipeline: Built, known: dict[str, Image]) -> Units:
         """Return what a pass binds: what its shader declares, found by name. The linked program tells its units."""
-        declared = interface_of(self.device, pipeline.program.handle)
+        declared = interface_of(self.device, pipeline.handle)
         units = {
             slot.name: int(where.removeprefix("texture unit "))
             for where, slot in declared.items()

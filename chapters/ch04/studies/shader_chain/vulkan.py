@@ -10,7 +10,7 @@ from backends.vulkan.resources import Image
 from common.view.camera import View
 
 from ...frames.vulkan_commands import Commands, Rendering
-from ...pipelines.vulkan import Built, GraphicsPipeline
+from ...pipelines.description import Built, PipelineDescription
 from ...pipelines.vulkan_descriptors import Texture
 from ..stage_vulkan import Stage
 from . import COPY, EMPTY, STUDY, TEXELS, Pass, Settings, chain, check, original, shaders, stored, textures
@@ -35,8 +35,8 @@ class Renderer(Stage):
         self._more = {name: self.texture(pixels, "2d", name) for name, pixels in self.textures().items()}
 
     @staticmethod
-    def _described(one: Pass, format: str) -> GraphicsPipeline:
-        return GraphicsPipeline(shaders(one), one.defines, color=format, depth=None, name=one.fragment)
+    def _described(one: Pass, format: str) -> PipelineDescription:
+        return PipelineDescription(shaders(one), one.defines, color=format, depth=None, name=one.fragment)
 
     def create_sized(self) -> None:
         """Make the two targets, or the only one of a chain of one, and what each pass reads and waits for."""
@@ -97,8 +97,8 @@ class Renderer(Stage):
         self.end(commands)
 
     def _fill(self, commands: Commands, pipeline: Built, held: Any) -> None:
-        commands.bind_pipeline(pipeline, vk.VK_CULL_MODE_NONE, vk.VK_FRONT_FACE_COUNTER_CLOCKWISE)
+        commands.bind_pipeline(pipeline)
         commands.bind_set(pipeline, 0, held)
-        commands.draw_fullscreen()
+        commands.draw_triangle()
         self.work.draws += 1
         self.work.triangles += 1

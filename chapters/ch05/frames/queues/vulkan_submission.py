@@ -5,8 +5,8 @@ Nothing waits for what is submitted after it, so that the same batches, in the s
 queues are one. What goes to one queue in a row goes there in one call.
 
 Recordings are kept by batch. Those of the graphics queue are made together, as the draws of a frame change together; a
-batch of the compute queue has its own, which lasts while `recorded(slot)` of its passes says the same. Where all of its
-passes are `idle` it is not submitted, if others can do without it.
+batch of the compute queue has its own, which lasts while `key(slot)` of its passes says the same. Where all of its
+passes are `resting` it is not submitted, if others can do without it.
 """
 
 from __future__ import annotations
@@ -112,18 +112,17 @@ class QueueFrames(Recordings):
     def record(
         self,
         slot: RecordedSlot,
-        key: Any,
         commands: Commands,
         inspection: Inspection | None = None,
         again: bool = True,
     ) -> bool:
         """Record the batches that are not what they were; return whether those of graphics are among them.
 
-        `key` says what the draws were recorded from. Without `again` every batch is recorded in every frame.
+        Without `again` every batch is recorded in every frame.
         """
         parts = self._parts[slot.index]
         drawn = [part for part in parts if part.draws]
-        keys = (key, *(self._key(part) for part in drawn))
+        keys = tuple(self._key(part) for part in drawn)
         anew = not again or any(part.commands.key != keys for part in drawn)
         if anew:
             commands.begin(drawn[0].commands)
@@ -142,19 +141,15 @@ class QueueFrames(Recordings):
 
     def _record_beside(self, part: _Part, again: bool) -> None:
         passes = [made for _, made in self._executor.passes_of(part.number)]
-        part.rests = part.can_rest and all(getattr(made, "idle", False) for made in passes)
+        part.rests = part.can_rest and all(made.resting for made in passes)
         key = self._key(part)
         if not part.rests and (not again or part.commands.key != key):
             self._beside.begin(part.commands)
             self._record(part, key, self._beside, None)
 
     def _key(self, part: _Part) -> tuple[Any, ...]:
-        """Return what the passes of a batch were recorded from; those that draw have their key from the frame."""
-        return tuple(
-            made.recorded(part.commands.index)
-            for step, made in self._executor.passes_of(part.number)
-            if step.kind != "graphics" and hasattr(made, "recorded")
-        )
+        """Return what the passes of a batch were recorded from."""
+        return tuple(made.key(part.commands.index) for _, made in self._executor.passes_of(part.number))
 
     def _record(self, part: _Part, key: Any, commands: Commands, inspection: Inspection | None) -> None:
         slot = part.commands

@@ -13,7 +13,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+
+from backends.contract import Pass
 
 from ...pipelines.spirv.declared import Kind
 from ..types import PREVIOUS, Graph, GraphError, Step
@@ -31,7 +32,7 @@ class Bound:
     writes: bool
 
 
-def bindings_of(step: Step, made: Any, graph: Graph) -> list[Bound]:
+def bindings_of(step: Step, made: Pass, graph: Graph) -> list[Bound]:
     """Return what a step that computes binds, in the order of the bindings; `made` is its pass."""
     found = []
     for writes, accesses, names in ((False, made.reads, step.reads), (True, made.writes, step.writes)):

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
+from backends.contract import Pass
 from backends.gl.context import Context
 from backends.gl.inspection import Inspection
 from backends.gl.resources import Buffer, Image
@@ -23,7 +24,7 @@ from ..memory.gl_images import GraphImages
 from ..memory.gl_poison import Poison
 from ..sync.gl import memory_barriers
 from ..types import Graph, Step
-from .gl_bindings import Sources, check_sources, sources
+from .gl_bindings import BoundSources, check_sources, sources
 from .gl_targets import Framebuffers, Targets
 
 
@@ -35,7 +36,7 @@ class _Ready:
     barrier: int
     targets: Targets | None
     poison: Poison | None = None
-    sources: Textures | Sources | None = None
+    sources: Textures | BoundSources | None = None
     """For a pass that samples what others drew."""
 
 
@@ -50,7 +51,7 @@ class GraphExecutor:
         self,
         context: Context,
         graph: Graph,
-        passes: Mapping[str, Any],
+        passes: Mapping[str, Pass],
         sampler: Callable[[Sampler, float], int],
         externals: Callable[[GraphImages], list[Mapping[str, Image | Buffer]]] | None = None,
         alias: bool = True,
@@ -92,33 +93,29 @@ class GraphExecutor:
     def _bind_sources(self, step: Step) -> None:
         """Note what a pass binds to sample what it reads: one unit for each, in the order in which it declares them."""
         made = self._passes[step.name]
-        if not hasattr(made, "source"):
+        if made.sources is None:
             return
-        sampled = [
-            resource
-            for access, resource in zip(made.reads, step.reads, strict=True)
-            if access.use == "sampled"
-        ]
-        smooth: Literal["nearest", "linear"] = getattr(made, "source_filter", "nearest")
+        sampled = step.sampled(made.reads)
+        smooth, first = made.sources.filter, made.sources.first.get("texture", 0)
         sampler = self._sampler(Sampler(smooth, smooth, None, "clamp", "clamp"), 1.0)
         for slot, steps in enumerate(self._slots):
             ready = next(one for one in steps if one.step.name == step.name)
             if step.kind == "compute":  # it has no attachments: all that it touches is bound
                 check_sources(self._context, step, made, self.graph)
-                made.extent = step.size
                 ready.sources = sources(step, made, self.graph, self.images.in_slot[slot], sampler)
                 continue
             ready.sources = tuple(
-                (unit, self.images.image(slot, name).view, sampler) for unit, name in enumerate(sampled)
+                (unit, self.images.image(slot, name).view, sampler)
+                for unit, name in enumerate(sampled, first)
             )
 
-    def swap(self, name: str, made: Any) -> None:
+    def swap(self, name: str, made: Pass) -> None:
         """Let another implementation draw step `name`: the graph stays as it is, the recordings do not.
 
         It declares the same reads and writes.
         """
         step = next(step for step in self.graph.steps if step.name == name)
-        if step.kind == "compute" and hasattr(made, "source"):  # before anything is given up
+        if step.kind == "compute" and made.sources is not None:  # before anything is given up
             check_sources(self._context, step, made, self.graph)
         self._passes[name] = made
         self._bind_sources(next(step for step in self.graph.steps if step.name == name))
@@ -141,10 +138,9 @@ class GraphExecutor:
             with context.label(name):
                 if timed:
                     commands.slot.timestamps.begin(name)
-                if one.sources is not None:
-                    made.source = one.sources
-                if hasattr(made, "pre_render"):
-                    made.pre_render(commands)
+                commands.sources = one.sources
+                commands.extent = one.step.size
+                made.pre_render(commands)
                 if one.targets is not None:
                     one.targets.begin(commands)
                 made.record(commands)

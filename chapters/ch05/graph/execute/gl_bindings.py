@@ -1,8 +1,8 @@
 """What passes that compute bind on OpenGL: all that a pass declares; compare vulkan_sets.py.
 
 OpenGL counts bindings by kind, so the i-th texture that a pass declares is bound to the i-th unit, and so are images
-and blocks (the last argument of BIND in its shader). A pass that also reads the scene says with `first_bindings` from
-which number on its own begin: {"texture": 3}.
+and blocks (the last argument of BIND in its shader). A pass that also reads the scene says in its `sources` with which
+numbers its own begin.
 """
 
 from __future__ import annotations
@@ -10,8 +10,9 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
+from backends.contract import Pass
 from backends.gl.context import Context
 from backends.gl.program_interface import interface_of
 from backends.gl.resources import Buffer, Image, bind_buffer, bind_storage_image
@@ -32,7 +33,7 @@ _PUSH = _PLACES["uniform"] + "14"
 
 
 @dataclass(frozen=True)
-class Sources:
+class BoundSources:
     """What is bound in front of a pass: textures as (unit, view, sampler), images as
     (unit, image, access), and blocks."""
 
@@ -51,9 +52,9 @@ class Sources:
             bind_buffer(context, kind, binding, buffer)
 
 
-def _numbered(step: Step, made: Any, graph: Graph) -> list[tuple[int, Bound]]:
+def _numbered(step: Step, made: Pass, graph: Graph) -> list[tuple[int, Bound]]:
     """Return what is bound, each with its number among those of its kind."""
-    numbers = Counter(getattr(made, "first_bindings", {}))
+    numbers = Counter(made.sources.first if made.sources else {})
     found = []
     for bound in bindings_of(step, made, graph):
         found.append((numbers[bound.kind], bound))
@@ -61,22 +62,24 @@ def _numbered(step: Step, made: Any, graph: Graph) -> list[tuple[int, Bound]]:
     return found
 
 
-def check_sources(context: Context, step: Step, made: Any, graph: Graph) -> None:
+def check_sources(context: Context, step: Step, made: Pass, graph: Graph) -> None:
     """Raise GraphError where the program of the pass reaches something that it does not declare."""
     bound = {f"{_PLACES[one.kind]}{number}" for number, one in _numbered(step, made, graph)}
-    first = getattr(made, "first_bindings", {})
-    for place, slot in interface_of(context, made.pipeline.program.handle).items():
+    first, (pipeline,) = made.sources.first if made.sources else {}, made.pipelines
+    for place, slot in interface_of(context, pipeline.handle).items():
         for kind, words in _PLACES.items():
             if not place.startswith(words) or place in bound or place == _PUSH:
                 continue
             if int(place.removeprefix(words)) >= first.get(kind, 0):
                 raise GraphError(
                     f"'{step.name}' declares nothing that is bound as {kind} {place.removeprefix(words)}, and "
-                    f"{made.pipeline.program.name} has '{slot.name}' there: declare what it reads or writes."
+                    f"{pipeline.code.name} has '{slot.name}' there: declare what it reads or writes."
                 )
 
 
-def sources(step: Step, made: Any, graph: Graph, held: Mapping[str, Image | Buffer], sampler: int) -> Sources:
+def sources(
+    step: Step, made: Pass, graph: Graph, held: Mapping[str, Image | Buffer], sampler: int
+) -> BoundSources:
     """Return what is bound in one slot; `held` is what is behind the names of resources there."""
     textures, images, blocks = [], [], []
     for number, bound in _numbered(step, made, graph):
@@ -88,4 +91,4 @@ def sources(step: Step, made: Any, graph: Graph, held: Mapping[str, Image | Buff
             textures.append((number, one.view, sampler))
         else:
             images.append((number, one, "both" if bound.writes else "read"))
-    return Sources(tuple(textures), tuple(images), tuple(blocks))
+    return BoundSources(tuple(textures), tuple(images), tuple(blocks))

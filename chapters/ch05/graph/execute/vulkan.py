@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any
 
+from backends.contract import Pass
 from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 from backends.vulkan.inspection import Inspection
+from backends.vulkan.once import submit_once
 from backends.vulkan.resources import Buffer, Image
 from common.scene import Sampler
 
@@ -26,9 +28,8 @@ from ...pipelines.vulkan_descriptors import Descriptors, Held, Sets, Texture
 from ..memory.vulkan_images import GraphImages, GraphMemory
 from ..memory.vulkan_poison import Poison
 from ..sync.vulkan import dependency, layout_of
-from ..sync.vulkan_lasting import begin_lasting
 from ..types import Graph, Step
-from .batches import batches_of, last_drawn
+from .batches import batches_of, last_drawn, prologues
 from .vulkan_sets import check_sources, sources
 from .vulkan_targets import Targets
 
@@ -42,7 +43,7 @@ class _Ready:
     targets: Targets | None
     poison: Poison | None = None
     sources: Any = None
-    """An array of one descriptor set, for a pass that samples what others drew."""
+    """(number, array of one descriptor set), for a pass that reads what others wrote."""
     releases: Any = None
 
 
@@ -63,7 +64,7 @@ class GraphExecutor:
         self,
         device: Device,
         graph: Graph,
-        passes: Mapping[str, Any],
+        passes: Mapping[str, Pass],
         memory: GraphMemory,
         resources: Resources,
         descriptors: Descriptors,
@@ -83,7 +84,7 @@ class GraphExecutor:
             self._slots = [self._ready(slot, poison) for slot in range(SLOTS)]
             for step in graph.steps:
                 self._bind_sources(step)
-            begin_lasting(self._queues, graph, self.images)
+            self._begin_lasting()
         except BaseException:
             self.close()
             raise
@@ -104,23 +105,28 @@ class GraphExecutor:
         ]
         return _Slot(steps, dependency(graph.epilogue, held, queues.taking))
 
+    def _begin_lasting(self) -> None:
+        """Bring what lasts from frame to frame into the state, and to the queue, in which a frame finds it."""
+        queues = self._queues
+        for queue, released, planned in prologues(self.graph):
+            if released and not queues.families:
+                continue  # a queue of the same family takes it as it is
+            with submit_once(self._device, queues.of[queue]) as commands:
+                for held in self.images.in_slot:
+                    made = dependency(planned, held, queues.giving if released else queues.taking)
+                    self._device.fn.vkCmdPipelineBarrier2(commands, made)
+
     def _bind_sources(self, step: Step) -> None:
         """Make the sets through which a pass samples, one binding for each of its reads in the order it declares."""
         made = self._passes[step.name]
-        if not hasattr(made, "source_set"):
+        if made.sources is None:
             return
-        sampled = [
-            resource
-            for access, resource in zip(made.reads, step.reads, strict=True)
-            if access.use == "sampled"
-        ]
-        smooth: Literal["nearest", "linear"] = getattr(made, "source_filter", "nearest")
+        sampled = step.sampled(made.reads)
+        number, smooth = made.sources.set, made.sources.filter
         sampler = self._resources.sampler(Sampler(smooth, smooth, None, "clamp", "clamp"), 1.0)
-        number = getattr(made, "source_number", 0)
         if step.kind == "compute":
-            check_sources(step, made, self.graph, number)
-            made.extent = step.size
-        layout = made.pipeline.sets[number]
+            check_sources(step, made, self.graph)
+        layout = made.pipelines[0].sets[number]
         assert layout is not None, f"'{step.name}' samples what it reads"
         wanted = []
         for slot in range(SLOTS):
@@ -134,20 +140,20 @@ class GraphExecutor:
             wanted.append((layout, held, f"{step.name} sources, slot {slot}"))
         self._sets[step.name] = self._descriptors.create(wanted)
         for ready, handle in zip(self._of(step.name), self._sets[step.name].handles, strict=True):
-            ready.sources = vk.array("VkDescriptorSet", [handle])
+            ready.sources = number, vk.array("VkDescriptorSet", [handle])
 
     def _of(self, name: str) -> list[_Ready]:
         """Return a step as it is in each slot."""
         return [next(one for one in mine.steps if one.step.name == name) for mine in self._slots]
 
-    def swap(self, name: str, made: Any) -> None:
+    def swap(self, name: str, made: Pass) -> None:
         """Let another implementation draw step `name`: the graph stays as it is, the recordings do not.
 
         It declares the same reads and writes; no frame is in flight.
         """
         step = next(step for step in self.graph.steps if step.name == name)
-        if step.kind == "compute" and hasattr(made, "source_set"):  # before anything is given up
-            check_sources(step, made, self.graph, getattr(made, "source_number", 0))
+        if step.kind == "compute" and made.sources is not None:  # before anything is given up
+            check_sources(step, made, self.graph)
         self._passes[name] = made
         if name in self._sets:
             self._descriptors.destroy(self._sets.pop(name))
@@ -172,10 +178,9 @@ class GraphExecutor:
             timed = one.step.kind != "copy"
             if timed:
                 profiler.begin(commands.slot, name)
-            if one.sources is not None:
-                made.source_set = one.sources
-            if hasattr(made, "pre_render"):
-                made.pre_render(commands)
+            commands.sources = one.sources
+            commands.extent = one.step.size
+            made.pre_render(commands)
             if one.targets is not None:
                 commands.begin_rendering(one.targets)
             made.record(commands)
@@ -191,7 +196,7 @@ class GraphExecutor:
         if ready.epilogue is not None and batch == last_drawn(self.batches):
             commands.barrier(ready.epilogue)
 
-    def passes_of(self, batch: int) -> list[tuple[Step, Any]]:
+    def passes_of(self, batch: int) -> list[tuple[Step, Pass]]:
         """Return the steps of a batch, each with what carries it out."""
         steps = [self.graph.steps[place] for place in self.batches[batch].steps]
         return [(step, self._passes[step.name]) for step in steps]

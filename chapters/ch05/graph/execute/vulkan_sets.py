@@ -1,7 +1,6 @@
 """The descriptor sets of passes that compute: all that a pass declares, as its kernel reaches it.
 
-See graph/execute/bindings.py for the order. A pass asks for it by having `source_set`, which the executor fills before
-it records the pass; `source_number` is the set's number, 0 unless the class says otherwise.
+See graph/execute/bindings.py for the order. A pass asks for it by its `sources`, which say the number of the set.
 """
 
 from __future__ import annotations
@@ -9,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from backends.contract import Pass
 from backends.vulkan import api as vk
 from backends.vulkan.resources import Buffer, Image
 
@@ -18,17 +18,18 @@ from ..types import Graph, Step
 from .bindings import bindings_of, check_table
 
 
-def check_sources(step: Step, made: Any, graph: Graph, number: int) -> None:
-    """Raise GraphError where set `number` of the pass's pipeline is not what it declares to read and write."""
-    sets = made.pipeline.sets
+def check_sources(step: Step, made: Pass, graph: Graph) -> None:
+    """Raise GraphError where the set of the pass's sources is not what it declares to read and write."""
+    (pipeline,), number = made.pipelines, made.sources.set if made.sources else 0
+    sets = pipeline.sets
     layout = sets[number] if number < len(sets) else None
-    shader = made.pipeline.stages.sources[0].name
+    shader = pipeline.code.sources[0].name
     table = {one.number: (str(one.kind), one.name) for one in (layout.bindings if layout else ())}
     check_table(step.name, bindings_of(step, made, graph), table, f"set {number} of {shader}")
 
 
 def sources(
-    step: Step, made: Any, graph: Graph, held: Mapping[str, Image | Buffer], sampler: Any
+    step: Step, made: Pass, graph: Graph, held: Mapping[str, Image | Buffer], sampler: Any
 ) -> dict[int, Held]:
     """Return what the bindings hold in one slot; `held` is what is behind the names of resources there."""
     found: dict[int, Held] = {}

@@ -23,6 +23,7 @@ from backends.gl.resources import (
 from ...frames.frame import SLOTS
 from ..frame_graph import texels
 from ..types import PREVIOUS, Graph, Resource
+from .images import ImagesInSlots
 
 
 def sharing(graph: Graph, alias: bool = True) -> dict[str, str]:
@@ -43,8 +44,10 @@ def sharing(graph: Graph, alias: bool = True) -> dict[str, str]:
     return owner
 
 
-class GraphImages:
-    """All that a graph's steps use: `in_slot[slot]` has the image or buffer behind each name of a resource."""
+class GraphImages(ImagesInSlots[Image, Buffer]):
+    """The images and buffers of a graph."""
+
+    kind = Image
 
     def __init__(self, context: Context, graph: Graph, alias: bool = True) -> None:
         self._context = context
@@ -89,17 +92,6 @@ class GraphImages:
             made = create_image(self._context, resource.format, resource.size, name, samples=resource.samples)
         self._made.append(made)
         return made
-
-    def image(self, slot: int, name: str) -> Image:
-        """Return the image of a resource in a slot."""
-        held = self.in_slot[slot][name]
-        assert isinstance(held, Image), name
-        return held
-
-    def by_name(self, graph: Graph) -> dict[str, Image]:
-        """Return the images of the first slot by every name that they have in the graph."""
-        held = {name: self.in_slot[0].get(of) for name, of in graph.names.items()}
-        return {name: image for name, image in held.items() if isinstance(image, Image)}
 
     def close(self) -> None:
         """Free what was made; OpenGL itself waits for the GPU's use."""

@@ -16,6 +16,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from backends.contract import Pass
 from backends.gl import api as gl
 from backends.gl.resources import Buffer, Image
 
@@ -53,7 +54,7 @@ class _Use:
 
 
 def memory_barriers(
-    graph: Graph, passes: Mapping[str, Any], in_slot: Sequence[Mapping[str, Image | Buffer]]
+    graph: Graph, passes: Mapping[str, Pass], in_slot: Sequence[Mapping[str, Image | Buffer]]
 ) -> list[int]:
     """Return for each step the bits of the barrier in front of it, 0 for none.
 

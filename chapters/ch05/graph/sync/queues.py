@@ -21,9 +21,9 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections import defaultdict
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,22 +31,12 @@ from common.names import suggest
 
 from ..fields import Field
 from ..json_places import brief
-from ..types import Edge, External, GraphError, Node
+from ..types import Edge, GraphError, Node
 from .batches import Batch, Wait
 
 GRAPHICS = "graphics"
 QUEUES = (GRAPHICS, "compute")
 """What a pass can ask for. Whatever draws, and what is not said to be elsewhere, is on the first one."""
-
-
-def asked_by(made: Any) -> str:
-    """Return the queue that a pass asks for."""
-    return str(getattr(made, "queue", GRAPHICS))
-
-
-def brought_by(passes: Iterable[Any]) -> dict[str, External]:
-    """Return the resources that passes bring along, those of passes that are left out too: others may read them."""
-    return {name: one for made in passes for name, one in getattr(made, "externals", {}).items()}
 
 
 def check_word(field: Field) -> None:

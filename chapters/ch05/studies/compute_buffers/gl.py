@@ -10,8 +10,8 @@ from common.view.camera import View
 
 from ...frames.frame import SLOTS
 from ...frames.gl import FrameSlot
-from ...pipelines.gl import GraphicsPipeline
-from ...pipelines.gl_compute import ComputePipeline
+from ...pipelines.compute_description import ComputeDescription
+from ...pipelines.description import PipelineDescription
 from ..stage_gl import Stage
 from . import KERNEL, SHADERS, STUDY, KernelWork, Settings, defines, expected, numbers, push
 
@@ -30,8 +30,8 @@ class Renderer(Stage):
         self._y = [self.shared(4 * count, f"y, slot {slot}") for slot in range(SLOTS)]
         self._kernel, self._bars = self.pipelines.get(
             [
-                ComputePipeline(KERNEL, name="kernel"),
-                GraphicsPipeline(SHADERS, defines(self.settings), depth=None, name="bars"),
+                ComputeDescription(KERNEL, name="kernel"),
+                PipelineDescription(SHADERS, defines(self.settings), depth=None, name="bars"),
             ]
         )
         self._push = push(self.settings)

@@ -10,8 +10,8 @@ from common.view.camera import View
 
 from ...frames.frame import SLOTS
 from ...frames.vulkan_commands import Commands
-from ...pipelines.vulkan import GraphicsPipeline
-from ...pipelines.vulkan_compute import ComputePipeline
+from ...pipelines.compute_description import ComputeDescription
+from ...pipelines.description import PipelineDescription
 from ..stage_vulkan import Stage
 from . import KERNEL, SHADERS, STUDY, KernelWork, Settings, defines, expected, numbers, push
 
@@ -37,8 +37,8 @@ class Renderer(Stage):
         self._y = [self.shared(4 * count, f"y, slot {slot}") for slot in range(SLOTS)]
         self._kernel, self._bars = self.pipelines.get(
             [
-                ComputePipeline(KERNEL, name="kernel"),
-                GraphicsPipeline(SHADERS, defines(self.settings), color="rgba8", depth=None, name="bars"),
+                ComputeDescription(KERNEL, name="kernel"),
+                PipelineDescription(SHADERS, defines(self.settings), color="rgba8", depth=None, name="bars"),
             ]
         )
         held = [{0: self._x[slot], 1: self._y[slot]} for slot in range(SLOTS)]
@@ -66,9 +66,9 @@ class Renderer(Stage):
         commands.barrier(self._for_bars)
         commands.begin_label("bars")
         self.begin(commands)
-        commands.bind_pipeline(self._bars, vk.VK_CULL_MODE_NONE, vk.VK_FRONT_FACE_COUNTER_CLOCKWISE)
+        commands.bind_pipeline(self._bars)
         commands.bind_set(self._bars, 0, self._drawing[slot])
-        commands.draw_fullscreen()
+        commands.draw_triangle()
         self.end(commands)
         commands.end_label()
         commands.barrier(self._for_cpu)

@@ -9,8 +9,8 @@ from backends.gl.resources import bind_buffer, write_buffer
 from common.view.camera import View
 
 from ...frames.gl import FrameSlot
-from ...pipelines.gl import GraphicsPipeline
-from ...pipelines.gl_compute import ComputePipeline
+from ...pipelines.compute_description import ComputeDescription
+from ...pipelines.description import PipelineDescription
 from ..stage_gl import Stage
 from . import KERNEL, SHADERS, STUDY, Settings, check, defines, groups_of, push, room, work_of
 
@@ -31,8 +31,8 @@ class Renderer(Stage):
         self._counters = self.empty(self._zeros.nbytes, "counters")
         self._kernel, self._show = self.pipelines.get(
             [
-                ComputePipeline(KERNEL, defines(settings), name=settings.local),
-                GraphicsPipeline(SHADERS, (("REPEAT", settings.repeat),), depth=None, name="show"),
+                ComputeDescription(KERNEL, defines(settings), name=settings.local),
+                PipelineDescription(SHADERS, (("REPEAT", settings.repeat),), depth=None, name="show"),
             ]
         )
 
@@ -46,7 +46,7 @@ class Renderer(Stage):
         write_buffer(self.device, self._counters, self._zeros)
         bind_buffer(self.device, "storage", 0, self._counters)
         self.device.push(push(self.settings, self.size))
-        fn.glUseProgram(self._kernel.program.handle)
+        fn.glUseProgram(self._kernel.handle)
         for _ in range(self.settings.repeat):
             fn.glDispatchCompute(*self._groups, 1)
         fn.glMemoryBarrier(gl.GL_SHADER_STORAGE_BARRIER_BIT)

@@ -9,8 +9,8 @@ from backends.vulkan.barriers import barriers
 from common.view.camera import View
 
 from ...frames.vulkan_commands import Commands
-from ...pipelines.vulkan import GraphicsPipeline
-from ...pipelines.vulkan_compute import ComputePipeline
+from ...pipelines.compute_description import ComputeDescription
+from ...pipelines.description import PipelineDescription
 from ..stage_vulkan import Stage
 from . import KERNEL, SHADERS, STUDY, Settings, check, defines, groups_of, push, room, work_of
 
@@ -35,8 +35,8 @@ class Renderer(Stage):
         self._counters = self.empty(4 * room(settings), ["storage"], "counters")
         self._kernel, self._show = self.pipelines.get(
             [
-                ComputePipeline(KERNEL, defines(settings), name=settings.local),
-                GraphicsPipeline(
+                ComputeDescription(KERNEL, defines(settings), name=settings.local),
+                PipelineDescription(
                     SHADERS, (("REPEAT", settings.repeat),), color="rgba8", depth=None, name="show"
                 ),
             ]
@@ -67,10 +67,10 @@ class Renderer(Stage):
         commands.barrier(self._before_show)
         commands.begin_label("show")
         self.begin(commands)
-        commands.bind_pipeline(self._show, vk.VK_CULL_MODE_NONE, vk.VK_FRONT_FACE_COUNTER_CLOCKWISE)
+        commands.bind_pipeline(self._show)
         commands.bind_set(self._show, 0, self._showing)
         commands.push(self._show, numbers)
-        commands.draw_fullscreen()
+        commands.draw_triangle()
         self.end(commands)
         commands.end_label()
 

@@ -9,7 +9,7 @@ from backends.gl.resources import bind_buffer, write_buffer
 from common.view.camera import View
 
 from ...frames.gl import FrameSlot
-from ...pipelines.gl import GraphicsPipeline
+from ...pipelines.description import PipelineDescription
 from ..stage_gl import Stage
 from . import COVER, POINTS, STUDY, VERTICES, OrderWork, Settings, places, push, shown
 
@@ -27,8 +27,8 @@ class Renderer(Stage):
         quad = (("QUAD", int(self.settings.shape == "quad")),)
         self._cover, self._points = self.pipelines.get(
             [
-                GraphicsPipeline(COVER, quad, depth=None, name="number"),
-                GraphicsPipeline(POINTS, depth=None, name="points"),
+                PipelineDescription(COVER, quad, depth=None, name="number"),
+                PipelineDescription(POINTS, depth=None, name="points"),
             ]
         )
         self._count = self.empty(4, "counter")

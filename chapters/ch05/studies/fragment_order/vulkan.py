@@ -11,7 +11,7 @@ from common.errors import UnsupportedError
 from common.view.camera import View
 
 from ...frames.vulkan_commands import Commands, Rendering
-from ...pipelines.vulkan import GraphicsPipeline
+from ...pipelines.description import PipelineDescription
 from ..stage_vulkan import Stage
 from . import COVER, POINTS, STUDY, VERTICES, OrderWork, Settings, places, push, shown
 
@@ -38,8 +38,8 @@ class Renderer(Stage):
         quad = (("QUAD", int(self.settings.shape == "quad")),)
         self._cover, self._points = self.pipelines.get(
             [
-                GraphicsPipeline(COVER, quad, color="rgba8", depth=None, name="number"),
-                GraphicsPipeline(POINTS, color="rgba8", depth=None, name="points"),
+                PipelineDescription(COVER, quad, color="rgba8", depth=None, name="number"),
+                PipelineDescription(POINTS, color="rgba8", depth=None, name="points"),
             ]
         )
         self._count = self.empty(4, ["storage"], "counter")
@@ -79,7 +79,7 @@ class Renderer(Stage):
         commands.barrier(self._after_reset)
         commands.begin_label("number")
         self.begin(commands)
-        commands.bind_pipeline(self._cover, vk.VK_CULL_MODE_NONE, vk.VK_FRONT_FACE_COUNTER_CLOCKWISE)
+        commands.bind_pipeline(self._cover)
         commands.bind_set(self._cover, 0, self._numbering)
         commands.push(self._cover, numbers)
         fn.vkCmdDraw(commands.handle, vertices, 1, 0, 0)
@@ -89,7 +89,7 @@ class Renderer(Stage):
         commands.begin_label("points")
         commands.begin_rendering(self._going_on)
         if count:
-            commands.bind_pipeline(self._points, vk.VK_CULL_MODE_NONE, vk.VK_FRONT_FACE_COUNTER_CLOCKWISE)
+            commands.bind_pipeline(self._points)
             commands.bind_set(self._points, 0, self._drawing)
             commands.push(self._points, numbers)
             fn.vkCmdDraw(commands.handle, 3 * count, 1, 0, 0)

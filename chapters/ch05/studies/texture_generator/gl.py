@@ -10,8 +10,8 @@ from backends.gl.resources import bind_storage_image, bind_texture, create_image
 from common.view.camera import View
 
 from ...frames.gl import FrameSlot
-from ...pipelines.gl import GraphicsPipeline
-from ...pipelines.gl_compute import ComputePipeline
+from ...pipelines.compute_description import ComputeDescription
+from ...pipelines.description import PipelineDescription
 from ..stage_gl import Stage
 from . import SHADERS, STUDY, TEXELS, KernelWork, Settings, kernel, push, texture_size
 
@@ -25,9 +25,9 @@ class Renderer(Stage):
 
     def create(self) -> None:
         """Make both programs."""
-        described = GraphicsPipeline(SHADERS, depth=None, name="show")
+        described = PipelineDescription(SHADERS, depth=None, name="show")
         self._kernel, self._show = self.pipelines.get(
-            [ComputePipeline(self.kernel(self.settings), name=self.settings.shader), described]
+            [ComputeDescription(self.kernel(self.settings), name=self.settings.shader), described]
         )
         self._sampler = self.sampler(TEXELS, "texels")
 

@@ -12,8 +12,8 @@ from backends.vulkan.resources import create_image, destroy_image
 from common.view.camera import View
 
 from ...frames.vulkan_commands import Commands
-from ...pipelines.vulkan import GraphicsPipeline
-from ...pipelines.vulkan_compute import ComputePipeline
+from ...pipelines.compute_description import ComputeDescription
+from ...pipelines.description import PipelineDescription
 from ...pipelines.vulkan_descriptors import Texture
 from ..stage_vulkan import Stage
 from . import SHADERS, STUDY, TEXELS, KernelWork, Settings, kernel, push, texture_size
@@ -28,9 +28,9 @@ class Renderer(Stage):
 
     def create(self) -> None:
         """Make both pipelines."""
-        described = GraphicsPipeline(SHADERS, color="rgba8", depth=None, name="show")
+        described = PipelineDescription(SHADERS, color="rgba8", depth=None, name="show")
         self._kernel, self._show = self.pipelines.get(
-            [ComputePipeline(self.kernel(self.settings), name=self.settings.shader), described]
+            [ComputeDescription(self.kernel(self.settings), name=self.settings.shader), described]
         )
         self._sampler = self.sampler(TEXELS, "texels")
 
@@ -78,9 +78,9 @@ class Renderer(Stage):
             commands.barrier(self._to_read_again)
         commands.begin_label("show")
         self.begin(commands)
-        commands.bind_pipeline(self._show, vk.VK_CULL_MODE_NONE, vk.VK_FRONT_FACE_COUNTER_CLOCKWISE)
+        commands.bind_pipeline(self._show)
         commands.bind_set(self._show, 0, self._sampling)
-        commands.draw_fullscreen()
+        commands.draw_triangle()
         self.end(commands)
         commands.end_label()
 

@@ -13,8 +13,8 @@ from common.view.camera import View
 
 from ...frames.queues.vulkan_queues import Queues
 from ...frames.vulkan_commands import Commands
-from ...pipelines.vulkan import GraphicsPipeline
-from ...pipelines.vulkan_compute import ComputePipeline
+from ...pipelines.compute_description import ComputeDescription
+from ...pipelines.description import PipelineDescription
 from ..stage_vulkan import Stage
 from . import CELLS, STUDY, PaceWork, Settings
 from .fences import Fences
@@ -53,8 +53,8 @@ class Renderer(Stage):
         defines = (("CELLS", CELLS),)
         self._kernel, self._show = self.pipelines.get(
             [
-                ComputePipeline(KERNEL, name="kernel"),
-                GraphicsPipeline(SHADERS, defines, color="rgba8", depth=None, name="show"),
+                ComputeDescription(KERNEL, name="kernel"),
+                PipelineDescription(SHADERS, defines, color="rgba8", depth=None, name="show"),
             ]
         )
         self._writing = self.set_of(self._kernel, {0: field}, "field of the kernel")
@@ -74,9 +74,9 @@ class Renderer(Stage):
         beside.dispatch_over(self._kernel, (CELLS, CELLS))
         beside.end_label()
         self.begin(commands)
-        commands.bind_pipeline(self._show, vk.VK_CULL_MODE_NONE, vk.VK_FRONT_FACE_COUNTER_CLOCKWISE)
+        commands.bind_pipeline(self._show)
         commands.bind_set(self._show, 0, self._reading)
-        commands.draw_fullscreen()
+        commands.draw_triangle()
         self.end(commands)
 
     def _draw(self, slot: Slot, view: View, time: float) -> None:

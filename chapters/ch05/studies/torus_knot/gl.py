@@ -13,8 +13,8 @@ from backends.gl.resources import bind_buffer
 from common.view.camera import View
 
 from ...frames.gl import FrameSlot
-from ...pipelines.gl import GraphicsPipeline
-from ...pipelines.gl_compute import ComputePipeline
+from ...pipelines.compute_description import ComputeDescription
+from ...pipelines.description import PipelineDescription
 from ..stage_gl import Stage
 from . import (
     KERNEL,
@@ -50,7 +50,10 @@ class Renderer(Stage):
         self._array = self.keep(made, lambda one: self.device.destroy("vertex array", one))
         self._uniforms = self.per_slot(UNIFORM_BYTES, "matrices")
         self._kernel, self._knot = self.pipelines.get(
-            [ComputePipeline(KERNEL, name="kernel"), GraphicsPipeline(SHADERS, depth="write", name="knot")]
+            [
+                ComputeDescription(KERNEL, name="kernel"),
+                PipelineDescription(SHADERS, depth="write", name="knot"),
+            ]
         )
         self._made_with: float | None = None
 

@@ -12,8 +12,8 @@ from backends.vulkan.barriers import barriers
 from common.view.camera import View
 
 from ...frames.vulkan_commands import Commands
-from ...pipelines.vulkan import GraphicsPipeline
-from ...pipelines.vulkan_compute import ComputePipeline
+from ...pipelines.compute_description import ComputeDescription
+from ...pipelines.description import PipelineDescription
 from ..stage_vulkan import Stage
 from . import (
     KERNEL,
@@ -51,8 +51,8 @@ class Renderer(Stage):
         self._uniforms = self.per_slot(UNIFORM_BYTES, "uniform", "matrices")
         self._kernel, self._knot = self.pipelines.get(
             [
-                ComputePipeline(KERNEL, name="kernel"),
-                GraphicsPipeline(SHADERS, color="rgba8", depth="write", name="knot"),
+                ComputeDescription(KERNEL, name="kernel"),
+                PipelineDescription(SHADERS, color="rgba8", depth="write", name="knot"),
             ]
         )
         self._computing = self.set_of(self._kernel, {0: self._vertices}, "mesh of the kernel")
@@ -82,7 +82,7 @@ class Renderer(Stage):
         self._uniforms[slot].view(np.float32)[:] = matrices(view, time, aspect).ravel()
         commands.begin_label("knot")
         self.begin(commands)
-        commands.bind_pipeline(self._knot, vk.VK_CULL_MODE_BACK_BIT, vk.VK_FRONT_FACE_COUNTER_CLOCKWISE)
+        commands.bind_pipeline(self._knot, cull=True)
         commands.bind_set(self._knot, 0, self._drawing[slot])
         fn = self.device.fn
         fn.vkCmdBindIndexBuffer(commands.handle, self._indices.handle, 0, vk.VK_INDEX_TYPE_UINT32)

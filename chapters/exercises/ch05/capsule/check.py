@@ -1,4 +1,4 @@
-"""Cloths whose particles begin inside of capsules: after a step they lie on the surface, in the kernel and its twin."""
+"""Cloths whose particles begin inside of capsules: after a step they lie on the surface."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ def check(given: Given) -> None:
         )
     ]
     points = np.concatenate([piece.world for piece in pieces])
-    for who, after in _moved(given, points, [piece.collider for piece in pieces]):
-        for piece, part in zip(pieces, np.split(after, len(pieces)), strict=True):
-            piece.hold(who, part)
+    after = _moved(given, points, [piece.collider for piece in pieces])
+    for piece, part in zip(pieces, np.split(after, len(pieces)), strict=True):
+        piece.hold(part)
 
 
 def _local(half: float, rng: np.random.Generator) -> dict[str, np.ndarray]:
@@ -70,13 +70,13 @@ class _Piece:
         self.collider = collider("capsule", matrix, radius=0.25, half=(0.0, half, 0.0))
         self.world = np.concatenate(list(local.values())) @ matrix[:3, :3].T + matrix[:3, 3]
 
-    def hold(self, who: str, world: np.ndarray) -> None:
+    def hold(self, world: np.ndarray) -> None:
         """Look where the points are after a step, by how they began."""
         need, half = self._given.need, self._half
         scale = float(np.linalg.norm(self._matrix[:3, 0]))
         after = (world - self._matrix[:3, 3]) @ self._matrix[:3, :3] / scale**2
         for ends, (where, begins) in zip(np.split(after, len(self._local)), self._local.items(), strict=True):
-            said = f"In {who}, what begins {where} ({self._what})"
+            said = f"What begins {where} ({self._what})"
             need(np.isfinite(ends).all(), f"{said} ends where no number is.")
             wanted = np.maximum(_distance(begins, half) * scale, 0.25 * scale + SKIN)
             found = _distance(ends, half) * scale
@@ -90,9 +90,9 @@ class _Piece:
                 need(off * scale < TOLERANCE, f"{said} is not put out along the shortest way.")
 
 
-def _moved(given: Given, points: np.ndarray, colliders: list[Any]) -> list[tuple[str, np.ndarray]]:
+def _moved(given: Given, points: np.ndarray, colliders: list[Any]) -> np.ndarray:
     """Let a cloth begin at all points, without weight and with its springs at rest; return where it is after a step."""
-    types, twin = given.module("cloth.types"), given.module("cloth.twin")
+    types = given.module("cloth.types")
     made = sheet(given.module("cloth.build").build_cloth, 5, len(points) // 5, pins=[])
     rest = np.linalg.norm(points[made.springs[:, 0]] - points[made.springs[:, 1]], axis=1)
     made = replace(
@@ -105,10 +105,7 @@ def _moved(given: Given, points: np.ndarray, colliders: list[Any]) -> list[tuple
         friction=0.0,
     )
     steps, still = types.Steps(substeps=1), types.Forces(gravity=(0.0, 0.0, 0.0), air_density=0.0)
-    return [
-        ("the twin", twin.Twin(made, steps, still, colliders).advance().positions),
-        ("the kernel", _on_gpu(given, made, steps, still, colliders).astype(np.float64)),
-    ]
+    return _on_gpu(given, made, steps, still, colliders).astype(np.float64)
 
 
 def _nearest(points: np.ndarray, half: float) -> np.ndarray:

@@ -9,6 +9,7 @@ import numpy as np
 from common.scene import Material, Scene
 from tests.support.scenes import facing, quad_scene
 from tools.exercises.checking import Given
+from tools.frames.overlap import overlaps
 
 SIZE = (37, 21)
 """No multiple of a work group's."""
@@ -82,7 +83,6 @@ def _look(given: Given, graph: Any, wanted: bool) -> None:
         step.kind == "compute" and step.queue == "compute",
         f"The pass runs on the queue for {step.queue}: it asks for none, or draws.",
     )
-    overlaps: Any = given.module("graph.sync.overlap").overlaps
     beside = {graph.steps[other].name for other in overlaps(graph)[steps["grain"]].now}
     late = [name for name in ("gbuffer", "lighting") if name not in beside]
     given.need(

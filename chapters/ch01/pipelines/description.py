@@ -1,0 +1,76 @@
+"""What a pipeline is made of, in plain words: one description for both APIs.
+
+`vulkan.py` builds a VkPipeline from it; `gl.py` builds a program, and sets the rest before it draws.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, Protocol
+
+Kind = Literal["uniform", "storage", "texture"]
+Front = Literal["counter_clockwise", "clockwise"]
+"""How the corners of front faces follow one another on the screen."""
+
+
+@dataclass(frozen=True)
+class Binding:
+    """One binding of a descriptor set, and the stages whose shaders read it: all, or the fragment shader alone."""
+
+    number: int
+    kind: Kind
+    stages: Literal["all", "fragment"] = "all"
+
+
+@dataclass(frozen=True)
+class PipelineDescription:
+    """What a pipeline is made of.
+
+    `sets` are the bindings of each descriptor set, and `streams` are (shader location, floats per vertex) of each
+    vertex buffer. OpenGL has neither: it binds one by one, by the numbers in the shaders.
+    """
+
+    shaders: tuple[str, ...]
+    defines: tuple[tuple[str, int | float | str], ...] = ()
+    sets: tuple[tuple[Binding, ...], ...] = ()
+    streams: tuple[tuple[int, int], ...] = ()
+    color: str | None = "rgba16f"
+    depth: Literal["write", "test", "equal"] | None = "write"
+    blend: Literal["over", "add"] | None = None
+    samples: int = 1
+    name: str = ""
+
+    @property
+    def title(self) -> str:
+        """The name, or the files of the shaders where there is none."""
+        return self.name or " + ".join(self.shaders)
+
+
+@dataclass(eq=False)
+class Built:
+    """A pipeline that can be bound.
+
+    `handle` is the VkPipeline, or OpenGL's number of the program. It changes when a shader was edited, so commands
+    read it at each bind. `layout` is the VkPipelineLayout, through which descriptors and push constants reach it.
+    `code` is what the handle was built from; a reload compares it.
+    """
+
+    described: PipelineDescription
+    handle: Any
+    code: Any
+    layout: Any = None
+
+
+class Pipelines(Protocol):
+    """A backend's pipelines, built at their first use. Equal descriptions share one."""
+
+    def get(self, wanted: Sequence[PipelineDescription]) -> list[Built]:
+        """Return one pipeline per description."""
+
+    def __len__(self) -> int: ...
+
+    @property
+    def files(self) -> frozenset[Path]:
+        """All on disk that decides about the shaders of these pipelines."""

@@ -1,0 +1,57 @@
+"""What passes have in common that draw the scene's objects: pipelines by material, and groups of draws with them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from backends.contract import Pass
+
+from ..frames.commands import Commands, DrawGroup
+from ..pipelines.description import Built, Front, PipelineDescription
+from ..scene.draw_lists import Batch
+from ..scene.packing import Variant
+from ..scene.pass_parts import PassParts
+
+
+class ObjectsPass(Pass):
+    """Draws the objects of the scene's lists with pipelines of its own: the solid ones, unless `takes` says more."""
+
+    def __init__(self, parts: PassParts) -> None:
+        self._scene, self._settings = parts.scene, parts.settings
+        self._data, self._draws, self._pipelines = parts.data, parts.draws, parts.pipelines
+        self._built: dict[Variant, Built] = {}
+
+    def takes(self, variant: Variant) -> bool:
+        """Whether materials of `variant` are drawn here."""
+        return variant.alpha_mode != "blend"
+
+    def part_of(self, variant: Variant) -> Variant:
+        """Return what this pass needs of a material's variant: materials that differ in the rest share a pipeline."""
+        return variant
+
+    def describe(self, variant: Variant) -> PipelineDescription:
+        """Return the pipeline that draws materials of `variant`."""
+        raise NotImplementedError
+
+    def create(self) -> None:
+        """Build the pipelines of all materials that are drawn, and no other; again when one became another kind."""
+        self._draws.forget()
+        found = dict.fromkeys(self._data.variants[material] for material in self._draws.used)
+        kinds = [variant for variant in found if self.takes(variant)]
+        self.pipelines = self._pipelines.get([self.describe(variant) for variant in kinds])
+        self._built = dict(zip(kinds, self.pipelines, strict=True))
+
+    def groups(self, batches: Sequence[Batch]) -> list[DrawGroup]:
+        """Return batches of the scene's lists with this pass's pipelines and the textures that those read."""
+        groups = []
+        for batch in batches:
+            variant = self._data.variants[batch.material]
+            textures = self._data.textures_of(batch.material) if self.part_of(variant).roles else None
+            front: Front = "clockwise" if batch.mirrored else "counter_clockwise"
+            cull = not variant.double_sided
+            groups.append(DrawGroup(self._built[variant], cull, front, textures, batch.draws))
+        return groups
+
+    def record(self, commands: Commands) -> None:
+        """Record the draws of this frame."""
+        commands.draw_groups(self.groups(self._draws.solid), self._draws.binding)

@@ -1,0 +1,1 @@
+"""What `strata bench` measures of this lesson: frame graphs and the G-buffer."""

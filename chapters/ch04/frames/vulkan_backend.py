@@ -1,0 +1,195 @@
+"""The renderer's objects on Vulkan."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from contextlib import ExitStack, closing
+from functools import partial
+from typing import Any
+
+from backends.contract import Pass, Plan
+from backends.vulkan.device import Device
+from backends.vulkan.inspection import Inspection
+from backends.vulkan.instance import Instance
+from backends.vulkan.resources import FORMATS, Image
+from common.errors import ShaderError
+from common.scene import Pose, Scene
+
+from ..graph.execute.vulkan import GraphExecutor
+from ..graph.memory.vulkan_images import GraphMemory
+from ..graph.plan import COPY, FramePlan
+from ..graph.types import Graph
+from ..loading.loading import Loading
+from ..loading.vulkan_first_uses import rehearse
+from ..pipelines.vulkan import Pipelines
+from ..pipelines.vulkan_cache import PipelineCache
+from ..pipelines.vulkan_descriptors import Descriptors
+from ..pipelines.vulkan_layouts import CAPACITY, SetLayout
+from ..scene.vulkan_data import VulkanSceneData
+from ..settings import Settings
+from ..tasks.workers import Workers
+from .backend import Backend
+from .frame import SLOTS
+from .recording.vulkan_recordings import RecordedSlot, Recordings
+from .recording.vulkan_secondaries import open_commands
+from .vulkan_outputs import CopyOutputs
+from .vulkan_profiler import Profiler
+from .vulkan_resources import Resources, offered_samples
+
+
+class VulkanBackend(Backend):
+    """Queues, resources, descriptors and recordings."""
+
+    name = "vulkan"
+    formats = FORMATS
+    data: VulkanSceneData
+    pipelines: Pipelines
+
+    def __init__(self, device: Device | None, validate: bool, without: Iterable[str]) -> None:
+        with ExitStack() as opened:
+            if device is None:
+                instance = opened.enter_context(closing(Instance(validate)))
+                device = opened.enter_context(closing(Device(instance, without=without)))
+            self.device: Device = device
+            self._owned = opened.pop_all()
+
+    def offered_samples(self, color_format: str) -> set[int]:
+        """Return how many samples a pixel of colour in this format and of depth can have."""
+        return offered_samples(self.device, color_format, "d32f")
+
+    def create(self, scene: Scene, settings: Settings, plan: Plan, loading: Loading, pose: Pose) -> None:
+        """Make frames, pipelines and the scene's data."""
+        device, self._scene = self.device, scene
+        self.frames = Recordings(device)
+        self.resources = Resources(device)
+        self.descriptors = Descriptors(device)
+        self.profiler = Profiler(device)
+        self.workers = Workers(settings.recording_threads)
+        self.by_address = multi_draw = plan.native("multi-draw")
+        self.commands = open_commands(device, self.frames, self.workers, multi_draw, settings)
+        anisotropy = settings.anisotropy if plan.native("anisotropy") else 1.0
+        bindless = plan.native("bindless")
+        self.data = VulkanSceneData(
+            device, scene, settings, anisotropy, self.resources, self.descriptors, bindless, loading
+        )
+        rehearse(loading, device, self.frames.slots, self.data, pose)
+        self._cache = PipelineCache.on_disk(device)
+        self.pipelines = Pipelines(device, self._cache, self.data.slot_count or CAPACITY)
+        self.memory = GraphMemory(device, ["copy_target"] * (settings.poison != "off"))
+        self.requirement = self.memory.requirement
+        self.copies = CopyOutputs(device)
+
+    def make_sets(self, passes: Collection[Pass]) -> None:
+        """Make the scene's descriptor sets, by the layouts that its pipelines' shaders told.
+
+        One set serves them all. A pipeline that was made later than the others, from a file that was edited into
+        another layout and refused for those, would read it wrongly.
+        """
+        layouts: dict[int, SetLayout] = {}
+        for one in passes:
+            own = one.sources.set if one.sources else None
+            for pipeline in one.pipelines:
+                for number, layout in enumerate(pipeline.sets):
+                    if layout is None or number == own:
+                        continue
+                    if layouts.setdefault(number, layout).handle != layout.handle:
+                        raise ShaderError(
+                            f"The shaders of the scene disagree about set {number}: a file that a new pipeline needs "
+                            "was edited into other bindings; mend it, and open the scene again.",
+                            pipeline.code.files,
+                        )
+        self.data.make_sets(layouts)
+
+    # --- a graph ---
+
+    def follow(self, plan: FramePlan, graph: Graph, settings: Settings) -> None:
+        """Make everything whose size is the picture's: targets, attachments, barriers, readback."""
+        self.frames.forget()
+        passes = plan.implementations()
+        self._passes = [passes[step.name] for step in graph.steps if step.name != COPY]
+        self.executor = GraphExecutor(
+            self.device,
+            graph,
+            passes | {COPY: self.copies},
+            self.memory,
+            self.resources,
+            self.descriptors,
+            partial(self.copies.attach, graph),
+            settings.poison,
+        )
+        images = self.executor.images.by_name(graph)
+        self.inspection = Inspection(self.device, plan.watched(graph), images, SLOTS)
+
+    def leave(self) -> None:
+        """Free that; no frame is in flight."""
+        self.device.wait_idle()  # for what a window still copies
+        self.copies.close()
+        self.inspection.close()
+        self.executor.close()
+        self.resources.flush()  # however often the size changes before the next frame, there is one set of targets
+
+    # --- a frame ---
+
+    def begin(self, slot: RecordedSlot) -> None:
+        """Destroy what the frame that used `slot` last was the last one to need."""
+        self.resources.collect(slot.number)
+
+    def deform(self, slot: RecordedSlot, pose: Pose) -> int:
+        """Write the vertices that `pose` deforms into the slot's geometry; return the bytes written."""
+        if not self._scene.deformations:
+            return 0
+        return self.data.record_deformation(self.frames.uploads(slot), slot.index, pose)
+
+    def record(self, slot: RecordedSlot, again: bool) -> bool:
+        """Record the slot's frame where its recording is no longer good; return whether it did."""
+        key = tuple(one.key(slot.index) for one in self._passes)
+        if slot.key == key and again:
+            return False
+        with self.frames.recording(slot, key):
+            self.commands.begin(slot)
+            self.profiler.begin_frame(slot)
+            self.executor.record(self.commands, slot.index, self.profiler, self.inspection)
+            slot.work = self.commands.work
+        return True
+
+    def timings(self, slot: RecordedSlot) -> dict[str, float]:
+        """Return GPU milliseconds by pass of the slot's frame."""
+        return self.profiler.read(slot)
+
+    def readbacks(self, slot: RecordedSlot) -> Mapping[str, Any]:
+        """Return the copies of the slot's outputs, by name."""
+        return self.copies.readbacks[slot.index]
+
+    def picture(self, graph: Graph) -> Image:
+        """Return the image with the picture."""
+        picture: Image = self.executor.images.image(0, graph.names["color"])
+        return picture
+
+    # --- life ---
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Return how many descriptor sets and samplers there are."""
+        return {
+            "descriptor_sets": self.descriptors.set_count + self.data.bindless_sets,
+            "samplers": self.resources.counts["samplers"],
+        }
+
+    def reload(self, changed: Collection[Any]) -> tuple[str, ...]:
+        """Build the pipelines anew that use one of the files `changed`, all or none; return their names."""
+        return self.pipelines.reload(changed, self.resources.defer)
+
+    def close(self) -> None:
+        """Free everything; a second time does nothing."""
+        self.device.wait_idle()
+        for name in (
+            *("workers", "inspection", "copies", "executor", "commands", "frames", "profiler"),
+            *("pipelines", "_cache", "data", "resources", "descriptors"),
+        ):
+            held = getattr(self, name, None)
+            if held is not None:
+                held.close()
+        self._owned.close()
+
+
+open_backend = VulkanBackend

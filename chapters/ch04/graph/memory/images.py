@@ -1,0 +1,29 @@
+"""What a graph's images are on either API: by slot, and by the names of the graph."""
+
+from __future__ import annotations
+
+from typing import Generic, TypeVar
+
+from ..types import Graph
+
+AnImage = TypeVar("AnImage")
+ABuffer = TypeVar("ABuffer")
+
+
+class ImagesInSlots(Generic[AnImage, ABuffer]):
+    """All that a graph's steps use: `in_slot[slot]` has the image or buffer behind each name of a resource."""
+
+    in_slot: list[dict[str, AnImage | ABuffer]]
+    kind: type[AnImage]
+    """The class of the API's images."""
+
+    def image(self, slot: int, name: str) -> AnImage:
+        """Return the image of a resource in a slot."""
+        held = self.in_slot[slot][name]
+        assert isinstance(held, self.kind), name
+        return held
+
+    def by_name(self, graph: Graph) -> dict[str, AnImage]:
+        """Return the images of the first slot by every name that they have in the graph."""
+        held = {name: self.in_slot[0].get(of) for name, of in graph.names.items()}
+        return {name: image for name, image in held.items() if isinstance(image, self.kind)}

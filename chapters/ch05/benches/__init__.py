@@ -1,0 +1,1 @@
+"""What `strata bench` measures of this lesson: queues and cloth."""

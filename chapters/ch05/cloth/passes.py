@@ -1,0 +1,250 @@
+"""The cloth pass: all cloths are moved by as many steps as have become due, and drawn from where they are then.
+
+It writes vertices into the pages of geometry that the passes behind it draw from, so those declare to read them. They
+exist once per slot, and whoever uses a slot's copy again has waited for its last frame: so nothing of one frame waits
+for another one's draws, and on a queue of its own the simulation runs beside them.
+
+Switched off, it leaves cloth as it hangs at that moment: all slots are given the same vertices once, at once, and from
+then on those that draw find them there, with nobody before them. Switched on again the cloth goes on from there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import AbstractContextManager
+from typing import Any, Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from backends.contract import Access, Pass
+from common.scene import Pose, Scene
+from common.view.camera import View
+
+from ..frames.commands import Commands
+from ..frames.frame import SLOTS
+from ..graph.types import External, Touch
+from ..pipelines.compute_description import ComputeDescription
+from ..pipelines.description import Built
+from ..scene.pass_parts import PassParts
+from ..settings import Settings
+from .dispatches import Dispatch, Kernel, states_of
+from .frames import ClothFrames, Plan, drawn_from
+from .layout import Limits, Packed
+from .scene import ClothScene
+from .types import State
+
+VERTICES = "cloth_vertices"
+"""The name, in the graph, of what the pass writes: the vertices of all cloths."""
+
+READERS = ("depth_prepass", "gbuffer", "forward", "transparent", "instance_id")
+"""The passes that draw objects."""
+
+STATE = ("positions", "velocities")
+"""The buffers of what the simulation has come to; all else can be made anew."""
+
+FRAME: Mapping[str, Literal["upload", "readback"]] = {
+    "frame": "upload",
+    "colliders": "upload",
+    "stats": "readback",
+}
+"""The buffers that there are for each slot: what a frame says, and what it is told."""
+
+_FREE = Touch("", frozenset(), frozenset())
+"""Nobody uses the slot's copy any more: its last frame is over."""
+
+NOTHING = Plan(True, 0, {}, {})
+
+
+def title(kernel: Kernel) -> str:
+    """Return what the pipeline of a kernel is called."""
+    stage = " ".join(name.removesuffix("_STAGE").lower() for name, value in kernel.own if value)
+    return f"{kernel.file.removesuffix('.comp').replace('/', ' ')} {stage}".strip()
+
+
+class Memory(Protocol):
+    """The buffers of all cloths on a backend; see `make_memory`."""
+
+    def stats(self, slot: int) -> NDArray[np.uint8]:
+        """Return the bytes that the last frame of a slot wrote about each cloth."""
+
+    def read(self, name: str) -> NDArray[np.float32]:
+        """Return what is in one of the buffers STATE; all frames must be over."""
+
+    def write(self, slot: int, arrays: Mapping[str, NDArray[np.uint8]]) -> None:
+        """Write what a frame asks for, by the names of the buffers."""
+
+    def close(self) -> None:
+        """Free the buffers."""
+
+
+class Kernels(Protocol):
+    """What `vulkan.py` and `gl.py` make of the kernels and buffers of all cloths."""
+
+    limits: Limits
+
+    def make_memory(self, packed: Packed, before: Any) -> Memory:
+        """Return the buffers of `packed`; the state of the simulation is that of `before`, if there is one."""
+
+    def make_kernels(self, kernels: Mapping[Kernel, Built], pages: Collection[int]) -> None:
+        """Make what binds the buffers of these kernels; the vertices lie in these `pages` of geometry."""
+
+    def bind(self, commands: Commands, kernel: Kernel, slot: int, page: int) -> None:
+        """Bind the buffers of a kernel, behind its pipeline; `page` is where it writes vertices."""
+
+    def finish(self, commands: Commands, slot: int) -> None:
+        """Let the CPU and the draws see what the dispatches of a slot wrote."""
+
+    def at_once(self, slot: int) -> AbstractContextManager[Commands]:
+        """Give commands for a slot outside of frames, while none is in flight; they are over on leaving."""
+
+
+class ClothPass(Pass):
+    """Simulation, normals and vertices of all cloths, on the compute queue where there is one."""
+
+    name = "cloth"
+    queue = "compute"
+
+    def __init__(self, found: ClothScene, settings: Settings, parts: PassParts, kernels: Kernels) -> None:
+        data = parts.data
+        self._pipelines, self._kernels = parts.pipelines, kernels
+        self._made: dict[Kernel, Built] = {}
+        self._data, self._planned = data, data.pages
+        self._found = found
+        self.frames: ClothFrames | None = None
+        size = 4
+        if found.cloths:
+            self.frames = ClothFrames(found, settings, drawn_from(found, data.pages), kernels.limits)
+            size = sum(len(cloth.particle_of) for cloth in found.cloths) * 40
+        self.writes = (Access(VERTICES, "storage", bytes=size),)
+        self.externals = {VERTICES: External(None, None, _FREE, bytes=size)} if found.cloths else {}
+        self._memory: Memory | None = None
+        self._plans = [NOTHING] * SLOTS
+        self._slot = -1
+        self.resting = self._runs = True
+        self.work: dict[str, int] = {}
+        """What the last frame simulated and what it left out."""
+
+    def needed(self, scene: Scene, settings: Settings) -> bool:  # type: ignore[override]
+        """Whether there is cloth: that which was found when the renderer was opened, and no other."""
+        return bool(self._found.cloths)
+
+    def add_to(self, passes: Mapping[str, Pass]) -> None:
+        """Let the passes that draw objects read what this one writes; nobody does where there is no cloth."""
+        for name in READERS if self.externals else ():
+            made = passes[name]
+            made.reads = (*made.reads, Access(VERTICES, "storage", stages=("vertex",)))
+
+    # --- made once ---
+
+    def create(self) -> None:
+        """Make pipelines and buffers; again where the pages of geometry became other ones."""
+        frames = self.frames
+        if frames is None:
+            return
+        before = self._memory
+        if before is None or self._data.pages is not self._planned:
+            self._planned = self._data.pages
+            frames.draw_from(drawn_from(self._found, self._planned))
+            frames.forget_vertices()
+            self._memory = self._kernels.make_memory(frames.packed, before)
+        kernels = list(dict.fromkeys(one.kernel for one in frames.dispatches(1)))
+        described = [
+            ComputeDescription(one.file, tuple(one.defines.items()), name=title(one)) for one in kernels
+        ]
+        self._made = dict(zip(kernels, self._pipelines.get(described), strict=True))
+        self._kernels.make_kernels(self._made, sorted({page for page, *_ in frames.packed.vertex_runs}))
+
+    def prepare(
+        self,
+        slot: int,
+        pose: Pose,
+        view: View,
+        size: tuple[int, int],
+        time: float,
+        reset: str,
+        passes: Collection[Pass],
+    ) -> int:
+        """Find what the frame of a slot asks for, and write it; return the bytes written.
+
+        `pose` is that of the scene with all its nodes, `size` the picture's; `reset` says why nothing of the frames
+        before counts, or is "". `passes` are those of the frame: this may be none of them. Slots take turns: a second
+        frame of one slot in a row means that the first was never submitted, since something in it failed. Its steps are
+        due again.
+        """
+        self._runs = runs = self in passes
+        frames, memory = self.frames, self._memory
+        if frames is not None and slot == self._slot and SLOTS > 1:
+            frames.undo()
+        self._slot = slot if runs else -1
+        if frames is not None and not runs:
+            self._pause(frames, pose, time, reset)
+        if frames is None or memory is None or not runs:
+            return 0
+        frames.told(slot, memory.stats(slot))
+        plan = frames.begin(slot, pose, view, size[0] / size[1], time, reset)
+        memory.write(slot, plan.arrays)
+        self._plans[slot] = plan
+        self.resting, self.work = plan.idle, plan.work
+        return sum(array.nbytes for array in plan.arrays.values())
+
+    def _pause(self, frames: ClothFrames, pose: Pose, time: float, reset: str) -> None:
+        """Leave cloth as it hangs; where slots show something else, write it to all of them, and wait for that."""
+        if self._memory is not None and self._data.pages is not self._planned:
+            self.create()
+        plan, memory = frames.pause(pose, time, reset), self._memory
+        self._plans, self.work = [NOTHING] * SLOTS, {}
+        # Before its first frame cloth is as it was modelled.
+        for slot in range(SLOTS) if plan and memory else ():
+            with self._kernels.at_once(slot) as commands:
+                assert plan is not None and memory is not None
+                memory.write(slot, plan.arrays)
+                self._plans[slot] = plan
+                self._record(commands, slot)
+            self._plans[slot] = NOTHING
+
+    def key(self, slot: int) -> Any:
+        """Return what the recording depends on: see `ClothFrames.recorded`."""
+        return self.frames.recorded(self._plans[slot]) if self.frames else None
+
+    def record(self, commands: Any) -> None:
+        """Record the dispatches of this frame, each behind those whose results it reads."""
+        self._record(commands, commands.slot.index)
+
+    def _record(self, commands: Commands, slot: int) -> None:
+        bound: Dispatch | None = None
+        for one in self.dispatched(slot):
+            pipeline = self._made[one.kernel]
+            if bound is None or one.kernel != bound.kernel:
+                commands.bind_compute(pipeline)
+            if bound is None or (one.kernel, one.page) != (bound.kernel, bound.page):
+                self._kernels.bind(commands, one.kernel, slot, one.page)
+            bound = one
+            if one.after:
+                commands.compute_barrier()
+            commands.push(pipeline, np.array(one.push, np.uint32))
+            commands.dispatch(*one.groups)
+        if bound is not None:
+            self._kernels.finish(commands, slot)
+
+    def dispatched(self, slot: int) -> Iterator[Dispatch]:
+        """Yield what the frame of a slot dispatches: nothing, if it is idle."""
+        plan = self._plans[slot]
+        if self.frames is not None and not plan.idle:
+            yield from self.frames.dispatches(max(plan.count, 1))
+
+    def states(self) -> list[State]:
+        """Return where the particles of each cloth are and how fast, read from the GPU: all frames must be over."""
+        if self.frames is None or self._memory is None:
+            return []
+        positions, velocities = (self._memory.read(name) for name in STATE)
+        return states_of(self.frames.packed, positions, velocities)
+
+    def close(self) -> None:
+        """Free the buffers."""
+        if self._memory is not None:
+            self._memory.close()
+
+    def busy(self, time: float) -> bool:
+        """Whether a frame at `time` would show another picture than the last one."""
+        return self._runs and self.frames is not None and self.frames.busy(time)
