@@ -5,6 +5,7 @@ The tests of chapters run once per variant: on the device as it is, and with eve
 
 from __future__ import annotations
 
+import functools
 import os
 import signal
 from collections.abc import Iterator
@@ -14,6 +15,7 @@ from typing import Any
 
 import pytest
 
+import chapters
 from backends import choice, verdicts
 from backends.gl.context import Context
 from backends.vulkan.device import Device
@@ -39,9 +41,6 @@ VARIANTS = {
 to, on that path. Elsewhere tests of those take the forward path.
 """
 
-TWO_PATHS = 4
-"""The first chapter with both paths."""
-
 FORWARD_ALONE = {
     "test_timings_name_the_passes_in_order",
     "test_an_edit_is_seen_in_the_next_frame_and_costs_what_it_touched",
@@ -59,7 +58,7 @@ FORWARD_ALONE = {
     "test_forced_off_is_the_same_picture_by_another_path",
 }
 """Tests that count draws, pipelines and sets of the forward path or name its passes, or hold it to a picture of its
-own: on the other path the numbers are others, and tests/ch04 holds that both give the same light."""
+own: on the other path the numbers are others, and the tests of that path hold that both give the same light."""
 
 DEFERRED_SAMPLE = ("test_materials.py", "test_skipping.py")
 """The files of which the usual run takes that path, too; with --long all do."""
@@ -166,6 +165,12 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
         metafunc.parametrize("variant", names, indirect=True, scope="module")
 
 
+@functools.cache
+def has_two_paths(which: chapters.Whole) -> bool:
+    """Whether a chapter's frames can take the forward or the deferred path."""
+    return hasattr(chapters.settings_class(which)(), "graph")
+
+
 def _takes_both_paths(metafunc: pytest.Metafunc) -> bool:
     """Whether a test of a chapter with one path runs for one with two, and is of those that take both of them."""
     path = metafunc.definition.path
@@ -173,8 +178,8 @@ def _takes_both_paths(metafunc: pytest.Metafunc) -> bool:
     if (
         metafunc.function.__name__ in FORWARD_ALONE
         or written_for is None
-        or written_for >= TWO_PATHS
-        or snapshots.tested(metafunc.definition).number < TWO_PATHS
+        or has_two_paths(written_for)
+        or not has_two_paths(snapshots.tested(metafunc.definition).which)
     ):
         return False
     return bool(config.getoption("--long")) or path.name in DEFERRED_SAMPLE
@@ -188,7 +193,7 @@ def variant(request: pytest.FixtureRequest) -> str | None:
 
 
 @pytest.fixture(scope="session")
-def opened() -> Iterator[Opened]:
+def open_devices() -> Iterator[Opened]:
     """The devices that are open."""
     devices = Opened()
     yield devices
@@ -196,7 +201,7 @@ def opened() -> Iterator[Opened]:
 
 
 @pytest.fixture(scope="session")
-def vulkan_instance(request: pytest.FixtureRequest, opened: Opened) -> Iterator[Instance]:
+def vulkan_instance(request: pytest.FixtureRequest, open_devices: Opened) -> Iterator[Instance]:
     """A Vulkan instance with validation and synchronization validation, where the layers are installed."""
     try:
         choice.probe("vulkan")  # tries the driver, if that is new: what it gets wrong is not used
@@ -211,7 +216,7 @@ def vulkan_instance(request: pytest.FixtureRequest, opened: Opened) -> Iterator[
     report.devices.setdefault("vulkan", fit[0].name)
     with Instance(validate) as instance:
         yield instance
-        opened.close()
+        open_devices.close()
 
 
 def _place(request: pytest.FixtureRequest) -> str:
@@ -223,7 +228,7 @@ def _place(request: pytest.FixtureRequest) -> str:
 @contextmanager
 def _vulkan(request: pytest.FixtureRequest, variant: str | None) -> Iterator[Device]:
     instance: Instance = request.getfixturevalue("vulkan_instance")
-    opened: Opened = request.getfixturevalue("opened")
+    opened: Opened = request.getfixturevalue("open_devices")
     without = VARIANTS[variant or "vulkan"]
     with opened.lent(
         _place(request), ("vulkan", without), lambda: Device(instance, without=without)
@@ -236,7 +241,7 @@ def _vulkan(request: pytest.FixtureRequest, variant: str | None) -> Iterator[Dev
 
 @contextmanager
 def _opengl(request: pytest.FixtureRequest, variant: str | None) -> Iterator[Context]:
-    opened: Opened = request.getfixturevalue("opened")
+    opened: Opened = request.getfixturevalue("open_devices")
 
     def open_() -> Context:
         try:

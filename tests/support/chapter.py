@@ -29,18 +29,13 @@ def on_path(settings: Any, graph: str = "forward") -> Any:
     return replace(settings, graph=graph, **SURFACES.get(graph, {}))
 
 
-CLOTH = 5
-"""The first chapter in which cloth moves."""
-
-
 def as_modelled(settings: Any, written_for: int | None) -> Any:
     """Return settings in which cloth hangs as it was modelled, for tests of chapters that knew no other.
 
-    They hold pictures to what is in the file; tests/ch05 holds that cloth changes nothing but itself.
+    They hold pictures to what is in the file; the tests of cloth hold that it changes nothing but itself.
     """
-    if written_for is None or written_for >= CLOTH or not getattr(settings, "cloth", False):
-        return settings
-    return replace(settings, cloth=False)
+    knew_none = written_for is not None and not hasattr(chapters.settings_class(written_for)(), "cloth")
+    return replace(settings, cloth=False) if knew_none and getattr(settings, "cloth", False) else settings
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from importlib import import_module
+from types import SimpleNamespace
 from typing import Any
 
 from backends.vulkan import api as vk
@@ -204,8 +205,10 @@ class Trace:
     def _read(self, slot: int) -> list[Event]:
         """What the CPU does when it waited for a slot: it reads outputs, and lends what is not the graph's again."""
         graph = self._renderer.graph
-        chapter = import_module(type(self._renderer._plan).__module__)
-        copy = getattr(chapter, "COPY", None)  # frames of a test have no such step
+        plan = type(self._renderer._plan)
+        copy = (
+            None if plan is SimpleNamespace else import_module(plan.__module__).COPY
+        )  # a test's frames have none
         read = [name for step in graph.steps if step.name == copy for name in step.writes]
         theirs = [name for name, resource in graph.resources.items() if resource.life == "external"]
         touches = frozenset({("host", "host_read")})
