@@ -65,6 +65,8 @@ def test_files_of_a_place_share_a_device_for_each_kind(opened, open_):
 
 
 def test_a_file_that_borrows_two_of_a_kind_has_two(opened, open_):
+    with opened.lent("ch02", "plain", open_):
+        pass
     with opened.lent("ch02", "plain", open_) as first, opened.lent("ch02", "plain", open_) as second:
         assert second is not first
 
@@ -153,7 +155,7 @@ def test_a_trace_of_calls_that_goes_on_is_named(opened, vulkan_instance):
 def test_one_device_that_fails_to_close_does_not_keep_the_others_open(opened, open_):
     with opened.lent("ch02", "a", open_) as first, opened.lent("ch02", "b", open_) as second:
         pass
-    a_buffer(second, "late")
+    a_buffer(first, "late")
     with pytest.raises(DeviceError, match="late"):
         opened.close()
     assert not is_open(first) and not is_open(second)
