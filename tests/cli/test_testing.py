@@ -107,6 +107,17 @@ def test_budgets_are_for_single_tests_and_for_areas_by_variant():
     assert len(over_budget([outcome(seconds=20.5)], cold=True)) == 1
 
 
+def test_core_tests_that_take_turns_have_a_budget_of_their_own():
+    core = [outcome("tests/ch01/test_a.py::ch03::test_b[gl]", seconds=2.0, turn=True) for _ in range(3)]
+    assert over_budget([*core, outcome("tests/ch03/test_a.py::test_b[gl]", seconds=4.0)]) == []
+    assert over_budget([*core, replace(core[0], nodeid="tests/ch01/test_a.py::ch03::test_b[vulkan]")]) == []
+    (text,) = over_budget([*core, core[0]])
+    assert text.startswith("ch03 (gl) took 8.0 s for core tests of chapters before it; they may take 6 s")
+    assert over_budget([*core, *core], cold=True) == []
+    (text,) = over_budget([*core, *core, *core[:2]], cold=True)
+    assert "they may take 15 s" in text
+
+
 def test_the_record_keeps_the_last_result_of_every_long_test(tmp_path, monkeypatch):
     monkeypatch.setattr(report, "LONG_RECORD", tmp_path / "long.json")
     name = "tests/cli/test_testing.py::test_{}"

@@ -15,6 +15,7 @@ import json
 import os
 import re
 from collections import Counter, defaultdict
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -31,6 +32,10 @@ LONG_RECORD = ROOT / "docs" / "records" / "long.json"
 TEST_BUDGET_S = 5.0
 AREA_BUDGET_S = 25.0
 """For one test, and for the tests of one chapter in one variant. Tests marked `long` have none."""
+
+CORE_BUDGET_S = 6.0
+"""Of that, for the core tests of lessons before it that a chapter runs by turns, in one variant: measured, those of a
+lesson take 0.8 s in a later chapter, over three variants, so those of 13 lessons take 3.5 s in each."""
 
 COLD_FACTOR = 2.5
 """How much more a run may take that finds no compiled shader: the driver then compiles at each pipeline's first draw,
@@ -58,6 +63,8 @@ class Outcome:
     reason: str = ""
     seconds: float = 0.0
     backends: tuple[str, ...] = ("cpu",)
+    turn: bool = False
+    """Whether it is a core test that takes turns (tests/support/snapshots.py)."""
     area: str = field(init=False)
     variant: str = field(init=False)
 
@@ -89,24 +96,35 @@ def is_allowed(outcome: Outcome, allowed: list[tuple[str, str]]) -> bool:
 
 def over_budget(outcomes: list[Outcome], cold: bool = False) -> list[str]:
     """Return a sentence for each test and each chapter's variant that took longer than it may."""
-    a_test, a_chapter = TEST_BUDGET_S, AREA_BUDGET_S
+    a_test, a_chapter, a_core = TEST_BUDGET_S, AREA_BUDGET_S, CORE_BUDGET_S
     if cold:
-        a_test, a_chapter = COLD_TEST_BUDGET_S, COLD_FACTOR * AREA_BUDGET_S
+        a_test, a_chapter, a_core = COLD_TEST_BUDGET_S, COLD_FACTOR * a_chapter, COLD_FACTOR * a_core
     quick = [outcome for outcome in outcomes if not outcome.long]
     texts = [
         f"{o.nodeid} took {o.seconds:.1f} s; a test may take {a_test:g} s"
         for o in quick
         if o.seconds > a_test
     ]
-    totals: dict[tuple[str, str], float] = defaultdict(float)
-    for outcome in quick:
-        totals[outcome.area, outcome.variant] += outcome.seconds
-    for (area, variant), seconds in sorted(totals.items()):
+    for (area, variant), seconds in _totals(quick).items():
         if re.fullmatch(r"ch\d\d", area) and seconds > a_chapter:
             texts.append(
                 f"{area} ({variant}) took {seconds:.1f} s; a chapter may take {a_chapter:g} s a variant"
             )
+    for (area, variant), seconds in _totals(outcome for outcome in quick if outcome.turn).items():
+        if seconds > a_core:
+            texts.append(
+                f"{area} ({variant}) took {seconds:.1f} s for core tests of chapters before it; "
+                f"they may take {a_core:g} s a variant"
+            )
     return texts
+
+
+def _totals(outcomes: Iterable[Outcome]) -> dict[tuple[str, str], float]:
+    """Return the seconds of each area and variant."""
+    totals: dict[tuple[str, str], float] = defaultdict(float)
+    for outcome in outcomes:
+        totals[outcome.area, outcome.variant] += outcome.seconds
+    return dict(sorted(totals.items()))
 
 
 def summary(outcomes: list[Outcome]) -> list[str]:
@@ -177,10 +195,17 @@ class Report:
             self.skipped_files[file] = why_skipped(report)
 
     def pytest_collection_finish(self, session: pytest.Session) -> None:
+        later: Any = self.config.pluginmanager.getplugin("strata-snapshots")
         for item in session.items:
             slugs = tuple(slug for mark in item.iter_markers("feature") for slug in mark.args)
             long = item.get_closest_marker("long") is not None
-            self.outcomes[item.nodeid] = Outcome(item.nodeid, slugs, long, backends=records.backends_of(item))
+            self.outcomes[item.nodeid] = Outcome(
+                item.nodeid,
+                slugs,
+                long,
+                backends=records.backends_of(item),
+                turn=later is not None and later.takes_turns(item),
+            )
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         outcome = self.outcomes.get(report.nodeid)

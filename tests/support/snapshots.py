@@ -278,14 +278,18 @@ class Snapshots:
         """Whether a chapter runs core tests in all variants, and what is marked `newest`."""
         return self._long or self._full or subject.is_fork or subject.number == max(self._all)
 
+    def takes_turns(self, item: pytest.Item) -> bool:
+        """Whether a test is a core test that runs for a later chapter, in one variant alone."""
+        module = item.getparent(LaterModule)
+        is_core = item.get_closest_marker("core") is not None
+        return module is not None and is_core and not self.is_newest(module.subject)
+
     def variants_for(self, definition: pytest.Item, names: Sequence[str]) -> Sequence[str]:
         """Return those of the variants of a test in which it runs for its chapter."""
-        module = definition.getparent(LaterModule)
-        if module is None or not definition.get_closest_marker("core") or self.is_newest(module.subject):
+        if not self.takes_turns(definition):
             return names
-        turn = turn_of(
-            f"{module.path.parent.name}/{module.path.name}::{definition.name}", module.subject.number
-        )
+        path = definition.path
+        turn = turn_of(f"{path.parent.name}/{path.name}::{definition.name}", tested(definition).number)
         return (names[turn % len(names)],)
 
     def written_for(self, path: Path) -> Subject:

@@ -193,6 +193,13 @@ def test_a_core_test_takes_turns_and_the_newest_chapter_has_them_all(tree):
         assert found[f"ch02::{name}"] == {VARIANTS[turn_of(f"ch01/test_turns.py::{name}", 2) % 3]}
 
 
+def test_the_report_has_a_budget_for_what_takes_turns_alone(tree):
+    text = f"from tests.support import report\nreport.CORE_BUDGET_S = -1.0\n{TURNS}"
+    (tree.path / "tests" / "ch01" / "test_turns.py").write_text(text)
+    _, text = outcomes(tree, "tests/ch01/test_turns.py")
+    assert re.findall(r"(ch\d\d) \S+ took .* for core tests", text) == ["ch02"]
+
+
 @pytest.mark.parametrize("word", ["--long", "--full"])
 def test_all_variants_run_where_that_is_asked_for(tree, word):
     found = in_turns(tree, word, "--chapter=2")
