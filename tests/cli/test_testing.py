@@ -68,6 +68,7 @@ def outcome(nodeid="tests/ch01/test_a.py::test_b[vulkan]", **more):
     made = Outcome(nodeid, more.pop("features", ()), more.pop("long", False), result="passed")
     for name, value in more.items():
         setattr(made, name, value)
+    made.busy = more.get("busy", made.seconds)
     return made
 
 
@@ -100,6 +101,7 @@ def test_budgets_are_for_single_tests_and_for_areas_by_variant():
     assert over_budget([outcome(seconds=500.0, long=True)]) == []
     other = [outcome("tests/ch01/test_a.py::test_b[gl]", seconds=4.0) for _ in range(6)]
     assert over_budget([*quick, *other]) == []
+    assert over_budget([*quick, outcome(seconds=4.0, busy=0.5)]) == [], "it waited, or shared its core"
     common = [outcome("tests/common/test_a.py::test_b", seconds=4.0) for _ in range(20)]
     assert over_budget(common) == [], "what is no chapter has no budget but that of each test"
     assert over_budget([*quick, *quick], cold=True) == []

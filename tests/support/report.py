@@ -15,7 +15,7 @@ import json
 import os
 import re
 from collections import Counter, defaultdict
-from collections.abc import Iterable
+from collections.abc import Generator, Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -31,7 +31,12 @@ ALLOWED_SKIPS = ROOT / "tests" / "allowed_skips.txt"
 LONG_RECORD = ROOT / "docs" / "records" / "long.json"
 TEST_BUDGET_S = 5.0
 AREA_BUDGET_S = 25.0
-"""For one test, and for the tests of one chapter in one variant. Tests marked `long` have none."""
+"""For one test, and for the tests of one chapter in one variant. Tests marked `long` have none.
+
+A test has a core of its own, beside which drivers' threads have what the other process leaves (sharing.py): they draw
+up to twice as slowly then, which is no work of the chapter's. So to a chapter counts the time that passed in a test or
+the time that its threads and children worked, whichever is less.
+"""
 
 CORE_BUDGET_S = 6.0
 """Of that, for the core tests of lessons before it that a chapter runs by turns, in one variant: measured, those of a
@@ -62,6 +67,8 @@ class Outcome:
     result: str = "not run"  # until it was: a run may be stopped before
     reason: str = ""
     seconds: float = 0.0
+    busy: float = 0.0
+    """The part of the seconds that counts for its chapter."""
     backends: tuple[str, ...] = ("cpu",)
     turn: bool = False
     """Whether it is a core test that takes turns (tests/support/snapshots.py)."""
@@ -120,26 +127,35 @@ def over_budget(outcomes: list[Outcome], cold: bool = False) -> list[str]:
 
 
 def _totals(outcomes: Iterable[Outcome]) -> dict[tuple[str, str], float]:
-    """Return the seconds of each area and variant."""
+    """Return the seconds that count of each area and variant."""
     totals: dict[tuple[str, str], float] = defaultdict(float)
     for outcome in outcomes:
-        totals[outcome.area, outcome.variant] += outcome.seconds
+        totals[outcome.area, outcome.variant] += outcome.busy
     return dict(sorted(totals.items()))
+
+
+def worked() -> float:
+    """Return the seconds that the threads of this process and its children that ended have worked."""
+    return sum(os.times()[:4])
 
 
 def summary(outcomes: list[Outcome]) -> list[str]:
     """Return the table of counts per area and variant, and the number of features that passed."""
     counts: dict[tuple[str, str], Counter[str]] = defaultdict(Counter)
-    seconds: Counter[tuple[str, str]] = Counter()
+    seconds: dict[tuple[str, str], float] = defaultdict(float)
     for outcome in outcomes:
         key = outcome.area, outcome.variant
         counts[key][outcome.result] += 1
-        seconds[key] += outcome.seconds  # type: ignore[assignment]
-    lines = [f"{'area':<14}{'variant':<14}{'passed':>8}{'failed':>8}{'skipped':>9}{'seconds':>9}"]
+        seconds[key] += outcome.seconds
+    busy = _totals(outcomes)
+    lines = [
+        f"{'area':<14}{'variant':<14}{'passed':>8}{'failed':>8}{'skipped':>9}{'seconds':>9}{'worked':>9}"
+    ]
     for key in sorted(counts):
         c = counts[key]
         lines.append(
-            f"{key[0]:<14}{key[1]:<14}{c['passed']:>8}{c['failed']:>8}{c['skipped']:>9}{seconds[key]:>9.1f}"
+            f"{key[0]:<14}{key[1]:<14}{c['passed']:>8}{c['failed']:>8}{c['skipped']:>9}"
+            f"{seconds[key]:>9.1f}{busy[key]:>9.1f}"
         )
     left = sum(outcome.result == "not run" for outcome in outcomes)
     if left:
@@ -176,6 +192,7 @@ class Report:
         self.files: set[str] = set()  # that were collected
         self.skipped_files: dict[str, str] = {}  # at their import
         self.said: list[str] = []
+        self._worked = 0.0
         self.in_ci = os.environ.get("CI") == "true"
         self.complaints: list[str] = []  # that fail a run in CI
         self.faults: list[str] = []  # that fail any run
@@ -207,12 +224,24 @@ class Report:
                 turn=later is not None and later.takes_turns(item),
             )
 
+    def pytest_runtest_logstart(self) -> None:
+        self._worked = worked()
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_makereport(self) -> Generator[None, Any, Any]:
+        """Note in the report what counts: the first of two processes gets it with the report of the second."""
+        report = yield
+        before, self._worked = self._worked, worked()
+        report.busy = min(report.duration, self._worked - before)
+        return report
+
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         outcome = self.outcomes.get(report.nodeid)
         if outcome is None:
             return
         # A device or a renderer that a whole module shares is made in the set-up of its first test: the area's time.
         outcome.seconds += report.duration
+        outcome.busy += getattr(report, "busy", report.duration)
         if report.failed:
             outcome.result = "failed"
         elif report.when == "call" and report.passed:

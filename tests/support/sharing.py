@@ -16,6 +16,7 @@ import contextlib
 import os
 import pickle
 import queue
+import re
 import signal
 import subprocess
 import sys
@@ -82,6 +83,15 @@ class Sharing:
         mine = [item for item in items if not is_for_second(item)]
         return sorted(mine, key=lambda item: item.get_closest_marker("alone") is not None), theirs
 
+    @pytest.hookimpl(trylast=True)
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        """Refuse ids that are others in the second process."""
+        for item in items:
+            if re.search(r" at 0x[0-9a-f]+", item.nodeid):
+                raise pytest.UsageError(
+                    f"{item.nodeid}: each process has another address. Give the test `ids`."
+                )
+
     @pytest.hookimpl(wrapper=True)
     def pytest_runtestloop(self, session: pytest.Session) -> Generator[None, Any, Any]:
         """Run the tests of the first process beside those of the second."""
@@ -123,10 +133,12 @@ class Sharing:
         threading.Thread(target=self._read, args=(self._process.stdout,), daemon=True).start()
 
     def _read(self, pipe: BinaryIO) -> None:
-        with contextlib.suppress(EOFError, pickle.UnpicklingError, ValueError):
-            while True:
-                self._messages.put(pickle.load(pipe))
-        self._messages.put(None)
+        try:
+            with contextlib.suppress(EOFError, pickle.UnpicklingError, ValueError):
+                while True:
+                    self._messages.put(pickle.load(pipe))
+        finally:
+            self._messages.put(None)
 
     def _wait(self, session: pytest.Session) -> None:
         """Take reports until the second process has sent its last one; raise what ends pytest's own loop."""

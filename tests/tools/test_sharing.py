@@ -202,6 +202,65 @@ def test_packages_that_the_second_asks_for_are_written_by_the_first(tree):
     assert (tree.path / "uses" / "extras.txt").read_text() == "tests/area/test_plain.py\n"
 
 
+def test_an_id_with_an_address_is_refused(tree):
+    (tree.path / "tests" / "area" / "test_ids.py").write_text(
+        "import pytest\n@pytest.mark.parametrize('one', [object()], ids=str)\ndef test_d(one): pass\n"
+    )
+    code, text = tree.run()
+    assert code == pytest.ExitCode.USAGE_ERROR and not tree.noted
+    assert re.search(
+        r"test_ids.py::test_d\[<object object at 0x\w+>\]: each process has another address", text
+    )
+
+
+# What the report counts is written into a file: 0.6 s in each test, of which a second thread works on in the last.
+COUNTED = """
+import pytest, threading, time
+if NAME == "drawn":
+    pytestmark = pytest.mark.runs_on("vulkan")
+
+def work(seconds=0.6):
+    end = time.thread_time() + seconds
+    while time.thread_time() < end:
+        sum(range(1000))
+
+def test_waits(): time.sleep(0.6)
+
+def test_works(): work()
+
+def test_thread():
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+"""
+COUNTING = """
+def pytest_unconfigure(config):
+    report = config.pluginmanager.getplugin("strata-report")
+    if report and not sharing.is_second(config):
+        lines = [f"{o.nodeid.rpartition('/')[2]} {o.seconds} {o.busy}" for o in report.outcomes.values()]
+        Path("counted").write_text("\\n".join(lines))
+"""
+
+
+def test_to_a_chapter_counts_what_its_tests_work_in_either_process(tree):
+    conftest = tree.path / "conftest.py"
+    conftest.write_text(conftest.read_text() + COUNTING)
+    for name in ("drawn", "plain"):
+        file = tree.path / "tests" / "area" / f"test_{name}.py"
+        file.write_text(f"NAME = {name!r}\n{COUNTED}")
+    code, text = tree.run()
+    assert code == 0, text
+    counted = dict(line.split(" ", 1) for line in (tree.path / "counted").read_text().splitlines())
+    assert len(counted) == 6
+    for name, numbers in counted.items():
+        seconds, busy = map(float, numbers.split())
+        assert seconds > 0.6
+        if name.endswith("waits"):
+            assert busy < 0.3
+        else:
+            assert 0.55 < busy <= seconds
+
+
 # --- which tests measure time -----------------------------------------------------------------------------------------
 
 MEASURES = {"least_time", "least_times", "once_more"}
