@@ -5,6 +5,7 @@ The tests of chapters run once per variant: on the device as it is, and with eve
 
 from __future__ import annotations
 
+import functools
 import os
 import signal
 from collections.abc import Iterator
@@ -14,6 +15,7 @@ from typing import Any
 
 import pytest
 
+import chapters
 from backends import choice
 from backends.gl.context import Context
 from backends.selftest import verdicts
@@ -21,9 +23,10 @@ from backends.vulkan.device import Device
 from backends.vulkan.instance import VALIDATION_LAYER, Instance
 from common.errors import UnsupportedError
 from common.paths import asset_dir
-from tests.support import first, goldens, packages, snapshots
+from tests.support import first, goldens, packages, sharing, snapshots
 from tests.support.chapter import Chapter
 from tests.support.gl_functions import assert_silent
+from tests.support.opened import Opened
 from tests.support.report import Report
 
 HERE = Path(__file__).parent
@@ -38,9 +41,6 @@ VARIANTS = {
 "deferred" is for chapters that can light a frame after its surfaces were drawn: what the chapters before them are held
 to, on that path. Elsewhere tests of those take the forward path.
 """
-
-TWO_PATHS = 4
-"""The first chapter with both paths."""
 
 FORWARD_ALONE = {
     "test_timings_name_the_passes_in_order",
@@ -59,7 +59,7 @@ FORWARD_ALONE = {
     "test_forced_off_is_the_same_picture_by_another_path",
 }
 """Tests that count draws, pipelines and sets of the forward path or name its passes, or hold it to a picture of its
-own: on the other path the numbers are others, and tests/ch04 holds that both give the same light."""
+own: on the other path the numbers are others, and the tests of that path hold that both give the same light."""
 
 DEFERRED_SAMPLE = ("test_materials.py", "test_skipping.py")
 """The files of which the usual run takes that path, too; with --long all do."""
@@ -81,6 +81,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--first", action="store_true", help="end with the first failure, and in time")
     parser.addoption("--uses", type=Path, metavar="DIR", help="write which test files ask for packages")
     goldens.add_options(parser)
+    sharing.add_options(parser)
     snapshots.add_options(parser)
 
 
@@ -92,10 +93,15 @@ def pytest_configure(config: pytest.Config) -> None:
     hear_signals()
     config.pluginmanager.register(Report(config), "strata-report")
     later = snapshots.Snapshots(
-        snapshots.official(), snapshots.chosen(config.getoption("--chapter")), config.getoption("--long")
+        snapshots.official(),
+        snapshots.chosen(config.getoption("--chapter")),
+        long=config.getoption("--long"),
+        full=config.getoption("--first"),
     )
     config.pluginmanager.register(later, "strata-snapshots")
     config.pluginmanager.register(goldens, "strata-goldens")
+    if not (config.getoption("--first") or sharing.is_second(config)):
+        config.pluginmanager.register(sharing.Sharing(config), "strata-sharing")
     if config.getoption("--first"):
         (subject,) = later.chosen
         word = str(subject.folder) if subject.is_fork else str(subject.number)
@@ -155,7 +161,15 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
         names = mark.args if mark else used[0]
         if "chapter" in metafunc.fixturenames and "vulkan" in names and _takes_both_paths(metafunc):
             names = (*names, "deferred")
+        later: Any = metafunc.config.pluginmanager.getplugin("strata-snapshots")
+        names = later.variants_for(metafunc.definition, names)
         metafunc.parametrize("variant", names, indirect=True, scope="module")
+
+
+@functools.cache
+def has_two_paths(which: chapters.Whole) -> bool:
+    """Whether a chapter's frames can take the forward or the deferred path."""
+    return hasattr(chapters.settings_class(which)(), "graph")
 
 
 def _takes_both_paths(metafunc: pytest.Metafunc) -> bool:
@@ -165,8 +179,8 @@ def _takes_both_paths(metafunc: pytest.Metafunc) -> bool:
     if (
         metafunc.function.__name__ in FORWARD_ALONE
         or written_for is None
-        or written_for >= TWO_PATHS
-        or snapshots.tested(metafunc.definition).number < TWO_PATHS
+        or has_two_paths(written_for)
+        or not has_two_paths(snapshots.tested(metafunc.definition).which)
     ):
         return False
     return bool(config.getoption("--long")) or path.name in DEFERRED_SAMPLE
@@ -180,7 +194,15 @@ def variant(request: pytest.FixtureRequest) -> str | None:
 
 
 @pytest.fixture(scope="session")
-def vulkan_instance(request: pytest.FixtureRequest) -> Iterator[Instance]:
+def open_devices() -> Iterator[Opened]:
+    """The devices that are open."""
+    devices = Opened()
+    yield devices
+    devices.close()
+
+
+@pytest.fixture(scope="session")
+def vulkan_instance(request: pytest.FixtureRequest, open_devices: Opened) -> Iterator[Instance]:
     """A Vulkan instance with validation and synchronization validation, where the layers are installed."""
     try:
         choice.probe("vulkan")  # tries the driver, if that is new: what it gets wrong is not used
@@ -195,12 +217,23 @@ def vulkan_instance(request: pytest.FixtureRequest) -> Iterator[Instance]:
     report.devices.setdefault("vulkan", fit[0].name)
     with Instance(validate) as instance:
         yield instance
+        open_devices.close()
+
+
+def _place(request: pytest.FixtureRequest) -> str:
+    """Return whose tests share devices: a chapter's, for which files of several folders run, or a folder's."""
+    of_chapter = snapshots.first_chapter(request.path) is not None
+    return snapshots.tested(request.node).label if of_chapter else str(request.path.parent)
 
 
 @contextmanager
 def _vulkan(request: pytest.FixtureRequest, variant: str | None) -> Iterator[Device]:
     instance: Instance = request.getfixturevalue("vulkan_instance")
-    with Device(instance, without=VARIANTS[variant or "vulkan"]) as device:
+    opened: Opened = request.getfixturevalue("open_devices")
+    without = VARIANTS[variant or "vulkan"]
+    with opened.lent(
+        _place(request), ("vulkan", without), lambda: Device(instance, without=without)
+    ) as device:
         layers = "validated" if instance.validates else "without validation layers"
         report: Any = request.config.pluginmanager.getplugin("strata-report")
         report.devices["vulkan"] = f"{device.capabilities.device}, {device.capabilities.driver}, {layers}"
@@ -209,12 +242,17 @@ def _vulkan(request: pytest.FixtureRequest, variant: str | None) -> Iterator[Dev
 
 @contextmanager
 def _opengl(request: pytest.FixtureRequest, variant: str | None) -> Iterator[Context]:
-    try:
-        choice.probe("gl")
-        context = Context(validate=True, without=VARIANTS[variant or "gl"])
-    except UnsupportedError as error:
-        pytest.skip(f"no OpenGL: {error}")
-    with context:
+    opened: Opened = request.getfixturevalue("open_devices")
+
+    def open_() -> Context:
+        try:
+            choice.probe("gl")
+            return Context(validate=True, without=VARIANTS[variant or "gl"])
+        except UnsupportedError as error:
+            pytest.skip(f"no OpenGL: {error}")
+
+    with opened.lent(_place(request), ("gl", VARIANTS[variant or "gl"]), open_) as context:
+        context.make_current()
         report: Any = request.config.pluginmanager.getplugin("strata-report")
         report.devices["gl"] = f"{context.capabilities.device}, {context.capabilities.driver}"
         yield context
@@ -224,14 +262,14 @@ def _opengl(request: pytest.FixtureRequest, variant: str | None) -> Iterator[Con
 def vulkan_device(
     request: pytest.FixtureRequest, variant: str | None, vulkan_instance: Instance
 ) -> Iterator[Device]:
-    """A device for the tests of one module; an object that outlives them fails the last one."""
+    """A device, lent to the tests of one module; an object that outlives them fails the last one."""
     with _vulkan(request, variant) as device:
         yield device
 
 
 @pytest.fixture(scope="module")
 def gl_context(request: pytest.FixtureRequest, variant: str | None) -> Iterator[Context]:
-    """An OpenGL context whose calls are checked, for the tests of one module; what outlives them fails the last one."""
+    """An OpenGL context whose calls are checked, lent to the tests of one module; what outlives them fails the last."""
     with _opengl(request, variant) as context:
         yield context
 

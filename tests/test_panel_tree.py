@@ -85,6 +85,7 @@ def test_each_backend_shows_the_entries_and_which_one_is_chosen(panel, vulkan_de
         assert changed[2] > 0.5 and changed[0] == changed[1] == 0.0
 
 
+@pytest.mark.alone
 def test_a_hundred_thousand_roots_are_listed_once_and_drawn_where_they_are_seen(panel):
     count = 100_000
     scene = replace(

@@ -632,6 +632,7 @@ def test_the_window_stops_after_any_pass(session, tmp_path, monkeypatch):
     session(script)
 
 
+@pytest.mark.alone
 @pytest.mark.feature("tools/frame", "frame-graph/node-enable")
 def test_passes_are_switched_resources_shown_and_the_graphs_file_followed(session, tmp_path):
     file = tmp_path / "own.json"

@@ -561,6 +561,7 @@ def microseconds(ours: Callable[[], Any], theirs: Callable[[], Any]) -> tuple[fl
     return least["ours"] * 1e6, least["theirs"] * 1e6
 
 
+@pytest.mark.alone
 def test_raw_calls_and_structs_are_faster_than_the_package_s(
     minimal: Minimal, record_property: Callable[[str, object], None], capsys: pytest.CaptureFixture[str]
 ) -> None:

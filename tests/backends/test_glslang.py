@@ -171,6 +171,7 @@ def test_wrong_text_raises_with_the_log(text: str, log: str) -> None:
         compiled(source)
 
 
+@pytest.mark.alone
 def test_a_shader_takes_milliseconds(record_property: pytest.RecordProperty) -> None:
     source = shader("comp")
     compiled(source)

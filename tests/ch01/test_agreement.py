@@ -29,7 +29,7 @@ from common.settings import replaced
 from tests.support.chapter import on_opengl, on_path
 from tests.support.scenes import facing, quad_scene, translated
 
-pytestmark = [pytest.mark.every_chapter, pytest.mark.variants("gl")]
+pytestmark = [pytest.mark.newest, pytest.mark.variants("gl")]
 
 OpenGL = on_opengl(Vulkan)
 SIZE = (64, 48)

@@ -188,7 +188,7 @@ def turning_square_at(time):
     return corners + np.array((0.3, 0.1, -0.4)) * u
 
 
-@pytest.mark.every_chapter
+@pytest.mark.newest
 def test_a_node_is_where_its_keys_put_it(chapter):
     """Closed form: angle, place and scale linear in time, at times that go back and forth."""
     scene, view = turning_square(), facing(ymag=1.6)
@@ -213,7 +213,7 @@ def test_equal_times_are_equal_pictures_whatever_was_between(chapter):
     assert len({picture.tobytes() for picture in seen.values()}) == 4
 
 
-@pytest.mark.every_chapter
+@pytest.mark.newest
 def test_a_light_on_a_moving_node_moves(chapter):
     """A lamp swings from x = -1 to 1 above the square: every pixel by the definition, at three times."""
     lamp = Light("point", node=1, intensity=3.0)
@@ -259,7 +259,7 @@ def bending_square_at(time):
     return corners
 
 
-@pytest.mark.every_chapter
+@pytest.mark.newest
 def test_a_skin_follows_its_joints(chapter):
     scene, view = bending_square(), facing(distance=3.0, ymag=1.3)
     with chapter.open(scene, SIZE, EXACT, outputs={"depth"}) as made:
@@ -310,7 +310,7 @@ def morphing_square_at(time):
     return corners
 
 
-@pytest.mark.every_chapter
+@pytest.mark.newest
 def test_morph_targets_add_up(chapter):
     scene, view = morphing_square(), facing(distance=3.0, ymag=1.7)
     with chapter.open(scene, SIZE, EXACT, outputs={"depth"}) as made:
@@ -321,7 +321,7 @@ def test_morph_targets_add_up(chapter):
             )
 
 
-@pytest.mark.every_chapter
+@pytest.mark.newest
 def test_what_moves_is_written_and_what_stands_is_not(chapter):
     """A frame at the time of the last one writes its constants alone; another time, the vertices of the skin too."""
     with chapter.open(bending_square(), SIZE, EXACT) as made:
@@ -332,7 +332,7 @@ def test_what_moves_is_written_and_what_stands_is_not(chapter):
         assert not made.idle(facing(), 0.7)
 
 
-@pytest.mark.every_chapter
+@pytest.mark.newest
 def test_poses_in_turns_do_not_overwrite_each_other(chapter):
     """Each slot keeps its own vertices: what one frame wrote is still there when the same time comes again."""
     scene, view = bending_square(), facing(distance=3.0, ymag=1.3)

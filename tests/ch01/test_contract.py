@@ -17,7 +17,7 @@ from common.view.camera import UNIT_EV100, Orthographic, View, exposure
 from tests.support.chapter import building
 from tests.support.scenes import facing, quad_scene, texture, translated
 
-pytestmark = pytest.mark.every_chapter
+pytestmark = pytest.mark.newest
 
 SIZE = (32, 32)
 SUN = Light("directional", node=0, intensity=np.pi)
@@ -146,6 +146,7 @@ def test_the_same_calls_after_a_reset_give_the_same_pixels(renderer):
     assert renderer.render(facing()).index == 3
 
 
+@pytest.mark.core
 @pytest.mark.feature("device/viewport-resize")
 def test_resize_gives_the_picture_that_a_new_renderer_gives(chapter):
     with chapter.open(lit_quad(), SIZE, outputs={"color", "depth"}) as made:
@@ -180,6 +181,7 @@ def test_idle_means_that_nothing_would_change(chapter):
         assert not made.idle(facing())
 
 
+@pytest.mark.core
 def test_an_edit_is_seen_in_the_next_frame_and_costs_what_it_touched(chapter):
     scene = quad_scene(Material(unlit=True), matrices=(np.eye(4), translated(10.0)))
     with chapter.open(scene, SIZE) as made:

@@ -17,7 +17,7 @@ from common.scene.pose import evaluate_pose
 from common.view.camera import view_of_scene
 from tests.support.scenes import facing, nodes_at, quad_scene, translated
 
-pytestmark = pytest.mark.every_chapter
+pytestmark = pytest.mark.newest
 
 SIZE = (48, 32)
 OUTPUTS = ("color", "color_linear", "depth", "instance_id")
@@ -200,6 +200,7 @@ def test_a_scene_with_everything_is_the_same_twice(chapter):
     assert equal(again, [pictures[1], pictures[0]])
 
 
+@pytest.mark.core
 def test_the_previous_frame_leaves_no_trace(chapter, scene, reference):
     """A frame of garbage in between, overexposed by 20 stops and of the background alone: the next one is as always."""
     away = replace(facing(), world_from_view=pose_looking_at((0, 0, 2), (0, 0, 4)), ev100=-20.0)

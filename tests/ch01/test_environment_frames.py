@@ -64,7 +64,7 @@ def looking(eye, direction):
     return View(pose_looking_at(eye, eye + direction))
 
 
-@pytest.mark.every_chapter
+@pytest.mark.newest
 @pytest.mark.feature("environment/skybox")
 def test_the_sky_is_the_environment_where_nothing_was_drawn(vulkan_device):
     scene = around(quad_scene(Material(unlit=True, base_color=(0, 0, 0, 1))), smooth())
@@ -97,7 +97,7 @@ def test_a_square_in_uniform_light(vulkan_device, energy, metallic, roughness):
     assert np.allclose(picture, (mirrored + spread) * 1.5 * np.array([2.0, 3.0, 4.0]), rtol=5e-3)
 
 
-@pytest.mark.every_chapter
+@pytest.mark.newest
 def test_exposure_and_transparency(vulkan_device):
     """The sky is seen through what is transparent; what a frame holds is exposed, and divided out again."""
     glass = Material(base_color=(0, 0, 0, 0.5), unlit=True, alpha_mode="blend")

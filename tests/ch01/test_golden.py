@@ -21,7 +21,7 @@ TIME = 0.5  # within the clips, so that what is animated is not at rest
 SETTINGS = Settings(anisotropy=1.0)
 
 
-@pytest.mark.every_chapter
+@pytest.mark.newest
 @pytest.mark.parametrize("name", ["cornell", "spheres", "atrium"])
 def test_a_scene_looks_as_it_did(vulkan_device, golden, name):
     scene = load_scene(locate(name))

@@ -18,7 +18,7 @@ from common.view.camera import Orthographic, View, exposure
 from tests.support.scenes import facing, nodes_at, quad_scene, texture, translated
 from tests.twins import shading
 
-pytestmark = [pytest.mark.every_chapter, pytest.mark.variants("vulkan", "without-all")]
+pytestmark = [pytest.mark.newest, pytest.mark.variants("vulkan", "without-all")]
 everywhere = pytest.mark.variants("vulkan", "without-all", "gl")
 """What shaders compute is the same text on OpenGL, held to these pictures by test_agreement.py; state is not."""
 
@@ -115,6 +115,7 @@ def test_a_mask_keeps_what_reaches_the_cutoff(chapter, cutoff):
     assert ((ids > 0)[8, 2::4] == (alpha[0, :, 3] >= cutoff)).all()
 
 
+@pytest.mark.core
 @everywhere
 def test_a_mask_is_cut_alike_in_colour_and_ids_by_all_that_alpha_is_made_of(chapter):
     """Factor times texture times vertex alpha, falling from left to right, against a cutoff between: one edge.

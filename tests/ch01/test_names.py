@@ -22,7 +22,7 @@ from tests.support.gl_functions import noted
 from tests.support.pacing import number
 from tests.support.scenes import facing, quad_scene, texture, translated
 
-pytestmark = [pytest.mark.every_chapter, pytest.mark.feature("device/debug-names-and-markers")]
+pytestmark = [pytest.mark.newest, pytest.mark.feature("device/debug-names-and-markers")]
 
 SIZE = (16, 16)
 SUN = Light("directional", node=0, intensity=math.pi)

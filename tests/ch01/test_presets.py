@@ -10,7 +10,7 @@ from tests.support import snapshots
 from tools.bench import bench, points
 
 
-@pytest.mark.every_chapter
+@pytest.mark.newest
 @pytest.mark.runs_on("vulkan")
 @pytest.mark.feature("tools/presets")
 def test_no_preset_is_slower_and_less_true_than_another_in_the_newest_record(request):

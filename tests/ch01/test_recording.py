@@ -105,6 +105,7 @@ def through_the_package(calls: list[tuple[str, tuple[Any, ...]]]) -> Callable[[]
     return record
 
 
+@pytest.mark.alone
 def test_recording_costs_a_quarter_of_what_the_package_s_wrappers_cost(
     plain_device: Device, record_property: Callable[[str, object], None]
 ) -> None:

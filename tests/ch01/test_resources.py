@@ -56,7 +56,7 @@ def test_a_buffer_is_really_freed_two_frames_later(vulkan_device, resources):
     assert alive(vulkan_device, "scratch") == 0
 
 
-@pytest.mark.every_chapter
+@pytest.mark.newest
 @pytest.mark.feature("device/deferred-deletion")
 def test_no_fence_no_deletion(vulkan_device):
     """An image that an edit makes useless is destroyed after the waits for all frames that may have drawn it."""

@@ -16,7 +16,7 @@ from common.view.camera import exposure
 from tests.support.scenes import facing, nodes_at, quad_scene, texture, translated
 from tests.twins import shading
 
-pytestmark = [pytest.mark.every_chapter, pytest.mark.variants("vulkan", "without-all")]
+pytestmark = [pytest.mark.newest, pytest.mark.variants("vulkan", "without-all")]
 everywhere = pytest.mark.variants("vulkan", "without-all", "gl")
 """What shaders compute is the same text on OpenGL, held to these pictures by test_agreement.py; state is not."""
 
@@ -55,6 +55,7 @@ def checker(cells=4):
     return Image("checker", pixels)
 
 
+@pytest.mark.core
 @everywhere
 @pytest.mark.feature("pbr/forward-ggx")
 @pytest.mark.parametrize("metallic", [0.0, 0.5, 1.0])

@@ -63,7 +63,7 @@ def frames(chapter):
     return made
 
 
-@pytest.mark.every_chapter
+@pytest.mark.newest
 @pytest.mark.parametrize("name", SCENES)
 def test_the_picture_is_the_same_with_skipping_turned_off(frames, name):
     (skipped, _), (whole, _) = frames[name]
@@ -86,7 +86,7 @@ def test_a_scene_without_textures_has_a_set_for_each_frame_in_flight_alone(chapt
     assert skipped["descriptor_sets"] == {"vulkan": 2, "gl": 0}[chapter.backend]
 
 
-@pytest.mark.every_chapter
+@pytest.mark.newest
 def test_a_scene_without_lights_has_no_light_buffer_and_no_light_loop(chapter, frames):
     (_, skipped), (_, whole) = frames["nothing"]
     assert skipped["lights"] == 0
@@ -115,7 +115,7 @@ def test_pipelines_are_those_of_materials_that_are_drawn(chapter):
     assert work["draws"] == 4
 
 
-@pytest.mark.every_chapter
+@pytest.mark.newest
 def test_passes_whose_output_nobody_reads_do_not_run(chapter):
     draws, lights = (["gbuffer"], ["lighting"]) if chapter.graph == "auto" else (["forward"], [])
     for outputs, names in (
@@ -132,7 +132,7 @@ def test_passes_whose_output_nobody_reads_do_not_run(chapter):
             assert list(frame.timings) == names
 
 
-@pytest.mark.every_chapter
+@pytest.mark.newest
 @pytest.mark.feature("gltf/prebuilt-descriptor-sets")
 def test_a_still_frame_builds_nothing_and_writes_one_record(chapter):
     with chapter.open(SCENES["texture"], SIZE, SETTINGS) as made:
@@ -234,7 +234,7 @@ def test_another_object_is_two_calls_more_on_opengl(chapter):
     assert counts[1] - counts[0] == 2 * 10
 
 
-@pytest.mark.every_chapter
+@pytest.mark.newest
 @pytest.mark.variants("gl")
 @pytest.mark.parametrize("name", SCENES)
 def test_both_backends_count_the_same_work(vulkan_device, frames, name):

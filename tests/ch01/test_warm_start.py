@@ -19,7 +19,7 @@ import chapters
 from chapters.ch01 import renderer as tested
 from common.paths import ROOT
 
-pytestmark = pytest.mark.every_chapter
+pytestmark = pytest.mark.newest
 
 START = """
 import hashlib, json, sys

@@ -305,6 +305,7 @@ def test_every_index_into_the_set_is_marked_as_one_that_may_differ():
 # --- neighbours ---
 
 
+@pytest.mark.core
 @pytest.mark.feature("bindless/extension-injection")
 @pytest.mark.feature("bindless/nonuniform-indexing")
 def test_triangles_side_by_side_each_show_their_own_texture(chapter):

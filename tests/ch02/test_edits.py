@@ -192,6 +192,7 @@ def test_a_scene_of_nothing_is_its_background(chapter, lacking):
     assert frame.work["draws"] == 0
 
 
+@pytest.mark.core
 def test_textures_may_come_to_a_scene_that_had_none(chapter):
     """No set, no slot and no array was made before."""
     scene = pair(UNLIT, replace(UNLIT, base_color=(0.2, 0.4, 0.6, 1.0)))

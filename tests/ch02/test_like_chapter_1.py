@@ -75,7 +75,7 @@ def test_every_view_shows_what_it_shows_in_chapter_1(chapter):
     check_views(chapter, NAMES, (PLAIN, Material(base_color_texture=texture())))
 
 
-@pytest.mark.every_chapter
+@pytest.mark.newest
 def test_coordinates_are_shown_where_nothing_is_sampled(chapter):
     """The material has uv and no texture, so its shaders have neither slots nor arrays to look into."""
     check_views(chapter, ("uv",), (PLAIN,))

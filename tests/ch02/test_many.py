@@ -172,6 +172,7 @@ def test_a_frame_makes_the_same_calls_for_any_number_of_objects(chapter):
     assert calls[4] == calls[40] == calls[400]
 
 
+@pytest.mark.core
 def test_a_moving_camera_writes_one_record_however_many_objects_there_are(chapter):
     with chapter.open(objects(400), SIZE, EXACT) as made:
         warm(made, over(20))

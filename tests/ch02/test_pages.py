@@ -218,6 +218,7 @@ def drawn_scene() -> Scene:
     return replace(scene, images=[grey], lights=[Light("directional", node=0, intensity=3.0)])
 
 
+@pytest.mark.core
 def test_many_small_pages_are_the_same_picture_as_one(chapter, monkeypatch):
     scene = drawn_scene()
     whole, count, _ = fresh(chapter, scene)

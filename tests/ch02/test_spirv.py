@@ -398,6 +398,7 @@ def test_an_array_whose_length_is_computed_is_refused_by_name():
         reflected(SPECIAL, specialization={3: 0})
 
 
+@pytest.mark.alone
 def test_parsing_is_quick():
     code = compiled(KINDS, "comp", KINDS_EXTENSIONS)
     assert least_time(timed(lambda: parse(code), calls=5), 0.05, fewest=1) < 0.05

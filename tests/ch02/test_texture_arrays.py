@@ -364,6 +364,7 @@ def test_narrow_images_are_fewer_bytes_on_the_device(chapter, monkeypatch):
     assert uploaded[False] - uploaded[True] == 16 * 8 * (4 + 4 - 2 - 1)
 
 
+@pytest.mark.core
 def test_an_image_of_two_roles_keeps_the_channels_of_both(chapter):
     scene = data_scene(shared=True)
     (key,) = image_roles(reads(scene))

@@ -69,7 +69,7 @@ SCENES = {
 }
 
 
-@pytest.mark.every_chapter
+@pytest.mark.newest
 @pytest.mark.parametrize("name", SCENES)
 @pytest.mark.variants("vulkan", "without-all")
 def test_every_texture_of_a_bound_set_is_written(chapter, name: str) -> None:

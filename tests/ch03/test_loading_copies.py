@@ -543,7 +543,7 @@ def test_a_queue_of_its_own_hands_images_over(vulkan_device, opened):
         assert np.array_equal(level_of(vulkan_device, owner.images[number]), rows_of(one))
 
 
-@pytest.mark.every_chapter
+@pytest.mark.newest
 @pytest.mark.feature("async-loading/transfer-submission")
 @pytest.mark.parametrize("budget", [None, 9000, 700])
 def test_two_submissions_hand_each_image_over_once(vulkan_device, opened, monkeypatch, budget):

@@ -187,6 +187,7 @@ def test_before_any_arrival_the_frame_is_that_of_all_white_textures(chapter, gat
         assert np.array_equal(drawn(renderer)[0], pictures_after[-1][0])
 
 
+@pytest.mark.core
 @pytest.mark.feature("async-loading/lazy-textures")
 @pytest.mark.parametrize("order", [*permutations(range(3))][::2])
 def test_any_order_of_arrival_ends_in_the_picture_of_eager_loading(chapter, gated, order):
@@ -400,6 +401,7 @@ def test_levels_that_an_image_brings_are_copied_as_they_are(chapter, settings, w
 # --- edits ---
 
 
+@pytest.mark.core
 def test_an_edit_while_loading_loads_what_it_brings_and_forgets_the_rest(chapter, gated):
     pictures = gated(*(plain(color, (8, 8)) for color in COLORS))
     materials = tuple(replace(UNLIT, base_color_texture=texture(n)) for n in range(3))

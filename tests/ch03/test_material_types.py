@@ -69,6 +69,7 @@ def test_the_triangles_of_a_scene_by_type():
     )
 
 
+@pytest.mark.core
 @sorting
 def test_a_type_that_does_not_occur_has_an_empty_range_and_no_pipeline(chapter):
     modes = {"opaque": Material(), "mask": Material(alpha_mode="mask"), "blend": Material(alpha_mode="blend")}

@@ -34,6 +34,7 @@ def cached(path):
     return read_cache(cache_file(path), path)
 
 
+@pytest.mark.core
 @pytest.mark.feature("scene-cache/file")
 def test_the_picture_is_the_same_from_the_file_while_it_is_cached_and_from_the_cache(chapter):
     path = locate("cornell")

@@ -73,6 +73,7 @@ def test_an_interval_that_is_shorter_already_stays():
         sys.setswitchinterval(0.005)
 
 
+@pytest.mark.alone
 def test_calls_that_let_go_of_the_interpreter_have_it_back_soon():
     over = threading.Event()
 

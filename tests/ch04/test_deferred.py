@@ -142,6 +142,7 @@ def test_in_full_precision_both_paths_differ_by_the_rounding_of_a_place(chapter,
     assert ratio <= (1.0 if chapter.device.capabilities.is_software else 12.0), ratio
 
 
+@pytest.mark.core
 @pytest.mark.feature("deferred/forward-and-deferred")
 def test_lighting_is_that_of_the_formulas_on_what_was_stored(chapter):
     scene = jumble(3, SOLID)

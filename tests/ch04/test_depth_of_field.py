@@ -110,6 +110,7 @@ def test_what_is_in_focus_keeps_every_bit(chapter, focus):
     assert np.array_equal(got, sharp)
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("distance", [8.0, 3.0])
 def test_a_point_becomes_a_disc_of_the_right_size_and_loses_no_light(chapter, distance):
     """Behind the focus, where all is blurred alike, and before it, over what is sharp."""

@@ -55,6 +55,7 @@ def test_targets_stand_in_the_order_and_formats_of_the_table(chapter, kind):
         assert not any("position" in name for name in renderer.graph.resources)
 
 
+@pytest.mark.core
 @pytest.mark.feature("gbuffer/layout")
 def test_what_is_read_back_is_the_surface_to_half_a_step_of_each_format(chapter):
     """Codes of 8 bits are off by half a code, halves by 2^-12 of their value; and light arrives exposed."""

@@ -262,6 +262,7 @@ def written_out(calls, fn):
     return known["frame"]
 
 
+@pytest.mark.alone
 @pytest.mark.parametrize("settings", [SETTINGS, DEFERRED], ids=["forward", "deferred"])
 def test_a_list_costs_at_most_1_3_of_its_calls_written_by_hand(plain_context, settings):
     """The CPU time of the thread that calls: what the driver's own threads draw meanwhile is none of it."""

@@ -82,6 +82,7 @@ def test_no_barrier_is_missing_in_large_frames():
     check_random(range(20), removing=False, count=100)
 
 
+@pytest.mark.core
 @barriers
 @pytest.mark.variants("vulkan")
 @pytest.mark.parametrize("graph", ["deferred", "forward"])

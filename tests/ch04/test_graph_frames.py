@@ -59,6 +59,7 @@ def usual(chapter, scene):
     }
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("graph", ["deferred", "forward"])
 @pytest.mark.parametrize(
     "turned",

@@ -135,6 +135,7 @@ def _grows_little(least):
     return least[1000] < 2 * 10 * least[100]
 
 
+@pytest.mark.alone
 @sorting
 def test_20_passes_compile_in_2_ms_and_1000_in_150_ms():
     """The limits are those of a machine that does nothing else; a slower one gets as much more as it is slower."""

@@ -140,6 +140,7 @@ def test_what_was_unseen_is_where_it_would_be(chapter):
     assert np.array_equal(*states) and np.array_equal(*pictures)
 
 
+@pytest.mark.core
 @pytest.mark.parametrize(
     "by", ["node", *(pytest.param(by, marks=pytest.mark.long) for by in ("collider", "wind"))]
 )
@@ -170,6 +171,7 @@ def test_what_comes_into_view_at_once_is_drawn_where_it_is(chapter, by, monkeypa
     assert len({one.tobytes() for one in found[0]}) > 1
 
 
+@pytest.mark.core
 def test_the_same_calls_after_a_reset_give_the_same_pixels(chapter):
     scene = hanging()
     times = at_rate(60, 12)

@@ -120,6 +120,7 @@ def test_a_frame_is_lit_by_one_dispatch_and_recorded_once(open_):
     assert works[1][3]["draws"] == works[0][3]["draws"] - 1, "the triangle over the picture is not drawn"
 
 
+@pytest.mark.core
 def test_poisoned_memory_never_shows(open_):
     plain, poisoned = open_("compute", (33, 17)), open_("compute", (33, 17), poison="depth 1")
     for _ in range(3):

@@ -9,6 +9,7 @@ import pytest
 
 from backends import shader_text
 from backends.vulkan.shaders.compiler import compile_shader
+from chapters import ch05
 from chapters.ch05.frames.dispatches import MOST_GROUPS, group_count
 from chapters.ch05.pipelines.spirv.shared_memory import shared_bytes
 from common.errors import ShaderError, UnsupportedError
@@ -51,7 +52,7 @@ void main() { y[gl_GlobalInvocationID.x] = x[gl_GlobalInvocationID.x]; }
 
 @pytest.fixture(scope="module")
 def kernels(chapter):
-    with kernels_on(chapter.device) as made:
+    with kernels_on(chapter.device, ch05.__name__) as made:
         yield made
 
 

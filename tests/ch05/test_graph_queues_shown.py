@@ -250,6 +250,7 @@ def test_a_pass_that_asks_for_a_queue_that_nobody_knows_is_refused():
 # --- time -------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.alone
 @queues
 @pytest.mark.parametrize(("count", "fewest"), [(20, 30), (300, 5)])
 def test_a_second_queue_makes_compiling_little_longer(count, fewest):

@@ -9,6 +9,7 @@ import pytest
 
 from backends.vulkan import api as vk
 from backends.vulkan.device import Queue
+from chapters import ch05
 from chapters.ch05.frames.frame import SLOTS
 from chapters.ch05.frames.queues.vulkan_legacy import LegacySubmit, as_before, stages_before
 from tests.support.hazards import Given, Wait, find_hazards
@@ -26,11 +27,12 @@ def assert_equal(found, wanted):
         assert np.array_equal(one, other), f"frame {frame}"
 
 
+@pytest.mark.core
 @pytest.mark.variants("vulkan")
 @pytest.mark.parametrize("own", [True, False], ids=["own queue", "one queue"])
 @pytest.mark.parametrize("alias", [True, False], ids=["shared memory", "own memory"])
 def test_frames_on_two_queues_are_what_they_should_be(vulkan_device, own, alias):
-    with stream(vulkan_device, own=own, alias=alias) as frames:
+    with stream(vulkan_device, ch05.__name__, own=own, alias=alias) as frames:
         for _ in range(FRAMES):
             frames.draw()
         assert_equal(frames.finish(), expected(FRAMES))
@@ -82,7 +84,7 @@ def watched(device, frames):
 @pytest.mark.variants("vulkan")
 @pytest.mark.feature("timeline/gpu-submit")
 def test_values_rise_nobody_waits_for_itself_or_for_what_comes_later(vulkan_device):
-    with stream(vulkan_device) as frames:
+    with stream(vulkan_device, ch05.__name__) as frames:
         with watched(vulkan_device, frames._frames) as log:
             for _ in range(FRAMES):
                 frames.draw()
@@ -99,7 +101,7 @@ def test_values_rise_nobody_waits_for_itself_or_for_what_comes_later(vulkan_devi
 @pytest.mark.feature("timeline/gpu-submit")
 def test_frame_n_waits_for_frame_n_less_the_slots_and_the_first_ones_for_nothing(vulkan_device):
     """The CPU alone: of each timeline the value after the last batch of the frame that had the slot before."""
-    with stream(vulkan_device) as frames:
+    with stream(vulkan_device, ch05.__name__) as frames:
         last, order = {}, []
         with watched(vulkan_device, frames._frames) as log:
             for frame in range(FRAMES):
@@ -134,7 +136,7 @@ def test_a_renderer_s_frame_n_waits_for_n_less_one(chapter):
 @pytest.mark.variants("vulkan")
 @pytest.mark.feature("async-compute/queue")
 def test_the_first_submission_has_no_wait_and_graphics_waits_where_compute_works(vulkan_device):
-    with stream(vulkan_device) as frames, watched(vulkan_device, frames._frames) as log:
+    with stream(vulkan_device, ch05.__name__) as frames, watched(vulkan_device, frames._frames) as log:
         for _ in range(2):
             frames.draw()
         count = len(frames.executor.batches)
@@ -169,7 +171,7 @@ def test_with_and_without_another_queue_the_same_batches_go_in_the_same_order(vu
     for other in (False, True):
         with monkeypatch.context() as patch:
             apart = Apart(vulkan_device, patch)
-            with stream(vulkan_device, own=other) as frames:
+            with stream(vulkan_device, ch05.__name__, own=other) as frames:
                 seen = []
                 real = frames._frames._call
 
@@ -203,7 +205,7 @@ def test_what_is_submitted_has_no_hazard_and_each_wait_between_queues_is_needed(
 
     Without the wait for the frame before, compute would write the state that an earlier frame still reads.
     """
-    with stream(vulkan_device, alias=alias) as frames:
+    with stream(vulkan_device, ch05.__name__, alias=alias) as frames:
         for _ in range(2):
             frames.draw()
         trace = Trace(frames, apart)
@@ -240,7 +242,7 @@ def stepped(rests, given=0):
 @pytest.mark.feature("async-compute/queue")
 def test_a_batch_of_idle_passes_is_not_submitted_and_nobody_misses_it(vulkan_device):
     rests = [False, False, False, True, True, True, False, True, False, False]
-    with stream(vulkan_device) as frames:
+    with stream(vulkan_device, ch05.__name__) as frames:
         passes, counts = frames.made["step"], []
         for rest in rests:
             passes.resting = rest
@@ -258,7 +260,7 @@ def test_a_batch_of_idle_passes_is_not_submitted_and_nobody_misses_it(vulkan_dev
 @pytest.mark.parametrize("seed", range(4))
 def test_there_is_no_hazard_whenever_compute_rests(vulkan_device, seed):
     rng = np.random.default_rng(seed)
-    with stream(vulkan_device) as frames:
+    with stream(vulkan_device, ch05.__name__) as frames:
 
         def draw():
             frames.made["step"].resting = bool(rng.integers(2))
@@ -273,7 +275,7 @@ def test_there_is_no_hazard_whenever_compute_rests(vulkan_device, seed):
 
 @pytest.mark.variants("vulkan")
 def test_what_a_pass_says_it_was_recorded_from_has_its_batch_recorded_anew_and_no_other(vulkan_device):
-    with stream(vulkan_device) as frames:
+    with stream(vulkan_device, ch05.__name__) as frames:
         for _ in range(3):
             frames.draw()
         times = {name: made.times_recorded for name, made in frames.made.items()}
@@ -295,7 +297,7 @@ def test_what_a_pass_says_it_was_recorded_from_has_its_batch_recorded_anew_and_n
 
 @pytest.mark.variants("vulkan")
 def test_each_pass_has_its_time_on_either_queue_and_none_while_it_rests(vulkan_device):
-    with stream(vulkan_device) as frames:
+    with stream(vulkan_device, ch05.__name__) as frames:
         for rest in (False, True):
             frames.made["step"].resting = rest
             slot = frames.draw()
@@ -315,7 +317,7 @@ def in_order(frames):
 @pytest.mark.feature("timeline/gpu-submit")
 def test_submitting_as_before_vulkan_1_3_gives_the_same_bits(vulkan_device, monkeypatch):
     calls = []
-    with monkeypatch.context() as patch, stream(vulkan_device) as frames:
+    with monkeypatch.context() as patch, stream(vulkan_device, ch05.__name__) as frames:
         real = vulkan_device.fn.vkQueueSubmit
         patch.setitem(vulkan_device.fn.__dict__, "vkQueueSubmit", lambda *a: calls.append(a[1]) or real(*a))
         patch.setitem(vulkan_device.fn.__dict__, "vkQueueSubmit2", LegacySubmit(vulkan_device))

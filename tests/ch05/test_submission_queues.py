@@ -187,6 +187,7 @@ def test_a_pass_on_the_compute_queue_gives_the_bits_that_it_gives_on_graphics(ch
     assert all(batches.count("compute") == 1 and batches.count("graphics") >= 2 for batches in seen)
 
 
+@pytest.mark.core
 @pytest.mark.variants("vulkan")
 @pytest.mark.feature("async-compute/vertex-hazard-guard")
 def test_frames_with_a_pass_on_the_compute_queue_have_no_hazard_and_no_wait_in_vain(chapter, scene):

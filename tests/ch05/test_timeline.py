@@ -45,6 +45,7 @@ def test_a_question_is_answered_no_before_the_signal_and_yes_after_it(pair):
     assert not first.wait(2, 0)
 
 
+@pytest.mark.alone
 @pytest.mark.feature("timeline/cpu-wait")
 def test_a_time_out_takes_its_time_and_no_longer(pair):
     def wait():

@@ -68,6 +68,7 @@ def outcome(nodeid="tests/ch01/test_a.py::test_b[vulkan]", **more):
     made = Outcome(nodeid, more.pop("features", ()), more.pop("long", False), result="passed")
     for name, value in more.items():
         setattr(made, name, value)
+    made.busy = more.get("busy", made.seconds)
     return made
 
 
@@ -100,11 +101,23 @@ def test_budgets_are_for_single_tests_and_for_areas_by_variant():
     assert over_budget([outcome(seconds=500.0, long=True)]) == []
     other = [outcome("tests/ch01/test_a.py::test_b[gl]", seconds=4.0) for _ in range(6)]
     assert over_budget([*quick, *other]) == []
+    assert over_budget([*quick, outcome(seconds=4.0, busy=0.5)]) == [], "it waited, or shared its core"
     common = [outcome("tests/common/test_a.py::test_b", seconds=4.0) for _ in range(20)]
     assert over_budget(common) == [], "what is no chapter has no budget but that of each test"
     assert over_budget([*quick, *quick], cold=True) == []
     assert len(over_budget([*quick, *quick, *quick], cold=True)) == 1
     assert len(over_budget([outcome(seconds=20.5)], cold=True)) == 1
+
+
+def test_core_tests_that_take_turns_have_a_budget_of_their_own():
+    core = [outcome("tests/ch01/test_a.py::ch03::test_b[gl]", seconds=2.0, turn=True) for _ in range(3)]
+    assert over_budget([*core, outcome("tests/ch03/test_a.py::test_b[gl]", seconds=4.0)]) == []
+    assert over_budget([*core, replace(core[0], nodeid="tests/ch01/test_a.py::ch03::test_b[vulkan]")]) == []
+    (text,) = over_budget([*core, core[0]])
+    assert text.startswith("ch03 (gl) took 8.0 s for core tests of chapters before it; they may take 6 s")
+    assert over_budget([*core, *core], cold=True) == []
+    (text,) = over_budget([*core, *core, *core[:2]], cold=True)
+    assert "they may take 15 s" in text
 
 
 def test_the_record_keeps_the_last_result_of_every_long_test(tmp_path, monkeypatch):

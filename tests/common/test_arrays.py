@@ -11,6 +11,7 @@ from tests.support.timing import least_times, timed
 COUNT = 5_592_405  # texels of a picture of 2048 x 2048 with all of its mips
 
 
+@pytest.mark.alone
 @pytest.mark.feature("core/uninitialised-arrays")
 def test_faster_than_filling_first():
     source = np.random.default_rng(0).random((COUNT, 3), np.float32)

@@ -44,6 +44,7 @@ def test_kinds_are_all_different():
     assert {mode for _, mode in found} == {"opaque", "mask", "blend"}
 
 
+@pytest.mark.alone
 def test_a_hundred_thousand_are_made_in_a_second():
     assert least_time(timed(lambda: crowd(100_000, 4096)), 1.0, fewest=1) < 1.0
 

@@ -8,6 +8,7 @@ import zlib
 import numpy as np
 import pytest
 
+import chapters
 from common.errors import SceneError
 from common.materials import records as records
 from common.materials.records import (
@@ -77,7 +78,7 @@ def read_back(device, path, made: np.ndarray) -> np.ndarray:
         + f"{stores}\n}}\n"
     )
     target = np.zeros((len(made), len(MEMBERS)), np.uint32)
-    with kernels_on(device) as kernels:
+    with kernels_on(device, chapters.package_of(chapters.available()[-1])) as kernels:
         return kernels.run(kernels.pipeline(path), [made.view(np.uint32), target], (len(made), 1, 1))[1]
 
 

@@ -101,6 +101,7 @@ def test_the_exit_code_passes_and_nothing_stands_between(finished: Clone) -> Non
         assert json.loads(process.stdout.read())["process"] == process.pid
 
 
+@pytest.mark.alone
 def test_later_use_adds_less_than_50_ms(finished: Clone) -> None:
     direct = [finished.python, "-P", "-m", "chapters", "list"]
     launched = [finished.root / "strata", "list"]

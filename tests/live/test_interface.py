@@ -166,6 +166,7 @@ def test_what_is_no_longer_used_is_no_harm_and_what_is_new_is():
     assert misfit({}, {"binding 3": BLOCK}, [("binding 3", BLOCK)]) == ""
 
 
+@pytest.mark.alone
 def test_reading_an_interface_is_quick(of_vulkan):
     codes = dict(zip(("vert", "frag"), compile_all(sources("vulkan")), strict=True))
     reading = timed(lambda: spirv_interface.interface_of(codes), calls=5)

@@ -80,6 +80,7 @@ def until(condition, seconds=PATIENCE_S):
         yield
 
 
+@pytest.mark.alone
 @pytest.mark.feature("tools/live-shaders")
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_a_window_in_which_nothing_moves_shows_an_edit_within_a_second(

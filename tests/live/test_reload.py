@@ -103,6 +103,7 @@ def code(*color):
     return np.round(np.array(color) * 255).astype(np.uint8)
 
 
+@pytest.mark.alone
 @pytest.mark.feature("tools/live-shaders")
 def test_a_saved_shader_is_seen_within_a_second_and_nothing_else_changes(chapter, shaders):
     colors = itertools.cycle([(0.2, 0.4, 0.8), (0.4, 0.2, 0.8)])
@@ -604,6 +605,7 @@ def test_files_that_nobody_uses_are_nobodys_business(chapter, shaders):
         assert not {"sky.frag", "resolve.frag", "ibl.glsl", "cube.comp"} & used
 
 
+@pytest.mark.alone
 def test_a_look_at_the_files_is_cheap(chapter, shaders):
     with session(chapter) as run:
         run.picture()

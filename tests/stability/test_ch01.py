@@ -28,7 +28,7 @@ from tests.support.scenes import (
     translated,
 )
 
-pytestmark = [pytest.mark.every_chapter, pytest.mark.feature("tools/stability")]
+pytestmark = [pytest.mark.newest, pytest.mark.feature("tools/stability")]
 
 SIZE = (128, 96)
 BOUND = 1e-3

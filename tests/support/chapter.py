@@ -13,7 +13,7 @@ import chapters
 from backends.contract import Renderer
 from chapters.folders import renderer_name
 from common.scene import Scene
-from common.settings import flat, replaced
+from common.settings import flat, knobs, replaced
 from tests.support import gl_functions
 from tests.support.graph_truths import Truth, events_of, places_of
 from tests.support.hazards import find_hazards
@@ -35,18 +35,13 @@ def on_path(settings: Any, graph: str = "forward") -> Any:
     return replaced(settings, graph=graph, **SURFACES.get(graph, {}))
 
 
-CLOTH = 5
-"""The first chapter in which cloth moves."""
-
-
 def as_modelled(settings: Any, written_for: int | None) -> Any:
     """Return settings in which cloth hangs as it was modelled, for tests of chapters that knew no other.
 
-    They hold pictures to what is in the file; tests/ch05 holds that cloth changes nothing but itself.
+    They hold pictures to what is in the file; the tests of cloth hold that it changes nothing but itself.
     """
-    if written_for is None or written_for >= CLOTH or not _value(settings, "cloth"):
-        return settings
-    return replaced(settings, cloth=False)
+    knew_none = written_for is not None and "cloth" not in knobs(chapters.settings_class(written_for))
+    return replaced(settings, cloth=False) if knew_none and _value(settings, "cloth") else settings
 
 
 @dataclass(frozen=True)

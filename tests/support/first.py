@@ -41,7 +41,7 @@ def variant_of(item: pytest.Item) -> str:
 def rank(item: pytest.Item, number: int) -> tuple[int, int, bool]:
     """Return the place of a test of chapter `number` in the order: the group, the variant within it, and in that before
     other files the one of the contract, which draws a square."""
-    core = item.get_closest_marker("every_chapter") is not None
+    core = any(item.get_closest_marker(name) for name in ("core", "newest"))
     own = snapshots.first_chapter(item.path) == number
     if not snapshots.draws(item):
         return (2 if own else 5), 0, False

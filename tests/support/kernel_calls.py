@@ -12,7 +12,6 @@ from dataclasses import replace
 from typing import Any
 
 from backends.vulkan import api as vk
-from chapters.ch05.frames.frame import SLOTS
 from tests.support.hazards import Barriers, Dependency, Event, Given, Signal, Submit, Use, Wait, find_hazards
 from tests.support.traced_frames import ACCESS, STAGES, layout, number, words
 
@@ -74,7 +73,8 @@ def events_of(
         renderer.device.fn.trace(None)
         del renderer._frames.begin, renderer._frames.submit
     names = {one.resource for listed in uses.values() for one in listed}
-    every = sorted(name + str(slot) if name[-1] == "#" else name for name in names for slot in range(SLOTS))
+    slots = {which for name, which in log if name == "begin"}
+    every = sorted({name + str(slot) if name[-1] == "#" else name for name in names for slot in slots})
     handles = {number(image.handle): name for name, image in images.items()}
     events: list[Event] = []
     recorded: list[Event] = []

@@ -1,9 +1,13 @@
-"""Kernels of tests, run by the chapter's own compute pipelines over arrays, on either backend."""
+"""Kernels of tests, run by a chapter's own compute pipelines over arrays, on either backend.
+
+The chapter is given as the name of its package: that of the test that asks.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -18,26 +22,24 @@ from backends.vulkan.barriers import barriers
 from backends.vulkan.once import submit_once
 from backends.vulkan.readback import TO_HOST
 from backends.vulkan.resources import create_buffer, destroy_buffer
-from chapters.ch05.frames import gl_commands as gl_commands
-from chapters.ch05.frames.vulkan_commands import Commands
-from chapters.ch05.pipelines import gl as gl_pipelines
-from chapters.ch05.pipelines.compute_description import ComputeDescription
-from chapters.ch05.pipelines.vulkan import Pipelines
-from chapters.ch05.pipelines.vulkan_descriptors import Descriptors
 
 
 class VulkanKernels:
     """Runs kernels whose storage buffers are set 0, binding 0 and up."""
 
-    def __init__(self, device: Any) -> None:
-        self.device, self.pipelines = device, Pipelines(device)
-        self.descriptors, self.commands = Descriptors(device), Commands(device)
+    def __init__(self, device: Any, package: str) -> None:
+        self.device = device
+        self.pipelines = import_module(f"{package}.pipelines.vulkan").Pipelines(device)
+        self.descriptors = import_module(f"{package}.pipelines.vulkan_descriptors").Descriptors(device)
+        self.commands = import_module(f"{package}.frames.vulkan_commands").Commands(device)
+        self._describe = import_module(f"{package}.pipelines.compute_description").ComputeDescription
 
     def pipeline(self, file: Path, **more: Any) -> Any:
-        return self.pipelines.get([ComputeDescription(str(file), **more)])[0]
+        return self.pipelines.get([self._describe(str(file), **more)])[0]
 
     def reload(self, file: Path) -> tuple[str, ...]:
-        return self.pipelines.reload({file}, lambda free: free())
+        reloaded: tuple[str, ...] = self.pipelines.reload({file}, lambda free: free())
+        return reloaded
 
     def run(
         self,
@@ -59,7 +61,7 @@ class VulkanKernels:
         sets = self.descriptors.create([(one.sets[0], held, "arrays") for one in pipelines])
         commands = self.commands
         with submit_once(self.device) as handle:
-            commands.begin(SimpleNamespace(commands=handle))  # type: ignore[arg-type]
+            commands.begin(SimpleNamespace(commands=handle))
             for number, (one, a_set) in enumerate(zip(pipelines, sets.handles, strict=True)):
                 if number:
                     commands.compute_barrier()
@@ -85,15 +87,18 @@ class VulkanKernels:
 class GlKernels:
     """Runs kernels whose storage buffers are bound from 0 on."""
 
-    def __init__(self, context: Context) -> None:
-        self.context, self.pipelines = context, gl_pipelines.Pipelines(context)
-        self.commands = gl_commands.Commands(context, self.pipelines, True)
+    def __init__(self, context: Context, package: str) -> None:
+        self.context = context
+        self.pipelines = import_module(f"{package}.pipelines.gl").Pipelines(context)
+        self.commands = import_module(f"{package}.frames.gl_commands").Commands(context, self.pipelines, True)
+        self._describe = import_module(f"{package}.pipelines.compute_description").ComputeDescription
 
     def pipeline(self, file: Path, **more: Any) -> Any:
-        return self.pipelines.get([ComputeDescription(str(file), **more)])[0]
+        return self.pipelines.get([self._describe(str(file), **more)])[0]
 
     def reload(self, file: Path) -> tuple[str, ...]:
-        return self.pipelines.reload({file})
+        reloaded: tuple[str, ...] = self.pipelines.reload({file})
+        return reloaded
 
     def run(
         self,
@@ -111,7 +116,7 @@ class GlKernels:
         for number, (buffer, one) in enumerate(zip(buffers, arrays, strict=True)):
             gl_resources.write_buffer(context, buffer, one)
             gl_resources.bind_buffer(context, "storage", number, buffer)
-        commands.begin(SimpleNamespace())  # type: ignore[arg-type]
+        commands.begin(SimpleNamespace())
         for number, one in enumerate(pipelines if isinstance(pipelines, list) else [pipelines]):
             if number:
                 commands.compute_barrier()
@@ -133,9 +138,9 @@ class GlKernels:
 
 
 @contextmanager
-def kernels_on(device: Any) -> Iterator[Any]:
-    """Yield what runs kernels on a Vulkan device or an OpenGL context."""
-    made: Any = GlKernels(device) if isinstance(device, Context) else VulkanKernels(device)
+def kernels_on(device: Any, package: str) -> Iterator[Any]:
+    """Yield what runs kernels on a Vulkan device or an OpenGL context; `package` is the chapter whose pipelines do."""
+    made: Any = (GlKernels if isinstance(device, Context) else VulkanKernels)(device, package)
     try:
         yield made
     finally:

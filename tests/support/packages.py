@@ -27,6 +27,7 @@ import pytest
 
 from common import packages
 from common.paths import ROOT
+from tests.support import sharing
 
 EXTRAS = {
     "axe-core-python": ("axe_core_python",),
@@ -174,9 +175,11 @@ class Uses:
                 if any(word in text for word in words):
                     self.files[kind].add(file)
 
-    def pytest_sessionfinish(self) -> None:
-        """Write the files, one a line."""
+    def pytest_sessionfinish(self, session: pytest.Session) -> None:
+        """Write the files, one a line; those of a second process came to the first."""
         self._undo()
+        if sharing.is_second(session.config):
+            return
         self.folder.mkdir(parents=True, exist_ok=True)
         for kind, files in self.files.items():
             text = "".join(f"{file}\n" for file in sorted(files))

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+import chapters
 from backends.contract import Choice, Plan
 from backends.gl.context import Context
 from backends.vulkan.device import Device
@@ -102,14 +103,16 @@ def seen(user: PanelUser, vulkan: Device, opengl: Context) -> list[np.ndarray]:
 
 
 def record() -> None:
-    """Write `RECORDED` anew, with chapter 1's settings."""
-    from chapters.ch01.settings import Settings
-
+    """Write `RECORDED` anew, with the first chapter's settings."""
+    first = chapters.available()[0]
+    settings = chapters.settings_class(first)()
     panel = open_panel()
     assert panel is not None, "the extra ui is not installed"
     for number in range(60):
         panel.history.add({"forward": 3 + number % 7, "tonemap": 1.5})
-    user = PanelUser(panel, example(Settings(), message="wrote out/ch01.png", frame_rate=60.0))
+    user = PanelUser(
+        panel, example(settings, message=f"wrote out/{chapters.folder_name(first)}.png", frame_rate=60.0)
+    )
     assert panel.drawn is not None
     save(RECORDED, replace(panel.drawn, updates=tuple(user.updates)))
     panel.close()

@@ -5,13 +5,15 @@
     mix      compute   mixed = field with its rows upside down, xor state (an image)
     sum      graphics  result = mixed + state
 
-So a buffer is read by both queues while the next frame's is written, and images go to the other queue and back.
+So a buffer is read by both queues while the next frame's is written, and images go to the other queue and back. The
+graph, its executor and the queues are a chapter's, which is given as the name of its package.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from importlib import import_module
 from types import SimpleNamespace
 from typing import Any
 
@@ -22,22 +24,9 @@ from backends.contract import Access, Pass
 from backends.vulkan import api as vk
 from backends.vulkan.compute import Kernel, Sampled
 from backends.vulkan.resources import create_buffer, destroy_buffer
-from chapters.ch05.frames.queues.vulkan_queues import Queues
-from chapters.ch05.frames.queues.vulkan_submission import QueueFrames
-from chapters.ch05.frames.vulkan_commands import Commands
-from chapters.ch05.frames.vulkan_profiler import Profiler
-from chapters.ch05.frames.vulkan_resources import Resources
-from chapters.ch05.graph.execute.vulkan import GraphExecutor
-from chapters.ch05.graph.frame_graph import compile_graph
-from chapters.ch05.graph.memory.vulkan_images import GraphMemory
-from chapters.ch05.graph.sync.queues import QUEUES
-from chapters.ch05.graph.types import External, Node, Touch
-from chapters.ch05.pipelines.vulkan_descriptors import Descriptors
 
 N = 64
 BYTES = 4 * N
-IDLE = Touch("", frozenset(), frozenset())
-FOR_HOST = Touch("", frozenset({"host"}), frozenset({"host_read"}))
 
 IMAGES = ("field", "mixed")
 
@@ -130,8 +119,21 @@ def expected(frames: int, given: int = 0) -> list[np.ndarray]:
 class Stream:
     """Frames of the passes; `results` has what those were that were waited for. Like a renderer, as far as is asked."""
 
-    def __init__(self, device: Any, stack: ExitStack, own: bool, alone: bool, alias: bool) -> None:
+    def __init__(
+        self, device: Any, package: str, stack: ExitStack, own: bool, alone: bool, alias: bool
+    ) -> None:
         self.device = device
+
+        def part(module: str) -> Any:
+            return import_module(f"{package}.{module}")
+
+        frames, queueing, types = (
+            part("frames.queues.vulkan_submission"),
+            part("frames.queues.vulkan_queues"),
+            part("graph.types"),
+        )
+        idle = types.Touch("", frozenset(), frozenset())
+        for_host = types.Touch("", frozenset({"host"}), frozenset({"host_read"}))
 
         def owned(made: Any) -> Any:
             stack.callback(made.close)
@@ -143,7 +145,7 @@ class Stream:
             stack.callback(destroy_buffer, device, made)
             return made
 
-        queues = Queues(device, own)
+        queues = queueing.Queues(device, own)
         on = {name: "compute" if name in ("step", "mix") else "graphics" for name in SHADERS}
         self.made = {name: Dispatch(device, name, queue) for name, queue in on.items()}
         for made in self.made.values():
@@ -152,27 +154,29 @@ class Stream:
         self.given.mapped[:] = 0
         self._results = [buffer("readback", f"result {slot}") for slot in range(2)]
         externals = {
-            "given": External(None, None, IDLE, bytes=BYTES),
-            "result": External(None, None, IDLE, FOR_HOST, BYTES),
+            "given": types.External(None, None, idle, bytes=BYTES),
+            "result": types.External(None, None, idle, for_host, BYTES),
         }
-        nodes = [Node(one.name, one.reads, one.writes, queue=one.queue) for one in self.made.values()]
-        memory = GraphMemory(device, {"copy_target"}, queues.families)
-        self.graph = compile_graph(
-            nodes, (8, 8), (), externals, memory.requirement, alias, queues=QUEUES[: 1 if alone else 2]
+        nodes = [types.Node(one.name, one.reads, one.writes, queue=one.queue) for one in self.made.values()]
+        memory = part("graph.memory.vulkan_images").GraphMemory(device, {"copy_target"}, queues.families)
+        names = part("graph.sync.queues").QUEUES[: 1 if alone else 2]
+        self.graph = part("graph.frame_graph").compile_graph(
+            nodes, (8, 8), (), externals, memory.requirement, alias, queues=names
         )
-        resources, descriptors = owned(Resources(device)), owned(Descriptors(device))
-        self._profiler = owned(Profiler(device))
-        self._frames = owned(QueueFrames(device, queues))
+        resources = owned(part("frames.vulkan_resources").Resources(device))
+        descriptors = owned(part("pipelines.vulkan_descriptors").Descriptors(device))
+        self._profiler = owned(part("frames.vulkan_profiler").Profiler(device))
+        self._frames = owned(frames.QueueFrames(device, queues))
         held = [{"given": self.given, "result": result} for result in self._results]
         self.executor = owned(
-            GraphExecutor(
+            part("graph.execute.vulkan").GraphExecutor(
                 device, self.graph, self.made, memory, resources, descriptors, lambda _: held, queues=queues
             )
         )
         for made in self.made.values():
             made.images = self.executor.images
         self._frames.follow(self.executor, self._profiler)
-        self._commands = Commands(device)
+        self._commands = part("frames.vulkan_commands").Commands(device)
         self._clear()
         outputs: dict[str, str] = {}
         self._plan = SimpleNamespace(
@@ -217,12 +221,16 @@ class Stream:
 @contextmanager
 def stream(
     device: Any,
+    package: str,
     own: bool = True,
     alone: bool = False,
     alias: bool = True,
 ) -> Iterator[Stream]:
-    """Give a stream of frames: `own` lets compute have a queue of its own, `alone` compiles the graph for one queue."""
+    """Give a stream of frames of the chapter `package`.
+
+    `own` lets compute have a queue of its own, `alone` compiles the graph for one queue.
+    """
     with ExitStack() as stack:
-        made = Stream(device, stack, own, alone, alias)
+        made = Stream(device, package, stack, own, alone, alias)
         stack.callback(device.wait_idle)
         yield made

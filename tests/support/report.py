@@ -15,6 +15,7 @@ import json
 import os
 import re
 from collections import Counter, defaultdict
+from collections.abc import Generator, Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -22,7 +23,7 @@ import pytest
 
 import chapters
 from common.paths import ROOT, user_cache, write_whole
-from tests.support import oracles, records
+from tests.support import oracles, records, sharing
 from tools.bench.bench import commit
 from tools.ledger import features, results
 
@@ -30,7 +31,16 @@ ALLOWED_SKIPS = ROOT / "tests" / "allowed_skips.txt"
 LONG_RECORD = ROOT / "docs" / "records" / "long.json"
 TEST_BUDGET_S = 5.0
 AREA_BUDGET_S = 25.0
-"""For one test, and for the tests of one chapter in one variant. Tests marked `long` have none."""
+"""For one test, and for the tests of one chapter in one variant. Tests marked `long` have none.
+
+A test has a core of its own, beside which drivers' threads have what the other process leaves (sharing.py): they draw
+up to twice as slowly then, which is no work of the chapter's. So to a chapter counts the time that passed in a test or
+the time that its threads and children worked, whichever is less.
+"""
+
+CORE_BUDGET_S = 6.0
+"""Of that, for the core tests of lessons before it that a chapter runs by turns, in one variant: measured, those of a
+lesson take 0.8 s in a later chapter, over three variants, so those of 13 lessons take 3.5 s in each."""
 
 COLD_FACTOR = 2.5
 """How much more a run may take that finds no compiled shader: the driver then compiles at each pipeline's first draw,
@@ -57,7 +67,11 @@ class Outcome:
     result: str = "not run"  # until it was: a run may be stopped before
     reason: str = ""
     seconds: float = 0.0
+    busy: float = 0.0
+    """The part of the seconds that counts for its chapter."""
     backends: tuple[str, ...] = ("cpu",)
+    turn: bool = False
+    """Whether it is a core test that takes turns (tests/support/snapshots.py)."""
     area: str = field(init=False)
     variant: str = field(init=False)
 
@@ -89,39 +103,59 @@ def is_allowed(outcome: Outcome, allowed: list[tuple[str, str]]) -> bool:
 
 def over_budget(outcomes: list[Outcome], cold: bool = False) -> list[str]:
     """Return a sentence for each test and each chapter's variant that took longer than it may."""
-    a_test, a_chapter = TEST_BUDGET_S, AREA_BUDGET_S
+    a_test, a_chapter, a_core = TEST_BUDGET_S, AREA_BUDGET_S, CORE_BUDGET_S
     if cold:
-        a_test, a_chapter = COLD_TEST_BUDGET_S, COLD_FACTOR * AREA_BUDGET_S
+        a_test, a_chapter, a_core = COLD_TEST_BUDGET_S, COLD_FACTOR * a_chapter, COLD_FACTOR * a_core
     quick = [outcome for outcome in outcomes if not outcome.long]
     texts = [
         f"{o.nodeid} took {o.seconds:.1f} s; a test may take {a_test:g} s"
         for o in quick
         if o.seconds > a_test
     ]
-    totals: dict[tuple[str, str], float] = defaultdict(float)
-    for outcome in quick:
-        totals[outcome.area, outcome.variant] += outcome.seconds
-    for (area, variant), seconds in sorted(totals.items()):
+    for (area, variant), seconds in _totals(quick).items():
         if re.fullmatch(r"ch\d\d", area) and seconds > a_chapter:
             texts.append(
                 f"{area} ({variant}) took {seconds:.1f} s; a chapter may take {a_chapter:g} s a variant"
             )
+    for (area, variant), seconds in _totals(outcome for outcome in quick if outcome.turn).items():
+        if seconds > a_core:
+            texts.append(
+                f"{area} ({variant}) took {seconds:.1f} s for core tests of chapters before it; "
+                f"they may take {a_core:g} s a variant"
+            )
     return texts
+
+
+def _totals(outcomes: Iterable[Outcome]) -> dict[tuple[str, str], float]:
+    """Return the seconds that count of each area and variant."""
+    totals: dict[tuple[str, str], float] = defaultdict(float)
+    for outcome in outcomes:
+        totals[outcome.area, outcome.variant] += outcome.busy
+    return dict(sorted(totals.items()))
+
+
+def worked() -> float:
+    """Return the seconds that the threads of this process and its children that ended have worked."""
+    return sum(os.times()[:4])
 
 
 def summary(outcomes: list[Outcome]) -> list[str]:
     """Return the table of counts per area and variant, and the number of features that passed."""
     counts: dict[tuple[str, str], Counter[str]] = defaultdict(Counter)
-    seconds: Counter[tuple[str, str]] = Counter()
+    seconds: dict[tuple[str, str], float] = defaultdict(float)
     for outcome in outcomes:
         key = outcome.area, outcome.variant
         counts[key][outcome.result] += 1
-        seconds[key] += outcome.seconds  # type: ignore[assignment]
-    lines = [f"{'area':<14}{'variant':<14}{'passed':>8}{'failed':>8}{'skipped':>9}{'seconds':>9}"]
+        seconds[key] += outcome.seconds
+    busy = _totals(outcomes)
+    lines = [
+        f"{'area':<14}{'variant':<14}{'passed':>8}{'failed':>8}{'skipped':>9}{'seconds':>9}{'worked':>9}"
+    ]
     for key in sorted(counts):
         c = counts[key]
         lines.append(
-            f"{key[0]:<14}{key[1]:<14}{c['passed']:>8}{c['failed']:>8}{c['skipped']:>9}{seconds[key]:>9.1f}"
+            f"{key[0]:<14}{key[1]:<14}{c['passed']:>8}{c['failed']:>8}{c['skipped']:>9}"
+            f"{seconds[key]:>9.1f}{busy[key]:>9.1f}"
         )
     left = sum(outcome.result == "not run" for outcome in outcomes)
     if left:
@@ -158,6 +192,7 @@ class Report:
         self.files: set[str] = set()  # that were collected
         self.skipped_files: dict[str, str] = {}  # at their import
         self.said: list[str] = []
+        self._worked = 0.0
         self.in_ci = os.environ.get("CI") == "true"
         self.complaints: list[str] = []  # that fail a run in CI
         self.faults: list[str] = []  # that fail any run
@@ -177,10 +212,28 @@ class Report:
             self.skipped_files[file] = why_skipped(report)
 
     def pytest_collection_finish(self, session: pytest.Session) -> None:
+        later: Any = self.config.pluginmanager.getplugin("strata-snapshots")
         for item in session.items:
             slugs = tuple(slug for mark in item.iter_markers("feature") for slug in mark.args)
             long = item.get_closest_marker("long") is not None
-            self.outcomes[item.nodeid] = Outcome(item.nodeid, slugs, long, backends=records.backends_of(item))
+            self.outcomes[item.nodeid] = Outcome(
+                item.nodeid,
+                slugs,
+                long,
+                backends=records.backends_of(item),
+                turn=later is not None and later.takes_turns(item),
+            )
+
+    def pytest_runtest_logstart(self) -> None:
+        self._worked = worked()
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_makereport(self) -> Generator[None, Any, Any]:
+        """Note in the report what counts: the first of two processes gets it with the report of the second."""
+        report = yield
+        before, self._worked = self._worked, worked()
+        report.busy = min(report.duration, self._worked - before)
+        return report
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         outcome = self.outcomes.get(report.nodeid)
@@ -188,6 +241,7 @@ class Report:
             return
         # A device or a renderer that a whole module shares is made in the set-up of its first test: the area's time.
         outcome.seconds += report.duration
+        outcome.busy += getattr(report, "busy", report.duration)
         if report.failed:
             outcome.result = "failed"
         elif report.when == "call" and report.passed:
@@ -196,9 +250,14 @@ class Report:
             outcome.result = "skipped"
             outcome.reason = why_skipped(report)
 
+    def _has_nothing_to_say(self) -> bool:
+        """Whether nothing was run, or the first of two processes says it."""
+        nothing = self.config.option.collectonly or not (self.outcomes or self.skipped_files)
+        return nothing or sharing.is_second(self.config)
+
     @pytest.hookimpl(tryfirst=True)
     def pytest_sessionfinish(self, session: pytest.Session, exitstatus: int) -> None:
-        if self.config.option.collectonly or not (self.outcomes or self.skipped_files):
+        if self._has_nothing_to_say():
             return
         outcomes = list(self.outcomes.values())
         later: Any = self.config.pluginmanager.getplugin("strata-snapshots")
@@ -282,7 +341,7 @@ class Report:
         self.said += [f"It keeps what it had of {area}: {left[area]}." for area in left if area not in areas]
 
     def pytest_terminal_summary(self, terminalreporter: Any) -> None:
-        if self.config.option.collectonly or not (self.outcomes or self.skipped_files):
+        if self._has_nothing_to_say():
             return
         terminalreporter.section("strata", sep="=")
         cache = "shaders were compiled in this run" if self.cold else "compiled shaders were there"

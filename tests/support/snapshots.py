@@ -8,10 +8,14 @@ of `chapters.chNN` then lead to the later chapter, and the fixture `chapter` ope
 
 Of these further runs
 
-- a test marked `every_chapter` is always part: the core that every renderer has to pass;
+- a test marked `core` is always part. Each lesson has three to five: what they draw, every later chapter has to draw;
+- a test marked `newest` is part for the newest chapter, in which the work is done, and for forks;
 - a test marked `until(NN, why)` ends with chapter NN: the lesson after it replaces what is tested;
 - a test of modules that are the same, byte for byte, in a chapter for which it ran is left out;
 - a test that draws and bears no mark runs with `--long` alone; one that draws nothing always runs.
+
+For the newest chapter and for forks a core test runs in all of its variants. For a chapter between its own and the
+newest it runs in one, by turns: three chapters in a row have all three. `--long` and a first test run all of them.
 
 To pytest, `--chapter=2` means the tests for one chapter alone (to `strata test` a first test: first.py beside this),
 and `--chapter=FOLDER` those for a fork: a copy of a chapter, of which the ids say `::ch02-fork::`. It gets all tests
@@ -24,8 +28,9 @@ from __future__ import annotations
 import ast
 import re
 import sys
+import zlib
 from collections import Counter
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -45,6 +50,7 @@ DEVICES = {"chapter", "variant", "vulkan_instance", "vulkan_device", "gl_context
 REASONS = {
     "same": "of modules that are the same as in an earlier chapter (a test runs once per distinct content)",
     "long": "that draw and are not in the core (--long runs them)",
+    "newest": "that run for the newest chapter (--long runs them)",
     "replaced": "of what a later lesson replaces",
 }
 
@@ -242,21 +248,49 @@ def draws(item: pytest.Item) -> bool:
     return varied or bool(used & DEVICES)
 
 
-def _later(item: pytest.Item) -> int:
-    """Return the chapter of a further run, 0 for a test that runs as it is written."""
+def turn_of(test: str, chapter: int) -> int:
+    """Return a number that tells in which variant a test runs for a chapter: the same in every process."""
+    return zlib.crc32(test.encode()) + chapter
+
+
+def _chapter(item: pytest.Item) -> int:
+    """Return the chapter that a test runs for, 0 for a test of no chapter."""
     module = item.getparent(LaterModule)
-    return module.subject.number if module is not None else 0
+    return module.subject.number if module is not None else first_chapter(item.path) or 0
 
 
 class Snapshots:
     """The pytest plugin: collects a chapter's tests for later chapters, and leaves out what need not run."""
 
-    def __init__(self, all_: Iterable[Subject], chosen: Iterable[Subject] = (), long: bool = False) -> None:
-        """`all_` are all chapters, `chosen` those to test, forks among them (none: all)."""
+    def __init__(
+        self, all_: Iterable[Subject], chosen: Iterable[Subject] = (), long: bool = False, full: bool = False
+    ) -> None:
+        """`all_` are all chapters, `chosen` those to test, forks among them (none: all).
+
+        All that are tested count as the newest where it is `full`.
+        """
         self._all = {subject.number: subject for subject in all_}
         self.chosen = sorted({*chosen} or self._all.values(), key=lambda one: (one.number, one.label))
-        self._long = long
+        self._long, self._full = long, full
         self.left_out: Counter[str] = Counter()
+
+    def is_newest(self, subject: Subject) -> bool:
+        """Whether a chapter runs core tests in all variants, and what is marked `newest`."""
+        return self._long or self._full or subject.is_fork or subject.number == max(self._all)
+
+    def takes_turns(self, item: pytest.Item) -> bool:
+        """Whether a test is a core test that runs for a later chapter, in one variant alone."""
+        module = item.getparent(LaterModule)
+        is_core = item.get_closest_marker("core") is not None
+        return module is not None and is_core and not self.is_newest(module.subject)
+
+    def variants_for(self, definition: pytest.Item, names: Sequence[str]) -> Sequence[str]:
+        """Return those of the variants of a test in which it runs for its chapter."""
+        if not self.takes_turns(definition):
+            return names
+        path = definition.path
+        turn = turn_of(f"{path.parent.name}/{path.name}::{definition.name}", tested(definition).number)
+        return (names[turn % len(names)],)
 
     def written_for(self, path: Path) -> Subject:
         """Return the chapter that a file of tests was written for; raise ValueError if it is about none."""
@@ -299,7 +333,7 @@ class Snapshots:
             (left if why else kept).append(item)
         if left:
             config.hook.pytest_deselected(items=left)
-        items[:] = sorted(kept, key=_later)
+        items[:] = sorted(kept, key=_chapter)
 
     def _why_not(self, item: pytest.Item) -> str:
         """Return which of the REASONS there is to leave a test out; "" if there is none."""
@@ -309,8 +343,10 @@ class Snapshots:
             return ""
         if last is not None and module.subject.number > last:
             return "replaced"
-        if item.get_closest_marker("every_chapter") or module.subject.number == module.written_for.number:
+        if item.get_closest_marker("core") or module.subject.number == module.written_for.number:
             return ""
+        if item.get_closest_marker("newest"):
+            return "" if self.is_newest(module.subject) else "newest"
         if self._same_before(item.path, module.subject):
             return "same"
         return "long" if draws(item) and not self._long else ""

@@ -151,6 +151,7 @@ def test_what_no_cache_spares_is_the_scene_without_its_texels(squares, monkeypat
     assert least["load_s"] + least["pipelines_s"] + least["renderer_s"] == pytest.approx(least["total_s"])
 
 
+@pytest.mark.alone
 @pytest.mark.feature("scene-cache/file")
 @pytest.mark.needs("etcpak")
 def test_a_cache_leaves_a_sixth_at_most_of_what_a_cache_can_spare(tmp_path, monkeypatch):

@@ -26,7 +26,7 @@ def pytest_addoption(parser):
     parser.addoption("--begin", type=float, default=60.0)
 
 def pytest_configure(config):
-    for mark in ("every_chapter", "until(number, why)"):
+    for mark in ("core", "until(number, why)"):
         config.addinivalue_line("markers", mark)
     config.pluginmanager.register(first.First(2, "2", config.getoption("--begin")))
 
@@ -41,14 +41,14 @@ def chapter(variant):
 
 CORE = """
 import pytest
-pytestmark = pytest.mark.every_chapter
+pytestmark = pytest.mark.core
 
 @pytest.mark.parametrize("scene", ["atrium", "square"])
 def test_scene(chapter, scene): pass
 """
 CONTRACT = """
 import pytest
-pytestmark = pytest.mark.every_chapter
+pytestmark = pytest.mark.core
 def test_contract(chapter): pass
 """
 OWN = """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import pytest
 
 from common.paths import ROOT
 from tests.support import contents
-from tests.support.snapshots import Snapshots, Subject, first_chapter, load_for, official
+from tests.support.snapshots import Snapshots, Subject, first_chapter, load_for, official, turn_of
 
 pytest_plugins = ["pytester"]
 
@@ -19,22 +20,29 @@ from pathlib import Path
 TREE = Path(__file__).parent
 sys.path.insert(0, str(TREE))
 import pytest
-from tests.support import snapshots
+from tests.support import sharing, snapshots
 from tests.support.report import Report
 
 def pytest_addoption(parser):
     parser.addoption("--long", action="store_true")
+    parser.addoption("--full", action="store_true")
+    sharing.add_options(parser)
     snapshots.add_options(parser)
 
 def pytest_configure(config):
-    for mark in ("feature(slug)", "long", "every_chapter", "until(number, why)"):
+    for mark in ("feature(slug)", "long", "core", "newest", "until(number, why)"):
         config.addinivalue_line("markers", mark)
     names = {number: f"ch0{number}" for number in (1, 2, 3)}
     lessons = [snapshots.Subject(n, f"lessons.{name}", TREE / "lessons" / name) for n, name in names.items()]
     chosen = [lessons[int(number) - 1] for number in config.getoption("--chapter")]
-    later = snapshots.Snapshots(lessons, chosen, config.getoption("--long"))
+    later = snapshots.Snapshots(lessons, chosen, config.getoption("--long"), config.getoption("--full"))
     config.pluginmanager.register(later, "strata-snapshots")
     config.pluginmanager.register(Report(config), "strata-report")
+
+def pytest_generate_tests(metafunc):
+    if "variant" in metafunc.fixturenames:
+        later = metafunc.config.pluginmanager.getplugin("strata-snapshots")
+        metafunc.parametrize("variant", later.variants_for(metafunc.definition, ("a", "b", "c")))
 
 @pytest.fixture(scope="module")
 def chapter(request):
@@ -55,7 +63,7 @@ from lessons.ch01.renderer import CHAPTER
 import lessons.ch01.renderer as renderer
 PROGRAM = "from lessons.ch01.renderer import CHAPTER"
 
-@pytest.mark.every_chapter
+@pytest.mark.core
 def test_core(chapter):
     space = {}
     exec(PROGRAM, space)
@@ -65,9 +73,23 @@ def test_rest(chapter):
     assert chapter == CHAPTER
 
 @pytest.mark.until(2, "the third lesson draws otherwise")
-@pytest.mark.every_chapter
+@pytest.mark.core
 def test_ends(chapter):
     assert chapter < 3
+"""
+
+TURNS = """
+import pytest
+from lessons.ch01.renderer import CHAPTER
+
+@pytest.mark.core
+def test_core(variant): pass
+
+@pytest.mark.core
+def test_other(variant): pass
+
+@pytest.mark.newest
+def test_newest(variant): pass
 """
 
 ENDS = """
@@ -148,6 +170,65 @@ def test_one_chapter_alone_and_what_takes_long(tree):
     assert {*ran.values()} == {"PASSED"}
 
 
+VARIANTS = ("a", "b", "c")
+
+
+def in_turns(tree, *words: str) -> dict[str, set[str]]:
+    """Return the variants in which each test of turns ran: {"ch02::test_core": {"a"}}."""
+    (tree.path / "tests" / "ch01" / "test_turns.py").write_text(TURNS)
+    ran, _ = outcomes(tree, "tests/ch01/test_turns.py", *words)
+    found: dict[str, set[str]] = {}
+    for name in ran:
+        test, _, variant = name.removeprefix("test_turns.py::").partition("[")
+        found.setdefault(test, set()).add(variant.rstrip("]"))
+    return found
+
+
+def test_a_core_test_takes_turns_and_the_newest_chapter_has_them_all(tree):
+    every, found = {*VARIANTS}, in_turns(tree)
+    assert found["test_core"] == found["test_other"] == found["test_newest"] == every
+    assert found["ch03::test_core"] == found["ch03::test_other"] == found["ch03::test_newest"] == every
+    assert "ch02::test_newest" not in found
+    for name in ("test_core", "test_other"):
+        assert found[f"ch02::{name}"] == {VARIANTS[turn_of(f"ch01/test_turns.py::{name}", 2) % 3]}
+
+
+def test_the_report_has_a_budget_for_what_takes_turns_alone(tree):
+    text = f"from tests.support import report\nreport.CORE_BUDGET_S = -1.0\n{TURNS}"
+    (tree.path / "tests" / "ch01" / "test_turns.py").write_text(text)
+    _, text = outcomes(tree, "tests/ch01/test_turns.py")
+    assert re.findall(r"(ch\d\d) \S+ took .* for core tests", text) == ["ch02"]
+
+
+@pytest.mark.parametrize("word", ["--long", "--full"])
+def test_all_variants_run_where_that_is_asked_for(tree, word):
+    found = in_turns(tree, word, "--chapter=2")
+    assert found == {f"ch02::test_{name}": {*VARIANTS} for name in ("core", "other", "newest")}
+
+
+def test_a_turn_is_the_same_in_every_process_and_another_one_in_the_next_chapter():
+    assert turn_of("123456789", 0) == 0xCBF43926, (
+        "the check value of CRC-32, which no seed of a process changes"
+    )
+    assert len({turn_of("ch01/test_a.py::test_b", chapter) % 3 for chapter in (7, 8, 9)}) == 3
+
+
+def core_of(folder: Path) -> list[str]:
+    """Return the functions that are marked `core` in a folder of tests; a whole file cannot be."""
+    found = []
+    for path in sorted(folder.rglob("test_*.py")):
+        for node in contents.syntax(path).body:
+            marks = " ".join(ast.unparse(one) for one in getattr(node, "decorator_list", []))
+            found += [f"{path.name}::{node.name}"] if "mark.core" in marks else []
+            assert not (isinstance(node, ast.Assign) and "mark.core" in ast.unparse(node)), path
+    return found
+
+
+@pytest.mark.parametrize("subject", official(), ids=lambda one: one.label)
+def test_a_lesson_has_three_to_five_core_tests(subject):
+    assert 3 <= len(core_of(ROOT / "tests" / subject.label)) <= 5
+
+
 def test_ids_select(tree):
     ran, _ = outcomes(tree, "tests/ch01/test_drawn.py::ch03::test_core")
     assert {*ran} == {"test_drawn.py::ch03::test_core"}
@@ -155,7 +236,7 @@ def test_ids_select(tree):
     assert {*ran} == {
         *("test_drawn.py::test_core", "test_unit.py::test_number", "test_unit.py::ch03::test_number")
     }
-    ran, _ = outcomes(tree, "tests", "-k", "ch02 and core")
+    ran, _ = outcomes(tree, "tests", "-k", "ch02 and test_core")
     assert {*ran} == {"test_drawn.py::ch02::test_core"}
 
 

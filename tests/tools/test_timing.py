@@ -44,6 +44,7 @@ def test_what_is_really_slower_fails_however_long_it_is_measured(seed):
     assert least == pytest.approx({"one": 1.0, "two": 2.1}, rel=0.02) and rounds["one"] >= 30
 
 
+@pytest.mark.alone
 def test_real_work_is_told_apart_from_three_times_as_much():
     def work(count):
         return timed(lambda: sum(range(count)), calls=5)
