@@ -190,14 +190,16 @@ def test_a_second_process_that_ends_long_before_the_first_is_waited_for_no_more(
     assert "1 failed, 8 passed, 1 skipped" in text.splitlines()[-1] and "not run" not in text
 
 
+@pytest.mark.parametrize("first", ["time.sleep(60)", "pass"], ids=["runs a test", "waits for the second"])
 @pytest.mark.parametrize("how", ["SIGINT", "SIGKILL"])
 @pytest.mark.skipif(sys.platform == "win32", reason="it has no such signals")
-def test_the_second_ends_with_the_first_and_closes_what_is_open(tree, how):
-    tree.write(c="time.sleep(60)", b="time.sleep(60)")
+def test_the_second_ends_with_the_first_and_closes_what_is_open(tree, how, first):
+    tree.write(c="time.sleep(60)", b=first)
     with subprocess.Popen(
         [sys.executable, *COMMAND], cwd=tree.path, stdout=subprocess.PIPE, text=True
     ) as process:
-        until(lambda: {"a", "open"} <= {*tree.noted})
+        until(lambda: {"a", "open"} <= {*tree.noted} and ("b" in tree.noted or "sleep" in first))
+        time.sleep(0.5)
         process.send_signal(getattr(signal, how))  # to the first alone
         text, _ = process.communicate(timeout=30)
     until(lambda: "closed" in tree.noted)
