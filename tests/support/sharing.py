@@ -118,7 +118,10 @@ class Sharing:
         done = yield
         if nextitem is None or nextitem.path != item.path:
             while not self._messages.empty():
-                self._take(self._messages.get())
+                if (message := self._messages.get()) is None:
+                    self._messages.put(None)  # `_wait` takes the end
+                    break
+                self._take(message)
         return done
 
     def _begin(self, items: list[pytest.Item]) -> None:
@@ -130,7 +133,10 @@ class Sharing:
         self._process = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=self.config.invocation_params.dir
         )
-        threading.Thread(target=self._read, args=(self._process.stdout,), daemon=True).start()
+        reader = threading.Thread(
+            target=self._read, args=(self._process.stdout,), name="reports", daemon=True
+        )
+        reader.start()
 
     def _read(self, pipe: BinaryIO) -> None:
         try:

@@ -110,7 +110,7 @@ class Tree:
 
     def run(self, *words: str) -> tuple[int, str]:
         """Return the exit code and all that was printed."""
-        done = self._pytester.run(sys.executable, *COMMAND, *words)
+        done = self._pytester.run(sys.executable, *COMMAND, *words, timeout=100)
         return done.ret, done.stdout.str() + done.stderr.str()
 
     @property
@@ -181,14 +181,25 @@ def test_a_second_process_that_dies_fails_the_run(tree):
     assert "5 tests were not run: the run ended before them." in text
 
 
+def test_a_second_process_that_ends_long_before_the_first_is_waited_for_no_more(tree):
+    tree.write(b="[one.join() for one in __import__('threading').enumerate() if one.name == 'reports']")
+    last = tree.path / "tests" / "area" / "test_last.py"
+    last.write_text(DRAWN.replace("test_a", "test_y").replace("test_b", "test_z"))
+    code, text = tree.run()
+    assert code == 1 and "alone" in tree.noted
+    assert "1 failed, 8 passed, 1 skipped" in text.splitlines()[-1] and "not run" not in text
+
+
+@pytest.mark.parametrize("first", ["time.sleep(60)", "pass"], ids=["runs a test", "waits for the second"])
 @pytest.mark.parametrize("how", ["SIGINT", "SIGKILL"])
 @pytest.mark.skipif(sys.platform == "win32", reason="it has no such signals")
-def test_the_second_ends_with_the_first_and_closes_what_is_open(tree, how):
-    tree.write(c="time.sleep(60)", b="time.sleep(60)")
+def test_the_second_ends_with_the_first_and_closes_what_is_open(tree, how, first):
+    tree.write(c="time.sleep(60)", b=first)
     with subprocess.Popen(
         [sys.executable, *COMMAND], cwd=tree.path, stdout=subprocess.PIPE, text=True
     ) as process:
-        until(lambda: {"a", "open"} <= {*tree.noted})
+        until(lambda: {"a", "open"} <= {*tree.noted} and ("b" in tree.noted or "sleep" in first))
+        time.sleep(0.5)
         process.send_signal(getattr(signal, how))  # to the first alone
         text, _ = process.communicate(timeout=30)
     until(lambda: "closed" in tree.noted)
@@ -213,25 +224,28 @@ def test_an_id_with_an_address_is_refused(tree):
     )
 
 
-# What the report counts is written into a file: 0.6 s in each test, of which a second thread works on in the last.
+# What the report counts is written into a file. Two threads that hash work at once, so they work longer than it takes.
 COUNTED = """
-import pytest, threading, time
+import hashlib, pytest, threading, time
+BYTES = bytes(1 << 20)
 if NAME == "drawn":
     pytestmark = pytest.mark.runs_on("vulkan")
 
 def work(seconds=0.6):
     end = time.thread_time() + seconds
     while time.thread_time() < end:
-        sum(range(1000))
+        hashlib.sha256(BYTES)
 
 def test_waits(): time.sleep(0.6)
 
 def test_works(): work()
 
-def test_thread():
-    thread = threading.Thread(target=work)
-    thread.start()
-    thread.join()
+def test_threads():
+    threads = [threading.Thread(target=work) for _ in range(3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
 """
 COUNTING = """
 def pytest_unconfigure(config):
