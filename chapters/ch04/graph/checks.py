@@ -38,7 +38,7 @@ def check_readers(readers: Any, known: Collection[str]) -> None:
     )
     if not good:
         raise GraphError(
-            f'{readers!r} does not map old names to new ones by pass: write {{"tonemap": {{"color_focused": "color_sharp"}}}}.'
+            f'{readers!r} has no names by pass and old name: write {{"tonemap": {{"color_focused": "color_sharp"}}}}.'
         )
     for reader in readers:
         check_name(reader, known)

@@ -124,7 +124,7 @@ class _Parser:
             self.refuse_end("]")
 
     def members(self) -> dict[str, Value]:
-        """Pass the members of an object and its end; return them. A repeated key is an error: one value would be lost."""
+        """Pass the members of an object and its end; return them. A repeated key is an error."""
         members: dict[str, Value] = {}
         if self.next() == "}":
             self.at += 1
