@@ -44,16 +44,16 @@ def check_readers(readers: Any, known: Collection[str]) -> None:
         check_name(reader, known)
 
 
-def check_pass(gpu_pass: Any, formats: Collection[str]) -> None:
-    """Raise GraphError unless `gpu_pass` is a pass with valid declarations."""
-    if not isinstance(gpu_pass, Pass):
+def check_pass(pass_: Any, formats: Collection[str]) -> None:
+    """Raise GraphError unless `pass_` is a pass with valid declarations."""
+    if not isinstance(pass_, Pass):
         raise GraphError(
-            f"{gpu_pass!r} is no pass: derive its class from backends.contract.Pass, and make one of it."
+            f"{pass_!r} is no pass: derive its class from backends.contract.Pass, and make one of it."
         )
-    name = getattr(gpu_pass, "name", None)
+    name = getattr(pass_, "name", None)
     if not isinstance(name, str) or not name:
-        raise GraphError(f"A pass of {type(gpu_pass).__name__} has no name.")
-    for what, declared in (("reads", gpu_pass.reads), ("writes", gpu_pass.writes)):
+        raise GraphError(f"A pass of {type(pass_).__name__} has no name.")
+    for what, declared in (("reads", pass_.reads), ("writes", pass_.writes)):
         if not isinstance(declared, tuple) or not all(isinstance(access, Access) for access in declared):
             raise GraphError(f"The pass '{name}' does not say what it {what}: give a tuple of Access.")
         for access in declared:

@@ -134,18 +134,18 @@ class FramePlan:
         else:
             self._off[name] = OFF
 
-    def insert(self, gpu_pass: Pass, readers: Mapping[str, Mapping[str, str]] | None = None) -> None:
+    def insert(self, pass_: Pass, readers: Mapping[str, Mapping[str, str]] | None = None) -> None:
         """Add a pass that the file does not name; its reads and writes decide its place.
 
         `readers` has, for passes that read another name from now on, the new name by the old one:
         {"tonemap": {"color_focused": "color_sharp"}}.
         """
-        check_pass(gpu_pass, self._formats)
-        if gpu_pass.name in self.switches:
-            raise GraphError(f"There is a pass '{gpu_pass.name}' already: give the new one another name.")
+        check_pass(pass_, self._formats)
+        if pass_.name in self.switches:
+            raise GraphError(f"There is a pass '{pass_.name}' already: give the new one another name.")
         check_readers(readers or {}, self.switches)
-        self._inserted[gpu_pass.name] = gpu_pass
-        self._readers[gpu_pass.name] = readers or {}
+        self._inserted[pass_.name] = pass_
+        self._readers[pass_.name] = readers or {}
 
     def remove(self, name: str) -> None:
         """Remove an inserted pass; its readers read their former names again."""
@@ -158,30 +158,27 @@ class FramePlan:
     def implementations(self) -> dict[str, Pass]:
         """Return the pass that carries out each step, by the name of the step."""
         own = {name: self.passes[of] for name, of in self.file.passes.items()} | self._inserted
-        return own | {name: gpu_pass for name, gpu_pass in self._swapped.items() if name in own}
+        return own | {name: pass_ for name, pass_ in self._swapped.items() if name in own}
 
-    def swap(self, name: str, gpu_pass: Pass) -> None:
+    def swap(self, name: str, pass_: Pass) -> None:
         """Let another pass draw in place of pass `name`. It must declare the same reads and writes."""
         check_name(name, self.switches)
-        check_pass(gpu_pass, self._formats)
+        check_pass(pass_, self._formats)
         now = self.implementations()[name]
         for what in ("reads", "writes"):
-            old, new = (each.reads if what == "reads" else each.writes for each in (now, gpu_pass))
+            old, new = (each.reads if what == "reads" else each.writes for each in (now, pass_))
             if old != new:
                 declared = [", ".join(access.resource for access in each) for each in (old, new)]
                 was, now_ = (text or "nothing" for text in declared)
                 other = f"not {now_}" if was != now_ else "in the same way"
                 raise GraphError(f"What takes the place of '{name}' has to {what[:-1]} {was}, {other}.")
-        self._swapped[name] = gpu_pass
+        self._swapped[name] = pass_
 
     # --- compiled ---
 
     def needs(self, scene: Any, settings: Any) -> dict[str, bool]:
         """Return for each pass whether the scene and the settings need it."""
-        return {
-            name: gpu_pass.needed(scene, settings)
-            for name, gpu_pass in (self.passes | self._inserted).items()
-        }
+        return {name: pass_.needed(scene, settings) for name, pass_ in (self.passes | self._inserted).items()}
 
     def compile(
         self,
@@ -203,13 +200,13 @@ class FramePlan:
         self, size: tuple[int, int], scene: Any, settings: Any, requirements: Requirements | None, alias: bool
     ) -> tuple[list[Node], Graph]:
         declared = {
-            name: Declared(name, gpu_pass.reads, gpu_pass.writes, _why_not(gpu_pass, scene, settings))
-            for name, gpu_pass in self.passes.items()
+            name: Declared(name, pass_.reads, pass_.writes, _why_not(pass_, scene, settings))
+            for name, pass_ in self.passes.items()
         }
         nodes = self.file.nodes(declared, self._formats, outputs=OUTPUTS, on=self._on)
         nodes += [
-            Node(gpu_pass.name, gpu_pass.reads, gpu_pass.writes, _why_not(gpu_pass, scene, settings))
-            for gpu_pass in self._inserted.values()
+            Node(pass_.name, pass_.reads, pass_.writes, _why_not(pass_, scene, settings))
+            for pass_ in self._inserted.values()
         ]
         for readers in self._readers.values():
             nodes = [_reconnected(node, readers.get(node.name, {})) for node in nodes]
@@ -321,8 +318,8 @@ def _reconnected(node: Node, names: Mapping[str, str]) -> Node:
     return replace(node, reads=reads, writes=writes)
 
 
-def _why_not(gpu_pass: Pass, scene: Any, settings: Any) -> str:
-    return "" if gpu_pass.needed(scene, settings) else "the scene and the settings give it nothing to do"
+def _why_not(pass_: Pass, scene: Any, settings: Any) -> str:
+    return "" if pass_.needed(scene, settings) else "the scene and the settings give it nothing to do"
 
 
 _HOST_IDLE = Touch("", frozenset(), frozenset())

@@ -46,9 +46,9 @@ _BUFFER_USAGE: dict[str, int] = {
 
 
 class GraphMemory:
-    """Tells the compiler what resources ask for, and makes them where it put them.
+    """The memory requirements of resources for the compiler, and the resources at the places that it chose.
 
-    `also` are uses beyond those that passes declare: what a test writes to.
+    `also` are further uses, such as writes of a test.
     """
 
     def __init__(self, device: Device, also: Collection[str] = ()) -> None:
