@@ -1,4 +1,4 @@
-"""The settings of this chapter: the knobs of its subjects, its presets, and what is measured."""
+"""The settings of this chapter: the knobs of its subjects, its presets and its measurements."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .shading.settings import ShadingSettings
 
 @dataclass(init=False)
 class Settings(Grouped):
-    """What can be turned without touching the code: `strata run N --set anisotropy=1`."""
+    """The knobs that change without an edit of code: `strata run N --set anisotropy=1`."""
 
     PRESETS: ClassVar[dict[str, dict[str, Any]]] = {
         "low": {
@@ -44,7 +44,7 @@ class Settings(Grouped):
             "msaa": AtMost(8),
         },
     }
-    SWEEP: ClassVar[dict[str, tuple[Any, ...]]] = {"msaa": (1, 4)}  # the numbers that every device has
+    SWEEP: ClassVar[dict[str, tuple[Any, ...]]] = {"msaa": (1, 4)}  # the sample counts that every device has
     PREPARED: ClassVar[tuple[Sweep, ...]] = (
         Sweep(
             "environment",

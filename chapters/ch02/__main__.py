@@ -1,4 +1,4 @@
-"""This folder by itself: `python -m chapters.chNN ...` is `strata run NN ...`."""
+"""Runs the chapter: `python -m chapters.chNN ...` is `strata run NN ...`."""
 
 import sys
 

@@ -1,7 +1,7 @@
 """A frame on OpenGL, from top to bottom; compare renderer.py, which lists the same passes.
 
-The driver finds out by itself that a pass must wait for what it reads. That is comfortable, and it is work that the
-driver does for each call of each frame: what Vulkan's barriers say once, OpenGL guesses again and again.
+There are no barriers: the driver finds out itself which draws must wait for which. This is convenient, but the driver
+repeats the work for each call of each frame. A Vulkan renderer states each dependency once, as a barrier.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ from .shading.views import shown_exposure
 
 
 class Renderer(FrameStream):
-    """The chapter on OpenGL: one stream of frames of one view of one scene."""
+    """The OpenGL renderer of the chapter: one stream of frames of one view of one scene."""
 
     PARTS = ("_data", "_frames", "_pipelines")
 
     device: Context
     _data: GlSceneData
 
-    # --- made once ---
+    # --- creation ---
 
     def _open_device(self, validate: bool, without: Iterable[str]) -> Context:
         context = Context(validate, without)
@@ -63,11 +63,11 @@ class Renderer(FrameStream):
         self._create_targets()
 
     def _create_targets(self) -> None:
-        """Make everything whose size is the picture's: targets, framebuffers, readback."""
+        """Create everything that depends on the picture size: targets, framebuffers, readbacks."""
         context = self.device
         self._targets: dict[str, Image] = {}
-        for made in self.passes:
-            for access in made.writes:
+        for gpu_pass in self.passes:
+            for access in gpu_pass.writes:
                 image = create_image(
                     context, str(access.format), self.size, access.resource, samples=access.samples
                 )
@@ -98,7 +98,7 @@ class Renderer(FrameStream):
         self.inspection = Inspection(context, watched, target, SLOTS)
 
     def _source(self, image: Image) -> Textures:
-        """Return what a full-screen pass binds to read a target texel by texel."""
+        """Return the texture binding with which a full-screen pass fetches texels of a target."""
         nearest = self._data.sampler(Sampler("nearest", "nearest", None, "clamp", "clamp"), 1.0)
         return ((0, image.view, nearest),)
 
@@ -123,7 +123,7 @@ class Renderer(FrameStream):
     # --- every frame ---
 
     def render(self, view: View, time: float = 0.0) -> Frame:
-        """Enqueue one frame of `view` at `time` seconds; nothing is waited for but the slot's last frame."""
+        """Enqueue one frame of `view` at `time` seconds; wait only for the last frame of its slot."""
         self._check_frame(view, time)
         started = clock.perf_counter()
         self.device.make_current()
@@ -147,7 +147,7 @@ class Renderer(FrameStream):
         self._copy_outputs(slot)
 
         self._frames.submit(slot)
-        self._in_slot[slot.index] = weakref.ref(frame)  # not before: a frame that failed has no times to keep
+        self._in_slot[slot.index] = weakref.ref(frame)  # after submission: a frame that failed has no timings
         self._end_frame(frame, view, time, commands.work, written)
         frame.cpu_ms = (clock.perf_counter() - started) * 1e3
         return frame
@@ -157,23 +157,23 @@ class Renderer(FrameStream):
         self._data.bind_frame(slot.index)
         return written
 
-    def _run(self, made: Pass, rendering: Rendering) -> None:
-        """Make the calls of one pass between its label, its timestamps and its framebuffer."""
+    def _run(self, gpu_pass: Pass, rendering: Rendering) -> None:
+        """Make the calls of one pass, with its label, its timestamps and its framebuffer."""
         commands = self._commands
-        commands.sources = self._sources.get(made.name)
-        with self.device.label(made.name):
-            commands.slot.timestamps.begin(made.name)
+        commands.sources = self._sources.get(gpu_pass.name)
+        with self.device.label(gpu_pass.name):
+            commands.slot.timestamps.begin(gpu_pass.name)
             commands.begin_rendering(rendering)
-            made.record(commands)
+            gpu_pass.record(commands)
             commands.slot.timestamps.end()
-        self.inspection.record(commands.slot.index, made, commands.work)
+        self.inspection.record(commands.slot.index, gpu_pass, commands.work)
 
     def _copy_outputs(self, slot: FrameSlot) -> None:
         with self.device.label("copy outputs"):
             for readback in self._readbacks[slot.index].values():
                 readback.record()
 
-    def _made(self) -> dict[str, int]:
+    def _object_counts(self) -> dict[str, int]:
         return {
             "descriptor_sets": 0,  # OpenGL has none: textures and buffers are bound one by one
             "textures": self._data.textures,
@@ -195,13 +195,13 @@ class Renderer(FrameStream):
         self._frames.wait(slot)
         return slot.timestamps.read()
 
-    # --- life ---
+    # --- lifetime ---
 
     def _enter(self) -> None:
         self.device.make_current()
 
     def reload_shaders(self, changed: Collection[Path]) -> Reloaded:
-        """Build anew the pipelines that use one of these files; view, time and the number of the frame go on."""
+        """Rebuild the pipelines that use one of the `changed` files; view, time and frame number continue."""
         self.device.make_current()
         rebuilt = self._pipelines.reload(changed)
         return self._reloaded(rebuilt, changed)

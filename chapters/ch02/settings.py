@@ -1,4 +1,4 @@
-"""The settings of this chapter: the knobs of its subjects, its presets, and what is measured."""
+"""The settings of this chapter: the knobs of its subjects, its presets and its measurements."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ SIDES = (
     Side(without=("multi-draw",), most=10_000, why="a call for each draw takes a tenth of a second"),
     Side(),
 )
-"""What the chapter is measured beside: the one before it, and itself on devices that lack what is new."""
+"""The renderers to measure: the chapter before, and this chapter with and without each new device feature."""
 
 
 @dataclass(init=False)
 class Settings(Grouped):
-    """What can be turned without touching the code: `strata run N --set anisotropy=1`."""
+    """The knobs that change without an edit of code: `strata run N --set anisotropy=1`."""
 
     PRESETS: ClassVar[dict[str, dict[str, Any]]] = {
         "low": {
@@ -56,7 +56,7 @@ class Settings(Grouped):
             "msaa": AtMost(8),
         },
     }
-    SWEEP: ClassVar[dict[str, tuple[Any, ...]]] = {"msaa": (1, 4)}  # the numbers that every device has
+    SWEEP: ClassVar[dict[str, tuple[Any, ...]]] = {"msaa": (1, 4)}  # the sample counts that every device has
     PREPARED: ClassVar[tuple[Sweep, ...]] = (
         Sweep(
             "environment",

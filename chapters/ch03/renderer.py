@@ -1,13 +1,13 @@
 """A frame, from top to bottom.
 
-    update     constants, instances and lights go into this frame's slot, textures that have arrived into theirs
-    forward    every object is drawn once and lit while it is drawn     -> color_hdr, depth
-    instance   which object is where, if somebody asks                  -> instance_id
-    resolve    with several samples a pixel: one colour from theirs     -> color_hdr
-    tonemap    light becomes a picture                                  -> color
-    copy       the outputs that were asked for go to the CPU
+    update     write constants, instances and lights into this frame's slot; upload textures that are decoded
+    forward    draw every object once, with lighting                    -> color_hdr, depth
+    instance   write the id of the object at each pixel, if requested   -> instance_id
+    resolve    combine the samples of each pixel, if there are several  -> color_hdr
+    tonemap    convert light to display colours                         -> color
+    copy       copy the requested outputs to the CPU
 
-Between the passes stand barriers, written by hand here: an image must be finished as a target before it is read.
+The barriers between the passes are written by hand here: a pass reads an image only after the writes to it are done.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ from .tasks.workers import Workers
 
 
 class Renderer(FrameStream):
-    """The chapter on Vulkan: one stream of frames of one view of one scene."""
+    """The Vulkan renderer of the chapter: one stream of frames of one view of one scene."""
 
     PARTS = (
         "_workers",
@@ -69,7 +69,7 @@ class Renderer(FrameStream):
     device: Device
     _data: VulkanSceneData
 
-    # --- made once ---
+    # --- creation ---
 
     def _open_device(self, validate: bool, without: Iterable[str]) -> Device:
         instance = Instance(validate)
@@ -108,15 +108,13 @@ class Renderer(FrameStream):
         self._create_targets()
 
     def _make_sets(self) -> None:
-        """Make the scene's descriptor sets, by the layouts that its pipelines' shaders told.
-
-        One set serves them all. A pipeline that was made later than the others, from a file that was edited into
-        another layout and refused for those, would read it wrongly.
-        """
+        """Create the scene's descriptor sets, which all pipelines share; ShaderError if their layouts disagree."""
         layouts: dict[int, SetLayout] = {}
-        for pipeline in (one for made in self.passes if made.sources is None for one in made.pipelines):
-            for number, one in enumerate(pipeline.sets):
-                if one is not None and layouts.setdefault(number, one).handle != one.handle:
+        for pipeline in (
+            entry for gpu_pass in self.passes if gpu_pass.sources is None for entry in gpu_pass.pipelines
+        ):
+            for number, entry in enumerate(pipeline.sets):
+                if entry is not None and layouts.setdefault(number, entry).handle != entry.handle:
                     raise ShaderError(
                         f"The shaders of the scene disagree about set {number}: a file that a new pipeline needs was "
                         "edited into other bindings; mend it, and open the scene again.",
@@ -125,13 +123,13 @@ class Renderer(FrameStream):
         self._data.make_sets(layouts)
 
     def _create_targets(self) -> None:
-        """Make everything whose size is the picture's: targets, attachments, barriers, readback."""
+        """Create everything that depends on the picture size: targets, attachments, barriers, readbacks."""
         self._targets: dict[str, Image] = {}
         self._target_handles = []
         self._source_sets: list[Sets] = []
         self._sources: dict[str, Any] = {}
-        for made in self.passes:
-            for access in made.writes:
+        for gpu_pass in self.passes:
+            for access in gpu_pass.writes:
                 handle = self._resources.target(access, self.size)
                 self._target_handles.append(handle)
                 self._targets[access.resource] = self._resources.images.get(handle)
@@ -153,11 +151,11 @@ class Renderer(FrameStream):
             )
         if self._resolve in self.passes:
             self._resolve_rendering = Rendering(self.size, target["color_hdr"], None)
-            many = target[color]
+            msaa = target[color]
             self._to_resolve = barriers(
-                image_barrier(many.handle, many.aspect, "color", "sampled"), self._start("color_hdr", "color")
+                image_barrier(msaa.handle, msaa.aspect, "color", "sampled"), self._start("color_hdr", "color")
             )
-            self._sources["resolve"] = self._source(self._resolve, many)
+            self._sources["resolve"] = self._source(self._resolve, msaa)
         if self._tonemap in self.passes:
             self._tonemap_rendering = Rendering(self.size, target["color"], None)
             hdr = target["color_hdr"]
@@ -167,11 +165,11 @@ class Renderer(FrameStream):
             self._sources["tonemap"] = self._source(self._tonemap, hdr)
         self._create_readbacks()
 
-    def _source(self, made: FullscreenPass, image: Image) -> Any:
-        """Return an array of one set, through which a full-screen pass reads a target texel by texel."""
+    def _source(self, gpu_pass: FullscreenPass, image: Image) -> Any:
+        """Return an array of one descriptor set, with which a full-screen pass fetches texels of a target."""
         nearest = Sampler("nearest", "nearest", None, "clamp", "clamp")
         texture = Texture(image.view, self._resources.sampler(nearest, 1.0))
-        layout, name = made.pipelines[0].sets[0], f"{made.name} source"
+        layout, name = gpu_pass.pipelines[0].sets[0], f"{gpu_pass.name} source"
         assert layout is not None, "a full-screen pass reads its source"
         self._source_sets.append(self._descriptors.create([(layout, {0: texture}, name)]))
         return vk.array("VkDescriptorSet", self._source_sets[-1].handles)
@@ -184,7 +182,7 @@ class Renderer(FrameStream):
         return "depth" if name.startswith("depth") else "color"
 
     def _start(self, name: str, state: str) -> Any:
-        """Return the barrier that begins a target's frame: its content is given up, its last user waited for."""
+        """Return the barrier before a target's first use: it waits for the last use and discards the content."""
         image = self._targets[name]
         last = "copy_source" if name in self._handed_on else self._used_last(name)
         return image_barrier(image.handle, image.aspect, last, state, discard=True)
@@ -204,7 +202,7 @@ class Renderer(FrameStream):
         self.inspection = Inspection(self.device, self.passes if self._inspects else [], target, SLOTS)
 
     def _destroy_targets(self) -> None:
-        self.device.wait_idle()  # for what a window still copies
+        self.device.wait_idle()  # a window may still copy from a target
         for slot in self._readbacks:
             for readback in slot.values():
                 readback.close()
@@ -213,14 +211,14 @@ class Renderer(FrameStream):
         for handle in self._target_handles:
             self._resources.destroy_image(handle)
         self._target_handles = []
-        self._resources.flush()  # however often the size changes before the next frame, there is one set of targets
+        self._resources.flush()  # now: several changes of size before the next frame keep only one set of targets
         for sets in self._source_sets:
             self._descriptors.destroy(sets)
 
     # --- every frame ---
 
     def render(self, view: View, time: float = 0.0) -> Frame:
-        """Enqueue one frame of `view` at `time` seconds; nothing is waited for but the slot's last frame."""
+        """Enqueue one frame of `view` at `time` seconds; wait only for the last frame of its slot."""
         self._check_frame(view, time)
         started = clock.perf_counter()
         slot = self._frames.begin()
@@ -256,18 +254,18 @@ class Renderer(FrameStream):
     def _deform(self, slot: FrameSlot, pose: Pose) -> int:
         return self._data.record_deformation(slot.commands, slot.index, pose)
 
-    def _run(self, made: Pass, rendering: Rendering) -> None:
-        """Record one pass between its label, its timestamps and its attachments."""
+    def _run(self, gpu_pass: Pass, rendering: Rendering) -> None:
+        """Record one pass, with its label, its timestamps and its attachments."""
         commands = self._commands
-        commands.sources = self._sources.get(made.name)
-        commands.begin_label(made.name)
-        self._profiler.begin(commands.slot, made.name)
+        commands.sources = self._sources.get(gpu_pass.name)
+        commands.begin_label(gpu_pass.name)
+        self._profiler.begin(commands.slot, gpu_pass.name)
         commands.begin_rendering(rendering)
-        made.record(commands)
+        gpu_pass.record(commands)
         commands.end_rendering()
         self._profiler.end(commands.slot)
         commands.end_label()
-        self.inspection.record(commands.handle, commands.slot.index, made, commands.work)
+        self.inspection.record(commands.handle, commands.slot.index, gpu_pass, commands.work)
 
     def _copy_outputs(self, slot: FrameSlot) -> None:
         if self._handed_on:
@@ -278,7 +276,7 @@ class Renderer(FrameStream):
             self._commands.barrier(self._to_host)
             self._commands.end_label()
 
-    def _made(self) -> dict[str, int]:
+    def _object_counts(self) -> dict[str, int]:
         return {
             "descriptor_sets": self._descriptors.set_count + self._data.bindless_sets,
             "textures": self._data.textures,
@@ -299,10 +297,10 @@ class Renderer(FrameStream):
         self._frames.wait(slot)
         return self._profiler.read(slot)
 
-    # --- life ---
+    # --- lifetime ---
 
     def reload_shaders(self, changed: Collection[Path]) -> Reloaded:
-        """Build anew the pipelines that use one of these files; view, time and the number of the frame go on."""
+        """Rebuild the pipelines that use one of the `changed` files; view, time and frame number continue."""
         rebuilt = self._pipelines.reload(changed, self._resources.defer)
         return self._reloaded(rebuilt, changed)
 

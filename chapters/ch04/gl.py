@@ -1,4 +1,4 @@
-"""The frame of renderer.py on OpenGL: the same passes in the same order, by `frames/backend/gl.py`."""
+"""The renderer on OpenGL: the frame of renderer.py, with the backend `frames/backend/gl.py`."""
 
 from __future__ import annotations
 
@@ -6,6 +6,6 @@ from . import renderer
 
 
 class Renderer(renderer.Renderer):
-    """The chapter on OpenGL."""
+    """The OpenGL renderer of the chapter."""
 
     API = "gl"

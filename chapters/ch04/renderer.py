@@ -1,17 +1,17 @@
 """A frame, from top to bottom, on either API.
 
-    update     constants, instances and lights go into this frame's slot, textures that have arrived into theirs; then
-               each subject in TECHNIQUES prepares what it does (`frames/stream.py`)
-    passes     what the graph says, in its order (graph/*.json). Deferred: gbuffer, lighting, transparent -> color_hdr,
-               depth; forward: the one pass of that name, and resolve with several samples a pixel. Then three for a
-               lens -> color_focused; tonemap -> color; and instance_id, if somebody asks
-    copy       the outputs that were asked for go to the CPU
+    update     write constants, instances and lights into this frame's slot; prepare each technique in TECHNIQUES;
+               upload textures that are decoded (`frames/stream.py`)
+    passes     record the passes of the graph, in its order (graph/*.json). Deferred: gbuffer, lighting, transparent
+               -> color_hdr, depth. Forward: one pass of that name, and resolve with several samples a pixel. Then three
+               passes of a lens -> color_focused; tonemap -> color; and instance_id, if requested
+    copy       copy the requested outputs to the CPU
 
-Which passes there are, in which order, and what stands between them, follows from what they declare: the frame is a
-graph (graph/frame_graph.py), compiled when its structure changes. It is recorded once for each slot and submitted again
-while the recording is good, so that a frame in which only the camera moves costs a few writes and one call.
+The frame is a graph (graph/frame_graph.py), compiled when its structure changes. The passes, their order and the
+barriers between them follow from what the passes declare. The frame is recorded once for each slot and submitted again
+while the recording is valid, so a frame in which only the camera moves costs a few writes and one call.
 
-What differs between the APIs is behind `frames/backend/backend.py`.
+The interface in `frames/backend/backend.py` hides the differences between the APIs.
 """
 
 from __future__ import annotations
@@ -39,12 +39,12 @@ from .shading.views import shown_exposure
 
 
 class Renderer(GraphStream):
-    """The chapter: one stream of frames of one view of one scene."""
+    """The renderer of the chapter: one stream of frames of one view of one scene."""
 
     TECHNIQUES = ()
-    """What each subject does outside its passes. A lesson adds a folder, and one line here."""
+    """The work of each subject outside its passes. A lesson adds a folder, and one line here."""
 
-    # --- made once ---
+    # --- creation ---
 
     def _create(self) -> None:
         scene, api = self.scene, self._api
@@ -71,7 +71,7 @@ class Renderer(GraphStream):
     # --- every frame ---
 
     def render(self, view: View, time: float = 0.0) -> Frame:
-        """Enqueue one frame of `view` at `time` seconds; nothing is waited for but the slot's last frame."""
+        """Enqueue one frame of `view` at `time` seconds; wait only for the last frame of its slot."""
         self._check_frame(view, time)
         started = clock.perf_counter()
         self._api.enter()
@@ -87,13 +87,13 @@ class Renderer(GraphStream):
         self._recorded = self._api.record(slot, self.settings.graph.resubmit)
 
         self._frames.submit(slot)
-        self._in_slot[slot.index] = weakref.ref(frame)  # not before: a frame that failed has no times to keep
+        self._in_slot[slot.index] = weakref.ref(frame)  # after submission: a frame that failed has no timings
         self._histories.rendered(self.graph, slot.number)
         self._end_frame(frame, view, time, slot.work, written)
         frame.cpu_ms = (clock.perf_counter() - started) * 1e3
         return frame
 
-    def _made(self) -> dict[str, int]:
+    def _object_counts(self) -> dict[str, int]:
         return {**self.graph_work, **self._api.counts, "recorded": int(self._recorded)}
 
     # --- reading ---
@@ -116,10 +116,10 @@ class Renderer(GraphStream):
         self._frames.wait(slot)
         return self._api.timings(slot)
 
-    # --- life ---
+    # --- lifetime ---
 
     def reload_shaders(self, changed: Collection[Path]) -> Reloaded:
-        """Build anew the pipelines that use one of these files; view, time and the number of the frame go on."""
+        """Rebuild the pipelines that use one of the `changed` files; view, time and frame number continue."""
         self._api.enter()
         graph = self._reload_graph(changed)
         rebuilt = self._api.reload(changed)

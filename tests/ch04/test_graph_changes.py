@@ -135,7 +135,7 @@ def test_what_only_a_pass_used_goes_with_it_and_its_readers_get_what_it_says(ope
     assert {"dof_half", "dof_blurred", "color_focused"} <= set(renderer.graph.resources)
     renderer.switch_pass("depth_of_field", False)
     assert not [name for name in renderer.graph.resources if name.startswith("dof") or "focused" in name]
-    assert renderer.graph.left_out["bokeh"] == "nobody reads what it writes"
+    assert renderer.graph.left_out["bokeh"] == "no pass reads what it writes"
     (tonemap,) = (node for node in renderer.nodes if node.name == "tonemap")
     assert [one.resource for one in tonemap.reads] == ["color_hdr"]
     sharp = picture(renderer)
@@ -251,7 +251,7 @@ def test_what_does_not_fit_is_refused_in_one_sentence_and_changes_nothing(opened
         (lambda: renderer.switch_pass("bokhe", False), "There is no pass 'bokhe'; did you mean 'bokeh'?"),
         (
             lambda: renderer.switch_pass("tonemap", False),
-            "deferred.json:12: Nobody would write 'color', which is",
+            "deferred.json:12: No pass would write the output 'color': ",
         ),
         (lambda: renderer.remove_pass("tonemap"), "No pass 'tonemap' was inserted"),
         (

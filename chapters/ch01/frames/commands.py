@@ -1,6 +1,6 @@
-"""What a pass records, the same for both APIs; `vulkan_commands.py` and `gl_commands.py` carry it out.
+"""The commands of passes, the same for both APIs; `vulkan_commands.py` and `gl_commands.py` implement them.
 
-The methods around passes (barriers, labels, attachments) differ too much to be one: they are each backend's own.
+The methods around passes (barriers, labels, attachments) are not here: they differ too much between the APIs.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from ..pipelines.description import Built, Front
 
 
 class SceneBinding(NamedTuple):
-    """What draws of one slot bind of the scene, as the backend's commands take it.
+    """The scene's data that draws of one slot bind, in the form of the backend's commands.
 
-    `frame` is what all shaders of the scene read: a descriptor set on Vulkan; OpenGL binds it once at the beginning of
-    a frame. `geometry` are vertices and indices.
+    `frame` is the data that all shaders of the scene read: a descriptor set on Vulkan; OpenGL binds it once, at the
+    beginning of a frame. `geometry` contains vertices and indices.
     """
 
     frame: Any
@@ -23,7 +23,7 @@ class SceneBinding(NamedTuple):
 
 
 class DrawGroup(NamedTuple):
-    """Draws that share a pipeline, culling and textures; `textures` and `draws` are as the backend's data gave them."""
+    """Draws that share a pipeline, culling and textures; `textures` and `draws` are in the form of the backend."""
 
     pipeline: Built
     cull: bool
@@ -37,10 +37,10 @@ class Commands(Protocol):
 
     work: dict[str, int]
     sources: Any
-    """What the pass that is recorded reads of other passes, bound; None where it reads nothing."""
+    """The binding of the images that the current pass reads from other passes; None if it reads none."""
 
     def draw_fullscreen(self, pipeline: Built, scene: SceneBinding | None = None) -> None:
-        """Draw one triangle over the whole target; its shaders read the sources, and what is given of the scene."""
+        """Draw one triangle over the whole target; its shaders read the sources, and `scene` if there is one."""
 
     def draw_groups(self, groups: Sequence[DrawGroup], scene: SceneBinding) -> None:
         """Draw all of `groups` in order."""

@@ -1,4 +1,4 @@
-"""Turns lists of draws into calls, and counts them: what frames/vulkan_commands.py records, called at once."""
+"""Turns lists of draws into OpenGL calls, and counts them; frames/vulkan_commands.py records the same draws."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ class Draw(NamedTuple):
 
     push: int
     index_count: int
-    indices: Any  # where its first index lies, as a pointer
+    indices: Any  # byte offset of its first index, as a pointer
     first_vertex: int
 
 
 Textures = tuple[tuple[int, int, int], ...]
-"""What a material binds: (unit, view, sampler) of each of its textures."""
+"""The textures that a material binds: (unit, view, sampler) of each."""
 
 
 @dataclass(frozen=True)
 class Rendering:
-    """A framebuffer, and what its attachments start from; None keeps what is there."""
+    """A framebuffer, and the clear values of its attachments; None keeps the content."""
 
     target: Framebuffer
     clear_color: Sequence[float] | Sequence[int] | None = None
@@ -39,7 +39,7 @@ class Rendering:
 
 
 class Commands:
-    """Makes the calls of one frame, and counts what it draws."""
+    """Makes the calls of one frame, and counts its draws."""
 
     def __init__(self, context: Context, pipelines: Pipelines, push_buffer: int, push_size: int) -> None:
         self._context, self._pipelines = context, pipelines
@@ -49,20 +49,20 @@ class Commands:
         self.work: dict[str, int] = {}
 
     def begin(self, slot: FrameSlot) -> None:
-        """Work for `slot` from here on, with all counters at zero."""
+        """Start a frame in `slot`, with all counters at zero."""
         self.slot = slot
         self.work = {"draws": 0, "triangles": 0, "pipeline_binds": 0, "descriptor_binds": 0}
 
-    # --- around passes: the renderer's ---
+    # --- around passes: called by the renderer ---
 
     def begin_rendering(self, rendering: Rendering) -> None:
         """Begin drawing to a framebuffer, over its whole size."""
         begin(self._context, rendering.target, (rendering.clear_color,), rendering.clear_depth)
 
-    # --- within passes ---
+    # --- within passes: called by the passes ---
 
     def bind_pipeline(self, pipeline: Built, cull: bool = False, front: Front = "counter_clockwise") -> None:
-        """Bind a pipeline and set its state; `cull` leaves out back faces."""
+        """Bind a pipeline and set its state; `cull` discards back faces."""
         self._pipelines.bind(pipeline, cull, front)
         self.work["pipeline_binds"] += 1
 
@@ -75,7 +75,7 @@ class Commands:
         self.work["descriptor_binds"] += 1
 
     def draw_fullscreen(self, pipeline: Built, scene: SceneBinding | None = None) -> None:
-        """Draw the one triangle of `fullscreen.vert`; what it reads of the scene is bound since the frame began."""
+        """Draw the one triangle of `fullscreen.vert`; the scene's data is bound at the beginning of the frame."""
         self.bind_pipeline(pipeline)
         if self.sources:
             self.bind_textures(self.sources)
@@ -88,7 +88,7 @@ class Commands:
         """Draw all of `groups` in order."""
         fn = self._context.fn
         fn.glBindVertexArray(scene.geometry)
-        # Looked up once: the loop runs for every object of the scene, every frame.
+        # Looked up once: the loop runs for every object of the scene in every frame.
         bind, draw = fn.glBindBufferRange, fn.glDrawElementsBaseVertex
         uniform, buffer, size = gl.GL_UNIFORM_BUFFER, self._push_buffer, self._push_size
         triangles_of, unsigned = gl.GL_TRIANGLES, gl.GL_UNSIGNED_INT

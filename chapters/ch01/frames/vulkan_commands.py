@@ -1,7 +1,7 @@
 """Recording: a thin, fast layer over one command buffer, with the loop that turns lists of draws into commands.
 
-Every struct that a frame needs is built once and used again; a draw is then three raw calls of half a microsecond each
-(bind, push, draw). The same through the `vulkan` package's wrappers costs five times as much.
+Every struct that a frame needs is built once and reused. A draw is then three raw calls (bind, push, draw) of half a
+microsecond each. The same calls through the wrappers of the `vulkan` package take five times as long.
 """
 
 from __future__ import annotations
@@ -54,16 +54,16 @@ class Rendering:
                 kind = "uint32" if color.format.endswith("ui") else "float32"
                 value = {"color": {kind: list(clear_color)}}
             attachments = [self._attachment(color, vk.VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL, value)]
-        held = None
+        depth_attachment = None
         if depth is not None:
             value = {} if clear_depth is None else {"depthStencil": {"depth": clear_depth}}
-            held = self._attachment(depth, vk.VK_IMAGE_LAYOUT_DEPTH_ATTACHMENT_OPTIMAL, value)
+            depth_attachment = self._attachment(depth, vk.VK_IMAGE_LAYOUT_DEPTH_ATTACHMENT_OPTIMAL, value)
         self.info = vk.new(
             "VkRenderingInfo",
             renderArea={"extent": {"width": size[0], "height": size[1]}},
             layerCount=1,
             pColorAttachments=attachments,
-            pDepthAttachment=held,
+            pDepthAttachment=depth_attachment,
         )
 
     @staticmethod
@@ -91,19 +91,19 @@ class Commands:
         self.work: dict[str, int] = {}
 
     def begin(self, slot: FrameSlot) -> None:
-        """Record into `slot` from here on, with all counters at zero."""
+        """Start recording into the commands of `slot`, with all counters at zero."""
         self.slot = slot
         self.handle = slot.commands
         self.work = {"draws": 0, "triangles": 0, "pipeline_binds": 0, "descriptor_binds": 0}
 
-    # --- around passes: the renderer's ---
+    # --- around passes: called by the renderer ---
 
     def barrier(self, dependency: Any) -> None:
         """Record a VkDependencyInfo made by `backends.vulkan.barriers.barriers`."""
         self._fn.vkCmdPipelineBarrier2(self.handle, dependency)
 
     def begin_label(self, name: str) -> None:
-        """Open a label: validation messages, captures and traces show it as the pass."""
+        """Open a label: validation messages, captures and traces show it as the name of the pass."""
         if self._labels:
             info = self._label_infos.get(name)
             if info is None:
@@ -132,10 +132,10 @@ class Commands:
             self._states[size] = viewport, vk.new("VkRect2D", extent={"width": size[0], "height": size[1]})
         return self._states[size]
 
-    # --- within passes ---
+    # --- within passes: called by the passes ---
 
     def bind_pipeline(self, pipeline: Built, cull: bool = False, front: Front = "counter_clockwise") -> None:
-        """Bind a pipeline and set its dynamic state; `cull` leaves out back faces."""
+        """Bind a pipeline and set its dynamic state; `cull` discards back faces."""
         self._fn.vkCmdBindPipeline(self.handle, _GRAPHICS, pipeline.handle)
         self._fn.vkCmdSetCullMode(self.handle, vk.VK_CULL_MODE_BACK_BIT if cull else vk.VK_CULL_MODE_NONE)
         self._fn.vkCmdSetFrontFace(self.handle, _FRONT_FACES[front])
@@ -158,13 +158,13 @@ class Commands:
         self._fn.vkCmdBindIndexBuffer(self.handle, index_buffer, index_offset, vk.VK_INDEX_TYPE_UINT32)
 
     def draw_fullscreen(self, pipeline: Built, scene: SceneBinding | None = None) -> None:
-        """Draw the one triangle of `fullscreen.vert`; set 0 is that of the scene, or of what the pass reads."""
+        """Draw the one triangle of `fullscreen.vert`; set 0 is the set of the scene if given, or of the sources."""
         self.bind_pipeline(pipeline)
         self.bind_set(pipeline, 0, scene.frame if scene else self.sources)
         self.draw_triangle()
 
     def draw_triangle(self) -> None:
-        """Draw three vertices with what is bound."""
+        """Draw three vertices with the bound pipeline and sets."""
         self._fn.vkCmdDraw(self.handle, 3, 1, 0, 0)
         self.work["draws"] += 1
         self.work["triangles"] += 1
@@ -172,7 +172,7 @@ class Commands:
     def draw_groups(self, groups: Sequence[DrawGroup], scene: SceneBinding) -> None:
         """Record all draws of `groups` in order, with the frame's set as set 0."""
         self.bind_geometry(*scene.geometry)
-        # Looked up once: the loop runs for every object of the scene, every frame.
+        # Looked up once: the loop runs for every object of the scene in every frame.
         bind, push, draw = (
             self._fn.vkCmdBindDescriptorSets,
             self._fn.vkCmdPushConstants,
@@ -190,7 +190,7 @@ class Commands:
                 self.bind_pipeline(pipeline, cull, front)
                 bound = state
             if pipeline.layout != layout:
-                # Sets stay bound as long as the layout does.
+                # Sets stay bound while the layout stays the same.
                 layout, texture_set = pipeline.layout, None
                 self.bind_set(pipeline, 0, scene.frame)
             if textures is not None and textures is not texture_set:

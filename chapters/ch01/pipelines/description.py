@@ -1,6 +1,6 @@
-"""What a pipeline is made of, in plain words: one description for both APIs.
+"""Descriptions of pipelines, the same for both APIs.
 
-`vulkan.py` builds a VkPipeline from it; `gl.py` builds a program, and sets the rest before it draws.
+`vulkan.py` builds a VkPipeline from a description; `gl.py` builds a program, and sets the other state before draws.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any, Literal, Protocol
 
 Kind = Literal["uniform", "storage", "texture"]
 Front = Literal["counter_clockwise", "clockwise"]
-"""How the corners of front faces follow one another on the screen."""
+"""The winding of front faces on the screen."""
 
 
 @dataclass(frozen=True)
@@ -26,10 +26,10 @@ class Binding:
 
 @dataclass(frozen=True)
 class PipelineDescription:
-    """What a pipeline is made of.
+    """The description of a graphics pipeline.
 
     `sets` are the bindings of each descriptor set, and `streams` are (shader location, floats per vertex) of each
-    vertex buffer. OpenGL has neither: it binds one by one, by the numbers in the shaders.
+    vertex buffer. OpenGL uses neither: it binds resources one by one, by the numbers in the shaders.
     """
 
     shaders: tuple[str, ...]
@@ -44,7 +44,7 @@ class PipelineDescription:
 
     @property
     def title(self) -> str:
-        """The name, or the files of the shaders where there is none."""
+        """The name, or the files of the shaders if there is no name."""
         return self.name or " + ".join(self.shaders)
 
 
@@ -52,9 +52,9 @@ class PipelineDescription:
 class Built:
     """A pipeline that can be bound.
 
-    `handle` is the VkPipeline, or OpenGL's number of the program. It changes when a shader was edited, so commands
-    read it at each bind. `layout` is the VkPipelineLayout, through which descriptors and push constants reach it.
-    `code` is what the handle was built from; a reload compares it.
+    `handle` is the VkPipeline, or the name of the OpenGL program. It changes when a shader is edited, so commands read
+    it at each bind. `layout` is the VkPipelineLayout, for descriptors and push constants. `code` is the compiled code
+    of the handle, for a reload to compare.
     """
 
     described: PipelineDescription
@@ -64,13 +64,13 @@ class Built:
 
 
 class Pipelines(Protocol):
-    """A backend's pipelines, built at their first use. Equal descriptions share one."""
+    """A backend's pipelines, built at their first use. Equal descriptions share one pipeline."""
 
-    def get(self, wanted: Sequence[PipelineDescription]) -> list[Built]:
+    def get(self, descriptions: Sequence[PipelineDescription]) -> list[Built]:
         """Return one pipeline per description."""
 
     def __len__(self) -> int: ...
 
     @property
     def files(self) -> frozenset[Path]:
-        """All on disk that decides about the shaders of these pipelines."""
+        """All files that the shaders of these pipelines depend on."""

@@ -54,15 +54,15 @@ class Pipelines:
     def __len__(self) -> int:
         return len(self._built)
 
-    def get(self, wanted: Sequence[PipelineDescription]) -> list[Built]:
-        """Return one pipeline per description; those that are new have their shaders compiled together, on threads."""
-        new = [described for described in dict.fromkeys(wanted) if described not in self._built]
+    def get(self, descriptions: Sequence[PipelineDescription]) -> list[Built]:
+        """Return one pipeline per description; the shaders of new pipelines are compiled together, on threads."""
+        new = [described for described in dict.fromkeys(descriptions) if described not in self._built]
         for described, stages in zip(new, self._compile(new), strict=True):
             handle = self._build(described, stages.codes)
             self._built[described] = Built(described, handle, stages, self._layout(described.sets))
-        return [self._built[described] for described in wanted]
+        return [self._built[described] for described in descriptions]
 
-    def _compile(self, wanted: Sequence[PipelineDescription], keep: bool = True) -> list[Stages]:
+    def _compile(self, descriptions: Sequence[PipelineDescription], keep: bool = True) -> list[Stages]:
         sources = [
             [
                 shader_text.build(
@@ -74,22 +74,22 @@ class Pipelines:
                 )
                 for file in described.shaders
             ]
-            for described in wanted
+            for described in descriptions
         ]
         return compile_stages(sources, keep)
 
     @property
     def files(self) -> frozenset[Path]:
-        """All on disk that decides about the shaders of these pipelines."""
+        """All files that the shaders of these pipelines depend on."""
         return frozenset().union(*(built.code.files for built in self._built.values()))
 
     def reload(
         self, changed: Collection[Path], retire: Callable[[Callable[[], None]], None]
     ) -> tuple[str, ...]:
-        """Build the pipelines anew whose code a file of `changed` changes, and return their names; all, or none.
+        """Rebuild the pipelines whose code a file of `changed` changes, and return their names; all, or none.
 
-        `retire` gets what destroys an old pipeline, to be called when no frame in flight uses it. Raises ShaderError
-        for a shader that does not compile, or that no longer fits what is bound to it.
+        `retire` gets a function that destroys an old pipeline, to be called when no frame in flight uses it. Raises
+        ShaderError for a shader that does not compile, or that no longer fits its bindings.
         """
         old = {described: built for described, built in self._built.items() if built.code.use(changed)}
         new = dict(zip(old, self._compile(list(old), keep=False), strict=True))
@@ -189,8 +189,8 @@ class Pipelines:
 
     @staticmethod
     def _depth(described: PipelineDescription) -> Any:
-        # Reversed z: the near plane is 1, infinity 0, and nearer is greater. The float's fine steps near 0 then fall
-        # together with the coarse ones of 1/z, and depth keeps its relative precision at any distance.
+        # Reversed z: the near plane is 1, infinity 0, and nearer is greater. The fine steps of floats near 0 make up
+        # for the coarse steps of 1/z there, so depth keeps its relative precision at any distance.
         compare = vk.VK_COMPARE_OP_EQUAL if described.depth == "equal" else vk.VK_COMPARE_OP_GREATER_OR_EQUAL
         return vk.new(
             "VkPipelineDepthStencilStateCreateInfo",

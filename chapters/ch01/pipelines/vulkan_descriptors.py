@@ -1,6 +1,6 @@
-"""Descriptor sets, declared: a layout is a table of bindings, a set is that table filled once and never changed.
+"""Descriptor sets: a layout is a table of bindings, a set is that table filled once and never changed.
 
-All sets are made before the first frame. A set that a frame in flight may read must not be written, so whatever
+All sets are created before the first frame. A set must not be written while a frame in flight may read it, so data that
 changes from frame to frame has one set per slot.
 """
 
@@ -29,7 +29,7 @@ _STAGES = {
 
 @dataclass(frozen=True)
 class Texture:
-    """An image view with the sampler that reads it, as a descriptor holds them."""
+    """An image view with the sampler that reads it, the content of one descriptor."""
 
     view: Any
     sampler: Any
@@ -37,14 +37,14 @@ class Texture:
 
 @dataclass(frozen=True)
 class Sets:
-    """Descriptor sets that were made together, and the pool that they go back to together."""
+    """Descriptor sets that were created together, and their pool; they are freed together."""
 
     pool: Any
     handles: list[Any]
 
 
 def pool_sizes(sets: Sequence[Sequence[Binding]]) -> dict[int, int]:
-    """Return how many descriptors of each Vulkan type the given sets need together."""
+    """Return the number of descriptors of each Vulkan type in all sets together."""
     sizes: dict[int, int] = {}
     for bindings in sets:
         for binding in bindings:
@@ -54,7 +54,7 @@ def pool_sizes(sets: Sequence[Sequence[Binding]]) -> dict[int, int]:
 
 
 class Descriptors:
-    """Set layouts (one per distinct table) and the sets made from them."""
+    """Set layouts (one per distinct table) and the sets created from them."""
 
     def __init__(self, device: Device) -> None:
         self._device = device
@@ -63,11 +63,11 @@ class Descriptors:
 
     @property
     def set_count(self) -> int:
-        """Sets that exist."""
+        """The number of live sets."""
         return sum(len(sets.handles) for sets in self._alive)
 
     def layout(self, bindings: Sequence[Binding]) -> Any:
-        """Return the layout for a table of bindings, made at its first use."""
+        """Return the layout for a table of bindings, created at its first use."""
         key = tuple(bindings)
         if key not in self._layouts:
             items = [
@@ -84,49 +84,51 @@ class Descriptors:
             self._layouts[key] = self._device.create("vkCreateDescriptorSetLayout", info, name)
         return self._layouts[key]
 
-    def create(self, wanted: Sequence[tuple[Sequence[Binding], dict[int, Buffer | Texture], str]]) -> Sets:
-        """Make one set per (bindings, what each binding number holds, name), from a pool of exactly that size."""
-        sizes = pool_sizes([bindings for bindings, _, _ in wanted])
+    def create(self, tables: Sequence[tuple[Sequence[Binding], dict[int, Buffer | Texture], str]]) -> Sets:
+        """Create one set per (bindings, content by binding number, name), from a pool of exactly that size."""
+        sizes = pool_sizes([bindings for bindings, _, _ in tables])
         info = vk.new(
             "VkDescriptorPoolCreateInfo",
-            maxSets=len(wanted),
+            maxSets=len(tables),
             pPoolSizes=[{"type": kind, "descriptorCount": count} for kind, count in sizes.items()],
         )
-        pool = self._device.create("vkCreateDescriptorPool", info, f"{len(wanted)} sets")
-        made = Sets(pool, [])
-        self._alive.append(made)  # before anything can fail: `close` frees the pool
-        layouts = [self.layout(bindings) for bindings, _, _ in wanted]
+        pool = self._device.create("vkCreateDescriptorPool", info, f"{len(tables)} sets")
+        new_sets = Sets(pool, [])
+        self._alive.append(new_sets)  # before anything can fail: `close` frees the pool
+        layouts = [self.layout(bindings) for bindings, _, _ in tables]
         allocate = vk.new("VkDescriptorSetAllocateInfo", descriptorPool=pool, pSetLayouts=layouts)
-        sets = vk.ffi.new("VkDescriptorSet[]", len(wanted))
+        sets = vk.ffi.new("VkDescriptorSet[]", len(tables))
         fn = self._device.fn
         code = fn.vkAllocateDescriptorSets(self._device.handle, allocate, sets)
         vk.check(code, "vkAllocateDescriptorSets", allocate)
-        made.handles.extend(sets)
+        new_sets.handles.extend(sets)
         writes = []
-        for handle, (bindings, held, name) in zip(sets, wanted, strict=True):
+        for handle, (bindings, content, name) in zip(sets, tables, strict=True):
             self._device.name("VkDescriptorSet", handle, name)
             for binding in bindings:
-                writes.append(self._write(handle, binding, held[binding.number]))
+                writes.append(self._write(handle, binding, content[binding.number]))
         fn.vkUpdateDescriptorSets(
             self._device.handle, len(writes), vk.array("VkWriteDescriptorSet", writes), 0, vk.NULL
         )
-        return made
+        return new_sets
 
     @staticmethod
-    def _write(handle: Any, binding: Binding, held: Buffer | Texture) -> Any:
+    def _write(handle: Any, binding: Binding, content: Buffer | Texture) -> Any:
         target = {
             "dstSet": handle,
             "dstBinding": binding.number,
             "descriptorCount": 1,
             "descriptorType": _TYPES[binding.kind],
         }
-        if isinstance(held, Buffer):
+        if isinstance(content, Buffer):
             return vk.new(
-                "VkWriteDescriptorSet", pBufferInfo=[{"buffer": held.handle, "range": held.size}], **target
+                "VkWriteDescriptorSet",
+                pBufferInfo=[{"buffer": content.handle, "range": content.size}],
+                **target,
             )
         image = {
-            "sampler": held.sampler,
-            "imageView": held.view,
+            "sampler": content.sampler,
+            "imageView": content.view,
             "imageLayout": vk.VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL,
         }
         return vk.new("VkWriteDescriptorSet", pImageInfo=[image], **target)

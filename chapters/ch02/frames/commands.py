@@ -1,6 +1,6 @@
-"""What a pass records, the same for both APIs; `vulkan_commands.py` and `gl_commands.py` carry it out.
+"""The commands of passes, the same for both APIs; `vulkan_commands.py` and `gl_commands.py` implement them.
 
-The methods around passes (barriers, labels, attachments) differ too much to be one: they are each backend's own.
+The methods around passes (barriers, labels, attachments) are not here: they differ too much between the APIs.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from ..scene.draw_lists import Batch
 
 
 class SceneBinding(NamedTuple):
-    """What draws of one slot bind of the scene, as the backend's commands take it.
+    """The scene's data that draws of one slot bind, in the form of the backend's commands.
 
-    `frame` is what all shaders of the scene read: a descriptor set on Vulkan; OpenGL binds it once at the beginning of
-    a frame. `records` is the buffer with the draws of the slot.
+    `frame` is the data that all shaders of the scene read: a descriptor set on Vulkan; OpenGL binds it once, at the
+    beginning of a frame. `records` is the buffer of the slot's draw records.
     """
 
     frame: Any
@@ -26,9 +26,9 @@ class SceneBinding(NamedTuple):
 
 @dataclass(frozen=True)
 class DrawGroup:
-    """Draws of the slot's list of records that share pipeline, culling, page and textures.
+    """Draws in the slot's list of records that share pipeline, culling, page and textures.
 
-    `page` and `textures` are as the backend's data gave them: what binds a page of geometry, and a set of textures.
+    `page` and `textures` are the bindings of a page of geometry and of a set of textures, in the form of the backend.
     """
 
     batch: Batch
@@ -44,10 +44,10 @@ class Commands(Protocol):
 
     work: dict[str, int]
     sources: Any
-    """What the pass that is recorded reads of other passes, bound; None where it reads nothing."""
+    """The binding of the images that the current pass reads from other passes; None if it reads none."""
 
     def draw_fullscreen(self, pipeline: Built, scene: SceneBinding | None = None) -> None:
-        """Draw one triangle over the whole target; its shaders read the sources, and what is given of the scene."""
+        """Draw one triangle over the whole target; its shaders read the sources, and `scene` if there is one."""
 
     def draw_groups(self, groups: Sequence[DrawGroup], scene: SceneBinding) -> None:
         """Draw all of `groups` in order."""

@@ -1,4 +1,4 @@
-"""A rendered frame as its user holds it: images for two frames, timings and work for ever."""
+"""A rendered frame: its images, until its slot is used again, and its timings and work for ever."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SLOTS = 2
 
 
 OUTPUTS = ("color", "color_linear", "depth", "instance_id")
-"""What a frame can be asked for."""
+"""The outputs that a frame can have."""
 
 SOURCES = {"color": "color", "color_linear": "color_hdr", "depth": "depth", "instance_id": "instance_id"}
 """The target that each output is read from."""
@@ -25,7 +25,7 @@ class FrameRing:
 
     slots: list[Any]
     number = 0
-    """How many frames were submitted."""
+    """The number of frames submitted."""
 
     def wait(self, slot: Any) -> None:
         """Wait until the GPU has finished the frame that used `slot` last."""
@@ -39,7 +39,7 @@ class FrameRing:
 
 
 class Reads(Protocol):
-    """What a frame asks of the renderer that made it."""
+    """The methods of a renderer that its frames call."""
 
     def read(self, slot: Any, name: str, exposed: float) -> np.ndarray:
         """Wait for the slot's frame and return its output `name`."""
@@ -49,7 +49,7 @@ class Reads(Protocol):
 
 
 class Frame:
-    """One rendered frame; see `backends.contract.Frame`. `slot.number` counts the frames of the renderer's life."""
+    """One rendered frame; see `backends.contract.Frame`. `slot.number` counts all frames of the renderer."""
 
     def __init__(self, renderer: Reads, slot: Any, index: int, exposure: float) -> None:
         self._renderer, self._slot, self._number = renderer, slot, slot.number
@@ -76,29 +76,31 @@ class Frame:
         return self._timings
 
     def let_go(self, why: str) -> None:
-        """Keep the timings, which stay, and give up the images; the frame is over."""
+        """Read the timings, which stay, and give up the images; the GPU has finished the frame."""
         if not self._gone:
             _ = self.timings
             self._gone = why
 
 
 def reset_by(view: View, time: float, previous: tuple[View, float] | None) -> str:
-    """Return why a frame after that of `previous` starts without history, or ""."""
+    """Return why a frame starts without history, or ""; `previous` is the (view, time) of the frame before."""
     if view.cut:
         return "camera cut"
     return "time ran backwards" if previous is not None and time < previous[1] else ""
 
 
 def check_outputs(outputs: Any, known: tuple[str, ...], name: str) -> None:
-    """Raise StaleFrameError unless `name` is among the `outputs` of a renderer that has `known` ones."""
+    """Raise StaleFrameError unless `name` is in `outputs`; `known` are all outputs that a renderer can have."""
     if name not in outputs:
-        wanted = ", ".join(repr(output) for output in (*outputs, name))
-        hint = f"open it with outputs={{{wanted}}}." if name in known else f"there are {', '.join(known)}."
+        new_outputs = ", ".join(repr(output) for output in (*outputs, name))
+        hint = (
+            f"open it with outputs={{{new_outputs}}}." if name in known else f"there are {', '.join(known)}."
+        )
         raise StaleFrameError(f"'{name}' is not among this renderer's outputs: {hint}")
 
 
 def output_of(name: str, pixels: np.ndarray, exposed: float) -> np.ndarray:
-    """Return a target's pixels as the output `name`: without alpha, and light without the exposure."""
+    """Return a target's pixels as output `name`: colours without alpha, and light divided by the exposure."""
     if name == "color_linear":
         return pixels[..., :3].astype(np.float32) / np.float32(exposed)
     return pixels[..., :3] if name == "color" else pixels

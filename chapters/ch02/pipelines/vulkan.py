@@ -26,7 +26,7 @@ from .vulkan_reflection import STAGES, Stage, check_pulled, chosen, merge
 CHAPTER = Path(__file__).resolve().parents[1]
 
 BINDLESS = {"bindless.glsl": "GL_EXT_nonuniform_qualifier"}
-"""The include that declares the array of all textures, and the extension which that takes."""
+"""The include that declares the array of all textures, and the extension that it needs."""
 
 _ALL_CHANNELS = (
     vk.VK_COLOR_COMPONENT_R_BIT
@@ -39,8 +39,8 @@ _ALL_CHANNELS = (
 def source_of(file: str, defines: Sequence[tuple[str, int | float | str]]) -> shader_text.ShaderSource:
     """Return one of the chapter's shaders, ready for the compiler.
 
-    One that reaches the array of all textures gets the GLSL extension to which the word `nonuniformEXT` belongs. It has
-    to stand before everything else, where an include cannot put it.
+    A shader that includes the array of all textures gets the GLSL extension of `nonuniformEXT`. The extension has to
+    come first in the text, where an include cannot put it.
     """
     return shader_text.build(
         CHAPTER / file,
@@ -63,34 +63,36 @@ class Pipelines:
     def __len__(self) -> int:
         return len(self._built)
 
-    def get(self, wanted: Sequence[PipelineDescription]) -> list[Built]:
-        """Return one pipeline per description; those that are new have their shaders compiled together, on threads."""
-        new = [described for described in dict.fromkeys(wanted) if described not in self._built]
+    def get(self, descriptions: Sequence[PipelineDescription]) -> list[Built]:
+        """Return one pipeline per description; the shaders of new pipelines are compiled together, on threads."""
+        new = [described for described in dict.fromkeys(descriptions) if described not in self._built]
         for described, stages in zip(new, self._compile(new), strict=True):
-            found = _stages(described, stages)
-            signature = merge(found, described.dynamic)
+            spirv = _stages(described, stages)
+            signature = merge(spirv, described.dynamic)
             layout, sets = self.layouts.pipeline(signature)
             push_stages = self.layouts.stages(signature.stages) if signature.push else 0
-            handle = self._build(described, found, layout, self._cache)
+            handle = self._build(described, spirv, layout, self._cache)
             self._built[described] = Built(described, handle, stages, layout, sets, push_stages)
-        return [self._built[described] for described in wanted]
+        return [self._built[described] for described in descriptions]
 
-    def _compile(self, wanted: Sequence[PipelineDescription], keep: bool = True) -> list[Stages]:
-        sources = [[source_of(file, described.defines) for file in described.shaders] for described in wanted]
+    def _compile(self, descriptions: Sequence[PipelineDescription], keep: bool = True) -> list[Stages]:
+        sources = [
+            [source_of(file, described.defines) for file in described.shaders] for described in descriptions
+        ]
         return compile_stages(sources, keep)
 
     @property
     def files(self) -> frozenset[Path]:
-        """All on disk that decides about the shaders of these pipelines."""
+        """All files that the shaders of these pipelines depend on."""
         return frozenset().union(*(built.code.files for built in self._built.values()))
 
     def reload(
         self, changed: Collection[Path], retire: Callable[[Callable[[], None]], None]
     ) -> tuple[str, ...]:
-        """Build the pipelines anew whose code a file of `changed` changes, and return their names; all, or none.
+        """Rebuild the pipelines whose code a file of `changed` changes, and return their names; all, or none.
 
-        `retire` gets what destroys an old pipeline, to be called when no frame in flight uses it. Raises ShaderError
-        for a shader that does not compile, or that no longer fits what is bound to it.
+        `retire` gets a function that destroys an old pipeline, to be called when no frame in flight uses it. Raises
+        ShaderError for a shader that does not compile, or that no longer fits its bindings.
         """
         old = {described: built for described, built in self._built.items() if built.code.use(changed)}
         new = dict(zip(old, self._compile(list(old), keep=False), strict=True))
@@ -100,10 +102,10 @@ class Pipelines:
         handles: dict[PipelineDescription, Any] = {}
         try:
             for described in anew:
-                # In the old layout, which has all that the new shaders use: the sets that are bound were made for it.
-                # Not in the cache, which would keep every edit for ever.
-                found = _stages(described, new[described])
-                handles[described] = self._build(described, found, old[described].layout)
+                # With the old layout: it has all that the new shaders use, and the bound sets were made for it.
+                # Without the cache, which would keep every edit for ever.
+                spirv = _stages(described, new[described])
+                handles[described] = self._build(described, spirv, old[described].layout)
         except BaseException:
             for handle in handles.values():
                 self._device.destroy("VkPipeline", handle)
@@ -118,18 +120,18 @@ class Pipelines:
     def _build(
         self,
         described: PipelineDescription,
-        found: Sequence[Stage],
+        spirv: Sequence[Stage],
         layout: Any,
         cache: PipelineCache | None = None,
     ) -> Any:
-        special = [_specialization(stage) for stage in found]
+        special = [_specialization(stage) for stage in spirv]
         modules = [
             self._device.create(
                 "vkCreateShaderModule",
                 vk.new("VkShaderModuleCreateInfo", codeSize=len(stage.code), pCode=stage.code),
                 file,
             )
-            for file, stage in zip(described.shaders, found, strict=True)
+            for file, stage in zip(described.shaders, spirv, strict=True)
         ]
         stages = [
             vk.new(
@@ -139,7 +141,7 @@ class Pipelines:
                 pName="main",
                 pSpecializationInfo=values,
             )
-            for stage, module, values in zip(found, modules, special, strict=True)
+            for stage, module, values in zip(spirv, modules, special, strict=True)
         ]
         dynamic = [
             vk.VK_DYNAMIC_STATE_VIEWPORT,
@@ -178,8 +180,8 @@ class Pipelines:
 
     @staticmethod
     def _depth(described: PipelineDescription) -> Any:
-        # Reversed z: the near plane is 1, infinity 0, and nearer is greater. The float's fine steps near 0 then fall
-        # together with the coarse ones of 1/z, and depth keeps its relative precision at any distance.
+        # Reversed z: the near plane is 1, infinity 0, and nearer is greater. The fine steps of floats near 0 make up
+        # for the coarse steps of 1/z there, so depth keeps its relative precision at any distance.
         compare = vk.VK_COMPARE_OP_EQUAL if described.depth == "equal" else vk.VK_COMPARE_OP_GREATER_OR_EQUAL
         return vk.new(
             "VkPipelineDepthStencilStateCreateInfo",
@@ -217,23 +219,23 @@ class Pipelines:
 
 
 def _stages(described: PipelineDescription, compiled: Stages) -> list[Stage]:
-    """Return the stages of a pipeline as they are reflected, with the values of their constants."""
-    found = [Stage(code, source) for code, source in zip(compiled.codes, compiled.sources, strict=True)]
-    for stage in found:
+    """Return the reflected stages of a pipeline, with the values of their specialization constants."""
+    spirv = [Stage(code, source) for code, source in zip(compiled.codes, compiled.sources, strict=True)]
+    for stage in spirv:
         check_pulled(stage)
-    return chosen(found, dict(described.specialization))
+    return chosen(spirv, dict(described.specialization))
 
 
 def _specialization(stage: Stage) -> Any:
-    """Return the VkSpecializationInfo of a stage; None where all its constants keep their defaults."""
+    """Return the VkSpecializationInfo of a stage; None if all its constants keep their defaults."""
     values = dict(stage.constants)
-    known = [one for one in stage.module.constants if one.id in values]
+    known = [constant for constant in stage.module.constants if constant.id in values]
     if not known:
         return None
-    data = b"".join(one.encoded(values[one.id]) for one in known)
-    offsets = [sum(one.size for one in known[:number]) for number in range(len(known))]
+    data = b"".join(constant.encoded(values[constant.id]) for constant in known)
+    offsets = [sum(constant.size for constant in known[:number]) for number in range(len(known))]
     entries = [
-        {"constantID": one.id, "offset": offset, "size": one.size}
-        for one, offset in zip(known, offsets, strict=True)
+        {"constantID": constant.id, "offset": offset, "size": constant.size}
+        for constant, offset in zip(known, offsets, strict=True)
     ]
     return vk.new("VkSpecializationInfo", pMapEntries=entries, dataSize=len(data), pData=data)

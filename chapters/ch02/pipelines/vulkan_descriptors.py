@@ -1,6 +1,6 @@
 """Descriptor sets of fixed content: a layout is a table of bindings, a set is that table filled once and never changed.
 
-All sets are made before the first frame. A set that a frame in flight may read must not be written, so whatever
+All sets are created before the first frame. A set must not be written while a frame in flight may read it, so data that
 changes from frame to frame has one set per slot.
 """
 
@@ -21,26 +21,26 @@ from .vulkan_reflection import Binding
 
 @dataclass(frozen=True)
 class Texture:
-    """An image view with the sampler that reads it, as a descriptor holds them."""
+    """An image view with the sampler that reads it, the content of one descriptor."""
 
     view: Any
     sampler: Any
 
 
 Held = Buffer | Texture | Sequence[Texture]
-"""What a binding holds; several textures where it is an array of them."""
+"""The content of a binding; several textures for an array of them."""
 
 
 @dataclass(frozen=True)
 class Sets:
-    """Descriptor sets that were made together, and the pool that they go back to together."""
+    """Descriptor sets that were created together, and their pool; they are freed together."""
 
     pool: Any
     handles: list[Any]
 
 
 def pool_sizes(layouts: Sequence[SetLayout]) -> dict[int, int]:
-    """Return how many descriptors of each Vulkan type sets of the given layouts need together."""
+    """Return the number of descriptors of each Vulkan type in all sets of these layouts together."""
     sizes: dict[int, int] = {}
     for layout in layouts:
         for binding, count in zip(layout.bindings, layout.counts, strict=True):
@@ -50,7 +50,7 @@ def pool_sizes(layouts: Sequence[SetLayout]) -> dict[int, int]:
 
 
 class Descriptors:
-    """Sets of fixed content, made from layouts that shaders told (see pipelines/vulkan_reflection.py)."""
+    """Sets of fixed content, created from reflected layouts (see pipelines/vulkan_reflection.py)."""
 
     def __init__(self, device: Device) -> None:
         self._device = device
@@ -59,70 +59,72 @@ class Descriptors:
 
     @property
     def set_count(self) -> int:
-        """Sets that exist."""
+        """The number of live sets."""
         return sum(len(sets.handles) for sets in self._alive)
 
-    def create(self, wanted: Sequence[tuple[SetLayout, Mapping[int, Held], str]]) -> Sets:
-        """Make one set per (layout, what each binding number holds, name), from a pool of exactly that size.
+    def create(self, tables: Sequence[tuple[SetLayout, Mapping[int, Held], str]]) -> Sets:
+        """Create one set per (layout, content by binding number, name), from a pool of exactly that size.
 
-        A binding that holds nothing is one that no shader reads in this scene.
+        A binding without content is one that no shader reads in this scene.
         """
-        sizes = pool_sizes([layout for layout, _, _ in wanted])
+        sizes = pool_sizes([layout for layout, _, _ in tables])
         info = vk.new(
             "VkDescriptorPoolCreateInfo",
-            maxSets=len(wanted),
+            maxSets=len(tables),
             pPoolSizes=[{"type": kind, "descriptorCount": count} for kind, count in sizes.items()],
         )
-        pool = self._device.create("vkCreateDescriptorPool", info, f"{len(wanted)} sets")
-        made = Sets(pool, [])
-        self._alive.append(made)  # before anything can fail: `close` frees the pool
-        layouts = [layout.handle for layout, _, _ in wanted]
+        pool = self._device.create("vkCreateDescriptorPool", info, f"{len(tables)} sets")
+        new_sets = Sets(pool, [])
+        self._alive.append(new_sets)  # before anything can fail: `close` frees the pool
+        layouts = [layout.handle for layout, _, _ in tables]
         allocate = vk.new("VkDescriptorSetAllocateInfo", descriptorPool=pool, pSetLayouts=layouts)
-        sets = vk.ffi.new("VkDescriptorSet[]", len(wanted))
+        sets = vk.ffi.new("VkDescriptorSet[]", len(tables))
         fn = self._device.fn
         code = fn.vkAllocateDescriptorSets(self._device.handle, allocate, sets)
         vk.check(code, "vkAllocateDescriptorSets", allocate)
-        made.handles.extend(sets)
+        new_sets.handles.extend(sets)
         writes = []
-        for handle, (layout, held, name) in zip(sets, wanted, strict=True):
+        for handle, (layout, content, name) in zip(sets, tables, strict=True):
             self._device.name("VkDescriptorSet", handle, name)
             for binding in layout.bindings:
-                if binding.number in held:
-                    writes.append(self._write(handle, binding, held[binding.number]))
+                if binding.number in content:
+                    writes.append(self._write(handle, binding, content[binding.number]))
                 elif binding.kind == "texture":
                     writes.append(self._write(handle, binding, [self._stand_in()] * binding.count))
         fn.vkUpdateDescriptorSets(
             self._device.handle, len(writes), vk.array("VkWriteDescriptorSet", writes), 0, vk.NULL
         )
-        return made
+        return new_sets
 
     @staticmethod
-    def _write(handle: Any, binding: Binding, held: Held) -> Any:
+    def _write(handle: Any, binding: Binding, content: Held) -> Any:
         target = {
             "dstSet": handle,
             "dstBinding": binding.number,
             "descriptorCount": binding.count,
             "descriptorType": TYPES[binding.kind],
         }
-        if isinstance(held, Buffer):
+        if isinstance(content, Buffer):
             return vk.new(
-                "VkWriteDescriptorSet", pBufferInfo=[{"buffer": held.handle, "range": held.size}], **target
+                "VkWriteDescriptorSet",
+                pBufferInfo=[{"buffer": content.handle, "range": content.size}],
+                **target,
             )
         images = [
             {
-                "sampler": one.sampler,
-                "imageView": one.view,
+                "sampler": descriptor.sampler,
+                "imageView": descriptor.view,
                 "imageLayout": vk.VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL,
             }
-            for one in ([held] if isinstance(held, Texture) else held)
+            for descriptor in ([content] if isinstance(content, Texture) else content)
         ]
         return vk.new("VkWriteDescriptorSet", pImageInfo=images, **target)
 
     def _stand_in(self) -> Texture:
-        """Return a texture for bindings that no shader reads: one texel without content, made at its first use.
+        """Return a texture for bindings that no shader reads: one texel without content, created at its first use.
 
-        Vulkan lets such a binding stay unwritten. Mesa 22.3's software driver copies the samplers of all bindings of a
-        bound set, and crashes where one was never written.
+        Vulkan allows such a binding to stay unwritten. Mesa 22.3's software driver copies the samplers of all bindings
+        of a bound set, and crashes at a binding that was never written.
         """
         if self._unread is None:
             device, name = self._device, "never read"

@@ -1,6 +1,6 @@
-"""What a renderer on either backend is besides its frame: arguments, choice of passes, constants, reading, resizing.
+"""The common base of the renderers on both APIs: arguments, choice of passes, constants, reading, resizing.
 
-`renderer.py` and `gl_renderer.py` derive from it and hold the frame itself: what stands between the passes.
+Renderers derive from it and add the frame itself: the order of the passes, and the barriers between them.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ from .frame import OUTPUTS, SLOTS, SOURCES, Frame, check_outputs, output_of
 class FrameStream:
     """One stream of frames of one view of one scene; see `backends.contract.Renderer`.
 
-    A renderer makes `_frames`, `_data` and `_pipelines` of its backend, and calls `_begin_stream` when it is whole.
+    A renderer creates `_frames`, `_data` and `_pipelines` for its API, and calls `_begin_stream`.
     """
 
     PARTS: tuple[str, ...]
@@ -85,14 +85,14 @@ class FrameStream:
             self.close()
             raise
 
-    # --- made once ---
+    # --- creation ---
 
     def _open_device(self, validate: bool, without: Iterable[str]) -> Any:
-        """Return a device of the renderer's own, which `_owned` closes."""
+        """Return a new device, which the renderer owns and closes (`_owned`)."""
         raise NotImplementedError
 
     def _create(self) -> None:
-        """Make everything that lasts as long as the renderer, and call `_make_passes` and `_create_targets`."""
+        """Create everything that lasts as long as the renderer, and call `_make_passes` and `_create_targets`."""
         raise NotImplementedError
 
     def _take(
@@ -104,7 +104,7 @@ class FrameStream:
         presents: bool,
         inspect: bool,
     ) -> tuple[str, ...]:
-        """Take over the arguments of a renderer, and return the names in `without`. Raises UserError for wrong ones."""
+        """Store the arguments of a renderer, and return the names in `without`. Raises UserError for wrong ones."""
         self.settings, outputs = check_arguments(scene, settings, Settings, outputs, OUTPUTS)
         off = check_names(without, "without")
         self._light = DefaultLight(scene, self.settings)
@@ -119,7 +119,7 @@ class FrameStream:
         return off
 
     def _follow_device(self, size: tuple[int, int], without: Iterable[str]) -> None:
-        """Choose what depends on the device: the path of each feature, the size, the samples of a pixel."""
+        """Choose what depends on the device: the path of each feature, the picture size, the samples per pixel."""
         self.capabilities: Capabilities = self.device.capabilities
         off = {*without, *self.device.without}
         self.plan: Plan = resolve(LESSON.needs.required, LESSON.needs.optional, self.capabilities, off)
@@ -129,7 +129,7 @@ class FrameStream:
             self.plan = self.plan.falling_short("msaa", f"{self.samples} samples a pixel", short)
 
     def _offered(self) -> set[int]:
-        """Return how many samples a pixel of both targets of the forward pass can have."""
+        """Return the sample counts that the targets of the forward pass can have."""
         raise NotImplementedError
 
     def _begin_stream(self) -> None:
@@ -137,56 +137,56 @@ class FrameStream:
         self._reset = "first frame"
         self._previous: tuple[View, float] | None = None
         self._last: Any = None
-        # Only to tell them when their slot is used again: a frame that nothing else holds goes.
+        # Weak references, to invalidate a frame's images when its slot is used again; they keep no frame alive.
         self._in_slot: list[Callable[[], Frame | None]] = [lambda: None] * SLOTS
 
     def _make_passes(self) -> None:
-        """Make all passes, and build the pipelines of those that this frame consists of."""
+        """Create all passes, and build the pipelines of those that the frame consists of."""
         scene, settings = self.scene, replaced(self.settings, msaa=self.samples)
         self._draws = SceneDrawLists(scene, self._data)
         parts = PassParts(scene, settings, self._data, self._draws, self._pipelines)
         self._forward, self._instance_id = ForwardPass(parts), InstanceIdPass(parts)
         self._resolve, self._tonemap = ResolvePass(parts), TonemapPass(parts)
         self.passes = [self._forward]
-        asked = {access.resource for access in self._instance_id.writes} & set(self.outputs)
-        if asked and InstanceIdPass.needed(scene, settings):
+        id_outputs = {access.resource for access in self._instance_id.writes} & set(self.outputs)
+        if id_outputs and InstanceIdPass.needed(scene, settings):
             self.passes.append(self._instance_id)
         if {"color", "color_hdr"} & self._handed_on and ResolvePass.needed(scene, settings):
             self.passes.append(self._resolve)
         if "color" in self._handed_on:
             self.passes.append(self._tonemap)
-        for one in self.passes:
-            one.create()
+        for gpu_pass in self.passes:
+            gpu_pass.create()
         self._make_sets()
 
     def _make_sets(self) -> None:
-        """Make what binds the scene for the pipelines of all passes; OpenGL binds one by one."""
+        """Create the scene's descriptor sets for the pipelines of all passes; OpenGL has none."""
 
     # --- every frame ---
 
     def _check_frame(self, view: View, time: float) -> None:
-        """Raise StaleFrameError where the renderer was closed, and UserError for what is no view or time."""
+        """Raise StaleFrameError if the renderer is closed, and UserError for an invalid view or time."""
         if self._closed:
             raise StaleFrameError("This renderer was closed and renders no more: open another one.")
         check_moment(view, time)
 
     def _use_again(self, slot: Any) -> None:
-        """Take the images of the frame that was in `slot` before: they are overwritten now."""
+        """Invalidate the images of the frame that was in `slot` before: the new frame overwrites them."""
         last = self._in_slot[slot.index]()
         if last is not None:
             last.let_go(f"its slot was used again by frame {slot.number}")
 
     def _update(self, slot: Any, view: View, time: float, reset: str) -> int:
-        """Write what this frame's shaders read; return the bytes written."""
+        """Write the data that this frame's shaders read; return the bytes written."""
         scene, data = self.scene, self._data
         if data.follow_materials():
-            for one in (self._forward, self._instance_id):
-                if one in self.passes:
-                    one.create()
+            for gpu_pass in (self._forward, self._instance_id):
+                if gpu_pass in self.passes:
+                    gpu_pass.create()
             self._make_sets()
             data.followed()
         previous = self._previous
-        if reset:  # then the frame before says nothing: neither where the camera was nor where objects were
+        if reset:  # the previous view and pose are not valid for this frame
             previous = None
             data.records.forget_pose()
         pose = self._light.pose(evaluate_pose(scene, time), view)
@@ -213,7 +213,7 @@ class FrameStream:
         raise NotImplementedError
 
     def _end_frame(self, frame: Frame, view: View, time: float, work: dict[str, int], written: int) -> None:
-        """Count what the frame took, and remember it as the last one."""
+        """Store the counters of the frame, and keep its view and time as the previous ones."""
         counts = {
             "passes": len(self.passes),
             "passes_skipped": 4 - len(self.passes),
@@ -223,39 +223,39 @@ class FrameStream:
             "bytes_written": written,
             "pipelines": len(self._pipelines),
         }
-        counts |= self._made() | {"history_resets": int(frame.reset != "")}
+        counts |= self._object_counts() | {"history_resets": int(frame.reset != "")}
         frame.work = ALONE | work | self._data.texture_work | counts
         self._index += 1
         self._reset = ""
         self._previous = view, time
 
-    def _made(self) -> dict[str, int]:
-        """Return how many of its own objects the backend holds."""
+    def _object_counts(self) -> dict[str, int]:
+        """Return the number of API objects of each kind."""
         raise NotImplementedError
 
-    # --- asked from outside ---
+    # --- for callers ---
 
     @property
     def prepared_ms(self) -> dict[str, float]:
-        """What was made on the GPU before the first frame, and how long it took; see the contract."""
+        """Milliseconds of each preparation on the GPU before the first frame; see the contract."""
         return self._data.prepared_ms
 
     def _state(self, view: View, time: float) -> tuple[Any, float, Any]:
         return view, time if self.scene.animations else 0.0, dict(self.scene.revision)
 
     def idle(self, view: View, time: float = 0.0) -> bool:
-        """Whether a frame now would equal the last one: same view, same scene, and nothing that moves by itself."""
+        """Whether a frame now would equal the last one: same view, same scene, and nothing moves by itself."""
         return bool(self._last == self._state(view, time)) and not self._loading.busy
 
     def wait_loaded(self) -> None:
-        """Wait until every texture has arrived or failed: the next frame is the final picture."""
+        """Wait until every texture is loaded or has failed: the next frame is the final picture."""
         if self._loading.busy:
             self._enter()
             self._data.load_textures()
-            self._last = None  # the same view makes another picture now
+            self._last = None  # the same view gives another picture now
 
     def reset_history(self, reason: str) -> None:
-        """Start again at frame 0. This chapter keeps nothing from frame to frame but the previous view and pose."""
+        """Start again at frame 0; the next frame does not use the previous view and pose."""
         self._index = 0
         self._reset = reason or "asked for"
         self._previous = None
@@ -263,14 +263,14 @@ class FrameStream:
 
     @property
     def shader_files(self) -> frozenset[Path]:
-        """All on disk that decides about the texts of the shaders; see `backends.contract.Renderer`."""
+        """All files that the texts of the shaders depend on; see `backends.contract.Renderer`."""
         files: frozenset[Path] = self._pipelines.files | files_at_start(self.scene, self.settings)
         return files
 
     def _reloaded(self, rebuilt: tuple[str, ...], changed: Collection[Path]) -> Reloaded:
-        """Return what became of edited files, of which these pipelines were built anew."""
+        """Return the result of a reload: the `rebuilt` pipelines, and changed files that are only read at the start."""
         if rebuilt:
-            self._last = None  # the same view makes another picture now
+            self._last = None  # the same view gives another picture now
         return Reloaded(rebuilt, files_at_start(self.scene, self.settings).intersection(changed))
 
     def read(self, slot: Any, name: str, exposed: float) -> np.ndarray:
@@ -280,7 +280,7 @@ class FrameStream:
         self._enter()
         self._frames.wait(slot)
         readback = (self._readbacks[slot.index] | inspected).get(name)
-        if readback is None:  # an empty scene has no instances, and so no pass that would draw them
+        if readback is None:  # an empty scene has no instances, and no pass that draws them
             return np.zeros(self.size[::-1], np.uint32 if name == "instance_id" else np.float32)
         return output_of(name, readback.read(), exposed)
 
@@ -297,18 +297,18 @@ class FrameStream:
         self.reset_history(self._reset or "resize")
 
     def _enter(self) -> None:
-        """Get ready to call the API: OpenGL makes its context current."""
+        """Prepare for calls of the API: OpenGL makes its context current."""
 
     def _create_targets(self) -> None:
-        """Make everything whose size is the picture's."""
+        """Create everything that depends on the picture size."""
         raise NotImplementedError
 
     def _destroy_targets(self) -> None:
-        """Free that; no frame is in flight."""
+        """Free the targets; no frame is in flight."""
         raise NotImplementedError
 
     def _let_go(self, why: str) -> None:
-        """Wait until no frame is in flight, and take the images of those that are still held."""
+        """Wait until no frame is in flight, and invalidate the images of all frames."""
         for slot in self._frames.slots:
             self._frames.wait(slot)
             last = self._in_slot[slot.index]()
@@ -321,18 +321,18 @@ class FrameStream:
             return
         self._closed = True
         self._enter()
-        if hasattr(self, "_in_slot"):  # else it was never whole, and there are no frames
+        if hasattr(self, "_in_slot"):  # otherwise opening failed, and there are no frames
             self._let_go("its renderer was closed")
         self._free()
         for name in self.PARTS:
-            held = getattr(self, name, None)
-            if held is not None:
-                held.close()
+            component = getattr(self, name, None)
+            if component is not None:
+                component.close()
         for owned in reversed(self._owned):
             owned.close()
 
     def _free(self) -> None:
-        """Free what the stream does not; no frame is in flight."""
+        """Free what `close` itself does not; no frame is in flight."""
         raise NotImplementedError
 
     def __enter__(self) -> Self:

@@ -1,7 +1,7 @@
 """Frames in flight: the CPU records one frame while the GPU draws another.
 
-Whatever the CPU writes for a frame exists once per slot. A slot's fence tells when the GPU has left it; only then
-is it written again.
+Memory that the CPU writes for a frame exists once per slot. The slot's fence is signalled when the GPU has finished the
+frame; the CPU writes the memory again only after that.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ FOREVER = 2**64 - 1
 
 
 def create_pool(device: Device, queue: Queue, name: str) -> Any:
-    """Return a command pool for command buffers that are recorded anew each time, for submission to `queue`."""
+    """Return a command pool for short-lived command buffers that are submitted to `queue`."""
     flags = vk.VK_COMMAND_POOL_CREATE_TRANSIENT_BIT
     info = vk.new("VkCommandPoolCreateInfo", flags=flags, queueFamilyIndex=queue.family)
     return device.create("vkCreateCommandPool", info, name)
@@ -35,7 +35,7 @@ def allocate_commands(
 
 
 class FrameSlot:
-    """What belongs to one frame in flight: its commands and the fence that its submission signals."""
+    """A frame slot: the commands of one frame in flight, and the fence that their submission signals."""
 
     def __init__(self, device: Device, index: int) -> None:
         self._device, self.index = device, index
@@ -56,7 +56,7 @@ class FrameSlot:
 
 
 class Frames(FrameRing):
-    """The ring of slots. `begin` gives the next slot once the GPU has left it, `submit` sends its commands off."""
+    """The ring of frame slots. `begin` waits for the next slot and returns it; `submit` submits its commands."""
 
     def __init__(self, device: Device) -> None:
         self._device = device
@@ -74,7 +74,7 @@ class Frames(FrameRing):
         return slot
 
     def submit(self, slot: FrameSlot) -> None:
-        """Close the slot's command buffer and hand it to the queue; nothing is waited for."""
+        """End the slot's command buffer and submit it to the queue, without waiting."""
         fn = self._device.fn
         vk.check(fn.vkEndCommandBuffer(slot.commands), "vkEndCommandBuffer")
         vk.check(fn.vkResetFences(self._device.handle, 1, slot.fences), "vkResetFences")

@@ -1,6 +1,6 @@
-"""How long each pass takes on the GPU: a timestamp before and after, read when the frame is over.
+"""GPU times of passes: a timestamp before and after each pass, read when the frame is finished.
 
-Each slot has its own query pool, so that reading one frame's stamps never meets the writing of the next one's.
+Each slot has its own query pool, so the CPU reads the timestamps of one frame while the GPU writes those of the next.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from .frame import SLOTS
 from .vulkan import FrameSlot
 
 CAPACITY = 64
-"""Passes that a frame may have."""
+"""The largest number of passes in a frame."""
 
 
 class Profiler:
-    """Timestamps around passes, in milliseconds after the frame is over."""
+    """Timestamps around passes; `read` returns their differences in milliseconds."""
 
     def __init__(self, device: Device) -> None:
         self._device = device
@@ -40,19 +40,19 @@ class Profiler:
             ]
 
     def begin_frame(self, slot: FrameSlot) -> None:
-        """Empty the slot's stamps."""
+        """Reset the slot's timestamps."""
         self._names[slot.index] = []
         if self.available:
             self._device.fn.vkCmdResetQueryPool(slot.commands, self._pools[slot.index], 0, 2 * CAPACITY)
 
     def begin(self, slot: FrameSlot, name: str) -> None:
-        """Stamp the beginning of pass `name`."""
+        """Write the timestamp before pass `name`."""
         names = self._names[slot.index]
         names.append(name)
         self._stamp(slot, 2 * len(names) - 2, vk.VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT)
 
     def end(self, slot: FrameSlot) -> None:
-        """Stamp the end of the pass that began last."""
+        """Write the timestamp after the pass that began last."""
         self._stamp(slot, 2 * len(self._names[slot.index]) - 1, vk.VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT)
 
     def _stamp(self, slot: FrameSlot, query: int, stage: int) -> None:
@@ -60,7 +60,7 @@ class Profiler:
             self._device.fn.vkCmdWriteTimestamp2(slot.commands, stage, self._pools[slot.index], query)
 
     def read(self, slot: FrameSlot) -> dict[str, float]:
-        """Return milliseconds by pass; the slot's frame must be over. Empty where the device has no timestamps."""
+        """Return milliseconds by pass of the slot's finished frame; empty if the device has no timestamps."""
         names = self._names[slot.index]
         if not self.available or not names:
             return {}
@@ -77,7 +77,7 @@ class Profiler:
         )
         if vk.check(code, "vkGetQueryPoolResults") == vk.VK_NOT_READY:
             return {}
-        # A counter of fewer than 64 bits wraps around; the masked difference is right all the same.
+        # A counter of fewer than 64 bits wraps around; the masked difference is still right.
         ticks = [(int(stamps[2 * i + 1]) - int(stamps[2 * i])) & self._mask for i in range(len(names))]
         return {name: count * self._period_ms for name, count in zip(names, ticks, strict=True)}
 

@@ -1,8 +1,8 @@
-"""Set layouts and pipeline layouts, made from the signatures that `pipelines.vulkan_reflection` reads in the shaders.
+"""Set layouts and pipeline layouts, created from the signatures that `pipelines.vulkan_reflection` reads in shaders.
 
-What a signature leaves open is the length of an array without an end: it gets the program's capacity, or what the
-device has. Such an array is filled while frames run, and never as a whole, so its set may be written while it is bound
-(update after bind) and has gaps (partially bound).
+A signature does not contain the length of an unsized array: it is the program's capacity, or less by the limits of the
+device. Such an array is filled while frames run, and never as a whole. So its set can be written while it is bound
+(update after bind) and may have gaps (partially bound).
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from .spirv.declared import Kind
 from .vulkan_reflection import STAGES, Binding, Signature
 
 CAPACITY = 4096
-"""Descriptors in an array with an open end, unless the program or the device says otherwise."""
+"""Descriptors in an unsized array, unless the program sets another number or the device allows fewer."""
 
-_RESERVED = 64  # of what a stage may see in all its sets, left to the sets without open arrays
+_RESERVED = 64  # descriptors of each limit, reserved for the sets without unsized arrays
 
 _MESH = STAGES["task"] | STAGES["mesh"]
 _RAYS = sum(bit for name, bit in STAGES.items() if name.startswith("r"))
@@ -43,8 +43,8 @@ TYPES: dict[Kind, int] = {
 }
 """The VkDescriptorType of each kind of binding."""
 
-# What an open array of a kind counts against (maxDescriptorSetUpdateAfterBind..., and the same for each stage), and
-# the feature with which a set that is bound already may be written.
+# The limits on unsized arrays of each kind (maxDescriptorSetUpdateAfterBind..., and the same for each stage), and the
+# feature for writes to a bound set.
 _OPEN: dict[Kind, tuple[tuple[str, ...], str]] = {
     "texture": (("SampledImages", "Samplers"), "SampledImage"),
     "sampled image": (("SampledImages",), "SampledImage"),
@@ -59,9 +59,9 @@ _OPEN: dict[Kind, tuple[tuple[str, ...], str]] = {
 
 @dataclass(frozen=True)
 class SetLayout:
-    """A VkDescriptorSetLayout with its table. `counts` are the descriptors of each binding, open arrays included.
+    """A VkDescriptorSetLayout with its table. `counts` are the descriptors of each binding, unsized arrays included.
 
-    A set whose layout is `runtime` is written while it is bound, from a pool made for that; where the open array is the
+    A set with a `runtime` layout is written while it is bound, and its pool allows that. If the unsized array is the
     last binding, its length is chosen when the set is allocated, up to `counts[-1]`.
     """
 
@@ -79,8 +79,8 @@ class SetLayout:
 class Layouts:
     """Set layouts and pipeline layouts, one for each distinct table.
 
-    A set may be bound to another pipeline than it was made for only if both have the same layout, to the bit. So
-    layouts are open to all stages of their kind of pipeline, whichever of them declare a binding.
+    Several pipelines can share a bound set only if their set layouts are identical. So a layout is visible to all
+    stages of its kind of pipeline, whichever stages declare a binding.
     """
 
     def __init__(self, device: Device, capacity: int = CAPACITY) -> None:
@@ -97,7 +97,7 @@ class Layouts:
         return tuple(self._set(bindings, stages) if bindings else None for bindings in signature.sets)
 
     def pipeline(self, signature: Signature) -> tuple[Any, tuple[SetLayout | None, ...]]:
-        """Return the VkPipelineLayout of a signature, and its sets."""
+        """Return the VkPipelineLayout of a signature, and its set layouts."""
         limits = self._device.limits
         if len(signature.sets) > limits.maxBoundDescriptorSets:
             raise UnsupportedError(
@@ -111,7 +111,9 @@ class Layouts:
             )
         sets = self.sets(signature)
         stages = self.stages(signature.stages)
-        handles = tuple(self._handle((), (), stages, False) if one is None else one.handle for one in sets)
+        handles = tuple(
+            self._handle((), (), stages, False) if entry is None else entry.handle for entry in sets
+        )
         key = (handles, (push.offset, push.size) if push else None, stages)
         if key not in self._pipelines:
             ranges = [{"stageFlags": stages, "offset": push.offset, "size": push.size}] if push else None
@@ -122,7 +124,7 @@ class Layouts:
         return self._pipelines[key], sets
 
     def stages(self, stages: int) -> int:
-        """Return the stages to which the layouts of a pipeline with these stages are open."""
+        """Return the stages to which the layouts of a pipeline with these stages are visible."""
         if stages & STAGES["comp"]:
             return STAGES["comp"]
         if stages & _RAYS:
@@ -136,28 +138,30 @@ class Layouts:
             raise UnsupportedError(
                 f"The array '{name}' has no end, which takes descriptor indexing, and this device is used without it."
             )
-        moving = next((one.name for one in bindings if one.kind.startswith("dynamic")), "")
-        if runtime and moving:
+        dynamic = next((entry.name for entry in bindings if entry.kind.startswith("dynamic")), "")
+        if runtime and dynamic:
             raise ShaderError(
-                f"The dynamic buffer '{moving}' is in one set with an array without an end, which no device allows: "
+                f"The dynamic buffer '{dynamic}' is in one set with an array without an end, which no device allows: "
                 "move one of them to another set."
             )
         counts = tuple(binding.count or self._room(bindings, binding) for binding in bindings)
         return SetLayout(self._handle(bindings, counts, stages, runtime), bindings, runtime, counts)
 
-    def _room(self, bindings: Sequence[Binding], wanted: Binding) -> int:
-        """Return how many descriptors an open array gets: the capacity, or what the device leaves to each of them."""
+    def _room(self, bindings: Sequence[Binding], unsized: Binding) -> int:
+        """Return the length of an unsized array: the capacity, or its share of the device's limits if that is less."""
         room = self.capacity
-        names = _OPEN[wanted.kind][0] if wanted.kind in _OPEN else ()
+        names = _OPEN[unsized.kind][0] if unsized.kind in _OPEN else ()
         for limit, counted in (
             *((f"maxPerStageDescriptorUpdateAfterBind{name}", name) for name in names),
             *((f"maxDescriptorSetUpdateAfterBind{name}", name) for name in names),
             ("maxPerStageUpdateAfterBindResources", ""),
             ("maxUpdateAfterBindDescriptorsInAllPools", ""),
         ):
-            same = [one for one in bindings if not counted or counted in _OPEN.get(one.kind, ((), ""))[0]]
-            left = getattr(self._indexing, limit) - _RESERVED - sum(one.count for one in same)
-            room = min(room, left // sum(one.count == 0 for one in same))
+            same = [
+                entry for entry in bindings if not counted or counted in _OPEN.get(entry.kind, ((), ""))[0]
+            ]
+            left = getattr(self._indexing, limit) - _RESERVED - sum(entry.count for entry in same)
+            room = min(room, left // sum(entry.count == 0 for entry in same))
         return max(room, 1)
 
     def _handle(
@@ -193,7 +197,7 @@ class Layouts:
         return self._sets[key]
 
     def _flags(self, bindings: Sequence[Binding], binding: Binding) -> int:
-        """Return the binding flags of one binding: an open array has gaps, and is written while it is bound."""
+        """Return the binding flags of one binding: an unsized array has gaps, and is written while it is bound."""
         if binding.count:
             return 0
         flags: int = vk.VK_DESCRIPTOR_BINDING_PARTIALLY_BOUND_BIT
@@ -206,8 +210,8 @@ class Layouts:
         return flags
 
     def _enabled(self, bit: str) -> bool:
-        asked = (*vf.OPTIONAL["bindless"].bits, *vf.EXTRA_BITS)
-        return (vf.V12, bit) in asked and (vf.V12, bit) in self._device.physical.bits
+        requested = (*vf.OPTIONAL["bindless"].bits, *vf.EXTRA_BITS)
+        return (vf.V12, bit) in requested and (vf.V12, bit) in self._device.physical.bits
 
     def close(self) -> None:
         """Free every layout."""
@@ -220,4 +224,4 @@ class Layouts:
 
 
 def _titled(signature: Signature) -> str:
-    return ", ".join(f"set {number}" for number, one in enumerate(signature.sets) if one) or "no sets"
+    return ", ".join(f"set {number}" for number, entry in enumerate(signature.sets) if entry) or "no sets"

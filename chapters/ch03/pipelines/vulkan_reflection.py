@@ -1,9 +1,9 @@
-"""Reflection: what the stages of a pipeline declare, merged into the signature that its layout must have.
+"""Reflection: the declarations of a pipeline's stages, merged into the signature of its layout.
 
-Which descriptors the sets of a pipeline hold and how many bytes of push constants it takes is in the SPIR-V already;
-so nobody writes it down a second time. `merge` brings the stages together and finds out whether they agree. One thing
-SPIR-V does not say is whether a buffer's offset comes with the bind: a name that begins with `dyn_` says so here, or
-`dynamic`, a list of names. From a signature `pipelines.vulkan_layouts` makes the objects.
+SPIR-V already contains the descriptors of each set and the size of the push constants, so no other code repeats them.
+`merge` combines the stages and checks that they agree. SPIR-V has no dynamic buffers, whose offset is given at each
+bind: a buffer is dynamic if its name begins with `dyn_`, or is in the list `dynamic`. `pipelines.vulkan_layouts`
+creates the Vulkan objects from a signature.
 """
 
 from __future__ import annotations
@@ -46,13 +46,13 @@ _DYNAMIC: dict[Kind, Kind] = {"uniform": "dynamic uniform", "storage": "dynamic 
 
 @lru_cache(256)
 def parse(code: bytes, constants: tuple[tuple[int, Number], ...] = ()) -> Module:
-    """Return what a module declares, with these values of its constants; many pipelines share a stage."""
+    """Return the declarations of a module with these values of its constants; cached, since pipelines share stages."""
     return parser.parse(code, dict(constants))
 
 
 @dataclass(frozen=True)
 class Binding:
-    """One binding of a set. `count` is 0 for an array with an open end; `stages` are those that declare it."""
+    """One binding of a set. `count` is 0 for an unsized array; `stages` are those that declare it."""
 
     number: int
     kind: Kind
@@ -63,7 +63,7 @@ class Binding:
 
 @dataclass(frozen=True)
 class Push:
-    """The bytes of push constants that a pipeline takes, and the stages that read them."""
+    """The range of push constants of a pipeline, in bytes, and the stages that read them."""
 
     offset: int
     size: int
@@ -72,7 +72,7 @@ class Push:
 
 @dataclass(frozen=True)
 class Signature:
-    """What the stages of a pipeline ask for together. `sets` is by number; a set that no stage uses is empty."""
+    """The bindings and push constants of all stages of a pipeline. `sets` is by number; an unused set is empty."""
 
     sets: tuple[tuple[Binding, ...], ...]
     push: Push | None
@@ -81,7 +81,7 @@ class Signature:
 
 @dataclass(frozen=True)
 class Stage:
-    """One stage of a pipeline: its SPIR-V, the text that it was made from, its specialization constants by id."""
+    """One stage of a pipeline: its SPIR-V, its source text, and the values of specialization constants by id."""
 
     code: bytes
     source: ShaderSource | None = None
@@ -89,7 +89,7 @@ class Stage:
 
     @property
     def module(self) -> Module:
-        """What the stage declares, with the values that its constants have."""
+        """The declarations of the stage, with the values of its constants."""
         try:
             return parse(self.code, self.constants)
         except SpirvError as error:
@@ -99,7 +99,7 @@ class Stage:
 
     @property
     def name(self) -> str:
-        """The stage, as the suffix of a shader file says it."""
+        """The stage, as the suffix of a shader file."""
         return self.module.entries[0].stage
 
 
@@ -107,38 +107,40 @@ class Stage:
 
 
 def merge(stages: Sequence[Stage], dynamic: Collection[str] = ()) -> Signature:
-    """Return what the stages of one pipeline ask for together; their order makes no difference.
+    """Return the signature of a pipeline with these stages, in any order.
 
-    `dynamic` names buffers whose offset comes with the bind, beside those that begin with `dyn_`. Raises ShaderError,
-    with the file and line of both declarations, where two stages disagree about a binding.
+    `dynamic` names buffers whose offset is given at each bind, besides those that begin with `dyn_`. Raises
+    ShaderError, with the file and line of both declarations, if two stages disagree about a binding.
     """
     stages = sorted(stages, key=lambda stage: (_ORDER.index(stage.name), stage.code))
-    found: dict[tuple[int, int], tuple[Stage, Resource]] = {}
+    declaring: dict[tuple[int, int], tuple[Stage, Resource]] = {}
     seen: dict[tuple[int, int], int] = {}
-    moving: set[tuple[int, int]] = set()
+    dynamic_places: set[tuple[int, int]] = set()
     names: set[str] = set()
     for stage in stages:
         for resource in stage.module.resources:
             place = resource.set, resource.binding
-            first_stage, first = found.setdefault(place, (stage, resource))
+            first_stage, first = declaring.setdefault(place, (stage, resource))
             joined = _joined(first, resource, stage is first_stage)
             if joined is None:
                 raise _disagreement(first_stage, first, stage, resource)
-            found[place] = first_stage, joined
+            declaring[place] = first_stage, joined
             seen[place] = seen.get(place, 0) | STAGES[stage.name]
             if resource.block:
                 own = {resource.name, resource.type} - {""}
                 names |= own
                 if any(name in dynamic or name.startswith("dyn_") for name in own):
-                    moving.add(place)
+                    dynamic_places.add(place)
     for name in dynamic:
         if name not in names:
             raise ShaderError(f"No stage has a buffer '{name}' that could be dynamic{_near(name, names)}")
-    sets: list[list[Binding]] = [[] for _ in range(max((set_ + 1 for set_, _ in found), default=0))]
-    for place in sorted(found):
-        one = found[place][1]
-        kind = _DYNAMIC[one.kind] if place in moving else one.kind
-        sets[place[0]].append(Binding(place[1], kind, one.count, one.name or one.type, seen[place]))
+    sets: list[list[Binding]] = [[] for _ in range(max((set_ + 1 for set_, _ in declaring), default=0))]
+    for place in sorted(declaring):
+        declaration = declaring[place][1]
+        kind = _DYNAMIC[declaration.kind] if place in dynamic_places else declaration.kind
+        sets[place[0]].append(
+            Binding(place[1], kind, declaration.count, declaration.name or declaration.type, seen[place])
+        )
     return Signature(
         tuple(tuple(bindings) for bindings in sets),
         _push(stages),
@@ -147,18 +149,18 @@ def merge(stages: Sequence[Stage], dynamic: Collection[str] = ()) -> Signature:
 
 
 def _joined(first: Resource, other: Resource, same_stage: bool) -> Resource | None:
-    """Return what two variables at one place are together, or None where they disagree.
+    """Return the combination of two variables at one binding, or None if they disagree.
 
-    In one stage names may share a place, as `sampler2D t[]` and `sampler3D u[]` do, and of blocks that do the larger
-    counts. An open array takes one with a length in: where a stage only indexes an array by constants, the compiler has
-    given it the length that those need.
+    Within a stage several names may share a binding, as `sampler2D t[]` and `sampler3D u[]` do; of several blocks the
+    larger one counts. An unsized array and an array with a length combine to an unsized one: if a stage indexes an
+    array only by constants, the compiler gives the array a length.
     """
     if first.kind != other.kind or (first.count != other.count and 0 not in (first.count, other.count)):
         return None
     if first.block and other.block and first.block.size != other.block.size:
         if not same_stage:
             return None
-        first = max(first, other, key=lambda one: one.block.size if one.block else 0)
+        first = max(first, other, key=lambda declaration: declaration.block.size if declaration.block else 0)
     return replace(first, count=min(first.count, other.count))
 
 
@@ -168,7 +170,7 @@ def _near(name: str, names: Collection[str]) -> str:
 
 
 def _push(stages: Sequence[Stage]) -> Push | None:
-    """Return one range for all stages: whoever pushes must name every stage of a range that he touches anyway."""
+    """Return one range for all stages: vkCmdPushConstants must name every stage of a range that it writes anyway."""
     blocks = [(stage, block) for stage in stages if (block := stage.module.push)]
     if not blocks:
         return None
@@ -177,13 +179,16 @@ def _push(stages: Sequence[Stage]) -> Push | None:
     return Push(first, last - first, sum({STAGES[stage.name] for stage, _ in blocks}))
 
 
-# --- where things are declared ------------------------------------------------------------------------------
+# --- places of declarations ---------------------------------------------------------------------------------
 
 
-def _disagreement(stage: Stage, one: Resource, other_stage: Stage, other: Resource) -> ShaderError:
-    files = [path for found in (stage, other_stage) if found.source for path in found.source.paths]
+def _disagreement(stage: Stage, declaration: Resource, other_stage: Stage, other: Resource) -> ShaderError:
+    files = [
+        path for declaring in (stage, other_stage) if declaring.source for path in declaring.source.paths
+    ]
     return ShaderError(
-        f"Set {one.set}, binding {one.binding} is {_described(one)} in {declared_at(stage, one)} and "
+        f"Set {declaration.set}, binding {declaration.binding} is {_described(declaration)} in "
+        f"{declared_at(stage, declaration)} and "
         f"{_described(other)} in {declared_at(other_stage, other)}: declare the same in both, or give one of them "
         "another binding.",
         files,
@@ -205,13 +210,13 @@ def _described(resource: Resource) -> str:
 
 
 def declared_at(stage: Stage, resource: Resource) -> str:
-    """Return "file:line" of a declaration, with the shader's name where an include has it."""
+    """Return "file:line" of a declaration, or "shader (file:line)" if it is in an include."""
     word = re.escape(resource.type if resource.block else resource.name)
     return _place(stage, rf"\b(?:uniform|buffer)\b[^;{{}}()]*\b{word}\b", {resource.set, resource.binding})
 
 
 def _place(stage: Stage, pattern: str, numbers: set[int]) -> str:
-    """Return where `pattern` stands in a stage's text, at best behind a layout with all of `numbers`."""
+    """Return the place of `pattern` in a stage's text, preferably after a layout with all of `numbers`."""
     if stage.source is None:
         return f"the .{stage.name} shader"
     places = []
@@ -219,7 +224,7 @@ def _place(stage: Stage, pattern: str, numbers: set[int]) -> str:
         text = "\n".join(line.partition("//")[0] for line in file.lines)
         for match in re.finditer(pattern, text):
             layout = text[max(text.rfind(end, 0, match.start()) for end in ";}") + 1 : match.start()]
-            # One name may be declared under several conditions: the one that writes these numbers is meant.
+            # A name may be declared under several conditions: prefer the declaration with these numbers.
             fits = numbers <= {int(number) for number in re.findall(r"\d+", layout)}
             places.append((not fits, file.name, text.count("\n", 0, match.start()) + 1))
     if not places:
@@ -230,7 +235,7 @@ def _place(stage: Stage, pattern: str, numbers: set[int]) -> str:
 
 
 def check_pulled(stage: Stage) -> None:
-    """Raise ShaderError where a vertex shader expects to be fed from vertex buffers."""
+    """Raise ShaderError if a vertex shader has inputs from vertex buffers."""
     if stage.name == "vert" and stage.module.inputs:
         location, name = stage.module.inputs[0]
         place = _place(stage, rf"\bin\b[^;{{}}()]*\b{re.escape(name)}\b", {location})
@@ -244,24 +249,29 @@ def check_pulled(stage: Stage) -> None:
 # --- specialization -----------------------------------------------------------------------------------------
 
 
-def chosen(stages: Sequence[Stage], wanted: Mapping[str | int, Number]) -> list[Stage]:
-    """Return the stages with values for the specialization constants that they have, by name or by id.
+def chosen(stages: Sequence[Stage], values: Mapping[str | int, Number]) -> list[Stage]:
+    """Return the stages with these values of their specialization constants, by name or by id.
 
     Raises ShaderError for a constant that no stage has.
     """
-    known = {key for stage in stages for one in stage.module.constants for key in (one.name, one.id)}
-    for key in wanted:
-        if key not in known:
-            names = {str(name) for name in known if name != "" and not isinstance(name, int)}
+    constant_keys = {
+        key
+        for stage in stages
+        for declaration in stage.module.constants
+        for key in (declaration.name, declaration.id)
+    }
+    for key in values:
+        if key not in constant_keys:
+            names = {str(name) for name in constant_keys if name != "" and not isinstance(name, int)}
             raise ShaderError(f"No stage has a specialization constant {key!r}{_near(str(key), names)}")
     return [
         replace(
             stage,
             constants=tuple(
-                (one.id, wanted[key])
-                for one in stage.module.constants
-                for key in (one.id, one.name)
-                if key in wanted
+                (declaration.id, values[key])
+                for declaration in stage.module.constants
+                for key in (declaration.id, declaration.name)
+                if key in values
             ),
         )
         for stage in stages

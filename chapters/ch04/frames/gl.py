@@ -1,7 +1,7 @@
 """Frames in flight: the CPU prepares one frame while the GPU draws another.
 
-OpenGL queues calls by itself, but mapped memory it does not protect: whatever the CPU writes for a frame exists once
-per slot, and a slot's fence tells when the GPU has left it.
+OpenGL queues calls itself, but it does not protect mapped memory. So memory that the CPU writes for a frame exists once
+per slot. The CPU writes it again only after the slot's fence is signalled: the GPU has then finished the frame.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from .frame import SLOTS, FrameRing
 
 
 class FrameSlot:
-    """What belongs to one frame in flight: its timestamps, and the fence behind its last call."""
+    """A frame slot: the timestamps of one frame in flight, and the fence after its last call."""
 
     def __init__(self, context: Context, index: int) -> None:
         self.index = index
@@ -28,21 +28,21 @@ class FrameSlot:
 
 
 class Frames(FrameRing):
-    """The ring of slots. `begin` gives the next slot once the GPU has left it, `submit` ends its calls."""
+    """The ring of frame slots. `begin` waits for the next slot and returns it; `submit` ends the slot's calls."""
 
     def __init__(self, context: Context) -> None:
         self._context = context
         self.slots = [FrameSlot(context, index) for index in range(SLOTS)]
 
     def begin(self) -> FrameSlot:
-        """Return the slot for the next frame."""
+        """Return the slot for the next frame, after the GPU has finished with it."""
         slot = self.slots[self.number % SLOTS]
         self.wait(slot)
         slot.number = self.number
         return slot
 
     def submit(self, slot: FrameSlot) -> None:
-        """Note that the frame's calls are made, and send them off; nothing is waited for."""
+        """Set the fence after the frame's calls and flush them to the GPU, without waiting."""
         slot.fence = Fence(self._context)
         self._context.fn.glFlush()
         self.number += 1

@@ -1,7 +1,7 @@
 """Recording: a thin, fast layer over one command buffer, with the loop that turns lists of draws into commands.
 
-Every struct that a frame needs is built once and used again. What a draw is stands in a buffer that the GPU reads
-(`VkDrawIndexedIndirectCommand`), so recording costs a call per state and nothing per object.
+Every struct that a frame needs is built once and reused. The GPU reads the arguments of draws from a buffer
+(`VkDrawIndexedIndirectCommand`), so recording costs one call per state and nothing per object.
 """
 
 from __future__ import annotations
@@ -45,16 +45,16 @@ class Rendering:
                 kind = "uint32" if color.format.endswith("ui") else "float32"
                 value = {"color": {kind: list(clear_color)}}
             attachments = [self._attachment(color, vk.VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL, value)]
-        held = None
+        depth_attachment = None
         if depth is not None:
             value = {} if clear_depth is None else {"depthStencil": {"depth": clear_depth}}
-            held = self._attachment(depth, vk.VK_IMAGE_LAYOUT_DEPTH_ATTACHMENT_OPTIMAL, value)
+            depth_attachment = self._attachment(depth, vk.VK_IMAGE_LAYOUT_DEPTH_ATTACHMENT_OPTIMAL, value)
         self.info = vk.new(
             "VkRenderingInfo",
             renderArea={"extent": {"width": size[0], "height": size[1]}},
             layerCount=1,
             pColorAttachments=attachments,
-            pDepthAttachment=held,
+            pDepthAttachment=depth_attachment,
         )
 
     @staticmethod
@@ -84,22 +84,22 @@ class Commands:
         self._most = int(device.limits.maxDrawIndirectCount)
 
     def begin(self, slot: FrameSlot) -> None:
-        """Record into `slot` from here on, with all counters at zero."""
+        """Start recording into the commands of `slot`, with all counters at zero."""
         self.slot = slot
         self.handle = slot.commands
         self.work = {"draws": 0, "draw_calls": 0, "triangles": 0, "pipeline_binds": 0, "descriptor_binds": 0}
 
     def close(self) -> None:
-        """Free nothing: buffers go with their slots."""
+        """Free nothing: the slots own the command buffers."""
 
-    # --- around passes: the renderer's ---
+    # --- around passes: called by the renderer ---
 
     def barrier(self, dependency: Any) -> None:
         """Record a VkDependencyInfo made by `backends.vulkan.barriers.barriers`."""
         self._fn.vkCmdPipelineBarrier2(self.handle, dependency)
 
     def begin_label(self, name: str) -> None:
-        """Open a label: validation messages, captures and traces show it as the pass."""
+        """Open a label: validation messages, captures and traces show it as the name of the pass."""
         if self._labels:
             info = self._label_infos.get(name)
             if info is None:
@@ -132,10 +132,10 @@ class Commands:
             self._states[size] = viewport, vk.new("VkRect2D", extent={"width": size[0], "height": size[1]})
         return self._states[size]
 
-    # --- within passes ---
+    # --- within passes: called by the passes ---
 
     def bind_pipeline(self, pipeline: Built, cull: bool = False, front: Front = "counter_clockwise") -> None:
-        """Bind a pipeline and set its dynamic state; `cull` leaves out back faces."""
+        """Bind a pipeline and set its dynamic state; `cull` discards back faces."""
         self._fn.vkCmdBindPipeline(self.handle, _GRAPHICS, pipeline.handle)
         self._fn.vkCmdSetCullMode(self.handle, vk.VK_CULL_MODE_BACK_BIT if cull else vk.VK_CULL_MODE_NONE)
         self._fn.vkCmdSetFrontFace(self.handle, _FRONT_FACES[front])
@@ -150,7 +150,7 @@ class Commands:
         self.work["descriptor_binds"] += 1
 
     def draw_fullscreen(self, pipeline: Built, scene: SceneBinding | None = None) -> None:
-        """Draw the one triangle of `fullscreen.vert`, with the set of the scene if given, and that of the sources."""
+        """Draw the one triangle of `fullscreen.vert`, with the sets of the scene, if given, and of the sources."""
         self.bind_pipeline(pipeline)
         if scene is not None and pipeline.sets[0] is not None:
             self.bind_set(pipeline, 0, scene.frame)
@@ -159,7 +159,7 @@ class Commands:
         self.draw_triangle()
 
     def draw_triangle(self) -> None:
-        """Draw three vertices with what is bound."""
+        """Draw three vertices with the bound pipeline and sets."""
         self._fn.vkCmdDraw(self.handle, 3, 1, 0, 0)
         self.work["draws"] += 1
         self.work["draw_calls"] += 1
@@ -182,7 +182,7 @@ class Commands:
                 self.bind_pipeline(pipeline, group.cull, group.front)
                 bound = state
             if pipeline.layout != layout:
-                # Sets stay bound as long as the layout does.
+                # Sets stay bound while the layout stays the same.
                 layout, sets = pipeline.layout, (None, None)
                 self.bind_set(pipeline, 0, scene.frame)
             page_set, indices = group.page
@@ -200,8 +200,8 @@ class Commands:
     def _draw(self, records: Buffer, first: int, count: int) -> None:
         if not self._multi_draw:
             draw, handle = self._fn.vkCmdDrawIndexed, self.handle
-            for one in records.view(COMMAND)[first : first + count].tolist():
-                draw(handle, *one)
+            for record in records.view(COMMAND)[first : first + count].tolist():
+                draw(handle, *record)
             self.work["draw_calls"] += count
             return
         size, end = COMMAND.itemsize, first + count

@@ -1,4 +1,4 @@
-"""What is asked of passes and outputs before they become a graph, each mistake in a sentence."""
+"""Checks of passes and outputs before they become a graph; each error is one sentence."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ STORED = {
 
 
 def check_name(name: Any, known: Collection[str]) -> None:
-    """Raise GraphError unless a pass is called `name`."""
+    """Raise GraphError unless `name` is the name of a pass."""
     if not isinstance(name, str):
         raise GraphError(f"{name!r} is no name of a pass: there are {', '.join(sorted(known))}.")
     if name not in known:
@@ -31,37 +31,37 @@ def check_name(name: Any, known: Collection[str]) -> None:
 
 
 def check_readers(readers: Any, known: Collection[str]) -> None:
-    """Raise GraphError unless `readers` says by pass which name it reads in place of which."""
+    """Raise GraphError unless `readers` has, by pass, new names by old ones."""
     good = isinstance(readers, Mapping) and all(
-        isinstance(names, Mapping) and all(isinstance(one, str) for pair in names.items() for one in pair)
+        isinstance(names, Mapping) and all(isinstance(name, str) for pair in names.items() for name in pair)
         for names in readers.values()
     )
     if not good:
         raise GraphError(
-            f'{readers!r} does not say who reads what: write {{"tonemap": {{"color_focused": "color_sharp"}}}}.'
+            f'{readers!r} has no names by pass and old name: write {{"tonemap": {{"color_focused": "color_sharp"}}}}.'
         )
     for reader in readers:
         check_name(reader, known)
 
 
-def check_pass(made: Any, formats: Collection[str]) -> None:
-    """Raise GraphError unless `made` is a pass, and declares what can be."""
-    if not isinstance(made, Pass):
+def check_pass(pass_: Any, formats: Collection[str]) -> None:
+    """Raise GraphError unless `pass_` is a pass with valid declarations."""
+    if not isinstance(pass_, Pass):
         raise GraphError(
-            f"{made!r} is no pass: derive its class from backends.contract.Pass, and make one of it."
+            f"{pass_!r} is no pass: derive its class from backends.contract.Pass, and make one of it."
         )
-    name = getattr(made, "name", None)
+    name = getattr(pass_, "name", None)
     if not isinstance(name, str) or not name:
-        raise GraphError(f"A pass of {type(made).__name__} has no name.")
-    for what, declared in (("reads", made.reads), ("writes", made.writes)):
-        if not isinstance(declared, tuple) or not all(isinstance(one, Access) for one in declared):
+        raise GraphError(f"A pass of {type(pass_).__name__} has no name.")
+    for what, declared in (("reads", pass_.reads), ("writes", pass_.writes)):
+        if not isinstance(declared, tuple) or not all(isinstance(access, Access) for access in declared):
             raise GraphError(f"The pass '{name}' does not say what it {what}: give a tuple of Access.")
         for access in declared:
             check_access(access, name, formats)
 
 
 def check_access(access: Access, name: str, formats: Collection[str]) -> None:
-    """Raise GraphError for a declared access that nothing can have."""
+    """Raise GraphError for an invalid access."""
     said = f"The pass '{name}' declares '{access.resource}'"
     if access.use not in USES:
         raise GraphError(_ended(f"{said} as '{access.use}', which is no use{suggest(str(access.use), USES)}"))
@@ -77,14 +77,14 @@ def check_access(access: Access, name: str, formats: Collection[str]) -> None:
         )
 
 
-def check_output(output: str, name: str, made: Access, size: tuple[int, int]) -> None:
-    """Raise GraphError where what is behind an output of a frame cannot be read as that; `made` is its first access."""
+def check_output(output: str, name: str, written: Access, size: tuple[int, int]) -> None:
+    """Raise GraphError if a resource cannot be read as `output`; `written` is its first access."""
     known = STORED.get(output)
-    if known is not None and made.format not in known:
+    if known is not None and written.format not in known:
         raise GraphError(
-            f"The output '{output}' cannot be '{name}' in {made.format}: it is read as {' or '.join(known)}."
+            f"The output '{output}' cannot be '{name}' in {written.format}: it is read as {' or '.join(known)}."
         )
-    if made.scale != 1.0 or made.size not in (None, size) or made.samples > 1:
+    if written.scale != 1.0 or written.size not in (None, size) or written.samples > 1:
         raise GraphError(
             f"The output '{output}' cannot be '{name}': that is not as large as the picture, or has samples."
         )

@@ -1,4 +1,4 @@
-"""Fields of a graph's file: values of JSON that are asked for what they should be, and say where they are not."""
+"""Fields of a graph file: JSON values that are read by type, with their place in each error."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]{0,63}")
 
 @dataclass(frozen=True)
 class Field:
-    """A value of the file; `path` says which one, as "passes[2].format.color_lit"."""
+    """A value of the file; `path` is its place, such as "passes[2].format.color_lit"."""
 
     file: Path
     text: str
@@ -54,14 +54,14 @@ class Field:
 
     def members(self, known: Collection[str] | None = None) -> dict[str, Field]:
         """Return an object's values by key; raise GraphError for a key that is not `known`."""
-        found = {}
+        fields = {}
         for key, value in self._is(dict, "an object, {...}").items():
             shown = key if _NAME.fullmatch(key) else brief(key)
             inner = Field(self.file, self.text, f"{self.path}.{shown}".lstrip("."), value)
             if known is not None and key not in known:
                 raise inner.wrong_key(f"is no key of this{suggest(key, known)}")
-            found[key] = inner
-        return found
+            fields[key] = inner
+        return fields
 
     def items(self) -> list[Field]:
         """Return a list's values."""
@@ -83,10 +83,10 @@ class Field:
 
     def names(self) -> dict[str, Field]:
         """Return an object whose values are names."""
-        found = self.members()
-        for inner in found.values():
+        fields = self.members()
+        for inner in fields.values():
             inner.name()
-        return found
+        return fields
 
     def flag(self) -> bool:
         """Return true or false."""

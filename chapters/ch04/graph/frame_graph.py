@@ -1,14 +1,14 @@
-"""The frame graph: from what passes declare to a frame in which every pass runs at the right moment, or not at all.
+"""The frame graph: compiles the declarations of passes into a frame with an order, memory and barriers.
 
-    connect      names become edges; passes that the frame does not need fall out        graph/names.py
-    order        one that all edges allow, with few changes of layout                    graph/order.py
-    resources    what lies behind the names, with formats and sizes                      here
-    memory       resources that are never alive together share bytes                     graph/memory/placement.py
-    barriers     between writing and reading, and nowhere else                           graph/sync/barriers.py
-    steps        for each pass its barriers, and what its targets begin and end with     here
+    connect      names become edges; passes that the frame does not need are left out    graph/names.py
+    order        a topological order with few layout transitions                         graph/order.py
+    resources    the images and buffers of the names, with formats and sizes             here
+    memory       resources with disjoint lifetimes share memory                          graph/memory/placement.py
+    barriers     between dependent touches only                                          graph/sync/barriers.py
+    steps        for each pass its barriers, and load and store operations               here
 
-Nothing here knows a graphics API: a backend carries the steps out, and tells what memory a resource asks for. Compiling
-happens when the structure changes (a pass comes or goes, the size is another one), never in a frame.
+This code is independent of the graphics API: a backend executes the steps, and states the memory requirements of
+resources. The graph is compiled when its structure changes (a pass comes or goes, or the size changes), not per frame.
 """
 
 from __future__ import annotations
@@ -48,12 +48,12 @@ def compile_graph(
     alias: bool = True,
     keep: Collection[str] = (),
 ) -> Graph:
-    """Compile a frame of `size` pixels; in which order the nodes are declared makes no difference.
+    """Compile a frame of `size` pixels; the order of the nodes in `nodes` does not matter.
 
-    `outputs` are the names that somebody wants after the frame, or what he calls them with the name behind each;
-    `externals` are resources that somebody else made. `requirements` tells what memory a resource asks for (without
-    it: its texels). `alias` lets transients share memory; those that `keep` names never do, and are there after the
-    frame. Raises GraphError, one sentence that names who is to blame.
+    `outputs` are the names that are needed after the frame, or a mapping from outputs to names.
+    `externals` are resources with another owner. `requirements` returns the memory requirements of a resource (by
+    default the size of its texels). `alias` lets transients share memory; the resources in `keep` never do, and are
+    still valid after the frame. Raises GraphError with one sentence that names the passes.
     """
     externals = externals or {}
     asked = dict(outputs) if isinstance(outputs, Mapping) else {name: name for name in outputs}
@@ -101,11 +101,11 @@ def compile_graph(
 
 
 class _Found:
-    """What the declarations say about one resource, gathered over all of its names."""
+    """The declarations of one resource, gathered over all of its names."""
 
     def __init__(self) -> None:
         self.names: list[str] = []
-        self.made: Access | None = None
+        self.first_write: Access | None = None
         self.uses: set[str] = set()
         self.drawn = self.previous = False
 
@@ -113,35 +113,35 @@ class _Found:
 def _resources(
     wiring: Wiring, size: tuple[int, int], externals: Mapping[str, External], keep: Collection[str]
 ) -> tuple[dict[str, Resource], dict[str, dict[str, Touch]]]:
-    """Return the resources by name, and by pass how it touches each of them."""
-    found: dict[str, _Found] = {}
+    """Return the resources by name, and for each pass its touch of each resource."""
+    gathered: dict[str, _Found] = {}
     for node in wiring.nodes:
         for access, writes in (*((a, False) for a in node.reads), *((a, True) for a in node.writes)):
-            one = found.setdefault(wiring.roots[access.resource], _Found())
-            one.uses.add(f"copy_{'target' if writes else 'source'}" if access.use == "copy" else access.use)
-            one.drawn |= writes and access.use in ("color", "depth")
-            one.previous |= access.previous
-            if access.resource not in one.names:
-                one.names.append(access.resource)
+            facts = gathered.setdefault(wiring.roots[access.resource], _Found())
+            facts.uses.add(f"copy_{'target' if writes else 'source'}" if access.use == "copy" else access.use)
+            facts.drawn |= writes and access.use in ("color", "depth")
+            facts.previous |= access.previous
+            if access.resource not in facts.names:
+                facts.names.append(access.resource)
             if writes and not access.of:
-                one.made = access
+                facts.first_write = access
     kept = {wiring.roots[name] for name in wiring.outputs.values()}
     kept |= {wiring.names[name] for name in keep if name in wiring.names}
     resources = {
-        name: _resource(name, one, size, externals.get(name), name in kept)
-        for name, one in sorted(found.items())
+        name: _resource(name, facts, size, externals.get(name), name in kept)
+        for name, facts in sorted(gathered.items())
     }
     touches = {node.name: _touches(node, wiring, resources) for node in wiring.nodes}
     return resources, touches
 
 
 def _resource(
-    name: str, found: _Found, size: tuple[int, int], external: External | None, kept: bool
+    name: str, facts: _Found, size: tuple[int, int], external: External | None, kept: bool
 ) -> Resource:
-    names = tuple(sorted(found.names, key=lambda one: (one != name, one)))
-    uses = frozenset(found.uses)
+    names = tuple(sorted(facts.names, key=lambda alias: (alias != name, alias)))
+    uses = frozenset(facts.uses)
     if external is not None:
-        kind: Any = "buffer" if external.bytes else "attachment" if found.drawn else "texture"
+        kind: Any = "buffer" if external.bytes else "attachment" if facts.drawn else "texture"
         return Resource(
             name,
             names,
@@ -153,24 +153,29 @@ def _resource(
             external.samples,
             uses,
         )
-    made = found.made
-    assert made is not None, "a name without a writer was refused before"
-    life: Any = "history" if found.previous else "kept" if kept else "transient"
-    if made.bytes:
-        return Resource(name, names, "buffer", life, bytes=made.bytes, uses=uses)
-    if made.format is None:
-        raise GraphError(f"Nobody says which format '{name}' has.")
-    pixels = made.size or (max(1, round(size[0] * made.scale)), max(1, round(size[1] * made.scale)))
+    first_write = facts.first_write
+    assert first_write is not None, "a name without a writer was refused before"
+    life: Any = "history" if facts.previous else "kept" if kept else "transient"
+    if first_write.bytes:
+        return Resource(name, names, "buffer", life, bytes=first_write.bytes, uses=uses)
+    if first_write.format is None:
+        raise GraphError(f"No pass states the format of '{name}'.")
+    pixels = first_write.size or (
+        max(1, round(size[0] * first_write.scale)),
+        max(1, round(size[1] * first_write.scale)),
+    )
     if min(pixels) < 1:
         raise GraphError(
             f"'{name}' cannot have {pixels[0]}x{pixels[1]} pixels: each side must be 1 at least."
         )
-    kind = "attachment" if found.drawn else "texture"
-    return Resource(name, names, kind, life, made.format, pixels, samples=made.samples, uses=uses)
+    kind = "attachment" if facts.drawn else "texture"
+    return Resource(
+        name, names, kind, life, first_write.format, pixels, samples=first_write.samples, uses=uses
+    )
 
 
 def texels(resource: Resource) -> Requirement:
-    """Return what an image's texels or a buffer's bytes take, with nothing around them."""
+    """Return the size of an image's texels or a buffer's bytes, without padding."""
     if resource.kind == "buffer":
         return Requirement(resource.bytes, 256)
     assert resource.size is not None and resource.format is not None, "an image has both"
@@ -179,7 +184,7 @@ def texels(resource: Resource) -> Requirement:
 
 
 def bytes_of(format: str) -> int:
-    """Return the bytes of a texel by a format's name: its bits a channel, times its channels ('rgba16f': 8)."""
+    """Return the bytes of a texel from the name of its format: bits per channel times channels ('rgba16f': 8)."""
     packed = {"d32f": 4, "d16": 2, "rgb10a2": 4, "r11g11b10f": 4}
     if format in packed:
         return packed[format]
@@ -194,8 +199,8 @@ def bytes_of(format: str) -> int:
 
 
 def _touches(node: Node, wiring: Wiring, resources: Mapping[str, Resource]) -> dict[str, Touch]:
-    """Return how the pass touches each of its resources."""
-    found: dict[str, Touch] = {}
+    """Return the touch of each resource of the pass."""
+    touches: dict[str, Touch] = {}
     for access, writes in (*((a, False) for a in node.reads), *((a, True) for a in node.writes)):
         name = wiring.roots[access.resource]
         buffer = resources[name].kind == "buffer"
@@ -211,19 +216,19 @@ def _touches(node: Node, wiring: Wiring, resources: Mapping[str, Resource]) -> d
             )
         touch = touch_of(access, node.kind, writes, buffer)
         name += PREVIOUS * access.previous
-        both = merged(found[name], touch) if name in found else touch
+        both = merged(touches[name], touch) if name in touches else touch
         if both is None:
             raise GraphError(
                 f"'{node.name}' uses '{access.resource}' in two ways at once, of which each wants another layout."
             )
-        found[name] = both
-    return found
+        touches[name] = both
+    return touches
 
 
 def _step(
     node: Node, number: int, wiring: Wiring, resources: Mapping[str, Resource], ends: Mapping[str, int]
 ) -> Step:
-    """Return the pass with its targets; barriers come later."""
+    """Return the step of a pass with its attachments; barriers are added later."""
     colors: list[Attachment] = []
     depth: Attachment | None = None
     for access in node.writes:
@@ -254,9 +259,9 @@ def _step(
 def _size(
     node: Node, targets: Sequence[Attachment], wiring: Wiring, resources: Mapping[str, Resource]
 ) -> tuple[int, int] | None:
-    """Return the size of what the pass draws to, which all of its targets share; else of the first image it writes."""
-    for one in targets[1:]:
-        first, other = resources[targets[0].resource], resources[one.resource]
+    """Return the common size of the attachments; without attachments, that of the first image that the pass writes."""
+    for target in targets[1:]:
+        first, other = resources[targets[0].resource], resources[target.resource]
         if (first.size, first.samples) != (other.size, other.samples):
             raise GraphError(
                 f"'{node.name}' draws to '{first.name}' ({_shape(first)}) and '{other.name}' ({_shape(other)}): "

@@ -1,7 +1,7 @@
-"""JSON whose values know where they stand, so that an error about one can say file, line and column.
+"""A JSON parser whose values keep their places, so that errors about a value can name file, line and column.
 
-Python's own `json` gives places for what is no JSON, and none for a value that is well formed and wrong. So lists and
-objects are taken apart here, and only what is in them (texts, numbers, true, false, null) is left to it.
+Python's `json` has places for syntax errors, and none for values that are well formed and wrong. So this module parses
+lists and objects, and leaves strings, numbers, true, false and null to `json`.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from typing import NoReturn
 
 DEEPEST = 32
-"""Lists and objects inside one another: no file of ours needs more, and Python's stack has an end."""
+"""The depth of nested lists and objects: graph files need less, and Python's stack is limited."""
 
 _SPACE = re.compile(r"[ \t\n\r]*")
 
 
 class JsonError(ValueError):
-    """What is wrong with a text, and the index of the character at which it is."""
+    """A syntax error, and the index of its character."""
 
     def __init__(self, what: str, at: int) -> None:
         super().__init__(what)
@@ -35,24 +35,24 @@ class Value:
 
     @property
     def kind(self) -> str:
-        """What it is, as it is called in a sentence."""
+        """The type of the value, as a phrase for messages."""
         names = {bool: "true or false", int: "a number", float: "a number", str: "a text", tuple: "a list"}
         return "null" if self.content is None else names.get(type(self.content), "an object")
 
 
 def brief(value: object) -> str:
-    """Return how a value looks in a sentence, on one line of bounded length."""
+    """Return a value for a message, on one line of bounded length."""
     text = repr(value)
     return text if len(text) <= 40 else f"{text[:37]}..."
 
 
 def line_and_column(text: str, at: int) -> tuple[int, int]:
-    """Return both for the character of index `at`, counted from 1 as editors do."""
+    """Return line and column of the character of index `at`, counted from 1 as in editors."""
     return text.count("\n", 0, at) + 1, at - text.rfind("\n", 0, at)
 
 
 def parse(text: str) -> Value:
-    """Return the value that `text` is. Raises JsonError for anything else than one value."""
+    """Return the value of `text`. Raises JsonError unless it is one value."""
     return _Parser(text).whole()
 
 
@@ -61,7 +61,7 @@ def _no_number(word: str) -> NoReturn:
 
 
 class _Parser:
-    """Goes through a text once; `at` is the index of the next character."""
+    """Parses a text once; `at` is the index of the next character."""
 
     _decoder = json.JSONDecoder(parse_constant=_no_number)
 
@@ -77,9 +77,9 @@ class _Parser:
 
     def next(self) -> str:
         """Return the next character that is no space, without passing it; "" at the end."""
-        found = _SPACE.match(self.text, self.at)
-        assert found is not None, "it matches no space too"
-        self.at = found.end()
+        spaces = _SPACE.match(self.text, self.at)
+        assert spaces is not None, "it matches no space too"
+        self.at = spaces.end()
         return self.text[self.at : self.at + 1]
 
     def expect(self, what: str) -> bool:
@@ -87,13 +87,13 @@ class _Parser:
         sign = self.next()
         if not sign or sign not in what:
             self.refuse_comment()
-            wanted = " or ".join(repr(one) for one in what)
+            wanted = " or ".join(repr(sign) for sign in what)
             raise JsonError(f"{wanted} is missing before {self.seen()}", self.at)
         self.at += 1
         return sign == what[-1]
 
     def seen(self) -> str:
-        """Return what stands here, for a sentence."""
+        """Return the text at the current place, for a message."""
         word = re.match(r"\S{1,20}", self.text[self.at : self.at + 20])
         return repr(word[0]) if word else "the end of the file"
 
@@ -107,25 +107,25 @@ class _Parser:
             raise JsonError(f"more than {DEEPEST} lists and objects are inside one another", at)
         self.depth += 1
         self.at += 1
-        made = Value(self.members() if sign == "{" else self.items(), at, key_at)
+        value_ = Value(self.members() if sign == "{" else self.items(), at, key_at)
         self.depth -= 1
-        return made
+        return value_
 
     def items(self) -> tuple[Value, ...]:
-        """Pass what is in a list, and its end."""
-        found: list[Value] = []
+        """Pass the items of a list and its end; return them."""
+        items: list[Value] = []
         if self.next() == "]":
             self.at += 1
             return ()
         while True:
-            found.append(self.value())
+            items.append(self.value())
             if self.expect(",]"):
-                return tuple(found)
+                return tuple(items)
             self.refuse_end("]")
 
     def members(self) -> dict[str, Value]:
-        """Pass what is in an object, and its end. A key that comes twice is an error: one of them would be lost."""
-        found: dict[str, Value] = {}
+        """Pass the members of an object and its end; return them. A repeated key is an error."""
+        members: dict[str, Value] = {}
         if self.next() == "}":
             self.at += 1
             return {}
@@ -135,13 +135,13 @@ class _Parser:
                 raise JsonError(f"a key in double quotes is missing before {self.seen()}", self.at)
             at = self.at
             key = str(self.scalar())
-            if key in found:
-                line, _ = line_and_column(self.text, found[key].key_at)
+            if key in members:
+                line, _ = line_and_column(self.text, members[key].key_at)
                 raise JsonError(f"the key {brief(key)} is here twice, first in line {line}", at)
             self.expect(":")
-            found[key] = self.value(at)
+            members[key] = self.value(at)
             if self.expect(",}"):
-                return found
+                return members
             self.refuse_end("}")
 
     def refuse_comment(self) -> None:

@@ -1,8 +1,8 @@
-"""Who writes what others read: names become edges, and passes that lead to nothing fall out.
+"""Edges of the frame graph from the names that passes read and write; passes without effect are left out.
 
-Every name has one writer. A pass that is left out (the scene does not need it, or somebody switched it off) writes
-nothing; its readers then get what it says instead. Edges follow from the names alone, so the order in which passes are
-declared means nothing.
+Every name has one writer. A pass that is left out (the scene does not need it, or it is switched off) writes nothing;
+its readers then read the name in `Access.instead`. Edges follow from the names alone: the order in which passes are
+declared does not matter.
 
     depth_prepass -> depth -> gbuffer -> ... -> lighting -> color_lit
                                    transparent continues color_lit as color_hdr -> tonemap -> color
@@ -20,9 +20,9 @@ from .types import Edge, External, GraphError, Node
 
 @dataclass(frozen=True)
 class Wiring:
-    """Which passes are in the frame, in the order of their names, and how they hang together.
+    """The passes of the frame, sorted by name, and the edges between them.
 
-    `roots` says by name the first name of the same memory; `outputs` has the name behind each output that there is.
+    `roots` has for each name the first name of the same resource; `outputs` has the name of each available output.
     """
 
     nodes: tuple[Node, ...]
@@ -40,15 +40,15 @@ def connect(
     externals: Mapping[str, External],
     keep: Collection[str] = (),
 ) -> Wiring:
-    """Find the writer of everything that is read, and leave out the passes that no output needs.
+    """Find the writer of each name that is read, and leave out the passes that no output needs.
 
-    Raises GraphError, naming the passes, where a name has no writer or two, or where passes wait for each other.
+    Raises GraphError with the names of the passes if a name has no writer or two, or if passes form a cycle.
     """
     return _Connector(nodes, externals).connect(outputs, keep)
 
 
 def inputs(node: Node) -> Iterator[str]:
-    """Yield the names that `node` reads of this frame: what it declares to read, and what it goes on with."""
+    """Yield the names of this frame that a node reads: its declared reads, and the names that it continues."""
     yield from (access.resource for access in node.reads if not access.previous)
     yield from (access.of for access in node.writes if access.of)
 
@@ -61,8 +61,8 @@ class _Connector:
         self._left_out: dict[str, str] = {}
         self._instead: dict[
             str, tuple[str, str]
-        ] = {}  # name: (its writer, which is left out; what readers get)
-        self._absent: dict[str, list[str]] = {}  # all that would write a name
+        ] = {}  # name: (its writer, which is left out; the name that readers get)
+        self._absent: dict[str, list[str]] = {}  # name: all passes that would write it
         for node in sorted(nodes, key=lambda node: node.name):
             if node.name in self._nodes or node.name in self._left_out:
                 raise GraphError(f"Two passes are called '{node.name}': give one of them another name.")
@@ -83,11 +83,11 @@ class _Connector:
                     )
 
     def connect(self, outputs: Mapping[str, str], keep: Collection[str]) -> Wiring:
-        found = {output: self._resolve(name, f"output '{output}'") for output, name in outputs.items()}
+        resolved = {output: self._resolve(name, f"output '{output}'") for output, name in outputs.items()}
         self._nodes = {name: self._resolved(node) for name, node in self._nodes.items()}
-        live = self._live({name for name in found.values() if name})
+        live = self._live({name for name in resolved.values() if name})
         for name in self._nodes.keys() - live:
-            self._left_out[name] = "nobody reads what it writes"
+            self._left_out[name] = "no pass reads what it writes"
         nodes = tuple(node for name, node in self._nodes.items() if name in live)
         edges = tuple(self._edges(nodes))
         roots = self._roots(nodes)
@@ -100,16 +100,16 @@ class _Connector:
             nodes,
             edges,
             roots,
-            {output: name for output, name in found.items() if name in roots},
+            {output: name for output, name in resolved.items() if name in roots},
             names,
             dict(sorted(self._left_out.items())),
-            tuple(output for output, name in found.items() if name not in roots),
+            tuple(output for output, name in resolved.items() if name not in roots),
         )
 
     # --- names ---
 
     def _resolve(self, name: str, reader: str) -> str:
-        """Return the name that is there in place of `name`; "" if its writer is left out with nothing instead."""
+        """Return the name to read in place of `name`; "" if its writer is left out without a replacement."""
         seen: list[str] = []
         while name not in self._writer and name not in self._externals:
             if name not in self._instead:
@@ -130,24 +130,24 @@ class _Connector:
         return name
 
     def _resolved(self, node: Node) -> Node:
-        """Return the node with the names that there are; a name that is lost stays, until somebody needs it."""
+        """Return the node with replaced names; a lost name stays, and is an error only if the node is needed."""
         who = f"'{node.name}'"
-        found = node
+        resolved = node
         if any(access.resource not in self._writer for access in node.reads):
             reads = (replace(a, resource=self._resolve(a.resource, who) or a.resource) for a in node.reads)
-            found = replace(found, reads=tuple(reads))
+            resolved = replace(resolved, reads=tuple(reads))
         if any(access.of and access.of not in self._writer for access in node.writes):
             writes = (replace(a, of=a.of and (self._resolve(a.of, who) or a.of)) for a in node.writes)
-            found = replace(found, writes=tuple(writes))
-        for name in inputs(found):
+            resolved = replace(resolved, writes=tuple(writes))
+        for name in inputs(resolved):
             if self._writer.get(name) == node.name:
                 raise GraphError(f"{who} reads '{name}', which it writes itself.")
-        return found
+        return resolved
 
-    # --- who is needed ---
+    # --- needed passes ---
 
     def _live(self, outputs: Collection[str]) -> set[str]:
-        """Return the passes that an output, the outside or the next frame needs."""
+        """Return the passes that an output, an external or the next frame needs."""
         roots = self._roots([*self._nodes.values()]) if self._externals else {}
         waiting = [self._writer[name] for name in sorted(outputs) if name in self._writer]
         waiting += [node.name for node in self._nodes.values() if not node.writes]
@@ -164,7 +164,7 @@ class _Connector:
                 continue
             live.add(name)
             node = self._nodes[name]
-            # What the frame before wrote makes no edge, but its writer has to run in every frame.
+            # A history makes no edge within the frame, but its writer has to run in every frame.
             for read in (*inputs(node), *(access.resource for access in node.reads if access.previous)):
                 writer = self._writer.get(read)
                 if writer is not None:
@@ -180,7 +180,7 @@ class _Connector:
         writers = " and ".join(
             f"'{writer}' is left out ({self._left_out[writer]})" for writer in self._absent[absent]
         )
-        return f"'{node.name}' reads '{name}', which nobody writes: {writers}, with nothing in its place."
+        return f"'{node.name}' reads '{name}', which no pass writes: {writers}, with nothing in its place."
 
     # --- edges ---
 
@@ -200,7 +200,7 @@ class _Connector:
                             f"'{other}' and '{node.name}' both go on with '{access.of}': one has to go on with "
                             "what the other writes."
                         )
-        # Who still needs the old content reads it before it is written over.
+        # Readers of the old contents run before the pass that overwrites it.
         for name, writer in goes_on.items():
             for reader in readers[name]:
                 if reader != writer:
@@ -214,7 +214,7 @@ class _Connector:
                     )
 
     def _roots(self, nodes: Sequence[Node]) -> dict[str, str]:
-        """Return by name the first name of the same memory, for all that these nodes touch."""
+        """Return for each name of these nodes the first name of the same resource."""
         before = {access.resource: access.of for node in nodes for access in node.writes}
         touched = [name for node in nodes for name in inputs(node)]
         touched += [access.resource for node in nodes for access in (*node.reads, *node.writes)]

@@ -1,10 +1,10 @@
-"""Which passes make a frame: those that a graph file names, less what the scene does not need and what is switched off.
+"""The passes of a frame: those of a graph file, without the ones that are not needed or switched off.
 
     plan = FramePlan(file, passes, outputs, handed_on, formats)
     plan.switch("depth_of_field", False)
     graph = plan.compile(size, scene, settings, memory.requirement)
 
-The plan belongs to no backend: either one's passes declare the same, so the same file gives the same graph.
+The plan is independent of the backend: the same file gives the same graph on both.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ from .names import connect
 from .types import External, Graph, GraphError, Node, Requirements, Touch
 
 COPY = "copy outputs"
-"""The step in which outputs go to the CPU, or are left as a window copies them."""
+"""The step that copies outputs to the CPU and brings the picture into the layout for a window's copy."""
 
 OFF = "switched off"
 
 
 def graph_name(settings: Any) -> str:
-    """Return the graph that settings mean: "auto" is deferred, where that can show what is asked for.
+    """Return the graph that the settings select; "auto" means deferred if that graph can show the picture.
 
-    A G-buffer holds one surface a pixel, so several samples a pixel are the forward path's; and so are views, which
-    show a quantity of each surface while it is drawn.
+    A G-buffer holds one surface per pixel. So multisampling needs the forward graph, and so do views, which show a
+    quantity of each surface while it is drawn.
     """
     if settings.shading.view != PICTURE or (settings.graph.name == "auto" and settings.shading.msaa > 1):
         return "forward"
@@ -45,7 +45,7 @@ def graph_name(settings: Any) -> str:
 
 
 def check_samples(file: GraphFile, settings: Any) -> None:
-    """Raise UserError where a graph with a G-buffer is asked for several samples a pixel."""
+    """Raise UserError if a graph with a G-buffer should draw several samples per pixel."""
     if "gbuffer" in file.passes.values() and settings.shading.msaa > 1:
         raise UserError(
             f"{file.path.name} has a G-buffer, which holds one sample a pixel: set msaa=1, or graph=forward."
@@ -54,7 +54,7 @@ def check_samples(file: GraphFile, settings: Any) -> None:
 
 @dataclass(frozen=True)
 class Declared:
-    """A pass as a graph file asks for it."""
+    """The declarations of a pass, as a graph file needs them."""
 
     name: str
     reads: tuple[Access, ...]
@@ -65,8 +65,8 @@ class Declared:
 class FramePlan:
     """The passes of a frame, and the graph that follows from them.
 
-    `passes` are the chapter's by name, made but not created; `outputs` says by output from which name it is read,
-    `handed_on` which names somebody copies from after the frame.
+    `passes` are the passes of the chapter by name, before `create`. `outputs` has the name that each output is read
+    from; `handed_on` are the names that are copied after the frame.
     """
 
     def __init__(
@@ -79,23 +79,23 @@ class FramePlan:
     ) -> None:
         self._formats, self._asked = formats, (dict(outputs), frozenset(handed_on))
         self._off: dict[str, str] = {}
-        self._on: set[str] = set()  # although the file switches them off
+        self._on: set[str] = set()  # passes that the file switches off, and a user on
         self._inserted: dict[str, Pass] = {}
         self._swapped: dict[str, Pass] = {}
         self._readers: dict[str, Mapping[str, Mapping[str, str]]] = {}
         self.nodes: dict[str, Node] = {}
-        """The passes as they were compiled last, by the names of their steps."""
+        """The nodes of the last compilation, by the names of their steps."""
         self.shown = ""
-        """A name that is looked at: it shares memory with nobody."""
+        """The name that a user inspects: its resource shares no memory."""
         self.keeps_all = False
         self.kept: set[str] = set()
         self.externals: dict[str, External] = {}
-        """What they were compiled with."""
+        """The externals of the last compilation."""
         self.passes = dict(passes)
         self.follow(file)
 
     def follow(self, file: GraphFile) -> None:
-        """Have `file` describe the frame from now on; what was inserted, swapped and switched off stays so."""
+        """Use another graph file; inserted, swapped and switched-off passes stay so."""
         outputs, handed_on = self._asked
         self.file, self.title = file, file.title
         self._on.clear()
@@ -110,7 +110,7 @@ class FramePlan:
 
     @contextmanager
     def changing(self) -> Iterator[None]:
-        """Within, the plan may be changed; an exception leaves it as it was before."""
+        """Change the plan inside a `with` block; an exception restores it."""
         before = {name: shallow(value) for name, value in vars(self).items()}
         try:
             yield
@@ -120,12 +120,12 @@ class FramePlan:
 
     @property
     def switches(self) -> dict[str, bool]:
-        """Each pass of the file and what was inserted, and whether it is switched on."""
+        """For each pass of the file and each inserted pass: whether it is switched on."""
         off = self._off.keys() | (self.file.off - self._on)
         return {name: name not in off for name in (*self.file.passes, *self._inserted)}
 
     def switch(self, name: str, on: bool) -> None:
-        """Switch a pass on or off; GraphError where there is none of this name."""
+        """Switch a pass on or off; raise GraphError for an unknown name."""
         check_name(name, self.switches)
         self._off.pop(name, None)
         self._on.discard(name)
@@ -134,21 +134,21 @@ class FramePlan:
         else:
             self._off[name] = OFF
 
-    def insert(self, made: Pass, readers: Mapping[str, Mapping[str, str]] | None = None) -> None:
-        """Add a pass that the file does not name; where it runs follows from what it reads and writes.
+    def insert(self, pass_: Pass, readers: Mapping[str, Mapping[str, str]] | None = None) -> None:
+        """Add a pass that the file does not name; its reads and writes decide its place.
 
-        `readers` says, by the names of the graph, which passes read something else from now on:
+        `readers` has, for passes that read another name from now on, the new name by the old one:
         {"tonemap": {"color_focused": "color_sharp"}}.
         """
-        check_pass(made, self._formats)
-        if made.name in self.switches:
-            raise GraphError(f"There is a pass '{made.name}' already: give the new one another name.")
+        check_pass(pass_, self._formats)
+        if pass_.name in self.switches:
+            raise GraphError(f"There is a pass '{pass_.name}' already: give the new one another name.")
         check_readers(readers or {}, self.switches)
-        self._inserted[made.name] = made
-        self._readers[made.name] = readers or {}
+        self._inserted[pass_.name] = pass_
+        self._readers[pass_.name] = readers or {}
 
     def remove(self, name: str) -> None:
-        """Take out a pass that was inserted, and connect those that read it as they were."""
+        """Remove an inserted pass; its readers read their former names again."""
         check_name(name, self.switches)
         if name not in self._inserted:
             raise GraphError(f"No pass '{name}' was inserted: what is the file's own is switched off.")
@@ -156,29 +156,29 @@ class FramePlan:
         self._swapped.pop(name, None)
 
     def implementations(self) -> dict[str, Pass]:
-        """Return what draws, by the names of the steps."""
+        """Return the pass that carries out each step, by the name of the step."""
         own = {name: self.passes[of] for name, of in self.file.passes.items()} | self._inserted
-        return own | {name: made for name, made in self._swapped.items() if name in own}
+        return own | {name: pass_ for name, pass_ in self._swapped.items() if name in own}
 
-    def swap(self, name: str, made: Pass) -> None:
-        """Let `made` draw in place of pass `name`; it declares the same, and whether it is needed stays as it is."""
+    def swap(self, name: str, pass_: Pass) -> None:
+        """Let another pass draw in place of pass `name`. It must declare the same reads and writes."""
         check_name(name, self.switches)
-        check_pass(made, self._formats)
+        check_pass(pass_, self._formats)
         now = self.implementations()[name]
         for what in ("reads", "writes"):
-            old, new = (each.reads if what == "reads" else each.writes for each in (now, made))
+            old, new = (each.reads if what == "reads" else each.writes for each in (now, pass_))
             if old != new:
-                declared = [", ".join(one.resource for one in each) for each in (old, new)]
+                declared = [", ".join(access.resource for access in each) for each in (old, new)]
                 was, now_ = (text or "nothing" for text in declared)
                 other = f"not {now_}" if was != now_ else "in the same way"
                 raise GraphError(f"What takes the place of '{name}' has to {what[:-1]} {was}, {other}.")
-        self._swapped[name] = made
+        self._swapped[name] = pass_
 
     # --- compiled ---
 
     def needs(self, scene: Any, settings: Any) -> dict[str, bool]:
-        """Return whether the scene and the settings give each pass anything to do."""
-        return {name: made.needed(scene, settings) for name, made in (self.passes | self._inserted).items()}
+        """Return for each pass whether the scene and the settings need it."""
+        return {name: pass_.needed(scene, settings) for name, pass_ in (self.passes | self._inserted).items()}
 
     def compile(
         self,
@@ -188,7 +188,7 @@ class FramePlan:
         requirements: Requirements | None = None,
         alias: bool = True,
     ) -> Graph:
-        """Compile the frame for a picture of `size` pixels; `nodes` are then those of its steps."""
+        """Compile the frame for a picture of `size` pixels; sets `nodes`."""
         try:
             nodes, graph = self._compile(size, scene, settings, requirements, alias)
         except GraphError as error:
@@ -200,19 +200,19 @@ class FramePlan:
         self, size: tuple[int, int], scene: Any, settings: Any, requirements: Requirements | None, alias: bool
     ) -> tuple[list[Node], Graph]:
         declared = {
-            name: Declared(name, made.reads, made.writes, _why_not(made, scene, settings))
-            for name, made in self.passes.items()
+            name: Declared(name, pass_.reads, pass_.writes, _why_not(pass_, scene, settings))
+            for name, pass_ in self.passes.items()
         }
         nodes = self.file.nodes(declared, self._formats, outputs=OUTPUTS, on=self._on)
         nodes += [
-            Node(made.name, made.reads, made.writes, _why_not(made, scene, settings))
-            for made in self._inserted.values()
+            Node(pass_.name, pass_.reads, pass_.writes, _why_not(pass_, scene, settings))
+            for pass_ in self._inserted.values()
         ]
         for readers in self._readers.values():
             nodes = [_reconnected(node, readers.get(node.name, {})) for node in nodes]
         nodes = [replace(node, why_not=self._off.get(node.name, node.why_not)) for node in nodes]
         there, copy, externals = self._copied(nodes, size)
-        if copy.reads:  # else nobody wants anything of this frame
+        if copy.reads:  # else the frame has no output
             nodes.append(copy)
         kept = {a.resource for node in nodes for a in node.writes} if self.keeps_all else {self.shown}
         graph = compile_graph(nodes, size, there, externals, requirements, alias, kept)
@@ -220,17 +220,17 @@ class FramePlan:
         return nodes, graph
 
     def watched(self, graph: Graph) -> list[Any]:
-        """Return the passes that write what is looked at, in the order of the frame (see `Inspection`)."""
-        found = []
+        """Return the passes that write an inspected image, in the order of the frame (see `Inspection`)."""
+        nodes = []
         for step in graph.steps:
             writes = self.nodes[step.name].writes if step.kind == "graphics" else ()
-            writes = tuple(one for one in writes if self.keeps_all or one.resource == self.shown)
+            writes = tuple(access for access in writes if self.keeps_all or access.resource == self.shown)
             if writes:
-                found.append(replace(self.nodes[step.name], writes=writes))
-        return found
+                nodes.append(replace(self.nodes[step.name], writes=writes))
+        return nodes
 
     def drawn(self, graph: Graph) -> list[Node]:
-        """Return the passes of a frame in their order; who reads a pass that is left out reads what he gets instead."""
+        """Return the passes of a frame in their order; reads of a pass that is left out are rerouted."""
         instead = {
             access.resource: access.instead or access.of
             for name in graph.left_out
@@ -249,14 +249,14 @@ class FramePlan:
     def _copied(
         self, nodes: Sequence[Node], size: tuple[int, int]
     ) -> tuple[dict[str, str], Node, dict[str, External]]:
-        """Return the outputs that there are, and the step that hands them on, with the buffers that it fills."""
+        """Return the available outputs, the step that copies them, and the buffers that it fills."""
         wanted_last = sorted(
             nodes, key=lambda node: not node.why_not
-        )  # who is left out says nothing of a name
-        made = {access.resource: access for node in wanted_last for access in node.writes}
+        )  # a pass that is left out does not describe a name
+        written_by = {access.resource: access for node in wanted_last for access in node.writes}
         asked = self.read_from | {f"for {name}": name for name in self._handed_on}
-        if self.keeps_all:  # whoever looks at everything takes what there is
-            asked = {output: name for output, name in asked.items() if name in made}
+        if self.keeps_all:  # an inspection of all images takes those that exist
+            asked = {output: name for output, name in asked.items() if name in written_by}
         wiring = connect(nodes, asked, {})
         for output in () if self.keeps_all else wiring.missing:
             self._check_missing(asked[output], nodes)
@@ -264,9 +264,9 @@ class FramePlan:
         names = sorted({name for name in self._handed_on if f"for {name}" in wiring.outputs})
         externals = {}
         for output in there:
-            access = made[wiring.outputs[output]]
+            access = written_by[wiring.outputs[output]]
             while access.of:
-                access = made[access.of]
+                access = written_by[access.of]
             check_output(output, self.read_from[output], access, size)
             width, height = size
             texel = bytes_of(access.format or "rgba8")
@@ -279,15 +279,13 @@ class FramePlan:
         return there, copy, externals
 
     def _check_missing(self, name: str, nodes: Sequence[Node]) -> None:
-        """Raise GraphError where somebody switched off what writes an output; else it just has nothing to show."""
+        """Raise GraphError if the writer of an output is switched off; else the output is merely not available."""
         for node in nodes:
             if name in {access.resource for access in node.writes} and not self.switches[node.name]:
-                raise GraphError(
-                    f"Nobody would write '{name}', which is asked for: '{node.name}' is {node.why_not}."
-                )
+                raise GraphError(f"No pass would write the output '{name}': '{node.name}' is {node.why_not}.")
 
     def _where(self, error: GraphError) -> GraphError:
-        """Return the error with the place in the file of the first pass that it names."""
+        """Return the error with the line in the file of the first pass that it names."""
         for name in self.file.passes:
             if f"'{name}'" in str(error) and self.file.shown not in str(error):
                 return GraphError(f"{self.file.where(name)}: {error}")
@@ -299,15 +297,17 @@ class FramePlan:
 
 
 def on_cpu(output: str) -> str:
-    """Return what the buffer is called into which an output is copied."""
+    """Return the name of the buffer that an output is copied to."""
     return f"{output} on the CPU"
 
 
 def _reconnected(node: Node, names: Mapping[str, str]) -> Node:
-    """Return a node that reads other names; GraphError where it does not read one of them."""
+    """Return a node that reads other names; raise GraphError for a name that it does not read."""
     if not names:
         return node
-    known = [name for one in (*node.reads, *node.writes) for name in (one.resource, one.of) if name]
+    known = [
+        name for access_ in (*node.reads, *node.writes) for name in (access_.resource, access_.of) if name
+    ]
     for name in names:
         if name not in known:
             raise GraphError(f"'{node.name}' reads nothing called '{name}'{suggest(name, known)}")
@@ -318,10 +318,10 @@ def _reconnected(node: Node, names: Mapping[str, str]) -> Node:
     return replace(node, reads=reads, writes=writes)
 
 
-def _why_not(made: Pass, scene: Any, settings: Any) -> str:
-    return "" if made.needed(scene, settings) else "the scene and the settings give it nothing to do"
+def _why_not(pass_: Pass, scene: Any, settings: Any) -> str:
+    return "" if pass_.needed(scene, settings) else "the scene and the settings give it nothing to do"
 
 
 _HOST_IDLE = Touch("", frozenset(), frozenset())
-"""The slot's fence was waited for: nobody uses the buffer any more."""
+"""The CPU has waited for the slot: the buffer is unused."""
 _HOST_READS = Touch("", frozenset({"host"}), frozenset({"host_read"}))

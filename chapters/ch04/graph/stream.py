@@ -1,11 +1,11 @@
-"""What a renderer does with its frame graph: compile it, carry it out, and change it between two frames.
+"""The frame graph of a renderer: compiled, executed, and changed between two frames.
 
     renderer.switch_pass("depth_of_field", False)
     renderer.insert_pass(renderer.make_pass(Invert), readers={"tonemap": {"color_focused": "color_inverted"}})
     renderer.swap_pass("tonemap", renderer.make_pass(OtherTonemap))
 
-A pass of one's own derives from `backends.contract.Pass`, which says what a pass can have. The shortest way to one is a
-`FullscreenPass` that names a shader of its own:
+A new pass derives from `backends.contract.Pass`, which lists the members of a pass. The shortest new pass is a
+`FullscreenPass` with its own shader:
 
     class Invert(FullscreenPass):
         name = "invert"
@@ -13,7 +13,7 @@ A pass of one's own derives from `backends.contract.Pass`, which says what a pas
         writes = (Access("color_inverted", "color", format="rgba16f"),)
         ...
 
-Whatever is refused raises an error of one sentence, and the frame stays what it was.
+A change that is refused raises an error of one sentence, and the frame stays as it was.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ PassOfOwn = TypeVar("PassOfOwn", bound=Pass)
 
 
 class GraphStream(FrameStream):
-    """A stream of frames that a graph describes. A renderer gives its plan to `_plan_frame`, and adopts the graph."""
+    """A stream of frames from a frame graph. The renderer passes its plan to `_plan_frame` and adopts the graph."""
 
     graph: Graph
-    """The frame as it is compiled now."""
+    """The compiled frame."""
     passes: list[Pass]
     _parts: PassParts
     _settings: Settings
@@ -54,20 +54,20 @@ class GraphStream(FrameStream):
     _materials_seen = 0
     _needs: Mapping[str, bool]
 
-    # --- carried out ---
+    # --- execution ---
 
     def _plan_frame(self, plan: FramePlan) -> None:
-        """Draw what `plan` says from now on."""
+        """Draw the frames of `plan` from now on."""
         self._plan, self._needs = plan, plan.needs(self.scene, self.settings)
         self._histories = Histories()
         self._created = []
         self._materials_seen = self.scene.revision[Change.MATERIALS]
 
     def _adopt(self, graph: Graph) -> None:
-        """Go on with a graph: its passes get their pipelines. An error leaves the graph that there was."""
-        made = self._plan.implementations()
+        """Use a graph and create the pipelines of its passes. After an error the previous graph stays."""
+        implementations = self._plan.implementations()
         before = getattr(self, "passes", [])
-        self.passes = [made[step.name] for step in graph.steps if step.name != COPY]
+        self.passes = [implementations[step.name] for step in graph.steps if step.name != COPY]
         if not set(self.passes) <= set(self._created):
             try:
                 self._create_passes()
@@ -78,7 +78,7 @@ class GraphStream(FrameStream):
         self.graph, self.graph_work = graph, graph.counts()
 
     def _rebuild(self) -> None:
-        """Compile the graph, and take it in place of the one before; where that is refused, that one stays."""
+        """Compile the graph and replace the previous one; after an error the previous one stays."""
         before = self.graph, self.passes, self.graph_work
         self._adopt(self._compiled())
         self._let_go("the frame is made of other passes since")
@@ -91,7 +91,7 @@ class GraphStream(FrameStream):
             raise
 
     def _follow_needs(self) -> None:
-        """Take another graph where edited materials need a pass that they did not need, or no longer need one."""
+        """Compile again if edited materials need other passes."""
         revision = self.scene.revision[Change.MATERIALS]
         if revision == self._materials_seen:
             return
@@ -101,18 +101,18 @@ class GraphStream(FrameStream):
         self._materials_seen, self._needs = revision, needs
 
     def _compiled(self) -> Graph:
-        """Compile the frame as it is planned; GraphError where that cannot be one."""
+        """Compile the plan; raise GraphError if it is not a valid frame."""
         needs, alias = self._api.requirement, self._settings.graph.alias
         return self._plan.compile(self.size, self.scene, self._settings, needs, alias)
 
     def _create_passes(self) -> None:
-        """Make the pipelines of all `passes`, again where they have been made, and what binds the scene for them."""
-        for one in self.passes:
-            one.create()
+        """Create all `passes`, again if they exist, and the descriptor sets that bind the scene for them."""
+        for gpu_pass in self.passes:
+            gpu_pass.create()
         self._api.make_sets(self.passes)
 
     def _create_targets(self) -> None:
-        """Compile the graph for the picture's size, and make everything that belongs to it."""
+        """Compile the graph for the size of the picture, and create its images."""
         self._adopt(self._compiled())
         self._follow_graph()
 
@@ -123,13 +123,13 @@ class GraphStream(FrameStream):
     def _valid_histories(self, slot: Any, reset: str) -> int:
         return self._histories.mask(self.graph, slot.number, reset)
 
-    # --- what a frame consists of ---
+    # --- the parts of a frame ---
 
     @property
     def nodes(self) -> list[Node]:
-        """The passes of the frame in their order, under the names of the graph, beside `passes`, which draw them.
+        """The nodes of the frame in their order, one for each of `passes`, with the names of the graph.
 
-        Who reads what a pass that is left out would write reads what he gets instead.
+        Reads of a pass that is left out are rerouted.
         """
         return self._plan.drawn(self.graph)
 
@@ -140,67 +140,69 @@ class GraphStream(FrameStream):
 
     @property
     def switches(self) -> dict[str, bool]:
-        """Each pass that the graph names, and whether it is switched on; one that is on may still not be needed."""
+        """For each pass of the graph whether it is switched on; a pass that is on may still not be needed."""
         return self._plan.switches
 
-    # --- what can be changed between two frames ---
+    # --- changes between two frames ---
 
     def make_pass(self, kind: Callable[[PassParts], PassOfOwn]) -> PassOfOwn:
-        """Return a pass of one's own of a class that is made as `FullscreenPass` is."""
+        """Return a new pass of a class that takes `PassParts`, as `FullscreenPass` does."""
         return kind(self._parts)
 
     def switch_pass(self, name: str, on: bool) -> None:
         """Switch a pass on or off, from the next frame on.
 
-        What only it used goes, and its readers get what it says instead of its result. GraphError, with nothing
-        changed, where somebody needs it, or where there is no such pass.
+        Resources that only this pass used are freed, and its readers read the name in `Access.instead`. Raises
+        GraphError, and changes nothing, if another pass needs its result, or for an unknown name.
         """
         with self._changing():
             self._plan.switch(name, on)
             self._rebuild()
 
-    def insert_pass(self, made: Pass, readers: Mapping[str, Mapping[str, str]] | None = None) -> None:
-        """Add a pass from the next frame on; where it runs follows from what it reads and writes.
+    def insert_pass(self, gpu_pass: Pass, readers: Mapping[str, Mapping[str, str]] | None = None) -> None:
+        """Add a pass from the next frame on; its reads and writes decide its place.
 
-        `readers` says, by the names of the graph, which passes read something else from now on, as
-        {"tonemap": {"color_focused": "color_sharp"}}: a pass between two others reads what the earlier one writes, and
-        the later one reads the pass. GraphError, with nothing changed, where it does not fit.
+        `readers` has, for passes that read another name from now on, the new name by the old one, as in
+        {"tonemap": {"color_focused": "color_sharp"}}: the new pass reads color_focused, and tonemap reads its result.
+        Raises GraphError, and changes nothing, if the pass does not fit.
         """
         with self._changing():
-            self._plan.insert(made, readers)
+            self._plan.insert(gpu_pass, readers)
             self._rebuild()
 
     def remove_pass(self, name: str) -> None:
-        """Take out a pass that was inserted; GraphError, with nothing changed, where another one reads it."""
+        """Remove an inserted pass; raise GraphError, and change nothing, if another pass reads its result."""
         with self._changing():
             self._plan.remove(name)
             self._rebuild()
 
-    def swap_pass(self, name: str, made: Pass) -> None:
-        """Let `made` draw in place of pass `name` from the next frame on.
+    def swap_pass(self, name: str, gpu_pass: Pass) -> None:
+        """Let another pass draw in place of pass `name` from the next frame on.
 
-        It declares the same reads and writes, so that the graph stays and nothing of it is compiled; GraphError, with
-        nothing changed, where it does not. Whether the pass is needed stays as it was.
+        It must declare the same reads and writes, so the graph is not compiled again; else GraphError is raised, and
+        nothing changes. Whether the pass is needed does not change.
         """
         with self._changing():
-            self._plan.swap(name, made)
+            self._plan.swap(name, gpu_pass)
             self._adopt(self.graph)
             if name in {step.name for step in self.graph.steps}:
                 self._let_go("another implementation draws since")
-                self._api.executor.swap(name, made)
+                self._api.executor.swap(name, gpu_pass)
                 self._frames.forget()
 
     def show_resource(self, name: str | None) -> str:
-        """Have what a pass writes under `name` copied behind it in every frame from now on; None ends that.
+        """Copy the resource `name` after its pass in every frame from now on; None ends that.
 
-        Returns by which name `Frame.image` gives it. As long as it is looked at, it shares memory with nobody.
-        GraphError, with nothing changed, where no pass of the frame draws it.
+        Returns its name for `Frame.image`. As long as the resource is shown, it shares no memory. Raises GraphError,
+        and changes nothing, if no pass of the frame draws it.
         """
         if (name or "") != self._plan.shown:
             with self._changing():
                 self._plan.shown = name or ""
                 if name and not self._plan.watched(self.graph):
-                    drawn = [one.resource for node in self.nodes for one in node.writes if not one.bytes]
+                    drawn = [
+                        access.resource for node in self.nodes for access in node.writes if not access.bytes
+                    ]
                     raise GraphError(f"No pass of this frame draws '{name}'{suggest(name, drawn)}")
                 self._rebuild()
         return next((f"{node.name}/{name}" for node in self._plan.watched(self.graph)), "")
@@ -211,7 +213,7 @@ class GraphStream(FrameStream):
         return super().shader_files | {self.graph_file}
 
     def _reload_graph(self, changed: Collection[Path]) -> bool:
-        """Take over the graph's file, if it is among those that changed; whether it was."""
+        """Read the graph file again if it is in `changed`; return whether it was."""
         if self.graph_file not in changed:
             return False
         with self._changing():

@@ -1,14 +1,14 @@
-"""The words of the frame graph: what passes declare, and what compiling them gives. No graphics API is named here.
+"""The types of the frame graph: the declarations of passes, and the compiled frame. They name no graphics API.
 
-    Node       a pass as the graph sees it: its name, what it reads, what it writes
-    Resource   an image or a buffer: everything that lives in one place under one or several names
-    Touch      one way of using a resource: the layout it has then, the stages that use it, the kinds of access
-    Barrier    what must happen to a resource between two touches
-    Step       a pass in its place in the frame: the barriers before it, and what it draws to
-    Graph      the whole frame, ready for a backend to carry out
+    Node       a declared pass: its name, its reads and its writes
+    Resource   an image or a buffer, which may have several names
+    Touch      one use of a resource: image layout, pipeline stages and kinds of access
+    Barrier    the dependency between two touches of a resource
+    Step       a pass in the order of the frame, with its barriers and attachments
+    Graph      the compiled frame, which a backend executes
 
-A *name* stands for what one pass wrote. A pass that draws on top writes a new name that continues the old one
-(`Access.of`), so "before" and "after" are two names of the same *resource*, which is called by its first name.
+A *name* stands for the result of one pass. A pass that draws over an older result writes a new name, which continues
+the old one (`Access.of`). Both are names of the same *resource*, and the first one is the name of the resource.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from backends.contract import Access
 from common.errors import UserError
 
 PREVIOUS = "@previous"
-"""Ends the name of a history's second image: that which the frame before wrote."""
+"""The suffix of a history's second image, which the previous frame wrote."""
 
 
 class GraphError(UserError):
-    """A graph that cannot be a frame; the text is one sentence with the names that are to blame."""
+    """An invalid graph; the text is one sentence with the names that are wrong."""
 
 
 @dataclass(frozen=True)
 class Node:
-    """A pass as the graph sees it. `why_not` says why it is left out of the frame; "" where it is wanted."""
+    """A declared pass. `why_not` is the reason to leave the pass out of the frame; "" if it is part of it."""
 
     name: str
     reads: tuple[Access, ...] = ()
@@ -39,7 +39,7 @@ class Node:
 
     @property
     def kind(self) -> Literal["graphics", "compute", "copy"]:
-        """What the pass does, told by what it writes: draw to attachments, run compute shaders, or only copy."""
+        """The kind of work, from the uses of its accesses: draw to attachments, run compute shaders, or only copy."""
         writes = {access.use for access in self.writes}
         if writes & {"color", "depth"}:
             return "graphics"
@@ -49,9 +49,9 @@ class Node:
 
 @dataclass(frozen=True)
 class External:
-    """A resource that somebody else makes and owns; it is never aliased nor freed.
+    """A resource that another object creates and owns; the graph never aliases or frees it.
 
-    `enters` is the touch in which a frame finds it, `leaves` that in which it must be left (None: in any).
+    `enters` is its touch at the beginning of a frame, `leaves` the required touch at the end (None: any).
     """
 
     format: str | None
@@ -64,7 +64,7 @@ class External:
 
 @dataclass(frozen=True)
 class Requirement:
-    """What memory a resource asks for: bytes, alignment in bytes, and a mask of the memory types that will do."""
+    """The memory requirements of a resource: size and alignment in bytes, and a mask of allowed memory types."""
 
     size: int
     alignment: int = 1
@@ -75,10 +75,10 @@ class Requirement:
 class Resource:
     """An image or a buffer of a frame.
 
-    `names` are what it is called from write to write, the first one being its own. `kind` is "attachment" for what
-    passes draw to, else "texture" or "buffer". A "transient" is used within one frame and shares memory with others;
-    a "kept" one is still there after it (an output, or what is looked at); a "history" is two, of which one is written
-    while the other, under its name with `PREVIOUS` behind, still holds the frame before; "external" is somebody else's.
+    `names` has one name for each write; the first one is the name of the resource. `kind` is "attachment" for a target
+    of draws, else "texture" or "buffer". A "transient" is used within one frame and may share memory with others. A
+    "kept" resource is still valid after the frame (an output, or an inspected image). A "history" has two images: the
+    frame writes one; the other, with the suffix `PREVIOUS`, holds the previous frame. An "external" has another owner.
     """
 
     name: str
@@ -90,12 +90,12 @@ class Resource:
     bytes: int = 0
     samples: int = 1
     uses: frozenset[str] = frozenset()
-    """In how many ways it is used, over all of its names: what a backend has to ask for when it makes it."""
+    """All uses over all of its names: a backend creates the resource for these."""
 
 
 @dataclass(frozen=True)
 class Touch:
-    """One way of using a resource. `layout` is "" for buffers; stages and accesses are those of `sync/states.py`."""
+    """One use of a resource. `layout` is "" for buffers; stages and accesses are those of `sync/states.py`."""
 
     layout: str
     stages: frozenset[str]
@@ -104,15 +104,15 @@ class Touch:
 
 
 UNTOUCHED = Touch("undefined", frozenset(), frozenset())
-"""Memory that nobody has used yet."""
+"""The state of memory before its first use."""
 
 
 @dataclass(frozen=True)
 class Barrier:
-    """What happens to `resource` between two touches: wait, make visible, change the layout.
+    """The dependency between two touches of `resource`: execution, visibility, and a layout transition.
 
-    With `discard` the content is given up. `before` is then what used the memory last, be it another resource, whose
-    names are in `instead_of`: memory of one resource is reused by the next, or by the same one of the frame before.
+    With `discard` the content is undefined afterwards. `before` is then the last touch of the memory, perhaps by
+    another resource that shared it: `instead_of` has the names of that one.
     """
 
     resource: str
@@ -124,9 +124,9 @@ class Barrier:
 
 @dataclass(frozen=True)
 class Attachment:
-    """A target of a pass: what its content begins with, and whether anybody wants it afterwards.
+    """An attachment of a pass with its load and store operations.
 
-    `store` is "none" for what is only tested against: nothing is written, so that others may read it meanwhile.
+    `store` is "none" for a depth that is only tested: nothing is written, so other passes may read it meanwhile.
     """
 
     resource: str
@@ -137,7 +137,7 @@ class Attachment:
 
 @dataclass(frozen=True)
 class Step:
-    """A pass in its place in the frame. `reads` are the resources behind what it declares to read, in that order."""
+    """A pass in the order of the frame. `reads` are the resources of its declared reads, in the same order."""
 
     name: str
     kind: Literal["graphics", "compute", "copy"]
@@ -149,15 +149,14 @@ class Step:
     writes: tuple[str, ...] = ()
 
     def sampled(self, declared: Sequence[Access]) -> list[str]:
-        """Return the resources that shaders sample, of a pass that declares these reads; in their order."""
+        """Return the resources that the shaders sample, in the order of the declared reads."""
         pairs = zip(declared, self.reads, strict=True)
         return [resource for access, resource in pairs if access.use == "sampled"]
 
 
 @dataclass(frozen=True)
 class Edge:
-    """`before` comes before `after`, because of `name`: one "reads" it, or "replaces" what the other still has to
-    read."""
+    """`before` runs before `after`, which "reads" `name` or "replaces" it after the last read."""
 
     before: str
     after: str
@@ -167,7 +166,7 @@ class Edge:
 
 @dataclass(frozen=True)
 class Place:
-    """Where a transient lies: number of the heap, offset and size in bytes."""
+    """The place of a transient in memory: number of the heap, offset and size in bytes."""
 
     heap: int
     offset: int
@@ -176,7 +175,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Heap:
-    """Memory that transients share: its size in bytes, and the memory types that it may be of."""
+    """Memory that transients share: its size in bytes, and a mask of allowed memory types."""
 
     size: int
     types: int
@@ -185,15 +184,15 @@ class Heap:
 
 @dataclass(frozen=True)
 class Memory:
-    """Where all transients lie. `lives` says by resource the numbers of the first and the last step that use it."""
+    """The places of all transients. `lives` has the first and the last step that use each resource."""
 
     lives: Mapping[str, tuple[int, int]]
     places: Mapping[str, Place]
     heaps: tuple[Heap, ...]
     alone: int
-    """Bytes that the transients would take, each in memory of its own."""
+    """Bytes that the transients would take without sharing."""
     bound: int
-    """Bytes that no arrangement can go below: the most that are alive in one step, heap by heap."""
+    """A lower bound of the bytes: the most that are alive in one step, summed over the heaps."""
 
     @property
     def size(self) -> int:
@@ -203,42 +202,42 @@ class Memory:
 
 @dataclass(frozen=True)
 class Graph:
-    """A compiled frame: carried out step by step, it does everything in the right order and nothing in vain."""
+    """A compiled frame: its steps in a valid order, without the passes that the frame does not need."""
 
     steps: tuple[Step, ...]
     resources: Mapping[str, Resource]
     names: Mapping[str, str]
-    """The resource behind every name that a pass declared, those included that were rerouted."""
+    """The resource of every declared name, rerouted names included."""
     edges: tuple[Edge, ...]
     left_out: Mapping[str, str]
-    """Passes that are not part of the frame, and why."""
+    """The passes that are left out of the frame, each with the reason."""
     memory: Memory
     prologue: tuple[Barrier, ...]
-    """What must happen once before the first frame, so that each lasting resource is as every frame leaves it."""
+    """Barriers before the first frame, after which lasting resources are in the state in which frames leave them."""
     epilogue: tuple[Barrier, ...] = ()
-    """What happens behind the last step: externals are handed back as they are expected."""
+    """Barriers after the last step: each external goes back to its expected touch."""
     missing: tuple[str, ...] = ()
-    """Outputs that were asked for and that nobody writes in this frame."""
+    """Requested outputs that no pass of this frame writes."""
     size: tuple[int, int] = (1, 1)
     outputs: Mapping[str, str] = field(default_factory=dict)
-    """The resource behind every output."""
+    """The resource of each output."""
 
     def counts(self) -> dict[str, int]:
-        """Return the figures of the graph by name, as `frame.work` has them.
+        """Return the counters of the graph by name, as in `frame.work`.
 
-        "passes" draw or compute; what only copies is none. "transitions" are the barriers that change a layout or give
-        up a content; "transient_bytes" is what the heaps take, "transient_bytes_alone" what they would without sharing.
+        "passes" counts passes that draw or compute. "transitions" counts barriers that change a layout or discard
+        contents. "transient_bytes" is the size of the heaps, "transient_bytes_alone" their size without sharing.
         """
         barriers = [barrier for step in self.steps for barrier in step.barriers] + [*self.epilogue]
         return {
             "passes": sum(step.kind != "copy" for step in self.steps),
             "passes_skipped": len(self.left_out),
             "barriers": len(barriers),
-            "transitions": sum(one.before.layout != one.after.layout or one.discard for one in barriers),
+            "transitions": sum(it.before.layout != it.after.layout or it.discard for it in barriers),
             "transient_bytes": self.memory.size,
             "transient_bytes_alone": self.memory.alone,
         }
 
 
 Requirements = Callable[[Resource], Requirement]
-"""How a backend tells what memory a resource asks for, before it exists."""
+"""Returns the memory requirements of a resource before it exists; each backend has such a function."""

@@ -1,6 +1,6 @@
-"""What a pipeline is made of, in plain words: one description for both APIs.
+"""Descriptions of pipelines, the same for both APIs.
 
-`vulkan.py` builds a VkPipeline from it; `gl.py` builds a program, and sets the rest before it draws.
+`vulkan.py` builds a VkPipeline from a description; `gl.py` builds a program, and sets the other state before draws.
 """
 
 from __future__ import annotations
@@ -11,16 +11,16 @@ from pathlib import Path
 from typing import Any, Literal, Protocol
 
 Front = Literal["counter_clockwise", "clockwise"]
-"""How the corners of front faces follow one another on the screen."""
+"""The winding of front faces on the screen."""
 
 
 @dataclass(frozen=True)
 class PipelineDescription:
-    """What a pipeline is made of. What it reads, its shaders say themselves.
+    """The description of a graphics pipeline. Its bindings are read from its shaders.
 
-    `specialization` gives constants of theirs, by name or id, the values that they are compiled with; what OpenGL
-    draws too takes a define in its place. `dynamic` names buffers whose offset comes with the bind. `color` may be
-    several formats: of as many targets, blended alike.
+    `specialization` sets the values of specialization constants, by name or id. A pipeline that OpenGL builds, too,
+    has defines instead. `dynamic` names buffers whose offset is given at each bind. `color` may be several formats, one
+    for each target; all targets have the same blending.
     """
 
     shaders: tuple[str, ...]
@@ -35,7 +35,7 @@ class PipelineDescription:
 
     @property
     def title(self) -> str:
-        """The name, or the files of the shaders where there is none."""
+        """The name, or the files of the shaders if there is no name."""
         return self.name or " + ".join(self.shaders)
 
     @property
@@ -48,10 +48,10 @@ class PipelineDescription:
 class Built:
     """A pipeline that can be bound.
 
-    `handle` is the VkPipeline, or OpenGL's number of the program. It changes when a shader was edited, so commands
-    read it at each bind. `code` is what the handle was built from; a reload compares it. The rest is Vulkan's: the
-    VkPipelineLayout, the layouts of the sets by number (None where no shader uses one), and the stages to be named when
-    constants are pushed (0 where the pipeline takes none).
+    `handle` is the VkPipeline, or the name of the OpenGL program. It changes when a shader is edited, so commands read
+    it at each bind. `code` is the compiled code of the handle, for a reload to compare. The others are for Vulkan: the
+    VkPipelineLayout, the layouts of the sets by number (None for a set that no shader uses), and the stages of the push
+    constants (0 if there are none).
     """
 
     described: PipelineDescription
@@ -63,13 +63,13 @@ class Built:
 
 
 class Pipelines(Protocol):
-    """A backend's pipelines, built at their first use. Equal descriptions share one."""
+    """A backend's pipelines, built at their first use. Equal descriptions share one pipeline."""
 
-    def get(self, wanted: Sequence[PipelineDescription]) -> list[Built]:
+    def get(self, descriptions: Sequence[PipelineDescription]) -> list[Built]:
         """Return one pipeline per description."""
 
     def __len__(self) -> int: ...
 
     @property
     def files(self) -> frozenset[Path]:
-        """All on disk that decides about the shaders of these pipelines."""
+        """All files that the shaders of these pipelines depend on."""

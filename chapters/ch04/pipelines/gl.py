@@ -1,6 +1,6 @@
-"""What Vulkan calls a pipeline: a program, and the state that has to be set before it draws.
+"""Pipelines on OpenGL: a program, and the state that has to be set before draws.
 
-Equal descriptions share one pipeline. `bind` sets all of its state: OpenGL remembers what others left behind.
+Equal descriptions share one pipeline. `bind` sets all of its state, since the context keeps the state of other users.
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ class Pipelines:
         self._programs = Programs(context)
         self._built: dict[PipelineDescription, Built] = {}
         self.no_vertices = create_vertex_array(context, [], None, None, "no vertices")
-        """The vertex array of draws that read no vertices; OpenGL wants one to be bound."""
+        """The vertex array of draws that read no vertices; OpenGL requires a bound one."""
 
     def __len__(self) -> int:
         return len(self._built)
 
-    def get(self, wanted: Sequence[PipelineDescription]) -> list[Built]:
+    def get(self, descriptions: Sequence[PipelineDescription]) -> list[Built]:
         """Return one pipeline per description."""
-        for described in wanted:
+        for described in descriptions:
             if described not in self._built:
                 program = self._programs.get(self._sources(described), described.name)
                 self._built[described] = Built(described, program.handle, program)
-        return [self._built[described] for described in wanted]
+        return [self._built[described] for described in descriptions]
 
     @staticmethod
     def _sources(described: PipelineDescription) -> list[ShaderSource]:
@@ -53,14 +53,14 @@ class Pipelines:
 
     @property
     def files(self) -> frozenset[Path]:
-        """All on disk that decides about the shaders of these pipelines."""
+        """All files that the shaders of these pipelines depend on."""
         return frozenset().union(*(built.code.files for built in self._built.values()))
 
     def reload(self, changed: Collection[Path]) -> tuple[str, ...]:
-        """Link the programs anew whose code a file of `changed` changes; all, or none.
+        """Relink the programs whose code depends on a file of `changed`: all, or none after an error.
 
         Returns their pipelines' names. Raises ShaderError for a shader that does not compile, or that no longer fits
-        what is bound to it.
+        its bindings.
         """
         old = [built for built in self._built.values() if built.code.files & set(changed)]
         sources = [self._sources(built.described) for built in old]
@@ -71,7 +71,7 @@ class Pipelines:
         return tuple(built.described.name for built, _ in anew)
 
     def bind(self, pipeline: Built, cull: bool, front: Front) -> None:
-        """Draw with `pipeline` from here on; `cull` leaves out back faces, `front` says how front faces wind."""
+        """Bind `pipeline` for the next draws; `cull` discards back faces, `front` is the winding of front faces."""
         fn, described = self._context.fn, pipeline.described
         fn.glUseProgram(pipeline.handle)
         _switch(fn, gl.GL_CULL_FACE, cull)

@@ -1,1 +1,1 @@
-"""Frames in flight: slots, commands, resources, timings, and the images that are read."""
+"""Frames in flight: slots, commands, resources, timings, and readback of images."""

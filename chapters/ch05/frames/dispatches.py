@@ -1,7 +1,7 @@
-"""How many work groups cover a picture or an array, and which groups a device can run at all.
+"""The number of work groups that cover a picture or an array, and the limits of a device on work groups.
 
-A dispatch starts whole groups, so where the size is no multiple of theirs the last ones stand over the edge: the kernel
-has to ask whether its invocation is still inside. One group less would leave the rest undone.
+A dispatch runs whole groups. If the size is not a multiple of the group size, the last groups extend beyond the edge,
+and the kernel has to test whether its invocation is inside. With one group less, the remainder would not be computed.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from common.errors import ShaderError, UnsupportedError
 from ..pipelines.description import Built
 
 MOST_GROUPS = 65_535
-"""Work groups that every device runs along each axis: the least that Vulkan and OpenGL allow as the limit."""
+"""Work groups that every device supports along each axis: the smallest limit that Vulkan and OpenGL allow."""
 
 
 def group_count(extent: Sequence[int], group: Sequence[int]) -> tuple[int, int, int]:
-    """Return the work groups of `group` invocations that cover `extent` (1 to 3 numbers) once.
+    """Return how many work groups of `group` invocations cover `extent` (1 to 3 numbers) once.
 
-    UnsupportedError where it takes more than every device runs in one dispatch.
+    Raises UnsupportedError for more than every device runs in one dispatch.
     """
     sizes = (*extent, 1, 1)[:3]
     groups = tuple(-(-size // of) for size, of in zip(sizes, group, strict=True))
@@ -37,7 +37,7 @@ def group_count(extent: Sequence[int], group: Sequence[int]) -> tuple[int, int, 
 
 @dataclass(frozen=True)
 class GroupLimits:
-    """What a device can run as one work group: invocations in all, those along each axis, bytes that they share."""
+    """The limits of a device on one work group: invocations in total, along each axis, and bytes of shared memory."""
 
     most: int
     along: Sequence[int]
@@ -47,7 +47,7 @@ class GroupLimits:
 def check_group(
     name: str, group: Sequence[int], shared: int, limits: GroupLimits, files: frozenset[Path] = frozenset()
 ) -> None:
-    """Raise ShaderError where a device cannot run a work group of shader `name`, which shares `shared` bytes."""
+    """Raise ShaderError if a device cannot run a work group of shader `name` with `shared` bytes of shared memory."""
     shown, count = "x".join(map(str, group)), group[0] * group[1] * group[2]
     if count > limits.most:
         raise ShaderError(
@@ -71,16 +71,16 @@ def check_group(
 
 
 class DispatchCommands:
-    """What the compute commands of both APIs share."""
+    """The common base of the compute commands of both APIs."""
 
     sources: Any = None
     extent = (0, 0)
     work: dict[str, int]
 
     def dispatch(self, x: int, y: int = 1, z: int = 1) -> None:
-        """Run work groups of the pipeline that is bound."""
+        """Run x * y * z work groups of the bound pipeline."""
         raise NotImplementedError
 
     def dispatch_over(self, pipeline: Built, extent: Sequence[int]) -> None:
-        """Run as many groups as cover `extent`, 1 to 3 numbers of invocations: pixels, or elements of an array."""
+        """Run the work groups that cover `extent`, 1 to 3 numbers of invocations: pixels, or elements of an array."""
         self.dispatch(*group_count(extent, pipeline.group))

@@ -1,4 +1,4 @@
-"""Turns lists of draws into calls, and counts them: what frames/vulkan_commands.py records, called at once."""
+"""Turns lists of draws into OpenGL calls, and counts them; frames/vulkan_commands.py records the same draws."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ PAGE_BINDING = 4
 """The storage block of a page of geometry (vertices.glsl)."""
 
 Textures = tuple[tuple[int, int, int], ...]
-"""What a material binds: (unit, view, sampler) of each of its textures."""
+"""The textures that a material binds: (unit, view, sampler) of each."""
 
 
 @dataclass(frozen=True)
 class Rendering:
-    """A framebuffer, and what its attachments start from; None keeps what is there."""
+    """A framebuffer, and the clear values of its attachments; None keeps the content."""
 
     target: Framebuffer
     clear_colors: Sequence[Sequence[float] | None] = ()
@@ -35,7 +35,7 @@ class Rendering:
 
 
 class Commands(Dispatches):
-    """Makes the calls of one frame, and counts what it draws."""
+    """Makes the calls of one frame, and counts its draws."""
 
     def __init__(self, context: Context, pipelines: Pipelines, multi_draw: bool) -> None:
         self._context, self._pipelines, self._multi_draw = context, pipelines, multi_draw
@@ -43,21 +43,21 @@ class Commands(Dispatches):
         self.work: dict[str, int] = {}
 
     def begin(self, slot: FrameSlot) -> None:
-        """Work for `slot` from here on, with all counters at zero."""
+        """Start a frame in `slot`, with all counters at zero."""
         self.slot = slot
         self.work = {"draws": 0, "draw_calls": 0, "triangles": 0, "pipeline_binds": 0, "descriptor_binds": 0}
         self.work["dispatches"] = 0
 
-    # --- around passes: the renderer's ---
+    # --- around passes: called by the renderer ---
 
     def begin_rendering(self, rendering: Rendering) -> None:
         """Begin drawing to a framebuffer, over its whole size."""
         begin(self._context, rendering.target, rendering.clear_colors, rendering.clear_depth)
 
-    # --- within passes ---
+    # --- within passes: called by the passes ---
 
     def bind_pipeline(self, pipeline: Built, cull: bool = False, front: Front = "counter_clockwise") -> None:
-        """Bind a pipeline and set its state; `cull` leaves out back faces."""
+        """Bind a pipeline and set its state; `cull` discards back faces."""
         self._pipelines.bind(pipeline, cull, front)
         self.work["pipeline_binds"] += 1
 
@@ -70,7 +70,7 @@ class Commands(Dispatches):
         self.work["descriptor_binds"] += 1
 
     def draw_fullscreen(self, pipeline: Built, scene: SceneBinding | None = None) -> None:
-        """Draw the one triangle of `fullscreen.vert`; what it reads of the scene is bound since the frame began."""
+        """Draw the one triangle of `fullscreen.vert`; the scene's data is bound at the beginning of the frame."""
         self.bind_pipeline(pipeline)
         if self.sources:
             self.bind_textures(self.sources)
@@ -81,7 +81,7 @@ class Commands(Dispatches):
         self.work["triangles"] += 1
 
     def draw_groups(self, groups: Sequence[DrawGroup], scene: SceneBinding) -> None:
-        """Draw all of `groups` in order; without multi-draw, record by record."""
+        """Draw all of `groups` in order; without multi-draw, with one call a record."""
         context, fn = self._context, self._context.fn
         fn.glBindBuffer(gl.GL_DRAW_INDIRECT_BUFFER, scene.records.handle)
         several, size = self._multi_draw, COMMAND.itemsize

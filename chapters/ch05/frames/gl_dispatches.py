@@ -1,7 +1,7 @@
-"""Calls of compute work: what `Commands` knows beside draws; compare vulkan_dispatches.py.
+"""Compute commands on OpenGL: the dispatches of `Commands`; compare vulkan_dispatches.py.
 
-Barriers between passes are the graph's (graph/sync/gl.py). One between two dispatches of the same pass, where the
-second reads what the first wrote, is the pass's own: `compute_barrier`.
+The graph sets the barriers between passes (graph/sync/gl.py). If a dispatch reads what an earlier dispatch of the same
+pass wrote, the pass itself calls `compute_barrier` between them.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ _STORED = (
 
 
 class Dispatches(DispatchCommands):
-    """The compute half of `Commands`."""
+    """The compute methods of `Commands`."""
 
     _context: Context
 
     def bind_compute(self, pipeline: Built, scene: SceneBinding | None = None) -> None:
-        """Use the program that the next dispatches run, and bind the sources; the scene is bound per frame."""
+        """Bind the program of the next dispatches, and the sources; the scene is bound once a frame."""
         self._context.fn.glUseProgram(pipeline.handle)
         self.work["pipeline_binds"] += 1
         if self.sources is not None:
@@ -34,14 +34,14 @@ class Dispatches(DispatchCommands):
             self.work["descriptor_binds"] += 1
 
     def push(self, pipeline: Built, data: np.ndarray) -> None:
-        """Set the push constants to what a recording fixes: sizes, numbers, levels."""
-        self._context.push(np.array(data))  # of its own: the call is made in every frame
+        """Set the push constants, to values that are fixed in a recording: sizes, counts, levels."""
+        self._context.push(np.array(data))  # a copy: every frame makes the call again
 
     def dispatch(self, x: int, y: int = 1, z: int = 1) -> None:
-        """Run work groups of the program that is in use."""
+        """Run x * y * z work groups of the bound program."""
         self._context.fn.glDispatchCompute(x, y, z)
         self.work["dispatches"] += 1
 
     def compute_barrier(self) -> None:
-        """Let the dispatches behind this wait for those before it, and see what they stored."""
+        """Make later dispatches wait for earlier ones, and make the stores of those visible."""
         self._context.fn.glMemoryBarrier(_STORED)

@@ -1,8 +1,8 @@
-"""Recording of compute work: what `Commands` knows beside draws.
+"""Compute commands on Vulkan: the dispatches of `Commands`.
 
-Compute has its own bind point, so that what draws have bound stays bound. Nothing of this may stand between
-`begin_rendering` and `end_rendering`. Barriers between passes are the graph's; one between two dispatches of the same
-pass, where the second reads what the first wrote, is the pass's own: `compute_barrier`.
+Compute has its own bind point, so the bindings of draws stay valid. None of these commands may stand between
+`begin_rendering` and `end_rendering`. The graph sets the barriers between passes. If a dispatch reads what an earlier
+dispatch of the same pass wrote, the pass itself calls `compute_barrier` between them.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ _ONE_AFTER_ANOTHER = barriers(memory=(_STAGE, _WRITES, _STAGE, _READS | _WRITES)
 
 
 class Dispatches(DispatchCommands):
-    """The compute half of `Commands`."""
+    """The compute methods of `Commands`."""
 
     _fn: Any
     handle: Any
 
     def bind_compute(self, pipeline: Built, scene: SceneBinding | None = None) -> None:
-        """Bind the pipeline that the next dispatches run, the set of the scene if given, and that of the sources."""
+        """Bind the pipeline of the next dispatches, the set of the scene if given, and the set of the sources."""
         self._fn.vkCmdBindPipeline(self.handle, _COMPUTE, pipeline.handle)
         self.work["pipeline_binds"] += 1
         if scene is not None and pipeline.sets[0] is not None:
@@ -53,7 +53,7 @@ class Dispatches(DispatchCommands):
         self.work["descriptor_binds"] += 1
 
     def push(self, pipeline: Built, data: np.ndarray) -> None:
-        """Set the push constants, from their first byte on, to what a recording fixes; none where none are taken."""
+        """Set the push constants from their first byte on, to values fixed in a recording; do nothing without any."""
         if not pipeline.push_stages:
             return
         raw = np.ascontiguousarray(data).view(np.uint8).reshape(-1)
@@ -62,10 +62,10 @@ class Dispatches(DispatchCommands):
         )
 
     def dispatch(self, x: int, y: int = 1, z: int = 1) -> None:
-        """Run work groups of the pipeline that is bound."""
+        """Run x * y * z work groups of the bound pipeline."""
         self._fn.vkCmdDispatch(self.handle, x, y, z)
         self.work["dispatches"] += 1
 
     def compute_barrier(self) -> None:
-        """Let the dispatches behind this wait for those before it, and see what they stored."""
+        """Make later dispatches wait for earlier ones, and make the stores of those visible."""
         self._fn.vkCmdPipelineBarrier2(self.handle, _ONE_AFTER_ANOTHER)

@@ -1,7 +1,7 @@
 """Pools of buffers and images behind handles, and deletion that waits until no frame in flight can use them.
 
-A handle is a number and a generation. Destroying a resource raises its slot's generation, so a stale handle is noticed
-instead of silently meaning the slot's next owner.
+A handle is a number and a generation. Destroying a resource raises its slot's generation, so a stale handle raises an
+error and never refers to the next resource in the slot.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _ATTACHMENTS = {
 
 
 def target_usage(use: str, samples: int) -> int:
-    """Return the usage of an image that passes write as `use`, and then read or copy; of many samples, only colour."""
+    """Return the usage of a target written as `use`: also sampled and copied; multisampled colour is only sampled."""
     usage: int = _ATTACHMENTS[use]
     if samples == 1:
         return usage | vk.VK_IMAGE_USAGE_TRANSFER_SRC_BIT | vk.VK_IMAGE_USAGE_SAMPLED_BIT
@@ -48,26 +48,26 @@ def target_usage(use: str, samples: int) -> int:
 
 
 def offered_samples(device: Device, color_format: str, depth_format: str) -> set[int]:
-    """Return how many samples a pixel of two targets that are drawn to together can have."""
+    """Return the sample counts that a colour and a depth target of these formats can have together."""
     color = sample_counts(device, color_format, target_usage("color", 2))
     return {1} | set(color) & set(sample_counts(device, depth_format, target_usage("depth", 2)))
 
 
 class DeferredDeletion:
-    """Destroys things `SLOTS` frames after they were given up: by then no frame in flight can use them.
+    """Destroys resources `SLOTS` frames after their release: by then no frame in flight can use them.
 
-    Of that frame every timeline has reached its values: a slot is used again when the CPU has waited for them.
+    All timelines have then reached that frame's values: a slot is used again after the CPU has waited for them.
     """
 
     def __init__(self) -> None:
         self._queue: deque[tuple[int, Callable[[], None]]] = deque()
 
     def add(self, frame: int, destroy: Callable[[], None]) -> None:
-        """Call `destroy` once frame number `frame` has left the GPU."""
+        """Call `destroy` when the GPU has finished frame number `frame`."""
         self._queue.append((frame + SLOTS, destroy))
 
     def collect(self, frame: int) -> int:
-        """Destroy what frame `frame`, about to be recorded, proves unused; return how many things that were."""
+        """Destroy what no frame in flight can use when frame `frame` is about to be recorded; return the number."""
         count = 0
         while self._queue and self._queue[0][0] <= frame:
             self._queue.popleft()[1]()
@@ -75,7 +75,7 @@ class DeferredDeletion:
         return count
 
     def flush(self) -> None:
-        """Destroy everything now, after the device has become idle."""
+        """Destroy everything now; the device must be idle."""
         while self._queue:
             self._queue.popleft()[1]()
 
@@ -93,30 +93,30 @@ class Resources:
         self._samplers: dict[tuple[Sampler, float], Any] = {}
         self._deletions = DeferredDeletion()
         self.frame = 0
-        """Number of the frame being recorded; the renderer keeps it up to date."""
+        """Number of the frame being recorded; `collect` sets it."""
 
     @property
     def counts(self) -> dict[str, int]:
-        """How many of each kind are alive."""
+        """The number of live resources of each kind."""
         return {"buffers": len(self.buffers), "images": len(self.images), "samplers": len(self._samplers)}
 
     def buffer(self, size: int, usage: int, use: MemoryUse, name: str, shared: bool = False) -> Handle:
-        """Make a buffer, `shared` by the families of all queues; see `backends.vulkan.resources.create_buffer`."""
+        """Create a buffer, if `shared` for all queue families; see `backends.vulkan.resources.create_buffer`."""
         families = self._families if shared else ()
         return self.buffers.create(create_buffer(self._device, size, usage, use, name, families=families))
 
-    def image(self, format: str, size: tuple[int, int], usage: int, name: str, **more: Any) -> Handle:
-        """Make an image; see `backends.vulkan.resources.create_image`."""
-        return self.images.create(create_image(self._device, format, size, usage, name, **more))
+    def image(self, format: str, size: tuple[int, int], usage: int, name: str, **options: Any) -> Handle:
+        """Create an image; see `backends.vulkan.resources.create_image`."""
+        return self.images.create(create_image(self._device, format, size, usage, name, **options))
 
     def target(self, access: Access, size: tuple[int, int]) -> Handle:
-        """Make the image that a pass says it writes; with several samples, nothing can copy it."""
+        """Create the image of a pass's write `access`; with several samples, it cannot be copied."""
         assert access.format is not None, access
         usage = target_usage(access.use, access.samples)
         return self.image(access.format, size, usage, access.resource, samples=access.samples)
 
     def sampler(self, sampler: Sampler, anisotropy: float) -> Any:
-        """Return the sampler for this description, made at its first use."""
+        """Return the sampler for this description, created at its first use."""
         key = (sampler, anisotropy)
         if key not in self._samplers:
             name = f"{sampler.min}/{sampler.mag}/{sampler.mipmap} {sampler.wrap_u}/{sampler.wrap_v}"
@@ -124,30 +124,30 @@ class Resources:
         return self._samplers[key]
 
     def destroy_buffer(self, handle: Handle) -> None:
-        """Give a buffer up: its handle is stale at once, its memory is freed when no frame can use it."""
+        """Destroy a buffer: its handle is stale at once; its memory is freed when no frame in flight can use it."""
         buffer = self.buffers.destroy(handle)
         self._deletions.add(self.frame, lambda: destroy_buffer(self._device, buffer))
 
     def destroy_image(self, handle: Handle) -> None:
-        """Give an image up, as `destroy_buffer` does."""
+        """Destroy an image, as `destroy_buffer` does a buffer."""
         image = self.images.destroy(handle)
         self._deletions.add(self.frame, lambda: destroy_image(self._device, image))
 
     def defer(self, destroy: Callable[[], None]) -> None:
-        """Call `destroy` when no frame can use what it destroys any more."""
+        """Call `destroy` when no frame in flight can use the resource that it destroys."""
         self._deletions.add(self.frame, destroy)
 
     def collect(self, frame: int) -> None:
-        """Note that frame `frame` is about to be recorded, and free what is no longer in use."""
+        """Set the number of the frame that is about to be recorded, and free what no frame in flight can use."""
         self.frame = frame
         self._deletions.collect(frame)
 
     def flush(self) -> None:
-        """Free what was given up; no frame may be in flight."""
+        """Free all destroyed resources; no frame may be in flight."""
         self._deletions.flush()
 
     def close(self) -> None:
-        """Free everything; the device is idle."""
+        """Free everything; the device must be idle."""
         self.flush()
         for _, buffer in list(self.buffers.items()):
             destroy_buffer(self._device, buffer)

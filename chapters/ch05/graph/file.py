@@ -1,4 +1,4 @@
-"""A graph as a file: JSON that selects passes, connects them, and sets what they leave open.
+"""Graph files: JSON that selects passes, connects them, and sets formats and sizes.
 
     {
       "title": "Deferred, with half a picture of blur",
@@ -13,13 +13,13 @@
       "outputs": {"color_linear": "color_lit"}
     }
 
-What a pass declares is never repeated. Every key of `reads`, `writes`, `format`, `scale` and `size` is a name as the
-pass declares it; `reads` and `writes` say what it is called in this graph. `scale` is relative to the picture, `size`
+Declarations of passes are not repeated. Every key of `reads`, `writes`, `format`, `scale` and `size` is a name that
+the pass declares; `reads` and `writes` have its name in this graph. `scale` is relative to the picture, `size`
 [width, height] in pixels. `queue` is "compute" for what may run beside the others, where the device has a queue for it.
-A pass that is there twice has a `name` of its own the second time.
+The second use of a pass needs a `name` of its own.
 
-Whatever is wrong is a `GraphError`, one sentence that begins with file:line:column. What only the whole graph can
-tell, as a cycle, is said by the compiler; `GraphFile.where` gives the place of the passes that it names.
+Errors are `GraphError`s of one sentence that begins with file:line:column. The compiler finds errors of the whole
+graph, such as a cycle; `GraphFile.where` returns the place of the passes that it names.
 """
 
 from __future__ import annotations
@@ -41,14 +41,14 @@ from .sync.queues import check_word, moved
 from .types import GraphError, Node
 
 GRAPHS = Path(__file__).parent
-"""The folder of the graphs that come with the chapter."""
+"""The folder of the chapter's graphs."""
 
 MAX_BYTES = 1 << 20
-"""What a file may have: thousands of passes take less."""
+"""The largest file in bytes; thousands of passes take less."""
 
 
 class Declared(Protocol):
-    """What a file asks of a pass; `why_not` says why this frame does not want it, "" where it does."""
+    """The declarations of a pass that a file needs; `why_not` is the reason to leave it out, "" if it is needed."""
 
     @property
     def name(self) -> str: ...
@@ -64,7 +64,7 @@ class Declared(Protocol):
 
 @dataclass(frozen=True)
 class Use:
-    """A pass as the file uses it: an entry of `passes`. What it connects and sets is by the pass's own names."""
+    """One entry of `passes`. Its keys are the names that the pass declares."""
 
     entry: Field
     of: Field
@@ -80,7 +80,7 @@ class Use:
 
 @dataclass(frozen=True)
 class GraphFile:
-    """What a file says, as far as that can be told without its passes."""
+    """The contents of a graph file, checked as far as possible without its passes."""
 
     path: Path
     title: str
@@ -89,12 +89,12 @@ class GraphFile:
 
     @property
     def outputs(self) -> dict[str, str]:
-        """The resource behind each output that the file connects."""
+        """The name of each output that the file connects."""
         return {output: field.word() for output, field in self.connected.items()}
 
     @property
     def passes(self) -> dict[str, str]:
-        """The pass behind each node: another one than its name where the file gives it one."""
+        """The pass of each node; it differs from the node's name if the entry has a `name`."""
         return {use.name: use.of.word() for use in self.uses}
 
     @property
@@ -122,11 +122,11 @@ class GraphFile:
         outputs: Collection[str] | None = None,
         on: Collection[str] = (),
     ) -> list[Node]:
-        """Return the passes as the graph sees them, in the order of the file.
+        """Return the nodes of the graph, in the order of the file.
 
-        `declared` are the chapter's passes by name, `formats` those that images can have, `externals` the resources
-        that somebody else makes, and `outputs` what a frame can be asked for (None: that is not looked at). Nodes in
-        `on` run although the file switches them off. Raises GraphError for everything of the file that does not fit.
+        `declared` are the chapter's passes by name, `formats` the formats that images can have, `externals` the
+        resources of other owners, and `outputs` the outputs that a frame can have (None: no check). Nodes in `on` run
+        although the file switches them off. Raises GraphError for an entry that does not fit its pass.
         """
         off = self.off.difference(on)
         nodes = [_node(use, declared, formats, externals, use.name in off) for use in self.uses]
@@ -141,7 +141,7 @@ class GraphFile:
 
 
 def graph_path(text: str) -> Path:
-    """Return the file meant by `text`: a graph of the chapter by its name, as "deferred", or else a file."""
+    """Return the path for `text`: a graph of the chapter by its name, such as "deferred", or else a file."""
     own = GRAPHS / f"{text}.json"
     if re.fullmatch(r"[a-z_]+", text) and not Path(text).is_file():
         if not own.is_file():
@@ -153,9 +153,9 @@ def graph_path(text: str) -> Path:
 
 
 def read_graph(path: Path) -> GraphFile:
-    """Read a file, as shaders are read: it may be edited while frames are drawn (common/files/shader_files.py).
+    """Read a graph file; like shaders, it may be edited while frames are drawn (common/files/shader_files.py).
 
-    Raises GraphError for what cannot be read, what is no JSON, and what is no graph.
+    Raises GraphError if the file cannot be read, is not JSON, or is not a graph.
     """
     return shader_files.held(path, _read)
 
@@ -210,7 +210,7 @@ def _text_of(path: Path) -> str:
 
 
 def _use(entry: Field) -> Use:
-    """Return an entry of `passes`, whose values have their types and ranges."""
+    """Return an entry of `passes` with checked types and ranges."""
     keys = ("pass", "name", "enabled", "reads", "writes", "format", "scale", "size", "queue")
     parts = entry.members(keys)
     if "pass" not in parts:
@@ -248,31 +248,33 @@ def _node(
     name = use.of.word()
     if name not in declared:
         raise use.of.wrong(f"is {name!r}, and there is no such pass{suggest(name, declared)}")
-    made = declared[name]
-    written = [access.resource for access in made.writes]
-    taken = [word for access in (*made.reads, *made.writes) for word in _sources(access, made)]
+    gpu_pass = declared[name]
+    written = [access.resource for access in gpu_pass.writes]
+    taken = [word for access in (*gpu_pass.reads, *gpu_pass.writes) for word in _sources(access, gpu_pass)]
     _check_keys(use.reads, taken, f"reads nothing that {name!r} declares")
     for fields in (use.writes, use.format, use.scale, use.size):
         _check_keys(fields, written, f"is nothing that {name!r} writes")
-    # What a pass reads of its own, as the frame before wrote it, follows what it writes.
+    # If a pass reads its own result of the previous frame, the read gets the name of the write.
     writes = {key: field.word() for key, field in use.writes.items()}
     reads = writes | {key: field.word() for key, field in use.reads.items()}
-    why_not = made.why_not
+    why_not = gpu_pass.why_not
     if off and use.enabled is not None:
         why_not = f"switched off in {use.enabled.file}:{use.enabled.line}"
     node = Node(
         use.name,
-        tuple(_connected(access, reads, reads) for access in made.reads),
-        tuple(_connected(_opened(use, access, formats, externals), writes, reads) for access in made.writes),
+        tuple(_connected(access, reads, reads) for access in gpu_pass.reads),
+        tuple(
+            _connected(_opened(use, access, formats, externals), writes, reads) for access in gpu_pass.writes
+        ),
         why_not,
-        made.queue,
+        gpu_pass.queue,
     )
     return node if use.queue is None else moved(node, use.queue, name)
 
 
-def _sources(access: Access, made: Declared) -> Iterator[str]:
+def _sources(access: Access, gpu_pass: Declared) -> Iterator[str]:
     """Give the names that a declared access takes from other passes."""
-    if access in made.reads:
+    if access in gpu_pass.reads:
         yield access.resource
     yield from filter(None, (access.of, access.instead))
 
@@ -357,7 +359,7 @@ def _check_sources(
             _known_resource(field, known)
         if node.why_not:
             continue
-        made = declared[use.of.word()]
+        gpu_pass = declared[use.of.word()]
         taken = [(access.resource, "reads") for access in node.reads]
         taken += [(access.of, "continues") for access in (*node.reads, *node.writes) if access.of]
         for name, does in taken:
@@ -365,7 +367,7 @@ def _check_sources(
                 near = suggest(name, known)
                 end = "" if near.endswith("?") else ': add one that does, or connect another by "reads"'
                 raise use.entry.wrong(
-                    f"({made.name!r}) {does} {name!r}, which no pass here writes{near}{end}"
+                    f"({gpu_pass.name!r}) {does} {name!r}, which no pass here writes{near}{end}"
                 )
 
 

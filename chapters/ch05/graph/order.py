@@ -1,9 +1,9 @@
-"""In which order the passes of a frame run: one that every edge allows, always the same, with few changes of layout.
+"""The order of the passes of a frame: topological, deterministic, with few layout transitions.
 
-Kahn's algorithm: a pass is ready when all before it are placed. Of several that are ready, the one comes first that
-finds most of what it touches in the layout it needs; among equals the name decides, so the order in which passes were
-declared does not show. A pass is looked at again only when something that it touches changed its layout: so a thousand
-passes take about fifty times as long as twenty.
+Kahn's algorithm: a pass is ready when all its predecessors are placed. Of the ready passes, the one with the fewest
+layout transitions comes first; among equals the name decides, so the order of declaration has no effect. The cost of a
+pass is computed again only when the layout of one of its resources changed. So a thousand passes take about fifty times
+as long as twenty.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ Layouts = Mapping[str, Mapping[str, str]]
 def order(
     names: Sequence[str], edges: Sequence[Edge], layouts: Layouts, eager: Eager | None = None
 ) -> list[str]:
-    """Return the names in an order that all edges allow.
+    """Return the names in a topological order.
 
-    `layouts` says by pass and resource in which layout it needs it; a resource that nobody has touched is in none.
-    `eager` comes before layouts, where there are several queues.
-    Raises GraphError with the path of names where passes wait for each other in a circle.
+    `layouts` has the required layout by pass and resource; an unused resource is in no layout.
+    `eager` is a key that counts before layouts, used with several queues.
+    Raises GraphError with the names along the cycle if the edges form one.
     """
     after: dict[str, set[str]] = defaultdict(set)
     for edge in edges:
@@ -44,13 +44,13 @@ def order(
 
     heap = [(cost(name), name) for name in ready]
     heapq.heapify(heap)
-    found = []
+    ordered = []
     while heap:
         was, name = heapq.heappop(heap)
         if name not in ready or was != cost(name):
-            continue  # an older look at it: a newer one is in the heap
+            continue  # an outdated cost: the heap has a newer one
         ready.discard(name)
-        found.append(name)
+        ordered.append(name)
         woken = {*ready} if eager and eager.place(name) else set()
         for resource, layout in layouts[name].items():
             if now.get(resource) != layout:
@@ -63,13 +63,13 @@ def order(
                 woken.add(follower)
         for other in woken:
             heapq.heappush(heap, (cost(other), other))
-    if len(found) < len(names):
-        raise GraphError(_circle(set(names).difference(found), edges))
-    return found
+    if len(ordered) < len(names):
+        raise GraphError(_circle(set(names).difference(ordered), edges))
+    return ordered
 
 
 def _circle(stuck: set[str], edges: Sequence[Edge]) -> str:
-    """Return the sentence about a circle among the passes that never became ready: each of them waits for another."""
+    """Return the sentence about a cycle among the passes that never became ready."""
     before = {edge.after: edge for edge in edges if edge.before in stuck and edge.after in stuck}
     name, path = min(before), []
     while name not in path:

@@ -20,7 +20,7 @@ from ..shading.transparent import TransparentPass
 
 
 def make_passes(parts: PassParts) -> dict[str, Pass]:
-    """Return the passes; nothing is on the GPU before `create` is called, and for those left out it never is."""
+    """Return all passes by name; they use no GPU memory before `create`, which runs only for passes of the frame."""
     passes: tuple[Pass, ...] = (
         ForwardPass(parts),
         DepthPrepass(parts),
@@ -35,4 +35,4 @@ def make_passes(parts: PassParts) -> dict[str, Pass]:
         ResolvePass(parts),
         TonemapPass(parts),
     )
-    return {one.name: one for one in passes}
+    return {gpu_pass.name: gpu_pass for gpu_pass in passes}

@@ -1,4 +1,4 @@
-"""What a compute pipeline is made of: one shader and nothing else, so most of what draws have falls away."""
+"""The description of compute pipelines: one shader, and none of the state of draws."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class ComputeDescription:
-    """What a compute pipeline is made of; the words are those of `PipelineDescription`."""
+    """The description of a compute pipeline; the fields are as in `PipelineDescription`."""
 
     shader: str
     defines: tuple[tuple[str, int | float | str], ...] = ()
@@ -22,5 +22,5 @@ class ComputeDescription:
 
     @property
     def title(self) -> str:
-        """The name, or the file of the shader where there is none."""
+        """The name, or the file of the shader if there is no name."""
         return self.name or self.shader

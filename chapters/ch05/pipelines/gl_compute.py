@@ -8,7 +8,7 @@ from backends.gl.programs import Program
 
 
 def group_of(context: Context, program: Program) -> tuple[int, int, int]:
-    """Return the invocations of a work group of a program that computes, along each axis."""
+    """Return the invocations of a work group along each axis, of a compute program."""
     out = gl.ffi.new("GLint[3]")
     context.fn.glGetProgramiv(program.handle, gl.GL_COMPUTE_WORK_GROUP_SIZE, out)
     return int(out[0]), int(out[1]), int(out[2])

@@ -1,13 +1,12 @@
-"""The pipeline cache: what the driver compiled for earlier runs, kept in a file and given back to it at the start.
+"""The pipeline cache: the driver's compiled code of earlier runs, kept in a file and loaded at the start.
 
-A driver compiles SPIR-V to machine code when a pipeline is built, which takes milliseconds to seconds. It can hand out
-the results as one opaque body of bytes (VkPipelineCache). Those mean something to the same driver on the same device
-alone, and a driver given anything else may crash. So a file begins with a prefix of ours: a mark, the driver's version
-and a checksum of the body. Then comes the body, whose first 32 bytes Vulkan defines (VkPipelineCacheHeaderVersionOne):
-their size, a version, vendor, device, and the UUID of the driver's build. All of it must be right before the driver
-sees any.
+A driver compiles SPIR-V to machine code when a pipeline is built, which takes milliseconds to seconds. It returns the
+results as one opaque body of bytes (VkPipelineCache). Only the same driver on the same device can use the body, and a
+driver may crash on other data. So a file begins with our own prefix: a mark, the driver's version and a checksum of the
+body. The body follows. Vulkan defines its first 32 bytes (VkPipelineCacheHeaderVersionOne): their size, a version,
+vendor, device, and the UUID of the driver's build. The driver gets the body only if all of these are right.
 
-Without a file everything works as before, only slower. Two processes may use one file: each replaces it as a whole.
+Without a file everything works, but more slowly. Two processes may use one file: each replaces it as a whole.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from backends.vulkan.device import Device
 from common.paths import cache_dir, cache_problem, write_whole
 
 MOST_BYTES = 256 << 20
-"""A file that is larger is none of ours. Before a cache grows so large, it is begun anew."""
+"""The largest file. A larger file is ignored; if a cache grows larger, its file is deleted."""
 
 _LOG = logging.getLogger(__name__)
 _MARK = b"strata-pipelines"
@@ -34,8 +33,8 @@ _HEADER = struct.Struct("<4I16s")  # bytes of the header, its version, vendor, d
 class PipelineCache:
     """A VkPipelineCache, filled from the device's file in `folder` and written back when it closes.
 
-    Without a folder it lives in memory. Whatever is wrong with the file or the folder is said once, in a sentence that
-    is logged and kept in `warnings`. `loaded_bytes` is what the driver was given at the start, `saved` counts the files
+    Without a folder it lives in memory. Each problem with the file or the folder is logged once, and kept in
+    `warnings`. `loaded_bytes` is the size of the body that the driver got at the start; `saved` counts the files
     written.
     """
 
@@ -51,11 +50,11 @@ class PipelineCache:
 
     @classmethod
     def on_disk(cls, device: Device) -> PipelineCache:
-        """Return the cache in the user's folder; in memory where nothing can be written there."""
-        made = cls(device, cache_dir("pipelines"))
-        if made.path is None:  # as with every other cache, a sentence for those who ask: it is so in each run
-            made._warn(f"The pipeline cache lives in memory: {cache_problem()}.", logging.INFO)
-        return made
+        """Return the cache in the user's folder, or in memory if the folder cannot be written."""
+        cache = cls(device, cache_dir("pipelines"))
+        if cache.path is None:  # level INFO, as for the other caches: it is the same in each run
+            cache._warn(f"The pipeline cache lives in memory: {cache_problem()}.", logging.INFO)
+        return cache
 
     def _create(self, data: bytes) -> Any:
         def create(data: bytes) -> Any:
@@ -76,7 +75,7 @@ class PipelineCache:
     # --- reading ---
 
     def _load(self) -> bytes:
-        """Return the body in the file, or b"" where there is none that the driver may see."""
+        """Return the body in the file, or b"" if there is no valid one."""
         if self.path is None:
             return b""
         try:
@@ -94,7 +93,7 @@ class PipelineCache:
         return b""
 
     def _checked(self, data: bytes) -> tuple[bytes, str]:
-        """Return the body of a file's content, and what is wrong with it, or ""."""
+        """Return the body of a file's content, and the reason why it is invalid, or ""."""
         if len(data) < _PREFIX.size + _HEADER.size:
             return b"", f"it has {len(data)} bytes, fewer than its headers"
         mark, driver, size, checksum = _PREFIX.unpack_from(data)
@@ -113,18 +112,20 @@ class PipelineCache:
         return body, self._foreign(body)
 
     def _foreign(self, body: bytes) -> str:
-        """Return what in the header of a body is not of this device and driver, or ""."""
+        """Return how the header of a body differs from that of this device and driver, or ""."""
         names = ("header's size", "header's version", "vendor", "device", "UUID")
-        for name, found, own in zip(names, _HEADER.unpack_from(body), self._header, strict=True):
-            if found != own:
-                shown = [one.hex() if isinstance(one, bytes) else f"{one:#x}" for one in (found, own)]
-                return f"its {name} is {shown[0]}, and this device has {shown[1]}"
+        for name, stored, own in zip(names, _HEADER.unpack_from(body), self._header, strict=True):
+            if stored != own:
+                texts = [
+                    value.hex() if isinstance(value, bytes) else f"{value:#x}" for value in (stored, own)
+                ]
+                return f"its {name} is {texts[0]}, and this device has {texts[1]}"
         return ""
 
     # --- writing ---
 
     def data(self) -> bytes:
-        """Return what the driver has compiled so far, in its own form."""
+        """Return the body: what the driver has compiled so far, in its own form."""
         fn, device = self._device.fn, self._device.handle
         size = vk.ffi.new("size_t *")
         code = vk.VK_INCOMPLETE
@@ -161,7 +162,7 @@ class PipelineCache:
         _LOG.log(level, sentence)
 
     def close(self) -> None:
-        """Write the file if need be, and free the cache; the pipelines that were built with it stay."""
+        """Save the file if the cache changed, and free the cache; the pipelines that were built with it stay."""
         try:
             self.save()
         finally:
@@ -169,9 +170,9 @@ class PipelineCache:
 
 
 def _identity(device: Device) -> tuple[int, tuple[int, int, int, int, bytes], str]:
-    """Return the driver's version, the header that its caches have, and the name of the device's file.
+    """Return the driver's version, the header of its caches, and the name of the device's file.
 
-    The file is named by driver too: two drivers for one device would only take turns in replacing it.
+    The name includes the driver, too: otherwise two drivers for one device would replace each other's file.
     """
     driver = vk.new("VkPhysicalDeviceDriverProperties")
     properties = vk.new("VkPhysicalDeviceProperties2", pNext=driver)

@@ -1,7 +1,7 @@
-"""Compute pipelines: one shader and nothing else, so most of a graphics pipeline's description falls away.
+"""Compute pipelines on Vulkan: one shader, and none of a graphics pipeline's other state.
 
-`Pipelines` keeps them beside those that draw: what a kernel binds and pushes is read from its SPIR-V, equal
-descriptions share a pipeline, the cache on disk knows it, and an edited file builds it anew.
+`Pipelines` keeps them beside graphics pipelines. The bindings and push constants of a kernel are read from its SPIR-V,
+equal descriptions share a pipeline, the cache on disk contains it, and an edit of a file rebuilds it.
 
     pipeline = pipelines.get([ComputeDescription("blur.comp")])[0]
     commands.bind_compute(pipeline)
@@ -35,7 +35,7 @@ def build_compute(
     layout: Any,
     cache: PipelineCache | None,
 ) -> Any:
-    """Return the VkPipeline; ShaderError for work groups that the device cannot run."""
+    """Return the VkPipeline; raises ShaderError for work groups that the device cannot run."""
     device_has = device.limits
     limits = GroupLimits(
         int(device_has.maxComputeWorkGroupInvocations),

@@ -1,6 +1,6 @@
-"""What a shader declares: blocks with their bytes, descriptors, entry points and specialization constants.
+"""The declarations of a shader: blocks with their bytes, descriptors, entry points and specialization constants.
 
-`parser` reads it from a compiled shader. `mismatch` compares a block with the numpy record that fills it.
+`parser` reads them from a compiled shader. `mismatch` compares a block with the numpy record that fills it.
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ Kind = Literal[
     "input attachment",
     "acceleration structure",
 ]
-"""What a binding holds. "texture" is an image with its sampler, "image" one that shaders write to. SPIR-V does not know
-of dynamic buffers, whose offset comes with the bind: who makes the layout decides that."""
+"""The kind of a binding. "texture" is an image with its sampler, "image" is one that shaders write to. SPIR-V has no
+dynamic buffers, whose offset is given at each bind: `pipelines.vulkan_reflection` sets these kinds."""
 
 
 @dataclass(frozen=True)
 class Member:
-    """A member of a block. `counts` are the elements of an array, outermost first, 0 where its end is open.
+    """A member of a block. `counts` are the lengths of an array, outermost first, 0 for an unsized one.
 
-    `size` is in bytes and without padding behind the member; an open array counts as none. `strides` belong to
-    `counts`; `matrix_stride` lies between the columns of a matrix (rows, if `row_major`). All are in bytes.
+    `size` is without padding after the member; an unsized array counts as 0. `strides` belong to `counts`;
+    `matrix_stride` is the distance between the columns of a matrix (rows, if `row_major`). All are in bytes.
     """
 
     name: str
@@ -55,7 +55,7 @@ class Member:
 
 @dataclass(frozen=True)
 class Block:
-    """The struct behind a buffer or behind push constants; `size` are the bytes that must be there."""
+    """The struct of a buffer or of push constants; `size` is the smallest size of its data in bytes."""
 
     name: str
     size: int
@@ -64,7 +64,7 @@ class Block:
 
 @dataclass(frozen=True)
 class Resource:
-    """A variable that is reached through a descriptor. `count` is 1, the length of an array, or 0 where it is open."""
+    """A variable with a descriptor. `count` is 1, the length of an array, or 0 for an unsized array."""
 
     set: int
     binding: int
@@ -77,7 +77,7 @@ class Resource:
 
 @dataclass(frozen=True)
 class EntryPoint:
-    """Where a stage begins. `local_size` are the invocations of a work group; None where there are no groups."""
+    """The function where a stage begins. `local_size` is the size of a work group; None for stages without groups."""
 
     stage: str
     name: str
@@ -86,7 +86,7 @@ class EntryPoint:
 
 @dataclass(frozen=True)
 class SpecConstant:
-    """A constant that gets its value when a pipeline is built; `size` are the bytes that the driver expects."""
+    """A constant whose value is set when a pipeline is built; `size` is in bytes, as the driver expects it."""
 
     id: int
     name: str
@@ -95,7 +95,7 @@ class SpecConstant:
     default: Number
 
     def encoded(self, value: Number) -> bytes:
-        """Return `value` as the driver reads it; raise ShaderError where the constant cannot hold it."""
+        """Return `value` as the bytes that the driver reads; raise ShaderError if the constant cannot have it."""
         try:
             if isinstance(value, float) and self.type not in ("float", "double"):
                 raise ValueError
@@ -108,21 +108,21 @@ class SpecConstant:
 
 @dataclass(frozen=True)
 class Module:
-    """What a SPIR-V module declares."""
+    """The declarations of a SPIR-V module."""
 
     version: tuple[int, int]
     bound: int
     entries: tuple[EntryPoint, ...]
     resources: tuple[
         Resource, ...
-    ]  # by set, binding and order of declaration; more than one where names share a place
+    ]  # by set, binding and order of declaration; several names may share a binding
     push: Block | None
     constants: tuple[SpecConstant, ...]
-    inputs: tuple[tuple[int, str], ...]  # (location, name) of what the stage before or a vertex buffer gives
+    inputs: tuple[tuple[int, str], ...]  # (location, name) of values from the stage before or a vertex buffer
 
 
 def number_format(type_: str, size: int) -> str:
-    """Return the letter with which `struct` packs a number of this GLSL type and size; a bool is VkBool32."""
+    """Return the format letter of `struct` for a number of this GLSL type and size; a bool is VkBool32."""
     if type_.startswith(("f", "d")):
         return {2: "e", 4: "f", 8: "d"}[size]
     letter = {1: "b", 2: "h", 4: "i", 8: "q"}[size]
@@ -135,10 +135,10 @@ def extent(members: Sequence[Member]) -> int:
 
 
 def mismatch(members: Sequence[Member], record: np.dtype[Any], stride: int = 0) -> str:
-    """Return where a numpy record differs from these members of a block, as a sentence, or "" where nothing does.
+    """Return the first difference between a numpy record and members of a block, as a sentence, or "" if they match.
 
-    Every member must be a field at the same byte and of the same size; an array that stays open must be the record's
-    own business. `stride` is that of an array of the records, which must then be the size of one.
+    Every member must be a field at the same byte and of the same size. For the elements of an unsized array, pass the
+    members of an element, and the array's `stride`: it must be the size of the record.
     """
     fields: Mapping[str, Any] = record.fields or {}
     for member in members:

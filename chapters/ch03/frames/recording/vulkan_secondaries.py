@@ -1,13 +1,13 @@
-"""A pass recorded by several threads: each records some of its draws into a secondary buffer, the primary runs them.
+"""A pass recorded by several threads, into secondary command buffers that the primary command buffer executes.
 
-A secondary buffer inherits nothing from the primary but the attachments it may draw to, and it is told only what kind
-they are (VkCommandBufferInheritanceRenderingInfo). Viewport, scissor, pipeline, sets, index buffer: all of it is set
-again in each. The primary begins rendering with a flag that says that all draws come from secondaries, and runs them in
-the order of the draws, whichever was finished first: transparent objects lie over one another as they should.
+A secondary inherits only the formats and samples of its attachments (VkCommandBufferInheritanceRenderingInfo). Each one
+sets viewport, scissor, pipeline, sets and index buffer again. The primary begins rendering with a flag for draws that
+all come from secondaries. It executes them in the order of the draws, whichever was finished first, so transparent
+objects are blended in the right order.
 
-This is worth it where a recorded call is short beside what a thread does between two calls; in Python it is the other
-way round, and the interpreter's lock is handed over at each call besides. So the default records on one thread, and
-what helps is fewer calls: `vkCmdDrawIndexedIndirect` is one for any number of objects.
+Several threads pay off if a recorded call is short compared with the work of a thread between two calls. In Python the
+opposite holds, and the interpreter's lock changes hands at each call as well. So one thread records by default. Fewer
+calls help more: `vkCmdDrawIndexedIndirect` is one call for any number of objects.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _DRAWS_IN_SECONDARIES = vk.VK_RENDERING_CONTENTS_SECONDARY_COMMAND_BUFFERS_BIT
 def open_commands(
     device: Device, frames: Frames, workers: Workers, multi_draw: bool, settings: FrameSettings
 ) -> Commands:
-    """Return what records the frames: in parallel where there are workers."""
+    """Return the commands of the renderer; they record in parallel if there are workers."""
     if workers.count == 0:
         return Commands(device, multi_draw)
     pools = CommandPools(device, frames.slots, workers)
@@ -43,7 +43,7 @@ def open_commands(
 
 
 class ParallelCommands(Commands):
-    """Records as `Commands` does, but what a pass draws by several threads, if there are calls enough to share."""
+    """Records as `Commands` does, but several threads record the draws of a pass if there are enough calls."""
 
     def __init__(self, device: Device, pools: CommandPools, multi_draw: bool, least_calls: int) -> None:
         super().__init__(device, multi_draw)
@@ -55,35 +55,35 @@ class ParallelCommands(Commands):
         self._draws = DrawList(multi_draw)
 
     def begin(self, slot: FrameSlot) -> None:
-        """Record into `slot` from here on; the GPU has left it, and all its secondaries are free again."""
+        """Start recording into `slot`; the GPU has finished with it, and all its secondaries are free again."""
         super().begin(slot)
         self.work |= ALONE
         self._pools.begin(slot)
 
-    # --- what a pass asks for is written down until it has ended ---
+    # --- draws of a pass, stored until the pass ends ---
 
     def begin_label(self, name: str) -> None:
-        """Open a label, which is the name of the tasks that record what follows, too."""
+        """Open a label; the tasks that record the following draws have its name, too."""
         super().begin_label(name)
         self._name = name
 
     def begin_rendering(self, rendering: Rendering) -> None:
-        """Begin to write down what is drawn to the attachments of `rendering`."""
+        """Begin a list of draws to the attachments of `rendering`."""
         self._rendering, self._draws = rendering, DrawList(self._multi_draw)
 
     def draw_fullscreen(self, pipeline: Built, scene: SceneBinding | None = None) -> None:
-        """Write down the one triangle of `fullscreen.vert`."""
+        """Store the one triangle of `fullscreen.vert`."""
         self._draws.draw_fullscreen(pipeline, scene, self.sources)
 
     def draw_groups(self, groups: Sequence[DrawGroup], scene: SceneBinding) -> None:
-        """Write down groups of draws."""
+        """Store groups of draws."""
         self._draws.draw_groups(groups, scene)
 
     def end_rendering(self) -> None:
-        """Record all that was written down: into this buffer, or with enough of it by all threads into secondaries.
+        """Record the stored draws: into this buffer, or with enough calls by all threads into secondaries.
 
-        Raises TaskError, when all threads have stopped, if a part could not be recorded; the frame is then lost, and
-        the next one begins anew.
+        Raises TaskError if a part could not be recorded, after all threads have stopped. The frame is then lost, and
+        the next frame begins anew.
         """
         rendering, parts = self._rendering, part_count(self._draws.calls, self._least)
         buffers = self._record_parts(parts) if parts else None
@@ -150,5 +150,5 @@ class ParallelCommands(Commands):
             self.work[name] += number
 
     def close(self) -> None:
-        """Free the pools, after the GPU has left all slots and the threads have ended."""
+        """Free the pools, after the GPU has finished with all slots and the threads have ended."""
         self._pools.close()

@@ -1,11 +1,11 @@
-"""What a compiled shader says of itself: a parser of SPIR-V that finds entry points, blocks, descriptors and constants.
+"""A parser of SPIR-V: it reads the entry points, blocks, descriptors and constants of a compiled shader.
 
-A module is a list of instructions (`words.py`). Whatever an instruction makes (a type, a constant, a variable)
-gets a number, its id, and names and decorations refer to ids that come later. So the parser fills tables by id first,
-and puts together what belongs together afterwards: variable -> pointer type -> what it points to.
+A module is a list of instructions (`words.py`). Each type, constant and variable that an instruction declares has a
+number, its id. Names and decorations refer to ids that come later. So the parser first fills tables by id, and then
+combines their entries: variable -> pointer type -> type that it points to.
 
-All declarations stand before the first function; of the bodies behind it only the lengths are checked. Source: SPIR-V
-specification 1.6, section 3 (opcodes and numbers, in `numbers.py`).
+All declarations come before the first function. In the bodies of functions, only the lengths of instructions are
+checked. Source: SPIR-V specification 1.6, section 3 (opcodes and numbers, in `numbers.py`).
 """
 
 from __future__ import annotations
@@ -45,9 +45,9 @@ from .words import SpirvError, instructions, text, words_of
 
 
 def parse(code: bytes, specialization: Mapping[int, Number] | None = None) -> Module:
-    """Return what a module declares, as it is with these values of specialization constants (by id) or their defaults.
+    """Return the declarations of a module, with these values of specialization constants (by id) or their defaults.
 
-    Raises SpirvError for what is no SPIR-V, for SPIR-V that is damaged, and for what a program cannot fill.
+    Raises SpirvError for bytes that are not SPIR-V, for damaged SPIR-V, and for variables that a program cannot fill.
     """
     try:
         return _Declarations(code, specialization or {}).module()
@@ -71,7 +71,7 @@ class _Declarations:
         self._member_names: dict[tuple[int, int], str] = {}
         self._marks: dict[tuple[int, int], int] = {}  # (id, decoration) -> its number
         self._member_marks: dict[tuple[int, int, int], int] = {}  # (id, member, decoration) -> its number
-        self._types: dict[int, tuple[int, Sequence[int]]] = {}  # id -> opcode, operands behind the id
+        self._types: dict[int, tuple[int, Sequence[int]]] = {}  # id -> opcode, operands after the id
         self._forward: set[int] = set()
         self._values: dict[int, Number] = {}  # of constants that are one number
         self._composites: dict[int, Sequence[int]] = {}
@@ -162,7 +162,7 @@ class _Declarations:
         return self._types[id_]
 
     def _scalar(self, type_: int) -> tuple[str, int]:
-        """Return a scalar type as GLSL writes it, and its bytes."""
+        """Return GLSL's name of a scalar type, and its size in bytes."""
         opcode, operands = self._type(type_)
         if opcode == Op.BOOL:
             return "bool", 4
@@ -176,7 +176,7 @@ class _Declarations:
         return SCALARS.get((opcode, width, sign), usual), width // 8
 
     def _shape(self, type_: int) -> tuple[str, int, tuple[int, int]]:
-        """Return a scalar, vector or matrix as GLSL writes it, its bytes without strides, and (columns, rows)."""
+        """Return GLSL's name of a scalar, vector or matrix, its size in bytes without strides, and (columns, rows)."""
         opcode, operands = self._type(type_)
         if opcode == Op.VECTOR:
             scalar, size = self._scalar(operands[0])
@@ -190,7 +190,7 @@ class _Declarations:
         return *self._scalar(type_), (1, 1)
 
     def _stripped(self, type_: int, name: str) -> tuple[int, tuple[int, ...], tuple[int, ...]]:
-        """Return what an array holds in the end, its counts, and its strides in bytes."""
+        """Return the innermost type of an array of arrays, its lengths, and its strides in bytes."""
         counts: list[int] = []
         strides: list[int] = []
         opcode, operands = self._type(type_)
@@ -226,40 +226,45 @@ class _Declarations:
         members: tuple[Member, ...] = ()
         matrix_stride = mark(Mark.MATRIX_STRIDE)
         if opcode == Op.STRUCT:
-            shown, members = self._names.get(inner, ""), self._members(inner)
+            glsl_type, members = self._names.get(inner, ""), self._members(inner)
             size = extent(members)
         elif opcode == Op.POINTER:  # the address of a buffer
-            shown, size = self._names.get(operands[1], ""), 8
+            glsl_type, size = self._names.get(operands[1], ""), 8
         else:
-            shown, size, (columns, rows) = self._shape(inner)
+            glsl_type, size, (columns, rows) = self._shape(inner)
             if opcode == Op.MATRIX:
                 size = matrix_stride * (rows if mark(Mark.ROW_MAJOR) else columns)
         if counts:
             size = counts[0] * strides[0]
         row_major = bool(mark(Mark.ROW_MAJOR))
         offset = mark(Mark.OFFSET)
-        return Member(name, shown, offset, size, counts, strides, matrix_stride, row_major, members)
+        return Member(name, glsl_type, offset, size, counts, strides, matrix_stride, row_major, members)
 
     def _block(self, type_: int) -> Block:
         members = self._members(type_)
         return Block(self._names.get(type_, ""), extent(members), members)
 
     def _image(self, type_: int, prefix: str) -> str:
-        """Return an image type as GLSL writes it: "usampler2DArray", "image3D"."""
+        """Return GLSL's name of an image type: "usampler2DArray", "image3D"."""
         _, operands = self._type(type_)
-        sampled, dimension, depth, arrayed, many = (operands[place] for place in range(5))
+        sampled, dimension, depth, arrayed, multisampled = (operands[place] for place in range(5))
         if not dimension < len(DIMENSIONS):
             return f"{prefix} of dimension {dimension}"
         letter = PREFIXES.get(self._scalar(sampled)[0], "") if self._type(sampled)[0] != Op.VOID else ""
         shadow = "Shadow" if depth == 1 and prefix == "sampler" else ""
         return (
-            letter + prefix + DIMENSIONS[dimension] + "MS" * (many == 1) + "Array" * (arrayed == 1) + shadow
+            letter
+            + prefix
+            + DIMENSIONS[dimension]
+            + "MS" * (multisampled == 1)
+            + "Array" * (arrayed == 1)
+            + shadow
         )
 
-    # --- what a program fills ---
+    # --- resources and entry points ---
 
     def _kind(self, type_: int, storage: int) -> tuple[Kind, str] | None:
-        """Return what a descriptor of this type holds, and the type as GLSL writes it; None if it is none."""
+        """Return the kind of a descriptor of this type, and GLSL's name of the type; None if it is no descriptor."""
         opcode, operands = self._type(type_)
         if opcode == Op.STRUCT:
             old = (
@@ -276,8 +281,8 @@ class _Declarations:
             if dimension == SUBPASS:
                 return "input attachment", self._image(type_, "subpassInput")
             if dimension == BUFFER:
-                shown = self._image(type_, "image" if written else "texture")
-                return "storage texels" if written else "uniform texels", shown
+                glsl_type = self._image(type_, "image" if written else "texture")
+                return "storage texels" if written else "uniform texels", glsl_type
             return (
                 ("image", self._image(type_, "image"))
                 if written
@@ -298,18 +303,18 @@ class _Declarations:
     def _resource(self, variable: int, pointer: int, storage: int) -> Resource | None:
         name = self._names.get(variable, "")
         type_, counts, _ = self._stripped(self._pointee(pointer), name)
-        found = self._kind(type_, storage)
-        if found is None:
+        descriptor = self._kind(type_, storage)
+        if descriptor is None:
             return None
-        kind, shown = found
+        kind, glsl_type = descriptor
         binding = self._marks.get((variable, Mark.BINDING))
         if binding is None:
             raise SpirvError(
-                f"The {kind} '{name or shown}' has no binding: write layout(set = ..., binding = ...)."
+                f"The {kind} '{name or glsl_type}' has no binding: write layout(set = ..., binding = ...)."
             )
         set_ = self._marks.get((variable, Mark.SET), 0)
         block = self._block(type_) if kind in ("uniform", "storage") else None
-        return Resource(set_, binding, kind, math.prod(counts), name, shown, block)
+        return Resource(set_, binding, kind, math.prod(counts), name, glsl_type, block)
 
     def _entry(self, model: int, function: int, name: str) -> EntryPoint:
         if model not in STAGES:
@@ -320,16 +325,16 @@ class _Declarations:
         for (
             id_,
             built_in,
-        ) in self._composites.items():  # says more than the execution mode, which may then be a dummy
+        ) in self._composites.items():  # overrides the execution mode, which may then be a dummy
             if self._marks.get((id_, Mark.BUILT_IN)) == WORKGROUP_SIZE:
                 by_id, size = True, built_in
         if len(size) < 3:
             return EntryPoint(STAGES[model], name)
-        x, y, z = (int(self._values.get(one, 0)) if by_id else one for one in size[:3])
+        x, y, z = (int(self._values.get(item, 0)) if by_id else item for item in size[:3])
         return EntryPoint(STAGES[model], name, (x, y, z))
 
     def module(self) -> Module:
-        """Put together what the tables say."""
+        """Return the declarations, combined from the tables."""
         if not self._entries:
             raise SpirvError("The SPIR-V has no entry point: it is a library, and no shader.")
         resources = []
@@ -348,15 +353,15 @@ class _Declarations:
             self._version,
             self._bound,
             tuple(self._entry(*entry) for entry in self._entries),
-            tuple(sorted(resources, key=lambda one: (one.set, one.binding))),
+            tuple(sorted(resources, key=lambda item: (item.set, item.binding))),
             push,
-            tuple(one for _, one in sorted(self._specials.items())),
+            tuple(item for _, item in sorted(self._specials.items())),
             tuple(sorted(inputs)),
         )
 
 
 def _decoded(type_: str, size: int, words: Sequence[int]) -> Number:
-    """Return a constant of `size` bytes; one of 8 has its low word first."""
+    """Return the value of a constant of `size` bytes; with 8 bytes, the low word is first."""
     raw = struct.pack("<2I", words[0], words[1] if size == 8 else 0)
     value: Number = struct.unpack_from("<" + number_format(type_, size), raw)[0]
     return value

@@ -1,9 +1,9 @@
 """The words of SPIR-V: from the bytes of a module to its instructions, one after the other.
 
-A module is a stream of 32-bit words. Five of them are the header: magic number, version, generator, id bound, 0. Each
-instruction behind it begins with a word whose low half is the opcode and whose high half counts the words of the
-instruction, itself included. A module may have been written in either byte order: the magic number, read backwards,
-gives it away. Source: SPIR-V specification 1.6, section 2.3.
+A module is a stream of 32-bit words. The first five are the header: magic number, version, generator, id bound, 0. The
+instructions follow. The low half of an instruction's first word is the opcode, and the high half is the number of words
+of the instruction, itself included. A module may be in either byte order, which the magic number shows. Source: SPIR-V
+specification 1.6, section 2.3.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ HEADER_WORDS = 5
 
 
 class SpirvError(ShaderError):
-    """These bytes are no SPIR-V that can be used; the text says in one sentence what is wrong, and at which word."""
+    """Bytes that are not usable SPIR-V; the text is one sentence with the fault and the word where it is."""
 
 
 # --- words and instructions ---------------------------------------------------------------------------------
@@ -37,14 +37,14 @@ def words_of(code: bytes) -> list[int]:
     for order in ("<u4", ">u4"):
         words = np.frombuffer(code, order)
         if words[0] == MAGIC:
-            found: list[int] = words.tolist()
-            return found
+            word_list: list[int] = words.tolist()
+            return word_list
     first = int.from_bytes(code[:4], "little")
     raise SpirvError(f"This is no SPIR-V: it begins with 0x{first:08x} in place of 0x{MAGIC:08x}.")
 
 
 def instructions(words: Sequence[int]) -> Iterator[tuple[int, int, Sequence[int]]]:
-    """Yield (word at which it begins, opcode, operands) of each instruction; raise SpirvError where one is cut off."""
+    """Yield (index of its first word, opcode, operands) of each instruction; raise SpirvError if one is cut off."""
     at, end = HEADER_WORDS, len(words)
     while at < end:
         first = words[at]

@@ -1,4 +1,4 @@
-"""The last step of a frame on OpenGL."""
+"""The last step of a frame on OpenGL: copies of its outputs."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ class CopyOutputs(OutputCopies):
         """The picture, for a window."""
 
     def attach(self, graph: Graph, images: Any) -> list[Mapping[str, Any]]:
-        """Make the buffers for a graph's outputs, and the framebuffer; return the buffers by slot."""
-        found = super().attach(graph, images)
+        """Create the buffers for a graph's outputs, and the framebuffer; return the buffers by slot."""
+        buffers = super().attach(graph, images)
         if "color" in graph.names:
             color = images.image(0, graph.names["color"])
             self.picture = create_framebuffer(self._context, [color], None, "picture")
-        return found
+        return buffers
 
     def _readback(self, image: Image, name: str) -> Readback:
         return Readback(self._context, image, name)
 
     def record(self, commands: Commands) -> None:
-        """Make the copies; the graph has brought in front of them what they have to wait for."""
+        """Make the copies; the graph has already set the barrier that they need."""
         for readback in self.readbacks[commands.slot.index].values():
             readback.copy()
 

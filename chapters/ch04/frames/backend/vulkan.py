@@ -53,11 +53,11 @@ class VulkanBackend(Backend):
             self._owned = opened.pop_all()
 
     def offered_samples(self, color_format: str) -> set[int]:
-        """Return how many samples a pixel of colour in this format and of depth can have."""
+        """Return the sample counts that a colour target of this format and a depth target can have."""
         return offered_samples(self.device, color_format, "d32f")
 
     def create(self, scene: Scene, settings: Settings, plan: Plan, loading: Loading, pose: Pose) -> None:
-        """Make frames, pipelines and the scene's data."""
+        """Create frames, pipelines and the scene's data."""
         device, self._scene = self.device, scene
         self.frames = Recordings(device)
         self.resources = Resources(device)
@@ -79,15 +79,11 @@ class VulkanBackend(Backend):
         self.copies = CopyOutputs(device)
 
     def make_sets(self, passes: Collection[Pass]) -> None:
-        """Make the scene's descriptor sets, by the layouts that its pipelines' shaders told.
-
-        One set serves them all. A pipeline that was made later than the others, from a file that was edited into
-        another layout and refused for those, would read it wrongly.
-        """
+        """Create the scene's descriptor sets, which all pipelines share; ShaderError if their layouts disagree."""
         layouts: dict[int, SetLayout] = {}
-        for one in passes:
-            own = one.sources.set if one.sources else None
-            for pipeline in one.pipelines:
+        for gpu_pass in passes:
+            own = gpu_pass.sources.set if gpu_pass.sources else None
+            for pipeline in gpu_pass.pipelines:
                 for number, layout in enumerate(pipeline.sets):
                     if layout is None or number == own:
                         continue
@@ -114,17 +110,17 @@ class VulkanBackend(Backend):
         )
 
     def leave(self) -> None:
-        """Free that; no frame is in flight."""
-        self.device.wait_idle()  # for what a window still copies
+        """Free what `follow` created; no frame is in flight."""
+        self.device.wait_idle()  # a window may still copy from a target
         self.copies.close()
         self.inspection.close()
         self.executor.close()
-        self.resources.flush()  # however often the size changes before the next frame, there is one set of targets
+        self.resources.flush()  # now: several changes of size before the next frame keep only one set of targets
 
     # --- a frame ---
 
     def begin(self, slot: RecordedSlot) -> None:
-        """Destroy what the frame that used `slot` last was the last one to need."""
+        """Destroy the resources that no frame in flight can use after the last frame in `slot`."""
         self.resources.collect(slot.number)
 
     def deform(self, slot: RecordedSlot, pose: Pose) -> int:
@@ -134,8 +130,8 @@ class VulkanBackend(Backend):
         return self.data.record_deformation(self.frames.uploads(slot), slot.index, pose)
 
     def record(self, slot: RecordedSlot, again: bool) -> bool:
-        """Record the slot's frame where its recording is no longer good; return whether it did."""
-        key = tuple(one.key(slot.index) for one in self._passes)
+        """Record the slot's frame if its recording is no longer valid; return whether it was recorded."""
+        key = tuple(gpu_pass.key(slot.index) for gpu_pass in self._passes)
         if slot.key == key and again:
             return False
         with self.frames.recording(slot, key):
@@ -162,26 +158,26 @@ class VulkanBackend(Backend):
 
     @property
     def counts(self) -> dict[str, int]:
-        """Return how many descriptor sets and samplers there are."""
+        """Return the number of descriptor sets and of samplers."""
         return {
             "descriptor_sets": self.descriptors.set_count + self.data.bindless_sets,
             "samplers": self.resources.counts["samplers"],
         }
 
     def reload(self, changed: Collection[Any]) -> tuple[str, ...]:
-        """Build the pipelines anew that use one of the files `changed`, all or none; return their names."""
+        """Rebuild the pipelines that use one of the files `changed`, all or none; return their names."""
         return self.pipelines.reload(changed, self.resources.defer)
 
     def close(self) -> None:
-        """Free everything; a second time does nothing."""
+        """Free everything; a second call does nothing."""
         self.device.wait_idle()
         for name in (
             *("workers", "inspection", "copies", "executor", "commands", "frames", "profiler"),
             *("pipelines", "_cache", "data", "resources", "descriptors"),
         ):
-            held = getattr(self, name, None)
-            if held is not None:
-                held.close()
+            component = getattr(self, name, None)
+            if component is not None:
+                component.close()
         self._owned.close()
 
 

@@ -1,4 +1,4 @@
-"""The last step of a frame on Vulkan."""
+"""The last step of a frame on Vulkan: copies of its outputs."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .outputs import OutputCopies
 
 
 class CopyOutputs(OutputCopies):
-    """Copies outputs, and leaves them as a window copies them; the graph brings them into that layout."""
+    """Copies outputs. The graph brings the images into the layout for copies, which a window needs, too."""
 
     def __init__(self, device: Device) -> None:
         super().__init__()

@@ -1,7 +1,7 @@
 """Draws prepared by several threads: each turns some of them into a list of calls, the context's thread makes them.
 
-A context belongs to one thread, so no other may call OpenGL. What is left to share is to find out which calls there
-are to be; compare frames/recording/vulkan_secondaries.py, where the driver is called by every thread.
+A context belongs to one thread, so no other thread may call OpenGL. The threads can share only the preparation of the
+calls; compare frames/recording/vulkan_secondaries.py, where every thread calls the driver.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from .parts import Groups, part_count
 def open_commands(
     context: Context, pipelines: Pipelines, multi_draw: bool, workers: Workers, settings: FrameSettings
 ) -> Commands:
-    """Return what makes the calls of frames: where there are workers, they prepare them."""
+    """Return the commands of the renderer; if there are workers, they prepare the calls."""
     if workers.count == 0:
         return Commands(context, pipelines, multi_draw)
     return ParallelCommands(context, pipelines, multi_draw, workers, settings.draws_per_secondary)
 
 
 class CallList:
-    """Stands in for a context: calls of its `fn` are written down, to be made later, on the context's thread."""
+    """Replaces a context: it stores the calls of its `fn`, to be made later on the context's thread."""
 
     def __init__(self) -> None:
         self.fn = self
@@ -42,11 +42,11 @@ class CallList:
     def __getattr__(self, name: str) -> Callable[..., None]:
         if not name.startswith("gl"):
             raise AttributeError(name)
-        # By its name: the address of a function may be asked for on the context's thread alone.
+        # By its name: only the context's thread may look up the address of a function.
         return lambda *arguments: self.calls.append((name, arguments))
 
     def make(self, fn: gl.Functions) -> None:
-        """Make all calls, in their order."""
+        """Make all calls in order."""
         for call, arguments in self.calls:
             (getattr(fn, call) if isinstance(call, str) else call)(*arguments)
 
@@ -61,13 +61,13 @@ class ListedCommands(Commands):
         self.begin(slot)
 
     def bind_pipeline(self, pipeline: Built, cull: bool = False, front: Front = "counter_clockwise") -> None:
-        """Write down that a pipeline is to be bound; the context's thread knows what is bound already."""
+        """Store the call of `Pipelines.bind`, which calls OpenGL itself."""
         self.list.calls.append((self._pipelines.bind, (pipeline, cull, front)))
         self.work["pipeline_binds"] += 1
 
 
 class ParallelCommands(Commands):
-    """Makes calls as `Commands` does, but has groups of draws turned into calls by several threads."""
+    """Makes calls as `Commands` does, but several threads prepare the calls of groups of draws."""
 
     def __init__(
         self, context: Context, pipelines: Pipelines, multi_draw: bool, workers: Workers, least_calls: int
@@ -76,17 +76,17 @@ class ParallelCommands(Commands):
         self._workers, self._least = workers, least_calls
 
     def begin(self, slot: FrameSlot) -> None:
-        """Work for `slot` from here on, with all counters at zero."""
+        """Start a frame in `slot`, with all counters at zero."""
         super().begin(slot)
         self.work |= ALONE
 
     def draw_groups(self, groups: Sequence[DrawGroup], scene: SceneBinding) -> None:
-        """Draw all of `groups` in order; with enough calls, lists of them are made by all threads before.
+        """Draw all of `groups` in order; with enough calls, all threads prepare them as lists first.
 
-        Raises TaskError, when all threads have stopped, if a list could not be made.
+        Raises TaskError if a list could not be made, after all threads have stopped.
         """
-        found = Groups(groups, self._multi_draw)
-        parts = part_count(found.end, self._least)
+        numbered_groups = Groups(groups, self._multi_draw)
+        parts = part_count(numbered_groups.end, self._least)
         if not parts:
             super().draw_groups(groups, scene)
             return
@@ -94,11 +94,11 @@ class ParallelCommands(Commands):
 
         def write(first: int, last: int, thread: int) -> None:
             commands = ListedCommands(self._pipelines, self._multi_draw, self.slot)
-            commands.draw_groups(found.part(first, last), scene)
+            commands.draw_groups(numbered_groups.part(first, last), scene)
             listed[first] = commands
 
-        self._workers.share("list draws", write, found.end, parts)
-        for first, _ in split(found.end, parts):
+        self._workers.share("list draws", write, numbered_groups.end, parts)
+        for first, _ in split(numbered_groups.end, parts):
             listed[first].list.make(self._context.fn)
             for name, number in listed[first].work.items():
                 self.work[name] += number

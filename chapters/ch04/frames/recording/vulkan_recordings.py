@@ -1,8 +1,8 @@
-"""Frames that are recorded once and submitted again: a recording stays good until something in it is another one.
+"""Frames that are recorded once and submitted again, until something in the recording changes.
 
-What changes from frame to frame (camera, moving objects, the order of transparent ones) stands in buffers of the slot
-that the recording reads from fixed addresses. What cannot be read but has to be recorded (copies of vertices that
-deform) has a small command buffer of its own, submitted in front of the other one in the same call.
+Data that changes in each frame (camera, moving objects, the order of transparent ones) is in buffers of the slot, which
+the recording reads from fixed addresses. Commands that change in each frame (copies of deformed vertices) have a small
+command buffer of their own, submitted before the recording in the same call.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from ..vulkan import Frames, FrameSlot, allocate_commands, create_pool
 
 
 class RecordedSlot(FrameSlot):
-    """A frame in flight with its recording; `key` says what was recorded, None where nothing is any more."""
+    """A frame slot with its recording; `key` identifies what was recorded, None if there is no valid recording."""
 
     def __init__(self, device: Device, index: int) -> None:
         super().__init__(device, index)
         self.key: Any = None
         self.work: dict[str, int] = {}
-        """What the recording counted of itself."""
+        """The counters of the recording."""
         self.upload_pool = create_pool(device, device.queue, f"uploads, slot {index}")
         self.uploads = allocate_commands(device, self.upload_pool, f"uploads, slot {index}")
         both = [{"commandBuffer": self.uploads}, {"commandBuffer": self.commands}]
@@ -39,7 +39,7 @@ class RecordedSlot(FrameSlot):
 
 
 class Recordings(Frames):
-    """The ring of slots. `begin` gives the next one as it was recorded, `submit` sends it off once more."""
+    """The ring of frame slots. `begin` returns the next slot with its recording; `submit` submits it again."""
 
     def __init__(self, device: Device) -> None:
         self._device = device
@@ -48,7 +48,7 @@ class Recordings(Frames):
         self._again = vk.new("VkCommandBufferBeginInfo")
 
     def begin(self) -> RecordedSlot:
-        """Return the slot for the next frame, once the GPU has left it."""
+        """Return the slot for the next frame, after the GPU has finished with it."""
         slot: RecordedSlot = self.slots[self.number % SLOTS]
         self.wait(slot)
         slot.number = self.number
@@ -57,7 +57,7 @@ class Recordings(Frames):
 
     @contextmanager
     def recording(self, slot: RecordedSlot, key: Any) -> Iterator[Any]:
-        """Record the slot's commands anew; they are good as long as `key` is. An error leaves the slot without any."""
+        """Record the slot's commands anew, valid for `key`. After an error the slot has no recording."""
         fn, device = self._device.fn, self._device.handle
         slot.key = None
         vk.check(fn.vkResetCommandPool(device, slot.pool, 0), "vkResetCommandPool")
@@ -67,7 +67,7 @@ class Recordings(Frames):
         slot.key = key
 
     def uploads(self, slot: RecordedSlot) -> Any:
-        """Return a command buffer that runs in this frame alone, in front of the recording."""
+        """Return a command buffer that runs in this frame only, before the recording."""
         if not slot.uploading:
             fn = self._device.fn
             vk.check(fn.vkResetCommandPool(self._device.handle, slot.upload_pool, 0), "vkResetCommandPool")
@@ -76,7 +76,7 @@ class Recordings(Frames):
         return slot.uploads
 
     def submit(self, slot: Any) -> None:
-        """Hand the slot's recording to the queue, behind its uploads if there are any; nothing is waited for."""
+        """Submit the slot's recording to the queue, after its uploads if there are any, without waiting."""
         fn = self._device.fn
         if slot.uploading:
             vk.check(fn.vkEndCommandBuffer(slot.uploads), "vkEndCommandBuffer")
@@ -86,6 +86,6 @@ class Recordings(Frames):
         self.number += 1
 
     def forget(self) -> None:
-        """Have all slots recorded anew before they are submitted again: something that is recorded is another one."""
+        """Invalidate the recordings of all slots: something that is recorded has changed."""
         for slot in self.slots:
             slot.key = None

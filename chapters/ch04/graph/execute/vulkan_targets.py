@@ -1,4 +1,4 @@
-"""What a pass draws to, as the frame graph says: any number of colour targets, and how each begins and ends."""
+"""The attachments of a pass from the frame graph: any number of colour targets, with load and store operations."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ _LOAD = {
 _STORE = {
     "store": vk.VK_ATTACHMENT_STORE_OP_STORE,
     "discard": vk.VK_ATTACHMENT_STORE_OP_DONT_CARE,
-    # Not even what is there is written again: then others may read it at the same time.
+    # Not even the old contents are written again, so other passes may read them at the same time.
     "none": vk.VK_ATTACHMENT_STORE_OP_NONE,
 }
 
 
 class Targets(Rendering):
-    """A VkRenderingInfo for one step of a graph; a tiled GPU reads and writes no more memory than it says."""
+    """The VkRenderingInfo of one step; it saves a tiled GPU all needless reads and writes of memory."""
 
     def __init__(self, step: Step, resources: Mapping[str, Image | Buffer]) -> None:
         assert step.size is not None, f"'{step.name}' draws"

@@ -1,8 +1,8 @@
-"""The textures and buffers behind a compiled frame graph; compare vulkan_images.py.
+"""The textures and buffers of a compiled frame graph; compare vulkan_images.py.
 
-OpenGL does not let anybody say where memory lies. What is left of sharing is to give one texture to two resources that
-are alike and never needed at the same time. `graph.memory` tells what is saved where memory can be placed; `size` and
-`alone` here tell what is saved really.
+OpenGL has no placement of memory. So two resources can share memory only as one texture: they must be equal in format
+and size, with disjoint lifetimes. `graph.memory` has the savings with placement; `size` and `alone` here have the real
+ones.
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ from .images import ImagesInSlots
 
 
 def sharing(graph: Graph, alias: bool = True) -> dict[str, str]:
-    """Return for each transient whose texture or buffer it uses: its own, or that of one which is over by then.
+    """Return for each transient the owner of its texture or buffer: itself, or one whose life has ended.
 
-    Alike are those of one format, size and number of samples, or buffers of equal size. Taken in the order in which
-    their lives begin, each finds one that is free if there is any, so none is made that could be spared.
+    Two can share if format, size and sample count are equal, or for buffers the size. They are assigned in the order in
+    which their lives begin, and each takes a free object if there is one, so the number of objects is minimal.
     """
     lives = graph.memory.lives
     owner: dict[str, str] = {}
     free_after: dict[Any, dict[str, int]] = defaultdict(dict)
     for name in sorted(lives, key=lambda name: (lives[name], name)):
-        one, (first, last) = graph.resources[name], lives[name]
-        alike = free_after[one.format, one.size, one.samples, one.bytes]
-        found = [other for other, until in alike.items() if until < first]
-        owner[name] = found[0] if found and alias else name
+        resource, (first, last) = graph.resources[name], lives[name]
+        alike = free_after[resource.format, resource.size, resource.samples, resource.bytes]
+        free = [other for other, until in alike.items() if until < first]
+        owner[name] = free[0] if free and alias else name
         alike[owner[name]] = last
     return owner
 
@@ -51,12 +51,12 @@ class GraphImages(ImagesInSlots[Image, Buffer]):
 
     def __init__(self, context: Context, graph: Graph, alias: bool = True) -> None:
         self._context = context
-        self._made: list[Image | Buffer] = []
+        self._objects: list[Image | Buffer] = []
         self.in_slot: list[dict[str, Image | Buffer]] = [{} for _ in range(SLOTS)]
         self._owner = sharing(graph, alias)
         sizes = {name: texels(graph.resources[name]).size for name in self._owner}
         self.alone = sum(sizes.values())
-        """Bytes that the transients would take, each in memory of its own."""
+        """Bytes that the transients would take without sharing."""
         self.size = sum(sizes[owner] for owner in {*self._owner.values()})
         """Bytes that they take."""
         try:
@@ -77,27 +77,29 @@ class GraphImages(ImagesInSlots[Image, Buffer]):
             for slot, held in enumerate(self.in_slot):
                 held[name], held[name + PREVIOUS] = pair[slot], pair[1 - slot]
             return
-        made = self._create(
-            resource, ", ".join([one for one in self._owner if self._owner[one] == name] or [name])
+        image_or_buffer = self._create(
+            resource, ", ".join([user for user in self._owner if self._owner[user] == name] or [name])
         )
         for held in self.in_slot:
-            held[name] = made
+            held[name] = image_or_buffer
 
     def _create(self, resource: Resource, name: str) -> Image | Buffer:
-        made: Image | Buffer
+        image_or_buffer: Image | Buffer
         if resource.kind == "buffer":
-            made = create_buffer(self._context, resource.bytes, "device", name)
+            image_or_buffer = create_buffer(self._context, resource.bytes, "device", name)
         else:
             assert resource.format is not None and resource.size is not None, resource
-            made = create_image(self._context, resource.format, resource.size, name, samples=resource.samples)
-        self._made.append(made)
-        return made
+            image_or_buffer = create_image(
+                self._context, resource.format, resource.size, name, samples=resource.samples
+            )
+        self._objects.append(image_or_buffer)
+        return image_or_buffer
 
     def close(self) -> None:
-        """Free what was made; OpenGL itself waits for the GPU's use."""
-        for made in self._made:
-            if isinstance(made, Image):
-                destroy_image(self._context, made)
+        """Free all objects; OpenGL itself waits until the GPU has used them."""
+        for image_or_buffer in self._objects:
+            if isinstance(image_or_buffer, Image):
+                destroy_image(self._context, image_or_buffer)
             else:
-                destroy_buffer(self._context, made)
-        self._made = []
+                destroy_buffer(self._context, image_or_buffer)
+        self._objects = []

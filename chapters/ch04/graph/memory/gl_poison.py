@@ -1,8 +1,8 @@
-"""Fills memory with what nobody could have meant, before each first use of it in a frame: a tool for finding faults.
+"""Fills memory with impossible values before its first use in a frame: a tool that finds missing writes.
 
-A pass that reads what no pass of this frame wrote gets last frame's values most of the time, and the picture looks
-right, until the texture belongs to something else. With poison it looks wrong at once: NaN spreads through everything
-that is computed from it, a number of all ones is no index of anything. Depth is 0 or 1, as on Vulkan.
+A pass that reads memory which no pass of this frame wrote mostly gets the values of the previous frame. The picture
+looks right until the texture belongs to something else. With poison it looks wrong at once: NaN spreads through every
+result, and an integer of all ones is no valid index. Depth is 0 or 1, as on Vulkan.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _ONES = np.full(4, 0xFFFFFFFF, np.uint32)
 
 
 class Poison:
-    """What happens in front of one step: a fill of all whose life in the frame begins there."""
+    """The fills before one step: all resources whose life in the frame begins there."""
 
     def __init__(
         self, context: Context, planned: Sequence[Barrier], held: Mapping[str, Image | Buffer], choice: str
@@ -46,7 +46,7 @@ class Poison:
         return ("glClearTexImage", held.handle, 0, described.pixels, component, data)
 
     def record(self) -> None:
-        """Record the fills; what shaders stored, and will store, has nothing to do with their order."""
+        """Record the fills; shader stores need no order with them."""
         fn = self._context.fn
         if self._fills:
             fn.glMemoryBarrier(gl.GL_ALL_BARRIER_BITS)

@@ -1,8 +1,8 @@
-"""The images and buffers behind a compiled frame graph, in the memory that the graph planned for them.
+"""The images and buffers of a compiled frame graph, in the memory that the graph planned for them.
 
-Transients exist once for both frames in flight: frames run one after another on the queue, and the first use of each
-waits for the last use in the frame before. Of a history there are two images that change places with every frame, so
-each of the two slots always has the same one as its current one.
+Transients exist once for both frames in flight: frames run in order on the queue, and the first use of each transient
+waits for its last use in the previous frame. A history has two images, which swap with every frame. So each of the two
+slots always has the same one as its current image.
 """
 
 from __future__ import annotations
@@ -46,9 +46,9 @@ _BUFFER_USAGE: dict[str, int] = {
 
 
 class GraphMemory:
-    """Tells the compiler what resources ask for, and makes them where it put them.
+    """The memory requirements of resources for the compiler, and the resources at the places that it chose.
 
-    `also` are uses beyond those that passes declare: what a test writes to.
+    `also` are further uses, such as writes of a test.
     """
 
     def __init__(self, device: Device, also: Collection[str] = ()) -> None:
@@ -59,25 +59,23 @@ class GraphMemory:
         """Return the usage flags of a resource."""
         known = _BUFFER_USAGE if resource.kind == "buffer" else _IMAGE_USAGE
         also = set(self._also)
-        if (
-            resource.life in ("kept", "history") and resource.samples == 1
-        ):  # kept because somebody looks at it
+        if resource.life in ("kept", "history") and resource.samples == 1:  # kept because it is inspected
             also.add("copy_source")
         return sum(flag for use, flag in known.items() if use in resource.uses | also)
 
     def requirement(self, resource: Resource) -> Requirement:
-        """Return what memory a resource asks for, before it exists."""
+        """Return the memory requirements of a resource before it exists."""
         usage = self.usage(resource)
         key = (resource.kind, resource.format, resource.size, resource.bytes, resource.samples, usage)
         if key not in self._asked:
             if resource.kind == "buffer":
-                found = buffer_requirements(self._device, resource.bytes, usage)
+                values = buffer_requirements(self._device, resource.bytes, usage)
             else:
                 assert resource.format is not None and resource.size is not None, resource
-                found = image_requirements(
+                values = image_requirements(
                     self._device, resource.format, resource.size, usage, resource.samples
                 )
-            self._asked[key] = Requirement(*found)
+            self._asked[key] = Requirement(*values)
         return self._asked[key]
 
 
@@ -91,7 +89,7 @@ class GraphImages(ImagesInSlots[Image, Buffer]):
     ) -> None:
         self._device, self._memory = device, memory
         self._heaps: list[Allocation] = []
-        self._made: list[Image | Buffer] = []
+        self._objects: list[Image | Buffer] = []
         self.in_slot: list[dict[str, Image | Buffer]] = [dict(externals) for _ in range(SLOTS)]
         try:
             buffers = {
@@ -127,18 +125,18 @@ class GraphImages(ImagesInSlots[Image, Buffer]):
         if place is not None:
             heap = self._heaps[place.heap]
             where = heap.memory, heap.offset + place.offset
-        made = self._create(resource, name, where)
+        image_or_buffer = self._create(resource, name, where)
         for held in self.in_slot:
-            held[name] = made
+            held[name] = image_or_buffer
 
     def _create(self, resource: Resource, name: str, place: tuple[Any, int] | None) -> Image | Buffer:
-        made: Image | Buffer
+        image_or_buffer: Image | Buffer
         usage = self._memory.usage(resource)
         if resource.kind == "buffer":
-            made = create_buffer(self._device, resource.bytes, usage, "device", name, place)
+            image_or_buffer = create_buffer(self._device, resource.bytes, usage, "device", name, place)
         else:
             assert resource.format is not None and resource.size is not None, resource
-            made = create_image(
+            image_or_buffer = create_image(
                 self._device,
                 resource.format,
                 resource.size,
@@ -147,17 +145,17 @@ class GraphImages(ImagesInSlots[Image, Buffer]):
                 samples=resource.samples,
                 place=place,
             )
-        self._made.append(made)
-        return made
+        self._objects.append(image_or_buffer)
+        return image_or_buffer
 
     def close(self) -> None:
-        """Free what was made; no frame is in flight."""
-        for made in self._made:
-            if isinstance(made, Image):
-                destroy_image(self._device, made)
+        """Free all images and buffers; no frame is in flight."""
+        for image_or_buffer in self._objects:
+            if isinstance(image_or_buffer, Image):
+                destroy_image(self._device, image_or_buffer)
             else:
-                destroy_buffer(self._device, made)
-        self._made = []
+                destroy_buffer(self._device, image_or_buffer)
+        self._objects = []
         for heap in self._heaps:
             self._device.memory.free(heap)
         self._heaps = []

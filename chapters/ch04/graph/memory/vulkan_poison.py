@@ -1,8 +1,8 @@
-"""Fills memory with what nobody could have meant, before each first use of it in a frame: a tool for finding faults.
+"""Fills memory with impossible values before its first use in a frame: a tool that finds missing writes.
 
-A pass that reads what no pass of this frame wrote gets last frame's values most of the time, and the picture looks
-right, until the memory belongs to something else. With poison it looks wrong at once: NaN spreads through everything
-that is computed from it, a number of all ones is no index of anything. Depth is 0 or 1, since Vulkan allows no other.
+A pass that reads memory which no pass of this frame wrote mostly gets the values of the previous frame. The picture
+looks right until the memory belongs to something else. With poison it looks wrong at once: NaN spreads through every
+result, and an integer of all ones is no valid index. Depth is 0 or 1, since Vulkan allows no other.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _FILLED = Touch("copy_target", frozenset({"copy"}), frozenset({"copy_write"}), w
 
 
 class Poison:
-    """What happens in front of one step: its barriers, and between those that begin a life a fill."""
+    """The work before one step: its barriers, with a fill of each resource whose life begins there."""
 
     def __init__(
         self, device: Device, planned: Sequence[Barrier], held: Mapping[str, Image | Buffer], choice: str

@@ -1,13 +1,12 @@
-"""Where a frame needs glMemoryBarrier: behind what shaders store, and nowhere else.
+"""The glMemoryBarrier calls of a frame: after shader stores, and nowhere else.
 
-OpenGL keeps its own commands in order: what a draw left in a target, or a copy in a buffer, is there for all that comes
-later, and Vulkan's barriers for those have no counterpart here. Only what shaders *store* (to images and storage
-buffers) goes past this order. Such a store is seen by a later use of a kind only behind a barrier with the bit of that
-kind; and a store may run ahead of earlier uses of the same memory, unless the bit of stores stands between (OpenGL 4.5,
-section 7.13.2: stores "will not execute until all memory accesses initiated prior to the barrier complete").
+OpenGL orders its own commands: the results of draws and copies are visible to all later commands, so most barriers of
+Vulkan have no counterpart here. Only shader *stores* (to images and storage buffers) are incoherent. A later use sees a
+store only after a barrier with the bit of that use. And a store may overtake earlier uses of the same memory, unless a
+barrier with the bit of stores is between them (OpenGL 4.5, section 7.13.2: stores "will not execute until all memory
+accesses initiated prior to the barrier complete").
 
-A barrier is no resource's own: it works on all memory at once. So one that was needed for one resource often spares
-that of another.
+A barrier applies to all memory, not to one resource. So a barrier for one resource often makes another one redundant.
 """
 
 from __future__ import annotations
@@ -40,7 +39,7 @@ _BUFFER_BITS: dict[str, int] = {
 
 @dataclass
 class _Memory:
-    """The bits of all barriers since shaders last stored to an object, and since anybody last used it; None: never."""
+    """The bits of all barriers since the last store to an object, and since its last use; None: there was none."""
 
     stored: int | None = None
     used: int | None = None
@@ -56,17 +55,17 @@ class _Use:
 def memory_barriers(
     graph: Graph, passes: Mapping[str, Pass], in_slot: Sequence[Mapping[str, Image | Buffer]]
 ) -> list[int]:
-    """Return for each step the bits of the barrier in front of it, 0 for none.
+    """Return for each step the bits of the barrier before it, 0 for none.
 
-    `passes` are by the names of the steps; `in_slot` has what is behind the names of resources. What counts is the
-    object: two transients may share one, and frame follows on frame.
+    `passes` are by the names of the steps; `in_slot` has the objects of the resources by slot. Barriers depend on
+    objects: two transients may share one, and the next frame uses it again.
     """
     frames = [[_uses(step, passes[step.name], held) for step in graph.steps] for held in in_slot]
     barriers = [0] * len(graph.steps)
     memory: dict[int, _Memory] = {}
     while True:
         before = [*barriers]
-        for frame in (*frames, *frames):  # twice each: a frame also follows on the other slot's
+        for frame in (*frames, *frames):  # twice each: a frame also follows the other slot's frame
             for number, uses in enumerate(frame):
                 _wait(memory, barriers[number])
                 for use in uses:
@@ -78,17 +77,17 @@ def memory_barriers(
             return barriers
 
 
-def _uses(step: Step, made: Any, held: Mapping[str, Image | Buffer]) -> list[_Use]:
-    """Return how a step uses objects; a step that only copies declares nothing else."""
+def _uses(step: Step, gpu_pass: Any, held: Mapping[str, Image | Buffer]) -> list[_Use]:
+    """Return the uses of objects in a step; a step of kind "copy" only copies."""
     names = (*step.reads, *step.writes)
     copies = step.kind == "copy"
-    ways = ["copy"] * len(names) if copies else [access.use for access in (*made.reads, *made.writes)]
-    found = []
+    ways = ["copy"] * len(names) if copies else [access.use for access in (*gpu_pass.reads, *gpu_pass.writes)]
+    uses = []
     for number, (name, use) in enumerate(zip(names, ways, strict=True)):
-        one = held[name]
-        bits = (_BUFFER_BITS if isinstance(one, Buffer) else _IMAGE_BITS)[use]
-        found.append(_Use(id(one), bits, use == "storage" and number >= len(step.reads)))
-    return found
+        resource = held[name]
+        bits = (_BUFFER_BITS if isinstance(resource, Buffer) else _IMAGE_BITS)[use]
+        uses.append(_Use(id(resource), bits, use == "storage" and number >= len(step.reads)))
+    return uses
 
 
 def _wait(memory: Mapping[int, _Memory], bits: int) -> None:

@@ -1,8 +1,7 @@
-"""The frame graph's barriers in Vulkan's words: stages, accesses and layouts, and one struct for each pass.
+"""The barriers of a frame graph as Vulkan structs: stages, accesses and layouts, one VkDependencyInfo for each pass.
 
-What the graph calls "read" is one layout for colour and another for depth. Memory that one resource takes over from
-another needs a barrier of its own when it was written last: a barrier of an image covers what is written through that
-image, and the image before it is another one.
+The layout "read" differs between colour and depth. If memory goes from one resource to another after a write, a memory
+barrier is needed as well: an image barrier covers writes through its own image, not through the image before it.
 """
 
 from __future__ import annotations
@@ -53,9 +52,9 @@ _LAYOUTS: dict[str, int] = {
 
 
 def layout_of(word: str, image: Image) -> int:
-    """Return Vulkan's layout for one of the graph's, of an image."""
+    """Return the VkImageLayout of an image for a layout of the graph."""
     if word == "read" and image.aspect & vk.VK_IMAGE_ASPECT_DEPTH_BIT:
-        # In this one a shader may sample it while draws are tested against it.
+        # In this layout a shader may sample the depth that draws are tested against.
         return int(vk.VK_IMAGE_LAYOUT_DEPTH_READ_ONLY_OPTIMAL)
     return _LAYOUTS[word]
 
@@ -102,10 +101,10 @@ _KEPT_BY_THE_QUEUE = {
 
 
 def _masks(before: Touch, after: Touch) -> dict[str, int]:
-    """Return the scopes of a barrier: what it waits for, what of that is made visible, and to whom."""
+    """Return the source and destination scopes of a barrier: stages and accesses."""
     return {
         "srcStageMask": sum(STAGES[stage] for stage in before.stages),
-        # Reading makes nothing that would have to become visible.
+        # Reads need no availability operation.
         "srcAccessMask": sum(ACCESS[access] for access in before.access) if before.writes else 0,
         "dstStageMask": sum(STAGES[stage] for stage in after.stages),
         "dstAccessMask": sum(ACCESS[access] for access in after.access),

@@ -1,1 +1,1 @@
-"""What differs between the APIs, behind one interface for the renderer."""
+"""The backends of the renderer: one interface, with an implementation for each API."""

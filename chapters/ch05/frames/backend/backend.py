@@ -1,4 +1,4 @@
-"""What the renderer asks of an API. `vulkan.py` and `gl.py` answer, each with objects of its own."""
+"""The interface between the renderer and an API. `vulkan.py` and `gl.py` implement it."""
 
 from __future__ import annotations
 
@@ -33,45 +33,45 @@ class Backend:
     frames: Any
     """The ring of slots: `begin`, `submit`, `wait`, `forget`."""
     executor: Any = None
-    """What carries the graph out that `follow` was given; None before."""
+    """Executes the graph of the last `follow`; None before."""
     copies: OutputCopies
-    """The last step of a frame."""
+    """The last step of a frame: the copies of its outputs."""
     inspector: type[Any]
-    """The class of `inspection`, which copies and counts after each pass what it wrote."""
+    """The class of `inspection`, which copies and counts the output of each pass after it."""
     inspection: Any
     by_address = True
-    """Whether a recorded draw reads its record when it is drawn, and not when it is recorded."""
+    """Whether a draw's record is read when the GPU executes the draw, and not when it is recorded."""
     queues: Collection[str] = (GRAPHICS,)
-    """The queues that the graph is compiled for; where the device has one, each goes to it."""
+    """The queues that the graph is compiled for; if the device has only one, all batches go to it."""
     requirement: Requirements | None = None
-    """What images and buffers ask of memory, where the API lets the graph place them."""
+    """The memory requirements of images and buffers, if the API lets the graph place them."""
 
     def __init__(self, device: Any, validate: bool, without: Iterable[str]) -> None:
-        """Take over a device, or open one of its own where `device` is None."""
+        """Use `device`, or open a new one if it is None."""
         raise NotImplementedError
 
     def enter(self) -> None:
-        """Get ready to call the API: OpenGL makes its context current."""
+        """Prepare for calls of the API: OpenGL makes its context current."""
 
     def offered_samples(self, color_format: str) -> set[int]:
-        """Return how many samples a pixel of colour in this format and of depth can have."""
+        """Return the sample counts that a colour target of this format and a depth target can have."""
         raise NotImplementedError
 
     def create(self, scene: Scene, settings: Settings, plan: Plan, loading: Loading, pose: Pose) -> None:
-        """Make frames, pipelines and the scene's data; `pose` is that at time 0."""
+        """Create frames, pipelines and the scene's data; `pose` is the pose at time 0."""
         raise NotImplementedError
 
     def part(self, package: str) -> Any:
-        """Return the module of a subject's folder that is written for this API, as `cloth.vulkan`."""
+        """Return the module of a subject's folder that is written for this API, such as `cloth.vulkan`."""
         return import_module(f"{package}.{self.name}")
 
     def make_sets(self, passes: Collection[Pass]) -> None:
-        """Make what binds the scene for the pipelines of `passes`; OpenGL binds one by one."""
+        """Create the scene's descriptor sets for the pipelines of `passes`; OpenGL has none."""
 
     # --- a graph ---
 
     def follow(self, plan: FramePlan, graph: Graph, settings: Settings) -> None:
-        """Make everything whose size is the picture's: targets, barriers, readback."""
+        """Create everything that depends on the graph and the picture size: targets, barriers, readbacks."""
         self.frames.forget()
         passes = plan.implementations()
         self._passes = [passes[step.name] for step in graph.steps if step.name != COPY]
@@ -80,31 +80,31 @@ class Backend:
         self.inspection = self.inspector(self.device, plan.watched(graph), images, SLOTS)
 
     def _execute(self, graph: Graph, passes: Mapping[str, Pass], settings: Settings) -> Any:
-        """Return what carries the graph out with these passes."""
+        """Return the executor of a graph with these passes."""
         raise NotImplementedError
 
     def leave(self) -> None:
-        """Free that; no frame is in flight."""
+        """Free what `follow` created; no frame is in flight."""
         raise NotImplementedError
 
     # --- a frame ---
 
     def begin(self, slot: Any) -> None:
-        """Get ready for a frame in `slot`, which the GPU has left."""
+        """Prepare for a frame in `slot`, which the GPU has finished with."""
 
     def deform(self, slot: Any, pose: Pose) -> int:
         """Write the vertices that `pose` deforms into the slot's geometry; return the bytes written."""
         raise NotImplementedError
 
     def record(self, slot: Any, again: bool) -> bool:
-        """Record the slot's frame where its recording is no longer good, or always unless `again`.
+        """Record the slot's frame if its recording is no longer valid, or always unless `again`.
 
         Returns whether it was recorded.
         """
         raise NotImplementedError
 
     def timings(self, slot: Any) -> dict[str, float]:
-        """Return GPU milliseconds by pass of the slot's frame, which is over."""
+        """Return GPU milliseconds by pass of the slot's finished frame."""
         raise NotImplementedError
 
     def readbacks(self, slot: Any) -> Mapping[str, Any]:
@@ -112,26 +112,26 @@ class Backend:
         raise NotImplementedError
 
     def picture(self, graph: Graph) -> Any:
-        """Return what a window copies the picture from."""
+        """Return the picture, for a window to copy from."""
         raise NotImplementedError
 
     # --- life ---
 
     @property
     def counts(self) -> dict[str, int]:
-        """Return how many objects of its own the backend holds, and what the last frame took of it."""
+        """Return the numbers of API objects, and counters of the last frame."""
         raise NotImplementedError
 
     def reload(self, changed: Collection[Any]) -> tuple[str, ...]:
-        """Build the pipelines anew that use one of the files `changed`, all or none; return their names."""
+        """Rebuild the pipelines that use one of the files `changed`, all or none; return their names."""
         raise NotImplementedError
 
     def close(self) -> None:
-        """Free everything; a second time does nothing."""
+        """Free everything; a second call does nothing."""
         raise NotImplementedError
 
 
 def open_backend(name: str, device: Any, validate: bool, without: Iterable[str]) -> Backend:
-    """Return the backend "vulkan" or "gl"; its module, and the binding that it needs, are loaded only now."""
+    """Return the backend "vulkan" or "gl"; only this call imports its module, and the binding of the API."""
     backend: Backend = import_module(f".{name}", __package__).open_backend(device, validate, without)
     return backend

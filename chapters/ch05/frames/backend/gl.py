@@ -1,7 +1,7 @@
 """The renderer's objects on OpenGL; compare vulkan.py.
 
-The driver finds out by itself that a pass must wait for what it reads. That is comfortable, and it is work that the
-driver does for each call of each frame: what Vulkan's barriers say once, OpenGL guesses again and again.
+The driver finds out itself which draws must wait for which. This is convenient, but the driver repeats the work for
+each call of each frame. The Vulkan backend states each dependency once, as a barrier.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from .gl_outputs import CopyOutputs
 
 
 class GlBackend(Backend):
-    """Programs, buffers, textures, and the lists of calls that stand in for recordings."""
+    """Programs, buffers, textures, and lists of calls in place of recordings."""
 
     name = "gl"
     inspector = Inspection
@@ -51,11 +51,11 @@ class GlBackend(Backend):
         self.device.make_current()
 
     def offered_samples(self, color_format: str) -> set[int]:
-        """Return how many samples a pixel of colour in this format and of depth can have."""
+        """Return the sample counts that a colour target of this format and a depth target can have."""
         return {*sample_counts(self.device, color_format)} & {*sample_counts(self.device, "d32f")}
 
     def create(self, scene: Scene, settings: Settings, plan: Plan, loading: Loading, pose: Pose) -> None:
-        """Make frames, programs and the scene's data."""
+        """Create frames, programs and the scene's data."""
         context = self.device
         self.frames = Recordings(context)
         self.pipelines = Pipelines(context)
@@ -73,7 +73,7 @@ class GlBackend(Backend):
         return GraphExecutor(self.device, graph, passes, self.data.sampler, attach, knobs.alias, knobs.poison)
 
     def leave(self) -> None:
-        """Free that; OpenGL itself waits for the GPU's use."""
+        """Free what `follow` created; OpenGL itself waits until the GPU has finished with it."""
         self.copies.close()
         self.inspection.close()
         self.executor.close()
@@ -85,8 +85,8 @@ class GlBackend(Backend):
         return self.data.write_deformation(slot.index, pose)
 
     def record(self, slot: RecordedSlot, again: bool) -> bool:
-        """Find the calls of the slot's frame where they are no longer good; return whether it did."""
-        key = tuple(one.key(slot.index) for one in self._passes)
+        """Record the calls of the slot's frame if they are no longer valid; return whether they were recorded."""
+        key = tuple(gpu_pass.key(slot.index) for gpu_pass in self._passes)
         if slot.key == key and again:
             return False
         with self.frames.recording(slot, key) as calls:
@@ -116,21 +116,21 @@ class GlBackend(Backend):
 
     @property
     def counts(self) -> dict[str, int]:
-        """Return how many samplers there are."""
+        """Return the number of samplers."""
         # OpenGL has no descriptor sets: textures and buffers are bound one by one.
         return {"descriptor_sets": 0, "samplers": self.data.samplers}
 
     def reload(self, changed: Collection[Any]) -> tuple[str, ...]:
-        """Link the programs anew that use one of the files `changed`, all or none; return their pipelines' names."""
+        """Relink the programs that use one of the files `changed`, all or none; return their pipelines' names."""
         return self.pipelines.reload(changed)
 
     def close(self) -> None:
-        """Free everything; a second time does nothing."""
+        """Free everything; a second call does nothing."""
         self.enter()
         for name in ("workers", "inspection", "copies", "executor", "data", "frames", "pipelines"):
-            held = getattr(self, name, None)
-            if held is not None:
-                held.close()
+            component = getattr(self, name, None)
+            if component is not None:
+                component.close()
         for owned in self._owned:
             owned.close()
         self._owned.clear()

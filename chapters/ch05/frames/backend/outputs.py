@@ -1,4 +1,4 @@
-"""The last step of a frame: what was asked for is copied to where the CPU can read it."""
+"""The last step of a frame: copies of the requested outputs to memory that the CPU can read."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from ..frame import SLOTS
 
 
 class OutputCopies(Pass):
-    """The copies of a frame's outputs, by slot. A backend makes a copy, and records it."""
+    """The copies of a frame's outputs, by slot. A backend creates them and records them."""
 
     name = COPY
 
     def __init__(self) -> None:
         self.readbacks: list[dict[str, Any]] = [{} for _ in range(SLOTS)]
-        """By slot the copy of each output that there is."""
+        """The copy of each output, by slot."""
 
     def attach(self, graph: Graph, images: Any) -> list[Mapping[str, Any]]:
-        """Make the buffers for a graph's outputs; return them by slot, as the graph calls them."""
+        """Create the buffers for a graph's outputs; return them by slot, under their names in the graph."""
         self.close()
         self.readbacks = [
             {
@@ -32,15 +32,15 @@ class OutputCopies(Pass):
             }
             for slot in range(SLOTS)
         ]
-        return [{on_cpu(output): one.buffer for output, one in held.items()} for held in self.readbacks]
+        return [{on_cpu(output): copy.buffer for output, copy in copies.items()} for copies in self.readbacks]
 
     def _readback(self, image: Any, name: str) -> Any:
-        """Return what copies an image, with a buffer of its own."""
+        """Return the copy of an image, with a buffer of its own."""
         raise NotImplementedError
 
     def close(self) -> None:
         """Free the buffers; no frame is in flight."""
-        for held in self.readbacks:
-            for readback in held.values():
+        for copies in self.readbacks:
+            for readback in copies.values():
                 readback.close()
-            held.clear()
+            copies.clear()

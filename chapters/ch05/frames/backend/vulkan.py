@@ -59,11 +59,11 @@ class VulkanBackend(Backend):
             self._owned = opened.pop_all()
 
     def offered_samples(self, color_format: str) -> set[int]:
-        """Return how many samples a pixel of colour in this format and of depth can have."""
+        """Return the sample counts that a colour target of this format and a depth target can have."""
         return offered_samples(self.device, color_format, "d32f")
 
     def create(self, scene: Scene, settings: Settings, plan: Plan, loading: Loading, pose: Pose) -> None:
-        """Make frames, pipelines and the scene's data."""
+        """Create frames, pipelines and the scene's data."""
         device, self._scene = self.device, scene
         self._queues = Queues(device, plan.native("async-compute") and settings.queues.async_compute)
         self.frames = QueueFrames(device, self._queues)
@@ -87,15 +87,11 @@ class VulkanBackend(Backend):
         self.copies = CopyOutputs(device)
 
     def make_sets(self, passes: Collection[Pass]) -> None:
-        """Make the scene's descriptor sets, by the layouts that its pipelines' shaders told.
-
-        One set serves them all. A pipeline that was made later than the others, from a file that was edited into
-        another layout and refused for those, would read it wrongly.
-        """
+        """Create the scene's descriptor sets, which all pipelines share; ShaderError if their layouts disagree."""
         layouts: dict[int, SetLayout] = {}
-        for one in passes:
-            own = one.sources.set if one.sources else None
-            for pipeline in one.pipelines:
+        for gpu_pass in passes:
+            own = gpu_pass.sources.set if gpu_pass.sources else None
+            for pipeline in gpu_pass.pipelines:
                 for number, layout in enumerate(pipeline.sets):
                     if layout is None or number == own:
                         continue
@@ -112,7 +108,7 @@ class VulkanBackend(Backend):
     # --- a graph ---
 
     def follow(self, plan: FramePlan, graph: Graph, settings: Settings) -> None:
-        """Make everything whose size is the picture's: targets, attachments, barriers, readback."""
+        """Create everything that depends on the graph and the picture size: targets, barriers, readbacks."""
         super().follow(plan, graph, settings)
         self.frames.follow(self.executor, self.profiler)
 
@@ -130,17 +126,17 @@ class VulkanBackend(Backend):
         )
 
     def leave(self) -> None:
-        """Free that; no frame is in flight."""
-        self.device.wait_idle()  # for what a window still copies
+        """Free what `follow` created; no frame is in flight."""
+        self.device.wait_idle()  # a window may still copy from a target
         self.copies.close()
         self.inspection.close()
         self.executor.close()
-        self.resources.flush()  # however often the size changes before the next frame, there is one set of targets
+        self.resources.flush()  # now: several changes of size before the next frame keep only one set of targets
 
     # --- a frame ---
 
     def begin(self, slot: RecordedSlot) -> None:
-        """Destroy what the frame that used `slot` last was the last one to need."""
+        """Destroy the resources that no frame in flight can use after the last frame in `slot`."""
         self.resources.collect(slot.number)
 
     def deform(self, slot: RecordedSlot, pose: Pose) -> int:
@@ -150,7 +146,7 @@ class VulkanBackend(Backend):
         return self.data.record_deformation(self.frames.uploads(slot), slot.index, pose)
 
     def record(self, slot: RecordedSlot, again: bool) -> bool:
-        """Record the batches whose recordings are no longer good; return whether those of graphics are among them."""
+        """Record the batches whose recordings are no longer valid; return whether graphics batches are among them."""
         return self.frames.record(slot, self.commands, self.inspection, again)
 
     def timings(self, slot: RecordedSlot) -> dict[str, float]:
@@ -170,7 +166,7 @@ class VulkanBackend(Backend):
 
     @property
     def counts(self) -> dict[str, int]:
-        """Return how many descriptor sets and samplers there are, and how the last frame was submitted."""
+        """Return the number of descriptor sets and of samplers, and the counters of the last submission."""
         return {
             "descriptor_sets": self.descriptors.set_count + self.data.bindless_sets,
             "samplers": self.resources.counts["samplers"],
@@ -178,19 +174,19 @@ class VulkanBackend(Backend):
         }
 
     def reload(self, changed: Collection[Any]) -> tuple[str, ...]:
-        """Build the pipelines anew that use one of the files `changed`, all or none; return their names."""
+        """Rebuild the pipelines that use one of the files `changed`, all or none; return their names."""
         return self.pipelines.reload(changed, self.resources.defer)
 
     def close(self) -> None:
-        """Free everything; a second time does nothing."""
+        """Free everything; a second call does nothing."""
         self.device.wait_idle()
         for name in (
             *("workers", "inspection", "copies", "executor", "commands", "frames", "profiler"),
             *("pipelines", "_cache", "data", "resources", "descriptors"),
         ):
-            held = getattr(self, name, None)
-            if held is not None:
-                held.close()
+            component = getattr(self, name, None)
+            if component is not None:
+                component.close()
         self._owned.close()
 
 

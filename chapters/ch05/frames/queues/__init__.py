@@ -1,1 +1,1 @@
-"""Queues and timelines: what is submitted where, and what waits for what."""
+"""Queues and timelines: submissions to queues, and waits between them."""

@@ -1,8 +1,8 @@
-"""Submitting as before Vulkan 1.3: vkQueueSubmit, with the values of timelines in a struct beside it.
+"""Submission as before Vulkan 1.3: vkQueueSubmit, with the values of timelines in a separate struct.
 
-In the old struct semaphores, stages and values are four lists that must agree, and the last two say nothing of a binary
-semaphore but need a place for it all the same. What a wait holds back is named in 32 bits, and a signal comes behind
-everything.
+The old structs have separate lists of semaphores, stages and values, which must agree in length. The lists of values
+need an entry for a binary semaphore, too, although it has no value. The stages that wait are a mask of 32 bits, and a
+signal comes after all commands.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from backends.vulkan.device import Device
 
 
 class LegacySubmit:
-    """Stands in the place of `vkQueueSubmit2`, with its arguments and its result, and calls `vkQueueSubmit`."""
+    """Replaces `vkQueueSubmit2`: it has the same arguments and result, and calls `vkQueueSubmit`."""
 
     def __init__(self, device: Device) -> None:
         self._fn = device.fn
@@ -27,33 +27,33 @@ class LegacySubmit:
 
 
 def as_before(info: Any) -> Any:
-    """Return the VkSubmitInfo that asks for the same as a VkSubmitInfo2."""
+    """Return the VkSubmitInfo that is equivalent to a VkSubmitInfo2."""
     waits = [info.pWaitSemaphoreInfos[place] for place in range(info.waitSemaphoreInfoCount)]
     signals = [info.pSignalSemaphoreInfos[place] for place in range(info.signalSemaphoreInfoCount)]
     values = vk.new(
         "VkTimelineSemaphoreSubmitInfo",
         waitSemaphoreValueCount=len(waits),
-        pWaitSemaphoreValues=[one.value for one in waits] or None,
+        pWaitSemaphoreValues=[semaphore_info.value for semaphore_info in waits] or None,
         signalSemaphoreValueCount=len(signals),
-        pSignalSemaphoreValues=[one.value for one in signals] or None,
+        pSignalSemaphoreValues=[semaphore_info.value for semaphore_info in signals] or None,
     )
     return vk.new(
         "VkSubmitInfo",
         pNext=values,
         waitSemaphoreCount=len(waits),
-        pWaitSemaphores=[one.semaphore for one in waits] or None,
-        pWaitDstStageMask=[stages_before(int(one.stageMask)) for one in waits] or None,
+        pWaitSemaphores=[semaphore_info.semaphore for semaphore_info in waits] or None,
+        pWaitDstStageMask=[stages_before(int(semaphore_info.stageMask)) for semaphore_info in waits] or None,
         pCommandBuffers=[
             info.pCommandBufferInfos[place].commandBuffer for place in range(info.commandBufferInfoCount)
         ]
         or None,
         signalSemaphoreCount=len(signals),
-        pSignalSemaphores=[one.semaphore for one in signals] or None,
+        pSignalSemaphores=[semaphore_info.semaphore for semaphore_info in signals] or None,
     )
 
 
 def stages_before(mask: int) -> int:
-    """Return stages in 32 bits: those that have none there stand for everything, and no stage for the first of all."""
+    """Return a mask of stages in 32 bits: all commands for stages beyond them, and top of pipe for no stage."""
     if mask >> 32:
         return int(vk.VK_PIPELINE_STAGE_ALL_COMMANDS_BIT)
     return mask or int(vk.VK_PIPELINE_STAGE_TOP_OF_PIPE_BIT)

@@ -1,4 +1,4 @@
-"""The pace of frames: what a submission signals, and the wait for the values that a slot's last frame has signalled."""
+"""The pace of frames: the timeline values that submissions signal, and the wait for those of a slot's last frame."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ ALL_COMMANDS = int(vk.VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT)
 
 
 def submit_info(*commands: Any) -> Any:
-    """Return the VkSubmitInfo2 of command buffers with one signal behind them; it is made once, and rewritten."""
+    """Return a VkSubmitInfo2 of command buffers with one signal after them; it is created once, and rewritten."""
     return vk.new(
         "VkSubmitInfo2",
-        pCommandBufferInfos=[{"commandBuffer": one} for one in commands],
+        pCommandBufferInfos=[{"commandBuffer": command_buffer} for command_buffer in commands],
         pSignalSemaphoreInfos=[{"stageMask": ALL_COMMANDS}],
     )
 
 
 class Pace:
-    """The timelines of some queues by which frames are paced; of graphics alone, if no others are named."""
+    """The timelines that pace the frames, one for each queue in `names`; for graphics only by default."""
 
     def __init__(self, device: Device, *names: str) -> None:
         self._device = device
@@ -38,11 +38,11 @@ class Pace:
         slot.values = [value]
 
     def wait(self, slot: Any) -> None:
-        """Wait for the values of the slot's last frame; the first ones have none before them, and no wait."""
+        """Wait for the values of the slot's last frame; return at once before its first frame."""
         if any(slot.values):
             self._waiting.values[0 : len(slot.values)] = slot.values
             self._waiting.wait()
-            slot.values = [0] * len(slot.values)  # they are there now, and need not be asked for again
+            slot.values = [0] * len(slot.values)  # reached: another wait is not needed
 
     def close(self) -> None:
         """Free the timelines."""
@@ -51,7 +51,7 @@ class Pace:
 
 
 def sign(info: Any, timeline: Timeline) -> int:
-    """Have a VkSubmitInfo2 signal the next value of a timeline; return the value."""
+    """Set a VkSubmitInfo2 to signal the next value of a timeline; return the value."""
     signal, value = info.pSignalSemaphoreInfos[0], timeline.next()
     signal.semaphore, signal.value = timeline.handle, value
     return value

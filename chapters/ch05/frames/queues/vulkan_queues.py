@@ -1,7 +1,7 @@
-"""The queues that the frame graph names, and what it takes to share with both of them what one family owns.
+"""The queues that the frame graph names, and the fields of barriers for queue family ownership transfers.
 
-"graphics" is the device's main queue, "compute" one of a family that can do nothing else, where the device has it and
-it is wanted; else both names mean the same queue, and all that is said here about families falls away.
+"graphics" is the device's main queue. "compute" is a queue of another family, without graphics, if the device has one
+and the settings use it. Otherwise both names mean the same queue, and there are no transfers.
 """
 
 from __future__ import annotations
@@ -15,33 +15,33 @@ from ...graph.types import Barrier
 
 
 class Queues:
-    """Each queue by its name in the graph; with `own` compute has one of its own, if the device does."""
+    """The queues by their names in the graph; with `own`, compute has its own queue if the device has one."""
 
     def __init__(self, device: Device, own: bool = False) -> None:
         self.device = device
-        beside = device.compute_queue if own else None
-        self.of: dict[str, Queue] = {"graphics": device.queue, "compute": beside or device.queue}
+        compute = device.compute_queue if own else None
+        self.of: dict[str, Queue] = {"graphics": device.queue, "compute": compute or device.queue}
 
     @property
     def families(self) -> tuple[int, ...]:
-        """The families that share every buffer which both queues use; () where there is one, and nothing to share."""
-        found = dict.fromkeys(queue.family for queue in self.of.values())
-        return tuple(found) if len(found) > 1 else ()
+        """The families that share the buffers of both queues; () if there is only one family."""
+        distinct_families = dict.fromkeys(queue.family for queue in self.of.values())
+        return tuple(distinct_families) if len(distinct_families) > 1 else ()
 
     def taking(self, barrier: Barrier, masks: dict[str, int]) -> dict[str, int]:
-        """Return the fields of a barrier in front of a step, of which `masks` are the stages and accesses.
+        """Return the fields of a barrier before a step; `masks` are the stages and accesses.
 
-        Of what another queue hands over, only what this one will do is named; between the two is a semaphore. The
-        barrier waits for the stages in which the step goes on, since these are what waited for the semaphore: the
-        change of layout comes behind them. Stages of the other queue, which this one may not even have, mean nothing
-        to it, and all that they wrote the semaphore has made available.
+        If another queue hands the resource over, this is the acquire half of the transfer. A semaphore orders the two
+        queues, and makes the writes of the other queue available. The source stages are those of the step: they waited
+        for the semaphore, so the layout transition comes after it. Stages of the other queue are not named, since this
+        queue may not have them.
         """
         if barrier.hand_over is not None and len({*barrier.hand_over}) > 1:
             masks = masks | {"srcStageMask": masks["dstStageMask"], "srcAccessMask": 0}
         return masks | self._owners(barrier)
 
     def giving(self, barrier: Barrier, masks: dict[str, int]) -> dict[str, int]:
-        """Return the fields of the other half, behind the last step of who hands it over: what was done there."""
+        """Return the fields of the release half, after the last step of the queue that hands the resource over."""
         return (
             masks | {"dstStageMask": vk.VK_PIPELINE_STAGE_2_NONE, "dstAccessMask": 0} | self._owners(barrier)
         )

@@ -1,12 +1,12 @@
-"""Frames on two queues: the batches of a graph, each submitted when those it depends on are under way.
+"""Frames on two queues: the batches of a graph, each submitted after the batches that it depends on.
 
 Every batch waits for values of the queues' timelines, runs its commands, and signals the next value of its own queue.
-Nothing waits for what is submitted after it, so that the same batches, in the same order, run just as well where both
-queues are one. What goes to one queue in a row goes there in one call.
+No batch waits for a later submission, so the same batches also run in the same order if both queues are one. Successive
+batches of one queue are submitted in one call.
 
-Recordings are kept by batch. Those of the graphics queue are made together, as the draws of a frame change together; a
-batch of the compute queue has its own, which lasts while `key(slot)` of its passes says the same. Where all of its
-passes are `resting` it is not submitted, if others can do without it.
+Recordings are kept by batch. Those of the graphics queue are recorded together, since the draws of a frame change
+together. A batch of the compute queue has its own recording, valid while `key(slot)` of its passes stays the same. The
+batch is not submitted if all of its passes are `resting` and other batches do not need it.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ from .vulkan_queues import Queues
 
 
 class _OwnCommands(FrameSlot):
-    """The commands of a batch, but for the first one of graphics: that has those of the slot, with the uploads."""
+    """The commands of a batch. The first graphics batch has those of the slot instead, with the uploads."""
 
     key: Any = None
 
 
 @dataclass
 class _Part:
-    """A batch in one slot. `commands` are a slot or `_OwnCommands`, `waits` the structs that each frame rewrites."""
+    """A batch in one slot. `commands` is a slot or `_OwnCommands`; each frame rewrites the structs in `waits`."""
 
     number: int
     batch: Batch
@@ -56,23 +56,23 @@ class _Part:
 
 
 class QueueFrames(Recordings):
-    """The ring of slots, each with its batches: `begin`, `record` what is another one than before, `submit`."""
+    """The ring of frame slots, each with its batches: `begin`, `record` the batches that changed, `submit`."""
 
     def __init__(self, device: Device, queues: Queues) -> None:
         super().__init__(device)
         self.pace.close()
         self.pace = Pace(device, *QUEUES)
         self._queues, self._reached = queues, Reached()
-        self._beside = Commands(device)  # records what does not draw
+        self._compute_commands = Commands(device)  # for batches that do not draw
         self._parts: list[list[_Part]] = [[] for _ in self.slots]
         self._executor: GraphExecutor
         self.work: dict[str, int] = {}
-        """What the last frame took: batches, calls that submit, and waits of one batch for another."""
+        """Counters of the last frame: batches, submissions, and waits of one batch for another."""
 
-    # --- made once for a graph ---
+    # --- creation, once for a graph ---
 
     def follow(self, executor: GraphExecutor, profiler: Profiler) -> None:
-        """Submit the batches of another graph from now on; no frame is in flight. `profiler` is that of graphics."""
+        """Use the batches of another graph from now on; no frame is in flight. `profiler` is for the graphics queue."""
         self._free_parts()
         self._reached.follow()
         self._executor = executor
@@ -92,17 +92,17 @@ class QueueFrames(Recordings):
         if batch.queue != GRAPHICS or not first:
             commands = _OwnCommands(self._device, slot.index, self._queues.of[batch.queue])
         commands.batch = number
-        # A batch that rests is one value of each queue, for who waits for it and for the next one of its queue.
+        # A resting batch counts as one value of each queue, for batches that wait for it and the next one of its queue.
         waits = vk.array("VkSemaphoreSubmitInfo", [{}] * (len(batch.waits) + 1) * len(QUEUES))
         for info in (commands.submit, commands.submit_both) if commands is slot else (commands.submit,):
             info.pWaitSemaphoreInfos = waits
         return _Part(number, batch, commands, profiler, waits, can_rest(executor.graph, batch))
 
     def _free_parts(self) -> None:
-        made = [part for parts in self._parts for part in parts]
-        for profiler in {id(part.profiler): part.profiler for part in made if not part.draws}.values():
+        workload = [part for parts in self._parts for part in parts]
+        for profiler in {id(part.profiler): part.profiler for part in workload if not part.draws}.values():
             profiler.close()
-        for part in made:
+        for part in workload:
             if isinstance(part.commands, _OwnCommands):
                 self._device.destroy("VkCommandPool", part.commands.pool)
         self._parts = [[] for _ in self.slots]
@@ -116,7 +116,7 @@ class QueueFrames(Recordings):
         inspection: Inspection | None = None,
         again: bool = True,
     ) -> bool:
-        """Record the batches that are not what they were; return whether those of graphics are among them.
+        """Record the batches that changed; return whether the graphics batches are among them.
 
         Without `again` every batch is recorded in every frame.
         """
@@ -132,36 +132,38 @@ class QueueFrames(Recordings):
                 self._record(part, keys, commands, inspection)
         for part in parts:
             if not part.draws:
-                self._record_beside(part, again)
+                self._record_compute(part, again)
         slot.work = drawn[0].work | {}
         for part in parts:
             if not part.draws and not part.rests:
                 slot.work |= {name: slot.work.get(name, 0) + count for name, count in part.work.items()}
         return anew
 
-    def _record_beside(self, part: _Part, again: bool) -> None:
-        passes = [made for _, made in self._executor.passes_of(part.number)]
-        part.rests = part.can_rest and all(made.resting for made in passes)
+    def _record_compute(self, part: _Part, again: bool) -> None:
+        passes = [workload for _, workload in self._executor.passes_of(part.number)]
+        part.rests = part.can_rest and all(workload.resting for workload in passes)
         key = self._key(part)
         if not part.rests and (not again or part.commands.key != key):
-            self._beside.begin(part.commands)
-            self._record(part, key, self._beside, None)
+            self._compute_commands.begin(part.commands)
+            self._record(part, key, self._compute_commands, None)
 
     def _key(self, part: _Part) -> tuple[Any, ...]:
-        """Return what the passes of a batch were recorded from."""
-        return tuple(made.key(part.commands.index) for _, made in self._executor.passes_of(part.number))
+        """Return the keys of a batch's passes: its recording is valid while they stay the same."""
+        return tuple(
+            workload.key(part.commands.index) for _, workload in self._executor.passes_of(part.number)
+        )
 
     def _record(self, part: _Part, key: Any, commands: Commands, inspection: Inspection | None) -> None:
         slot = part.commands
         with self.recording(slot, key) as handle:
             commands.slot, commands.handle = slot, handle
-            if not part.draws or isinstance(slot, RecordedSlot):  # queries of graphics are reset once
+            if not part.draws or isinstance(slot, RecordedSlot):  # queries of graphics are reset once a frame
                 part.profiler.begin_frame(slot)
             self._executor.record(commands, slot.index, part.profiler, inspection)
         part.work = commands.work
 
     def submit(self, slot: Any) -> None:
-        """Hand the slot's batches to their queues; nothing is waited for."""
+        """Submit the slot's batches to their queues, without waiting."""
         if slot.uploading:
             vk.check(self._device.fn.vkEndCommandBuffer(slot.uploads), "vkEndCommandBuffer")
         self._reached.begin_frame()
@@ -205,22 +207,22 @@ class QueueFrames(Recordings):
         self.work["submissions"] += 1
 
     def timings(self, slot: RecordedSlot) -> dict[str, float]:
-        """Return GPU milliseconds by pass of the slot's frame, which is over: 0 for those of a batch that rested."""
-        found: dict[str, float] = {}
+        """Return GPU milliseconds by pass of the slot's finished frame; 0 for the passes of a batch that rested."""
+        milliseconds: dict[str, float] = {}
         for part in self._parts[slot.index]:
             passes = [step.name for step, _ in self._executor.passes_of(part.number) if step.kind != "copy"]
             read = dict.fromkeys(passes, 0.0) if part.rests else part.profiler.read(slot)
-            found |= {name: read[name] for name in passes if name in read}
-        return found
+            milliseconds |= {name: read[name] for name in passes if name in read}
+        return milliseconds
 
     def forget(self) -> None:
-        """Have all batches recorded anew before they are submitted again."""
+        """Invalidate the recordings of all batches."""
         super().forget()
         for part in (part for parts in self._parts for part in parts):
             part.commands.key = None
 
     def close(self) -> None:
-        """Free the slots and their batches, after the GPU has left them all."""
+        """Free the slots and their batches, after the GPU has finished with all slots."""
         for slot in self.slots:
             self.wait(slot)
         self._free_parts()

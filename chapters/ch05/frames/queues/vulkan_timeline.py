@@ -1,12 +1,12 @@
 """Timeline semaphores: counters that only rise, on which the CPU and every queue can wait for a value.
 
-One of them does what a fence for each frame in flight and a semaphore for each pair of submissions did before. Whoever
-submits work takes the `next` value, and has the queue signal it behind that work; whoever needs the work waits until
-the counter has reached the value, however many others wait for it, and at once if it was reached long ago.
+One timeline replaces a fence for each frame in flight and a semaphore for each pair of submissions. A submission takes
+the `next` value, and the queue signals it after the work. The CPU, or a submission that needs the work, waits until the
+counter has reached the value. Any number of waits may use one value, and a wait for a reached value returns at once.
 
-Three rules keep a program that does so from standing still: values that are signalled rise strictly, nobody waits for
-a value that the same submission signals, and nobody for one that has not been submitted yet. A wait of the CPU holds
-to the last one here; the first two are the business of `frames/queues/vulkan_submission.py`.
+Three rules prevent a deadlock. The signalled values rise strictly. No submission waits for a value that it signals
+itself. No wait is for a value that has not been submitted yet. `Waiting.wait` checks the third rule for the CPU;
+`frames/queues/vulkan_submission.py` is responsible for the first two.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from backends.vulkan.device import Device
 from common.errors import DeviceError
 
 PATIENCE_S, PATIENCE_SOFTWARE_S = 30, 1800
-"""How long the CPU waits at most, if it is not told: longer than any frame. Drivers of GPUs stop what takes seconds;
-one that draws on the CPU lets a frame take the minutes that it takes."""
+"""The default limit of a wait of the CPU: longer than any frame. Drivers of GPUs stop work that takes seconds; a
+software driver may take minutes for a frame."""
 
 
 class Timeline:
-    """A counter that starts at 0. `last` is the highest value that somebody was asked to signal."""
+    """A counter that starts at 0. `last` is the highest value that has been reserved for a signal."""
 
     def __init__(self, device: Device, name: str) -> None:
         self._device, self.name = device, name
@@ -37,19 +37,19 @@ class Timeline:
         self._signal = vk.new("VkSemaphoreSignalInfo", semaphore=self.handle)
 
     def next(self) -> int:
-        """Return the value that the next submission signals; it has to be submitted."""
+        """Reserve the value for the next submission to signal, and return it; the submission must follow."""
         self.last += 1
         return self.last
 
     @property
     def value(self) -> int:
-        """The value that has been reached."""
+        """The current value."""
         code = self._device.fn.vkGetSemaphoreCounterValue(self._device.handle, self.handle, self._counter)
         vk.check(code, "vkGetSemaphoreCounterValue")
         return int(self._counter[0])
 
     def done(self, value: int) -> bool:
-        """Whether `value` has been reached; nothing is waited for."""
+        """Whether `value` has been reached, without waiting."""
         return self.value >= value
 
     def wait(self, value: int, timeout_ns: int | None = None) -> bool:
@@ -57,7 +57,7 @@ class Timeline:
         return wait_timelines([(self, value)], timeout_ns=timeout_ns)
 
     def signal(self, value: int) -> None:
-        """Raise the counter from the CPU; ValueError unless `value` is above all that were promised."""
+        """Raise the counter from the CPU; ValueError unless `value` is above all reserved values."""
         if value <= self.last:
             raise ValueError(
                 f"the {self.name} timeline was told to signal {self.last}: {value} is no step forward"
@@ -66,14 +66,14 @@ class Timeline:
         vk.check(self._device.fn.vkSignalSemaphore(self._device.handle, self._signal), "vkSignalSemaphore")
 
     def close(self) -> None:
-        """Free it, when nothing that is submitted waits for it or signals it."""
+        """Free the semaphore, when no pending submission waits for it or signals it."""
         self._device.destroy("VkSemaphore", self.handle)
 
 
 class Waiting:
-    """A wait of the CPU for several timelines, for all of their values or, with `any_of`, for one; made once.
+    """A reusable wait of the CPU for several timelines: for all of their values or, with `any_of`, for one.
 
-    `values` are rewritten before each call: a wait for 0 is none, since counters start there.
+    The caller sets `values` before each wait. A wait for 0 returns at once, since counters start there.
     """
 
     def __init__(self, timelines: Sequence[Timeline], any_of: bool = False) -> None:
@@ -84,19 +84,19 @@ class Waiting:
             "VkSemaphoreWaitInfo",
             flags=vk.VK_SEMAPHORE_WAIT_ANY_BIT if any_of else 0,
             semaphoreCount=len(timelines),
-            pSemaphores=vk.array("VkSemaphore", [one.handle for one in timelines]),
+            pSemaphores=vk.array("VkSemaphore", [timeline.handle for timeline in timelines]),
             pValues=self.values,
         )
 
     def wait(self, timeout_ns: int | None = None) -> bool:
-        """Wait; False where `timeout_ns` went by first, 0 being a question that waits for nothing.
+        """Wait and return True, or False if `timeout_ns` passes first; with 0, only test the values.
 
-        Without a time DeviceError says, after long enough, what did not come. So it does at once where nobody was
-        asked to signal a value: with a time, whoever waits may know of somebody who will be.
+        Without `timeout_ns`, raises DeviceError after a default limit, and at once for a value that is not reserved
+        yet. With `timeout_ns` a wait for such a value is allowed: it may be reserved later.
         """
         device = self._device
         if timeout_ns is None and not self._needs(
-            value <= one.last for one, value in zip(self._timelines, self.values, strict=True)
+            value <= timeline.last for timeline, value in zip(self._timelines, self.values, strict=True)
         ):
             raise DeviceError(self._stuck("nobody was asked to signal that"))
         patience = PATIENCE_SOFTWARE_S if device.capabilities.is_software else PATIENCE_S
@@ -110,9 +110,9 @@ class Waiting:
 
     def _stuck(self, why: str) -> str:
         stands = ", ".join(
-            f"the {one.name} timeline stands at {one.value} of {value}"
-            for one, value in zip(self._timelines, self.values, strict=True)
-            if value > one.value
+            f"the {timeline.name} timeline stands at {timeline.value} of {value}"
+            for timeline, value in zip(self._timelines, self.values, strict=True)
+            if value > timeline.value
         )
         return f"The GPU and the CPU wait for each other: {stands}, and {why}; run again with --validate."
 
@@ -120,10 +120,10 @@ class Waiting:
 def wait_timelines(
     pairs: Sequence[tuple[Timeline, int]], any_of: bool = False, timeout_ns: int | None = None
 ) -> bool:
-    """Wait until all of some (timeline, value) are reached, or `any_of` them; see `Waiting.wait`."""
+    """Wait until all (timeline, value) pairs are reached, or with `any_of` one of them; see `Waiting.wait`."""
     if not pairs:
         return True
-    waiting = Waiting([one for one, _ in pairs], any_of)
+    waiting = Waiting([timeline for timeline, _ in pairs], any_of)
     for place, (_, value) in enumerate(pairs):
         waiting.values[place] = value
     return waiting.wait(timeout_ns)

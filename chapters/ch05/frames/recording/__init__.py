@@ -1,1 +1,1 @@
-"""How draws become commands: parts, threads, and recordings that are submitted again."""
+"""Recording of draws: in parts, on several threads, and for repeated submission."""

@@ -1,9 +1,9 @@
-"""Frames whose calls are found once and made again and again, until something in them is another one.
+"""Frames as lists of OpenGL calls: a list is recorded once, and its calls are made in every frame until one changes.
 
-OpenGL records nothing: every call has to be made in every frame. But which calls those are, with which arguments, is
-known while nothing but the contents of buffers changes. So passes record into a list, and a frame is that list from
-its first call to its last, with nothing to look up between two of them. Everything that a call may depend on is set in
-the list itself: whoever else used the context meanwhile (a window, uploads, another renderer) has left his own state.
+OpenGL has no recordings: every call has to be made in every frame. But the calls and their arguments stay the same
+while only the contents of buffers change. So passes record into a list, and a frame makes the calls of the list,
+without lookups between them. The list itself sets all state that its calls depend on, since other users of the context
+(a window, uploads, another renderer) change the state between frames.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from ..frame import SLOTS
 from ..gl import Frames, FrameSlot
 
 _AT_ONCE = ("glCreate", "glGen", "glObjectLabel", "glNamedBufferStorage", "glTextureStorage")
-"""How calls begin that make an object: it is made when it is asked for, and every frame uses the same one."""
+"""Prefixes of calls that create objects: they are made at once, and every frame uses the same object."""
 
 
 class CallRecorder:
-    """Stands in for a context's functions: each call is written down with its arguments, and made later."""
+    """Replaces a context's functions: it stores each call with its arguments, to be made later."""
 
     def __init__(self, fn: gl.Functions) -> None:
         self._fn = fn
@@ -36,37 +36,37 @@ class CallRecorder:
         return lambda *arguments: self.calls.append((function, arguments))
 
     def add(self, function: Callable[..., Any], *arguments: Any) -> None:
-        """Write down a call that is none of OpenGL's."""
+        """Store a call of a function that is not OpenGL's."""
         self.calls.append((function, arguments))
 
 
 class RecordedSlot(FrameSlot):
-    """A frame in flight with its calls; `key` says what they were found for, None where they are no longer good."""
+    """A frame slot with its calls; `key` identifies what they were recorded for, None if they are invalid."""
 
     def __init__(self, context: Context, index: int) -> None:
         super().__init__(context, index)
         self.key: Any = None
         self.calls: list[tuple[Callable[..., Any], tuple[Any, ...]]] = []
         self.work: dict[str, int] = {}
-        """What the recording counted of itself."""
+        """The counters of the recording."""
 
 
 class Recordings(Frames):
-    """The ring of slots. `begin` gives the next one as it was recorded, `submit` makes its calls once more."""
+    """The ring of frame slots. `begin` returns the next slot with its recorded calls; `submit` makes them again."""
 
     def __init__(self, context: Context) -> None:
         self._context = context
         self.slots: list[Any] = [RecordedSlot(context, index) for index in range(SLOTS)]
 
     def begin(self) -> RecordedSlot:
-        """Return the slot for the next frame, once the GPU has left it."""
+        """Return the slot for the next frame, after the GPU has finished with it."""
         slot = super().begin()
         assert isinstance(slot, RecordedSlot)
         return slot
 
     @contextmanager
     def recording(self, slot: RecordedSlot, key: Any) -> Iterator[CallRecorder]:
-        """Write down what is called within, for this slot; it is good as long as `key` is. An error leaves nothing."""
+        """Record the calls in the `with` block, valid for `key`. After an error the slot has no recording."""
         context, fn = self._context, self._context.fn
         slot.key = None
         recorder: Any = CallRecorder(fn)
@@ -78,19 +78,19 @@ class Recordings(Frames):
         slot.calls, slot.key = recorder.calls, key
 
     def submit(self, slot: Any) -> None:
-        """Make the slot's calls, and send them off; nothing is waited for."""
+        """Make the slot's calls and flush them to the GPU, without waiting."""
         labels = self._context.sink.labels
-        around = len(labels)
+        open_labels = len(labels)
         try:
             for call, arguments in slot.calls:
                 call(*arguments)
         except BaseException:
-            while len(labels) > around:
+            while len(labels) > open_labels:
                 self._context.end_label()
             raise
         super().submit(slot)
 
     def forget(self) -> None:
-        """Have all slots recorded anew before their next frame: something that is recorded is another one."""
+        """Invalidate the recordings of all slots: something that is recorded has changed."""
         for slot in self.slots:
             slot.key = None

@@ -1,12 +1,12 @@
-"""Draws in parts: what a pass records, written down first, so that several threads can each record a piece of it.
+"""Lists of draws that are cut into parts: a pass fills a list, and several threads each record a part of it.
 
     draws = DrawList(multi_draw=True)
-    forward.record(draws)  # nothing is recorded yet: groups and what is bound for them stand in a list
+    forward.record(draws)  # stores groups with their bindings, records nothing
     for first, last in split(draws.calls, part_count(draws.calls, least=256)):
         draws.record(commands_of(first), first, last)  # by any thread, into commands of its own
 
-The unit is the call that draws, since calls are what recording costs: with indirect draws a group of a thousand
-objects is one, without them it is a thousand, and is cut in the middle. Every part binds all that its own calls need.
+The unit is the draw call, since the cost of recording is its calls. With indirect draws a group of a thousand objects
+is one call; without them it is a thousand calls, and may be cut in the middle. Each part binds all that its calls need.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from ..commands import Commands, DrawGroup, SceneBinding
 
 
 def pool_index(frame: int, thread: int, threads: int) -> int:
-    """Return the number of the pool that belongs to a frame slot and to one of so many threads."""
+    """Return the index of the pool of a frame slot and a thread; ValueError if there is none."""
     if not 0 <= thread < threads or frame < 0:
         raise ValueError(f"frame {frame} and thread {thread} of {threads} have no pool")
     return frame * threads + thread
 
 
 def part_count(calls: int, least: int) -> int:
-    """Return into how many parts so many calls are cut, of `least` calls or more each; 0 where two cannot be made."""
+    """Return the number of parts of `least` calls or more that `calls` are cut into; 0 if fewer than two."""
     parts = calls // least
     return parts if parts > 1 else 0
 
@@ -42,22 +42,24 @@ class Groups:
         calls = (1 if multi_draw else group.batch.count for group in groups)
         self._ends = list(accumulate(calls, initial=first))[1:]
         self.end = self._ends[-1] if self._ends else first
-        """The number behind that of the last call."""
+        """The number after that of the last call."""
 
     def part(self, first: int, last: int) -> list[DrawGroup]:
-        """Return the groups of calls [first, last), of which there is one at least; those at its ends may be cut."""
+        """Return the groups of calls [first, last), at least one call; the groups at its ends may be cut."""
         low, high = bisect_right(self._ends, first), bisect_left(self._ends, last)
-        found = list(self._groups[low : high + 1])
-        if last < self._ends[high]:  # the tail first: cut groups keep the number of their first draw
-            found[-1] = _cut(found[-1], 0, found[-1].batch.count - (self._ends[high] - last))
+        numbered_groups = list(self._groups[low : high + 1])
+        if last < self._ends[high]:  # the tail first: a cut there keeps the number of the group's first draw
+            numbered_groups[-1] = _cut(
+                numbered_groups[-1], 0, numbered_groups[-1].batch.count - (self._ends[high] - last)
+            )
         start = self._ends[low - 1] if low else self._first
         if first > start:
-            found[0] = _cut(found[0], first - start, found[0].batch.count)
-        return found
+            numbered_groups[0] = _cut(numbered_groups[0], first - start, numbered_groups[0].batch.count)
+        return numbered_groups
 
 
 def _cut(group: DrawGroup, begin: int, end: int) -> DrawGroup:
-    """Return draws [begin, end) of a group. Its triangles count where its first draw is: their sum stays right."""
+    """Return draws [begin, end) of a group. Only the piece with the first draw counts the triangles of the group."""
     batch = group.batch
     triangles = batch.triangles if begin == 0 else 0
     return replace(
@@ -66,16 +68,16 @@ def _cut(group: DrawGroup, begin: int, end: int) -> DrawGroup:
 
 
 class DrawList:
-    """Has the methods of a backend's `Commands` with which passes draw, and writes down what they are asked for."""
+    """Stores draws, to be recorded later in parts; it has the draw methods of a backend's `Commands`."""
 
     def __init__(self, multi_draw: bool) -> None:
         self._multi_draw = multi_draw
         self._steps: list[tuple[int, int, Callable[[Commands, int, int], None]]] = []
         self.calls = 0
-        """How many calls draw."""
+        """The number of draw calls."""
 
     def draw_fullscreen(self, pipeline: Built, scene: SceneBinding | None, sources: Any) -> None:
-        """Write down a triangle with all that is bound for it: no part begins between them."""
+        """Store a full-screen triangle with its bindings, as one call."""
 
         def record(commands: Commands, first: int, last: int) -> None:
             commands.sources = sources
@@ -84,20 +86,20 @@ class DrawList:
         self._add(self.calls + 1, record)
 
     def draw_groups(self, groups: Sequence[DrawGroup], scene: SceneBinding) -> None:
-        """Write down groups of draws, and what they are drawn with."""
-        found = Groups(groups, self._multi_draw, self.calls)
+        """Store groups of draws, with the data of the scene that they bind."""
+        numbered_groups = Groups(groups, self._multi_draw, self.calls)
 
         def record(commands: Commands, first: int, last: int) -> None:
-            commands.draw_groups(found.part(first, last), scene)
+            commands.draw_groups(numbered_groups.part(first, last), scene)
 
-        self._add(found.end, record)
+        self._add(numbered_groups.end, record)
 
     def _add(self, end: int, record: Callable[[Commands, int, int], None]) -> None:
         self._steps.append((self.calls, end, record))
         self.calls = end
 
     def record(self, commands: Commands, first: int, last: int) -> None:
-        """Record calls [first, last), in their order, and all that they need, into the backend's `commands`."""
+        """Record calls [first, last) in order, with all that they bind, into the backend's `commands`."""
         for start, end, record in self._steps:
             begin, stop = max(first, start), min(last, end)
             if begin < stop:

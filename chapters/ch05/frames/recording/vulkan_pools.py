@@ -1,9 +1,9 @@
-"""Command pools, one per frame slot and thread: who has a pool of its own needs no lock to record.
+"""Command pools, one per frame slot and thread, so that threads record without locks.
 
-A pool, and every command buffer from it, may be used by one thread at a time, and must not be reset while the GPU may
-still read a buffer from it. Hence frames x threads pools. When a slot is used again its pools are reset as a whole,
-which keeps their memory and makes all their buffers ready at once: none is ever freed, and after the first frames none
-is allocated either.
+Only one thread at a time may use a pool and its command buffers. A pool must not be reset while the GPU may still read
+one of its buffers. Hence there are frames x threads pools. When a slot is used again, its pools are reset as a whole,
+which keeps their memory and makes all their buffers available at once. No buffer is freed, and none is allocated after
+the first frames.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from .parts import pool_index
 
 
 class CommandPool:
-    """A pool with its buffers of one level, of which the first `used` are given out."""
+    """A pool with its buffers of one level; the first `used` buffers are in use."""
 
     def __init__(self, device: Device, handle: Any, name: str, level: int) -> None:
         self.handle = handle
@@ -29,7 +29,7 @@ class CommandPool:
         self._buffers: list[Any] = []
 
     def take(self) -> Any:
-        """Return a buffer that nobody has used since the pool was reset."""
+        """Return a buffer that is unused since the last reset of the pool."""
         if self.used == len(self._buffers):
             name = f"{self._name}, buffer {self.used}"
             self._buffers.append(allocate_commands(self._device, self.handle, name, self._level))
@@ -40,7 +40,7 @@ class CommandPool:
 class CommandPools:
     """The pools of all frame slots and of the threads that record: the renderer's own and its workers.
 
-    Thread 0, which records the frame itself, has that of the slot, where the primary buffer comes from, too.
+    Thread 0 records the frame itself. It uses the pool of the slot, which the primary buffer comes from, too.
     """
 
     def __init__(
@@ -55,10 +55,10 @@ class CommandPools:
         self._own: list[Any] = []
         self.threads = 1 + workers.count
         self.pools: list[CommandPool] = []
-        """By `pool_index`; none before `open`."""
+        """The pools by `pool_index`; empty before `open`."""
 
     def open(self) -> Workers:
-        """Return the threads that may take buffers; they get their pools at the first time."""
+        """Return the threads that may take buffers; the first call creates their pools."""
         device = self._device
         for number in range(len(self.pools), len(self._slots) * self.threads):
             slot, thread = self._slots[number // self.threads], number % self.threads
@@ -70,9 +70,9 @@ class CommandPools:
         return self._workers
 
     def begin(self, slot: FrameSlot) -> None:
-        """Reset the pools of a slot whose last frame the GPU has finished: `Frames.begin` has waited for it.
+        """Reset the pools of a slot after the GPU has finished its last frame.
 
-        That of thread 0 it has reset as well.
+        `Frames.begin` has waited for that frame, and has reset the pool of thread 0.
         """
         fn, device = self._device.fn, self._device.handle
         for thread in range(self.threads if self.pools else 0):
@@ -82,14 +82,14 @@ class CommandPools:
             pool.used = 0
 
     def take(self, slot: FrameSlot) -> Any:
-        """Return a buffer for this frame from the pool of the thread that asks.
+        """Return a buffer for this frame from the pool of the calling thread.
 
-        RuntimeError if it is none of the scheduler's, ValueError if it has no pool here (a pinned one).
+        RuntimeError if the thread is not one of the scheduler's, ValueError if it has no pool here (a pinned thread).
         """
         return self.pools[pool_index(slot.index, self._workers.tasks.thread, self.threads)].take()
 
     def close(self) -> None:
-        """Free the pools, after the GPU has left all slots."""
+        """Free the pools, after the GPU has finished with all slots."""
         for handle in self._own:
             self._device.destroy("VkCommandPool", handle)
         self._own.clear()

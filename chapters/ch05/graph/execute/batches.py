@@ -1,7 +1,7 @@
-"""The batches of a compiled graph while frames are drawn: what each waits for, and which can be left out.
+"""The batches of a compiled graph while frames are drawn: their waits, and which of them a frame leaves out.
 
-A batch that has nothing to do is not submitted, and nobody who comes behind it must miss what went through it:
-`can_rest` says of which batches that is so, and `Reached` keeps the books of what is waited for.
+A batch without work is not submitted. Later batches must not lose an ordering that went through it: `can_rest` says
+which batches may be left out, and `Reached` tracks the timeline values that each queue has waited for.
 """
 
 from __future__ import annotations
@@ -13,43 +13,43 @@ from ..sync.queues import GRAPHICS, QUEUES
 from ..types import PREVIOUS, Barrier, Graph
 
 Waited = tuple[str, int, frozenset[str]]
-"""A queue, the value of its timeline that is waited for, and the stages that wait."""
+"""A queue, the awaited value of its timeline, and the stages that wait."""
 
 EVERYTHING = frozenset({"everything"})
-"""All stages, whichever they are."""
+"""All stages."""
 
 
 def batches_of(graph: Graph) -> tuple[Batch, ...]:
-    """Return the batches of a frame, one of which at least is for graphics: a frame without passes is one, too."""
+    """Return the batches of a frame; at least one is for graphics, even in a frame without passes."""
     steps = () if graph.batches else tuple(range(len(graph.steps)))
     drawn = any(batch.queue == GRAPHICS for batch in graph.batches)
     return graph.batches if drawn else (*graph.batches, Batch(GRAPHICS, steps))
 
 
 def last_drawn(batches: Sequence[Batch]) -> int:
-    """Return the number of the batch that ends with the graph's epilogue: the last one of graphics."""
+    """Return the number of the batch with the graph's epilogue: the last one on graphics."""
     return max(number for number, batch in enumerate(batches) if batch.queue == GRAPHICS)
 
 
 def prologues(graph: Graph) -> list[tuple[str, bool, list[Barrier]]]:
-    """Return (queue, whether they hand something over, barriers) of what happens before the first frame, in order.
+    """Return (queue, whether they are releases, barriers) of the work before the first frame, in order.
 
-    There a barrier from a queue to itself says on which one it happens; one to another queue is a release, which the
-    first frame acquires.
+    In a prologue a `hand_over` from a queue to itself names the queue that runs the barrier. One to another queue is a
+    release, and the first frame acquires it.
     """
-    found: dict[tuple[bool, str], list[Barrier]] = {}
+    grouped: dict[tuple[bool, str], list[Barrier]] = {}
     for barrier in graph.prologue:
         giving, taking = barrier.hand_over or (GRAPHICS, GRAPHICS)
-        found.setdefault((giving != taking, giving), []).append(barrier)
-    return [(queue, released, found[released, queue]) for released, queue in sorted(found)]
+        grouped.setdefault((giving != taking, giving), []).append(barrier)
+    return [(queue, released, grouped[released, queue]) for released, queue in sorted(grouped)]
 
 
 def can_rest(graph: Graph, batch: Batch) -> bool:
-    """Whether a frame may leave out a batch of passes that say that they are idle.
+    """Whether a frame may leave out a batch if all of its passes are resting.
 
-    Not one that touches an image: others count on the layout in which it leaves it. Nor one that writes for others
-    what shares its memory: that is lost between frames, while of everything else the content is there already, which
-    is what a pass promises that is idle.
+    A batch that touches an image may not be left out: later steps need the layout that it leaves. Neither may a batch
+    that writes a buffer with shared memory: its contents are lost between frames. All other results of a resting pass
+    are still valid from earlier frames.
     """
     mine = [graph.steps[place] for place in batch.steps]
     touched = {_plain(name) for step in mine for name in (*step.reads, *step.writes)}
@@ -66,12 +66,11 @@ def _plain(name: str) -> str:
 
 
 class Reached:
-    """Which values the batches of two frames stand for, and which of them each queue has waited for already.
+    """The timeline values of the batches of two frames, and the values that each queue has waited for.
 
-    Frame by frame, in the order of submission, each batch asks for its waits, and is then said to be submitted, with
-    the value that it signals, or to rest. One that rests stands for its queue's last value and for its own waits: who
-    would wait for it has these to wait for, since the graph counts on all that it orders, and so has the queue's next
-    batch.
+    In each frame, in the order of submission, `waits` returns the waits of a batch; then `submitted` or `rests` is
+    called. A resting batch stands for the last value of its queue and for its own waits. A batch that would wait for it
+    takes over these waits, since the graph relies on the order; so does the next batch of the queue.
     """
 
     def __init__(self) -> None:
@@ -83,11 +82,11 @@ class Reached:
 
     @property
     def values(self) -> list[int]:
-        """The last value of each queue, in the order of `QUEUES`."""
+        """The last signalled value of each queue, in the order of `QUEUES`."""
         return list(self._last.values())
 
     def follow(self) -> None:
-        """Forget the frame before: another graph begins, and all that was has ended."""
+        """Forget the previous frame: another graph begins, and all earlier work is done."""
         self._now = []
 
     def begin_frame(self) -> None:
@@ -95,21 +94,21 @@ class Reached:
         self._before, self._now = self._now, []
 
     def waits(self, batch: Batch) -> list[Waited]:
-        """Return what a batch has to wait for: nothing for 0, which is the first frame's, and nothing twice."""
-        found: list[Waited] = []
+        """Return the waits of a batch, without values of 0 and without those that its queue has waited for."""
+        waited: list[Waited] = []
         for wait in batch.waits:
             frame = self._before if wait.before else self._now
             values = frame[wait.batch] if frame else {}
-            found += [(queue, value, wait.stages) for queue, value in values.items()]
-        found += [(queue, value, EVERYTHING) for queue, value in self._owed[batch.queue].items()]
-        return [one for one in found if self._is_news(batch.queue, *one)]
+            waited += [(queue, value, wait.stages) for queue, value in values.items()]
+        waited += [(queue, value, EVERYTHING) for queue, value in self._owed[batch.queue].items()]
+        return [wait for wait in waited if self._is_news(batch.queue, *wait)]
 
     def _is_news(self, by: str, queue: str, value: int, stages: frozenset[str]) -> bool:
         known, seen = self._known.get((by, queue), (0, EVERYTHING))
         return value > known or not (stages <= seen or seen >= EVERYTHING)
 
     def submitted(self, batch: Batch, waits: Iterable[Waited], value: int) -> None:
-        """Note that a batch was submitted, with its waits and the value that it signals."""
+        """Note that a batch was submitted with these waits and signals `value`."""
         for queue, reached, stages in waits:
             known, seen = self._known.get((batch.queue, queue), (0, EVERYTHING))
             if reached >= known:
@@ -119,7 +118,7 @@ class Reached:
         self._now.append({batch.queue: value})
 
     def rests(self, batch: Batch, waits: Iterable[Waited]) -> None:
-        """Note that a batch was left out, which had these waits."""
+        """Note that a batch with these waits was left out."""
         values = {batch.queue: self._last[batch.queue]}
         for queue, value, _ in waits:
             values[queue] = max(value, values.get(queue, 0))

@@ -1,7 +1,7 @@
-"""What a compute pass binds: everything that it declares to read and to write, in that order, in one set.
+"""The bindings of a compute pass: one descriptor set with all of its declared reads and writes, in this order.
 
-A pass that draws reaches its targets as attachments and binds only what it samples. A kernel reaches all through
-bindings, so what it declares is the table of its set: binding i is the i-th access, reads first.
+A pass that draws has attachments, and binds only the images that it samples. A compute shader reaches everything
+through bindings: binding i is the i-th declared access, reads first.
 
     sampled                       a texture with its sampler
     storage of an image           an image that is loaded and stored
@@ -20,22 +20,25 @@ from ...pipelines.spirv.declared import Kind
 from ..types import PREVIOUS, Graph, GraphError, Step
 
 STORABLE = ("rgba8", "rgba16f", "rgba32f", "r32f", "r32ui")
-"""The formats in which shaders of every device can store (Vulkan specification, "Required Format Support")."""
+"""Formats with shader stores on every device (Vulkan specification, "Required Format Support")."""
 
 
 @dataclass(frozen=True)
 class Bound:
-    """An access that is bound: what the step calls the resource, as what a shader sees it, and whether it writes."""
+    """A bound access: the resource, the kind of binding in the shader, and whether the shader writes it."""
 
     resource: str
     kind: Kind
     writes: bool
 
 
-def bindings_of(step: Step, made: Pass, graph: Graph) -> list[Bound]:
-    """Return what a step that computes binds, in the order of the bindings; `made` is its pass."""
-    found = []
-    for writes, accesses, names in ((False, made.reads, step.reads), (True, made.writes, step.writes)):
+def bindings_of(step: Step, gpu_pass: Pass, graph: Graph) -> list[Bound]:
+    """Return the bindings of a compute step in their order."""
+    bindings = []
+    for writes, accesses, names in (
+        (False, gpu_pass.reads, step.reads),
+        (True, gpu_pass.writes, step.writes),
+    ):
         for access, name in zip(accesses, names, strict=True):
             kind: Kind | None = None
             if access.use == "sampled":
@@ -46,15 +49,14 @@ def bindings_of(step: Step, made: Pass, graph: Graph) -> list[Bound]:
                 buffer = graph.resources[name.removesuffix(PREVIOUS)].kind == "buffer"
                 kind = "storage" if buffer else "image"
             if kind is not None:
-                found.append(Bound(name, kind, writes))
-    return found
+                bindings.append(Bound(name, kind, writes))
+    return bindings
 
 
 def check_table(step: str, bound: Sequence[Bound], table: Mapping[int, tuple[str, str]], shader: str) -> None:
-    """Raise GraphError where a shader's set is not what the pass of `step` declares.
+    """Raise GraphError if a shader's descriptor set differs from the declarations of the pass of `step`.
 
-    `table` has by binding the kind and the name of what the shader declares there. A binding that the shader leaves
-    out is one that it does not use.
+    `table` has, by binding, kind and name in the shader. The shader may leave bindings out.
     """
     if not table:
         raise GraphError(f"{shader} has no bindings, and '{step}' binds what it declares there.")
@@ -65,16 +67,16 @@ def check_table(step: str, bound: Sequence[Bound], table: Mapping[int, tuple[str
                 f"'{step}' declares {declared}, and {shader} has the {kind} '{name}' at binding {number}: "
                 "declare what it reads or writes there."
             )
-        one = bound[number]
-        if kind != one.kind:
+        entry = bound[number]
+        if kind != entry.kind:
             raise GraphError(
-                f"'{step}' binds '{one.resource}' as {one.kind} at binding {number}, where {shader} has the {kind} "
+                f"'{step}' binds '{entry.resource}' as {entry.kind} at binding {number}, where {shader} has the {kind} "
                 f"'{name}': bindings follow the order of reads, then writes."
             )
 
 
 def check_stored(name: str, format: str, samples: int) -> None:
-    """Raise GraphError for an image that a shader stores to, in a format in which not every device can."""
+    """Raise GraphError if shaders store to an image whose format some devices cannot store."""
     if format not in STORABLE:
         raise GraphError(
             f"A shader cannot store to '{name}' in {format}: images that are stored to are {', '.join(STORABLE)}."

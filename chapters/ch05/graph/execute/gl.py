@@ -1,8 +1,8 @@
-"""Carries a compiled frame graph out on OpenGL; compare vulkan.py.
+"""Executes a compiled frame graph on OpenGL; compare vulkan.py.
 
-For each step there is what stands around its pass: a barrier where shaders stored something, the framebuffer, and the
-textures through which it reads what others drew. Recording a frame is a walk over them that ends in a list of calls; in
-a frame whose list is still good nothing of this file runs.
+Each step has the state around its pass: a barrier after shader stores, the framebuffer, and the textures that it reads.
+Recording a frame iterates over the steps and results in a list of calls. While the list is valid, no code of this file
+runs.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ class _Ready(ReadyStep):
 
 
 class GraphExecutor:
-    """A graph with its images, ready to be recorded for each slot. Close it before another graph takes its place.
+    """A graph with its images, ready to be recorded for each slot. Close it before you open another graph.
 
-    `passes` are by the names of the graph's nodes; `sampler` makes samplers; `externals` gives the images and buffers
-    of others, by slot; `alias` and `poison` are the settings of these names.
+    `passes` has the passes by the names of the nodes; `sampler` returns samplers; `externals` returns the external
+    images and buffers of each slot; `alias` and `poison` are the settings of these names.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class GraphExecutor:
         try:
             add_externals(self.images, externals)
             self.barriers = memory_barriers(graph, self._passes, self.images.in_slot)
-            """By step the bits of the glMemoryBarrier in front of it, 0 for none."""
+            """The bits of the glMemoryBarrier before each step, 0 for none."""
             self._slots = [self._ready(slot, poison) for slot in range(SLOTS)]
             for step in graph.steps:
                 self._bind_sources(step)
@@ -67,7 +67,7 @@ class GraphExecutor:
             self.close()
             raise
 
-    # --- made once for a graph ---
+    # --- created once for a graph ---
 
     def _ready(self, slot: int, poison: str) -> list[_Ready]:
         context, held = self._context, self.images.in_slot[slot]
@@ -84,64 +84,64 @@ class GraphExecutor:
         ]
 
     def _bind_sources(self, step: Step) -> None:
-        """Note what a pass binds to sample what it reads: one unit for each, in the order in which it declares them."""
-        made = self._passes[step.name]
-        if made.sources is None:
+        """Set the textures that a pass samples: one unit for each read, in the declared order."""
+        gpu_pass = self._passes[step.name]
+        if gpu_pass.sources is None:
             return
-        sampled = step.sampled(made.reads)
-        smooth, first = made.sources.filter, made.sources.first.get("texture", 0)
+        sampled = step.sampled(gpu_pass.reads)
+        smooth, first = gpu_pass.sources.filter, gpu_pass.sources.first.get("texture", 0)
         sampler = self._sampler(Sampler(smooth, smooth, None, "clamp", "clamp"), 1.0)
         for slot, steps in enumerate(self._slots):
-            ready = next(one for one in steps if one.step.name == step.name)
-            if step.kind == "compute":  # it has no attachments: all that it touches is bound
-                check_sources(self._context, step, made, self.graph)
-                ready.sources = sources(step, made, self.graph, self.images.in_slot[slot], sampler)
+            ready = next(ready_step for ready_step in steps if ready_step.step.name == step.name)
+            if step.kind == "compute":  # no attachments: all resources are bound
+                check_sources(self._context, step, gpu_pass, self.graph)
+                ready.sources = sources(step, gpu_pass, self.graph, self.images.in_slot[slot], sampler)
                 continue
             ready.sources = tuple(
                 (unit, self.images.image(slot, name).view, sampler)
                 for unit, name in enumerate(sampled, first)
             )
 
-    def swap(self, name: str, made: Pass) -> None:
-        """Let another implementation draw step `name`: the graph stays as it is, the recordings do not.
+    def swap(self, name: str, gpu_pass: Pass) -> None:
+        """Let another pass draw step `name`: the graph stays valid, the recordings do not.
 
-        It declares the same reads and writes.
+        It must declare the same reads and writes.
         """
         step = next(step for step in self.graph.steps if step.name == name)
-        if step.kind == "compute" and made.sources is not None:  # before anything is given up
-            check_sources(self._context, step, made, self.graph)
-        self._passes[name] = made
+        if step.kind == "compute" and gpu_pass.sources is not None:  # before the old pass is replaced
+            check_sources(self._context, step, gpu_pass, self.graph)
+        self._passes[name] = gpu_pass
         self._bind_sources(next(step for step in self.graph.steps if step.name == name))
 
-    # --- recorded ---
+    # --- recording ---
 
     def record(
         self, commands: Commands, slot: int, calls: CallRecorder, inspection: Inspection | None = None
     ) -> None:
         """Record the frame of a slot: each pass between its barrier, label, timestamps and framebuffer."""
         context, labels = self._context, self._context.sink.labels
-        for one in self._slots[slot]:
-            made, name = self._passes[one.step.name], one.step.name
-            if one.poison is not None:
-                one.poison.record()
-            if one.barrier:
-                context.fn.glMemoryBarrier(one.barrier)
-            timed = one.step.kind != "copy"
+        for ready_step in self._slots[slot]:
+            gpu_pass, name = self._passes[ready_step.step.name], ready_step.step.name
+            if ready_step.poison is not None:
+                ready_step.poison.record()
+            if ready_step.barrier:
+                context.fn.glMemoryBarrier(ready_step.barrier)
+            timed = ready_step.step.kind != "copy"
             calls.add(labels.append, name)  # for messages while the calls are made
             with context.label(name):
                 if timed:
                     commands.slot.timestamps.begin(name)
-                one.enter(commands, made)
-                if one.targets is not None:
-                    one.targets.begin(commands)
-                made.record(commands)
-                if one.targets is not None:
-                    one.targets.end()
+                ready_step.enter(commands, gpu_pass)
+                if ready_step.targets is not None:
+                    ready_step.targets.begin(commands)
+                gpu_pass.record(commands)
+                if ready_step.targets is not None:
+                    ready_step.targets.end()
                 if timed:
                     commands.slot.timestamps.end()
                 calls.add(labels.pop)
             if inspection is not None and timed:
-                inspection.record(slot, one.step, commands.work)
+                inspection.record(slot, ready_step.step, commands.work)
 
     def close(self) -> None:
         """Free framebuffers and images."""

@@ -1,8 +1,8 @@
-"""What passes that compute bind on OpenGL: all that a pass declares; compare vulkan_sets.py.
+"""The bindings of compute passes on OpenGL: all declared accesses; compare vulkan_sets.py.
 
-OpenGL counts bindings by kind, so the i-th texture that a pass declares is bound to the i-th unit, and so are images
-and blocks (the last argument of BIND in its shader). A pass that also reads the scene says in its `sources` with which
-numbers its own begin.
+OpenGL numbers bindings by kind: the i-th texture that a pass declares is bound to unit i, and likewise for images and
+blocks (the last argument of BIND in the shader). If a pass also reads the scene, its `sources` has the first number of
+each kind.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _PLACES = {
     "storage": "storage block, binding ",
     "uniform": "uniform block, binding ",
 }
-"""How `interface_of` calls the places of each kind."""
+"""The prefix of each kind in `interface_of`."""
 
 _PUSH = _PLACES["uniform"] + "14"
 """The block of push constants (`backends.shader_text`)."""
@@ -34,15 +34,15 @@ _PUSH = _PLACES["uniform"] + "14"
 
 @dataclass(frozen=True)
 class BoundSources:
-    """What is bound in front of a pass: textures as (unit, view, sampler), images as
-    (unit, image, access), and blocks."""
+    """The bindings before a pass: textures as (unit, view, sampler), images as (unit, image, access), and
+    blocks."""
 
     textures: tuple[tuple[int, int, int], ...]
     images: tuple[tuple[int, Image, str], ...]
     blocks: tuple[tuple[Literal["storage", "uniform"], int, Buffer], ...]
 
     def bind(self, context: Context) -> None:
-        """Make the calls that bind them."""
+        """Bind all."""
         for unit, view, sampler in self.textures:
             context.fn.glBindTextureUnit(unit, view)
             context.fn.glBindSampler(unit, sampler)
@@ -52,20 +52,20 @@ class BoundSources:
             bind_buffer(context, kind, binding, buffer)
 
 
-def _numbered(step: Step, made: Pass, graph: Graph) -> list[tuple[int, Bound]]:
-    """Return what is bound, each with its number among those of its kind."""
-    numbers = Counter(made.sources.first if made.sources else {})
-    found = []
-    for bound in bindings_of(step, made, graph):
-        found.append((numbers[bound.kind], bound))
+def _numbered(step: Step, gpu_pass: Pass, graph: Graph) -> list[tuple[int, Bound]]:
+    """Return the bindings, each with its number within its kind."""
+    numbers = Counter(gpu_pass.sources.first if gpu_pass.sources else {})
+    numbered = []
+    for bound in bindings_of(step, gpu_pass, graph):
+        numbered.append((numbers[bound.kind], bound))
         numbers[bound.kind] += 1
-    return found
+    return numbered
 
 
-def check_sources(context: Context, step: Step, made: Pass, graph: Graph) -> None:
-    """Raise GraphError where the program of the pass reaches something that it does not declare."""
-    bound = {f"{_PLACES[one.kind]}{number}" for number, one in _numbered(step, made, graph)}
-    first, (pipeline,) = made.sources.first if made.sources else {}, made.pipelines
+def check_sources(context: Context, step: Step, gpu_pass: Pass, graph: Graph) -> None:
+    """Raise GraphError if the program uses a binding that the pass does not declare."""
+    bound = {f"{_PLACES[entry.kind]}{number}" for number, entry in _numbered(step, gpu_pass, graph)}
+    first, (pipeline,) = gpu_pass.sources.first if gpu_pass.sources else {}, gpu_pass.pipelines
     for place, slot in interface_of(context, pipeline.handle).items():
         for kind, words in _PLACES.items():
             if not place.startswith(words) or place in bound or place == _PUSH:
@@ -78,17 +78,17 @@ def check_sources(context: Context, step: Step, made: Pass, graph: Graph) -> Non
 
 
 def sources(
-    step: Step, made: Pass, graph: Graph, held: Mapping[str, Image | Buffer], sampler: int
+    step: Step, gpu_pass: Pass, graph: Graph, held: Mapping[str, Image | Buffer], sampler: int
 ) -> BoundSources:
-    """Return what is bound in one slot; `held` is what is behind the names of resources there."""
+    """Return the bindings of one slot; `held` has its objects by the names of the resources."""
     textures, images, blocks = [], [], []
-    for number, bound in _numbered(step, made, graph):
-        one = held[bound.resource]
-        if isinstance(one, Buffer):
+    for number, bound in _numbered(step, gpu_pass, graph):
+        resource = held[bound.resource]
+        if isinstance(resource, Buffer):
             kind: Literal["storage", "uniform"] = "uniform" if bound.kind == "uniform" else "storage"
-            blocks.append((kind, number, one))
+            blocks.append((kind, number, resource))
         elif bound.kind == "texture":
-            textures.append((number, one.view, sampler))
+            textures.append((number, resource.view, sampler))
         else:
-            images.append((number, one, "both" if bound.writes else "read"))
+            images.append((number, resource, "both" if bound.writes else "read"))
     return BoundSources(tuple(textures), tuple(images), tuple(blocks))

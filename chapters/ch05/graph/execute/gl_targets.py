@@ -1,4 +1,4 @@
-"""What a pass draws to, as the frame graph says: any number of colour targets, and how each begins and ends."""
+"""The attachments of a pass from the frame graph: any number of colour targets, with load and store operations."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..types import Attachment, Step
 
 
 class Targets:
-    """The framebuffer of one step; a tiled GPU reads and writes no more of its memory than `begin` and `end` say."""
+    """The framebuffer of one step; `begin` and `end` save a tiled GPU all needless reads and writes of its memory."""
 
     def __init__(self, context: Context, framebuffer: Framebuffer, step: Step) -> None:
         self._context = context
@@ -30,12 +30,12 @@ class Targets:
         self._after = _points(point for point, target in points if target.store == "discard")
 
     def begin(self, commands: Commands) -> None:
-        """Begin drawing: give up what nobody wants of before, clear what has a value."""
+        """Begin drawing: invalidate attachments with undefined contents, clear those with a clear value."""
         self._give_up(self._before)
         commands.begin_rendering(self._rendering)
 
     def end(self) -> None:
-        """Give up what nobody wants afterwards."""
+        """Invalidate attachments that are not needed afterwards."""
         self._give_up(self._after)
 
     def _give_up(self, points: Any) -> None:
@@ -45,32 +45,32 @@ class Targets:
 
 
 def _points(chosen: Iterable[int]) -> Any:
-    """Return attachment points as OpenGL's calls take them, None for none."""
+    """Return attachment points as an array for OpenGL, None for none."""
     points = [*chosen]
     return gl.ffi.new("GLenum[]", points) if points else None
 
 
 class Framebuffers:
-    """Framebuffers by what is attached to them: passes that draw to the same images share one."""
+    """Framebuffers by their attachments: passes that draw to the same images share one."""
 
     def __init__(self, context: Context) -> None:
         self._context = context
-        self._made: dict[tuple[int, ...], Framebuffer] = {}
+        self._framebuffers: dict[tuple[int, ...], Framebuffer] = {}
 
     def get(self, step: Step, held: Mapping[str, Image | Buffer]) -> Framebuffer:
-        """Return the framebuffer of a step's targets, made when they are first asked for."""
+        """Return the framebuffer of a step's attachments, created at first use."""
         colors = [_image(target, held) for target in step.colors]
         depth = None if step.depth is None else _image(step.depth, held)
         key = (*(image.handle for image in colors), 0 if depth is None else depth.handle)
-        if key not in self._made:
-            self._made[key] = create_framebuffer(self._context, colors, depth, step.name)
-        return self._made[key]
+        if key not in self._framebuffers:
+            self._framebuffers[key] = create_framebuffer(self._context, colors, depth, step.name)
+        return self._framebuffers[key]
 
     def close(self) -> None:
-        """Free them; their images live on."""
-        for framebuffer in self._made.values():
+        """Free the framebuffers; their images stay."""
+        for framebuffer in self._framebuffers.values():
             destroy_framebuffer(self._context, framebuffer)
-        self._made = {}
+        self._framebuffers = {}
 
 
 def _image(target: Attachment, held: Mapping[str, Image | Buffer]) -> Image:

@@ -1,8 +1,7 @@
-"""Carries a compiled frame graph out on Vulkan: everything that stood between the passes by hand, from the graph.
+"""Executes a compiled frame graph on Vulkan: it derives everything that chapter code wrote between passes by hand.
 
-For each step there are ready-made structs: the barriers in front of it, the attachments it draws to, and the set
-through which it reads what others drew. Recording a frame is a walk over them; in a frame whose recording is still good
-nothing of this file runs.
+Each step has its structs: the barriers before it, its attachments, and the descriptor set of its reads. Recording a
+frame iterates over the steps. While the recording is valid, no code of this file runs.
 """
 
 from __future__ import annotations
@@ -50,10 +49,10 @@ class _Slot:
 
 
 class GraphExecutor:
-    """A graph with its images, ready to be recorded for each slot. Close it before another graph takes its place.
+    """A graph with its images, ready to be recorded for each slot. Close it before you open another graph.
 
     `passes` are by the names of the graph's nodes; `externals` the images and buffers of others, by slot. `poison` is
-    the setting of that name. Each of the `batches` is recorded by itself, into the slot that says which one it is.
+    the setting of that name. Each of the `batches` is recorded on its own, into the slot with its number.
     """
 
     def __init__(
@@ -83,7 +82,7 @@ class GraphExecutor:
             self.close()
             raise
 
-    # --- made once for a graph ---
+    # --- created once for a graph ---
 
     def _ready(self, slot: int, poison: str) -> _Slot:
         queues, held, graph = self._queues, self.images.in_slot[slot], self.graph
@@ -100,27 +99,27 @@ class GraphExecutor:
         return _Slot(steps, dependency(graph.epilogue, held, queues.taking))
 
     def _begin_lasting(self) -> None:
-        """Bring what lasts from frame to frame into the state, and to the queue, in which a frame finds it."""
+        """Bring lasting resources into the state, and to the queue, in which the first frame finds them."""
         queues = self._queues
         for queue, released, planned in prologues(self.graph):
             if released and not queues.families:
-                continue  # a queue of the same family takes it as it is
+                continue  # no transfer within a queue family
             with submit_once(self._device, queues.of[queue]) as commands:
                 for held in self.images.in_slot:
-                    made = dependency(planned, held, queues.giving if released else queues.taking)
-                    self._device.fn.vkCmdPipelineBarrier2(commands, made)
+                    barriers_ = dependency(planned, held, queues.giving if released else queues.taking)
+                    self._device.fn.vkCmdPipelineBarrier2(commands, barriers_)
 
     def _bind_sources(self, step: Step) -> None:
-        """Make the sets through which a pass samples, one binding for each of its reads in the order it declares."""
-        made = self._passes[step.name]
-        if made.sources is None:
+        """Create the descriptor sets of a pass's reads: one binding for each read, in the declared order."""
+        gpu_pass = self._passes[step.name]
+        if gpu_pass.sources is None:
             return
-        sampled = step.sampled(made.reads)
-        number, smooth = made.sources.set, made.sources.filter
+        sampled = step.sampled(gpu_pass.reads)
+        number, smooth = gpu_pass.sources.set, gpu_pass.sources.filter
         sampler = self._resources.sampler(Sampler(smooth, smooth, None, "clamp", "clamp"), 1.0)
         if step.kind == "compute":
-            check_sources(step, made, self.graph)
-        layout = made.pipelines[0].sets[number]
+            check_sources(step, gpu_pass, self.graph)
+        layout = gpu_pass.pipelines[0].sets[number]
         assert layout is not None, f"'{step.name}' samples what it reads"
         wanted = []
         for slot in range(SLOTS):
@@ -129,67 +128,70 @@ class GraphExecutor:
                 binding: Texture(image.view, sampler, layout_of("read", image))
                 for binding, image in enumerate(images)
             }
-            if step.kind == "compute":  # it has no attachments: all that it touches is bound
-                held = sources(step, made, self.graph, self.images.in_slot[slot], sampler)
+            if step.kind == "compute":  # no attachments: all resources are bound
+                held = sources(step, gpu_pass, self.graph, self.images.in_slot[slot], sampler)
             wanted.append((layout, held, f"{step.name} sources, slot {slot}"))
         self._sets[step.name] = self._descriptors.create(wanted)
         for ready, handle in zip(self._of(step.name), self._sets[step.name].handles, strict=True):
             ready.sources = number, vk.array("VkDescriptorSet", [handle])
 
     def _of(self, name: str) -> list[_Ready]:
-        """Return a step as it is in each slot."""
-        return [next(one for one in mine.steps if one.step.name == name) for mine in self._slots]
+        """Return a step of each slot."""
+        return [
+            next(ready_step for ready_step in mine.steps if ready_step.step.name == name)
+            for mine in self._slots
+        ]
 
-    def swap(self, name: str, made: Pass) -> None:
-        """Let another implementation draw step `name`: the graph stays as it is, the recordings do not.
+    def swap(self, name: str, gpu_pass: Pass) -> None:
+        """Let another pass draw step `name`: the graph stays valid, the recordings do not.
 
-        It declares the same reads and writes; no frame is in flight.
+        It must declare the same reads and writes; no frame is in flight.
         """
         step = next(step for step in self.graph.steps if step.name == name)
-        if step.kind == "compute" and made.sources is not None:  # before anything is given up
-            check_sources(step, made, self.graph)
-        self._passes[name] = made
+        if step.kind == "compute" and gpu_pass.sources is not None:  # before the old pass is replaced
+            check_sources(step, gpu_pass, self.graph)
+        self._passes[name] = gpu_pass
         if name in self._sets:
             self._descriptors.destroy(self._sets.pop(name))
         for ready in self._of(name):
             ready.sources = None
         self._bind_sources(next(step for step in self.graph.steps if step.name == name))
 
-    # --- recorded ---
+    # --- recording ---
 
     def record(
         self, commands: Commands, slot: int, profiler: Profiler, inspection: Inspection | None = None
     ) -> None:
         """Record a batch of a slot's frame: each pass between its barriers, label, timestamps and attachments."""
         ready, batch = self._slots[slot], commands.slot.batch
-        for one in (ready.steps[place] for place in self.batches[batch].steps):
-            made, name = self._passes[one.step.name], one.step.name
-            if one.poison is not None:
-                one.poison.record(commands)
-            elif one.barriers is not None:
-                commands.barrier(one.barriers)
+        for ready_step in (ready.steps[place] for place in self.batches[batch].steps):
+            gpu_pass, name = self._passes[ready_step.step.name], ready_step.step.name
+            if ready_step.poison is not None:
+                ready_step.poison.record(commands)
+            elif ready_step.barriers is not None:
+                commands.barrier(ready_step.barriers)
             commands.begin_label(name)
-            timed = one.step.kind != "copy"
+            timed = ready_step.step.kind != "copy"
             if timed:
                 profiler.begin(commands.slot, name)
-            one.enter(commands, made)
-            if one.targets is not None:
-                commands.begin_rendering(one.targets)
-            made.record(commands)
-            if one.targets is not None:
+            ready_step.enter(commands, gpu_pass)
+            if ready_step.targets is not None:
+                commands.begin_rendering(ready_step.targets)
+            gpu_pass.record(commands)
+            if ready_step.targets is not None:
                 commands.end_rendering()
             if timed:
                 profiler.end(commands.slot)
             commands.end_label()
             if inspection is not None and timed:
-                inspection.record(commands.handle, slot, one.step, commands.work)
-            if one.releases is not None:
-                commands.barrier(one.releases)
+                inspection.record(commands.handle, slot, ready_step.step, commands.work)
+            if ready_step.releases is not None:
+                commands.barrier(ready_step.releases)
         if ready.epilogue is not None and batch == last_drawn(self.batches):
             commands.barrier(ready.epilogue)
 
     def passes_of(self, batch: int) -> list[tuple[Step, Pass]]:
-        """Return the steps of a batch, each with what carries it out."""
+        """Return the steps of a batch, each with its pass."""
         steps = [self.graph.steps[place] for place in self.batches[batch].steps]
         return [(step, self._passes[step.name]) for step in steps]
 

@@ -1,6 +1,6 @@
-"""The descriptor sets of passes that compute: all that a pass declares, as its kernel reaches it.
+"""The descriptor sets of compute passes: all declared accesses.
 
-See graph/execute/bindings.py for the order. A pass asks for it by its `sources`, which say the number of the set.
+See graph/execute/bindings.py for the order. `sources` of the pass has the number of the set.
 """
 
 from __future__ import annotations
@@ -18,27 +18,27 @@ from ..types import Graph, Step
 from .bindings import bindings_of, check_table
 
 
-def check_sources(step: Step, made: Pass, graph: Graph) -> None:
-    """Raise GraphError where the set of the pass's sources is not what it declares to read and write."""
-    (pipeline,), number = made.pipelines, made.sources.set if made.sources else 0
+def check_sources(step: Step, gpu_pass: Pass, graph: Graph) -> None:
+    """Raise GraphError if the shader's set differs from the declared reads and writes."""
+    (pipeline,), number = gpu_pass.pipelines, gpu_pass.sources.set if gpu_pass.sources else 0
     sets = pipeline.sets
     layout = sets[number] if number < len(sets) else None
     shader = pipeline.code.sources[0].name
-    table = {one.number: (str(one.kind), one.name) for one in (layout.bindings if layout else ())}
-    check_table(step.name, bindings_of(step, made, graph), table, f"set {number} of {shader}")
+    table = {entry.number: (str(entry.kind), entry.name) for entry in (layout.bindings if layout else ())}
+    check_table(step.name, bindings_of(step, gpu_pass, graph), table, f"set {number} of {shader}")
 
 
 def sources(
-    step: Step, made: Pass, graph: Graph, held: Mapping[str, Image | Buffer], sampler: Any
+    step: Step, gpu_pass: Pass, graph: Graph, held: Mapping[str, Image | Buffer], sampler: Any
 ) -> dict[int, Held]:
-    """Return what the bindings hold in one slot; `held` is what is behind the names of resources there."""
-    found: dict[int, Held] = {}
-    for binding, bound in enumerate(bindings_of(step, made, graph)):
-        one = held[bound.resource]
-        if isinstance(one, Buffer):
-            found[binding] = one
+    """Return the contents of the bindings of one slot; `held` has its objects by the names of the resources."""
+    contents: dict[int, Held] = {}
+    for binding, bound in enumerate(bindings_of(step, gpu_pass, graph)):
+        resource = held[bound.resource]
+        if isinstance(resource, Buffer):
+            contents[binding] = resource
         elif bound.kind == "texture":
-            found[binding] = Texture(one.view, sampler, layout_of("read", one))
+            contents[binding] = Texture(resource.view, sampler, layout_of("read", resource))
         else:
-            found[binding] = Texture(one.view, vk.NULL, layout_of("general", one))
-    return found
+            contents[binding] = Texture(resource.view, vk.NULL, layout_of("general", resource))
+    return contents

@@ -1,4 +1,4 @@
-"""What a graph's images are on either API: by slot, and by the names of the graph."""
+"""The common base of a graph's images on both APIs: by slot, and by the names of the graph."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ ABuffer = TypeVar("ABuffer")
 
 
 class ImagesInSlots(Generic[AnImage, ABuffer]):
-    """All that a graph's steps use: `in_slot[slot]` has the image or buffer behind each name of a resource."""
+    """The images and buffers of a graph: `in_slot[slot]` has them by the names of the resources."""
 
     in_slot: list[dict[str, AnImage | ABuffer]]
     kind: type[AnImage]
@@ -24,6 +24,6 @@ class ImagesInSlots(Generic[AnImage, ABuffer]):
         return held
 
     def by_name(self, graph: Graph) -> dict[str, AnImage]:
-        """Return the images of the first slot by every name that they have in the graph."""
+        """Return the images of the first slot by all of their names in the graph."""
         held = {name: self.in_slot[0].get(of) for name, of in graph.names.items()}
         return {name: image for name, image in held.items() if isinstance(image, self.kind)}

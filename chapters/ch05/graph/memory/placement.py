@@ -1,12 +1,12 @@
-"""Where the transients of a frame lie: resources that are never alive at the same time share memory.
+"""Placement of the transients of a frame in memory: resources with disjoint lifetimes share it.
 
-A transient lives from the first to the last step that uses it. Two whose lives overlap get bytes of their own; all
-others may get the same ones, whatever their size and format. Steps on one queue run one after another, as far as
-barriers say so, and the first barrier of each resource waits for whoever used its bytes before.
+A transient lives from the first to the last step that uses it. Two with overlapping lives get different bytes; all
+others may share bytes, whatever their sizes and formats. Barriers order the steps of a queue, and the first barrier of
+each resource waits for the previous users of its bytes.
 
-Largest first, each at the lowest offset at which it fits between those that live at the same time and have their place
-already. That is a heuristic (the problem, "dynamic storage allocation", is NP-hard); `Memory.bound` is what not even
-the best arrangement can go below, and a test holds the two beside each other.
+The largest resource is placed first, each at the lowest offset where it does not overlap a placed resource that is
+alive at the same time. This is a heuristic (the problem, "dynamic storage allocation", is NP-hard). `Memory.bound` is a
+lower bound, and a test compares the two.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ def place_transients(
 ) -> Memory:
     """Give every resource in `lives` a place in a heap of its kind.
 
-    `lives` are the numbers of the first and last step that use it. Images and buffers, and resources whose memory may
-    be of other types, lie in different heaps. Without `alias` no two share a byte. `apart` says of lives on several
-    queues which of them can share none, (lives, lives) bool.
+    `lives` has the numbers of the first and the last step of each. Images and buffers, and resources with different
+    memory types, lie in different heaps. Without `alias` no two share a byte. With several queues `apart`
+    is (lives, lives) bool: the pairs that cannot share.
     """
     kinds: dict[tuple[int, bool], list[str]] = defaultdict(list)
     for name in lives:
@@ -62,13 +62,13 @@ def place_transients(
 
 
 def _together(lives: Mapping[str, Life]) -> np.ndarray:
-    """Return (lives, lives) bool: which of them have a step in common."""
+    """Return (lives, lives) bool: the pairs that have a step in common."""
     first, last = np.array([*lives.values()]).T
     return (first[:, None] <= last) & (first <= last[:, None])
 
 
 def _lowest(need: Requirement, taken: Sequence[tuple[int, int]]) -> int:
-    """Return the lowest aligned offset at which `need` fits beside ranges (offset, size) that are taken."""
+    """Return the lowest aligned offset at which `need` fits beside the used ranges (offset, size)."""
     offset = 0
     for start, size in sorted(taken):
         if offset + need.size <= start:
@@ -91,16 +91,16 @@ def _most_alive(lives: Mapping[str, Life], needs: Mapping[str, Requirement]) -> 
 
 
 def users_before(memory: Memory) -> dict[str, list[str]]:
-    """Return for each transient who used its bytes last before its life begins: what its first use has to wait for.
+    """Return for each transient the last users of its bytes before its life begins: its first use waits for them.
 
-    It is itself where it shares with nobody, and the frame before it was whoever is last in the frame. Somebody whose
-    bytes others have all taken over since is not named: they waited for it.
+    A transient that shares no memory has itself as its last user, in the previous frame. A resource whose bytes all
+    have later users is left out: those users waited for it.
     """
-    # By heap, in the order of their places: (begin, end, who used these bytes last).
+    # By heap, ordered by place: (begin, end, last user of these bytes).
     owners: list[list[tuple[int, int, str]]] = [[] for _ in memory.heaps]
-    found: dict[str, list[str]] = {}
+    users: dict[str, list[str]] = {}
     order = sorted(memory.lives, key=lambda name: memory.lives[name])
-    for name in (*order, *order):  # the first turn is the frame before
+    for name in (*order, *order):  # the first pass is the previous frame
         place = memory.places[name]
         begin, end = place.offset, place.offset + place.size
         mine = owners[place.heap]
@@ -110,5 +110,5 @@ def users_before(memory: Memory) -> dict[str, list[str]]:
         before = [(low, begin, user) for low, _, user in met[:1] if low < begin]
         behind = [(end, high, user) for _, high, user in met[-1:] if end < high]
         mine[since:until] = [*before, (begin, end, name), *behind]
-        found[name] = sorted({user for _, _, user in met})
-    return found
+        users[name] = sorted({user for _, _, user in met})
+    return users

@@ -1,16 +1,16 @@
-"""Which barriers a frame needs, and no others.
+"""The barriers of a frame: the necessary ones and no others.
 
-The life of a resource is cut into *epochs*: a pass that writes it is one, and passes in a row that only read it in the
-same layout are one together. Within an epoch nothing has to happen; between two epochs stands exactly one barrier, in
-front of the first pass of the later one, that waits for all of the earlier one and makes its writing visible to all of
-the later one.
+The uses of a resource are divided into *epochs*. A pass that writes it is an epoch; consecutive passes that only read
+it in the same layout are one epoch together. Within an epoch no barrier is needed. Between two epochs there is exactly
+one barrier, before the first pass of the later epoch: it waits for all passes of the earlier epoch, and makes their
+writes visible to all passes of the later one.
 
     step            0          1          2          3
     depth        write      read       read       write        epochs: 0 | 1 2 | 3
                         ^barrier                ^barrier
 
-A frame is one turn of a wheel: what lasts is left by a frame as the next one finds it. So the barrier of a first epoch
-waits for the last epoch of the frame before, and only what no frame leaves behind has to be made once, in a prologue.
+Frames repeat: each leaves lasting resources in the state in which the next one finds them. So the barrier of the first
+epoch waits for the last epoch of the previous frame. The first frame has no previous one: a prologue replaces it.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from .crossings import Behind, Lanes
 from .states import conflict, covers, merged
 
 Touches = Sequence[Mapping[str, Touch]]
-"""By step: how the pass touches each resource; a history that is read has `PREVIOUS` behind its name."""
+"""By step: the touch of each resource; a history that is read has the suffix `PREVIOUS`."""
 
 
 Resources = Mapping[str, Resource]
@@ -35,7 +35,7 @@ Externals = Mapping[str, External]
 
 @dataclass(frozen=True)
 class Epoch:
-    """Steps in a row that use a resource without anything happening in between."""
+    """Consecutive uses of a resource without a barrier between them."""
 
     first: int
     ends: Mapping[str, int]
@@ -52,7 +52,7 @@ Epochs = Mapping[str, Sequence[Epoch]]
 
 @dataclass(frozen=True)
 class Plan:
-    """The barriers of a frame: by step, those before the first frame, and those behind the last step."""
+    """The barriers of a frame: by step, before the first frame, and after the last step."""
 
     steps: tuple[tuple[Barrier, ...], ...]
     prologue: tuple[Barrier, ...]
@@ -61,14 +61,14 @@ class Plan:
 
 @dataclass(frozen=True)
 class _Placed:
-    """A barrier in front of step `step`, and the last step of each stage that it waits for, below 0 in the frame
-    before."""
+    """A barrier before step `step`, and the last step of each stage that it waits for (below 0: in the previous
+    frame)."""
 
     barrier: Barrier
     step: int
     since: Mapping[str, int]
     ready: bool = False
-    """Whether everybody can read the content already."""
+    """Whether the contents are visible to all readers already."""
 
 
 def plan_barriers(
@@ -77,34 +77,34 @@ def plan_barriers(
     """Return the barriers of a frame whose steps touch resources like this, frame after frame, in `lanes`."""
     epochs = _epochs(touches)
     users = users_before(memory)
-    found: list[_Placed] = []
+    placed: list[_Placed] = []
     prologue, epilogue = (lanes.found.prologue, []) if lanes else ([], [])
-    found += [_Placed(*one) for one in lanes.placed()] if lanes else []
+    placed += [_Placed(*entry) for entry in lanes.placed()] if lanes else []
     for name in sorted(epochs):
         mine = epochs[name]
         resource = resources[name.removesuffix(PREVIOUS)]
         if lanes and lanes.crosses(name):
             if resource.life == "transient":
-                found += _take_over(name, users[name], epochs, len(touches), lanes)
+                placed += _take_over(name, users[name], epochs, len(touches), lanes)
             continue
         if name in externals and covers(externals[name].enters, mine[0].touch):
-            # Nothing happens before the first use: what comes after it waits for the owner's as well.
+            # No barrier before the first use: later barriers wait for the owner's use as well.
             enters = externals[name].enters
             touch = merged(enters, mine[0].touch) or mine[0].touch
             mine[0] = Epoch(mine[0].first, {**dict.fromkeys(enters.stages, -1), **mine[0].ends}, touch)
         ready = name in externals and externals[name].enters == Touch(
             mine[0].touch.layout, frozenset(), frozenset()
         )
-        made = mine[0].first
+        since_step = mine[0].first
         for before, after in pairwise(mine):
             ready &= not before.touch.writes and before.touch.layout == after.touch.layout
-            made = before.first if before.touch.writes or before.touch.layout else made
-            seen = lanes is not None and lanes.sees(made, before.touch, after.first, after.touch)
+            since_step = before.first if before.touch.writes or before.touch.layout else since_step
+            seen = lanes is not None and lanes.sees(since_step, before.touch, after.first, after.touch)
             barrier = Barrier(name, before.touch, after.touch)
-            found.append(_Placed(barrier, after.first, before.ends, ready or seen))
+            placed.append(_Placed(barrier, after.first, before.ends, ready or seen))
         first, last = mine[0], mine[-1]
         if resource.life == "transient":
-            found += _take_over(name, users[name], epochs, len(touches), lanes)
+            placed += _take_over(name, users[name], epochs, len(touches), lanes)
         elif resource.life == "external":
             external = externals[name]
             if not covers(external.enters, first.touch):
@@ -112,32 +112,32 @@ def plan_barriers(
                     Barrier(name, external.enters, first.touch),
                     dict.fromkeys(external.enters.stages, -1),
                 )
-                found.append(_Placed(barrier, first.first, since))
-            # What the frame only reads is still there for those who could read it before.
+                placed.append(_Placed(barrier, first.first, since))
+            # Contents that the frame only reads stay visible to their readers.
             known = [last.touch]
             if len(mine) == 1 and not last.touch.writes and external.enters.layout == last.touch.layout:
                 known.append(external.enters)
             if external.leaves is not None and not any(covers(touch, external.leaves) for touch in known):
                 epilogue.append(Barrier(name, last.touch, external.leaves))
         else:
-            # Who touched this image last: the same step of the frame before, or of a history the other parity.
+            # The last touch of this image: in the previous frame, or for a history at the other parity.
             other = {"kept": name, "history": resource.name if name.endswith(PREVIOUS) else name + PREVIOUS}
             before = epochs[other[resource.life]][-1]
             discard = not name.endswith(PREVIOUS)
             if discard or conflict(before.touch, first.touch):
                 barrier = Barrier(name, before.touch, first.touch, discard)
-                found.append(_Placed(barrier, first.first, _earlier(before.ends, len(touches))))
+                placed.append(_Placed(barrier, first.first, _earlier(before.ends, len(touches))))
             if not discard and before.touch.layout:  # buffers have no layout to begin in
                 on = lanes.begins(first.first) if lanes else None
                 prologue.append(Barrier(name, UNTOUCHED, before.touch, discard=True, hand_over=on))
     steps: list[list[Barrier]] = [[] for _ in (*touches, epilogue)]
-    for step, barrier in _without_vain(found, epilogue, len(touches), lanes):
+    for step, barrier in _without_vain(placed, epilogue, len(touches), lanes):
         steps[step].append(barrier)
     return Plan(tuple(map(tuple, steps[:-1])), tuple(prologue), tuple(steps[-1]))
 
 
 def _epochs(touches: Touches) -> dict[str, list[Epoch]]:
-    """Return the epochs of each resource, in the order of the steps."""
+    """Return the epochs of each resource in the order of the steps."""
     epochs: dict[str, list[Epoch]] = defaultdict(list)
     for step, used in enumerate(touches):
         for name, touch in used.items():
@@ -148,7 +148,7 @@ def _epochs(touches: Touches) -> dict[str, list[Epoch]]:
             else:
                 ends = {**mine[-1].ends, **dict.fromkeys(touch.stages, step)}
                 mine[-1] = Epoch(mine[-1].first, ends, both)
-    # A history that is read in both frames in the same layout is made visible to both by one barrier.
+    # One barrier makes a history visible to its readers in both frames, if their layout is the same.
     for name in [name for name in epochs if name.endswith(PREVIOUS)]:
         current = epochs[name.removesuffix(PREVIOUS)]
         both = merged(current[-1].touch, epochs[name][0].touch)
@@ -161,14 +161,14 @@ def _epochs(touches: Touches) -> dict[str, list[Epoch]]:
 
 
 def _earlier(ends: Mapping[str, int], count: int) -> dict[str, int]:
-    """Return steps of a frame of `count` as the next frame counts them: -1 is its epilogue, -2 its last step."""
+    """Return steps of a frame of `count` steps relative to the next frame: -1 is the epilogue, -2 the last step."""
     return {stage: step - count - 1 for stage, step in ends.items()}
 
 
 def _take_over(
     name: str, users: Sequence[str], epochs: Epochs, count: int, lanes: Lanes | None
 ) -> list[_Placed]:
-    """Return the barrier with which a transient takes over its memory from those before it, where one is needed."""
+    """Return the barrier between the last users of a transient's memory and the transient, if it needs one."""
     first = epochs[name][0]
     last: Sequence[Behind] = [epochs[user][-1] for user in users] if not lanes else ()
     behind: frozenset[str] = frozenset()  # where waits for other queues end
@@ -180,7 +180,7 @@ def _take_over(
     before = Touch(
         last[0].touch.layout if last else "undefined",
         behind.union(*(epoch.touch.stages for epoch in last)),
-        # What was only read at last has been made available already; it is enough to wait.
+        # Reads need no availability operation: an execution dependency is enough.
         frozenset().union(*(touch.access for touch in writes)),
         bool(writes),
     )
@@ -192,71 +192,71 @@ def _take_over(
     return [_Placed(Barrier(name, before, first.touch, True, others), first.first, since)]
 
 
-# --- waiting in vain ---
+# --- redundant barriers ---
 
 
 def _without_vain(
-    found: Sequence[_Placed], epilogue: Sequence[Barrier], count: int, lanes: Lanes | None
+    candidates: Sequence[_Placed], epilogue: Sequence[Barrier], count: int, lanes: Lanes | None
 ) -> Iterator[tuple[int, Barrier]]:
-    """Yield (step, barrier), without those that only wait where others make the same stages wait already.
+    """Yield (step, barrier), without execution barriers that other barriers imply.
 
-    Only buffers, and images that stay in one layout, have such: they are read, and then written again.
+    They occur for buffers, and for images that stay in one layout: a write after reads.
     """
     at: list[list[Barrier]] = [[] for _ in range(count)] + [[*epilogue]]
     waits: list[_Placed] = []
-    for one in found:
-        if lanes and lanes.make_vain(one.barrier, one.step, one.since):
+    for placed in candidates:
+        if lanes and lanes.make_vain(placed.barrier, placed.step, placed.since):
             continue
-        if one.since and _only_waits(one):
-            waits.append(one)
+        if placed.since and _only_waits(placed):
+            waits.append(placed)
         else:
-            at[one.step].append(one.barrier)
-    # Those that the rest implies can go, all at once; among the others each one may be what another one relies on.
-    waits = [one for one in waits if not _implied(one, at, lanes)]
-    for one in waits:
-        at[one.step].append(one.barrier)
+            at[placed.step].append(placed.barrier)
+    # Barriers that the rest implies are removed at once; the others may rely on each other and are tried one by one.
+    waits = [placed for placed in waits if not _implied(placed, at, lanes)]
+    for placed in waits:
+        at[placed.step].append(placed.barrier)
     gone: list[_Placed] = []
-    for one in waits:
-        at[one.step].remove(one.barrier)
-        if all(_implied(other, at, lanes) for other in (one, *gone)):
-            gone.append(one)
+    for placed in waits:
+        at[placed.step].remove(placed.barrier)
+        if all(_implied(other, at, lanes) for other in (placed, *gone)):
+            gone.append(placed)
         else:
-            at[one.step].append(one.barrier)
-    for one in found if lanes else ():
-        if lanes and one.barrier not in at[one.step]:
-            lanes.rely(one.step, one.since, one.barrier.after.stages)
+            at[placed.step].append(placed.barrier)
+    for placed in candidates if lanes else ():
+        if lanes and placed.barrier not in at[placed.step]:
+            lanes.rely(placed.step, placed.since, placed.barrier.after.stages)
     for step, barriers in enumerate(at):
         yield from ((step, barrier) for barrier in sorted(barriers, key=lambda barrier: barrier.resource))
 
 
-def _only_waits(one: _Placed) -> bool:
-    """Whether nothing has to be made available, nor visible, nor another layout."""
-    before, after = one.barrier.before, one.barrier.after
-    if one.barrier.discard:
+def _only_waits(placed: _Placed) -> bool:
+    """Whether the barrier is an execution dependency only: no availability, visibility or layout transition."""
+    before, after = placed.barrier.before, placed.barrier.after
+    if placed.barrier.discard:
         return not before.writes and after.layout == ""
     reads = {access for access in after.access if not access.endswith("_write")}
-    seen = one.ready or (after.stages <= before.stages and reads <= before.access)
+    seen = placed.ready or (after.stages <= before.stages and reads <= before.access)
     return not before.writes and before.layout == after.layout and seen
 
 
-def _implied(one: _Placed, at: Sequence[Sequence[Barrier]], lanes: Lanes | None) -> bool:
-    """Whether every stage that the barrier waits for is waited for already, through chains of others.
+def _implied(placed: _Placed, at: Sequence[Sequence[Barrier]], lanes: Lanes | None) -> bool:
+    """Whether chains of other barriers already wait for every stage that this barrier waits for.
 
-    A barrier of a later step takes up where one of an earlier step ended, if it waits for a stage that was made to
-    wait there; two of the same step do not take each other up.
+    A barrier of a later step continues one of an earlier step if its source stages include a destination stage of that
+    one. Two barriers of the same step do not form a chain.
     """
-    for stage, last in one.since.items():
-        if lanes and lanes.knows(one.step, last):
+    for stage, last in placed.since.items():
+        if lanes and lanes.knows(placed.step, last):
             continue
         held: set[str] = set()
-        for step in range(last + 1, one.step + 1):
+        for step in range(last + 1, placed.step + 1):
             met = held | {stage}
-            if lanes and lanes.queue(step) != lanes.queue(one.step):
+            if lanes and lanes.queue(step) != lanes.queue(placed.step):
                 continue
             for other in at[step % len(at)]:
                 if not met.isdisjoint((other.after if other.hand_over else other.before).stages):
                     held |= other.after.stages
-            if one.barrier.after.stages <= held:
+            if placed.barrier.after.stages <= held:
                 break
         else:
             return False

@@ -1,4 +1,4 @@
-"""What of a frame is submitted together, in the frame graph's words."""
+"""Batches: the steps of a frame that are submitted together."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Wait:
-    """What a batch waits for: the batch of this number, of the same frame or of the one `before` it, in `stages`.
+    """A wait of a batch for the batch `number` of the same frame, or of the frame `before`, at `stages`.
 
-    The stages are those of the whole queue from here on. The first frame of a graph waits for none of the one before.
+    The wait holds these stages of all later work on the queue. The first frame of a graph has no frame before it.
     """
 
     batch: int
@@ -19,9 +19,9 @@ class Wait:
 
 @dataclass(frozen=True)
 class Batch:
-    """Steps in a row of one queue that are submitted together: it waits at its beginning and signals at its end.
+    """Consecutive steps of one queue in one submission, which waits at its beginning and signals at its end.
 
-    It may have no steps: in front of all others, for what externals wait for, or behind them, with the epilogue.
+    A batch may have no steps: the first one, with the waits of externals, or the last one, with the epilogue.
     """
 
     queue: str

@@ -1,19 +1,19 @@
-"""Resources that several queues use: what one has to wait for from another, and how images go from queue to queue.
+"""Resources that several queues use: waits between queues, and queue family ownership transfers of images.
 
-The life of a resource is cut into epochs, as in `barriers.py`, but an epoch has a part for each queue that reads
-in it. What happens between an epoch and the next:
+The uses of a resource are divided into epochs, as in `barriers.py`, but an epoch has a part for each queue that reads
+in it. Between two epochs there is:
 
-    same queue                 a barrier, as ever
-    another queue              a crossing, which is all that a buffer needs: waiting makes everything visible
-    another queue, an image    besides, it is handed over: released behind the last step of the one queue, acquired in
-                               front of the first of the other. So an epoch of an image has one queue, readers included
-    content given up           nothing is handed over: whoever comes next takes the image as if it were new
+    same queue                 a barrier another queue              a crossing: a semaphore wait, which makes all
+    earlier writes visible. Buffers need no more another queue, an image    a crossing and an ownership transfer: a
+    release after the last step of the one queue, an
+                               acquisition before the first step of the other. So an epoch of an image has one queue
+    contents discarded         a crossing only: the next user treats the image as undefined
 
-Who makes an external image lets both queues use it at once (as all buffers are made), so nothing of it is handed over.
-The owner of an external has used it last on the graphics queue, where he finds it again, too.
+External images are created with concurrent sharing, as all buffers are, so they need no ownership transfer. The owner
+of an external uses it on the graphics queue, before and after the frame.
 
-A history is two images: each is written in a frame, read as `PREVIOUS` in the next, and written again in the one after.
-So its epochs go over two frames, and everything else is one turn of the wheel.
+A history has two images. A frame writes one, the next frame reads it as `PREVIOUS`, and the frame after that writes it
+again. So its epochs span two frames; all other resources repeat in each frame.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from .states import conflict, covers, merged
 
 
 class Behind(Protocol):
-    """How a queue used something last: in which way, the last step of each stage, and the last one of all."""
+    """The last use of a resource on a queue: its touch, the last step of each stage, and the last step of all."""
 
     @property
     def touch(self) -> Touch: ...
@@ -46,7 +46,7 @@ class Behind(Protocol):
 
 @dataclass(slots=True)
 class Part:
-    """The steps of one queue in an epoch: the place of the first, and of the last one of each stage."""
+    """The steps of one queue in an epoch: the place of the first step, and of the last step of each stage."""
 
     first: int
     ends: Mapping[str, int]
@@ -58,33 +58,33 @@ class Part:
         return max(self.ends.values())
 
     def behind(self) -> Part:
-        """Return the part of a transient with numbers of steps in place of places."""
+        """Return the part with numbers of steps in place of places, for a transient."""
         return self.later(-1)
 
     def later(self, by: int) -> Part:
-        """Return the part as many places later."""
+        """Return the part shifted by `by` places."""
         return Part(self.first + by, {stage: place + by for stage, place in self.ends.items()}, self.touch)
 
 
 Epoch = dict[str, Part]
-"""An epoch by queue."""
+"""The parts of an epoch by queue."""
 
 
 @dataclass
 class Found:
-    """What the resources of several queues need, besides waiting."""
+    """Barriers and releases of resources that several queues use."""
 
     crossings: list[Crossing] = field(default_factory=list)
     placed: list[tuple[Barrier, int, Mapping[str, int], bool, int]] = field(default_factory=list)
-    """Barriers in front of steps, as `barriers.py` places them; behind the last step is the epilogue. With them,
-    the place where what is there was written, or got its layout."""
+    """Barriers before steps, as in `barriers.py`, where the epilogue follows the last step. Each comes with the place
+    of the write, or of the layout transition, that it depends on."""
     releases: dict[int, list[Barrier]] = field(default_factory=dict)
-    """By step, what is released behind it."""
+    """By step, the releases after it."""
     prologue: list[Barrier] = field(default_factory=list)
 
 
 class Lanes:
-    """A frame on several queues. `queues` are those of the steps, `touches` how each touches every resource."""
+    """A frame on several queues. `queues` has the queue of each step, `touches` its touch of each resource."""
 
     def __init__(
         self,
@@ -117,24 +117,24 @@ class Lanes:
         return name.removesuffix(PREVIOUS) in self._chains
 
     def placed(self) -> Iterator[tuple[Barrier, int, Mapping[str, int], bool]]:
-        """Yield barriers, their steps, since when they wait, and whether everybody there can read the content."""
+        """Yield (barrier, step, steps it waits for by stage, whether the contents are visible to that queue)."""
         for barrier, step, since, ready, written in self.found.placed:
-            # Where only readers are waited for, what they read may be visible by a wait for another queue.
+            # After reads, a wait for another queue may have made the contents visible already.
             seen = bool(since) and not barrier.before.writes and self._clocks.knows(step + 1, written)
             if seen:
                 self._clocks.serve(written, step + 1, barrier.after.stages)
             yield barrier, step, since, ready or seen
 
     def begins(self, step: int) -> tuple[str, str] | None:
-        """Return how a barrier of the prologue says that it is on the queue of a step: graphics is not said."""
+        """Return the `hand_over` of a prologue barrier on the queue of a step; None for graphics."""
         return None if self.queues[step] == GRAPHICS else (self.queues[step], self.queues[step])
 
     def releases(self, step: int) -> tuple[Barrier, ...]:
-        """Return what is released behind a step."""
+        """Return the releases after a step."""
         return tuple(sorted(self.found.releases.get(step, ()), key=lambda barrier: barrier.resource))
 
     def together(self, names: Collection[str]) -> np.ndarray:
-        """Return (names, names) bool: which transients can share no memory."""
+        """Return (names, names) bool: the pairs of transients that cannot share memory."""
         uses: list[dict[str, tuple[int, int]]] = [{} for _ in names]
         for name, mine in zip(names, uses, strict=True):
             for place, queue, _ in self._used[name]:
@@ -142,34 +142,34 @@ class Lanes:
         return self._clocks.together(uses)
 
     def queue(self, step: int) -> str:
-        """Return the queue of a step, of whatever frame; the epilogue is behind the last one, on graphics."""
+        """Return the queue of a step of any frame; the epilogue after the last step is on graphics."""
         return self._on[step % len(self._on)]
 
     def knows(self, step: int, since: int) -> bool:
-        """Whether waits for other queues order what happened `since` in front of a step of the same queue.
+        """Whether waits for other queues order step `since` before a step of the same queue.
 
-        `since` is below 0 in frames before, as barriers count.
+        `since` is below 0 for earlier frames, as in barriers.
         """
         return self._clocks.knows(step + 1, self._place(since))
 
-    def sees(self, made: int, read: Touch, step: int, touch: Touch) -> bool:
-        """Whether a wait shows to a step what step `made` of its queue left, and others there have read."""
-        seen = not read.writes and read.layout == touch.layout and self.knows(step, made)
+    def sees(self, written: int, read: Touch, step: int, touch: Touch) -> bool:
+        """Whether a wait makes the result of step `written` visible to a step of the queue, where others read it."""
+        seen = not read.writes and read.layout == touch.layout and self.knows(step, written)
         if seen:
-            self._clocks.serve(made + 1, step + 1, touch.stages)
+            self._clocks.serve(written + 1, step + 1, touch.stages)
         return seen
 
     def make_vain(self, barrier: Barrier, step: int, since: Mapping[str, int]) -> bool:
-        """Whether waits for other queues do all that a barrier in front of a step would."""
+        """Whether waits for other queues make a barrier before a step redundant."""
         stays = barrier.before.layout == barrier.after.layout and not barrier.discard
         needed = (bool(barrier.after.layout) and not stays) or "host" in barrier.after.stages
-        return bool(since) and not needed and all(self.knows(step, one) for one in since.values())
+        return bool(since) and not needed and all(self.knows(step, last) for last in since.values())
 
     def rely(self, step: int, since: Mapping[str, int], stages: frozenset[str]) -> None:
-        """Let the waits that stand for a barrier hold its stages."""
-        for one in since.values():
-            if self.knows(step, one):
-                self._clocks.serve(self._place(one), step + 1, stages)
+        """Add the stages of a barrier to the waits that replace it."""
+        for last in since.values():
+            if self.knows(step, last):
+                self._clocks.serve(self._place(last), step + 1, stages)
 
     def _place(self, since: int) -> int:
         frames, step = divmod(since, len(self.queues) + 1)
@@ -178,10 +178,10 @@ class Lanes:
     def taken(
         self, users: Sequence[str], epochs: Mapping[str, Sequence[Behind]], step: int, first: Touch
     ) -> tuple[list[Behind], frozenset[str]]:
-        """Return who on a step's own queue used the memory that a transient takes over there from `users`.
+        """Return the earlier users of a transient's memory on the queue of its first step, out of `users`.
 
-        With them come the stages in which an image's barrier begins if others did on other queues: where the waits end
-        that order them in front of it.
+        Also returns the source stages of an image's barrier after users on other queues: the stages of the waits that
+        order those users before it.
         """
         own: list[Behind] = []
         waited = False
@@ -197,24 +197,24 @@ class Lanes:
         return own, first.stages if waited and first.layout else frozenset()
 
     def _last(self, user: str, epochs: Mapping[str, Sequence[Behind]]) -> Sequence[Behind]:
-        """Return the last epoch of a transient, in parts of one queue each."""
+        """Return the parts of the last epoch of a transient."""
         if user not in self._chains:
             return epochs[user][-1:]
         return [part.behind() for part in self._chains[user].epochs[-1].values()]
 
     def batches(self, epilogue: bool) -> tuple[Batch, ...]:
-        """Return what is submitted, in this order."""
+        """Return the batches in the order of submission."""
         return self._clocks.batches(epilogue)
 
 
 def _since(place: int, after: int, frame: int) -> int:
-    """Return a place as barriers of the frame of place `after` count steps: below 0 in frames before."""
+    """Return a place as a step number relative to the frame of place `after`: below 0 for earlier frames."""
     frames = place // frame - after // frame
     return place % frame - 1 + frames * (frame - 1)
 
 
 class _Chain:
-    """One resource over its turn of the wheel, from epoch to epoch."""
+    """The epochs of one resource, over one frame or, for a history, over two."""
 
     def __init__(
         self,
@@ -223,15 +223,15 @@ class _Chain:
         resource: Resource,
         external: External | None,
         frame: int,
-        found: Found,
+        plan: Found,
     ) -> None:
-        self._name, self._life, self._frame, self._found = name, resource.life, frame, found
+        self._name, self._life, self._frame, self._plan = name, resource.life, frame, plan
         self._image = resource.kind != "buffer"
         self._exclusive = self._image and external is None
         self._external = external
         leaves = external.leaves if external is not None else None
         if leaves is not None and (leaves.stages or leaves.layout != uses[-1][2].layout):
-            uses = [*uses, (frame - 1, GRAPHICS, leaves)]  # the owner goes on with it
+            uses = [*uses, (frame - 1, GRAPHICS, leaves)]  # the owner uses it after the frame
         self._uses = uses
         self._turn = frame * (1 + (uses[-1][0] >= frame))
         self.epochs = self._cut(uses)
@@ -246,7 +246,7 @@ class _Chain:
             if (
                 not last
                 or (self._exclusive and queue not in last)
-                or any(one is None or one.writes for one in both)
+                or any(touch is None or touch.writes for touch in both)
             ):
                 epochs.append({queue: Part(place, ends, touch)})
             elif queue in last:
@@ -257,7 +257,7 @@ class _Chain:
         return epochs
 
     def follow(self) -> None:
-        """Find all that the resource needs, from its first epoch around to the first one again."""
+        """Plan the resource from its first epoch to the first epoch of the next frame."""
         ready = self._external is not None and self._enter(self._external)
         for before, after in pairwise(self.epochs):
             ready &= not _writes(before) and _layout(before) == _layout(after)
@@ -268,7 +268,7 @@ class _Chain:
             return
         first, last = self.epochs[0], self.epochs[-1]
         again = {queue: part.later(self._turn) for queue, part in first.items()}
-        if self._life == "transient":  # whoever used its memory last is not known yet
+        if self._life == "transient":  # the previous user of its memory is not known yet
             for queue, part in again.items():
                 self._cross(last, queue, part)
         else:
@@ -277,19 +277,19 @@ class _Chain:
             self._begin()
 
     def _cross(self, before: Epoch, queue: str, part: Part) -> None:
-        """Let a part wait for an epoch on other queues."""
+        """Add crossings from the parts of an epoch on other queues to a part."""
         for other, old in before.items():
             if other != queue:
-                self._found.crossings.append(Crossing(old.last, part.first, _held(before, part)))
+                self._plan.crossings.append(Crossing(old.last, part.first, _held(before, part)))
 
     def _pass_on(self, before: Epoch, after: Epoch, discard: bool = False, ready: bool = False) -> None:
-        """Find what happens between two epochs."""
+        """Plan barriers, crossings and transfers between two epochs."""
         changes = self._image and (discard or _layout(before) != _layout(after))
         head = _head(after)
         for queue, part in after.items():
             if changes and part is not head:
-                # One of the readers changes the layout, and the others wait for it.
-                self._found.crossings.append(Crossing(head.first, part.first, part.touch.stages))
+                # One reader performs the layout transition, and the others wait for it.
+                self._plan.crossings.append(Crossing(head.first, part.first, part.touch.stages))
                 continue
             self._cross(before, queue, part)
             if queue in before:
@@ -308,13 +308,13 @@ class _Chain:
                 barrier = Barrier(self._name_of(part.first), own.touch, part.touch, hand_over=(other, queue))
                 self._place(barrier, part, {})
                 released = replace(barrier, resource=self._name_of(own.last))
-                self._found.releases.setdefault(own.last % self._frame - 1, []).append(released)
+                self._plan.releases.setdefault(own.last % self._frame - 1, []).append(released)
             elif changes or _is_cpu(part):
                 waited = Touch("undefined" if discard else _layout(before), _held(before, part), frozenset())
                 self._place(Barrier(self._name_of(part.first), waited, part.touch, discard), part, {})
 
     def _place(self, barrier: Barrier, part: Part, since: Mapping[str, int], ready: bool = False) -> None:
-        self._found.placed.append((barrier, part.first % self._frame - 1, since, ready, self._written))
+        self._plan.placed.append((barrier, part.first % self._frame - 1, since, ready, self._written))
 
     def _name_of(self, place: int) -> str:
         return self._name + PREVIOUS * (self._frame <= place % self._turn)
@@ -322,7 +322,7 @@ class _Chain:
     # --- ends ---
 
     def _enter(self, external: External) -> bool:
-        """Take an external from its owner; return whether everybody can read it."""
+        """Plan the first use of an external after its owner; return whether its contents are visible to all readers."""
         first, enters = self.epochs[0], external.enters
         if not enters.stages:
             if self._image and enters.layout != _layout(first):
@@ -330,14 +330,14 @@ class _Chain:
                 self._place(Barrier(self._name, enters, head.touch), head, {})
                 for part in first.values():
                     if part is not head:
-                        self._found.crossings.append(Crossing(head.first, part.first, part.touch.stages))
+                        self._plan.crossings.append(Crossing(head.first, part.first, part.touch.stages))
             return enters == replace(UNTOUCHED, layout=_layout(first))
         owner = {GRAPHICS: Part(0, dict.fromkeys(enters.stages, 0), enters)}
         if not _writes(first) and enters.layout == _layout(first):
             self._written = 0
         mine = first.get(GRAPHICS)
         if mine is not None and covers(enters, mine.touch):
-            # Nothing happens before it: what comes after it waits for the owner's use as well.
+            # No barrier before it: later barriers wait for the owner's use as well.
             first[GRAPHICS] = Part(
                 mine.first, {**owner[GRAPHICS].ends, **mine.ends}, merged(enters, mine.touch) or enters
             )
@@ -345,9 +345,9 @@ class _Chain:
                 self._cross(owner, queue, part)
         elif mine is not None and not conflict(enters, mine.touch):
             late = [
-                one
-                for one in self._uses
-                if one[1] == GRAPHICS and one[0] <= mine.last and not covers(enters, one[2])
+                use
+                for use in self._uses
+                if use[1] == GRAPHICS and use[0] <= mine.last and not covers(enters, use[2])
             ]
             seen = Part(late[0][0], {}, reduce(_both, (touch for _, _, touch in late)))
             self._place(Barrier(self._name, enters, seen.touch), seen, dict.fromkeys(enters.stages, -1))
@@ -358,20 +358,20 @@ class _Chain:
         return False
 
     def _begin(self) -> None:
-        """Bring a history into the state, and to the queue, in which every frame finds what the one before left."""
+        """Plan the prologue of a history: the state and the queue in which each frame finds it."""
         number = max(i for i, epoch in enumerate(self.epochs) if _head(epoch).first < self._frame)
         ((queue, part),) = self.epochs[number].items()
         name = self._name + PREVIOUS
         on = None if queue == GRAPHICS else (queue, queue)
-        self._found.prologue.append(Barrier(name, UNTOUCHED, part.touch, discard=True, hand_over=on))
+        self._plan.prologue.append(Barrier(name, UNTOUCHED, part.touch, discard=True, hand_over=on))
         if part.last < self._frame:
             ((other, after),) = self.epochs[number + 1].items()
             if other != queue:
-                self._found.prologue.append(Barrier(name, part.touch, after.touch, hand_over=(queue, other)))
+                self._plan.prologue.append(Barrier(name, part.touch, after.touch, hand_over=(queue, other)))
 
 
 def _head(epoch: Epoch) -> Part:
-    """Return the part that begins first: it changes the layout, where that changes. Parts are in this order."""
+    """Return the part that begins first; it performs a layout transition. Parts are in this order."""
     return next(iter(epoch.values()))
 
 
@@ -388,11 +388,11 @@ def _both(first: Touch, second: Touch) -> Touch:
 
 
 def _is_cpu(part: Part) -> bool:
-    """Whether the owner reads it on the CPU, which no wait makes anything visible to."""
+    """Whether the owner reads on the CPU: a semaphore wait makes nothing visible to it."""
     return "host" in part.touch.stages
 
 
 def _held(before: Epoch, part: Part) -> frozenset[str]:
-    """Return the stages in which a part waits for another queue: its own, or for owners those that he waits for."""
+    """Return the stages at which a part waits for another queue; for an owner, those of the earlier epoch."""
     own = part.touch.stages - {"host"}
-    return own or frozenset().union(*(one.touch.stages for one in before.values()))
+    return own or frozenset().union(*(part.touch.stages for part in before.values()))

@@ -1,20 +1,20 @@
-"""Several queues: in which order steps give them work side by side, what is submitted together, and who waits for whom.
+"""Several queues: the order of steps for overlap, the batches to submit, and the waits between queues.
 
     graphics   gbuffer ─────────── shadows ── lighting ── tonemap        batches: [gbuffer] [shadows] [lighting tonemap]
                       └─> occlusion ─────────┘                           [occlusion] waits for the first batch, and the
     compute                                                              last one for it: shadows need neither
 
-Steps of one queue run in their order. Between two queues nothing is ordered but by waiting: a *crossing* is a step that
-needs another queue's step to be done, of this frame or of the one before (a frame is one turn of a wheel). Batches are
-cut in front of who waits and behind who is waited for, and nowhere else.
+Steps of one queue run in order. Only waits order two queues: a *crossing* is a step that depends on a step of another
+queue, of this frame or of the previous one. A new batch begins before each step that waits, and after each step that
+another queue waits for.
 
-Most crossings need no wait of their own. Each queue has a vector clock: how far it knows every queue to be, by its own
-waits and by what those it waited for knew (Mattern, "Virtual Time and Global States of Distributed Systems", 1989). Who
-needs nothing newer than that waits for nothing. The same clocks say which transients may share memory: sharing follows
-the order that there is, and never adds a wait between queues.
+Most crossings need no wait of their own. Each queue has a vector clock: for every queue the last step that is known to
+be done, from its own waits and from the clocks of the queues that it waited for (Mattern, "Virtual Time and Global
+States of Distributed Systems", 1989). A step that needs nothing newer does not wait. The same clocks decide which
+transients may share memory: sharing follows the existing order, and never adds a wait between queues.
 
-*Places* number the steps over frames: a frame has one for what comes before its first step, one for each step, and one
-for its epilogue, and the next frame goes on from there.
+*Places* number the steps over several frames: a frame has one place before its first step, one for each step, and one
+for its epilogue; then the next frame follows.
 """
 
 from __future__ import annotations
@@ -36,17 +36,17 @@ from .batches import Batch, Wait
 
 GRAPHICS = "graphics"
 QUEUES = (GRAPHICS, "compute")
-"""What a pass can ask for. Whatever draws, and what is not said to be elsewhere, is on the first one."""
+"""The queues for passes. Passes that draw run on the first one, which is also the default."""
 
 
 def check_word(field: Field) -> None:
-    """Raise GraphError, with the place in the file, unless a field names a queue."""
+    """Raise GraphError with the place in the file unless the field names a queue."""
     if field.word() not in QUEUES:
         raise field.wrong(f"is {brief(field.word())}, which is no queue{suggest(field.word(), QUEUES)}")
 
 
 def moved(node: Node, field: Field, name: str) -> Node:
-    """Return pass `name` on the queue that a file's field names; GraphError, with its place, where it draws."""
+    """Return the node with the queue of a field; raise GraphError with the field's place if the pass draws."""
     queue = field.word()
     if queue != GRAPHICS == node.kind:
         raise field.wrong(f"is {queue!r}, and {name!r} draws: only what computes or copies can run there")
@@ -54,9 +54,9 @@ def moved(node: Node, field: Field, name: str) -> Node:
 
 
 def queue_of(node: Node, queues: Collection[str]) -> str:
-    """Return the queue on which a pass runs where there are `queues`: that which it asks for, or else graphics.
+    """Return the queue on which a pass runs: its own if that is one of `queues`, else graphics.
 
-    Raises GraphError for a queue that nobody knows, and for a pass that draws and asks for another one than graphics.
+    Raises GraphError for an unknown queue, and for a pass that draws on another queue than graphics.
     """
     if node.queue not in QUEUES:
         near = suggest(str(node.queue), QUEUES)
@@ -73,11 +73,11 @@ def queue_of(node: Node, queues: Collection[str]) -> str:
 
 
 class Eager:
-    """Says which of the passes that are ready comes first, so that the queues have work at the same time.
+    """The priority of ready passes, so that the queues have work at the same time.
 
-    What is not graphics is submitted as soon as it can be. Of the rest, passes come first that need no wait, among
-    them those that other queues' work depends on, the closer the sooner; who has to wait comes last, by the age of
-    what it waits for.
+    Passes of other queues than graphics come as soon as possible. Of the graphics passes, those without a wait come
+    first, ordered by their distance to work of another queue that depends on them. Passes with a wait come last: those
+    that wait for older work first.
     """
 
     def __init__(self, queues: Mapping[str, str], edges: Sequence[Edge]) -> None:
@@ -86,12 +86,12 @@ class Eager:
         for edge in edges:
             self._before[edge.after].add(edge.before)
         self._leads: dict[str, int] = {}
-        """By pass from which a way leads to another queue than graphics: how many edges it has."""
+        """For each pass with a path to another queue: the number of edges of the path."""
         reached = [name for name, queue in queues.items() if queue != GRAPHICS]
         for edges_away in range(1, len(queues) + 1):
             reached = [
                 name
-                for name in {one for after in reached for one in self._before[after]}
+                for name in {before for after in reached for before in self._before[after]}
                 if name not in self._leads
             ]
             self._leads |= dict.fromkeys(reached, edges_away)
@@ -99,16 +99,16 @@ class Eager:
                 break
         self._placed: dict[str, int] = {}
         self._newest: dict[str, int] = {}
-        """By pass, the number of the newest one before it on another queue; 0 if there is none."""
+        """For each pass, the number of the newest predecessor on another queue; 0 if there is none."""
         self._known: dict[str, int] = dict.fromkeys(queues.values(), 0)
 
     def rank(self, name: str) -> tuple[bool, int, int]:
-        """Return the rank of a pass whose predecessors are placed: the lowest comes first."""
+        """Return the rank of a pass whose predecessors are placed; the lowest rank comes first."""
         queue = self._queues[name]
         return queue == GRAPHICS, self._waits_for(name), self._leads.get(name, len(self._queues))
 
     def place(self, name: str) -> bool:
-        """Note that a pass is placed; return whether the ranks of others on its queue may be other ones now."""
+        """Note that a pass is placed; return whether ranks of other passes on its queue may have changed."""
         needs = self._waits_for(name)
         self._placed[name] = len(self._placed) + 1
         queue = self._queues[name]
@@ -116,7 +116,7 @@ class Eager:
         return needs > 0
 
     def _waits_for(self, name: str) -> int:
-        """Return the number of the newest pass of another queue that it would have to wait for; 0 if of none."""
+        """Return the number of the newest pass of another queue that a pass waits for; 0 if there is none."""
         queue = self._queues[name]
         newest = self._newest.get(name)
         if newest is None:  # once is enough: all before it are placed
@@ -129,10 +129,10 @@ class Eager:
 
 
 class Crossing(NamedTuple):
-    """The step at place `after` needs in `stages` what another queue has done up to place `before`.
+    """The step at place `after` depends, at `stages`, on the work of another queue up to place `before`.
 
-    `after` may be a place of the next frame. Who needs a step of a frame yet older, and does not know it yet, waits for
-    that of the frame before.
+    `after` may be a place of the next frame. A dependency on an older frame, if it is not known yet, becomes a wait for
+    the same step of the previous frame.
     """
 
     before: int
@@ -141,30 +141,30 @@ class Crossing(NamedTuple):
 
 
 NEVER = -(1 << 40)
-"""The place of somebody who knows nothing."""
+"""The place before all known ones."""
 
 _FRAMES = 3
-"""As many are looked at: in the last one everything is known that will ever be known of the two before it."""
+"""The number of simulated frames: the clocks of the last one are final for the two frames before it."""
 
 
 class Clocks:
-    """What each step knows of every queue, by the waits that `crossings` need; those waits, and the batches between.
+    """The vector clock of each step, from the waits that `crossings` need; the waits, and the batches between them.
 
-    `queues` are those of the steps.
+    `queues` has the queue of each step.
     """
 
     def __init__(self, queues: Sequence[str], crossings: Collection[Crossing]) -> None:
         self.frame = len(queues) + 2
-        """Places of a frame."""
+        """The number of places of a frame."""
         self._queues = (GRAPHICS, *queues, GRAPHICS)
         self._names = sorted({*self._queues})
         self._lane = [self._names.index(queue) for queue in self._queues]
-        # By place in the frame and lane, the newest place that is needed: below 0 in frames before.
+        # By place in the frame and lane, the newest place that is needed: below 0 in earlier frames.
         newest: dict[tuple[int, int], int] = {}
-        for one in crossings:
-            frame, place = divmod(one.after, self.frame)
-            before = one.before - frame * self.frame
-            key = place, self._lane[one.before % self.frame]
+        for crossing in crossings:
+            frame, place = divmod(crossing.after, self.frame)
+            before = crossing.before - frame * self.frame
+            key = place, self._lane[crossing.before % self.frame]
             newest[key] = max(before, newest.get(key, before))
         self._needs: dict[int, list[tuple[int, int]]] = defaultdict(list)
         for (place, lane), before in newest.items():
@@ -173,14 +173,14 @@ class Clocks:
         self._gained: list[list[list[tuple[int, int, int]]]] = [
             [[] for _ in self._names] for _ in self._names
         ]
-        """By lane, and lane of which it learns: (newest place known, place that waits, place waited for)."""
+        """By (waiting lane, other lane): (newest known place, waiting place, place waited for)."""
         self._run()
         start = self._last(0)
         self._known = np.array(self._clocks[start:]).T - start
-        """(lanes, places): how far the step at a place knows each queue to be."""
+        """(lanes, places): the vector clock of the step at each place."""
         self._stages: dict[tuple[int, int], set[str]] = defaultdict(set)
-        for one in crossings:
-            self.serve(one.before, one.after, one.stages)
+        for crossing in crossings:
+            self.serve(crossing.before, crossing.after, crossing.stages)
 
     def _run(self) -> None:
         known = [(NEVER,) * len(self._names) for _ in self._names]
@@ -200,23 +200,23 @@ class Clocks:
                 self._clocks.append(known[lane])
 
     def _told(self, place: int) -> tuple[int, ...]:
-        """Return what is known to who waits for the step at a place."""
+        """Return the clock that a wait for the step at a place brings."""
         told = list(self._clocks[place])
         told[self._lane[place % self.frame]] = place
         return tuple(told)
 
     def _last(self, place: int) -> int:
-        """Return a place, counted from a frame's start, as one of the last frame that is looked at."""
+        """Return a place, counted from the start of a frame, as a place of the last simulated frame."""
         return place + (_FRAMES - 1) * self.frame
 
     def knows(self, after: int, before: int) -> bool:
-        """Whether waits alone order the step at `before` in front of that at `after`, be it of the same queue."""
+        """Whether waits alone order the step at `before` before the step at `after`, perhaps of the same queue."""
         frame = after // self.frame * self.frame
         after, before = self._last(after - frame), self._last(before - frame)
         return self._clocks[after][self._lane[before % self.frame]] >= before
 
     def serve(self, before: int, after: int, stages: frozenset[str]) -> None:
-        """Let the wait by which `after` knows of `before` hold these stages as well."""
+        """Add stages to the wait that orders `before` before `after`."""
         frame = after // self.frame * self.frame
         after, before = self._last(after - frame), self._last(before - frame)
         lane, of = self._lane[after % self.frame], self._lane[before % self.frame]
@@ -228,19 +228,19 @@ class Clocks:
     # --- memory ---
 
     def together(self, uses: Sequence[Mapping[str, tuple[int, int]]]) -> np.ndarray:
-        """Return (uses, uses) bool: which resources may share no memory, since nothing orders them.
+        """Return (uses, uses) bool: the pairs of resources that may not share memory, since nothing orders them.
 
-        `uses` says by resource and queue the places of its first and its last step in a frame. One has to be done
-        before the other begins, and the other before the one begins in the next frame.
+        `uses` has, by resource and queue, the places of the first and the last step in a frame. Two may share memory if
+        all uses of one precede all uses of the other, and those precede the uses of the first in the next frame.
         """
         first = np.array([min(begin for begin, _ in mine.values()) for mine in uses])
-        # All by lane, so that NumPy runs along rows of resources, not along two or three lanes.
+        # Arrays by lane, so that NumPy loops over resources, not over two or three lanes.
         last = np.array([[mine.get(queue, (0, NEVER))[1] for mine in uses] for queue in self._names])
         now, later = self._known[:, first], self._known[:, first]
         lanes, columns = np.array(self._lane)[first], np.arange(len(uses))
-        now[lanes, columns] = first - 1  # steps of one queue come one after the other
+        now[lanes, columns] = first - 1  # steps of one queue are in order
         later[lanes, columns] = -1
-        # [one, other]: one is done before the other begins; the other before one begins in the next frame.
+        # [a, b]: a ends before b begins; b ends before a begins in the next frame.
         done = (last[:, :, None] <= now[:, None]).all(0)
         again = ((last[:, None] == NEVER) | (last[:, None] - self.frame <= later[:, :, None])).all(0)
         apart = done & again
@@ -249,10 +249,10 @@ class Clocks:
     # --- batches ---
 
     def batches(self, epilogue: bool) -> tuple[Batch, ...]:
-        """Return what is submitted, in an order in which nobody waits for what comes later.
+        """Return the batches in an order in which none waits for a later one.
 
-        With an `epilogue` there is a last batch of graphics that it can be part of; that and one for what comes before
-        the first step may have no steps.
+        With an `epilogue` the last batch is on graphics and contains it. That batch, and one before the first step, may
+        have no steps.
         """
         waits: dict[int, list[int]] = defaultdict(list)
         for waiting, target in self._stages:
@@ -260,15 +260,15 @@ class Clocks:
         ends = {target % self.frame for targets in waits.values() for target in targets}
         used = [*range(1, self.frame - 1)]
         used = [0] * (0 in ends) + used + [self.frame - 1] * (epilogue or self.frame - 1 in waits)
-        found: list[list[int]] = []
+        batches: list[list[int]] = []
         number: dict[int, int] = {}  # of the batch, by place
         now: dict[int, int] = {}  # that which is still open, by lane
         for place in used:
             lane = self._lane[place]
             if lane not in now or place in waits:
-                now[lane] = len(found)
-                found.append([])
-            found[now[lane]].append(place)
+                now[lane] = len(batches)
+                batches.append([])
+            batches[now[lane]].append(place)
             number[place] = now[lane]
             if place in ends:
                 del now[lane]
@@ -281,5 +281,5 @@ class Clocks:
                     for target in sorted(waits.get(places[0], ()), reverse=True)
                 ),
             )
-            for places in found
+            for places in batches
         ) or (Batch(GRAPHICS, ()),)

@@ -1,7 +1,7 @@
-"""What a declared use means: in which layout a resource is then, which stages touch it, and how.
+"""The meaning of a declared use: image layout, pipeline stages and accesses.
 
-The words are Vulkan's without its prefixes, since that is where they come from; OpenGL's executor asks only whether
-somebody wrote through a shader. A use that both reads and writes has both accesses.
+The words are those of Vulkan without prefixes. The OpenGL executor only needs to know which uses are shader stores. A
+use that reads and writes has both accesses.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ _USES: dict[str, tuple[str, str, str, str, str]] = {
 
 
 def touch_of(access: Access, kind: str, writes: bool, buffer: bool = False) -> Touch:
-    """Return how a pass of `kind` touches the resource of one of its declared accesses.
+    """Return the touch of a declared access in a pass of `kind`.
 
-    GraphError for what cannot be: a sampler that writes, a target that only a draw could fill.
+    Raises GraphError for an impossible one: a sampler that writes, or an attachment in a pass that does not draw.
     """
     layout, drawing, computing, reading, writing = _USES[access.use]
     stages = access.stages or (drawing if kind == "graphics" else computing).split()
@@ -33,18 +33,18 @@ def touch_of(access: Access, kind: str, writes: bool, buffer: bool = False) -> T
         does = "writes" if writes else "reads"
         raise GraphError(f"'{access.resource}': a pass that is {kind} {does} nothing as '{access.use}'.")
     if access.use == "depth" and not writes:
-        # Tested against and not written: the layout in which shaders can sample it meanwhile.
+        # Tested and not written: the read-only layout, in which shaders can sample it meanwhile.
         return Touch("read", frozenset(stages), frozenset({reading}))
-    found = {writing} if writes else {reading}
+    accesses = {writing} if writes else {reading}
     if writes and (access.of or access.use in ("depth", "storage")):
-        found.add(reading)  # blending, the depth test, what was there before
+        accesses.add(reading)  # blending, the depth test, what was there before
     if layout == "copy":
         layout = "copy_target" if writes else "copy_source"
-    return Touch("" if buffer else layout, frozenset(stages), frozenset(found), writes)
+    return Touch("" if buffer else layout, frozenset(stages), frozenset(accesses), writes)
 
 
 def merged(first: Touch, second: Touch) -> Touch | None:
-    """Return both touches as one, as if they happened at once; None where the resource cannot be both."""
+    """Return one touch for two simultaneous ones; None if they need different layouts."""
     if first.layout != second.layout:
         return None
     return Touch(
@@ -56,15 +56,15 @@ def merged(first: Touch, second: Touch) -> Touch | None:
 
 
 def conflict(before: Touch, after: Touch) -> bool:
-    """Whether something must happen between the two: a change of layout, or one of them writes."""
+    """Whether two touches need a barrier between them: the layout changes, or one of them writes."""
     touched = bool(before.stages)
     return before.layout != after.layout or (touched and (before.writes or after.writes))
 
 
 def covers(before: Touch, after: Touch) -> bool:
-    """Whether nothing must happen between a touch of one owner and that of another one.
+    """Whether a touch of one owner needs no barrier before that of another owner.
 
-    What is read before is visible to those who read it, and to no other stage or access.
+    Contents that were read are visible to the stages and accesses that read them, and to no others.
     """
     known = after.stages <= before.stages and after.access <= before.access
     return not conflict(before, after) and (known or not before.stages)

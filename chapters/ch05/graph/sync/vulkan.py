@@ -1,8 +1,7 @@
-"""The frame graph's barriers in Vulkan's words: stages, accesses and layouts, and one struct for each pass.
+"""The barriers of a frame graph as Vulkan structs: stages, accesses and layouts, one VkDependencyInfo for each pass.
 
-What the graph calls "read" is one layout for colour and another for depth. Memory that one resource takes over from
-another needs a barrier of its own when it was written last: a barrier of an image covers what is written through that
-image, and the image before it is another one.
+The layout "read" differs between colour and depth. If memory goes from one resource to another after a write, a memory
+barrier is needed as well: an image barrier covers writes through its own image, not through the image before it.
 """
 
 from __future__ import annotations
@@ -54,22 +53,22 @@ _LAYOUTS: dict[str, int] = {
 
 
 def layout_of(word: str, image: Image) -> int:
-    """Return Vulkan's layout for one of the graph's, of an image."""
+    """Return the VkImageLayout of an image for a layout of the graph."""
     if word == "read" and image.aspect & vk.VK_IMAGE_ASPECT_DEPTH_BIT:
-        # In this one a shader may sample it while draws are tested against it.
+        # In this layout a shader may sample the depth that draws are tested against.
         return int(vk.VK_IMAGE_LAYOUT_DEPTH_READ_ONLY_OPTIMAL)
     return _LAYOUTS[word]
 
 
 def dependency(planned: Iterable[Barrier], resources: Mapping[str, Image | Buffer], fields: Fields) -> Any:
-    """Return the VkDependencyInfo of barriers that stand side by side; None where there are none."""
+    """Return one VkDependencyInfo for several barriers; None if there are none."""
     images, buffers, memory = [], [], []
     for barrier in planned:
         masks = _masks(barrier.before, barrier.after)
         if barrier.instead_of and barrier.before.writes:
             memory.append(masks)
         held, both = resources.get(barrier.resource), fields(barrier, masks)
-        if held is None:  # parts of several buffers, which nobody calls by one name
+        if held is None:  # parts of several buffers, which have no common object
             memory.append(masks)
             continue
         if isinstance(held, Buffer):
@@ -99,10 +98,10 @@ def dependency(planned: Iterable[Barrier], resources: Mapping[str, Image | Buffe
 
 
 def _masks(before: Touch, after: Touch) -> dict[str, int]:
-    """Return the scopes of a barrier: what it waits for, what of that is made visible, and to whom."""
+    """Return the source and destination scopes of a barrier: stages and accesses."""
     return {
         "srcStageMask": sum(STAGES[stage] for stage in before.stages),
-        # Reading makes nothing that would have to become visible.
+        # Reads need no availability operation.
         "srcAccessMask": sum(ACCESS[access] for access in before.access) if before.writes else 0,
         "dstStageMask": sum(STAGES[stage] for stage in after.stages),
         "dstAccessMask": sum(ACCESS[access] for access in after.access),

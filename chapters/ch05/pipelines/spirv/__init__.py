@@ -1,1 +1,1 @@
-"""What compiled shaders declare: a parser of SPIR-V."""
+"""The declarations of compiled shaders: a parser of SPIR-V."""

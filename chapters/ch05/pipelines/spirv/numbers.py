@@ -1,6 +1,6 @@
-"""The numbers that SPIR-V is written in, as far as the parser of `pipelines.spirv.parser` knows them.
+"""The numbers of SPIR-V that the parser of `pipelines.spirv.parser` uses.
 
-From the SPIR-V specification 1.6, section 3, and those of its extensions for mesh shaders and ray tracing.
+Source: SPIR-V specification 1.6, section 3, and its extensions for mesh shaders and ray tracing.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ class Op:
 
 
 class Mark:
-    """Decorations: what is said of an id or of a member beside its type."""
+    """Decorations: properties of an id or of a member besides its type."""
 
     SPEC_ID, BUFFER_BLOCK, ROW_MAJOR, ARRAY_STRIDE, MATRIX_STRIDE, BUILT_IN = 1, 3, 4, 6, 7, 11
     LOCATION, BINDING, SET, OFFSET = 30, 33, 34, 35
 
 
 class Storage:
-    """Storage classes: where a variable lies."""
+    """Storage classes: the memory of a variable."""
 
     UNIFORM_CONSTANT, INPUT, UNIFORM, PUSH_CONSTANT, STORAGE_BUFFER = 0, 1, 2, 9, 12
 
@@ -50,12 +50,12 @@ STAGES = {
     5364: "task",
     5365: "mesh",
 }
-"""Execution models, by the suffixes of shader files."""
+"""The suffix of shader files for each execution model."""
 
 LOCAL_SIZE, LOCAL_SIZE_ID, WORKGROUP_SIZE = 17, 38, 25  # two execution modes, and a built-in
 
 DIMENSIONS = ("1D", "2D", "3D", "Cube", "2DRect", "Buffer", "")
-"""Dimensions of images, as GLSL's types end; the last is that of an input attachment."""
+"""The end of GLSL's type names for each image dimension; the last is that of an input attachment."""
 
 BUFFER, SUBPASS = 5, 6
 
@@ -65,10 +65,10 @@ SCALARS = {
     (Op.FLOAT, 32, 0): "float",
     (Op.FLOAT, 64, 0): "double",
 }
-"""(opcode, bits, signed) of numbers that GLSL has a word for."""
+"""GLSL's names of numbers, by (opcode, bits, signed)."""
 
 PREFIXES = {"float": "", "int": "i", "uint": "u", "double": "d", "bool": "b"}
-"""How the names of vectors and images of a scalar begin."""
+"""The start of GLSL's type names for vectors and images of each scalar type."""
 
 PARTS = {
     Op.VECTOR: slice(0, 1),
@@ -79,4 +79,4 @@ PARTS = {
     Op.RUNTIME_ARRAY: slice(0, 1),
     Op.STRUCT: slice(0, None),
 }
-"""Which operands of a type are types that it contains."""
+"""The operands of a type that are the types it contains."""

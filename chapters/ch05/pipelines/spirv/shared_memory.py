@@ -1,7 +1,7 @@
-"""How much memory a kernel shares within a work group, read from its SPIR-V.
+"""The size of a kernel's shared memory, read from its SPIR-V.
 
-Every variable of the storage class Workgroup lies in it. How a driver pads them is its own, so what is counted here are
-the numbers alone: whatever has more of them than the device has room cannot run.
+Shared memory contains every variable of the storage class Workgroup. The padding depends on the driver, so the size
+here is without padding. A kernel with more bytes than the device's limit cannot run.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _SCALARS = (Op.BOOL, Op.INT, Op.FLOAT)
 
 
 def shared_bytes(code: bytes, constants: Mapping[int, Number]) -> int:
-    """Return the bytes of all numbers that a module shares; `constants` are values of specialization, by id.
+    """Return the bytes of a module's shared variables; `constants` are values of specialization constants, by id.
 
     An array whose length is computed from specialization constants counts as one element.
     """
@@ -36,7 +36,7 @@ def shared_bytes(code: bytes, constants: Mapping[int, Number]) -> int:
         elif opcode in Op.TYPES:
             types[operands[0]] = opcode, operands[1:]
         elif opcode == Op.VARIABLE and operands[2] == _WORKGROUP:
-            shared.append(types[operands[0]][1][1])  # what its pointer points to
+            shared.append(types[operands[0]][1][1])  # the type that its pointer points to
 
     def size(type_: int) -> int:
         opcode, operands = types[type_]
