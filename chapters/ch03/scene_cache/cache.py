@@ -48,7 +48,7 @@ VERSION = 1
 """What changes a cache and none of the files below."""
 
 _MAKERS = (
-    "common/gltf/*.py",
+    "common/gltf/**/*.py",
     "common/scene/scene.py",
     "common/scene/images.py",
     "common/images/blocks.py",
