@@ -14,7 +14,7 @@ from chapters.ch03.scene_cache import cache as scene_cache
 from chapters.ch03.scene_cache import sources
 from chapters.ch03.scene_cache.cache import CacheMiss, cache_file, open_scene, read_cache
 from chapters.ch03.scene_cache.sections import SectionFile
-from common.paths import ROOT
+from common.paths import ROOT, matched
 from tests.common.gltf.builder import TRIANGLE, Gltf, triangle
 
 pytestmark = pytest.mark.feature("scene-cache/validity")
@@ -47,6 +47,13 @@ def picture():
     gltf = Gltf()
     gltf.image(np.full((4, 4, 4), 200, np.uint8))
     return bytes(gltf.data)
+
+
+def test_every_module_of_the_loader_decides_about_a_cache():
+    """Also those in folders: a cache of an older loader must not be read."""
+    loader = {path for path in (ROOT / "common" / "gltf").rglob("*.py")}
+    assert len(loader) > 15
+    assert loader <= {*matched(scene_cache._MAKERS)}
 
 
 def test_the_names_of_a_record_are_those_that_the_loader_opened(tmp_path):
