@@ -1,1 +1,1 @@
-"""Textures and geometry on their way from files to the GPU, beside the frames."""
+"""Loading of textures and geometry from files to the GPU while frames are drawn."""

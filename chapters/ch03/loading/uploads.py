@@ -1,4 +1,4 @@
-"""An image as it is copied to the GPU: rows of bytes, made from a file's pixels on any thread."""
+"""Images for the copy to the GPU: rows of bytes, made from the pixels of a file on any thread."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from ..scene.textures.texels import Key, Shape
 
 @dataclass(frozen=True, eq=False)
 class Upload:
-    """`rows` are those of each level that is copied, level 0 first: (rows, bytes of a row) uint8.
+    """`rows` has (rows, bytes of a row) uint8 for each level that is copied, level 0 first.
 
-    Where `shape` has more levels than there are `rows`, the GPU makes them; `srgb` says that it averages light.
+    The GPU makes the further levels of `shape`; with `srgb` it averages linear light.
     """
 
     name: str
@@ -30,11 +30,11 @@ class Upload:
 
     @property
     def nbytes(self) -> int:
-        """Bytes to copy."""
+        """The number of bytes to copy."""
         return sum(level.nbytes for level in self.rows)
 
     def without_bytes(self) -> Upload:
-        """Return the same with as many levels and nothing in them: for what is still to be done after the copy."""
+        """Return the same with empty levels, for the work after the copy."""
         return replace(self, rows=(_NOTHING,) * len(self.rows))
 
 
@@ -42,16 +42,16 @@ _NOTHING = np.zeros((0, 0), np.uint8)
 
 
 def block_rows(upload: Upload) -> int:
-    """Return how many rows of texels one row of bytes holds."""
+    """Return the number of rows of texels in one row of bytes: more than 1 for block compression."""
     return blocks.BLOCK if blocks.is_compressed(upload.shape.format) else 1
 
 
 MOST_LEVELS = 16
-"""Of an image: no device takes a side of more than 32768 texels."""
+"""The largest number of levels: no device has images of more than 32768 texels on a side."""
 
 
 def level_places(levels: Sequence[NDArray[np.uint8]], alignment: int) -> tuple[list[int], int]:
-    """Return where each level begins when they are written one behind the other, and where the last one ends."""
+    """Return the offset of each level if all are written in order, and the end of the last one."""
     starts, end = [], 0
     for level in levels:
         starts.append(align_up(end, alignment))
@@ -60,39 +60,38 @@ def level_places(levels: Sequence[NDArray[np.uint8]], alignment: int) -> tuple[l
 
 
 LEVEL_COST = 128 << 10
-"""Bytes that a frame could copy in the time in which it makes one mip level: of tiny images those are the work."""
+"""Bytes that take as long to copy as one mip level takes to make: for tiny images, levels are most of the work."""
 
 
 def cost(upload: Upload) -> int:
-    """Return what an image takes of a frame's budget beside its bytes: for making it, and the levels not copied."""
+    """Return the cost of an image beside its bytes, in bytes of a frame's budget: its creation, and levels to make."""
     return LEVEL_COST * (1 + upload.shape.levels - len(upload.rows))
 
 
 def is_late(upload: Upload, spent: int, budget: int | None) -> bool:
-    """Whether a frame that has spent so much of its budget leaves an image's levels to the next one."""
+    """Whether a frame that has spent so much of its budget leaves an image's levels to the next frame."""
     made_here = upload.shape.levels > len(upload.rows)
     return made_here and budget is not None and spent > 0 and spent + cost(upload) > budget
 
 
 def upload_of(scene: Scene, role: str, key: Key, mended: bool, features: Collection[str]) -> Upload:
-    """Return what is copied for `key`, which some texture in `role` has: a chain that the image brings, or level 0.
+    """Return the upload of image `key` for a texture in `role`: the levels in the file, or level 0.
 
-    `features` are the optional ones of the device.
-    For any thread. Raises what the image's decoder raises.
+    `features` are the optional features of the device. Runs on any thread. Raises the errors of the image's decoder.
     """
     shape, chain = texels.shape_of(scene, key, features), texels.chain_of(scene, key, features)
     if chain is not None:
         return Upload(scene.images[key[1]].name, shape, key[2], chain.levels)
-    made = texels.texels_of(scene, role, key, mended)
-    height, width = made.pixels.shape[:2]
+    image = texels.texels_of(scene, role, key, mended)
+    height, width = image.pixels.shape[:2]
     if (width, height) != (shape.width, shape.height):
         raise ValueError(f"it is {width}x{height} pixels now, and was {shape.width}x{shape.height}")
-    rows = np.ascontiguousarray(made.pixels).view(np.uint8).reshape(height, -1)
-    return Upload(made.name, shape, made.srgb, (rows,))
+    rows = np.ascontiguousarray(image.pixels).view(np.uint8).reshape(height, -1)
+    return Upload(image.name, shape, image.srgb, (rows,))
 
 
 def upload_bytes(scene: Scene, key: Key) -> int:
-    """Return about how many bytes `upload_of` will return, as far as that is known before."""
+    """Return the approximate size of the result of `upload_of`, without decoding."""
     if key[0] == "neutral":
         return 8
     image = scene.images[key[1]]

@@ -1,6 +1,6 @@
-"""What costs more when it is done for the first time, done before the first frame.
+"""First uses that are slow, done before the first frame.
 
-A frame that fills in while textures load has enough to do, and nobody waits for the renderer to open for so short.
+Frames that stream textures have little time, and opening the renderer takes only slightly longer.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from .loading import Loading
 def rehearse(
     loading: Loading, device: Device, slots: Iterable[FrameSlot], data: VulkanSceneData, pose: Pose
 ) -> None:
-    """Have the driver make memory for the commands of all slots, and write the records at `pose` to them.
+    """Let the driver allocate memory for the commands of all slots, and write the records at `pose` to them.
 
-    Nothing where frames wait for what is loaded: there nobody sees how long the first one takes. A first frame at
-    another time writes other records; one that sees the same objects finds theirs written.
+    It does nothing if loading ends before the first frame: then its time does not matter. A first frame at another time
+    writes its records again.
     """
     if not loading.streams:
         return

@@ -1,9 +1,9 @@
-"""Geometry on its way to memory that is the GPU's alone, while the CPU goes on to build pipelines.
+"""Copies of geometry to device-local memory, while the CPU goes on to build pipelines.
 
-Nobody waits for these copies. Frames that read them are submitted to the same queue later, behind a barrier that makes
-the copies visible to all that follows; and what they are copied from is freed like everything that a frame in flight
-may use: when the first frames are over, the copies before them are, too. Only where those frames have textures to load
-it is freed before: a driver takes as long for that as they take for all else.
+The CPU does not wait for these copies. Frames that read the geometry are submitted to the same queue later, after a
+barrier that makes the copies visible. The staging memory is freed like resources of frames in flight: when the first
+frames have ended, so have the copies. If those frames also stream textures, the memory is freed before them, since
+freeing takes a driver as long as the rest of such a frame.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from ..frames.vulkan_resources import Resources
 
 
 class GeometryCopies(Uploader):
-    """An uploader that is left to itself: its copies are submitted at the end of `with`, and its memory freed later.
+    """An uploader that submits its copies at the end of `with`, and frees its memory later.
 
-    `undo` is called if what stands within fails: nobody else could free then what was begun there. With `waits` the
-    copies are waited for.
+    `undo` is called if the `with` block raises, to free its objects. With `waits` the end of the block waits for the
+    copies.
     """
 
     def __init__(

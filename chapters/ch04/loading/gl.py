@@ -1,8 +1,8 @@
-"""Copies decoded textures to the GPU, beside the frames; compare vulkan.py.
+"""Copies decoded textures to the GPU while frames are drawn; compare vulkan.py.
 
-A context belongs to one thread, and so only decoding runs on others. What was decoded is written to a buffer that stays
-mapped, and the driver copies from there to the layer when it gets to it (a pixel unpack buffer): the call returns at
-once, and a fence tells when the range of the buffer is free again. The order of all calls is the driver's business.
+A context belongs to one thread, so only decoding runs on other threads. Decoded pixels are written to a buffer that
+stays mapped (a pixel unpack buffer), and the driver copies them from there to the layer later. The call returns at
+once; a fence signals when the range of the buffer is free again. The driver orders all calls.
 """
 
 from __future__ import annotations
@@ -24,22 +24,22 @@ from .ring import Ring, rows_that_fit
 from .uploads import Upload, block_rows, cost, is_late
 
 RING = 64 << 20
-"""Bytes of the buffer that is copied from. What is larger goes up in parts."""
+"""Bytes of the staging buffer. Larger images are copied in parts."""
 
 ALIGNMENT = 16
-"""Offsets of copies: a multiple of every texel and every block."""
+"""The alignment of offsets: a multiple of the size of every texel and every block."""
 
 
 class Owner(Protocol):
-    """Who has the images."""
+    """The owner of the images."""
 
     def place(self, request: Request) -> tuple[Image, int]:
-        """Return the array and the number of the layer that a request asks for."""
+        """Return the destination of a request: array and layer."""
 
 
 @dataclass(eq=False)
 class _Copy:
-    """A texture that is being copied, down to row `row` of level `level`."""
+    """A texture that is being copied, up to row `row` of level `level`."""
 
     request: Request
     upload: Upload
@@ -50,26 +50,27 @@ class _Copy:
 
     @property
     def whole(self) -> bool:
-        """Whether all of it was copied."""
+        """Whether the whole texture was copied."""
         return self.level == len(self.upload.rows)
 
 
 class Loader:
-    """Takes from `loading` what is decoded, and copies it to where `owner` says."""
+    """Copies decoded textures of `loading` to the destinations that `owner` returns."""
 
     def __init__(self, context: Context, owner: Owner, loading: Loading, ring: int = RING) -> None:
         self._context, self._owner, self._loading, self._ring_size = context, owner, loading, ring
         self._ring: Ring | None = None
         self._fences: deque[tuple[Fence, int]] = deque()
         self._current: _Copy | None = None
-        self._framed = False  # whether a frame has asked
+        self._framed = False  # whether `advance` was called
         self.bytes = 0
-        """Bytes that were copied so far."""
+        """The number of bytes copied so far."""
 
     def want(self, wanted: Mapping[Hashable, Wanted]) -> list[Request]:
-        """Load all of `wanted` and nothing else; return what has arrived: unless frames are to fill in, everything.
+        """Load all of `wanted` and nothing else; return the textures that have arrived (all, unless frames stream
+        them).
 
-        Raises SceneError if not everything can be decoded; what has arrived stays.
+        Raises SceneError if one cannot be decoded; textures that have arrived stay.
         """
         self._drop(self._loading.want(wanted))
         self._loading.feed()
@@ -80,7 +81,7 @@ class Loader:
             self._current = None
 
     def finish(self) -> list[Request]:
-        """Load everything now, and wait for it; return what has arrived. Raises as `want` does."""
+        """Load everything now and wait; return the textures that have arrived. Raises as `want` does."""
         try:
             arrived = self.advance()
             while self._loading.busy:
@@ -97,9 +98,9 @@ class Loader:
         return arrived
 
     def advance(self, budget: int | None = None) -> list[Request]:
-        """Copy up to `budget` bytes (None: all that there is room for); return the textures that have arrived.
+        """Copy up to `budget` bytes (None: as many as fit); return the textures that have arrived.
 
-        The first frame copies nothing, which does all else for the first time: it is shown the sooner.
+        The first frame copies nothing, so that it is shown sooner.
         """
         loading, arrived, spent = self._loading, list[Request](), 0
         loading.feed()
@@ -143,7 +144,7 @@ class Loader:
         return self._current
 
     def _reserve(self, copy: _Copy, left: int | None, first: bool) -> tuple[int, int] | None:
-        """Return (offset in the ring, bytes) for as many rows as there is room for; None if for none."""
+        """Return (offset in the ring, bytes) for as many rows as fit; None if none fits."""
         if self._ring is None:
             self._ring = Ring(self._ring_size)
             self._buffer = create_buffer(self._context, self._ring_size, "upload", "texture copies")
@@ -155,14 +156,14 @@ class Loader:
             return rows_that_fit(count, row_bytes, 1, room if most is None else min(room, most)) * row_bytes
 
         place = self._ring.take(lambda room: wanted(room, left), ALIGNMENT)
-        if place is None and first:  # the budget is less than a row: then it is one
+        if place is None and first:  # the budget is less than a row: copy one row
             place = self._ring.take(lambda room: wanted(room, row_bytes), ALIGNMENT)
             if place is None and not self._ring.used:
                 raise ValueError(f"{row_bytes} bytes do not fit into a ring of {self._ring.capacity}.")
         return place
 
     def _write(self, copy: _Copy, offset: int, nbytes: int) -> int:
-        """Write some rows to the ring and have them copied; return their bytes."""
+        """Write rows to the ring and copy them; return their bytes."""
         rows, fn, image = copy.upload.rows[copy.level], self._context.fn, copy.image
         count, block = nbytes // rows.shape[1], block_rows(copy.upload)
         self._buffer.mapped[offset : offset + nbytes] = rows[copy.row : copy.row + count].reshape(-1)
@@ -183,7 +184,7 @@ class Loader:
         return nbytes
 
     def _make_mips(self, copy: _Copy) -> None:
-        """Make the mip levels of one layer, which is seen as an array of its own for that."""
+        """Make the mip levels of one layer, through a view of that layer alone."""
         if len(copy.upload.rows) == copy.image.levels:
             return
         image = copy.image
@@ -196,7 +197,7 @@ class Loader:
             self._context.destroy("texture", alone)
 
     def _rest(self) -> None:
-        """Free the threads, and what copies are made with, when nothing is left to load."""
+        """Free the threads and the staging memory when nothing is left to load."""
         self._loading.rest()
         if self._ring is not None and not self._fences:
             self._free()
@@ -207,7 +208,7 @@ class Loader:
         self._ring = None
 
     def stop(self) -> None:
-        """Join all threads, and free everything; what has arrived stays."""
+        """Join all threads and free everything; textures that have arrived stay."""
         self._drop(self._loading.stop())
         for fence, _ in self._fences:
             fence.wait()

@@ -1,14 +1,14 @@
-"""Textures on their way from a file to the GPU: who waits, what is decoded on which thread, what is handed over.
+"""Requests for textures: waiting, decoded on threads, and handed over to the renderer's thread.
 
-A request begins by waiting. Tasks decode the most important ones on the scheduler's threads and put what they made on
-one list, behind a lock. The renderer's thread takes each of them from there exactly once and copies it to the GPU:
+Tasks on the scheduler's threads decode the most important requests, and append the results to a list that has a lock.
+The renderer's thread takes each result from there once and copies it to the GPU:
 
     waiting -> decoding -> decoded -> uploading -> resident
                   |           |           |
                   +-> failed  +-----------+-> cancelled, when no material reads it any more
 
-What is decoded and not yet copied is bounded: with a slow copy and fast threads, memory would otherwise hold all.
-Everything here is the same on either backend.
+The number of decoded bytes that wait for their copy is limited; otherwise slow copies and fast threads would fill the
+memory with all textures. This code is the same on both backends.
 """
 
 from __future__ import annotations
@@ -35,27 +35,27 @@ from .settings import LoadingSettings
 from .uploads import Upload
 
 AHEAD = 4 << 20
-"""Bytes that each thread may decode before somebody copies them; one image may be larger."""
+"""Bytes that each thread may decode before they are copied; one image may be larger."""
 
 MOST_AHEAD = 256 << 20
-"""Bytes that all threads together may decode ahead; two images may be larger, one decoded while the other is copied."""
+"""Bytes that all threads may decode ahead; two images may be larger: one is decoded while the other is copied."""
 
 MOST_BESIDE = 12 << 20
-"""Bytes that are decoded beside the reading of geometry, before anybody asks: that needs as much memory itself."""
+"""Bytes that are decoded while geometry is read; reading geometry needs as much memory itself."""
 
 
 def threads_at_most() -> int:
-    """Return how many threads decode where a scene is opened and nothing else is done."""
+    """Return the number of decoding threads while a scene is opened."""
     return min(8, os.cpu_count() or 1)
 
 
 def beside_geometry() -> int:
-    """Return how many bytes of pictures are decoded while a scene's geometry is read."""
+    """Return the bytes of pictures to decode while the geometry of a scene is read."""
     return min(AHEAD * threads_at_most(), MOST_BESIDE)
 
 
 class State(Enum):
-    """How far a request is."""
+    """The state of a request."""
 
     WAITING = "waits for a thread"
     DECODING = "is decoded"
@@ -68,7 +68,7 @@ class State(Enum):
 
 @dataclass(frozen=True)
 class Wanted:
-    """What is asked for: `make` decodes it on any thread, into about `nbytes` bytes; `materials` read it."""
+    """A wanted texture: `make` decodes it on any thread, into about `nbytes` bytes; `materials` read it."""
 
     name: str
     nbytes: int
@@ -78,7 +78,7 @@ class Wanted:
 
 @dataclass(eq=False)
 class Request:
-    """One image on its way. `place` is its place among all that are wanted."""
+    """The request for one image. `place` is its number among all wanted images."""
 
     key: Hashable
     wanted: Wanted
@@ -87,24 +87,25 @@ class Request:
     upload: Upload | None = None
     """The pixels, from `DECODED` until they are copied."""
     held_bytes: int = 0
-    """What it counts for among the bytes that are decoded ahead."""
+    """Its share of the bytes that are decoded ahead."""
     error: BaseException | None = None
 
 
 class Loading:
     """All requests of a renderer. Its methods are for the renderer's thread; decoding runs on `threads` others.
 
-    The order in which requests are decoded is that of `prioritise`, and the scene's where that says nothing. It decides
-    about when a texture arrives, never about what it holds.
+    Requests are decoded in the order of `prioritise`, and equal ones in the order of the scene. The order decides when
+    a texture arrives, never its contents.
     """
 
     def __init__(
         self, threads: int, streams: bool = False, budget: int = AHEAD, ahead: int | None = None
     ) -> None:
-        """`streams`: frames are drawn meanwhile, each of which copies `budget` bytes; else all is there before.
+        """With `streams`, frames are drawn meanwhile and copy `budget` bytes each; else loading ends before the first
+        frame.
 
-        `ahead` are the bytes that may be decoded and not yet copied. By default each thread has an image, however large
-        they are, and the next one to copy waits.
+        `ahead` is the number of bytes that may be decoded before they are copied. By default each thread may hold one
+        image of any size, and one more waits for its copy.
         """
         self._workers, self._given, self._ahead = Workers(threads), ahead, ahead or 0
         self.streams, self.budget = streams, budget
@@ -112,36 +113,36 @@ class Loading:
         self._turns = QuickTurns()
         self._lock = threading.Lock()
         self._news = threading.Condition(self._lock)
-        self._ended = self._seen = 0  # tasks that have ended, in all and when somebody last looked
-        # Behind the lock: what tasks change, too.
+        self._ended = self._seen = 0  # tasks that have ended: in all, and at the last call of `wait`
+        # Changed by tasks, too, and only with the lock.
         self._waiting: list[Request] = []  # the most important last
         self._running: dict[Request, Task[None]] = {}
         self._decoded: deque[Request] = deque()
         self._failed: list[Request] = []
         self._held_bytes = self._lost = 0
-        # The renderer's alone.
+        # Of the renderer's thread only.
         self._resident = 0
         self.requests: dict[Hashable, Request] = {}
         self._reads = np.zeros((2, 0), np.int64)
 
     @classmethod
     def of(cls, settings: LoadingSettings, presents: bool) -> Loading:
-        """Return what the settings ask for; `presents`: whether there is a window, in which one can watch."""
+        """Return the loading of these settings; with `presents` there is a window that shows its progress."""
         streams = settings.mode == "stream" or (settings.mode == "auto" and presents)
         threads = settings.decoding_threads or min(8, max(1, (os.cpu_count() or 2) - 1))
         return cls(threads, streams, max(1, int(settings.upload_budget * 2**20)))
 
-    # --- what is wanted -----------------------------------------------------------------------------------------------
+    # --- wanted textures ----------------------------------------------------------------------------------------------
 
     def want(self, wanted: Mapping[Hashable, Wanted]) -> list[Request]:
-        """Ask for all of `wanted`, and for nothing else; return the requests that this cancelled.
+        """Request all of `wanted` and nothing else; return the cancelled requests.
 
-        What was asked for before goes on, or is there; what failed is tried once more. A texture that nobody reads is
-        not decoded any more, and what was decoded of it is dropped.
+        Earlier requests go on or have arrived; failed ones are tried once more. Textures that no material reads are no
+        longer decoded, and their decoded pixels are dropped.
         """
         with self._lock:
             failed = State.FAILED
-            gone = [one for key, one in self.requests.items() if key not in wanted or one.state is failed]
+            gone = [it for key, it in self.requests.items() if key not in wanted or it.state is failed]
             before = [request.state for request in gone]
             for request in gone:
                 del self.requests[request.key]
@@ -151,11 +152,11 @@ class Loading:
                     self._release(request)
                 request.state = State.CANCELLED
             self._waiting = [request for request in self._waiting if request.state is State.WAITING]
-            for place, (key, one) in enumerate(wanted.items()):
+            for place, (key, texture) in enumerate(wanted.items()):
                 if key in self.requests:
                     self.requests[key].place = place
                 else:
-                    self.requests[key] = Request(key, one, place)
+                    self.requests[key] = Request(key, texture, place)
                     self._waiting.append(self.requests[key])
             self._waiting.sort(key=lambda request: -request.place)
             if self._given is None:
@@ -164,8 +165,8 @@ class Loading:
                 self._ahead = min(ahead, max(MOST_AHEAD, 2 * largest))
             states = [request.state for request in self.requests.values()]
             self._resident, self._lost = states.count(State.RESIDENT), states.count(State.FAILED)
-        counts = [len(one.materials) for one in wanted.values()]
-        materials = [material for one in wanted.values() for material in one.materials]
+        counts = [len(texture.materials) for texture in wanted.values()]
+        materials = [material for texture in wanted.values() for material in texture.materials]
         self._reads = np.stack([np.repeat(np.arange(len(wanted)), counts), np.array(materials, np.int64)])
         return [
             request
@@ -174,7 +175,7 @@ class Loading:
         ]
 
     def prioritise(self, sizes: np.ndarray) -> None:
-        """Order what waits by `sizes` (M,), how large each material is on the screen; equal ones as in the scene."""
+        """Order waiting requests by `sizes` (M,), the sizes of materials on the screen; equal ones as in the scene."""
         places, materials = self._reads
         largest = np.zeros(len(self.requests))
         np.maximum.at(largest, places, sizes[materials])
@@ -186,7 +187,7 @@ class Loading:
     # --- decoding -----------------------------------------------------------------------------------------------------
 
     def feed(self) -> None:
-        """Begin to decode as many requests as there are threads, while little enough is decoded ahead."""
+        """Start decoding as many requests as there are threads, within the limit of decoded bytes."""
         with self._lock:
             if self._waiting:
                 self._working = True
@@ -206,19 +207,19 @@ class Loading:
                 self._running[request] = spawn(
                     f"decode {request.wanted.name}", partial(self._decode, request, spawn)
                 )
-            except TaskCancelledError:  # the renderer is being closed, and nobody waits for it
+            except TaskCancelledError:  # the renderer is being closed
                 request.state = State.CANCELLED
                 self._release(request)
                 return
 
     def _decode(self, request: Request, spawn: Callable[..., Task[None]]) -> None:
-        """Be the task that decodes a request, and begin another one at its end."""
+        """Run the task that decodes a request, and start another one at its end."""
         upload: Upload | None = None
         error: BaseException | None = None
         try:
             if request.state is State.DECODING:  # else it was cancelled before it began
                 upload = request.wanted.make()
-        except BaseException as raised:  # who waits is told of it, whatever it is
+        except BaseException as raised:  # handed to the thread that waits
             error = raised
         with self._lock:
             del self._running[request]
@@ -245,10 +246,10 @@ class Loading:
         self._held_bytes -= request.held_bytes
         request.held_bytes, request.upload = 0, None
 
-    # --- handing over -------------------------------------------------------------------------------------------------
+    # --- hand-over to the renderer ------------------------------------------------------------------------------------
 
     def take(self) -> Request | None:
-        """Return a decoded request, which is being uploaded from now on, or None. Each is returned once."""
+        """Return a decoded request or None; each is returned once, and its state becomes `UPLOADING`."""
         with self._lock:
             if not self._decoded:
                 self._seen = self._ended
@@ -258,7 +259,7 @@ class Loading:
             return request
 
     def copied(self, request: Request) -> None:
-        """Free the pixels of a request, all of which have been copied."""
+        """Free the pixels of a request after they were copied."""
         with self._lock:
             self._release(request)
 
@@ -274,45 +275,45 @@ class Loading:
             return failed
 
     def refuse_failed(self) -> None:
-        """Raise SceneError where something could not be decoded, unless frames are drawn without it."""
+        """Raise SceneError if a texture could not be decoded, unless frames stream textures."""
         failed = [] if self.streams else self.failures()
         if failed:
             raise refusal(min(failed, key=lambda request: request.place))
 
     def resident(self, key: Hashable) -> bool:
-        """Whether what was asked for as `key` can be sampled."""
+        """Whether the texture of `key` can be sampled."""
         request = self.requests.get(key)
         return request is not None and request.state is State.RESIDENT
 
     @property
     def decoding(self) -> bool:
-        """Whether anything waits for a thread, or has one."""
+        """Whether a request waits for a thread or is being decoded."""
         with self._lock:
             return bool(self._waiting or self._running)
 
     @property
     def decoded(self) -> bool:
-        """Whether there is something to take."""
+        """Whether `take` would return a request."""
         return bool(self._decoded)
 
     @property
     def busy(self) -> bool:
-        """Whether anything that is wanted has neither arrived nor failed."""
+        """Whether a wanted texture has neither arrived nor failed."""
         return self._resident + self._lost < len(self.requests)
 
     @property
     def wanted_bytes(self) -> int:
-        """About how many bytes are still to be copied of all that is wanted."""
+        """The approximate number of bytes still to be copied."""
         left = (State.WAITING, State.DECODING, State.DECODED, State.UPLOADING)
-        return sum(one.wanted.nbytes for one in self.requests.values() if one.state in left)
+        return sum(it.wanted.nbytes for it in self.requests.values() if it.state in left)
 
     @property
     def held_bytes(self) -> int:
-        """Bytes that are decoded, or being decoded, and not yet copied."""
+        """Bytes that are decoded or being decoded, and not copied yet."""
         return self._held_bytes
 
     def counts(self, textures: int, copied: int) -> dict[str, int]:
-        """Return the counters of `Frame.work`: `textures` on the GPU, those on their way or lost, bytes just copied."""
+        """Return the counters of `Frame.work`: resident, loading and failed textures, and bytes just copied."""
         return {
             "textures": textures,
             "textures_resident": self._resident,
@@ -322,9 +323,9 @@ class Loading:
         }
 
     def wait(self) -> None:
-        """Wait until one more of the requests is decoded, or cannot be; return at once if none is on its way.
+        """Wait until one more request is decoded or has failed; return at once if none is being decoded.
 
-        Whichever is the first: to wait for a certain one, that takes long, would stop the others at what may be ahead.
+        It waits for any request: waiting for one slow request would stop the others at the limit of decoded bytes.
         """
         self.feed()
         with self._lock:
@@ -333,13 +334,13 @@ class Loading:
             self._seen = self._ended
 
     def rest(self) -> None:
-        """Join the threads, if they have nothing left to do; the next request has others."""
+        """Join the threads if they have no work; the next request starts new ones."""
         if self._working and not self.decoding:
             self._join()
 
     def stop(self) -> list[Request]:
-        """Cancel what has not arrived and join the threads; return what was being copied."""
-        left = {key: one.wanted for key, one in self.requests.items() if one.state is State.RESIDENT}
+        """Cancel requests that have not arrived and join the threads; return those that were being copied."""
+        left = {key: it.wanted for key, it in self.requests.items() if it.state is State.RESIDENT}
         stopped = self.want(left)
         self._join()
         return stopped
@@ -355,7 +356,7 @@ class Loading:
         self._running.clear()
 
     def close(self) -> None:
-        """Do as `stop`."""
+        """Stop."""
         self.stop()
 
 
@@ -366,16 +367,16 @@ def report_failures(loading: Loading, scene: Scene) -> None:
 
 
 def sentence(request: Request, then: str) -> str:
-    """Return what is said of a request that failed; `then` is what comes of it."""
+    """Return the sentence about a failed request; `then` is its consequence."""
     error: Any = request.error
     said = str(error).rstrip(".") if str(error) else type(error).__name__
-    if isinstance(error, StrataError):  # it names the place and what to do
+    if isinstance(error, StrataError):  # it already says where and what to do
         return f"{said}: {then}."
     return f"{request.wanted.name} cannot be decoded ({said}): {then}."
 
 
 def refusal(request: Request) -> SceneError:
-    """Return the error that a request failed with, for a renderer that does not draw without it."""
+    """Return the error of a failed request, for a renderer that does not draw without its texture."""
     if isinstance(request.error, SceneError):
         return request.error
     return SceneError(sentence(request, "save the image again"))

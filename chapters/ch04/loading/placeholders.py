@@ -1,7 +1,7 @@
-"""What materials sample until their textures have arrived: one texel that leaves the picture as it is.
+"""Placeholders: one neutral texel that materials sample until their textures have arrived.
 
-That is white, for nothing that is sampled but a normal has another neutral value: every other texture is multiplied
-with a factor. A white normal would be none of length 1; there it is the one that points straight up.
+White is neutral for every texture that is multiplied with a factor, which is every texture except normal maps. There
+the neutral texel is the normal that points straight up.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from ..scene.textures.texels import NEUTRAL, Key, Shape
 _VALUES = tuple(dict.fromkeys(NEUTRAL.values()))
 
 READS = {role: Read(("neutral", value), Sampler()) for role, value in NEUTRAL.items()}
-"""What stands for a texture in a role; the number of a role's placeholder is all that its material needs."""
+"""The kinds of placeholders by role; a material only needs the number of a role's placeholder."""
 
 ARRAY = ArrayTexture(
     Shape(1, 1, "rgba16f", None, 1), Sampler(), tuple(("neutral", value) for value in _VALUES)
@@ -29,16 +29,16 @@ ARRAY = ArrayTexture(
 """All placeholders as the layers of one array texture."""
 
 UNITS = 1
-"""Arrays of a set that placeholders take: the first one."""
+"""The number of arrays of a set that hold placeholders: the first one."""
 
 
 def of_role(role: int) -> int:
-    """Return how a material's record names the placeholder of a role in a plan of `with_placeholders`."""
+    """Return the value in a material's record for the placeholder of a role, in a plan of `with_placeholders`."""
     return _VALUES.index(NEUTRAL[ROLES[role]]) << LAYER_SHIFT
 
 
 def with_placeholders(plan: ArrayPlan) -> ArrayPlan:
-    """Return a plan whose sets hold `ARRAY` before all others, so that every role can sample it."""
+    """Return a plan in which `ARRAY` is the first array of each set, so that every role can sample it."""
     if not plan.arrays:
         return plan
     number = len(plan.arrays)
@@ -51,19 +51,19 @@ def with_placeholders(plan: ArrayPlan) -> ArrayPlan:
     )
 
 
-def readers(found: Sequence[Use]) -> dict[Key, list[int]]:
+def readers(uses: Sequence[Use]) -> dict[Key, list[int]]:
     """Return the materials that read each image."""
-    made: dict[Key, list[int]] = {}
-    for use in found:
-        made.setdefault(use.read.key, []).append(use.material)
-    return made
+    materials: dict[Key, list[int]] = {}
+    for use in uses:
+        materials.setdefault(use.read.key, []).append(use.material)
+    return materials
 
 
-def layer_uses(plan: ArrayPlan, found: Sequence[Use]) -> dict[tuple[int, int], list[Use]]:
-    """Return who samples which layer, by (number of the array, layer)."""
-    made: dict[tuple[int, int], list[Use]] = {}
-    for use in found:
+def layer_uses(plan: ArrayPlan, uses: Sequence[Use]) -> dict[tuple[int, int], list[Use]]:
+    """Return the uses of each layer, by (number of the array, layer)."""
+    by_layer: dict[tuple[int, int], list[Use]] = {}
+    for use in uses:
         value = int(plan.maps[use.material, use.role])
         array = plan.sets[plan.set_of[use.material]][value & (1 << LAYER_SHIFT) - 1]
-        made.setdefault((array, value >> LAYER_SHIFT), []).append(use)
-    return made
+        by_layer.setdefault((array, value >> LAYER_SHIFT), []).append(use)
+    return by_layer

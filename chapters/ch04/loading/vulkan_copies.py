@@ -1,4 +1,4 @@
-"""What is copied to the GPU: a decoded texture, where it goes, and how far that has come."""
+"""Copies to the GPU: a decoded texture, its destination, and the progress of its copy."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .vulkan_staging import Submission
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """Where a texture is copied to: a layer of an image, which is `held` if frames have the image bound already."""
+    """The destination of a texture: a layer of an image, which is `held` if frames have the image bound."""
 
     image: Image
     layer: int = 0
@@ -23,20 +23,20 @@ class Target:
 
 
 class Owner(Protocol):
-    """Who has the images."""
+    """The owner of the images."""
 
     def place(self, request: Request) -> Target:
-        """Return where a decoded texture goes."""
+        """Return the destination of a decoded texture."""
 
     def discard(self, request: Request) -> None:
-        """Give up what `place` made: the request was cancelled, and no copy into it is under way."""
+        """Free the image of `place`: the request was cancelled, and no copy into it is in flight."""
 
 
 @dataclass(eq=False)
 class Copy:
-    """A texture that is being copied, down to row `row` of level `level`; `flying` submissions work on it.
+    """A texture that is being copied, up to row `row` of level `level`, by `flying` submissions.
 
-    `ended` says that what follows the last copy is recorded, too; that may be a frame later.
+    `ended`: the work after the last copy is recorded, perhaps one frame later.
     """
 
     request: Request
@@ -51,11 +51,11 @@ class Copy:
 
     @property
     def whole(self) -> bool:
-        """Whether all of it was recorded."""
+        """Whether all rows were recorded."""
         return self.level == len(self.upload.rows)
 
     def part(self, first: int = 0, levels: int | None = None) -> Part:
-        """Return some levels of where it goes, by default those that are copied."""
+        """Return some levels of the destination, by default the copied ones."""
         image = self.target.image
         count = len(self.upload.rows) if levels is None else levels
         return Part(image.handle, image.aspect, first, count, self.target.layer)

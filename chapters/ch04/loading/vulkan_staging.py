@@ -1,8 +1,8 @@
-"""Memory that the CPU fills and the GPU copies from, and submissions that nobody waits for.
+"""The staging buffer, and submissions of copies that the CPU does not wait for.
 
-Both are rings. The staging buffer is mapped once and stays mapped; a range of it is used again when the submission that
-copies from it has ended. Whether that is so, its fence is asked once a frame. It is reset only when something is about
-to be submitted: a fence that was reset for nothing would never be signalled again.
+Both are rings. The staging buffer stays mapped; a range of it is used again when the submission that copies from it has
+ended. The fence of each submission is polled once a frame. A fence is reset only directly before its next submission: a
+fence that was reset without one would never be signalled again.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ from .loading import Loading
 from .ring import Ring
 
 RING = 8 << 20
-"""Bytes of the staging buffer at most. What is larger goes up in parts, and no later for it: a ring that stays in the
-processor's cache is written faster than it is copied from."""
+"""The most bytes of the staging buffer. Larger images are copied in parts, which costs no time: a ring that fits into
+the processor's cache is written faster than the GPU copies from it."""
 
 MOST_RING = 64 << 20
-"""Bytes of it at most where a frame's budget asks for more."""
+"""The most bytes if a frame's budget needs more."""
 
 LEAST_RING = 2 << 20
-"""Bytes of it at least: some rows of any image fit, and several small images of a later edit."""
+"""The least bytes: enough for some rows of any image, and for several small images of a later edit."""
 
 
 def ring_bytes(loading: Loading) -> int:
-    """Return how large a ring is for what is wanted: drivers take long for memory that both sides can reach.
+    """Return the size of the ring for the wanted textures: allocating memory that CPU and GPU share is slow.
 
-    Where frames are drawn meanwhile, one frame's budget is written while that of the frame before is copied.
+    If frames are drawn meanwhile, the budget of one frame is written while that of the previous frame is copied.
     """
     most = max(RING, min(2 * loading.budget, MOST_RING)) if loading.streams else RING
     return min(most, max(LEAST_RING, loading.wanted_bytes))
@@ -55,7 +55,7 @@ class Staging:
         self.ring = Ring(size)
 
     def alignment(self, texel: int) -> int:
-        """Return what offsets of copies are multiples of: whole texels or blocks, 4 bytes, and what the device asks."""
+        """Return the alignment of copies: whole texels or blocks, 4 bytes, and the device's own alignment."""
         return math.lcm(texel, 4, int(self._device.limits.optimalBufferCopyOffsetAlignment))
 
     def write(self, data: np.ndarray, offset: int) -> None:
@@ -63,14 +63,14 @@ class Staging:
         self._bytes[offset : offset + data.size] = data
 
     def close(self) -> None:
-        """Free the buffer, which no submission uses any more."""
+        """Free the buffer; no submission uses it."""
         destroy_buffer(self._device, self.buffer)
 
 
 class Submission:
-    """A command buffer of a pool of its own, and the fence that says when both can be used again.
+    """A command buffer with its own pool, and the fence that signals when both can be used again.
 
-    The fence is made signalled, and so the first one begins at once. `mark` and `uploads` are for whoever submits.
+    The fence is created signalled, so the first use does not wait. `mark` and `uploads` are data of the caller.
     """
 
     def __init__(self, device: Device, queue: Queue, name: str) -> None:
@@ -79,14 +79,14 @@ class Submission:
         signalled = vk.new("VkFenceCreateInfo", flags=vk.VK_FENCE_CREATE_SIGNALED_BIT)
         self.fence = device.create("vkCreateFence", signalled, f"{name} done")
         self.fences = vk.array("VkFence", [self.fence])
-        self.sets: Any = None  # the pool of descriptor sets for mip levels, where it has made any
+        self.sets: Any = None  # the descriptor pool for mip levels, if it made any
         self.set_count = 0
         self.mark = 0
         self.uploads: list[Any] = []
 
 
 class Submissions:
-    """As many command buffers of one queue as there are frames in flight."""
+    """The command buffers of one queue, one for each frame in flight."""
 
     def __init__(self, device: Device, queue: Queue, name: str) -> None:
         self._device, self.queue = device, queue
@@ -94,80 +94,80 @@ class Submissions:
         self._flying: deque[Submission] = deque()
         self._begin = vk.new("VkCommandBufferBeginInfo", flags=vk.VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT)
         self.count = 0
-        """How many were submitted."""
+        """The number of submissions."""
 
     def collect(self, ended: Callable[[Submission], None]) -> None:
-        """Call `ended` for each that the GPU has done since, the oldest first; nothing is waited for."""
+        """Call `ended` for each submission that the GPU has finished, the oldest first, without waiting."""
         fn, device = self._device.fn, self._device.handle
         while self._flying:
             code = fn.vkGetFenceStatus(device, self._flying[0].fence)
             if vk.check(code, "vkGetFenceStatus") == vk.VK_NOT_READY:
                 return
-            one = self._flying.popleft()
-            self._free.append(one)
-            ended(one)
+            submission = self._flying.popleft()
+            self._free.append(submission)
+            ended(submission)
 
     def rehearse(self, make_sets: Callable[[], Any] | None) -> None:
-        """Use each of them once for nothing, and wait: drivers make memory for commands when they first begin.
+        """Submit each command buffer once without commands, and wait: drivers allocate memory at their first use.
 
-        `make_sets` makes the pool of descriptor sets, if mip levels will be made.
+        `make_sets` creates the descriptor pool, if mip levels will be made.
         """
-        for one in list(self._free):
-            one.sets = make_sets() if make_sets is not None else None
+        for free in list(self._free):
+            free.sets = make_sets() if make_sets is not None else None
             self.submit(self.begin())
         while self.flying:
             self.wait()
-            self.collect(lambda one: None)
+            self.collect(lambda submission: None)
         self.count = 0
 
     @property
     def ready(self) -> bool:
-        """Whether there is one that the GPU does not have."""
+        """Whether a command buffer is free."""
         return bool(self._free)
 
     def begin(self) -> Submission:
-        """Return one that is open for recording."""
-        one, fn = self._free[0], self._device.fn
-        vk.check(fn.vkResetCommandPool(self._device.handle, one.pool, 0), "vkResetCommandPool")
-        if one.sets is not None:
-            code = fn.vkResetDescriptorPool(self._device.handle, one.sets, 0)
+        """Return a free command buffer, open for recording."""
+        submission, fn = self._free[0], self._device.fn
+        vk.check(fn.vkResetCommandPool(self._device.handle, submission.pool, 0), "vkResetCommandPool")
+        if submission.sets is not None:
+            code = fn.vkResetDescriptorPool(self._device.handle, submission.sets, 0)
             vk.check(code, "vkResetDescriptorPool")
-        vk.check(fn.vkBeginCommandBuffer(one.commands, self._begin), "vkBeginCommandBuffer")
-        one.set_count, one.uploads = 0, []
-        return one
+        vk.check(fn.vkBeginCommandBuffer(submission.commands, self._begin), "vkBeginCommandBuffer")
+        submission.set_count, submission.uploads = 0, []
+        return submission
 
-    def submit(self, one: Submission, wait: Any = None, signal: Any = None) -> None:
+    def submit(self, submission: Submission, wait: Any = None, signal: Any = None) -> None:
         """Submit what `begin` opened; `wait` and `signal` are VkSemaphoreSubmitInfo."""
         fn = self._device.fn
-        vk.check(fn.vkEndCommandBuffer(one.commands), "vkEndCommandBuffer")
+        vk.check(fn.vkEndCommandBuffer(submission.commands), "vkEndCommandBuffer")
         submit = vk.new(
             "VkSubmitInfo2",
             pWaitSemaphoreInfos=[wait] if wait is not None else None,
-            pCommandBufferInfos=[{"commandBuffer": one.commands}],
+            pCommandBufferInfos=[{"commandBuffer": submission.commands}],
             pSignalSemaphoreInfos=[signal] if signal is not None else None,
         )
-        vk.check(fn.vkResetFences(self._device.handle, 1, one.fences), "vkResetFences")
-        vk.check(fn.vkQueueSubmit2(self.queue.handle, 1, submit, one.fence), "vkQueueSubmit2")
+        vk.check(fn.vkResetFences(self._device.handle, 1, submission.fences), "vkResetFences")
+        vk.check(fn.vkQueueSubmit2(self.queue.handle, 1, submit, submission.fence), "vkQueueSubmit2")
         self._free.popleft()
-        self._flying.append(one)
+        self._flying.append(submission)
         self.count += 1
 
     @property
     def flying(self) -> bool:
-        """Whether the GPU had not done some of them when they were collected last."""
+        """Whether some submissions were not finished at the last `collect`."""
         return bool(self._flying)
 
     def wait(self) -> None:
-        """Wait for the oldest that was submitted: for loading before the first frame, and for the end."""
+        """Wait for the oldest submission: used before the first frame, and at the end."""
         if self._flying:
             fences = self._flying[0].fences
             code = self._device.fn.vkWaitForFences(self._device.handle, 1, fences, 1, FOREVER)
             vk.check(code, "vkWaitForFences")
 
     def close(self) -> None:
-        """Free all of them; the GPU has done them."""
-        for one in (*self._free, *self._flying):
-            self._device.destroy("VkCommandPool", one.pool)
-            self._device.destroy("VkFence", one.fence)
-            if one.sets is not None:
-                self._device.destroy("VkDescriptorPool", one.sets)
+        """Free all; the GPU has finished them."""
+        for submission in (*self._free, *self._flying):
+            self._device.destroy("VkCommandPool", submission.pool)
+            self._device.destroy("VkFence", submission.fence)
+            if submission.sets is not None:
+                self._device.destroy("VkDescriptorPool", submission.sets)

@@ -1,4 +1,4 @@
-"""Array textures whose layers arrive one after the other: on either backend the same."""
+"""Array textures whose layers arrive one by one, the same on both backends."""
 
 from __future__ import annotations
 
@@ -18,39 +18,39 @@ from .loading import Wanted
 from .uploads import upload_bytes, upload_of
 
 Layer = tuple[Hashable, int]
-"""An array, as its backend calls it, and the number of a layer: what a request asks for."""
+"""(array of the backend, layer): the destination of a request."""
 
 
 class ArrayArrivals:
-    """Which layers the materials' records name: where there are placeholders, those until a layer is there."""
+    """The layers in the materials' records: placeholders until a layer has arrived."""
 
     def __init__(self, scene: Scene, mended: bool, streams: bool, features: Collection[str]) -> None:
-        """`features` are the optional ones of the device."""
+        """`features` are the optional features of the device."""
         self._scene, self._mended, self._streams = scene, mended, streams
         self._features = features
         self._uses: dict[Layer, list[Use]] = {}
         self.revision = 0
-        """Grows whenever `maps` change by an arrival."""
+        """Counts the arrivals that changed `maps`."""
 
-    def plan(self, found: Sequence[Use], max_layers: int) -> ArrayPlan:
-        """Return which textures lie together."""
+    def plan(self, uses: Sequence[Use], max_layers: int) -> ArrayPlan:
+        """Return the assignment of textures to arrays."""
         if not self._streams:
-            return plan_arrays(self._scene, found, max_layers, features=self._features)
+            return plan_arrays(self._scene, uses, max_layers, features=self._features)
         width = ARRAYS - placeholders.UNITS
         return placeholders.with_placeholders(
-            plan_arrays(self._scene, found, max_layers, width, self._features)
+            plan_arrays(self._scene, uses, max_layers, width, self._features)
         )
 
     def wanted(
         self,
         plan: ArrayPlan,
-        found: Sequence[Use],
+        uses: Sequence[Use],
         roles: Mapping[Key, str],
         ids: Mapping[ArrayTexture, Hashable],
     ) -> dict[Hashable, Wanted]:
-        """Return the requests for all layers, but those that placeholders are."""
+        """Return the requests for all layers except placeholders."""
         self._plan = plan
-        by_layer = placeholders.layer_uses(plan, found)
+        by_layer = placeholders.layer_uses(plan, uses)
         wanted: dict[Hashable, Wanted] = {}
         self._uses = {}
         for (number, layer), used in by_layer.items():
@@ -66,7 +66,7 @@ class ArrayArrivals:
         return wanted
 
     def begin(self, resident: Callable[[Hashable], bool]) -> np.ndarray:
-        """Return the maps as they are with what is there already."""
+        """Return the maps for the layers that are resident."""
         self.maps = self._plan.maps.copy() if self._streams else self._plan.maps
         for place, used in self._uses.items() if self._streams else ():
             if not resident(place):
@@ -75,14 +75,14 @@ class ArrayArrivals:
         return self.maps
 
     def arrive(self, place: Hashable) -> None:
-        """Let the materials name a layer that has arrived."""
+        """Let materials refer to a layer that has arrived."""
         for use in self._uses.get(place, ()):  # type: ignore[call-overload]
             self.maps[use.material, use.role] = self._plan.maps[use.material, use.role]
         self.revision += 1
 
 
 def array_name(scene: Scene, array: ArrayTexture) -> str:
-    """Return the name of an array whose layers are still to come."""
+    """Return the debug name of an array that is created before its layers arrive."""
     return texels.array_name(
         [
             texels.texels_of(scene, "placeholder", key) if key[0] == "neutral" else scene.images[key[1]]

@@ -1,4 +1,4 @@
-"""How large materials are on the screen: what is seen first is loaded first."""
+"""The size of materials on the screen: the largest ones are loaded first."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from common.view.camera import Perspective, View
 
 
 def material_sizes(scene: Scene, records: np.ndarray, view: View) -> np.ndarray:
-    """Return (M,) the largest radius of an object with each material, in heights of the picture; 0: none is seen.
+    """Return (M,) the largest radius of the objects of each material, in heights of the picture; 0: none is visible.
 
-    `records` (I,) are the instances' Instance records. An object is its bounding sphere, and counts for a tenth where
-    that lies outside of the cone around the view: the camera turns faster than files are read.
+    `records` (I,) are the instances' Instance records. The size of an object is that of its bounding
+    sphere. A sphere outside the cone around the view counts a tenth: the camera turns faster than files are read.
     """
     sizes = np.zeros(len(scene.materials))
     if not len(records):
@@ -25,7 +25,7 @@ def material_sizes(scene: Scene, records: np.ndarray, view: View) -> np.ndarray:
         distance = np.linalg.norm(seen, axis=1)
         reach = np.tan(view.projection.yfov / 2)
         size = radius / (2.0 * reach * np.maximum(distance, np.maximum(radius, view.projection.near)))
-        # The cone is as wide as a picture twice as wide as high.
+        # The cone contains a picture that is twice as wide as high.
         beside = (
             np.sqrt(np.maximum(distance**2 - ahead**2, 0.0)) - 2.3 * reach * np.maximum(ahead, 0.0) > radius
         )

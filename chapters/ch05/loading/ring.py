@@ -1,4 +1,4 @@
-"""A ring of bytes: ranges are taken one after the other, and given back in the order in which they were taken."""
+"""A ring buffer of bytes: ranges are allocated in order, and freed in the same order."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from common.numerics.allocators import align_up
 
 
 class Ring:
-    """Hands out ranges of [0, capacity) that never overlap while in use. None wraps: a copy reads it in one piece.
+    """Allocates ranges of [0, capacity) that do not overlap while in use. No range wraps around the end.
 
-    `head` and `tail` only grow; modulo the capacity they are where the next range begins, and the oldest in use.
+    `head` and `tail` only grow. Modulo the capacity, `head` is the begin of the next range and `tail` that of the
+    oldest.
     """
 
     def __init__(self, capacity: int) -> None:
@@ -19,17 +20,17 @@ class Ring:
 
     @property
     def used(self) -> int:
-        """Bytes in use, with what was left out for alignment and at the end of the ring."""
+        """Bytes in use, including gaps for alignment and at the end of the ring."""
         return self.head - self.tail
 
     def take(self, wanted: Callable[[int], int], alignment: int) -> tuple[int, int] | None:
         """Return (offset, bytes) of a new range, or None.
 
-        `wanted` is told how many bytes there are in one piece and says how many of them to take. It is asked for the
-        room behind the last range, and if it wants none of that, once more for the room from the ring's begin.
+        `wanted` gets the number of contiguous free bytes and returns the number to allocate. It is called for the room
+        after the last range, and if it returns 0, again for the room at the begin of the ring.
         """
         if not self.used:
-            # On to the next lap, never back: a submission without bytes may still fly, and `free_to` gets its mark.
+            # `head` never goes back: a submission without bytes may be in flight, and `free_to` gets its mark.
             self.head = self.tail = align_up(self.head, self.capacity)
         place = self.head % self.capacity
         lap = self.head - place
@@ -43,13 +44,13 @@ class Ring:
         return None
 
     def free_to(self, mark: int) -> None:
-        """Give back all that was taken before `head` was `mark`."""
+        """Free all ranges that were allocated before `head` was `mark`."""
         self.tail = max(self.tail, mark)
 
 
 def rows_that_fit(rows: int, row_bytes: int, step: int, room: int) -> int:
-    """Return how many of `rows` are copied at once into `room` bytes: all, else a multiple of `step`, perhaps 0.
+    """Return how many of `rows` fit into `room` bytes: all, else a multiple of `step`, perhaps 0.
 
-    Some queues copy images only in tiles of so many rows (minImageTransferGranularity), down to the image's end.
+    Some queues copy images only in tiles of `step` rows (minImageTransferGranularity), except at the end of the image.
     """
     return rows if rows * row_bytes <= room else room // (row_bytes * step) * step

@@ -1,9 +1,9 @@
-"""The barriers around a copy into an image, and those that hand it from one family of queues to another.
+"""The barriers around a copy into an image, and its queue family ownership transfer.
 
-Queues of one family share what they have. Between families an image changes its owner, and for that the same barrier
-is recorded twice: on the giver's queue, after the copy (release), and on the taker's, before the first use (acquire).
-Both name the same layouts and families, and the layout changes once. A semaphore between the two submissions says
-which comes first. Where there is one family, one barrier does both, and names none.
+Queues of one family share their images. Between families the ownership of an image is transferred by two barriers: a
+release on the source queue after the copy, and an acquisition on the destination queue before the first use. Both name
+the same layouts and families, and the layout transition happens once. A semaphore orders the two submissions. With one
+family, one barrier is enough, and it names no family.
 """
 
 from __future__ import annotations
@@ -37,18 +37,17 @@ def part_barrier(part: Part, before: str, after: str, *, discard: bool = False) 
 
 
 def before_copy(part: Part, held: bool) -> Any:
-    """Return the barrier before the first copy: what the part held is given up.
+    """Return the barrier before the first copy; it discards the contents of the part.
 
-    Of a new image nothing is waited for. One that is `held`, a layer of an array that frames draw with, was at least
-    bound by those before.
+    A new image needs no wait. One that is `held` (a layer of an array that frames have bound) waits for those frames.
     """
     return part_barrier(part, "sampled" if held else "undefined", "copy_target", discard=True)
 
 
 def after_copy(part: Part, giver: int, taker: int) -> tuple[Any, Any]:
-    """Return the barriers (release, acquire) after the last copy, by queues of the families `giver` and `taker`.
+    """Return the barriers (release, acquire) after the last copy, from family `giver` to family `taker`.
 
-    With one family there is no second one: (barrier, None).
+    With one family it returns (barrier, None).
     """
     copied, read = (_COPY.stages, _COPY.access), (_SAMPLED.stages, _SAMPLED.access)
     layouts = (_COPY.layout, _SAMPLED.layout)
@@ -56,7 +55,7 @@ def after_copy(part: Part, giver: int, taker: int) -> tuple[Any, Any]:
         return _barrier(part, copied, read, *layouts), None
     families = (giver, taker)
     release = _barrier(part, copied, (vk.VK_PIPELINE_STAGE_2_NONE, 0), *layouts, families)
-    # ALL_COMMANDS is what the submission waits at: the change of layout comes after the semaphore.
+    # The submission waits at ALL_COMMANDS, so the layout transition follows the semaphore.
     acquire = _barrier(part, (vk.VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT, 0), read, *layouts, families)
     return release, acquire
 
