@@ -84,7 +84,9 @@ class SceneData:
         for material, variant in zip(self._scene.materials, self.variants, strict=True):
             textures = material.textures()
             used = [(role, textures[role]) for role in variant.roles if role in textures]
-            kinds.append((variant, [(texels.key_of(role, one), one.sampler) for role, one in used]))
+            kinds.append(
+                (variant, [(texels.key_of(role, texture), texture.sampler) for role, texture in used])
+            )
         return kinds
 
     def follow_materials(self) -> bool:

@@ -84,10 +84,10 @@ def build_draw_lists(
             solid.setdefault(order, []).append(instance)
 
     def batch(instances: list[int], material: int, mirror: bool) -> Batch:
-        found = meshes[scene.instances.mesh[instances]]
-        columns = (found[name].tolist() for name in ("index_count", "first_index", "first_vertex"))
+        drawn = meshes[scene.instances.mesh[instances]]
+        columns = (drawn[name].tolist() for name in ("index_count", "first_index", "first_vertex"))
         ranges = (Range(*row) for row in zip(instances, *columns, strict=True))
-        return Batch(material, mirror, [make_draw(one) for one in ranges])
+        return Batch(material, mirror, [make_draw(each) for each in ranges])
 
     ordered = sorted(solid.items())
     batches = [batch(instances, order[2], order[3]) for order, instances in ordered]

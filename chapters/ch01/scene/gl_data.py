@@ -56,7 +56,7 @@ class GlSceneData(SceneData):
 
     def __init__(self, context: Context, scene: Scene, settings: Settings, anisotropy: float) -> None:
         self._context = context
-        # It refuses what cannot be drawn, before anything is made that would be left behind.
+        # It refuses what cannot be drawn, before it creates anything that would be left behind.
         super().__init__(scene, settings, anisotropy, context.limits["maxImageDimension2D"])
         self._images: dict[texels.Key, Image] = {}
         self._samplers: dict[tuple[Sampler, float], int] = {}
@@ -69,7 +69,7 @@ class GlSceneData(SceneData):
         self._keep_textures()
         self.followed()
 
-    # --- made once ---
+    # --- created once ---
 
     def _upload_geometry(self) -> None:
         scene, context = self._scene, self._context
@@ -102,17 +102,17 @@ class GlSceneData(SceneData):
 
     def _make_slot(self, index: int) -> _Slot:
         sizes = records.buffer_sizes(self._scene)
-        made = {
+        buffers = {
             name: create_buffer(self._context, size, "upload", f"{name}, slot {index}")
             for name, size in sizes.items()
             if name != "lights" or self.lit
         }
         copy = index % len(self._geometry)
         return _Slot(
-            frame=made["frame"],
-            instances=made["instances"],
-            materials=made["materials"],
-            lights=made.get("lights"),
+            frame=buffers["frame"],
+            instances=buffers["instances"],
+            materials=buffers["materials"],
+            lights=buffers.get("lights"),
             geometry=self._geometry[copy],
             vertex_array=self._vertex_arrays[copy],
         )
@@ -127,8 +127,8 @@ class GlSceneData(SceneData):
         with Uploader(context) as uploader:
             for key, role in wanted.items():
                 if key not in self._images:
-                    made = texels.texels_of(self._scene, role, key, mended)
-                    self._images[key] = self._upload(uploader, made)
+                    loaded = texels.texels_of(self._scene, role, key, mended)
+                    self._images[key] = self._upload(uploader, loaded)
         for key in self._images.keys() - wanted.keys():
             destroy_image(context, self._images.pop(key))  # OpenGL itself waits for the GPU's use
         self._bound: list[Textures] = []
@@ -143,21 +143,21 @@ class GlSceneData(SceneData):
                 bound.append((ROLES.index(role), image.view, sampler))
             self._bound.append(tuple(bound))
 
-    def _upload(self, uploader: Uploader, made: texels.Texels) -> Image:
-        height, width = made.pixels.shape[:2]
+    def _upload(self, uploader: Uploader, loaded: texels.Texels) -> Image:
+        height, width = loaded.pixels.shape[:2]
         image = create_image(
             self._context,
-            made.format,
+            loaded.format,
             (width, height),
-            made.name,
-            levels=made.levels,
-            view_format=made.view_format,
+            loaded.name,
+            levels=loaded.levels,
+            view_format=loaded.view_format,
         )
-        uploader.image(image, made.pixels, srgb=made.srgb)
+        uploader.image(image, loaded.pixels, srgb=loaded.srgb)
         return image
 
     def sampler(self, described: Sampler, anisotropy: float) -> int:
-        """Return the sampler of this description, made at its first use."""
+        """Return the sampler of this description, created at its first use."""
         key = (described, anisotropy)
         if key not in self._samplers:
             filters = f"{described.min}/{described.mag}/{described.mipmap}"
@@ -165,7 +165,7 @@ class GlSceneData(SceneData):
             self._samplers[key] = create_sampler(self._context, described, anisotropy, name)
         return self._samplers[key]
 
-    # --- made anew when a material becomes another kind ---
+    # --- created again when a material changes its variant ---
 
     def _replace(self, streams_changed: bool) -> None:
         """Upload what the materials need now, and give up what they no longer need."""
@@ -209,7 +209,7 @@ class GlSceneData(SceneData):
 
     @property
     def samplers(self) -> int:
-        """Samplers that were made."""
+        """The number of samplers."""
         return len(self._samplers)
 
     # --- for every frame ---

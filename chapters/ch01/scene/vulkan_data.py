@@ -174,13 +174,13 @@ class VulkanSceneData(SceneData):
             wanted.append((self.material_bindings(variant), held, f"material {index} {material.name}"))
         self._sets = self._descriptors.create(wanted)
         sets = self._sets.handles
-        self.frame_sets = [vk.array("VkDescriptorSet", [made]) for made in sets[:SLOTS]]
+        self.frame_sets = [vk.array("VkDescriptorSet", [handle]) for handle in sets[:SLOTS]]
         self._material_sets = {
-            index: vk.array("VkDescriptorSet", [made])
-            for index, made in zip(textured, sets[SLOTS:], strict=True)
+            index: vk.array("VkDescriptorSet", [handle])
+            for index, handle in zip(textured, sets[SLOTS:], strict=True)
         }
 
-    # --- made anew when a material becomes another kind ---
+    # --- created again when a material changes its variant ---
 
     def _replace(self, streams_changed: bool) -> None:
         """Upload and make sets anew; frames in flight still read the old ones, which are therefore deleted later."""

@@ -53,9 +53,9 @@ def create_environment(context: Context, environment: Environment, sizes: Sizes)
     with ExitStack() as failed:
 
         def image(edge: int, name: str, levels: int = 1, shape: Any = "cube") -> Image:
-            made = create_image(context, logic.FORMAT, (edge, edge), name, shape=shape, levels=levels)
-            failed.callback(destroy_image, context, made)
-            return made
+            image = create_image(context, logic.FORMAT, (edge, edge), name, shape=shape, levels=levels)
+            failed.callback(destroy_image, context, image)
+            return image
 
         radiance = image(sizes.face, "environment radiance", sizes.levels)
         irradiance = image(sizes.irradiance_face, "environment irradiance")
@@ -73,8 +73,8 @@ def create_environment(context: Context, environment: Environment, sizes: Sizes)
         key = logic.table_key(sizes)
         texels_of_table = logic.read_table(key, sizes)
         if texels_of_table is None:
-            made, made_ms["table"] = _make_table(context, sizes, table)
-            logic.write_table(key, made)
+            values, made_ms["table"] = _make_table(context, sizes, table)
+            logic.write_table(key, values)
         else:
             write_image(context, table, texels_of_table)
         failed.pop_all()
@@ -115,7 +115,7 @@ def _make_maps(
             levels=sizes.source_levels,
         )
         stack.callback(destroy_image, context, source)
-        samplers = [create_sampler(context, one, 1.0, "environment") for one in (PANORAMA, SMOOTH)]
+        samplers = [create_sampler(context, how, 1.0, "environment") for how in (PANORAMA, SMOOTH)]
         for sampler in samplers:
             stack.callback(context.destroy, "sampler", sampler)
         write_image(context, panorama, logic.panorama_texels(environment, scale))
@@ -126,15 +126,17 @@ def _make_maps(
             bind_storage_image(context, 0, target, level=level)
             context.push(push)
             fn.glDispatchCompute(*logic.groups(target.width >> level))
-            fn.glMemoryBarrier(gl.GL_TEXTURE_FETCH_BARRIER_BIT)  # the next kernel reads what this one stored
+            fn.glMemoryBarrier(
+                gl.GL_TEXTURE_FETCH_BARRIER_BIT
+            )  # the next kernel reads the stores of this kernel
 
         for name in logic.KERNELS:  # compiled before the clock runs
             _program(programs, name)
         fn.glFinish()
         began = clock.perf_counter()
         first = logic.push((sizes.face, logic.points_per_edge(environment, sizes)))
-        for made in (source, radiance):  # the mirror's level is the environment itself
-            run("cube", panorama.view, samplers[0], made, 0, first)
+        for cube in (source, radiance):  # level 0 is the environment itself
+            run("cube", panorama.view, samplers[0], cube, 0, first)
         for level in range(1, sizes.source_levels):
             above = create_view(context, source, logic.FORMAT, level=level - 1, levels=1)
             run("mips", above, samplers[1], source, level, logic.push((sizes.face >> level,)))

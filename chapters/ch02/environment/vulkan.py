@@ -73,11 +73,11 @@ def create_environment(device: Device, environment: Environment, sizes: Sizes) -
 
         def image(edge: int, name: str, levels: int = 1, layers: int = 6) -> Image:
             flags = vk.VK_IMAGE_CREATE_CUBE_COMPATIBLE_BIT if layers == 6 else 0
-            made = create_image(
+            image = create_image(
                 device, logic.FORMAT, (edge, edge), _USAGE, name, levels=levels, layers=layers, flags=flags
             )
-            failed.callback(destroy_image, device, made)
-            return made
+            failed.callback(destroy_image, device, image)
+            return image
 
         radiance = image(sizes.face, "environment radiance", sizes.levels)
         irradiance = image(sizes.irradiance_face, "environment irradiance")
@@ -130,7 +130,7 @@ def _kernel(device: Device, name: str, dispatches: int = 1) -> Kernel:
     path = logic.SHADERS / f"{name}.comp"
     source = shader_text.build(path, "vulkan", defines={"FORMAT": logic.FORMAT})
     declared = parse(compile_shader(source))
-    kinds: Any = [one.kind for one in sorted(declared.resources, key=lambda one: one.binding)]
+    kinds: Any = [it.kind for it in sorted(declared.resources, key=lambda it: it.binding)]
     return Kernel(device, source, kinds, declared.push.size if declared.push else 0, dispatches)
 
 
@@ -149,9 +149,9 @@ def _make_maps(
     with ExitStack() as stack:
 
         def image(size: tuple[int, int], name: str, **more: Any) -> Image:
-            made = create_image(device, logic.FORMAT, size, _USAGE, name, **more)
-            stack.callback(destroy_image, device, made)
-            return made
+            image = create_image(device, logic.FORMAT, size, _USAGE, name, **more)
+            stack.callback(destroy_image, device, image)
+            return image
 
         def sampler(described: Sampler, name: str) -> Any:
             handle = create_sampler(device, described, 1.0, name)
@@ -159,9 +159,9 @@ def _make_maps(
             return handle
 
         def kernel(name: str, dispatches: int) -> Kernel:
-            made = _kernel(device, name, dispatches)
-            stack.callback(made.close)
-            return made
+            kernel = _kernel(device, name, dispatches)
+            stack.callback(kernel.close)
+            return kernel
 
         panorama = image((width, height), "panorama")
         source = image(
@@ -185,12 +185,12 @@ def _make_maps(
 
         began = clock.perf_counter()  # all of it is one submission that is waited for
         with submit_once(device) as commands:
-            for made in (source, radiance, irradiance):
-                transition(device, commands, made, "undefined", "storage")
+            for cube in (source, radiance, irradiance):
+                transition(device, commands, cube, "undefined", "storage")
             points = logic.points_per_edge(environment, sizes)
-            for made in (source, radiance):  # the mirror's level is the environment itself
+            for cube in (source, radiance):  # level 0 is the environment itself
                 first = logic.push((sizes.face, points))
-                to_cube.record(commands, (seen, level_of(made, 0)), logic.groups(sizes.face), first)
+                to_cube.record(commands, (seen, level_of(cube, 0)), logic.groups(sizes.face), first)
             _finish_level(device, commands, source, 0)
             for level in range(1, sizes.source_levels):
                 edge = sizes.face >> level
@@ -209,8 +209,8 @@ def _make_maps(
                 last = sizes.source_levels - 1
                 lobe = logic.push((edge, last), roughness * roughness, logic.level_part(sizes, level))
                 to_radiance.record(commands, (whole, level_of(radiance, level)), logic.groups(edge), lobe)
-            for made in (radiance, irradiance):
-                transition(device, commands, made, "storage", "sampled")
+            for cube in (radiance, irradiance):
+                transition(device, commands, cube, "storage", "sampled")
         made_ms = (clock.perf_counter() - began) * 1e3
         return Maps(read_levels(device, radiance), read_levels(device, irradiance)[0], scale), made_ms
 
@@ -232,8 +232,8 @@ def _make_table(device: Device, sizes: Sizes, table: Image) -> tuple[np.ndarray,
 
 
 def _finish_level(device: Device, commands: Any, image: Image, level: int) -> None:
-    made = barriers(image_barrier(image.handle, image.aspect, "storage", "sampled", level, 1))
-    device.fn.vkCmdPipelineBarrier2(commands, made)
+    dependency = barriers(image_barrier(image.handle, image.aspect, "storage", "sampled", level, 1))
+    device.fn.vkCmdPipelineBarrier2(commands, dependency)
 
 
 # --- to and from arrays ---

@@ -66,7 +66,7 @@ class GlSceneData(SceneData):
         self._keep_textures()
         self.followed()
 
-    # --- made once ---
+    # --- created once ---
 
     def _upload_geometry(self) -> None:
         scene, context = self._scene, self._context
@@ -108,26 +108,26 @@ class GlSceneData(SceneData):
 
     def _make_slot(self, index: int) -> _Slot:
         sizes = records.buffer_sizes(self._scene)
-        made = {
+        buffers = {
             name: create_buffer(self._context, size, "upload", f"{name}, slot {index}")
             for name, size in sizes.items()
             if name != "lights" or self.lit
         }
         size = max(1, len(self._scene.instances)) * COMMAND.itemsize
         return _Slot(
-            frame=made["frame"],
-            instances=made["instances"],
-            materials=made["materials"],
-            lights=made.get("lights"),
+            frame=buffers["frame"],
+            instances=buffers["instances"],
+            materials=buffers["materials"],
+            lights=buffers.get("lights"),
             commands=create_buffer(self._context, size, "upload", f"draws, slot {index}"),
         )
 
     def _keep_textures(self) -> None:
         """Make the arrays that are new, give up those that no material reads, and note what each set binds."""
         context = self._context
-        found = uses(self._scene, self.variants)
-        self._plan = plan_arrays(self._scene, found, context.limits["maxImageArrayLayers"])
-        roles = image_roles(found)
+        sampled = uses(self._scene, self.variants)
+        self._plan = plan_arrays(self._scene, sampled, context.limits["maxImageArrayLayers"])
+        roles = image_roles(sampled)
         with Uploader(context) as uploader:
             for array in self._plan.arrays:
                 if array not in self._images:
@@ -146,24 +146,24 @@ class GlSceneData(SceneData):
 
     def _upload(self, uploader: Uploader, array: ArrayTexture, roles: dict[texels.Key, str]) -> Image:
         mended = views.mends_texels(self._settings)
-        made = [texels.texels_of(self._scene, roles[key], key, mended) for key in array.layers]
+        loaded = [texels.texels_of(self._scene, roles[key], key, mended) for key in array.layers]
         shape = array.shape
         image = create_image(
             self._context,
             shape.format,
             (shape.width, shape.height),
-            texels.array_name(made),
+            texels.array_name(loaded),
             shape="array",
             levels=shape.levels,
-            layers=len(made),
+            layers=len(loaded),
             view_format=shape.view_format,
             swizzle=shape.swizzle,
         )
-        uploader.image(image, [one.pixels for one in made], srgb=made[0].srgb)
+        uploader.image(image, [layer.pixels for layer in loaded], srgb=loaded[0].srgb)
         return image
 
     def sampler(self, described: Sampler, anisotropy: float) -> int:
-        """Return the sampler of this description, made at its first use."""
+        """Return the sampler of this description, created at its first use."""
         key = (described, anisotropy)
         if key not in self._samplers:
             filters = f"{described.min}/{described.mag}/{described.mipmap}"
@@ -171,7 +171,7 @@ class GlSceneData(SceneData):
             self._samplers[key] = create_sampler(self._context, described, anisotropy, name)
         return self._samplers[key]
 
-    # --- made anew when a material becomes another kind ---
+    # --- created again when a material changes its variant ---
 
     def _replace(self, streams_changed: bool) -> None:
         """Upload what the materials need now, and give up what they no longer need."""
@@ -212,7 +212,7 @@ class GlSceneData(SceneData):
 
     @property
     def samplers(self) -> int:
-        """Samplers that were made."""
+        """The number of samplers."""
         return len(self._samplers)
 
     # --- for every frame ---

@@ -202,11 +202,11 @@ class VulkanSceneData(SceneData):
         ]
         if frames or paged:
             self._sets.append(self._descriptors.create([*frames, *paged]))
-            made = [vk.array("VkDescriptorSet", [one]) for one in self._sets[0].handles]
-            self._frame_sets = made[: len(frames)]
-            self._page_sets = made[len(frames) :]
+            sets = [vk.array("VkDescriptorSet", [handle]) for handle in self._sets[0].handles]
+            self._frame_sets = sets[: len(frames)]
+            self._page_sets = sets[len(frames) :]
 
-    # --- made anew when a material becomes another kind ---
+    # --- created again when a material changes its variant ---
 
     def _replace(self, streams_changed: bool) -> None:
         """Upload anew; frames in flight still read the old images and streams, which are therefore deleted later."""
@@ -287,7 +287,7 @@ class VulkanSceneData(SceneData):
                 commands, held.staging.handle, target, len(copies), vk.array("VkBufferCopy", copies)
             )
         write = (vk.VK_PIPELINE_STAGE_2_ALL_TRANSFER_BIT, vk.VK_ACCESS_2_TRANSFER_WRITE_BIT)
-        # Indices lie in the same buffer: nobody sees from outside which of its bytes an indirect draw reads.
+        # Indices are in the same buffer, and an indirect draw may read any of its bytes.
         read = (
             vk.VK_PIPELINE_STAGE_2_VERTEX_SHADER_BIT | vk.VK_PIPELINE_STAGE_2_INDEX_INPUT_BIT,
             vk.VK_ACCESS_2_SHADER_STORAGE_READ_BIT | vk.VK_ACCESS_2_INDEX_READ_BIT,

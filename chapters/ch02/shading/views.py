@@ -192,7 +192,7 @@ def depth_use(settings: Settings, variant: Variant) -> Literal["write", "test"]:
 def depth_target(settings: Settings) -> str:
     """Return the target of the forward pass's depth: "depth" where it is the frame's, and one that others may read.
 
-    Where it has several samples, or nothing writes it, whoever asks for the frame's gets that of the instances' pass.
+    If it has several samples, or no pass writes it, the output is the depth of the instance-id pass.
     """
     if settings.shading.msaa > 1:
         return "depth_msaa"

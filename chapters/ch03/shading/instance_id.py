@@ -1,4 +1,4 @@
-"""The instance-id pass: which object is nearest at each pixel, drawn only when somebody asks for it."""
+"""The instance-id pass: which object is nearest at each pixel, drawn only if it is an output."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class InstanceIdPass(ObjectsPass):
 
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:
-        """Whether there is anything to tell apart; whether anybody asks is known from the outputs."""
+        """Whether the scene has instances; the outputs decide whether the pass is used."""
         return len(scene.instances) > 0
 
     def describe(self, variant: Variant) -> PipelineDescription:

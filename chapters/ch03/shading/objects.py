@@ -42,8 +42,8 @@ class ObjectsPass(Pass):
     def create(self) -> None:
         """Build the pipelines of all materials that are drawn, and no other; again when one became another kind."""
         self._draws.forget()
-        found = dict.fromkeys(self._data.variants[material] for material in self._draws.used)
-        kinds = [variant for variant in found if self.takes(variant)]
+        variants = dict.fromkeys(self._data.variants[material] for material in self._draws.used)
+        kinds = [variant for variant in variants if self.takes(variant)]
         self.pipelines = self._pipelines.get([self.describe(variant) for variant in kinds])
         self._built = dict(zip(kinds, self.pipelines, strict=True))
 

@@ -1,4 +1,4 @@
-"""What has to end before what: which tasks can begin, which cannot end well any more, and who waits for whom."""
+"""The order of tasks: which of them can begin, which can no longer succeed, and which threads wait for them."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Order:
                 later.unmet -= 1
                 if later.unmet == 0:
                     open_.append(later)
-            # Who keeps a task for its result keeps neither what it was made of nor the tasks of frames long gone.
+            # A task that is kept for its result must not keep its inputs, nor the tasks of old frames.
             task.call, task.after, task.dependents, task.parts = None, (), [], []
 
     def _make_ready(self, task: Task[Any]) -> None:
@@ -116,7 +116,7 @@ class Order:
 
     def end_wait(self, wait: Wait, waiting: Task[Any] | None) -> None:
         """Offer nothing more to `wait`."""
-        self._waits = [one for one in self._waits if one is not wait]
+        self._waits = [other for other in self._waits if other is not wait]
         if waiting is not None:
             waiting.waits_for = None
 
@@ -143,10 +143,10 @@ def _needed_for(task: Task[Any]) -> dict[Task[Any], Task[Any] | None]:
     needed: dict[Task[Any], Task[Any] | None] = {task: None}
     open_ = [task]
     while open_:
-        one = open_.pop()
-        for below in (*one.after, *((one.waits_for,) if one.waits_for else ())):
+        task = open_.pop()
+        for below in (*task.after, *((task.waits_for,) if task.waits_for else ())):
             if not below.ended and below not in needed:
-                needed[below] = one
+                needed[below] = task
                 open_.append(below)
     return needed
 

@@ -36,7 +36,7 @@ class Failure:
 
 @dataclass(eq=False)
 class Task(Generic[T]):
-    """One run of some work. `name` and `state` are for everyone to read; all else is the scheduler's, under its lock.
+    """One run of some work. Any thread may read `name` and `state`; all else belongs to the scheduler, under its lock.
 
     `call` gets the index of the thread. A task without one ends by itself when the last of `after` has ended.
     """

@@ -80,7 +80,7 @@ class GlSceneData(SceneData):
             raise
         self.followed()
 
-    # --- made once ---
+    # --- created once ---
 
     def _upload_geometry(self) -> None:
         scene, context = self._scene, self._context
@@ -122,31 +122,31 @@ class GlSceneData(SceneData):
 
     def _make_slot(self, index: int) -> _Slot:
         sizes = records.buffer_sizes(self._scene)
-        made = {
+        buffers = {
             name: create_buffer(self._context, size, "upload", f"{name}, slot {index}")
             for name, size in sizes.items()
             if name != "lights" or self.lit
         }
         size = max(1, len(self._scene.instances)) * COMMAND.itemsize
         return _Slot(
-            frame=made["frame"],
-            instances=made["instances"],
-            materials=made["materials"],
-            lights=made.get("lights"),
+            frame=buffers["frame"],
+            instances=buffers["instances"],
+            materials=buffers["materials"],
+            lights=buffers.get("lights"),
             commands=create_buffer(self._context, size, "upload", f"draws, slot {index}"),
         )
 
     def _keep_textures(self) -> None:
         """Make the arrays that are new, give up those that no material reads, and note what each set binds."""
         context = self._context
-        found = uses(self._scene, self.variants)
-        self._plan = self._arrivals.plan(found, context.limits["maxImageArrayLayers"])
+        sampled = uses(self._scene, self.variants)
+        self._plan = self._arrivals.plan(sampled, context.limits["maxImageArrayLayers"])
         for array in self._plan.arrays:
             if array not in self._images:
                 self._images[array] = self._make(array)
         self._numbered = {image.handle: image for image in self._images.values()}
         ids = {array: image.handle for array, image in self._images.items()}
-        self._loader.want(self._arrivals.wanted(self._plan, found, image_roles(found), ids))
+        self._loader.want(self._arrivals.wanted(self._plan, sampled, image_roles(sampled), ids))
         for array in self._images.keys() - set(self._plan.arrays):
             destroy_image(context, self._images.pop(array))  # OpenGL itself waits for the GPU's use
         self.records.maps = self._arrivals.begin(self._loading.resident)
@@ -173,8 +173,8 @@ class GlSceneData(SceneData):
             swizzle=shape.swizzle,
         )
         for number, key in enumerate(array.layers if array == placeholders.ARRAY else ()):
-            made = texels.texels_of(self._scene, "placeholder", key)
-            write_image(self._context, image, made.pixels, layer=number)
+            neutral = texels.texels_of(self._scene, "placeholder", key)
+            write_image(self._context, image, neutral.pixels, layer=number)
         return image
 
     def place(self, request: Request) -> tuple[Image, int]:
@@ -193,7 +193,7 @@ class GlSceneData(SceneData):
         return self._arrivals.revision
 
     def sampler(self, described: Sampler, anisotropy: float) -> int:
-        """Return the sampler of this description, made at its first use."""
+        """Return the sampler of this description, created at its first use."""
         key = (described, anisotropy)
         if key not in self._samplers:
             filters = f"{described.min}/{described.mag}/{described.mipmap}"
@@ -201,7 +201,7 @@ class GlSceneData(SceneData):
             self._samplers[key] = create_sampler(self._context, described, anisotropy, name)
         return self._samplers[key]
 
-    # --- made anew when a material becomes another kind ---
+    # --- created again when a material changes its variant ---
 
     def _replace(self, streams_changed: bool) -> None:
         """Upload what the materials need now, and give up what they no longer need."""
@@ -242,7 +242,7 @@ class GlSceneData(SceneData):
 
     @property
     def samplers(self) -> int:
-        """Samplers that were made."""
+        """The number of samplers."""
         return len(self._samplers)
 
     # --- for every frame ---

@@ -56,7 +56,7 @@ class Records:
         self.instances = np.zeros(0, layouts.dtype("Instance"))
         """The records that were written last."""
         self.revision = 0
-        """Grows whenever `instances` are other ones: who derives something from them need not look at them all."""
+        """Counts changes of `instances`, so that derived data need not compare all of them."""
         self.maps = np.zeros((len(scene.materials), 8), np.uint32)
         """Which texture each role of each material samples."""
 

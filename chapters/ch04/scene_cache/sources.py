@@ -1,11 +1,11 @@
-"""The files that a scene is made of, and whether they still say what they said when a cache was made of them.
+"""The source files of a scene, and whether they have changed since its cache was written.
 
-What counts is content: a cache is good as long as the bytes of every file are the same, wherever they were copied from.
-Reading 500 MB to find that out would cost a good part of what the cache saves, so the file system is asked first: size,
-time of change, time of change of the entry and number of the file. If all are as they were, nobody wrote to the file;
-the third cannot be set by a program, so a tool that puts the old time back (rsync, tar, touch) is seen. Clocks of file
-systems are coarse: where a file was written within two seconds of being hashed, it may have changed again without a
-trace, and its content is hashed every time.
+Contents decide: a cache is valid as long as the bytes of every file are the same. Reading 500 MB to check that would
+take much of the time that the cache saves, so the state in the file system is compared first: size, modification time,
+change time and inode. If all are equal, the file was not written. A program cannot set the change time, so tools that
+restore the modification time (rsync, tar, touch) are noticed. Clocks of file systems are coarse: a file that was
+written less than two seconds before it was hashed may have changed again unnoticed, so its contents are hashed every
+time.
 """
 
 from __future__ import annotations
@@ -42,12 +42,12 @@ def state_of(path: Path, folder: Path | None = None) -> State:
     With `folder`, what a link leads to outside that folder is absent as well, as it is when a scene is loaded.
     """
     try:
-        found = path.stat()
+        status = path.stat()
     except (OSError, ValueError):
         return State(*ABSENT)
-    if not stat.S_ISREG(found.st_mode) or (folder is not None and leads_outside(path, folder)):
+    if not stat.S_ISREG(status.st_mode) or (folder is not None and leads_outside(path, folder)):
         return State(*ABSENT)
-    return State(found.st_size, found.st_mtime_ns, found.st_ctime_ns, found.st_ino)
+    return State(status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino)
 
 
 def digest(path: Path) -> str:
@@ -75,8 +75,8 @@ def record(folder: Path, states: dict[str, State]) -> dict[str, Any]:
     there = [name for name, state in states.items() if state.size >= 0]
     hashes = dict(zip(there, digests(folder / name for name in there), strict=True))
     now = time.time_ns()
-    for name, state, found in zip(states, states.values(), _states(folder, states), strict=True):
-        if found != state:
+    for name, state, current in zip(states, states.values(), _states(folder, states), strict=True):
+        if current != state:
             raise ValueError(f"{name} changed")
     return {
         "names": list(states),
@@ -92,11 +92,11 @@ def same(folder: Path, kept: dict[str, Any]) -> bool:
     states = [State(*state) for state in kept["states"]]
     doubtful = []
     now = _states(folder, kept["names"])
-    for path, state, found, hashed in zip(paths, states, now, kept["digests"], strict=True):
-        if found.size != state.size:
+    for path, state, current, hashed in zip(paths, states, now, kept["digests"], strict=True):
+        if current.size != state.size:
             return False
         racy = max(state.changed_ns, state.entry_changed_ns) > kept["when_ns"] - RACY_NS
-        if found.size >= 0 and (found != state or racy):
+        if current.size >= 0 and (current != state or racy):
             doubtful.append((path, hashed))
     hashes = digests(path for path, _ in doubtful) if doubtful else []
     return hashes == [hashed for _, hashed in doubtful]

@@ -1,6 +1,6 @@
 """A loop with a thread for itself, such as the one that loads files: it sleeps until it is woken.
 
-Whoever gives it something to do wakes it, and whoever closes the scheduler stops it.
+A thread that gives it work wakes it; closing the scheduler stops it.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from .state import Task
 class PinnedLoop:
     """Calls `step` again and again on a pinned thread; `Scheduler.loop` makes one.
 
-    A loop that asked in every round whether there is something to do would take a core from those who have. This one
-    sleeps in the `get` of a queue: `wake` after giving it something to do, `stop` for its end.
+    A loop that polls for work would take a core from threads that have work. This one sleeps in the `get` of a queue:
+    call `wake` after giving it work, `stop` to end it.
     """
 
     task: Task[Any]

@@ -1,4 +1,4 @@
-"""The task scheduler: work with a name, what it comes after, and the thread on which it may run.
+"""The task scheduler: tasks with names, dependencies, and the threads on which they may run.
 
     with Scheduler(workers=3, pinned=("io",)) as tasks:
         image = tasks.spawn("decode wall.png", lambda: decode(path), pin="io")
@@ -6,25 +6,24 @@
         record = tasks.spawn_range("record", record_draws, count=1000, after=[cull])
         tasks.wait(record)  # record_draws(first, last, thread) was called for every part of 0 to 999
 
-The threads are those of the standard library's executors (`concurrent.futures`). What those lack is added here: an
-order between tasks, ranges, waiting that works meanwhile, and an index for every thread.
+The threads are those of the standard library's executors (`concurrent.futures`). This module adds dependencies between
+tasks, ranges, waiting that runs other tasks meanwhile, and an index for every thread.
 
-**Who may touch which pool.** Vulkan's pools, of commands as of descriptors, belong to one thread at a time. Therefore
-every thread that runs tasks has an index, from 0 to `threads` - 1, and no two ever have the same: 0 is the thread that
-made the scheduler, then come the workers, then the pinned threads. Whoever has a pool per index needs no lock. (A task
-that waits may have others run on top of it, on its thread and with its index, as a function has those that it calls.)
+**Pools per thread.** A Vulkan pool, of commands or of descriptors, belongs to one thread at a time. So every thread
+that runs tasks has a unique index from 0 to `threads` - 1: 0 is the thread that created the scheduler; then come the
+workers, then the pinned threads. With one pool per index no lock is needed. (A task that waits may run other tasks on
+top of itself, on its thread and with its index, as a function calls functions.)
 
-**What overlaps.** Python's interpreter lock lets one thread at a time run Python. C code that works for long without
-touching Python's objects gives the lock away meanwhile: Pillow while it decodes, zlib, reading files, hashing, the
-compilers of shaders and of pipelines, numpy on large arrays. Such work overlaps. Loops in Python, short calls into a
-driver and numpy on small arrays do not: on several threads they take as long as on one, and the changes between
-threads on top. On a build of Python without the lock (3.13t and later) all of it overlaps, and nothing here is
-different: what threads share is behind one lock of ours.
+**Overlap.** Python's interpreter lock lets one thread at a time run Python. C code that works for long without Python
+objects releases the lock: Pillow while it decodes, zlib, reading files, hashing, compilers of shaders and pipelines,
+numpy on large arrays. Such work overlaps. Python loops, short driver calls and numpy on small arrays do not: several
+threads take as long as one, plus the time of switching. A Python without the lock (3.13t and later) overlaps all of it,
+and this code stays the same: one lock protects the shared state.
 
-**How tasks end.** A task that raises has failed, and what comes after it is cancelled; other tasks go on. `wait` raises
-`TaskError` with the task's name, from what the task raised. Nothing interrupts a task that runs. When the scheduler is
-closed, by the end of `with`, by an exception or by Ctrl-C, what has begun is finished, what has not is cancelled, and
-all threads are joined.
+**The end of tasks.** A task that raises has failed, and the tasks after it are cancelled; other tasks go on. `wait`
+raises `TaskError` with the task's name, caused by the task's exception. Running tasks are not interrupted. When the
+scheduler is closed (by the end of `with`, an exception or Ctrl-C), running tasks finish, tasks that have not begun are
+cancelled, and all threads are joined.
 """
 
 from __future__ import annotations
@@ -51,7 +50,7 @@ from .state import Failure, Post, State, Task, Thread, Wait
 T = TypeVar("T")
 
 _PATIENCE_S = 0.1 if os.name == "nt" else None
-"""How long a wait sleeps at most. On Windows Ctrl-C does not end the sleep, and would be seen after it only."""
+"""The longest sleep of a wait. On Windows Ctrl-C does not end the sleep, and is handled after it."""
 
 
 def split(count: int, parts: int) -> list[tuple[int, int]]:
@@ -66,15 +65,15 @@ def split(count: int, parts: int) -> list[tuple[int, int]]:
 
 
 class Scheduler:
-    """Runs tasks on `workers` threads, on one thread for each name in `pinned`, and in whoever waits.
+    """Runs tasks on `workers` threads, on one thread for each name in `pinned`, and in threads that wait.
 
-    Without workers everything but pinned tasks runs inside of `wait`, in the thread that waits, and in the same order
-    every time. A thread that waits helps, but only with what it waits for: a frame that waits for its commands never
-    finds itself decoding a file, and since what is on top of a task is always needed by it, spawning and waiting may
-    be nested as deep as Python's stack allows, on any number of threads.
+    Without workers all tasks except pinned ones run inside `wait`, in the waiting thread, always in the same order. A
+    waiting thread only runs tasks that it waits for: a frame that waits for its commands never decodes a file. So a
+    task only runs tasks that it needs on top of itself, and spawning and waiting may be nested up to Python's stack
+    limit, on any number of threads.
 
-    Its threads wait for work until it is closed: use `with`, or call `close` in a `finally`. A program that does
-    neither does not end.
+    The threads wait for work until the scheduler is closed: use `with`, or call `close` in a `finally`. Otherwise the
+    program does not end.
     """
 
     def __init__(self, workers: int, pinned: Iterable[str] = (), trace: bool = False) -> None:
@@ -88,7 +87,7 @@ class Scheduler:
         self.records: list[Record] | None = [] if trace else None
         """What ran: name, start and length in ns, depth on the thread, index of the thread; by end."""
         self._origin_ns = time.perf_counter_ns()
-        self._unseen: dict[Failure, None] = {}  # errors that no one was told of
+        self._unseen: dict[Failure, None] = {}  # errors that were not raised yet
         self._loops: list[PinnedLoop] = []
         self._closing = False
         self._here = threading.local()
@@ -146,12 +145,14 @@ class Scheduler:
         and `split` do.
         """
         before = tuple(after)
-        made: list[Task[Any]] = []
+        range_parts: list[Task[Any]] = []
         for first, last in split(count, self._hands if parts is None else parts):
             call = partial(_part, work, first, last)
-            made.append(Task(f"{name}[{first}:{last}]", call, before, priority=priority, parts=made))
-        whole: Task[None] = Task(name, None, (*before, *made), parts=made)
-        self._add(*made, whole)
+            range_parts.append(
+                Task(f"{name}[{first}:{last}]", call, before, priority=priority, parts=range_parts)
+            )
+        whole: Task[None] = Task(name, None, (*before, *range_parts), parts=range_parts)
+        self._add(*range_parts, whole)
         return whole
 
     def join(self, name: str, after: Iterable[Task[Any]]) -> Task[None]:
@@ -167,7 +168,7 @@ class Scheduler:
         """
         loop = PinnedLoop(step)
         with self._lock:
-            self._loops = [one for one in self._loops if one.execute] + [loop]
+            self._loops = [other for other in self._loops if other.execute] + [loop]
         loop.task = self.spawn(name, loop.run, pin=pin)
         return loop
 
@@ -222,7 +223,7 @@ class Scheduler:
         except Exception as error:
             failure = Failure(task.name, error)
         except BaseException as error:
-            # Ctrl-C is for the thread that made the scheduler; nobody would see it end another one.
+            # Ctrl-C is for the thread that created the scheduler: in another thread it would go unnoticed.
             interrupt = error if thread is self._owner else None
             failure = Failure(task.name, None if interrupt else error)
         finally:
@@ -307,8 +308,8 @@ class Scheduler:
         """
         with self._lock:
             failure = Failure(task.name)
-            for one in (*task.parts, task):
-                self._order.give_up(one, failure)
+            for part in (*task.parts, task):
+                self._order.give_up(part, failure)
             return task.state in (State.WAITING, State.CANCELLED)
 
     @property
@@ -317,7 +318,7 @@ class Scheduler:
         return self._closing
 
     def check(self) -> None:
-        """Raise TaskError for tasks that have failed and that no one has waited for; it is raised once."""
+        """Raise TaskError for failed tasks that were not waited for; it is raised once."""
         with self._lock:
             faults = list(self._unseen)
             self._unseen.clear()

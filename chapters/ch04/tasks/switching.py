@@ -1,10 +1,9 @@
 """How soon Python's threads take turns while textures are decoded beside frames.
 
-One thread at a time runs Python. Calls into the driver let go of the interpreter, so that others run meanwhile, and a
-call that took a while then finds it taken: by a thread that decodes, which gives it back when it calls into a decoder
-itself, or when it has had it for the switch interval. That is 5 ms, as long as some frames, and a frame makes many such
-calls. While there are threads that decode for a renderer that draws, the interval is therefore short. Decoding loses
-next to nothing by that: most of it runs in C, without the interpreter.
+One thread at a time runs Python. A call into the driver releases the interpreter lock, and a decoding thread may take
+it. That thread releases the lock when it calls into a decoder, or after the switch interval. The default interval is
+5 ms, as long as some frames, and a frame makes many driver calls. So the interval is short while threads decode for a
+renderer that draws. Decoding loses almost nothing: most of it runs in C without the lock.
 """
 
 from __future__ import annotations
@@ -39,7 +38,7 @@ class QuickTurns:
             _users += 1
 
     def end(self) -> None:
-        """Put back what the interval was, if nobody else needs short ones."""
+        """Restore the interval, unless another renderer needs a short one."""
         global _users
         with _lock:
             if not self._begun:

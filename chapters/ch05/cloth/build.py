@@ -1,4 +1,4 @@
-"""From a mesh to a cloth: particles where vertices are, springs between them, masses from the area around each.
+"""A cloth from a mesh: particles at the vertices, springs between them, masses from the areas around them.
 
 Springs follow Provot ("Deformation constraints in a mass-spring model to describe rigid cloth behavior", 1995). In a
 grid of columns and rows each particle has twelve: four along the threads (stretch), four across the meshes (shear), and
@@ -66,7 +66,7 @@ def build_cloth(
     of vertices), kg_per_m2, stretch_n_per_m, shear_n_per_m, bend_n_per_m, damping_per_s, drag, thickness_m, friction.
 
     Vertices at one place are one particle; a vertex of no triangle is none. Particles are in the order in which their
-    first vertices stand. What is odd but can be simulated is told in `Cloth.warnings`.
+    first vertices stand. `Cloth.warnings` has a sentence for each property that was adapted.
 
     Raises SceneError for positions that are not finite, triangles and pins that name no vertex, a grid that does not
     fit the vertices, a cloth larger than MOST_METRES, and a mass, stiffness, damping, drag, thickness or friction that
@@ -144,16 +144,16 @@ def _whole(value: Any) -> TypeGuard[int]:
 def _stiffness(properties: Mapping[str, Any], name: str, warnings: list[str]) -> Float64:
     """Return (3,) newtons a metre by kind, within STIFFNESS."""
     least, most = STIFFNESS
-    found = []
+    stiffness = []
     for kind, default in zip(KINDS, (400.0, 60.0, 4.0), strict=True):
         asked = number_of(properties, f"{kind}_n_per_m", default, name)
-        found.append(min(max(asked, least), most))
-        if found[-1] != asked:
+        stiffness.append(min(max(asked, least), most))
+        if stiffness[-1] != asked:
             warnings.append(
-                f"The cloth {name} has {kind}_n_per_m = {asked:g}, which is taken as {found[-1]:g}: "
+                f"The cloth {name} has {kind}_n_per_m = {asked:g}, which is taken as {stiffness[-1]:g}: "
                 f"what can be simulated is {least:g} to {most:g}."
             )
-    return np.array(found)
+    return np.array(stiffness)
 
 
 def _weld(positions: Float64, faces: NDArray[np.int64]) -> tuple[Int32, NDArray[np.int64]]:
@@ -262,8 +262,8 @@ def _triangle_springs(positions: Float64, corners: Int32) -> tuple[Int32, NDArra
     inner = np.flatnonzero((low[1:] == low[:-1]) & (high[1:] == high[:-1]))
 
     def length(a: NDArray[np.int64], b: NDArray[np.int64]) -> Float64:
-        found: Float64 = np.linalg.norm(positions[a] - positions[b], axis=1)
-        return found
+        lengths: Float64 = np.linalg.norm(positions[a] - positions[b], axis=1)
+        return lengths
 
     own = length(low, high)
     others = np.maximum(length(low, facing), length(high, facing))

@@ -1,13 +1,13 @@
-"""What a frame says to the cloth's kernels, and which of them run in which order.
+"""The input of the cloth kernels in a frame, and the order of their dispatches.
 
 Three executions simulate the same bits:
 
-    thread      one invocation for each cloth does everything, one particle after the other; the oracle
-    group       one work group for each cloth, whose invocations share its particles and wait for each other
-    dispatch    a dispatch for every stage of every substep, over all cloths; each waits for the one before
+    thread      one invocation for each cloth, one particle after the other; the oracle
+    group       one work group for each cloth, with barriers between its invocations
+    dispatch    one dispatch for every stage of every substep, over all cloths, with barriers between them
 
-How many steps each cloth makes is read from the buffer `frame`. So a recorded `thread` or `group` serves any number of
-them, 0 too; a recorded `dispatch` serves any up to the `count` it was made for.
+The buffer `frame` has the number of steps of each cloth. So a recording of `thread` or `group` is valid for any number,
+0 included; one of `dispatch` is valid up to the `count` that it was recorded for.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from .types import Collider, Float64, Forces, State, Steps
 Execution = Literal["thread", "group", "dispatch"]
 
 LARGEST_GROUP = 1024
-"""Particles of the largest cloth that one work group simulates, where nobody says how."""
+"""Particles of the largest cloth that one work group simulates by default."""
 
 _SIMULATION = (
     *("table", "frame", "colliders", "positions", "velocities", "scratch"),
@@ -138,13 +138,13 @@ def frame_arrays(
     rows["run"] = np.stack(
         [moment.steps, flags, numbers * packed.colliders, np.full(len(cloths), len(colliders))], axis=1
     )
-    damping, drag = (np.array([getattr(one, name) for one in cloths]) for name in ("damping", "drag"))
+    damping, drag = (np.array([getattr(cloth, name) for cloth in cloths]) for name in ("damping", "drag"))
     rows["factors"][:, 0], rows["factors"][:, 1] = np.exp(-damping * h), np.exp(-damping * (h / 2))
     rows["factors"][:, 2], rows["factors"][:, 3] = forces.air_density * drag / 12, moment.steps * steps.dt
     rows["before"], rows["after"] = moment.before[:, :3], moment.after[:, :3]
     table = np.zeros((len(cloths), packed.colliders), COLLIDER)
-    for place, one in enumerate(colliders):
-        _write_collider(table[:, place], one, np.array([cloth.anchor for cloth in cloths]))
+    for place, collider in enumerate(colliders):
+        _write_collider(table[:, place], collider, np.array([cloth.anchor for cloth in cloths]))
     frame = np.concatenate([head.view(np.uint8), rows.view(np.uint8)])
     return {"frame": frame, "colliders": table.reshape(-1).view(np.uint8)}
 
@@ -206,12 +206,12 @@ def dispatches(packed: Packed, steps: Steps, count: int, execution: Execution) -
     if execution == "group":
         return [Dispatch(_loop(packed.group_size), (cloths, 1, 1))]
     particles = (math.ceil(packed.particles / THREADS), 1, 1)
-    made = [Dispatch(_stage("RESET_STAGE"), particles)]
+    ordered = [Dispatch(_stage("RESET_STAGE"), particles)]
 
     def over_particles(
         name: str, step: int, substep: int = 0, half: bool = False, at_end: bool = False
     ) -> None:
-        made.append(Dispatch(_stage(name), particles, (step, substep, int(half), int(at_end))))
+        ordered.append(Dispatch(_stage(name), particles, (step, substep, int(half), int(at_end))))
 
     for step in range(count):
         for substep in range(steps.substeps):
@@ -219,25 +219,25 @@ def dispatches(packed: Packed, steps: Steps, count: int, execution: Execution) -
             for iteration in range(steps.iterations if xpbd else 0):
                 for color, springs in enumerate(packed.color_counts):
                     groups = (math.ceil(springs / THREADS), 1, 1)
-                    made.append(
+                    ordered.append(
                         Dispatch(_stage("CONSTRAIN_STAGE"), groups, (step, substep, color, iteration))
                     )
             over_particles("END_STAGE", step, substep)
         if verlet:
             over_particles("BEGIN_STAGE", step, steps.substeps - 1, True, True)
             over_particles("END_STAGE", step, steps.substeps - 1, True, True)
-    return made
+    return ordered
 
 
 def surface_dispatches(packed: Packed, stats: bool = True) -> list[Dispatch]:
     """Return what writes normals, vertices and tangents into the pages, and what measures each cloth."""
-    made = [Dispatch(NORMALS, (math.ceil(packed.particles / THREADS), 1, 1))]
+    ordered = [Dispatch(NORMALS, (math.ceil(packed.particles / THREADS), 1, 1))]
     if stats:
-        made.append(Dispatch(_stats(packed.group_size), (len(packed.models), 1, 1), after=False))
+        ordered.append(Dispatch(_stats(packed.group_size), (len(packed.models), 1, 1), after=False))
     for number, (page, first, count) in enumerate(packed.vertex_runs):
         groups = (math.ceil(count / THREADS), 1, 1)
-        made.append(Dispatch(VERTICES, groups, (first, count, 0, 0), page, after=number == 0))
-    return made
+        ordered.append(Dispatch(VERTICES, groups, (first, count, 0, 0), page, after=number == 0))
+    return ordered
 
 
 def states_of(packed: Packed, positions: NDArray[np.float32], velocities: NDArray[np.float32]) -> list[State]:

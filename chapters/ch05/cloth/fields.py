@@ -1,4 +1,4 @@
-"""What a glTF file says of a node that is cloth, or in the way of cloth, and what can be wrong in it.
+"""The properties of cloth and colliders in a glTF file, and their checks.
 
     "extras": {"strata": {"cloth": {"pins": [0, 7], "kg_per_m2": 0.25, "stretch_n_per_m": 400, ...}}}
     "extras": {"strata": {"collider": {"shape": "sphere", "radius_m": 0.5}}}
@@ -28,7 +28,7 @@ CLOTH = (
     "thickness_m",
     "friction",
 )
-"""What a cloth may say of itself (see `build.build_cloth`, which checks the values)."""
+"""The properties of a cloth (`build.build_cloth` checks their values)."""
 
 SHAPES = ("sphere", "plane", "box")
 MOST_RADIUS = 1e6
@@ -36,23 +36,23 @@ MOST_RADIUS = 1e6
 
 
 def properties(nodes: Nodes, name: str) -> dict[int, Any]:
-    """Return by node what `extras.strata.NAME` says, in the order of the nodes."""
-    found = {}
+    """Return `extras.strata.NAME` by node, in the order of the nodes."""
+    by_node = {}
     for node in sorted(nodes.extras):
         strata = nodes.extras[node].get("strata")
         if isinstance(strata, dict) and name in strata:
-            found[node] = strata[name]
-    return found
+            by_node[node] = strata[name]
+    return by_node
 
 
 def named(nodes: Nodes, node: int) -> str:
-    """Return how a sentence calls a node."""
+    """Return the name of a node for a message."""
     name = nodes.names[node] if node < len(nodes.names) else ""
     return f"node {node} '{name}'" if name else f"node {node}"
 
 
 def check_cloth(value: Any, who: str) -> dict[str, Any]:
-    """Return a cloth's property, all of whose names are known; SceneError, which names the node `who`."""
+    """Return the properties of a cloth, with checked names; SceneErrors contain `who`, the name of the node."""
     return _object(value, f"extras.strata.cloth of {who}", CLOTH)
 
 

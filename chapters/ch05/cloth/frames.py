@@ -1,8 +1,8 @@
-"""What each frame asks of the cloth simulation, on either backend: steps, what holds cloth, whose vertices to write.
+"""The cloth simulation in each frame, on both backends: steps, the nodes that hold cloth, and vertices to write.
 
-The state of the simulation exists once, the vertices that are drawn once per slot: while the GPU draws one frame, the
-next one's are written. A cloth that does not move is written until every slot has it, and then no more. What nobody
-sees is simulated all the same, since how it hangs later depends on it; its vertices wait until somebody looks.
+The state of the simulation exists once, the drawn vertices once per slot: while the GPU draws one frame, the vertices
+of the next one are written. The vertices of a cloth at rest are written until every slot has them. Invisible cloth is
+simulated as well, since its later state depends on it; its vertices are written when it becomes visible.
 """
 
 from __future__ import annotations
@@ -51,20 +51,20 @@ LATE = (
 
 @dataclass
 class _Slot:
-    """What a slot's copy of the vertices shows, and what its last frame simulated: its answer is read later."""
+    """The state in a slot's copy of the vertices, and the steps of its last frame, whose answer is read later."""
 
     shows: NDArray[np.int64]
     mark: tuple[int, int] | None = None
     tested: Any = None
-    made: Any = None
+    simulated: Any = None
 
 
-def drawn_from(found: ClothScene, planned: Sequence[Page]) -> list[Drawn]:
+def drawn_from(cloth_scene: ClothScene, planned: Sequence[Page]) -> list[Drawn]:
     """Return where the vertices of each cloth lie in these pages of geometry."""
-    scene = found.scene
+    scene = cloth_scene.scene
     records, page_of, _ = pages.mesh_records(scene, planned)
     drawn = []
-    for cloth in found.cloths:
+    for cloth in cloth_scene.cloths:
         row, page = scene.meshes[cloth.mesh], int(page_of[cloth.mesh])
         first, vertex = int(row["first_index"]), int(row["first_vertex"])
         streams = zip(STREAMS, records["streams"][cloth.mesh].tolist(), strict=False)
@@ -79,9 +79,13 @@ class ClothFrames:
     """The cloths of a scene from frame to frame. `drawn` says where the vertices of each are drawn from."""
 
     def __init__(
-        self, found: ClothScene, settings: ClothSettings, drawn: Sequence[Drawn], limits: Limits | None = None
+        self,
+        cloth_scene: ClothScene,
+        settings: ClothSettings,
+        drawn: Sequence[Drawn],
+        limits: Limits | None = None,
     ) -> None:
-        self._found, self._settings = found, settings
+        self._cloth_scene, self._settings = cloth_scene, settings
         wanted = Steps(
             settings.step,
             settings.substeps,
@@ -89,7 +93,7 @@ class ClothFrames:
             settings.method,
             settings.integrator,
         )
-        self.cloths, self.steps, notes = fit_steps(found.cloths, wanted)
+        self.cloths, self.steps, notes = fit_steps(cloth_scene.cloths, wanted)
         self._tell(notes)
         self._limits = limits
         self.draw_from(drawn)
@@ -115,7 +119,7 @@ class ClothFrames:
 
     def draw_from(self, drawn: Sequence[Drawn]) -> None:
         """Lay out the buffers, for vertices that are drawn from these places."""
-        self.packed = pack(self.cloths, drawn, len(self._found.obstacles), self._limits)
+        self.packed = pack(self.cloths, drawn, len(self._cloth_scene.obstacles), self._limits)
 
     def forget_vertices(self) -> None:
         """Note that no slot shows any cloth as it is: the vertices are other buffers."""
@@ -140,7 +144,7 @@ class ClothFrames:
                 [f"The cloth {names} is lost: its particles are no numbers any more; take smaller steps."]
             )
         if self.clock.goes_on(held.mark):
-            self._speed[tested], self._told_at[tested] = speed[tested], held.made[tested]
+            self._speed[tested], self._told_at[tested] = speed[tested], held.simulated[tested]
             self._bounds[tested, 0], self._bounds[tested, 1] = stats["low"][tested], stats["high"][tested]
             self._bounds[tested & ~finite] = np.nan
         self.clock.told(held.mark, tested, finite & (speed < CALM * self._sizes))
@@ -152,14 +156,14 @@ class ClothFrames:
         `pose` is that of the scene at that time; `reset` says why nothing of the frames before counts, or is "".
         """
         self.undo = self._kept(slot)
-        found, clock = self._found, self.clock
-        forces, colliders = self._forces(), found.colliders(pose)
+        cloth_scene, clock = self._cloth_scene, self.clock
+        forces, colliders = self._forces(), cloth_scene.colliders(pose)
         nodes = [cloth.node for cloth in self.cloths]
         worlds = pose.world_from_node[nodes]
         key = (
             forces,
             worlds.tobytes(),
-            [(one.world_from_collider.tobytes(), one.radius, one.half) for one in colliders],
+            [(it.world_from_collider.tobytes(), it.radius, it.half) for it in colliders],
         )
         slept = bool(clock.at_rest.all())
         due = clock.frame(time, reset, key)
@@ -175,14 +179,14 @@ class ClothFrames:
         after = self._held.copy()
         for number in np.flatnonzero((steps > 0) | begin).tolist():
             after[number] = self._motion(number, pose)
-        stones = pose.world_from_node[[each.node for each in found.obstacles]]
+        stones = pose.world_from_node[[each.node for each in cloth_scene.obstacles]]
         if clock.began:  # at rest where the nodes are now
             self._anew(after)
             self._stones = stones
         if key != self._acts or clock.began:
             self._acts, self._acts_since = key, self._made.copy()
         if steps.any():
-            colliders = found.colliders(pose, self._stones, due.count * clock.dt)
+            colliders = cloth_scene.colliders(pose, self._stones, due.count * clock.dt)
             self._stones = stones
         before, self._held = self._held, after
         self._made += steps
@@ -190,7 +194,7 @@ class ClothFrames:
         held = self._slots[slot]
         write = self._seen(view, aspect) & (held.shows != self._version)
         held.shows[write] = self._version[write]
-        held.mark, held.tested, held.made = clock.mark(), steps > 0, self._made.copy()
+        held.mark, held.tested, held.simulated = clock.mark(), steps > 0, self._made.copy()
         work = {
             "cloth_steps": due.count if active.any() else 0,
             "cloth_particles": int(self._particles[steps > 0].sum()),
@@ -223,7 +227,7 @@ class ClothFrames:
         """
         clock, count = self.clock, len(self.cloths)
         clock.pause(time, reset)
-        self._stones = pose.world_from_node[[each.node for each in self._found.obstacles]]
+        self._stones = pose.world_from_node[[each.node for each in self._cloth_scene.obstacles]]
         begin = np.full(count, clock.began)
         if clock.began:
             self._anew(np.array([self._motion(number, pose) for number in range(count)]))
@@ -238,14 +242,14 @@ class ClothFrames:
         return Plan(False, 0, frame_arrays(self.packed, self.steps, self._forces(), moment), {})
 
     def busy(self, time: float) -> bool:
-        """Whether a frame at `time` would show cloth elsewhere than the last one: who is not at rest has steps due."""
+        """Whether a frame at `time` would show cloth in another place: a cloth that is not at rest has steps due."""
         woken = self._acts is not None and self._acts[0] != self._forces()
         return (woken or not self.clock.at_rest.all()) and self.clock.moves(time)
 
     def dispatches(self, count: int) -> list[Dispatch]:
         """Return what a frame of at most `count` steps dispatches."""
-        made = dispatches(self.packed, self.steps, count, self.execution)
-        return made + surface_dispatches(self.packed)
+        simulate = dispatches(self.packed, self.steps, count, self.execution)
+        return simulate + surface_dispatches(self.packed)
 
     def recorded(self, plan: Plan) -> Any:
         """Return what a recording of `dispatches` is good for: the GPU reads all else from the frame's buffer."""
@@ -258,7 +262,7 @@ class ClothFrames:
     def _motion(self, number: int, pose: Pose) -> Float64:
         """Return the (4, 4) matrix by which a cloth's node went away from where the cloth hung as it was modelled."""
         cloth = self.cloths[number]
-        return motion_between(self._found.rest[number], pose.world_from_node[cloth.node], cloth.anchor)
+        return motion_between(self._cloth_scene.rest[number], pose.world_from_node[cloth.node], cloth.anchor)
 
     def _anew(self, held: Float64) -> None:
         """Forget what was simulated: the cloths hang as they were modelled, where their nodes hold them."""
@@ -272,9 +276,9 @@ class ClothFrames:
         return Forces(wind=(float(wind[0]), 0.0, float(wind[2])), air_density=AIR_DENSITY)
 
     def _seen(self, view: View, aspect: float) -> NDArray[np.bool_]:
-        """Return (C,) which cloths may be in the picture: where nobody knows where a cloth is, it may be."""
-        found = self._found
-        visible = found.scene.instances.visible[found.instances]
+        """Return (C,) which cloths may be in the picture; a cloth with unknown bounds may be."""
+        cloth_scene = self._cloth_scene
+        visible = cloth_scene.scene.instances.visible[cloth_scene.instances]
         anchors = np.array([cloth.anchor for cloth in self.cloths])
         planes = frustum_planes(view.clip_from_world(aspect))
         # Told frames ago; since then it went on, and fell at most. But what acts on it may have sent it anywhere since.
@@ -288,7 +292,7 @@ class ClothFrames:
         return seen
 
     def _tell(self, sentences: Sequence[str]) -> None:
-        warnings = self._found.source.warnings
+        warnings = self._cloth_scene.source.warnings
         warnings.extend(text for text in sentences if text not in warnings)
 
 

@@ -46,8 +46,8 @@ class ClothBuffers:
                 write_buffer(context, self._held[name], array)
         for name, use in FRAME.items():
             for slot in range(SLOTS):
-                made = create_buffer(context, sizes[name], use, f"cloth {name}, slot {slot}")
-                self._held[f"{name} {slot}"] = made
+                buffer = create_buffer(context, sizes[name], use, f"cloth {name}, slot {slot}")
+                self._held[f"{name} {slot}"] = buffer
 
     def buffer(self, name: str, slot: int = 0) -> Buffer:
         """Return a buffer by its name, where there are several that of a slot."""
@@ -60,8 +60,8 @@ class ClothBuffers:
     def read(self, name: str) -> NDArray[np.float32]:
         """Return what is in a buffer that stays; OpenGL itself waits for the frames."""
         self._context.fn.glMemoryBarrier(gl.GL_BUFFER_UPDATE_BARRIER_BIT)
-        found: NDArray[np.float32] = read_buffer(self._context, self.buffer(name), np.float32)
-        return found
+        contents: NDArray[np.float32] = read_buffer(self._context, self.buffer(name), np.float32)
+        return contents
 
     def write(self, slot: int, arrays: Mapping[str, NDArray[np.uint8]]) -> None:
         """Write what a frame asks for."""

@@ -247,19 +247,19 @@ def _surface(
     particle_of, starts, entries = [], [], []
     factors = np.zeros((triangle_firsts[-1], 2), np.float32)
     passed = 0
-    for number, (model, one) in enumerate(zip(models, drawn, strict=True)):
-        if one is None:
+    for number, (model, place) in enumerate(zip(models, drawn, strict=True)):
+        if place is None:
             continue
         own = model.cloth.particle_of.astype(np.int64)
         particle_of.append(np.where(own < 0, NOWHERE, own + firsts[number]))
-        corners = np.asarray(one.triangles, np.int64)
+        corners = np.asarray(place.triangles, np.int64)
         meets = incidence(corners, len(own))
         starts.append(meets.starts[:-1] + passed)
         entries.append(meets.entries + triangle_firsts[number])
         passed += len(meets.entries)
-        if one.uv is not None and one.tangents != NOWHERE:
+        if place.uv is not None and place.tangents != NOWHERE:
             at = slice(triangle_firsts[number], triangle_firsts[number + 1])
-            factors[at] = _tangent_factors(one.uv, corners)
+            factors[at] = _tangent_factors(place.uv, corners)
     parts = [*particle_of, *starts, np.array([passed]), *entries]
     words = np.concatenate([np.concatenate(parts).astype(np.uint32), factors.reshape(-1).view(np.uint32)])
     vertices = int(vertex_firsts[-1])
@@ -288,11 +288,11 @@ def _records(
     table["particles"] = np.stack([firsts[:-1], np.diff(firsts)], axis=1)
     table["vertices"] = np.stack([vertex_firsts[:-1], np.diff(vertex_firsts)], axis=1)
     table["streams"] = NOWHERE
-    for number, (model, one) in enumerate(zip(models, drawn, strict=True)):
+    for number, (model, place) in enumerate(zip(models, drawn, strict=True)):
         table["thickness"][number] = model.cloth.thickness
         table["friction"][number] = model.cloth.friction
-        if one is not None:
-            table["streams"][number, :3] = (one.positions, one.normals, one.tangents)
+        if place is not None:
+            table["streams"][number, :3] = (place.positions, place.normals, place.tangents)
     return table
 
 
@@ -300,13 +300,13 @@ def _runs(
     drawn: Sequence[Drawn | None], vertex_firsts: NDArray[np.int64]
 ) -> tuple[tuple[int, int, int], ...]:
     runs: list[tuple[int, int, int]] = []
-    for number, one in enumerate(drawn):
-        if one is None:
+    for number, place in enumerate(drawn):
+        if place is None:
             continue
         first, last = int(vertex_firsts[number]), int(vertex_firsts[number + 1])
-        if runs and runs[-1][0] == one.page:
+        if runs and runs[-1][0] == place.page:
             first = runs.pop()[1]
-        runs.append((one.page, first, last - first))
+        runs.append((place.page, first, last - first))
     return tuple(runs)
 
 

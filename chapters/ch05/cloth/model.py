@@ -105,8 +105,8 @@ def _rest_lengths(cloth: Cloth, springs: Ints, rest: Floats, positions: Floats) 
     squared = apart[:, 0] * apart[:, 0] + apart[:, 1] * apart[:, 1] + apart[:, 2] * apart[:, 2]
     exact = np.linalg.norm(cloth.positions[springs[:, 1]] - cloth.positions[springs[:, 0]], axis=1)
     modelled = np.abs(exact - rest) <= 1e-9 * exact
-    given = rest.astype(positions.dtype)
-    return np.where(modelled, np.sqrt(squared), given), np.where(modelled, squared, given * given)
+    stated = rest.astype(positions.dtype)
+    return np.where(modelled, np.sqrt(squared), stated), np.where(modelled, squared, stated * stated)
 
 
 def color_springs(springs: NDArray[np.integer[Any]], particles: int) -> NDArray[np.int32]:

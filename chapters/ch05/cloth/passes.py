@@ -1,11 +1,11 @@
 """The cloth pass: all cloths are moved by as many steps as have become due, and drawn from where they are then.
 
-It writes vertices into the pages of geometry that the passes behind it draw from, so those declare to read them. They
-exist once per slot, and whoever uses a slot's copy again has waited for its last frame: so nothing of one frame waits
-for another one's draws, and on a queue of its own the simulation runs beside them.
+It writes vertices into the pages of geometry that later passes draw from, so those passes declare to read them. The
+vertices exist once per slot, and the CPU waits for the last frame of a slot before it is used again. So no frame waits
+for the draws of another one, and on its own queue the simulation overlaps them.
 
-Switched off, it leaves cloth as it hangs at that moment: all slots are given the same vertices once, at once, and from
-then on those that draw find them there, with nobody before them. Switched on again the cloth goes on from there.
+If the pass is switched off, cloth keeps its state: the same vertices are written to all slots once, and later passes
+draw them without a pass before them. If it is switched on again, the cloth goes on from there.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ FRAME: Mapping[str, Literal["upload", "readback"]] = {
 """The buffers that there are for each slot: what a frame says, and what it is told."""
 
 _FREE = Touch("", frozenset(), frozenset())
-"""Nobody uses the slot's copy any more: its last frame is over."""
+"""The slot's copy is unused: its last frame has ended."""
 
 NOTHING = Plan(True, 0, {}, {})
 
@@ -107,20 +107,22 @@ class ClothPass(Pass):
     queue = "compute"
 
     def __init__(
-        self, found: ClothScene, settings: ClothSettings, parts: PassParts, kernels: Kernels
+        self, cloth_scene: ClothScene, settings: ClothSettings, parts: PassParts, kernels: Kernels
     ) -> None:
         data = parts.data
         self._pipelines, self._kernels = parts.pipelines, kernels
         self._made: dict[Kernel, Built] = {}
         self._data, self._planned = data, data.pages
-        self._found = found
+        self._cloth_scene = cloth_scene
         self.frames: ClothFrames | None = None
         size = 4
-        if found.cloths:
-            self.frames = ClothFrames(found, settings, drawn_from(found, data.pages), kernels.limits)
-            size = sum(len(cloth.particle_of) for cloth in found.cloths) * 40
+        if cloth_scene.cloths:
+            self.frames = ClothFrames(
+                cloth_scene, settings, drawn_from(cloth_scene, data.pages), kernels.limits
+            )
+            size = sum(len(cloth.particle_of) for cloth in cloth_scene.cloths) * 40
         self.writes = (Access(VERTICES, "storage", bytes=size),)
-        self.externals = {VERTICES: External(None, None, _FREE, bytes=size)} if found.cloths else {}
+        self.externals = {VERTICES: External(None, None, _FREE, bytes=size)} if cloth_scene.cloths else {}
         self._memory: Memory | None = None
         self._plans = [NOTHING] * SLOTS
         self._slot = -1
@@ -130,15 +132,15 @@ class ClothPass(Pass):
 
     def needed(self, scene: Scene, settings: Settings) -> bool:  # type: ignore[override]
         """Whether there is cloth: that which was found when the renderer was opened, and no other."""
-        return bool(self._found.cloths)
+        return bool(self._cloth_scene.cloths)
 
     def add_to(self, passes: Mapping[str, Pass]) -> None:
-        """Let the passes that draw objects read what this one writes; nobody does where there is no cloth."""
+        """Let the passes that draw objects read the vertices; without cloth, none of them does."""
         for name in READERS if self.externals else ():
-            made = passes[name]
-            made.reads = (*made.reads, Access(VERTICES, "storage", stages=("vertex",)))
+            reader = passes[name]
+            reader.reads = (*reader.reads, Access(VERTICES, "storage", stages=("vertex",)))
 
-    # --- made once ---
+    # --- created once ---
 
     def create(self) -> None:
         """Make pipelines and buffers; again where the pages of geometry became other ones."""
@@ -148,12 +150,13 @@ class ClothPass(Pass):
         before = self._memory
         if before is None or self._data.pages is not self._planned:
             self._planned = self._data.pages
-            frames.draw_from(drawn_from(self._found, self._planned))
+            frames.draw_from(drawn_from(self._cloth_scene, self._planned))
             frames.forget_vertices()
             self._memory = self._kernels.make_memory(frames.packed, before)
-        kernels = list(dict.fromkeys(one.kernel for one in frames.dispatches(1)))
+        kernels = list(dict.fromkeys(dispatch.kernel for dispatch in frames.dispatches(1)))
         described = [
-            ComputeDescription(one.file, tuple(one.defines.items()), name=title(one)) for one in kernels
+            ComputeDescription(kernel.file, tuple(kernel.defines.items()), name=title(kernel))
+            for kernel in kernels
         ]
         self._made = dict(zip(kernels, self._pipelines.get(described), strict=True))
         self._kernels.make_kernels(self._made, sorted({page for page, *_ in frames.packed.vertex_runs}))
@@ -216,17 +219,17 @@ class ClothPass(Pass):
 
     def _record(self, commands: Commands, slot: int) -> None:
         bound: Dispatch | None = None
-        for one in self.dispatched(slot):
-            pipeline = self._made[one.kernel]
-            if bound is None or one.kernel != bound.kernel:
+        for dispatch in self.dispatched(slot):
+            pipeline = self._made[dispatch.kernel]
+            if bound is None or dispatch.kernel != bound.kernel:
                 commands.bind_compute(pipeline)
-            if bound is None or (one.kernel, one.page) != (bound.kernel, bound.page):
-                self._kernels.bind(commands, one.kernel, slot, one.page)
-            bound = one
-            if one.after:
+            if bound is None or (dispatch.kernel, dispatch.page) != (bound.kernel, bound.page):
+                self._kernels.bind(commands, dispatch.kernel, slot, dispatch.page)
+            bound = dispatch
+            if dispatch.after:
                 commands.compute_barrier()
-            commands.push(pipeline, np.array(one.push, np.uint32))
-            commands.dispatch(*one.groups)
+            commands.push(pipeline, np.array(dispatch.push, np.uint32))
+            commands.dispatch(*dispatch.groups)
         if bound is not None:
             self._kernels.finish(commands, slot)
 

@@ -239,27 +239,27 @@ def _view(
 
 def _instance(scene: Scene, node: int) -> int:
     """Return the one instance of a cloth's node; SceneError where it has none or several, or moves by itself."""
-    who, found = named(scene.nodes, node), np.flatnonzero(scene.instances.node == node)
-    if not len(found):
+    who, instances = named(scene.nodes, node), np.flatnonzero(scene.instances.node == node)
+    if not len(instances):
         raise SceneError(
             f"{who.capitalize()} has extras.strata.cloth but no mesh: give it one, or take that off."
         )
-    if len(found) > 1:
+    if len(instances) > 1:
         raise SceneError(
-            f"The cloth of {who} consists of {len(found)} primitives or copies, and pins count the vertices of one: "
+            f"The cloth of {who} consists of {len(instances)} primitives or copies; pins count the vertices of one: "
             "give each a node of its own."
         )
-    mesh = int(scene.instances.mesh[found[0]])
+    mesh = int(scene.instances.mesh[instances[0]])
     if any(each.mesh == mesh for each in scene.deformations):
         raise SceneError(
             f"The cloth of {who} has a skin or morph targets: cloth moves by itself, take them off."
         )
-    return int(found[0])
+    return int(instances[0])
 
 
 def _obstacles(scene: Scene, pose: Pose) -> list[Obstacle]:
     """Return the colliders of a scene; SceneError for those that cannot be."""
-    found = []
+    obstacles = []
     for node, value in properties(scene.nodes, "collider").items():
         who = named(scene.nodes, node)
         shape, radius = check_collider(value, who)
@@ -279,13 +279,13 @@ def _obstacles(scene: Scene, pose: Pose) -> list[Obstacle]:
             raise SceneError(
                 f"The collider of {who} is a box that the transforms above it shear: turn and scale it in its own node."
             )
-        found.append(_sized(scene, node, shape, radius, who))
-    if len(found) > MOST_COLLIDERS:
+        obstacles.append(_sized(scene, node, shape, radius, who))
+    if len(obstacles) > MOST_COLLIDERS:
         raise SceneError(
-            f"This scene has {len(found)} nodes with extras.strata.collider, and {MOST_COLLIDERS} can be in the way of "
-            "cloth: take it off some."
+            f"This scene has {len(obstacles)} nodes with extras.strata.collider, and {MOST_COLLIDERS} can be in the way "
+            "of cloth: take it off some."
         )
-    return found
+    return obstacles
 
 
 def _sized(

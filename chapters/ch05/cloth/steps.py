@@ -151,8 +151,8 @@ class Due:
 def due_steps(time: float, done: int, dt: float, most_seconds: float = MOST_SECONDS) -> Due:
     """Return the steps to simulate at `time` seconds after the cloth hung at rest, when `done` steps lie behind it.
 
-    Time before what was done gives none: whoever turns it back lets the cloth begin anew. A step counts as due at a
-    millionth before its time, so that k frames of dt are k steps whatever their rounding.
+    A time before the simulated steps returns none: time that runs backwards starts the cloth again. A step counts as
+    due at a millionth before its time, so that k frames of dt are k steps whatever their rounding.
     """
     reached = max(math.floor(time / dt + 1e-6), done)
     wanted = reached - done

@@ -54,8 +54,8 @@ class ClothBuffers:
             self._handles[name] = resources.buffer(sizes[name], usage, "device", f"cloth {name}", shared=True)
         for name, use in FRAME.items():
             for slot in range(SLOTS):
-                made = resources.buffer(sizes[name], _STORAGE, use, f"cloth {name}, slot {slot}")
-                self._handles[f"{name} {slot}"] = made
+                handle = resources.buffer(sizes[name], _STORAGE, use, f"cloth {name}, slot {slot}")
+                self._handles[f"{name} {slot}"] = handle
         # Waited for: what was copied before it, into the pages, is then there for every queue, too.
         with Uploader(device) as uploader:
             for name in new:
@@ -81,8 +81,8 @@ class ClothBuffers:
                 self._device.fn.vkCmdCopyBuffer(commands, held.handle, copied.handle, 1, region)
                 self._device.fn.vkCmdPipelineBarrier2(commands, barriers(memory=TO_HOST))
             self._device.memory.invalidate(copied.allocation)
-            found: NDArray[np.float32] = copied.view(np.float32).copy()
-            return found
+            contents: NDArray[np.float32] = copied.view(np.float32).copy()
+            return contents
         finally:
             destroy_buffer(self._device, copied)
 
@@ -153,7 +153,7 @@ class ClothKernels:
             }
             wanted.append((layout, held, f"{title(kernel)}, slot {slot}"))
         self._sets = self._descriptors.create(wanted)
-        handles = [vk.array("VkDescriptorSet", [one]) for one in self._sets.handles]
+        handles = [vk.array("VkDescriptorSet", [handle]) for handle in self._sets.handles]
         self._bound = dict(zip(keys, handles, strict=True))
 
     def bind(self, commands: Commands, kernel: Kernel, slot: int, page: int) -> None:

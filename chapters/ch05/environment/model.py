@@ -246,9 +246,9 @@ def _key(parts: dict[str, Any]) -> str:
 
 def read_maps(key: str, sizes: Sizes) -> Maps | None:
     """Return the maps kept under `key`, or None where there are none or they are damaged."""
-    found = _read(key)
+    kept = _read(key)
     try:
-        maps = Maps(found["radiance"], found["irradiance"], float(found["scale"]))
+        maps = Maps(kept["radiance"], kept["irradiance"], float(kept["scale"]))
         shapes = [level.shape for level in maps.radiance] + [maps.irradiance.shape]
         whole = all(level.dtype == np.float16 for level in (*maps.radiance, maps.irradiance))
     except (TypeError, KeyError, AttributeError):
@@ -268,8 +268,8 @@ def write_maps(key: str, maps: Maps) -> None:
 
 def read_table(key: str, sizes: Sizes) -> np.ndarray | None:
     """Return the table (n, n, 4) float16 kept under `key`, or None."""
-    found = _read(key)
-    table = found.get("table") if isinstance(found, dict) else None
+    kept = _read(key)
+    table = kept.get("table") if isinstance(kept, dict) else None
     if not isinstance(table, np.ndarray) or table.shape != (sizes.table, sizes.table, 4):
         return None
     return table if table.dtype == np.float16 else None

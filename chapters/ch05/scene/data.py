@@ -136,7 +136,7 @@ class SceneData:
         """Return what the shaders of `needed` are built with, which `of` makes of a material's variant."""
         if not needed.roles:
             return ()
-        drawn = [number for number, one in enumerate(self.variants) if of(one).defines == needed.defines]
+        drawn = [number for number, it in enumerate(self.variants) if of(it).defines == needed.defines]
         return self._defines_of(drawn)
 
     def _defines_of(self, materials: Sequence[int]) -> tuple[tuple[str, int | str], ...]:

@@ -32,8 +32,8 @@ class DefaultLight:
         if not self.on:
             return pose
         right, up, back = view.world_from_view[:3, :3].T
-        # Of the light's node only its -z axis matters, along which it shines. Nobody asks for the other nodes from here
-        # on: where objects are is known, and copying every node every frame is what a large scene would feel.
+        # Only the -z axis of the light's node matters: it is the direction of the light. The other nodes are no longer
+        # needed, and copying all nodes in every frame would be slow in a large scene.
         node = np.eye(4)
         node[:3, 2] = back + 0.5 * up + 0.3 * right
         return replace(pose, world_from_node=node[None])

@@ -1,11 +1,11 @@
-"""Scenes that are opened faster the second time: what loading gave is kept in one file, and mapped from then on.
+"""The scene cache: the result of loading a scene in one file, which is mapped when the scene is opened again.
 
-Nothing in a cache is believed because it is there. Its name stands for the scene's path, what it says of itself for the
-program that wrote it, its checksums for its bytes, and the record of its sources for their content. Whatever does not
-fit makes it worthless: the scene is loaded from its source as if there were no cache, and a new one is written.
+A cache is used only if four things match: its name (the path of the scene), the hash of the program that wrote it, the
+checksums of its bytes, and the record of its source files. Otherwise the scene is loaded from its source, and a new
+cache is written.
 
-The first load does not wait for that either. Geometry is written at once; each picture when it is decoded, by the
-thread that decoded it for the screen. Only block compression, which is much more work than decoding, runs by itself.
+The first load does not wait for the cache. Geometry is written at once; each picture when it is decoded, by the thread
+that decoded it for the screen. Only block compression runs separately, since it is much slower than decoding.
 """
 
 from __future__ import annotations
@@ -42,10 +42,10 @@ from .sections import DamagedError, SectionFile, SectionWriter
 
 FOLDER = "scene-cache"
 MOST_BYTES = 8 * 2**30
-"""Of all caches together; those that were read longest ago go first."""
+"""The limit of all caches together; the least recently used ones are removed first."""
 
 VERSION = 1
-"""What changes a cache and none of the files below."""
+"""The version of the format: counts changes that are in none of the files below."""
 
 _MAKERS = (
     "common/gltf/**/*.py",
@@ -66,12 +66,12 @@ _PARTS = (
 
 
 class CacheMiss(Exception):
-    """There is no cache that can be used; the text says why, as the end of a sentence."""
+    """There is no valid cache; the text is the reason, as the end of a sentence."""
 
 
 @dataclass
 class Opened:
-    """A scene, how it was opened as a sentence, and where it is still to be cached, what does that."""
+    """A scene, a sentence on how it was opened, and the writer of its cache if one is being written."""
 
     scene: Scene
     told: str
@@ -81,11 +81,11 @@ class Opened:
 def open_scene(
     path: Path, progress: Progress | None = None, cached: bool = True, compressed: bool = False
 ) -> Opened:
-    """Open the scene of a .gltf or .glb file: from its cache where that is whole and fits, else from the file itself.
+    """Open the scene of a .gltf or .glb file: from its cache if that is valid, else from the file itself.
 
-    Its images are decoded when they are asked for. `compressed` chooses a cache with block-compressed textures; not
-    `cached`, none is read or written. Raises SceneError as `load_scene` does, UnsupportedError where
-    nothing can compress; nothing that is wrong with a cache raises.
+    Images are decoded at their first use. `compressed` selects a cache with block-compressed textures; without `cached`
+    no cache is read or written. Raises SceneError as `load_scene` does, and UnsupportedError if there is no encoder. A
+    faulty cache raises nothing.
     """
     began = time.perf_counter()
     if not cached:
@@ -107,7 +107,7 @@ def open_scene(
     states = {path.name: scene_sources.state_of(path)}
 
     def opened(name: str) -> None:
-        """Keep the state of a source before it is opened: a change meanwhile is seen, and no other file is hashed."""
+        """Store the state of a source before it is opened, so that a later change is noticed."""
         states.setdefault(name, scene_sources.state_of(path.parent / name, path.parent))
 
     scene = load_scene(path, progress, decode=False, ahead=beside_geometry(), opened=opened)
@@ -131,7 +131,7 @@ def _not_written(error: BaseException) -> str:
 
 
 def cache_file(path: Path, compressed: bool = False) -> Path:
-    """Return where the cache of a scene is or would be; the folder may be missing."""
+    """Return the path of the cache of a scene; file and folder may be missing."""
     name = hashlib.sha256(_place(path).encode("utf-8", "surrogatepass")).hexdigest()[:24]
     return user_cache() / FOLDER / f"{name}.{'blocks' if compressed else 'texels'}"
 
@@ -142,14 +142,14 @@ def _place(path: Path) -> str:
 
 @cache
 def maker() -> str:
-    """Return a hash of the program that makes scenes and caches of them: a cache of another one is stale.
+    """Return a hash of the code that makes scenes and caches; a cache of other code is stale.
 
-    Packages are not asked: what an older decoder or encoder made of a picture is not wrong by that.
+    Versions of packages do not count: the result of an older decoder or encoder is still valid.
     """
-    found = hashlib.sha256(str(VERSION).encode())
+    digest = hashlib.sha256(str(VERSION).encode())
     for file in (*matched(_PARTS, Path(__file__).parents[1]), *matched(_MAKERS)):
-        found.update(file.name.encode() + file.read_bytes())
-    return found.hexdigest()
+        digest.update(file.name.encode() + file.read_bytes())
+    return digest.hexdigest()
 
 
 # --- reading ----------------------------------------------------------------------------------------------------------
@@ -207,25 +207,25 @@ def sorted_types(scene: Scene) -> dict[str, np.ndarray[Any, Any]]:
     }
 
 
-def same_types(one: dict[str, np.ndarray[Any, Any]], other: dict[str, np.ndarray[Any, Any]]) -> bool:
-    """Whether both say the same."""
-    return one.keys() == other.keys() and all(np.array_equal(one[name], other[name]) for name in one)
+def same_types(a: dict[str, np.ndarray[Any, Any]], b: dict[str, np.ndarray[Any, Any]]) -> bool:
+    """Whether both are equal."""
+    return a.keys() == b.keys() and all(np.array_equal(a[name], b[name]) for name in a)
 
 
 # --- writing ----------------------------------------------------------------------------------------------------------
 
 
 class Writer:
-    """Writes the cache of a scene while others decode its images, or by itself; nobody sees it before it is whole.
+    """Writes the cache of a scene while its images are decoded for other uses; it replaces the old file when complete.
 
-    `finish` does what is left and waits, `start` has a thread do so where nobody else would, `stop` gives up. What goes
-    wrong is no error: `told` says how it ended, as a sentence, and `failed` whether the user should hear of it.
+    `finish` does the remaining work and waits, `start` lets a thread finish, `stop` gives up. A failure raises nothing:
+    `told` is a sentence on the result, and `failed` says whether to show it to the user.
     """
 
     def __init__(
         self, scene: Scene, target: Path, path: Path, states: dict[str, scene_sources.State], compressed: bool
     ) -> None:
-        """Write all but the images, and watch those. Raises OSError where that cannot be written."""
+        """Write everything except images, and wait for their pixels. Raises OSError if writing fails."""
         self.told, self.failed = "", False
         self._target, self._folder, self._states = target, path.parent, states
         self._compressed = compressed
@@ -258,18 +258,18 @@ class Writer:
             self._file.drop()
             raise
         scene.images[:] = [
-            EncodedImage(one.name, (one.width, one.height), one.dtype.type, partial(self._decode, number))
-            for number, one in enumerate(self._plain)
+            EncodedImage(it.name, (it.width, it.height), it.dtype.type, partial(self._decode, number))
+            for number, it in enumerate(self._plain)
         ]
 
     def finish(self, progress: Progress | None = None) -> str:
-        """Decode what nobody asked for yet, wait until the file is in its place, and return how that ended."""
+        """Decode the remaining images, wait until the file is complete, and return the sentence on the result."""
         with self._lock:
             left = sorted(self._unclaimed)
         if not self._uses:
             self._end()
 
-        def one(number: int) -> None:
+        def decode(number: int) -> None:
             if not self._over.is_set() and number in self._unclaimed:
                 self._keep(number, self._plain[number].decode())
             if progress is not None:
@@ -277,8 +277,8 @@ class Writer:
 
         try:
             with ThreadPoolExecutor(threads_at_most(), thread_name_prefix="cache-image") as pool:
-                list(pool.map(one, left))
-        except (SceneError, MemoryError) as error:  # who draws the picture is told of it
+                list(pool.map(decode, left))
+        except (SceneError, MemoryError) as error:  # the renderer gets the same error
             self._fail(f"The scene is not cached: {error}", failed=False)
         except BaseException as error:  # a mistake: what waits for the file must not wait for ever
             self._fail(_not_written(error))
@@ -288,13 +288,13 @@ class Writer:
         return self.told
 
     def start(self) -> None:
-        """Let a thread finish where nobody else will: to compress images, or where there are none."""
+        """Let a thread finish if no decoder does: to compress images, or for a scene without images."""
         if self._compressed or not self._missing:
             self._thread = threading.Thread(target=self.finish, name="scene-cache", daemon=True)
             self._thread.start()
 
     def stop(self) -> None:
-        """Give up what is not whole yet, and wait for the threads."""
+        """Give up an incomplete cache, and wait for the threads."""
         self._join_ending()
         self._fail("It was closed before all of its images were there, and is not cached.", failed=False)
         if self._thread is not None:
@@ -307,14 +307,14 @@ class Writer:
             ending.join()
 
     def _decode(self, number: int) -> Pixels:
-        """Decode an image for whoever asked, and keep what that gave."""
+        """Decode an image for its user, and store the pixels."""
         pixels = self._plain[number].decode()
         if not self._compressed:
             self._keep(number, pixels)
         return pixels
 
     def _keep(self, number: int, pixels: Pixels) -> None:
-        """Write an image unless somebody does already; with the last of them the file is whole."""
+        """Write an image unless another thread does; the last image completes the file."""
         with self._lock:
             if number not in self._unclaimed or self._over.is_set():
                 return
@@ -335,12 +335,12 @@ class Writer:
         with self._lock:
             self._missing -= 1
             if not self._missing:
-                # Not here: the sources are hashed, and somebody waits for the pixels.
+                # On another thread: hashing the sources takes time, and this thread has pixels to return.
                 self._ending = threading.Thread(target=self._end, name="scene-cache-end", daemon=True)
                 self._ending.start()
 
     def _end(self) -> None:
-        """Put the file in its place, if what it was made of is still there."""
+        """Move the file to its place if its sources are unchanged."""
         try:
             sources = scene_sources.record(self._folder, self._states)
             texts = {"sources": json.dumps(sources), "images": json.dumps(self._records)}
@@ -359,7 +359,7 @@ class Writer:
         prune(self._target.parent, MOST_BYTES)
 
     def _fail(self, why: str, failed: bool = True) -> None:
-        """Remove what was written, unless the file is in its place already."""
+        """Remove an incomplete file."""
         with self._lock:
             if not self._over.is_set():
                 self.told, self.failed = why, failed

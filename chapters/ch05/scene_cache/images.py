@@ -40,16 +40,16 @@ _BLOCKS = {"r": "bc4", "gb": "bc5"}
 
 
 def image_uses(scene: Scene) -> dict[int, list[Use]]:
-    """Return how the materials of a scene read its images; one that nobody reads is not there."""
+    """Return the uses of each image by the materials of a scene; unused images are left out."""
     variants = [material_variant(material, scene) for material in scene.materials]
-    found: dict[int, list[Use]] = {}
+    uses_by_image: dict[int, list[Use]] = {}
     for use in uses(scene, variants):
         if use.read.key[0] == "image":
             _, number, *how = use.read.key
-            ways = found.setdefault(number, [])
+            ways = uses_by_image.setdefault(number, [])
             if tuple(how) not in ways:
                 ways.append((how[0], how[1], how[2]))
-    return found
+    return uses_by_image
 
 
 def is_compressible(image: Image) -> bool:

@@ -51,7 +51,7 @@ _DEFORMING = (
 def take_apart(scene: Scene, add: Add) -> str:
     """Return the JSON of a scene without its images, after every array of it went to `add`.
 
-    The environment and the exposure that somebody gave the scene after loading are no part of it.
+    An environment and an exposure that were set after loading are not part of it.
     """
 
     def stored(array: np.ndarray[Any, Any] | None) -> int | None:
@@ -74,7 +74,7 @@ def take_apart(scene: Scene, add: Add) -> str:
         "meshes": stored(np.ascontiguousarray(scene.meshes).view(np.uint8)),
         "mesh_names": scene.mesh_names,
         "samplers": [list(vars(sampler).values()) for sampler in samplers],
-        "textures": [list((vars(one) | {"sampler": samplers[one.sampler]}).values()) for one in textures],
+        "textures": [list((vars(it) | {"sampler": samplers[it.sampler]}).values()) for it in textures],
         "materials": [
             [textures[field] if isinstance(field, TextureRef) else field for field in vars(material).values()]
             for material in scene.materials
@@ -97,8 +97,8 @@ def take_apart(scene: Scene, add: Add) -> str:
             for clip in scene.animations
         ],
         "deformations": [
-            [one.mesh, one.node, one.flat, [stored(getattr(one, name)) for name in _DEFORMING]]
-            for one in scene.deformations
+            [it.mesh, it.node, it.flat, [stored(getattr(it, name)) for name in _DEFORMING]]
+            for it in scene.deformations
         ],
         "ambient": scene.ambient,
         "ev100": scene.ev100,

@@ -60,7 +60,7 @@ def possible(settings: Settings) -> bool:
 def written(settings: Settings) -> tuple[Access, ...]:
     """Return the G-buffer as the pass declares it that writes it.
 
-    Cleared, since the driver need not load what was there; nobody looks at a pixel whose depth is 0.
+    They are cleared, so the driver loads no old contents; pixels of depth 0 are not read.
     """
     formats = FORMATS[settings.shading.gbuffer_format]
     nothing = (0.0, 0.0, 0.0, 0.0)
@@ -77,14 +77,14 @@ def normal_defines(settings: Settings) -> Defines:
 
 def surface_alone(variant: Variant) -> Variant:
     """Return the variant that finds out what a surface is, and lights nothing."""
-    return replace(variant, defines=tuple(one for one in variant.defines if one[0] not in _LIGHT))
+    return replace(variant, defines=tuple(define for define in variant.defines if define[0] not in _LIGHT))
 
 
 def light_defines(variants: Iterable[Variant], sky: bool, settings: Settings) -> Defines:
     """Return what lighting.frag is built with for surfaces of these variants, with or without a `sky` behind them."""
-    found = {name: value for variant in variants for name, value in variant.defines if name in _LIGHT}
+    lighting = {name: value for variant in variants for name, value in variant.defines if name in _LIGHT}
     behind: tuple[str, int | float | str] = ("BACKGROUND", background(settings, settings.shading.background))
-    return (*sorted(found.items()), *normal_defines(settings), ("SKY", 1) if sky else behind)
+    return (*sorted(lighting.items()), *normal_defines(settings), ("SKY", 1) if sky else behind)
 
 
 def has_transparent(scene: Scene) -> bool:

@@ -1,4 +1,4 @@
-"""The threads of one renderer: they start when somebody first has tasks for them, and end when it is closed."""
+"""The worker threads of one renderer: they start with the first task, and end when the renderer is closed."""
 
 from __future__ import annotations
 

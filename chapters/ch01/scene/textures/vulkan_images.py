@@ -41,17 +41,22 @@ class Textures:
             self._resources.destroy_image(self._images.pop(key))
 
     def _upload(self, uploader: Uploader, role: str, key: texels.Key) -> Handle:
-        made = texels.texels_of(self._scene, role, key, self._mended)
+        image = texels.texels_of(self._scene, role, key, self._mended)
         usage = (
             vk.VK_IMAGE_USAGE_SAMPLED_BIT
             | vk.VK_IMAGE_USAGE_TRANSFER_DST_BIT
             | vk.VK_IMAGE_USAGE_TRANSFER_SRC_BIT
         )
-        if made.levels > 1:
+        if image.levels > 1:
             usage |= vk.VK_IMAGE_USAGE_STORAGE_BIT
-        height, width = made.pixels.shape[:2]
+        height, width = image.pixels.shape[:2]
         handle = self._resources.image(
-            made.format, (width, height), usage, made.name, levels=made.levels, view_format=made.view_format
+            image.format,
+            (width, height),
+            usage,
+            image.name,
+            levels=image.levels,
+            view_format=image.view_format,
         )
-        uploader.image(self._resources.images.get(handle), made.pixels, srgb=made.srgb)
+        uploader.image(self._resources.images.get(handle), image.pixels, srgb=image.srgb)
         return handle

@@ -60,12 +60,12 @@ class ArrayPlan:
         return ("ARRAYS", self.width), ("ROLE_ARRAYS", f"uint[{len(bits)}]({masks})")
 
 
-def plan_arrays(scene: Scene, found: Sequence[Use], max_layers: int, width: int = ARRAYS) -> ArrayPlan:
+def plan_arrays(scene: Scene, uses: Sequence[Use], max_layers: int, width: int = ARRAYS) -> ArrayPlan:
     """Return which textures lie together; an array has at most `max_layers` layers, a set at most `width` arrays."""
     layers: dict[tuple[Shape, Sampler, int], list[Key]] = {}
     parts: dict[tuple[Shape, Sampler], int] = {}
     place: dict[Read, tuple[tuple[Shape, Sampler, int], int]] = {}
-    for use in found:
+    for use in uses:
         if use.read in place:
             continue
         kind = (texels.shape_of(scene, use.read.key), use.read.sampler)
@@ -79,7 +79,7 @@ def plan_arrays(scene: Scene, found: Sequence[Use], max_layers: int, width: int 
     arrays = tuple(ArrayTexture(shape, sampler, tuple(held)) for (shape, sampler, _), held in layers.items())
 
     needed: dict[int, list[int]] = {}
-    for use in found:
+    for use in uses:
         needed.setdefault(use.material, []).append(numbers[place[use.read][0]])
     sets: list[list[int]] = [[]]
     set_of = np.zeros(len(scene.materials), np.int64)
@@ -93,7 +93,7 @@ def plan_arrays(scene: Scene, found: Sequence[Use], max_layers: int, width: int 
         set_of[material] = number
     maps = empty_maps(len(scene.materials))
     reached = np.zeros((len(scene.materials), len(ROLES)), np.uint32)
-    for use in found:
+    for use in uses:
         kind_part, layer = place[use.read]
         unit = sets[set_of[use.material]].index(numbers[kind_part])
         maps[use.material, use.role] = unit | layer << LAYER_SHIFT

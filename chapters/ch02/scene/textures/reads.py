@@ -36,10 +36,10 @@ class Use(NamedTuple):
 def uses(scene: Scene, variants: Sequence[Variant], narrow: bool = True) -> list[Use]:
     """Return everything that some variant samples, in the order of the materials.
 
-    An image of which nobody reads some channels is read without them: it is smaller, and looks the same. Unless
+    Channels of an image that no material reads are left out: the image is smaller and looks the same. Unless
     `narrow` is False: some devices write mip levels of four channels only.
     """
-    found: list[tuple[int, str, texels.Key, Sampler]] = []
+    sampled: list[tuple[int, str, texels.Key, Sampler]] = []
     channels: dict[texels.Key, set[str]] = {}
     for number, (material, variant) in enumerate(zip(scene.materials, variants, strict=True)):
         textures = material.textures()
@@ -48,21 +48,23 @@ def uses(scene: Scene, variants: Sequence[Variant], narrow: bool = True) -> list
             sampler = Sampler() if texture is None else texture.sampler
             key = texels.key_of(role, texture)
             channels.setdefault(key, set()).update(texels.READ.get(role, "rgba"))
-            found.append((number, role, key, sampler))
+            sampled.append((number, role, key, sampler))
 
     def whole(key: texels.Key) -> texels.Key:
         if key[0] == "neutral":
             return key
-        return (*key, "".join(one for one in "rgba" if one in channels[key] or not narrow))
+        return (*key, "".join(letter for letter in "rgba" if letter in channels[key] or not narrow))
 
     keys = {key: whole(key) for key in channels}
-    return [Use(number, ROLES.index(role), Read(keys[key], sampler)) for number, role, key, sampler in found]
+    return [
+        Use(number, ROLES.index(role), Read(keys[key], sampler)) for number, role, key, sampler in sampled
+    ]
 
 
-def image_roles(found: Sequence[Use]) -> dict[texels.Key, str]:
+def image_roles(uses: Sequence[Use]) -> dict[texels.Key, str]:
     """Return the images that are read, each with a role in which it is."""
     images: dict[texels.Key, str] = {}
-    for use in found:
+    for use in uses:
         images.setdefault(use.read.key, ROLES[use.role])
     return images
 

@@ -99,9 +99,9 @@ class BindlessTextures:
 
     def keep(self, uploader: Uploader, variants: Sequence[Variant]) -> None:
         """Give every texture that is sampled a slot, and take back those of the others."""
-        found = uses(self._scene, variants, self._narrow)
-        self._textures.keep(uploader, image_roles(found))
-        wanted = {use.read: self._resources.sampler(use.read.sampler, self._anisotropy) for use in found}
+        own = uses(self._scene, variants, self._narrow)
+        self._textures.keep(uploader, image_roles(own))
+        wanted = {use.read: self._resources.sampler(use.read.sampler, self._anisotropy) for use in own}
         if self.bindless is None and wanted:
             handle = self._resources.image("rgba8", (2, 2), _USAGE, "dummy texture")
             dummy = self._resources.images.get(handle)
@@ -118,7 +118,7 @@ class BindlessTextures:
         for read, sampler in wanted.items():
             if read not in self._slots:
                 self._slots[read] = self.bindless.add(self._textures.get(read.key).view, sampler)
-        for use in found:
+        for use in own:
             self.maps[use.material, use.role] = self._slots[use.read]
 
     def make_sets(self, layout: SetLayout | None) -> None:
@@ -168,9 +168,9 @@ class ArrayTextures:
 
     def keep(self, uploader: Uploader, variants: Sequence[Variant]) -> None:
         """Make the arrays that are new: one with another layer is another array."""
-        found = uses(self._scene, variants, self._narrow)
-        plan = self._plan = plan_arrays(self._scene, found, self._max_layers)
-        roles = image_roles(found)
+        own = uses(self._scene, variants, self._narrow)
+        plan = self._plan = plan_arrays(self._scene, own, self._max_layers)
+        roles = image_roles(own)
         for array in plan.arrays:
             if array not in self._images:
                 self._images[array] = self._upload(uploader, array, roles)
@@ -179,22 +179,22 @@ class ArrayTextures:
         self.maps, self.set_of = plan.maps, plan.set_of
 
     def _upload(self, uploader: Uploader, array: ArrayTexture, roles: dict[texels.Key, str]) -> Handle:
-        made = [texels.texels_of(self._scene, roles[key], key, self._mended) for key in array.layers]
+        layers = [texels.texels_of(self._scene, roles[key], key, self._mended) for key in array.layers]
         shape = array.shape
         usage = _USAGE | (vk.VK_IMAGE_USAGE_STORAGE_BIT if shape.levels > 1 else 0)
         handle = self._resources.image(
             shape.format,
             (shape.width, shape.height),
             usage,
-            texels.array_name(made),
+            texels.array_name(layers),
             levels=shape.levels,
-            layers=len(made),
+            layers=len(layers),
             array=True,
             view_format=shape.view_format,
             swizzle=shape.swizzle,
         )
-        pixels = [one.pixels for one in made]
-        uploader.image(self._resources.images.get(handle), pixels, srgb=made[0].srgb)
+        pixels = [layer.pixels for layer in layers]
+        uploader.image(self._resources.images.get(handle), pixels, srgb=layers[0].srgb)
         return handle
 
     def make_sets(self, layout: SetLayout | None) -> None:
@@ -218,7 +218,7 @@ class ArrayTextures:
             filled = [*chosen, *[chosen[0]] * (self._plan.width - len(chosen))]
             wanted.append((layout, {number: [held[array] for array in filled]}, f"texture arrays {index}"))
         self._made = self._descriptors.create(wanted)
-        self.sets = [vk.array("VkDescriptorSet", [made]) for made in self._made.handles]
+        self.sets = [vk.array("VkDescriptorSet", [handle]) for handle in self._made.handles]
 
     def update(self) -> int:
         """Nothing changes between edits: sets are made anew with them."""

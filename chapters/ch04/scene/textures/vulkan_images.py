@@ -84,12 +84,12 @@ class Textures:
         return self._arrive(self.loader.finish() if budget is None else self.loader.advance(budget))
 
     def _arrive(self, requests: Sequence[Request]) -> list[texels.Key]:
-        made: list[texels.Key] = []
+        arrived: list[texels.Key] = []
         for request in requests:
             assert isinstance(request.key, tuple)
             self._images[request.key] = self._placed.pop(request)
-            made.append(request.key)
-        return made
+            arrived.append(request.key)
+        return arrived
 
     def place(self, request: Request) -> Target:
         """Make the image of a texture that was decoded."""
@@ -109,11 +109,11 @@ class Textures:
         return Target(self._resources.images.get(handle))
 
     def discard(self, request: Request) -> None:
-        """Give up the image of a texture that nobody waits for any more."""
+        """Free the image of a cancelled texture."""
         self._resources.destroy_image(self._placed.pop(request))
 
     def _upload(self, uploader: Uploader, role: str, key: texels.Key) -> Handle:
-        made = texels.texels_of(self._scene, role, key)
-        handle = self._resources.image(made.format, (1, 1), _USAGE, made.name)
-        uploader.image(self._resources.images.get(handle), made.pixels)
+        image = texels.texels_of(self._scene, role, key)
+        handle = self._resources.image(image.format, (1, 1), _USAGE, image.name)
+        uploader.image(self._resources.images.get(handle), image.pixels)
         return handle

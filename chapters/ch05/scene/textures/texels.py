@@ -26,7 +26,7 @@ NEUTRAL = {
 Key = tuple[Any, ...]
 """Equal keys are one image on the GPU: the scene's image, as colour (sRGB) or as data, with or without mip levels.
 
-One of `reads` also says which channels of it anybody reads.
+`reads` also has the channels that materials read.
 """
 
 READ = {"metallic_roughness": "gb", "occlusion": "r"}

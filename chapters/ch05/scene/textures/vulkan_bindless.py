@@ -1,8 +1,8 @@
 """The one descriptor set that holds every texture: a slot is a number that shaders know, and a queue fills slots.
 
 The set lives as long as the renderer. Its descriptors may be written after it was bound (UPDATE_AFTER_BIND), but never
-one that a frame in flight may read: a slot that is given up is neither written nor given out again before those frames
-are done. Every slot that nobody filled reads the dummy texture, in colours that nobody overlooks.
+one that a frame in flight may read: a freed slot is neither written nor reused before those frames have ended. Every
+empty slot reads the dummy texture, in glaring colours.
 """
 
 from __future__ import annotations
@@ -56,9 +56,8 @@ class _Slots:
 class Bindless:
     """Slots for `textures` sampled images and `images` storage images; slot 0 of the sampled ones is the dummy.
 
-    The dummy's sampler is the default of textures that come without one. `dummy_image` is the view that storage slots
-    have which nobody filled. The set itself is made by `create`, when a shader has told its layout; slots can be given
-    out before.
+    The dummy's sampler is the default of textures that come without one. `dummy_image` is the view in
+    empty storage slots. `create` creates the set, when a shader has stated its layout; slots can be allocated before.
     """
 
     def __init__(
@@ -194,11 +193,11 @@ class Bindless:
 def _repeated(kind: str, held: Texture, count: int) -> Any:
     """Return an array of `count` equal descriptors, copied as bytes: there are thousands when a renderer starts."""
     layouts = {"texture": vk.VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL, "image": vk.VK_IMAGE_LAYOUT_GENERAL}
-    one = vk.new(
+    element = vk.new(
         "VkDescriptorImageInfo", sampler=held.sampler, imageView=held.view, imageLayout=layouts[kind]
     )
     array = vk.ffi.new("VkDescriptorImageInfo[]", count)
-    vk.ffi.buffer(array)[:] = bytes(vk.ffi.buffer(one)) * count
+    vk.ffi.buffer(array)[:] = bytes(vk.ffi.buffer(element)) * count
     return array
 
 

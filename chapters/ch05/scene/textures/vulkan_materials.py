@@ -126,10 +126,10 @@ class BindlessTextures:
 
     def keep(self, uploader: Uploader, variants: Sequence[Variant]) -> None:
         """Give every texture that is sampled a slot, and take back those of the others."""
-        found = uses(self._scene, variants, self._narrow)
+        own = uses(self._scene, variants, self._narrow)
         standing = [Use(0, ROLES.index(role), read) for role, read in placeholders.READS.items()]
-        sampled = [*found, *(standing if self._streams and found else ())]
-        self._textures.keep(uploader, image_roles(sampled), placeholders.readers(found))
+        sampled = [*own, *(standing if self._streams and own else ())]
+        self._textures.keep(uploader, image_roles(sampled), placeholders.readers(own))
         wanted = {use.read: self._resources.sampler(use.read.sampler, self._anisotropy) for use in sampled}
         if self.bindless is None and wanted:
             handle = self._resources.image("rgba8", (2, 2), _USAGE, "dummy texture")
@@ -148,7 +148,7 @@ class BindlessTextures:
             if read not in self._slots and read.key in self._textures:
                 self._slots[read] = self.bindless.add(self._textures.get(read.key).view, sampler)
         self._expected = {}
-        for use in found:
+        for use in own:
             if use.read not in self._slots:
                 self._expected.setdefault(use.read.key, []).append(use)
             there = use.read if use.read in self._slots else placeholders.READS[ROLES[use.role]]
@@ -225,12 +225,12 @@ class ArrayTextures:
 
     def keep(self, uploader: Uploader, variants: Sequence[Variant]) -> None:
         """Make the arrays that are new: one with another layer is another array."""
-        found = uses(self._scene, variants, self._narrow)
-        plan = self._plan = self._arrivals.plan(found, self._max_layers)
+        own = uses(self._scene, variants, self._narrow)
+        plan = self._plan = self._arrivals.plan(own, self._max_layers)
         new = [array for array in plan.arrays if array not in self._images]
         for array in new:
             self._images[array] = self._make(uploader, array)
-        wanted = self._arrivals.wanted(plan, found, image_roles(found), self._images)
+        wanted = self._arrivals.wanted(plan, own, image_roles(own), self._images)
         if self._loading.streams and new:
             self._show(new)
         self.loader.want(wanted)
@@ -257,8 +257,8 @@ class ArrayTextures:
             swizzle=shape.swizzle,
         )
         if array == placeholders.ARRAY:
-            made = [texels.texels_of(self._scene, "placeholder", key).pixels for key in array.layers]
-            uploader.image(self._resources.images.get(handle), made)
+            layers = [texels.texels_of(self._scene, "placeholder", key).pixels for key in array.layers]
+            uploader.image(self._resources.images.get(handle), layers)
         return handle
 
     def _show(self, arrays: Sequence[ArrayTexture]) -> None:
@@ -298,7 +298,7 @@ class ArrayTextures:
             filled = [*chosen, *[chosen[0]] * (self._plan.width - len(chosen))]
             wanted.append((layout, {number: [held[array] for array in filled]}, f"texture arrays {index}"))
         self._made = self._descriptors.create(wanted)
-        self.sets = [vk.array("VkDescriptorSet", [made]) for made in self._made.handles]
+        self.sets = [vk.array("VkDescriptorSet", [handle]) for handle in self._made.handles]
 
     def update(self, budget: int | None) -> int:
         """Name what has arrived. Sets do not change between edits, and are made anew with them."""
