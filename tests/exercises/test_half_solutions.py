@@ -65,15 +65,15 @@ CASES = {
     ),
     "hashed every time": (
         (3, "put-back-times"),
-        ("scene_cache/sources.py", "(found != state or racy)", "True"),
+        ("scene_cache/sources.py", "(current != state or racy)", "True"),
         "read and hashed all the same",
     ),
     "refused unasked": (
         (3, "put-back-times"),
         (
             "scene_cache/sources.py",
-            "        if found.size >= 0 and",
-            "        if found != state:\n            return False\n        if found.size >= 0 and",
+            "        if current.size >= 0 and",
+            "        if current != state:\n            return False\n        if current.size >= 0 and",
         ),
         "of another time and the same content",
     ),
