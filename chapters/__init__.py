@@ -35,8 +35,8 @@ COUNT = 15
 @cache
 def available() -> tuple[int, ...]:
     """Return the numbers of the chapters that are here, in order."""
-    found = (n for n in range(1, COUNT + 1) if (FOLDER / folder_name(n) / "renderer.py").is_file())
-    return tuple(found)
+    numbers = (n for n in range(1, COUNT + 1) if (FOLDER / folder_name(n) / "renderer.py").is_file())
+    return tuple(numbers)
 
 
 def folder_name(number: int) -> str:
@@ -52,9 +52,9 @@ def parse(text: int | str | Path | Folder) -> Which:
     """
     if isinstance(text, Folder):
         return text
-    found = folders.read(text) if isinstance(text, Path) else folders.named(str(text))
-    if found is not None:
-        return found
+    folder = folders.read(text) if isinstance(text, Path) else folders.named(str(text))
+    if folder is not None:
+        return folder
     return studies.parse(str(text)) if "/" in str(text) else _number(str(text))
 
 
@@ -107,16 +107,16 @@ def lesson(which: Whole) -> Lesson:
     """Return what a chapter says about itself; a fork says what its chapter says."""
     if isinstance(which, Folder):
         return which.lesson
-    found: Lesson = import_module(package_of(which)).LESSON
-    return found
+    lesson: Lesson = import_module(package_of(which)).LESSON
+    return lesson
 
 
 def settings_class(which: Which) -> type:
     """Return the class of the settings of a chapter, a study or a fork."""
     if isinstance(which, str):
         return studies.settings_class(which)
-    found: type = import_module(f"{package_of(which)}.settings").Settings
-    return found
+    settings: type = import_module(f"{package_of(which)}.settings").Settings
+    return settings
 
 
 def choose_backend(wanted: str = "auto", which: Which | None = None) -> str:
@@ -193,8 +193,8 @@ def outputs_of(which: Which) -> tuple[str, ...]:
     """Return the images that the frames of a chapter, a study or a fork can be asked for."""
     if isinstance(which, str):
         return tuple(studies.study(which).outputs)
-    found: tuple[str, ...] = import_module(f"{package_of(which)}.frames.frame").OUTPUTS
-    return found
+    outputs: tuple[str, ...] = import_module(f"{package_of(which)}.frames.frame").OUTPUTS
+    return outputs
 
 
 def view_of(renderer: Renderer, camera: str | None = None, time: float = 0.0) -> View:

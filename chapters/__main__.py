@@ -18,7 +18,7 @@ LIBRARY = ("common", "backends", "chapters", "tools", "assets", "bootstrap")
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run one command and exit.
 
-    With 0, 1 for a fault of ours, 2 for one of the user's, 130 after Ctrl-C, 141 if nobody reads what is printed.
+    With 0, 1 for a fault of ours, 2 for one of the user's, 130 after Ctrl-C, 141 if the output pipe is closed.
     """
     try:
         words = list(sys.argv[1:] if arguments is None else arguments)

@@ -71,13 +71,13 @@ class Folder:
     @property
     def lesson(self) -> Lesson:
         """What its chapter says about itself; raises UserError where that is gone."""
-        found = getattr(sys.modules[self.package], "LESSON", None)
-        if not isinstance(found, Lesson):
+        lesson = getattr(sys.modules[self.package], "LESSON", None)
+        if not isinstance(lesson, Lesson):
             raise UserError(
                 f"{self.path / '__init__.py'} has no LESSON: a copy of a chapter keeps that of the chapter, "
                 "with its number."
             )
-        return found
+        return lesson
 
     @property
     def file_name(self) -> str:
@@ -132,7 +132,9 @@ def read(path: Path, text: str = "") -> Folder | int:
     if place.is_file():
         raise UserError(f"{text} is a file: name the folder that holds the copy of a chapter.")
     if not place.is_dir():
-        beside = [one.name for one in place.parent.iterdir() if one.is_dir()] if place.parent.is_dir() else []
+        beside = (
+            [path.name for path in place.parent.iterdir() if path.is_dir()] if place.parent.is_dir() else []
+        )
         near = suggest(place.name, beside)
         raise UserError(f"There is no folder {text}{near if near.endswith('?') else '.'}")
     for number in chapters.available():
@@ -155,11 +157,11 @@ def check_format(place: Path, text: str) -> None:
         format_, commit = record["format"], record["commit"]
     except (OSError, ValueError, KeyError, TypeError):
         return  # `strata fork --update` says what is wrong with the record
-    made = f"{text} was forked from commit {commit or 'unknown'} of Strata"
+    origin = f"{text} was forked from commit {commit or 'unknown'} of Strata"
     if format_ == 1:
         raise UserError(
-            f"{made}, and files that it imports have moved since: draw with it in a clone of that commit, or make "
+            f"{origin}, and files that it imports have moved since: draw with it in a clone of that commit, or make "
             "a new fork and put your changes into it."
         )
     if format_ != FORMAT:
-        raise UserError(f"{made}, which is newer than this one: update this clone.")
+        raise UserError(f"{origin}, which is newer than this one: update this clone.")

@@ -31,11 +31,11 @@ def folder(number: int) -> Path:
 @cache
 def available(number: int) -> dict[str, Study]:
     """Return the studies of a chapter by name, in the order in which they are meant to be read."""
-    found = {}
+    studies = {}
     for path in sorted(folder(number).glob("*/__init__.py")):
         if any((path.parent / file).is_file() for file in FILES.values()):
-            found[path.parent.name.replace("_", "-")] = _module(number, path.parent.name).STUDY
-    return dict(sorted(found.items(), key=lambda item: item[1].order))
+            studies[path.parent.name.replace("_", "-")] = _module(number, path.parent.name).STUDY
+    return dict(sorted(studies.items(), key=lambda item: item[1].order))
 
 
 def parse(text: str) -> str:
@@ -93,8 +93,8 @@ def settings_class(which: str) -> type:
     from backends.stage import NoSettings
 
     number, name = split(which)
-    found: type = _module(number, name.replace("-", "_")).__dict__.get("Settings") or NoSettings
-    return found
+    settings: type = _module(number, name.replace("-", "_")).__dict__.get("Settings") or NoSettings
+    return settings
 
 
 def _module(number: int, name: str) -> ModuleType:
@@ -146,7 +146,7 @@ def spoken(which: Which) -> str:
 
 
 def picture_name(which: Which, scene: str | None) -> str:
-    """Return how a picture is called for which nobody gave a name: after what drew it and the scene."""
+    """Return the default name of a picture: what drew it, and the scene."""
     from chapters import scenes
 
     begin = chapters.file_name(which)
@@ -165,5 +165,5 @@ def check(which: Which, quality: str, out: Path | None) -> None:
     if quality != "auto":
         raise UserError(f"The study {which} has no presets: leave --quality out.")
     if out is not None and out.suffix.lower() == ".exr":
-        given = ", ".join(study(which).outputs)
-        raise UserError(f"--out {out}: the study {which} gives {given}, not linear light; write a .png.")
+        outputs = ", ".join(study(which).outputs)
+        raise UserError(f"--out {out}: the study {which} gives {outputs}, not linear light; write a .png.")

@@ -1,5 +1,5 @@
 // From object space to clip space, written once: every pass that draws the same vertex must get the same bits, or a
-// depth test for equality would fail. So the result is `precise`, and whoever includes this declares gl_Position invariant.
+// depth test for equality would fail. So the result is `precise`, and shaders that include this declare gl_Position invariant.
 //
 // The sums are written out. A product of a matrix and a vector leaves their order to the compiler, and compilers differ:
 // Mesa's adds from the last column for SPIR-V and from the first for GLSL text. Written out, both backends agree to the bit.

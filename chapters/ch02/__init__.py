@@ -13,7 +13,7 @@ LESSON = Lesson(
         "a SPIR-V parser",
         "layouts derived from shaders",
         "a pipeline cache on disk",
-        "images without channels that nobody reads",
+        "images without channels that no material reads",
     ),
     needs=Needs(required=frozenset(), optional=frozenset({"anisotropy", "bindless", "multi-draw"})),
     reading=(

@@ -9,7 +9,7 @@ LESSON = Lesson(
         "a frame graph",
         "graphs as files of JSON",
         "passes in an order that follows from what they read",
-        "passes left out that nobody needs",
+        "passes left out that no output needs",
         "targets that share memory",
         "barriers derived from declarations",
         "histories",

@@ -51,7 +51,7 @@ def picture():
 
 def test_every_module_of_the_loader_decides_about_a_cache():
     """Also those in folders: a cache of an older loader must not be read."""
-    loader = {path for path in (ROOT / "common" / "gltf").rglob("*.py")}
+    loader = set((ROOT / "common" / "gltf").rglob("*.py"))
     assert len(loader) > 15
     assert loader <= {*matched(scene_cache._MAKERS)}
 

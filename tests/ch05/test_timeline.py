@@ -96,7 +96,7 @@ def test_what_nobody_will_signal_is_refused_at_once_and_says_who_is_stuck(pair):
     first.signal(3)
     with pytest.raises(
         DeviceError,
-        match=r"the second timeline stands at 0 of 1, and nobody was asked to signal that; run again",
+        match=r"the second timeline stands at 0 of 1, and no submission will signal that; run again",
     ):
         wait_timelines([(first, 3), (second, 1)])
     assert wait_timelines([(first, 3), (second, 1)], any_of=True)

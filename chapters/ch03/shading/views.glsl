@@ -132,7 +132,7 @@ vec3 shown(Material material, vec3 base, vec3 to_eye) {
 #elif VIEW == VIEW_LIGHT_COUNT
     return vec3(shown_light_count());
 #else
-#error a view that nobody wrote
+#error an unknown view
 #endif
 }
 #endif

@@ -52,7 +52,7 @@ def named(nodes: Nodes, node: int) -> str:
 
 
 def check_cloth(value: Any, who: str) -> dict[str, Any]:
-    """Return the properties of a cloth, with checked names; SceneErrors contain `who`, the name of the node."""
+    """Return the properties of a cloth, with checked names; SceneErrors contain the name of the node."""
     return _object(value, f"extras.strata.cloth of {who}", CLOTH)
 
 

@@ -1,5 +1,5 @@
 // The stages of a substep, each for one particle or one spring. Within a stage nothing is read that another invocation
-// writes: new values go to `scratch`, or belong to the particle alone. So it does not matter who runs them, and in which order.
+// writes: new values go to `scratch`, or belong to the particle alone. So the order of invocations does not matter.
 //
 // Springs (kick-drift-kick): `begin` changes velocities by the forces of the positions, `end` moves particles by their
 // velocities. Symplectic Euler kicks by h and drifts; Verlet kicks by h/2, drifts, and kicks by h/2 again.

@@ -282,8 +282,8 @@ def _obstacles(scene: Scene, pose: Pose) -> list[Obstacle]:
         obstacles.append(_sized(scene, node, shape, radius, who))
     if len(obstacles) > MOST_COLLIDERS:
         raise SceneError(
-            f"This scene has {len(obstacles)} nodes with extras.strata.collider, and {MOST_COLLIDERS} can be in the way "
-            "of cloth: take it off some."
+            f"This scene has {len(obstacles)} nodes with extras.strata.collider, and {MOST_COLLIDERS} can be in the "
+            "way of cloth: take it off some."
         )
     return obstacles
 

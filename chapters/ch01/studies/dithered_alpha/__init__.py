@@ -11,7 +11,7 @@ from common.settings import knob
 
 STUDY = Study(
     title="dithered alpha",
-    idea="Whoever may only draw a pixel or not can still be half transparent: sixteen thresholds, spread over a tile.",
+    idea="Half transparency without blending: each pixel is drawn or not, by sixteen thresholds spread over a tile.",
     order=23,
     features=("materials/ordered-dither-alpha",),
 )

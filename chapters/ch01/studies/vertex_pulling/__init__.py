@@ -31,7 +31,7 @@ STUDY = Study(
 class Settings:
     """The knobs of this study."""
 
-    feed: str = knob("pulled", "who fetches vertices", choices=("pulled", "attributes"))
+    feed: str = knob("pulled", "what fetches vertices", choices=("pulled", "attributes"))
     instance: int = knob(0, "number of the object that is drawn", minimum=0)
 
 

@@ -14,7 +14,7 @@ from common.view.camera import View
 
 STUDY = Study(
     title="buffer address",
-    idea="An address is a number: it can be computed, stored in other buffers, and nobody checks where it leads.",
+    idea="An address is a number: it can be computed, stored in other buffers, and no layer checks where it leads.",
     order=3,
     outputs=("color", "depth"),
     scene=OWN,

@@ -13,7 +13,7 @@ from common.settings import knob
 
 STUDY = Study(
     title="random textures",
-    idea="Pixels that run side by side may want different descriptors: who does not say so gets his neighbour's.",
+    idea="Neighbouring pixels may need different descriptors: without `nonuniformEXT` a pixel gets its neighbour's.",
     order=2,
     features=("bindless/nonuniform-indexing",),
 )

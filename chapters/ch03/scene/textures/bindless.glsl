@@ -1,5 +1,5 @@
 // The one set that holds every texture. GLSL has a type per dimension and kind of texel, but a descriptor has not: arrays
-// of several types lie at the same binding, and whoever stores a number knows which of them it belongs to.
+// of several types lie at the same binding, and each stored number belongs to one of them.
 //
 // The index of a descriptor must be the same for all invocations of a draw unless it is marked `nonuniformEXT`.
 

@@ -9,7 +9,7 @@ from common.settings import knob
 
 STUDY = Study(
     title="primaries",
-    idea="A submission is an array of primary buffers: whoever recorded one first, the array says which comes first.",
+    idea="A submission is an array of primary command buffers: their order there counts, not that of recording.",
     order=1,
     features=("recording/primary-and-secondary",),
 )

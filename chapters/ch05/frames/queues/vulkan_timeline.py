@@ -98,7 +98,7 @@ class Waiting:
         if timeout_ns is None and not self._needs(
             value <= timeline.last for timeline, value in zip(self._timelines, self.values, strict=True)
         ):
-            raise DeviceError(self._stuck("nobody was asked to signal that"))
+            raise DeviceError(self._stuck("no submission will signal that"))
         patience = PATIENCE_SOFTWARE_S if device.capabilities.is_software else PATIENCE_S
         limit = patience * 10**9 if timeout_ns is None else timeout_ns
         code = device.fn.vkWaitSemaphores(device.handle, self._info, limit)

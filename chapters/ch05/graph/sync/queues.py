@@ -222,7 +222,7 @@ class Clocks:
         lane, of = self._lane[after % self.frame], self._lane[before % self.frame]
         gained = self._gained[lane][of]
         newest, waiting, target = gained[bisect_left(gained, (before,))]
-        assert newest >= before and waiting <= after, "nobody waits for it"
+        assert newest >= before and waiting <= after, "no batch waits for it"
         self._stages[waiting % self.frame, target - waiting // self.frame * self.frame] |= stages
 
     # --- memory ---

@@ -23,7 +23,7 @@ from common.settings import knob
 
 STUDY = Study(
     title="compute buffers",
-    idea="Upload, kernel, download: y = a x + b for any count of numbers, and a barrier for everyone who reads them.",
+    idea="Upload, kernel, download: y = a x + b for any count of numbers, and a barrier before they are read.",
     order=1,
     features=("compute/pipelines-and-buffers", "compute/barriers"),
 )
