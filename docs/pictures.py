@@ -15,7 +15,7 @@ import argparse
 import datetime
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -36,7 +36,7 @@ from common.images import read_image  # noqa: E402
 from common.images.color import decode_srgb, encode_srgb, quantize  # noqa: E402
 from common.images.small_pictures import write_small  # noqa: E402
 from common.names import suggest  # noqa: E402
-from common.settings import preset  # noqa: E402
+from common.settings import preset, replaced  # noqa: E402
 from tools.bench import bench, report  # noqa: E402
 from tools.frames.frame import step_through  # noqa: E402
 from tools.run.run import Request  # noqa: E402
@@ -113,7 +113,7 @@ def sheet_of_views(cell: tuple[int, int] = (240, 135)) -> NDArray[Any]:
     cells = []
     for name in VIEWED:
         with chapters.open(
-            CHAPTER, "auto", scene=scene, size=cell, settings=replace(settings, view=name)
+            CHAPTER, "auto", scene=scene, size=cell, settings=replaced(settings, view=name)
         ) as renderer:
             cells.append(renderer.render(chapters.view_of(renderer)).image("color"))
     rows = [np.concatenate(cells[first : first + 3], axis=1) for first in range(0, len(cells), 3)]
@@ -135,7 +135,7 @@ LOADING = 3
 def loading_sheet(cell: tuple[int, int] = (264, 198), share: float = 0.35) -> NDArray[Any]:
     """Return (H, W, 3): the atrium when `share` of its textures have arrived, and beside it when all have."""
     kind = chapters.settings_class(LOADING)
-    settings: Any = replace(preset(kind, "high"), loading="stream", decoding_threads=1, upload_budget=0.0625)
+    settings: Any = replaced(preset(kind, "high"), loading="stream", decoding_threads=1, upload_budget=0.0625)
     twice = (2 * cell[0], 2 * cell[1])
     with chapters.open(
         LOADING, "auto", scene=load_scene(locate("atrium"), decode=False), size=twice, settings=settings
@@ -179,7 +179,7 @@ def lens_sheet(cell: tuple[int, int] = (320, 180)) -> NDArray[Any]:
     """
     scene, cells = load_scene(locate("atrium")), []
     for aperture in (0.0, 0.5):
-        settings: Any = replace(preset(chapters.settings_class(GRAPH), "medium"), aperture=aperture)
+        settings: Any = replaced(preset(chapters.settings_class(GRAPH), "medium"), aperture=aperture)
         size = (2 * cell[0], 2 * cell[1])
         with chapters.open(GRAPH, "auto", scene=scene, size=size, settings=settings) as renderer:
             view = chapters.view_of(renderer, "fountain")
@@ -194,7 +194,7 @@ CLOTH = 5
 def cloth_sheet(cell: tuple[int, int] = (336, 189), rate: int = 60) -> NDArray[Any]:
     """Return (H, W, 3): the cloths of their scene as they were modelled, and two seconds later, in a wind of 3 m/s."""
     scene, cells = load_scene(locate("cloth")), []
-    settings: Any = replace(preset(chapters.settings_class(CLOTH), "medium"), wind_speed=3.0)
+    settings: Any = replaced(preset(chapters.settings_class(CLOTH), "medium"), wind_speed=3.0)
     size = (2 * cell[0], 2 * cell[1])
     with chapters.open(CLOTH, "auto", scene=scene, size=size, settings=settings) as renderer:
         view = chapters.view_of(renderer)
