@@ -88,8 +88,8 @@ def test_a_wrong_call_is_told_with_pass_object_and_line(device, buffers):
 def test_every_message_reaches_every_callback_and_is_kept_once_with_its_count(device, buffers):
     first, second = [], []
     device.sink.callbacks += [first.append, second.append]
-    for _ in range(3):
-        with submit_once(device) as commands:
+    with submit_once(device) as commands:  # one buffer of commands: a message names it by its address
+        for _ in range(3):
             too_far(device, commands, buffers)
     assert first == second
     assert len(first) == sum(device.sink.messages.values())
