@@ -6,6 +6,7 @@ These tests do wrong on purpose, on an instance of their own: on the shared one 
 from __future__ import annotations
 
 import inspect
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -92,10 +93,9 @@ def test_every_message_reaches_every_callback_and_is_kept_once_with_its_count(de
         for _ in range(3):
             too_far(device, commands, buffers)
     assert first == second
-    assert len(first) == sum(device.sink.messages.values())
-    assert len(first) % 3 == 0
-    assert len(device.sink.messages) == len(first) // 3
-    assert all(text.endswith("(3 times)") for text in device.sink.report())
+    assert device.sink.messages == Counter(first)
+    assert max(device.sink.messages.values()) == 3
+    assert any(text.endswith("(3 times)") for text in device.sink.report())
 
 
 @pytest.mark.feature("device/validation-log")
