@@ -1,1 +1,1 @@
-"""What `strata bench` measures of this lesson: loading."""
+"""The benches of this lesson, for `strata bench`: loading."""

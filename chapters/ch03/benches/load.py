@@ -1,11 +1,13 @@
-"""Measures one load. A bench runs several, each in a process of its own; `loads.py` says what the ways are.
+"""One load, measured in a process of its own; `loads.py` lists the ways and runs several.
 
-What counts as loading: opening the scene's file or cache, all that is made of it on the CPU, its buffers, images and
-descriptors, every copy, until the last byte is on the device. What does not, of a plain load as little as of a cached
-one: Python, imports and the device, which are there; shaders, which are warm (`_building` takes out the time in which
-pipelines are built, from the text of a shader to the driver's object, during this very load); what a driver does at
-the first use of a format in a process, which `_warm_up` has it do before; and what a renderer makes for any scene, as
-its targets (`_alone`).
+A load begins when the scene's file or cache is opened, and ends when the last byte is on the device. It contains all
+work on the CPU, the scene's buffers, images and descriptors, and every copy. Plain and cached loads leave out the same:
+
+- Python, imports and the device, which exist already;
+- shaders, which are warm: `_building` measures the time in which pipelines are built during the load, from the text of
+  a shader to the driver's object;
+- a driver's work at the first use of a format in a process, which `_warm_up` causes before;
+- objects that a renderer makes for any scene, such as its targets (`_alone`).
 """
 
 from __future__ import annotations
@@ -36,18 +38,18 @@ from common.scene.images import Chain, Image
 from common.settings import flat, preset, replaced
 
 ONCE = ("write", "compress")
-"""Ways that are no second time the same: there is a cache after them."""
+"""Ways that run once: they leave a cache, so a second run would differ."""
 
 DECODED = ("read", "pillow")
 """Ways that upload nothing, and need no device."""
 
 KEPT = 400
-"""Submissions that a record holds, the first ones: enough to look at."""
+"""Submissions in a record, the first ones: enough to look at."""
 
 OUTPUTS = frozenset({"color", "color_linear"})
 
 AFTER = 20
-"""Frames that are drawn when everything has arrived: what the longest frame before is compared with."""
+"""Frames that are drawn after everything has arrived, to compare the longest earlier frame with."""
 
 MOST_FRAMES = 100_000
 
@@ -58,12 +60,12 @@ def decoded(path: Path, way: str) -> dict[str, Any]:
 
 
 def once(subject: Subject, path: Path, way: str, picture: Path | None = None) -> dict[str, Any]:
-    """Load a scene in one of the other WAYS; return seconds and bytes. `picture` is an .npz that gets what is seen."""
+    """Load a scene in one of the other WAYS; return seconds and bytes. `picture` is an .npz file for the picture."""
     settings: Any = preset(subject.settings_class, "medium")
     streams = way in ("stream", "overlap")
     settings = replaced(settings, loading="stream" if streams else "wait")
     if way == "overlap":
-        settings = recorded_anew(settings)  # stamps are part of what is recorded: each frame has its own
+        settings = recorded_anew(settings)  # stamps are part of a recording: each frame needs its own
     load = _Load(subject, path, settings, way)
     with ExitStack() as stack:
         device = subject.device
@@ -73,18 +75,18 @@ def once(subject: Subject, path: Path, way: str, picture: Path | None = None) ->
             stack.callback(stamps.close)
         _warm_up(load)
         building = stack.enter_context(_building(subject))
-        made = _measured(load, building, stamps, picture)
-        # Only now: two renderers at once need memory that one alone, and the load before, find there.
+        figures = _measured(load, building, stamps, picture)
+        # After the load: a second renderer takes memory that the measured load would have to do without.
         alone = _alone(load, building) if not streams else 0.0
-    return made | {
-        "load_s": max(made["total_s"] - made["pipelines_s"] - alone, 1e-6),
+    return figures | {
+        "load_s": max(figures["total_s"] - figures["pipelines_s"] - alone, 1e-6),
         "renderer_s": alone,
     }
 
 
 @dataclass(frozen=True)
 class _Load:
-    """What is loaded, how, and into what."""
+    """The subject, file, settings and way of a load."""
 
     subject: Subject
     path: Path
@@ -93,7 +95,7 @@ class _Load:
 
     @property
     def in_blocks(self) -> bool:
-        """Whether textures come as blocks."""
+        """Whether textures are compressed in blocks."""
         return self.way in ("compress", "blocks", "least")
 
     def renderer(self, scene: Scene) -> AbstractContextManager[Any]:
@@ -117,7 +119,7 @@ def _measured(
         scene = replace(opening.scene, images=small) if way == "least" else opening.scene
         opened = clock.perf_counter()
         renderer = stack.enter_context(load.renderer(scene))
-        made, pipelines = clock.perf_counter(), sum(building)
+        created, pipelines = clock.perf_counter(), sum(building)
         frames = _frames(load.subject, renderer, way == "stream") if streams else {}
         if way in ONCE and opening.writer is not None:
             opening.writer.finish(None)
@@ -131,7 +133,7 @@ def _measured(
         arrays = (scene.positions, scene.normals, scene.tangents, scene.uv0, scene.indices)
         return {
             "scene_s": opened - began,
-            "open_s": made - opened,
+            "open_s": created - opened,
             "total_s": done - began,
             "pipelines_s": pipelines,
             "peak_bytes": grown,
@@ -144,10 +146,10 @@ def _measured(
 
 
 def _warm_up(load: _Load) -> None:
-    """Open the scene once with textures of a few texels, always from its file: what the first of all costs goes here.
+    """Open the scene once with textures of a few texels, always from its file: it bears the costs of a first use.
 
-    Textures are stored as the measured load will store them, since a driver may compile code for each format. Nothing
-    of a cache is touched, and no texture of the file is decoded.
+    Textures are stored as in the measured load, since a driver may compile code for each format. Nothing of a cache is
+    touched, and no texture of the file is decoded.
     """
     load.subject.module("scene_cache.cache")
     opened = load_scene(load.path, decode=False)
@@ -156,7 +158,7 @@ def _warm_up(load: _Load) -> None:
 
 
 def _small_images(load: _Load, scene: Scene) -> list[Image]:
-    """Return pictures of a few texels in the place of a scene's, which are stored as those would be."""
+    """Return images of a few texels in place of a scene's, stored in the same formats."""
     cached = load.subject.module("scene_cache.images")
     uses = cached.image_uses(scene)
     small: list[Image] = []
@@ -169,7 +171,7 @@ def _small_images(load: _Load, scene: Scene) -> list[Image]:
 
 
 def _alone(load: _Load, building: list[float]) -> float:
-    """Return the seconds that a renderer takes to open for one square without a texture, but for its pipelines."""
+    """Return the seconds to open a renderer for one square without a texture, less those of its pipelines."""
     scene = replace(crowd(1, 1), materials=[Material()], images=[])
     took = []
     for _ in range(3):
@@ -182,26 +184,26 @@ def _alone(load: _Load, building: list[float]) -> float:
 
 @dataclass(frozen=True)
 class _Small(Image):
-    """A few texels in the place of a picture, with `chains` of blocks by use."""
+    """A few texels in place of an image, with `chains` of blocks by use."""
 
     chains: Mapping[tuple[bool, bool, str], Chain] = field(default_factory=dict)
 
     def chain(self, srgb: bool, mipmapped: bool, channels: str) -> Chain | None:
-        """Return the blocks."""
+        """Return the blocks for a use, or None."""
         return self.chains.get((srgb, mipmapped, channels))
 
 
 @contextmanager
 def _building(subject: Subject) -> Iterator[list[float]]:
-    """Yield a list that gets the seconds of each call that builds pipelines: texts, SPIR-V, reflection, driver."""
+    """Yield a list of the seconds of each call that builds pipelines: texts, SPIR-V, reflection, driver."""
     pipelines = subject.module(f"pipelines.{subject.backend}").Pipelines
     took: list[float] = []
 
     def timed(call: Callable[..., Any]) -> Callable[..., Any]:
-        def run(*arguments: Any, **more: Any) -> Any:
+        def run(*arguments: Any, **keywords: Any) -> Any:
             began = clock.perf_counter()
             try:
-                return call(*arguments, **more)
+                return call(*arguments, **keywords)
             finally:
                 took.append(clock.perf_counter() - began)
 
@@ -220,10 +222,11 @@ def _building(subject: Subject) -> Iterator[list[float]]:
 
 
 def _frames(subject: Subject, renderer: Any, waits: bool) -> dict[str, Any]:
-    """Draw until all textures have arrived, and some frames more; return how many that took, and the longest.
+    """Draw until all textures have arrived, and some frames more; return the number of frames until then, and the
+    longest.
 
-    If it `waits` for the GPU behind each frame, what a frame takes is the renderer's own thread, without drawing. Else
-    frames follow each other as in a window, and the GPU has always something to draw.
+    If `waits`, it waits for the GPU after each frame; the time of a frame is then the renderer's own thread, without
+    drawing. Otherwise frames follow each other as in a window, and the GPU always has something to draw.
     """
     view = subject.view(renderer)
     meanwhile: list[float] = []
@@ -259,7 +262,7 @@ def _frames(subject: Subject, renderer: Any, waits: bool) -> dict[str, Any]:
 
 
 def _with_pillow(path: Path) -> dict[str, Any]:
-    """Read a document with pygltflib and decode its images with Pillow, on the threads that loading takes."""
+    """Read a document with pygltflib and decode its images with Pillow, on as many threads as loading."""
     from PIL import Image as Pillow
     from pygltflib import GLTF2
 
@@ -282,19 +285,23 @@ def _with_pillow(path: Path) -> dict[str, Any]:
     with ThreadPoolExecutor(min(8, os.cpu_count() or 1)) as pool:
         decoded = list(pool.map(decode, document.images or []))
     took = clock.perf_counter() - began
-    return {"load_s": took, "total_s": took, "decoded_bytes": sum(one.nbytes for one in decoded)}
+    return {"load_s": took, "total_s": took, "decoded_bytes": sum(pixels.nbytes for pixels in decoded)}
 
 
 def _read(path: Path) -> dict[str, Any]:
-    """Do what `_with_pillow` does with this project's own reader, which makes a whole scene of it."""
+    """Do the work of `_with_pillow` with this project's own reader, which makes a whole scene of it."""
     began = clock.perf_counter()
     scene = load_scene(path)
     took = clock.perf_counter() - began
-    return {"load_s": took, "total_s": took, "decoded_bytes": sum(one.pixels.nbytes for one in scene.images)}
+    return {
+        "load_s": took,
+        "total_s": took,
+        "decoded_bytes": sum(image.pixels.nbytes for image in scene.images),
+    }
 
 
 def _peak_bytes() -> int:
-    """Return the most memory that this process had so far; 0 where the system does not tell."""
+    """Return the peak memory of this process so far; 0 where the system does not report it."""
     try:
         import resource
     except ImportError:  # Windows
@@ -304,7 +311,7 @@ def _peak_bytes() -> int:
 
 
 def record(timeline: Mapping[str, Sequence[Interval]]) -> dict[str, Any]:
-    """Return what a bench keeps: how long copies ran on their own queue, how long of it beside drawing, and when."""
+    """Return the figures of copies: their time on their own queue, how much of it beside drawing, and when."""
     copies, drawing = timeline.get("transfer", []), timeline.get("graphics", [])
     return {
         "queues": sorted(timeline),

@@ -1,26 +1,24 @@
-"""What loading a scene takes: from its file, from its cache, and for the frames that are drawn meanwhile.
+"""The time of loading a scene: from its file, from its cache, and while frames are drawn.
 
-Each load is a process of its own (`load.py`), with what the system keeps of files and what was
-compiled before warm. The ways:
+Each load is a process of its own (`load.py`); the system's copies of files and the compiled shaders are warm. The ways:
 
     plain      decoded from the file; nothing is kept
     write      the same, and the cache is written
     cached     from that cache: mapped, nothing is decoded
     compress   decoded, compressed in blocks, written
     blocks     from that cache
-    least      the same, with textures of a few texels in the place of its own: what no cache spares
+    least      the same, with textures of a few texels in place of its own: the part that no cache saves
     stream     frames are drawn while textures arrive from the file
     overlap    the same, with a stamp on the GPU before and after every submission (Vulkan)
 
-A load ends with the last byte on the device. Its time is that of opening the scene and uploading it, with everything
-that takes but starting Python, opening a device, and what is no scene's own: pipelines are built during each load, and
-their time is taken in that load and shown apart, as is that of a renderer without a scene (`load.py`).
-Memory is what the process grew by at its peak, over a process that has opened the device and the same scene with tiny
-textures.
+A load ends with the last byte on the device. Its time contains opening the scene and uploading it. It does not contain
+starting Python, opening a device, or work that belongs to no scene. Pipelines are built during each load; their time is
+subtracted and shown apart, as is that of a renderer without a scene (`load.py`). Memory is the growth of the process at
+its peak, over a process that has opened the device and the same scene with tiny textures.
 
-Beside them, `pillow` is what a program takes that reads the document with pygltflib and decodes the images with Pillow
-on as many threads, and uploads nothing; `read` is that work done by our own reader, which also makes geometry, and
-decodes no picture that nothing drawn has.
+For comparison, `pillow` reads the document with pygltflib, decodes the images with Pillow on as many threads, and
+uploads nothing. `read` is the same work by our own reader, which also makes geometry. It decodes only images of
+materials that are drawn.
 """
 
 from __future__ import annotations
@@ -70,8 +68,8 @@ def measure(
     effort: Effort,
     step: Callable[[str, float], None],
 ) -> list[dict[str, Any]]:
-    """Return a record for each scene of `names`; `find` gives a scene's file, or None where it is not here."""
-    found = []
+    """Return a record for each scene of `names`; `find` returns a scene's file, or None if it is missing."""
+    records = []
     for number, name in enumerate(names):
 
         def within(what: str, part: float, number: int = number, name: str = name) -> None:
@@ -85,10 +83,10 @@ def measure(
             else:
                 path = find(name)
             if path is None:
-                found.append({"scene": name, "ways": {}})
+                records.append({"scene": name, "ways": {}})
             else:
-                found.append(_measure(name, partial(run, path), effort, within))
-    return found
+                records.append(_measure(name, partial(run, path), effort, within))
+    return records
 
 
 def _measure(name: str, run: Run, effort: Effort, step: Callable[[str, float], None]) -> dict[str, Any]:
@@ -98,7 +96,7 @@ def _measure(name: str, run: Run, effort: Effort, step: Callable[[str, float], N
         pictures = {way: Path(folder) / f"{way}.npz" for way in ("plain", "cached", "blocks")}
         cache = Path(folder) / "strata"
         step("shaders", 0.0)
-        run("plain", cache, pictures["plain"])  # what is compiled here, later starts find
+        run("plain", cache, pictures["plain"])  # compiles the shaders for later starts
         for number, way in enumerate(WAYS):
             step(WAYS[way], (number + 1) / (len(WAYS) + 1))
             runs[way] = [run(way, cache) for _ in range(1 if way in ONCE else turns)]
@@ -116,7 +114,7 @@ def _measure(name: str, run: Run, effort: Effort, step: Callable[[str, float], N
         "decoded_bytes": runs["plain"][0]["decoded_bytes"],
         "bytes": runs["plain"][0]["bytes"],
         "turns": turns,
-        "ways": {way: _middle(found) for way, found in runs.items()},
+        "ways": {way: _middle(figures) for way, figures in runs.items()},
         "times_faster": {
             way: _median(runs["plain"], "load_s") / _median(runs[way], "load_s")
             for way in ("cached", "blocks", "least")
@@ -127,35 +125,35 @@ def _measure(name: str, run: Run, effort: Effort, step: Callable[[str, float], N
 
 
 def _read(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Return a picture's linear light and what is shown of it."""
-    with np.load(path) as held:
-        return held["color_linear"], held["color"]
+    """Return the linear light of a picture, and the shown picture."""
+    with np.load(path) as arrays:
+        return arrays["color_linear"], arrays["color"]
 
 
-def _median(found: list[dict[str, Any]], name: str) -> float:
-    return statistics.median(float(one[name]) for one in found)
+def _median(figures: list[dict[str, Any]], name: str) -> float:
+    return statistics.median(float(turn[name]) for turn in figures)
 
 
-def _middle(found: list[dict[str, Any]]) -> dict[str, float]:
+def _middle(figures: list[dict[str, Any]]) -> dict[str, float]:
     """Return the median of every figure."""
-    numbers = {name for name, value in found[0].items() if isinstance(value, int | float)}
-    return {name: _median(found, name) for name in sorted(numbers)}
+    numbers = {name for name, value in figures[0].items() if isinstance(value, int | float)}
+    return {name: _median(figures, name) for name in sorted(numbers)}
 
 
-# --- what came out ----------------------------------------------------------------------------------------------------
+# --- results ----------------------------------------------------------------------------------------------------------
 
 
-def show(made: list[dict[str, Any]], to: Console) -> None:
+def show(records: list[dict[str, Any]], to: Console) -> None:
     """Print a table for each scene."""
-    for one in made:
-        if not one["ways"]:
+    for record in records:
+        if not record["ways"]:
             to.print(
-                f"Loading {one['scene']}: not measured, since the scene is not on this machine.",
+                f"Loading {record['scene']}: not measured, since the scene is not on this machine.",
                 soft_wrap=True,
             )
             continue
         shown = table(
-            f"Loading {one['scene']}: {one['textures']} textures, {one['bytes'] / 1e6:.0f} MB",
+            f"Loading {record['scene']}: {record['textures']} textures, {record['bytes'] / 1e6:.0f} MB",
             "way",
             ">s",
             ">of it, scene",
@@ -163,64 +161,64 @@ def show(made: list[dict[str, Any]], to: Console) -> None:
             ">renderer apart",
             ">peak / scene",
         )
-        for way, found in one["ways"].items():
+        for way, figures in record["ways"].items():
             if way == "stream":
                 continue
-            peak = found.get("peak_bytes", 0) / one["bytes"]
+            peak = figures.get("peak_bytes", 0) / record["bytes"]
             shown.add_row(
                 WAYS[way],
-                f"{found['load_s']:.3f}",
-                f"{found['scene_s']:.3f}" if "scene_s" in found else "",
-                f"{found['pipelines_s']:.3f}" if "pipelines_s" in found else "",
-                f"{found['renderer_s']:.3f}" if "renderer_s" in found else "",
+                f"{figures['load_s']:.3f}",
+                f"{figures['scene_s']:.3f}" if "scene_s" in figures else "",
+                f"{figures['pipelines_s']:.3f}" if "pipelines_s" in figures else "",
+                f"{figures['renderer_s']:.3f}" if "renderer_s" in figures else "",
                 f"{peak:.2f}" if peak else "",
             )
         to.print(shown)
-        for line in sentences(one):
+        for line in sentences(record):
             to.print(line, soft_wrap=True)
 
 
-def sentences(one: dict[str, Any]) -> list[str]:
-    """Return what the figures of a scene say."""
-    faster, apart = one["times_faster"], one["errors"]
-    said = [
+def sentences(record: dict[str, Any]) -> list[str]:
+    """Return the results of a scene as sentences."""
+    faster, apart = record["times_faster"], record["errors"]
+    lines = [
         f"From the cache it is there {faster['cached']:.1f} times as fast, "
         f"from that of blocks {faster['blocks']:.1f} times. Without its texels it is there {faster['least']:.1f} times "
         "as fast: about the most that a cache of textures can bring.",
     ]
     if apart["cached"]["pixels_differ"]:
-        said.append(f"Its picture differs by up to {apart['cached']['max_abs']:.2g}.")
+        lines.append(f"Its picture differs by up to {apart['cached']['max_abs']:.2g}.")
     else:
-        said.append("Its picture is the same to the bit.")
+        lines.append("Its picture is the same to the bit.")
     blocks = apart["blocks"]
     flip = "" if blocks["flip"] is None else f", FLIP {blocks['flip']:.4f}"
-    said.append(f"With blocks the picture's relative MSE is {blocks['relative_mse']:.2g}{flip}.")
-    stream = one["ways"]["stream"]
-    said.append(
+    lines.append(f"With blocks the picture's relative MSE is {blocks['relative_mse']:.2g}{flip}.")
+    stream = record["ways"]["stream"]
+    lines.append(
         f"Streamed, the first frame is there after {stream['first_frame_s']:.2f} s and the last texture after "
         f"{stream['complete_s']:.2f} s and {stream['frames']:.0f} frames; the renderer's own time in the longest of "
         f"them was {stream['longest_ms']:.1f} ms, {stream['after_ms']:.1f} ms afterwards."
     )
-    overlap = one["overlap"]
+    overlap = record["overlap"]
     if overlap and "transfer" in overlap["queues"]:
-        said.append(
+        lines.append(
             f"Copies took {overlap['copies_ms']:.1f} ms on a queue of their own, {overlap['beside_drawing_ms']:.1f} ms "
             "of that while the other queue drew."
         )
     elif overlap:
-        said.append("Copies and drawing share the device's one queue: nothing overlaps on the GPU.")
-    return said
+        lines.append("Copies and drawing share the device's one queue: nothing overlaps on the GPU.")
+    return lines
 
 
-def plot(axes: Any, made: list[dict[str, Any]]) -> None:
+def plot(axes: Any, records: list[dict[str, Any]]) -> None:
     """Draw the seconds of each way as bars, scene beside scene."""
-    drawn = [one for one in made if one["ways"]]
-    ways = [way for way in WAYS if way != "stream" and all(way in one["ways"] for one in drawn)]
+    drawn = [record for record in records if record["ways"]]
+    ways = [way for way in WAYS if way != "stream" and all(way in record["ways"] for record in drawn)]
     width = 0.8 / len(ways)
     for number, way in enumerate(ways):
         places = [place + (number - (len(ways) - 1) / 2) * width for place in range(len(drawn))]
-        axes.bar(places, [one["ways"][way]["load_s"] for one in drawn], width, label=WAYS[way])
-    axes.set_xticks(range(len(drawn)), [one["scene"] for one in drawn])
+        axes.bar(places, [record["ways"][way]["load_s"] for record in drawn], width, label=WAYS[way])
+    axes.set_xticks(range(len(drawn)), [record["scene"] for record in drawn])
     axes.set_yscale("log")
     axes.set_ylabel("s to the last byte on the device")
     axes.set_title("Loading", fontsize=10)

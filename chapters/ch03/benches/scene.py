@@ -16,7 +16,7 @@ COUNT = 30
 """Textures: 503 MB decoded."""
 
 _CELL = 16
-"""Pixels between two random colours; what lies between them is interpolated, with a little noise on top."""
+"""Pixels between two random colours; pixels between them are interpolated, with a little noise on top."""
 
 
 def write(folder: Path, count: int = COUNT, side: int = SIDE) -> Path:

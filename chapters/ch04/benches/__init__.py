@@ -1,1 +1,1 @@
-"""What `strata bench` measures of this lesson: frame graphs and the G-buffer."""
+"""The benches of this lesson, for `strata bench`: frame graphs and the G-buffer."""

@@ -1,8 +1,8 @@
-"""What the formats of the G-buffer cost and lose: bytes a pixel, GPU time, and how far pictures are from finer ones.
+"""Cost and loss of the G-buffer's formats: bytes a pixel, GPU time, and errors against finer pictures.
 
-Each format draws the same scenes from the same view. Its error is told twice: against the finest format, which is what
-storing a surface in fewer bits loses, and against the forward path, which stores nothing, so that all that the deferred
-path does in another way is in it too.
+Each format draws the same scenes from the same view. Its error has two references. The error against the finest format
+is the loss of storing a surface in fewer bits. The forward path stores no surface: the error against it contains all
+other differences of the deferred path, too.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from common.settings import knobs, preset, replaced
 
 KNOB, FINEST, FORWARD = "gbuffer_format", "full", "forward"
 SCENES = {"spheres": "sky", "cornell": "none"}
-"""What is drawn beside the bench's own scene, and the environments: mirrors of a sky, and a closed box."""
+"""Scenes beside the bench's own, and their environments: mirrors of a sky, and a closed box."""
 
 PASSES = ("gbuffer", "lighting")
-"""Those that write the G-buffer and read it."""
+"""The passes that write the G-buffer and read it."""
 
 
 @dataclass
@@ -38,11 +38,11 @@ class _Point:
     rounds: list[dict[str, float]] = field(default_factory=list)
 
     def look(self) -> None:
-        """Keep the picture, and what the targets are made of."""
+        """Keep the picture, and the formats and bytes of the targets."""
         with self.subject.open(self.settings, {"color", "color_linear"}) as renderer:
             drawn: Any = renderer
             self.picture = self.subject.settled_picture(renderer)
-            step = next((one for one in drawn.graph.steps if one.name == PASSES[0]), None)
+            step = next((candidate for candidate in drawn.graph.steps if candidate.name == PASSES[0]), None)
             if step is None:  # the forward path stores no surface
                 return
             size_of: Any = self.subject.module("graph.frame_graph").bytes_of
@@ -50,10 +50,10 @@ class _Point:
                 self.formats[target.resource] = drawn.graph.resources[target.resource].format
             self.bytes = sum(map(size_of, self.formats.values()))
 
-    def record(self, others: dict[str, _Point]) -> dict[str, Any]:
-        """Return what the JSON holds; `others` are what it is compared with, by their formats."""
-        passes = {name: middle([one.get(name, 0.0) for one in self.rounds])[0] for name in PASSES}
-        used, noise = middle([sum(one.get(name, 0.0) for name in PASSES) for one in self.rounds])
+    def record(self, truths: dict[str, _Point]) -> dict[str, Any]:
+        """Return the JSON of the point; `truths` are the points to compare it with, by their formats."""
+        passes = {name: middle([timings.get(name, 0.0) for timings in self.rounds])[0] for name in PASSES}
+        used, noise = middle([sum(timings.get(name, 0.0) for name in PASSES) for timings in self.rounds])
         return {
             "format": self.format,
             "formats": self.formats,
@@ -61,13 +61,13 @@ class _Point:
             "gpu_ms": used,
             "noise_ms": noise,
             "passes_ms": passes,
-            "frame_ms": middle([one["gpu"] for one in self.rounds])[0],
-            "error": {name: _error(self.picture, other.picture) for name, other in others.items()},
+            "frame_ms": middle([timings["gpu"] for timings in self.rounds])[0],
+            "error": {name: _error(self.picture, truth.picture) for name, truth in truths.items()},
         }
 
 
 def _error(got: Any, truth: Any) -> dict[str, float | None]:
-    """Return how far a picture is from another; `max_abs` is that of what is shown, `max_linear` of light, in nits."""
+    """Return the error of a picture; `max_abs` is that of the shown picture, `max_linear` that of light, in nits."""
     linear = difference(got[0], truth[0])
     return {
         **errors(got, truth),
@@ -79,25 +79,25 @@ def _error(got: Any, truth: Any) -> dict[str, float | None]:
 def measure(
     subject: Subject, effort: Effort, step: Callable[[str, float], None], name: str
 ) -> list[dict[str, Any]]:
-    """Return a record for the bench's scene, called `name`, and for each of SCENES; [] where there is no G-buffer."""
+    """Return a record for the bench's scene, called `name`, and for each of SCENES; [] without a G-buffer."""
     settings_class = subject.settings_class
     if KNOB not in knobs(settings_class):
         return []
-    held = {name: ("none", subject)}
+    scenes = {name: ("none", subject)}
     for other, around in SCENES.items() if effort.everything else ():
         if other != name:
-            held[other] = around, subject.on(subject.load(other, around))
+            scenes[other] = around, subject.on(subject.load(other, around))
     choices = [str(choice) for choice in knobs(settings_class)[KNOB].choices or ()]
     medium: Any = preset(settings_class, "medium")
-    every: dict[str, dict[str, _Point]] = {}
-    for number, (scene_name, (_, drawn)) in enumerate(held.items()):
-        step(f"errors on {scene_name}", 0.5 * number / len(held))
-        settings = {one: replaced(medium, graph="deferred", msaa=1, **{KNOB: one}) for one in choices}
+    by_scene: dict[str, dict[str, _Point]] = {}
+    for number, (scene_name, (_, drawn)) in enumerate(scenes.items()):
+        step(f"errors on {scene_name}", 0.5 * number / len(scenes))
+        settings = {entry: replaced(medium, graph="deferred", msaa=1, **{KNOB: entry}) for entry in choices}
         settings[FORWARD] = replaced(medium, graph=FORWARD, msaa=1)
-        every[scene_name] = {one: _Point(drawn, one, how) for one, how in settings.items()}
-        for point in every[scene_name].values():
+        by_scene[scene_name] = {entry: _Point(drawn, entry, how) for entry, how in settings.items()}
+        for point in by_scene[scene_name].values():
             point.look()
-    timed = [point for found in every.values() for point in found.values()]
+    timed = [point for by_format in by_scene.values() for point in by_format.values()]
     for turn in range(effort.rounds):
         for number, point in enumerate(timed):
             step(f"time of {point.format}", 0.5 + 0.5 * (turn + number / len(timed)) / effort.rounds)
@@ -105,29 +105,30 @@ def measure(
     return [
         {
             "scene": scene_name,
-            "environment": held[scene_name][0],
-            "forward_ms": middle([one["gpu"] for one in found[FORWARD].rounds])[0],
+            "environment": scenes[scene_name][0],
+            "forward_ms": middle([entry["gpu"] for entry in by_format[FORWARD].rounds])[0],
             "points": [
-                found[one].record({truth: found[truth] for truth in (FINEST, FORWARD)}) for one in choices
+                by_format[entry].record({truth: by_format[truth] for truth in (FINEST, FORWARD)})
+                for entry in choices
             ],
         }
-        for scene_name, found in every.items()
+        for scene_name, by_format in by_scene.items()
     ]
 
 
-# --- what came out ----------------------------------------------------------------------------------------------------
+# --- results ----------------------------------------------------------------------------------------------------------
 
 
-def show(made: list[dict[str, Any]], to: Console) -> None:
+def show(records: list[dict[str, Any]], to: Console) -> None:
     """Print the records as one table."""
     shown = table(
         f"Formats of the G-buffer: bytes a pixel, GPU ms of {' and '.join(PASSES)}",
         *("scene", "format", ">bytes", ">GPU ms", "against", ">rel. MSE", ">max", ">FLIP"),
     )
-    for one in made:
-        for point in one["points"]:
+    for record in records:
+        for point in record["points"]:
             time = f"{point['gpu_ms']:.2f} ±{point['noise_ms']:.2f}"
-            named = [one["scene"], point["format"], str(point["bytes"]), time]
+            named = [record["scene"], point["format"], str(point["bytes"]), time]
             for truth, error in point["error"].items():
                 if truth == point["format"]:
                     continue
@@ -142,15 +143,15 @@ def show(made: list[dict[str, Any]], to: Console) -> None:
     to.print(shown)
 
 
-def plot(axes: Any, made: list[dict[str, Any]]) -> None:
-    """Draw the error to the forward path by format, the smallest first, and dotted beside it the GPU's time."""
+def plot(axes: Any, records: list[dict[str, Any]]) -> None:
+    """Draw the error against the forward path by format, the smallest first, and dotted the time of the GPU."""
     times = axes.twinx()
-    for number, one in enumerate(made):
-        points = sorted(one["points"], key=lambda point: int(point["bytes"]))
+    for number, record in enumerate(records):
+        points = sorted(record["points"], key=lambda point: int(point["bytes"]))
         named = [f"{point['format']}, {point['bytes']} bytes" for point in points]
-        # A logarithm has no zero: what is equal stands at the lower edge.
+        # A logarithmic axis has no zero: equal pictures stand at the lower edge.
         values = [max(point["error"][FORWARD]["relative_mse"], 1e-12) for point in points]
-        axes.plot(named, values, "o-", color=f"C{number}", label=one["scene"], ms=4)
+        axes.plot(named, values, "o-", color=f"C{number}", label=record["scene"], ms=4)
         took, noise = ([point[name] for point in points] for name in ("gpu_ms", "noise_ms"))
         times.errorbar(named, took, noise, fmt="s:", color=f"C{number}", capsize=2, ms=3)
     axes.set_yscale("log")

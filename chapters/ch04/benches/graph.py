@@ -1,14 +1,14 @@
-"""What a frame graph costs and spares: memory and barriers, compiling it, recording a frame, sending one again.
+"""Cost and gain of a frame graph: memory and barriers, and the times of compiling, recording and resubmitting.
 
-Compiling happens when the structure of a frame changes, recording when something in it is another one; in all other
-frames what was recorded is sent once more. So each of the three has a time of its own here. Passes are added by putting
-the chapter's tone curve between itself and what it reads, again and again: small passes that cost the GPU little.
+A graph is compiled when the structure of a frame changes, and recorded when something in it changes; all other frames
+submit the recording again. So each of the three has a time of its own here. To add passes, the bench inserts copies of
+the chapter's tone curve between the curve and its input: small passes that cost the GPU little.
 
-Of `render`, from its call to its return, the driver's part is told apart: on Vulkan that is vkQueueSubmit2, on OpenGL
-all calls of the frame, which are made anew in each. The GPU is idle before each call, and the last that the processor
-did is the same for all: a frame of another renderer. Else a long frame, which it waits for with caches that others use
-meanwhile, would make the call after it a slow one. These frames show a scene in which nothing moves: evaluating
-animations takes its time with any frame, graph or not.
+The time of `render`, from its call to its return, has a separate part for the driver. On Vulkan that is vkQueueSubmit2,
+on OpenGL all calls of the frame, which are made again in each frame. The GPU is idle before each call. The processor's
+last work is the same for all: a frame of another renderer. Otherwise a long frame would slow the call after it, since
+the caches serve other work during the wait. Nothing moves in the scene of these frames: the evaluation of animations
+takes its time with any frame, graph or not.
 """
 
 from __future__ import annotations
@@ -37,29 +37,29 @@ GRAPHS: dict[str, dict[str, Any]] = {
     "deferred": {"graph": "deferred"},
     "forward": {"graph": "forward"},
 }
-"""Frames whose graphs are looked at, and the settings that make them."""
+"""Frames whose graphs are measured, and their settings."""
 
 CHAINS = (20, 100, 1000)
-"""Passes of graphs that are compiled without being drawn: each reads what the one before it wrote."""
+"""Passes of graphs that are compiled without being drawn: each pass reads the output of the one before it."""
 
 PASSES = (5, 50)
-"""Of the frames whose CPU time is measured."""
+"""Passes of the frames whose CPU time is measured."""
 
 SCENE, SIZE = "cornell", (64, 36)
-"""Of these frames: drawing them takes little from a processor that a driver in software shares."""
+"""Scene and size of these frames: drawing them takes little from a processor that a software driver shares."""
 
 WAYS = {
     "sent again": (True, False),
     "sent again, camera moves": (True, True),
     "recorded anew": (False, False),
 }
-"""Frames by what is done for them: whether what was recorded is good for more than one, whether the camera moves."""
+"""Kinds of frames: whether a recording is submitted again, and whether the camera moves."""
 
 REPEATED = "tonemap"
-"""The pass that is repeated to have more of them."""
+"""The pass whose copies are added."""
 
 ROUNDS = 20
-"""Frames of each kind where a sweep has one frame."""
+"""Frames of each kind for one frame of a sweep."""
 
 
 def measure(
@@ -69,7 +69,7 @@ def measure(
     chains: Sequence[int] = CHAINS,
     passes: Sequence[int] = PASSES,
 ) -> dict[str, Any] | None:
-    """Return the record of a chapter whose frame is a graph; None for others."""
+    """Return the record of a chapter with a frame graph; None for others."""
     if KNOB not in knobs(subject.settings_class):
         return None
     graphs = []
@@ -126,18 +126,18 @@ def _chain(subject: Subject, effort: Effort, count: int) -> dict[str, Any]:
 
 def _timed(call: Callable[[], Any], times: int) -> list[float]:
     """Return the seconds of each of several calls, after one that does not count."""
-    found = []
+    seconds = []
     for _ in range(times + 1):
         began = clock.perf_counter()
         call()
-        found.append(clock.perf_counter() - began)
-    return found[1:]
+        seconds.append(clock.perf_counter() - began)
+    return seconds[1:]
 
 
 def _named(name: str, seconds: Sequence[float], factor: float) -> dict[str, float]:
-    """Return the median in `name`, and beside it half the distance of the quartiles, and the least."""
+    """Return the median as `name`, and beside it half the distance of the quartiles, and the least value."""
     what, _, unit = name.rpartition("_")
-    scaled = [factor * one for one in seconds]
+    scaled = [factor * value for value in seconds]
     median, noise = middle(scaled)
     return {name: median, f"{what}_noise_{unit}": noise, f"{what}_least_{unit}": min(scaled, default=median)}
 
@@ -147,7 +147,7 @@ def _named(name: str, seconds: Sequence[float], factor: float) -> dict[str, floa
 
 @dataclass
 class _Run:
-    """A renderer with so many passes, whose frames are made in one of the WAYS, and their times in seconds."""
+    """A renderer with a number of passes, whose frames are drawn in one of the WAYS, and their times in seconds."""
 
     passes: int
     way: str
@@ -157,7 +157,7 @@ class _Run:
     driver: list[float] = field(default_factory=list)
 
     def frame(self, turn: float) -> None:
-        """Draw a frame until it is over, and keep its times where it did what this run is for."""
+        """Draw a frame and wait for it; keep its times if it was recorded or submitted again as its way requires."""
         again, moves = WAYS[self.way]
         view = moved_view(self.view, self.renderer.scene, turn) if moves else self.view
         with _driver(self.renderer) as driver:
@@ -170,7 +170,7 @@ class _Run:
         sum(frame.timings.values())  # waits for the GPU
 
     def point(self) -> dict[str, Any]:
-        """Return what the record holds."""
+        """Return the figures of the frames."""
         own = [whole - driver for whole, driver in zip(self.whole, self.driver, strict=True)]
         return {
             "passes": self.passes,
@@ -184,22 +184,22 @@ class _Run:
 
 @contextmanager
 def _driver(renderer: Any) -> Iterator[list[float]]:
-    """Give the list that gets the seconds of each call that hands a frame to the driver."""
+    """Yield a list of the seconds of each call that hands a frame to the driver."""
     vulkan = renderer.capabilities.backend == "vulkan"
     owner, name = (renderer.device.fn, "vkQueueSubmit2") if vulkan else (renderer._frames, "submit")
     called = getattr(owner, name)
-    taken: list[float] = []
+    seconds: list[float] = []
 
     def timed(*arguments: Any) -> Any:
         began = clock.perf_counter()
         try:
             return called(*arguments)
         finally:
-            taken.append(clock.perf_counter() - began)
+            seconds.append(clock.perf_counter() - began)
 
     setattr(owner, name, timed)
     try:
-        yield taken
+        yield seconds
     finally:
         setattr(owner, name, called)
 
@@ -219,7 +219,7 @@ def _frames(
         view = subject.view(runs[0].renderer)
         drawn = stack.enter_context(still.open(_settings(subject, {}), {"color"}))
         before = _Run(len(drawn.passes), "sent again", drawn, view)
-        for run in (*runs, before):  # each slot is recorded, and the driver compiles what it draws first
+        for run in (*runs, before):  # first each slot is recorded, and the driver compiles shaders
             for turn in range(4):
                 run.frame(turn / 4)
             run.whole.clear()
@@ -229,9 +229,9 @@ def _frames(
         for turn in range(rounds):
             if turn % ROUNDS == 0:
                 step("frames, recorded and sent again", 0.5 + 0.5 * turn / rounds)
-            for one in random.permutation(len(runs)):
+            for number in random.permutation(len(runs)):
                 before.frame(0.0)
-                runs[one].frame(1.0 + turn)
+                runs[number].frame(1.0 + turn)
         points = [run.point() for run in runs]
     return {
         "scene": SCENE,
@@ -242,45 +242,45 @@ def _frames(
 
 
 def repeat(renderer: Any, count: int) -> None:
-    """Give a renderer passes until it has `count` of them: copies of `REPEATED`, in a row in front of it."""
-    like = next(made for made in renderer.passes if made.name == REPEATED)
+    """Insert copies of `REPEATED`, in a row before it, until a renderer has `count` passes."""
+    original = next(gpu_pass for gpu_pass in renderer.passes if gpu_pass.name == REPEATED)
     read = renderer._plan.nodes[REPEATED].reads[0].resource
     for number in range(count - len(renderer.passes)):
         written = f"toned_{number}"
-        made = copy.copy(like)
-        made.name = f"{REPEATED} {number}"
-        made.reads = (Access(read, "sampled"),)
-        made.writes = (replace(like.writes[0], resource=written),)
-        renderer.insert_pass(made, {REPEATED: {read: written}})
+        gpu_pass = copy.copy(original)
+        gpu_pass.name = f"{REPEATED} {number}"
+        gpu_pass.reads = (Access(read, "sampled"),)
+        gpu_pass.writes = (replace(original.writes[0], resource=written),)
+        renderer.insert_pass(gpu_pass, {REPEATED: {read: written}})
         read = written
 
 
-# --- what came out ----------------------------------------------------------------------------------------------------
+# --- results ----------------------------------------------------------------------------------------------------------
 
 
-def show(made: dict[str, Any], to: Console) -> None:
-    """Print the record as tables, and what it says."""
+def show(record: dict[str, Any], to: Console) -> None:
+    """Print the record as tables, and its sentences."""
     shown = table(
         "Frame graphs: memory of what lives within a frame",
         *("frame", ">passes", ">left out", ">barriers", ">layouts", ">MB alone", ">MB", ">least"),
     )
-    for one in made["graphs"]:
+    for graph in record["graphs"]:
         shown.add_row(
-            one["name"],
-            *(str(one[name]) for name in ("passes", "passes_skipped", "barriers", "transitions")),
-            *(f"{one[f'transient_bytes{end}'] / 1e6:.2f}" for end in ("_alone", "", "_bound")),
+            graph["name"],
+            *(str(graph[name]) for name in ("passes", "passes_skipped", "barriers", "transitions")),
+            *(f"{graph[f'transient_bytes{end}'] / 1e6:.2f}" for end in ("_alone", "", "_bound")),
         )
     to.print(shown)
     shown = table("Compiling a graph", "graph", ">passes", ">ms", ">±")
-    for one in (*made["graphs"], *made["chains"]):
-        times = (f"{one[name]:.2f}" for name in ("compile_ms", "compile_noise_ms"))
-        shown.add_row(one.get("name", "a chain"), f"{one['passes']:,}", *times)
+    for graph in (*record["graphs"], *record["chains"]):
+        times = (f"{graph[name]:.2f}" for name in ("compile_ms", "compile_noise_ms"))
+        shown.add_row(graph.get("name", "a chain"), f"{graph['passes']:,}", *times)
     to.print(shown)
     shown = table(
         "From the call of render to its return, us",
-        *(">passes", "frames", ">all", ">±", f">{_driver_name(made)}", ">±", ">the rest", ">±"),
+        *(">passes", "frames", ">all", ">±", f">{_driver_name(record)}", ">±", ">the rest", ">±"),
     )
-    for point in made["frames"]:
+    for point in record["frames"]:
         cells = [
             f"{point[f'{name}{end}_us']:.0f}"
             for name in ("render", "driver", "own")
@@ -288,46 +288,46 @@ def show(made: dict[str, Any], to: Console) -> None:
         ]
         shown.add_row(str(point["passes"]), point["way"], *cells)
     to.print(shown)
-    for line in sentences(made):
+    for line in sentences(record):
         to.print(line, soft_wrap=True)
 
 
-def _driver_name(made: dict[str, Any]) -> str:
-    return "vkQueueSubmit2" if made["backend"] == "vulkan" else "OpenGL's calls"
+def _driver_name(record: dict[str, Any]) -> str:
+    return "vkQueueSubmit2" if record["backend"] == "vulkan" else "OpenGL's calls"
 
 
-def sentences(made: dict[str, Any]) -> list[str]:
-    """Return what the figures say, as sentences."""
-    best = max(made["graphs"], key=lambda one: _saved(one))
-    said = [
+def sentences(record: dict[str, Any]) -> list[str]:
+    """Return the results as sentences."""
+    best = max(record["graphs"], key=lambda graph: _saved(graph))
+    lines = [
         f"Sharing memory saves {_saved(best):.1%} in the frame {best['name']}, and no arrangement saves more than "
         f"{1 - best['transient_bytes_bound'] / best['transient_bytes_alone']:.1%}."
         if _saved(best) > 0
         else "No two images of these frames can share memory: all are needed at the same time."
     ]
     for way in WAYS:
-        points = [point for point in made["frames"] if point["way"] == way and point["frames"]]
+        points = [point for point in record["frames"] if point["way"] == way and point["frames"]]
         if len(points) > 1:
             few, many = points[0], points[-1]
             each = (many["own_us"] - few["own_us"]) / max(many["passes"] - few["passes"], 1)
-            said.append(
+            lines.append(
                 f"Frames {way}: {few['own_us']:.0f} us beside the driver with {few['passes']} passes, "
                 f"{many['own_us']:.0f} us with {many['passes']}; {each:.2f} us for each pass more."
             )
-    return said
+    return lines
 
 
-def _saved(one: dict[str, Any]) -> float:
-    alone = one["transient_bytes_alone"]
-    return 1 - one["transient_bytes"] / alone if alone else 0.0
+def _saved(graph: dict[str, Any]) -> float:
+    alone = graph["transient_bytes_alone"]
+    return 1 - graph["transient_bytes"] / alone if alone else 0.0
 
 
-def plot(axes: Any, made: dict[str, Any]) -> None:
-    """Draw what frames take beside the driver and what compiling takes, against the number of passes."""
+def plot(axes: Any, record: dict[str, Any]) -> None:
+    """Draw the times of frames without the driver, and of compiling, against the number of passes."""
     for number, way in enumerate(WAYS):
-        points = [point for point in made["frames"] if point["way"] == way]
+        points = [point for point in record["frames"] if point["way"] == way]
         _line(axes, points, "own_us", f"C{number}", f"frames {way}", "-" + "os^"[number])
-    _line(axes, made["chains"], "compile_ms", "C3", "compiling a chain", "-D")
+    _line(axes, record["chains"], "compile_ms", "C3", "compiling a chain", "-D")
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_xlabel("number of passes")

@@ -1,1 +1,1 @@
-"""What `strata bench` measures of this lesson: queues and cloth."""
+"""The benches of this lesson, for `strata bench`: queues and cloth."""

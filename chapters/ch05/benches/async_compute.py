@@ -1,14 +1,14 @@
-"""What a queue of its own brings for compute work: the same frames with `async_compute` on and off.
+"""The gain from a queue for compute: the same frames with `async_compute` on and off.
 
-Cloth is simulated beside drawing where the device has a queue family for compute alone. How much of it that hides is
-told by the time from frame to frame, since the GPU's times of single passes become longer when two of them share it. At
-most the shorter of both can be hidden. Work of a few dispatches leaves most of a GPU idle, and work that fills it can
-hardly run beside other work: so there is a scene of some small cloths, and one of a building with a large sheet, whose
-simulation is cut into as many substeps as make it take about as long as drawing.
+Cloth is simulated beside drawing where the device has a queue family for compute alone. The time from frame to frame
+shows how much of it is hidden, since the GPU's times of single passes become longer when two of them share it. At most
+the shorter of both can be hidden. Work of a few dispatches leaves most of a GPU idle, and work that fills it can hardly
+run beside other work. So there are two scenes: some small cloths, and a building with a large sheet. The sheet has as
+many substeps as make its simulation take about as long as drawing.
 
-Frames begin at time 0 in every round, so that no cloth comes to rest. In frames of their own every submission gets a
-stamp at both ends; where stamps of both queues count one clock, which Vulkan does not promise and three
-stamps show, they say how long something of both was under way. A submission that waits in its middle is, too.
+Frames begin at time 0 in every round, so that no cloth comes to rest. Separate frames have a stamp at both ends of
+every submission. If the stamps of both queues count one clock, they show for how long submissions of both were under
+way. Vulkan does not promise one clock; three stamps test it. A submission that waits in its middle counts as under way.
 """
 
 from __future__ import annotations
@@ -39,17 +39,17 @@ KNOB = "async_compute"
 """The setting; a chapter without it has one queue."""
 
 LARGE = (1920, 1080)
-"""Size of the pictures on a GPU, unless the bench's is larger: the processor is not to be what frames wait for."""
+"""Size of the pictures on a GPU, unless the bench's is larger: frames must not wait for the CPU."""
 
 EDGE = 128
 """Vertices along an edge of the large sheet."""
 
 HELD = np.array([[4.0, 0, 0, 0], [0, 0, 4.0, 6.0], [0, -4.0, 0, 0], [0, 0, 0, 1]])
-"""Where it is held in the atrium: level, 4 m wide, 6 m above the floor."""
+"""Place of the sheet in the atrium: level, 4 m wide, 6 m above the floor."""
 
 FRAMES, ALONE, STAMPED = 22, 4, 12
-"""Frames of a round, and frames behind them that begin when the GPU is done: together fewer than a cloth must be calm
-for to be at rest; and frames with stamps."""
+"""Frames of a round, frames after them that begin when the GPU is done, and frames with stamps. The first two together
+take less time than a cloth must be calm to be at rest."""
 
 MOST_SUBSTEPS = 64
 
@@ -67,7 +67,7 @@ class _Run:
     picture: Any = None
 
     def round(self, count: int) -> None:
-        """Draw frames from time 0 on without waiting between them, and keep what they took."""
+        """Draw frames from time 0 on without waiting between them, and keep their times."""
         renderer: Any = self.renderer
         view, dt = self.subject.view(renderer), renderer.settings.cloth.step
         for number in range(2):
@@ -80,15 +80,15 @@ class _Run:
             raise AssertionError("a frame did not make one step of cloth")
         if "color_linear" in renderer.outputs:
             self.picture = np.array(frames[-1].image("color_linear"))
-        for number in range(ALONE):  # else a frame waits for the one that had its slot
+        for number in range(ALONE):  # otherwise a frame waits for the last frame of its slot
             renderer.device.wait_idle()
             self.cpu_ms.append(renderer.render(view, (2 + count + number) * dt).cpu_ms)
         self.passes += [dict(frame.timings) for frame in frames]
 
     def record(self) -> dict[str, Any]:
-        """Return what the record holds."""
+        """Return the figures of the frames."""
         whole, noise = middle(self.frames_ms)
-        drawing, beside = ([_part(one, own) for one in self.passes] for own in (False, True))
+        drawing, beside = ([_part(timings, own) for timings in self.passes] for own in (False, True))
         return {
             "frame_ms": whole,
             "noise_ms": noise,
@@ -99,14 +99,14 @@ class _Run:
 
 
 def _part(passes: dict[str, float], compute: bool) -> float:
-    """Return the ms of what may have a queue of its own, or of all else."""
+    """Return the ms of the compute pass, or of all other passes."""
     return sum(took for name, took in passes.items() if (name == PASS) == compute)
 
 
 def measure(subject: Subject, effort: Effort, step: Callable[[str, float], None]) -> dict[str, Any] | None:
     """Return the record of a chapter with two queues in its graph; None for others.
 
-    Where the device has no family for compute alone, it says so, and nothing is measured.
+    If the device has no family for compute alone, the record gives the reason and has no scenes.
     """
     if KNOB not in knobs(subject.settings_class):
         return None
@@ -117,14 +117,14 @@ def measure(subject: Subject, effort: Effort, step: Callable[[str, float], None]
     size = subject.size
     if device.capabilities.kind != "software" and size[0] * size[1] < LARGE[0] * LARGE[1]:
         size = LARGE
-    found = []
-    held = {"cloth": subject.load("cloth"), "atrium with a sheet": building_with_sheet(subject)}
-    for number, (name, scene) in enumerate(held.items()):
+    records = []
+    scenes = {"cloth": subject.load("cloth"), "atrium with a sheet": building_with_sheet(subject)}
+    for number, (name, scene) in enumerate(scenes.items()):
         drawn = subject.on(scene, size)
-        found.append(
+        records.append(
             {"scene": name, **frames_of(drawn, effort, partial(_within, step, name, number / 2), number > 0)}
         )
-    return {"family": True, "why": "", "size": list(size), "scenes": found}
+    return {"family": True, "why": "", "size": list(size), "scenes": records}
 
 
 def _within(step: Callable[[str, float], None], name: str, begin: float, what: str, part: float) -> None:
@@ -133,15 +133,15 @@ def _within(step: Callable[[str, float], None], name: str, begin: float, what: s
 
 def building_with_sheet(subject: Subject, edge: int = EDGE) -> Scene:
     """Return the atrium with a large sheet that is held at two corners."""
-    said = cloth(edge, edge, pins=[0, edge - 1], **FABRIC)
-    sheet = cloth_scene_of(said, matrices=[HELD], size=(edge, edge), light=False)
+    properties = cloth(edge, edge, pins=[0, edge - 1], **FABRIC)
+    sheet = cloth_scene_of(properties, matrices=[HELD], size=(edge, edge), light=False)
     return merge_scenes([subject.load("atrium"), sheet])[0]
 
 
 def frames_of(
     subject: Subject, effort: Effort, step: Callable[[str, float], None], balanced: bool, frames: int = FRAMES
 ) -> dict[str, Any]:
-    """Return the record of a scene; if `balanced`, with as many substeps as take about as long as drawing."""
+    """Return the record of a scene; if `balanced`, with substeps that make compute take about as long as drawing."""
     settings = medium_of(subject)
     outputs = {"color", "color_linear"}
     if balanced:
@@ -149,10 +149,12 @@ def frames_of(
         with subject.open(replaced(settings, async_compute=False), outputs) as renderer:
             run = _Run(False, subject, renderer)
             run.round(4)
-        one = run.record()
-        if one["compute_ms"] > 0:
-            wanted = round(flat(settings)["cloth_substeps"] * one["drawing_ms"] / one["compute_ms"])
-            settings = replaced(settings, cloth_substeps=min(max(wanted, 1), MOST_SUBSTEPS))
+        measured = run.record()
+        if measured["compute_ms"] > 0:
+            substeps = round(
+                flat(settings)["cloth_substeps"] * measured["drawing_ms"] / measured["compute_ms"]
+            )
+            settings = replaced(settings, cloth_substeps=min(max(substeps, 1), MOST_SUBSTEPS))
     rounds = max(effort.rounds, 2)
     with ExitStack() as stack:
         runs = [
@@ -165,7 +167,7 @@ def frames_of(
             step("frames", 0.1 + 0.7 * turn / (rounds + 1))
             for run in runs if turn % 2 else reversed(runs):
                 run.round(frames)
-            if turn == 0:  # the driver compiled what it drew
+            if turn == 0:  # the driver compiled shaders
                 for run in runs:
                     run.frames_ms, run.cpu_ms, run.passes = [], [], []
     on, off = (run.record() for run in runs)
@@ -174,7 +176,7 @@ def frames_of(
     return {
         "substeps": drawn.techniques[
             "cloth"
-        ].cloth.frames.steps.substeps,  # fewer than asked for, where they were too short
+        ].cloth.frames.steps.substeps,  # fewer than the setting, if they would be too short
         "rounds": rounds,
         "on": on,
         "off": off,
@@ -185,7 +187,7 @@ def frames_of(
 
 
 def _stamps(subject: Subject, settings: Any) -> dict[str, Any] | None:
-    """Return how long submissions of both queues were under way; None where stamps do not say so."""
+    """Return for how long submissions of both queues were under way; None where stamps cannot show it."""
     device: Any = subject.device
     families = device.physical.families
     if not (can_stamp(device) and families[device.compute_queue.family].timestamp_bits):
@@ -193,7 +195,7 @@ def _stamps(subject: Subject, settings: Any) -> dict[str, Any] | None:
     if not clocks_agree(device):
         return None
     stamps = Stamps(device)
-    try:  # what was recorded once and is sent again would have the stamps of its first time
+    try:  # a recording that is submitted again would keep its first stamps
         with subject.open(replaced(settings, resubmit=False), {"color"}) as renderer:
             _Run(True, subject, renderer).round(STAMPED)
             timeline = stamps.timeline()
@@ -208,87 +210,87 @@ def _stamps(subject: Subject, settings: Any) -> dict[str, Any] | None:
 
 
 def clocks_agree(device: Any) -> bool:
-    """Whether a stamp of the compute queue lies between two of the graphics queue, which were made before and after."""
+    """Whether a stamp of the compute queue lies between two of the graphics queue, made before and after it."""
     stamps = Stamps(device)
     try:
         for queue in (device.queue, device.compute_queue, device.queue):
             with submit_once(device, queue):
                 pass
-        found = stamps.timeline()
+        intervals = stamps.timeline()
     finally:
         stamps.close()
-    if [len(found.get(name, ())) for name in ("graphics", "compute")] != [2, 1]:
+    if [len(intervals.get(name, ())) for name in ("graphics", "compute")] != [2, 1]:
         return False
-    (_, before), (after, _) = found["graphics"]
-    ((begin, end),) = found["compute"]
+    (_, before), (after, _) = intervals["graphics"]
+    ((begin, end),) = intervals["compute"]
     return before <= begin and end <= after
 
 
-# --- what came out ----------------------------------------------------------------------------------------------------
+# --- results ----------------------------------------------------------------------------------------------------------
 
 
-def show(made: dict[str, Any], to: Console) -> None:
-    """Print the record as a table, and what it says."""
-    if made["scenes"]:
+def show(record: dict[str, Any], to: Console) -> None:
+    """Print the record as a table, and its sentences."""
+    if record["scenes"]:
         shown = table(
             "The same frames with async_compute on and off, ms",
             *("scene", ">substeps", "queues", ">frame", ">±", ">CPU", ">drawing", ">compute"),
         )
-        for one in made["scenes"]:
-            named = [one["scene"], str(one["substeps"])]
+        for scene in record["scenes"]:
+            named = [scene["scene"], str(scene["substeps"])]
             for name in ("on", "off"):
-                row = one[name]
+                row = scene[name]
                 values = ("frame_ms", "noise_ms", "cpu_ms", "drawing_ms", "compute_ms")
                 shown.add_row(*named, name, *(f"{row[value]:.3f}" for value in values))
                 named = ["", ""]
         to.print(shown)
-    for line in sentences(made):
+    for line in sentences(record):
         to.print(line, soft_wrap=True)
 
 
-def sentences(made: dict[str, Any]) -> list[str]:
-    """Return what the figures say, as sentences."""
-    if not made["family"]:
-        return [f"Nothing runs beside drawing here: {made['why']}."]
-    said = []
-    for one in made["scenes"]:
-        on, off = one["on"], one["off"]
+def sentences(record: dict[str, Any]) -> list[str]:
+    """Return the results as sentences."""
+    if not record["family"]:
+        return [f"Nothing runs beside drawing here: {record['why']}."]
+    lines = []
+    for scene in record["scenes"]:
+        on, off = scene["on"], scene["off"]
         least = min(off["drawing_ms"], off["compute_ms"])
         spared = off["frame_ms"] - on["frame_ms"]
         line = (
-            f"{one['scene']}: with a queue of its own for compute a frame takes {1 / one['ratio']:.2f} times as long "
-            f"as without; {spared:+.3f} ms are spared of the {least:.3f} ms that could be hidden"
+            f"{scene['scene']}: with a queue of its own for compute a frame takes {1 / scene['ratio']:.2f} times as "
+            f"long as without; {spared:+.3f} ms are spared of the {least:.3f} ms that could be hidden"
         )
         if abs(spared) <= on["noise_ms"] + off["noise_ms"]:
             line += ", which is within the noise"
         if on["cpu_ms"] > 0.9 * on["frame_ms"]:
             line += "; the processor takes as long, so that the GPU waits for it"
-        stamps = one["stamps"]
-        if stamps and stamps["both_ms"]:  # else the clocks of the two queues are not one
+        stamps = scene["stamps"]
+        if stamps and stamps["both_ms"]:  # otherwise the queues have different clocks
             line += (
                 f"; by stamps compute is under way for {stamps['compute_ms']:.2f} ms, and for "
                 f"{stamps['both_ms']:.2f} ms of it drawing, too"
             )
-        said.append(line + ".")
-    if any(one["error"]["pixels_differ"] for one in made["scenes"]):
-        said.append("The pictures with one queue and with two differ.")
+        lines.append(line + ".")
+    if any(scene["error"]["pixels_differ"] for scene in record["scenes"]):
+        lines.append("The pictures with one queue and with two differ.")
     else:
-        said.append("With one queue and with two the picture is the same to the bit.")
-    return said
+        lines.append("With one queue and with two the picture is the same to the bit.")
+    return lines
 
 
-def plot(axes: Any, made: dict[str, Any]) -> None:
-    """Draw the frame times with one queue and with two, beside what drawing and compute take one after the other."""
+def plot(axes: Any, record: dict[str, Any]) -> None:
+    """Draw the frame times with one queue and with two, beside the times of drawing and of compute alone."""
     axes.set_title("Compute on a queue of its own", fontsize=10)
-    if not made["scenes"]:
+    if not record["scenes"]:
         axes.set_xticks([])
         axes.set_yticks([])
-        axes.text(0.5, 0.5, made["why"], ha="center", transform=axes.transAxes, fontsize=9)
+        axes.text(0.5, 0.5, record["why"], ha="center", transform=axes.transAxes, fontsize=9)
         return
-    names = [one["scene"] for one in made["scenes"]]
+    names = [scene["scene"] for scene in record["scenes"]]
     place = np.arange(len(names))
     for number, (name, label) in enumerate((("off", "one queue"), ("on", "two queues"))):
-        rows = [one[name] for one in made["scenes"]]
+        rows = [scene[name] for scene in record["scenes"]]
         axes.bar(
             place + 0.4 * number - 0.2,
             [row["frame_ms"] for row in rows],
@@ -301,7 +303,7 @@ def plot(axes: Any, made: dict[str, Any]) -> None:
     for number, (part, label) in enumerate(
         (("drawing_ms", "drawing alone"), ("compute_ms", "compute alone"))
     ):
-        values = [one["off"][part] for one in made["scenes"]]
+        values = [scene["off"][part] for scene in record["scenes"]]
         axes.plot(place, values, "ov"[number], color=f"C{number + 2}", label=label, mec="white", ms=9)
     axes.set_xticks(place, names)
     axes.set_ylabel("ms from frame to frame")

@@ -1,14 +1,14 @@
-"""How far cloth is from the truth, and what it takes: error and stretch against GPU time, by how steps are cut.
+"""Error and stretch of cloth against its GPU time, for several divisions of a step.
 
-A level sheet, held at two corners, falls and swings for a second. It touches nothing, since where cloth does two
-simulations soon go different ways. Each step of the chapter's is cut into more and more *substeps*, or the same
-distances are put right in more and more *iterations*: Macklin and others ("Small steps in physics simulation", 2019)
-found that for the same time substeps bring more. Springs have no iterations, and are not stable without some substeps.
+A level sheet, held at two corners, falls and swings for a second. It touches nothing, since two simulations of contact
+soon diverge. Each step of the chapter is cut into more and more *substeps*, or corrects the same distances in more and
+more *iterations*. Macklin and others ("Small steps in physics simulation", 2019) found that substeps bring more for the
+same time. Springs have no iterations, and are not stable without some substeps.
 
-The truth is the twin in numpy, in float64, with springs and velocity Verlet: all methods here go towards the same
-motion as their steps become shorter. Its steps are 16 times shorter than springs need, so that its own error (of first
-order, by damping and air) is a sixteenth of theirs. An error is the distance of a particle to the truth's, at the end
-of each quarter of the time. What a step takes is the time of the pass on the GPU, with normals, vertices and all, in
+The truth is the twin in numpy, in float64, with springs and velocity Verlet: all methods here converge to the same
+motion as their steps become shorter. Its steps are 16 times shorter than springs need. So its own error (of first
+order, by damping and air) is a sixteenth of theirs. An error is the distance of a particle from its true place, at the
+end of each quarter of the time. The time of a step is that of the pass on the GPU, including normals and vertices, in
 frames that simulate one step each.
 """
 
@@ -32,7 +32,7 @@ from .sheet import KNOB, cloth_of, level_sheet, medium_of, opened, states, timed
 from .twin import Twin
 
 READINGS = 4
-"""Of the state, one at the end of each part of the time."""
+"""Readings of the state, one at the end of each part of the time."""
 
 KINDS = ("XPBD, substeps", "XPBD, iterations", "springs, verlet", "springs, euler")
 """The curves: XPBD by substeps of one iteration each, and by iterations of one substep; springs by substeps."""
@@ -40,7 +40,7 @@ KINDS = ("XPBD, substeps", "XPBD, iterations", "springs, verlet", "springs, eule
 
 @dataclass(frozen=True)
 class Sweep:
-    """How much is measured: vertices along an edge, steps, numbers that a step is cut into, substeps of the truth."""
+    """The extent of the bench: vertices along an edge, steps, parts of a step, and substeps of the truth."""
 
     edge: int
     steps: int
@@ -54,7 +54,7 @@ QUICK = Sweep(edge=9, steps=12, numbers=(8,), truth=64)
 
 @dataclass
 class _Run:
-    """One point: how it cuts its steps, and what came out."""
+    """One point: its settings, and its results."""
 
     kind: str
     settings: dict[str, Any]
@@ -64,10 +64,10 @@ class _Run:
     states: list[Any] = field(default_factory=list)
 
     def record(self, sheet: Any, truth: Sequence[Any], stretch: Callable[..., Any]) -> dict[str, Any]:
-        """Return what the record holds: errors and stretch are the greatest or the mean over all readings."""
+        """Return the figures: errors and stretch are the greatest or the mean over all readings."""
         far = [
-            np.linalg.norm(state.positions.astype(np.float64) - one.positions, axis=1)
-            for state, one in zip(self.states, truth, strict=True)
+            np.linalg.norm(state.positions.astype(np.float64) - true_state.positions, axis=1)
+            for state, true_state in zip(self.states, truth, strict=True)
         ]
         median, noise = middle(self.times)
         return {
@@ -96,7 +96,7 @@ def measure(
     for number, run in enumerate(runs):
         step(f"steps cut by {run.kind}", 0.3 + 0.3 * number / len(runs))
         _simulate(subject, scene, sweep, run)
-        # Springs take as many substeps as they need, and so some are the same.
+        # Springs get at least as many substeps as they need, so some points coincide.
         points.setdefault((run.kind, run.substeps, run.iterations), run.record(sheet, truth, stretch))
     executions = bench_executions.measure(subject, effort, lambda what, part: step(what, 0.6 + 0.4 * part))
     return {
@@ -111,30 +111,30 @@ def measure(
 
 
 def _runs(sweep: Sweep) -> list[_Run]:
-    made = [_Run(KINDS[0], {"cloth_substeps": one}) for one in sweep.numbers]
-    made += [_Run(KINDS[1], {"cloth_substeps": 1, "cloth_iterations": one}) for one in sweep.numbers]
+    runs = [_Run(KINDS[0], {"cloth_substeps": number}) for number in sweep.numbers]
+    runs += [_Run(KINDS[1], {"cloth_substeps": 1, "cloth_iterations": number}) for number in sweep.numbers]
     for kind, integrator in zip(KINDS[2:], ("verlet", "euler"), strict=True):
-        more = {"cloth_method": "springs", "cloth_integrator": integrator}
-        asked = (1, *sweep.numbers[-2:]) if len(sweep.numbers) > 2 else (1,)
-        made += [_Run(kind, {"cloth_substeps": one, **more}) for one in asked]
-    return made
+        springs = {"cloth_method": "springs", "cloth_integrator": integrator}
+        numbers = (1, *sweep.numbers[-2:]) if len(sweep.numbers) > 2 else (1,)
+        runs += [_Run(kind, {"cloth_substeps": number, **springs}) for number in numbers]
+    return runs
 
 
 def _truth(
     subject: Subject, scene: Scene, sweep: Sweep, dt: float, step: Callable[[float], None]
 ) -> tuple[Any, list[Any]]:
-    """Return the cloth, and its state at each reading."""
+    """Return the cloth, and its true state at each reading."""
     types = cloth_of(subject, "types")
     sheet = cloth_of(subject, "scene").cloth_scene(scene).cloths[0]
     cut = types.Steps(dt, sweep.truth, method="springs", integrator="verlet")
     twin = Twin(sheet, cut)
-    found = []
+    readings = []
     for number in range(1, sweep.steps + 1):
         step(number / sweep.steps)
         state = twin.advance()
         if number % (sweep.steps // READINGS) == 0:
-            found.append(types.State(state.positions.copy(), state.velocities.copy()))
-    return sheet, found
+            readings.append(types.State(state.positions.copy(), state.velocities.copy()))
+    return sheet, readings
 
 
 def _simulate(subject: Subject, scene: Scene, sweep: Sweep, run: _Run) -> None:
@@ -151,55 +151,56 @@ def _simulate(subject: Subject, scene: Scene, sweep: Sweep, run: _Run) -> None:
                 run.states.append(states(renderer)[0])
 
 
-# --- what came out ----------------------------------------------------------------------------------------------------
+# --- results ----------------------------------------------------------------------------------------------------------
 
 
-def show(made: dict[str, Any], to: Console) -> None:
-    """Print the record as tables, and what it says."""
+def show(record: dict[str, Any], to: Console) -> None:
+    """Print the record as tables, and its sentences."""
     shown = table(
-        f"A step of cloth of {made['particles']:,} particles; for {made['seconds']:.3g} s, errors to the float64 twin",
+        f"A step of cloth of {record['particles']:,} particles; for {record['seconds']:.3g} s, errors to the "
+        "float64 twin",
         *("cut by", ">parts", ">GPU ms", ">±", ">rms mm", ">max mm", ">stretch"),
     )
-    for one in made["points"]:
+    for point in record["points"]:
         shown.add_row(
-            one["kind"],
-            str(one["substeps"] * one["iterations"]),
-            f"{one['gpu_ms']:.3f}",
-            f"{one['noise_ms']:.3f}",
-            f"{one['rms_m'] * 1e3:.3g}",
-            f"{one['greatest_m'] * 1e3:.3g}",
-            f"{one['stretch']:.1%}",
+            point["kind"],
+            str(point["substeps"] * point["iterations"]),
+            f"{point['gpu_ms']:.3f}",
+            f"{point['noise_ms']:.3f}",
+            f"{point['rms_m'] * 1e3:.3g}",
+            f"{point['greatest_m'] * 1e3:.3g}",
+            f"{point['stretch']:.1%}",
         )
     to.print(shown)
-    for line in sentences(made):
+    for line in sentences(record):
         to.print(line, soft_wrap=True)
-    bench_executions.show(made["executions"], to)
+    bench_executions.show(record["executions"], to)
 
 
-def sentences(made: dict[str, Any]) -> list[str]:
-    """Return what the figures say, as sentences."""
-    curves = [[one for one in made["points"] if one["kind"] == kind] for kind in KINDS[:2]]
-    small, many = (max(curve, key=lambda one: one["substeps"] * one["iterations"]) for curve in curves)
+def sentences(record: dict[str, Any]) -> list[str]:
+    """Return the results as sentences."""
+    curves = [[point for point in record["points"] if point["kind"] == kind] for kind in KINDS[:2]]
+    small, many = (max(curve, key=lambda point: point["substeps"] * point["iterations"]) for curve in curves)
     return [
         f"{small['substeps']} substeps of 1 iteration take {small['gpu_ms'] / many['gpu_ms']:.2f} times the time of 1 "
         f"substep of {many['iterations']} iterations, and leave {small['rms_m'] / many['rms_m']:.2g} of its error; "
         f"threads are stretched by {small['stretch']:.1%} at most, there by {many['stretch']:.1%}, in truth by "
-        f"{made['truth_stretch']:.1%}."
+        f"{record['truth_stretch']:.1%}."
     ]
 
 
-def plot(axes: Any, made: dict[str, Any]) -> None:
+def plot(axes: Any, record: dict[str, Any]) -> None:
     """Draw the error against the time of a step, a curve for each way to cut it, and dotted the stretch."""
     from matplotlib.ticker import LogLocator, NullLocator
 
     stretched = axes.twinx()
     for number, kind in enumerate(KINDS):
-        points = [one for one in made["points"] if one["kind"] == kind]
-        times = [one["gpu_ms"] for one in points]
+        points = [point for point in record["points"] if point["kind"] == kind]
+        times = [point["gpu_ms"] for point in points]
         axes.errorbar(
             times,
-            [one["rms_m"] * 1e3 for one in points],
-            xerr=[one["noise_ms"] for one in points],
+            [point["rms_m"] * 1e3 for point in points],
+            xerr=[point["noise_ms"] for point in points],
             fmt="-" + "osD^"[number],
             color=f"C{number}",
             label=kind,
@@ -207,12 +208,12 @@ def plot(axes: Any, made: dict[str, Any]) -> None:
             ms=4,
         )
         stretched.plot(
-            times, [one["stretch"] for one in points], ":" + "osD^"[number], color=f"C{number}", ms=2
+            times, [point["stretch"] for point in points], ":" + "osD^"[number], color=f"C{number}", ms=2
         )
-        for one in points if number < 2 else ():
-            parts, place = one["substeps"] * one["iterations"], (one["gpu_ms"], one["rms_m"] * 1e3)
+        for point in points if number < 2 else ():
+            parts, place = point["substeps"] * point["iterations"], (point["gpu_ms"], point["rms_m"] * 1e3)
             axes.annotate(str(parts), place, textcoords="offset points", xytext=(4, 4), fontsize=7)
-    stretched.axhline(made["truth_stretch"], color="0.6", lw=0.8, ls="--")
+    stretched.axhline(record["truth_stretch"], color="0.6", lw=0.8, ls="--")
     stretched.set_yscale("log")
     stretched.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     stretched.yaxis.set_minor_locator(NullLocator())
@@ -222,5 +223,5 @@ def plot(axes: Any, made: dict[str, Any]) -> None:
     axes.set_yscale("log")
     axes.set_xlabel("GPU ms of a step")
     axes.set_ylabel("rms error in mm against the float64 twin")
-    axes.set_title(f"Cloth of {made['particles']:,} particles, {made['seconds']:.3g} s", fontsize=10)
+    axes.set_title(f"Cloth of {record['particles']:,} particles, {record['seconds']:.3g} s", fontsize=10)
     axes.legend(fontsize=8)

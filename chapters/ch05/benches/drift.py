@@ -1,13 +1,13 @@
-"""What becomes of a cloth's energy and length over thousands of substeps, without damping, air, weight and contact.
+"""Energy and length of a cloth over thousands of substeps, without damping, air, weight and contact.
 
-Nothing takes energy from this cloth, so a method that loses or gains some does it by itself. Symplectic Euler and
-velocity Verlet let the energy go to and fro by an amount that depends on the step alone (h omega, with omega the
-fastest swing) and have no trend; XPBD, an implicit method, loses energy, and the faster the longer its steps. Very
-short steps are another matter in float32: by what a constraint moves a particle then is less than the last bit of its
-position, and is lost, so that threads do not pull any more. The same substeps in float64 show it.
+Nothing takes energy from this cloth, so each loss or gain comes from the method. With symplectic Euler and velocity
+Verlet the energy oscillates without a trend, by an amount that depends on the step alone (h omega, with omega the
+fastest swing). XPBD, an implicit method, loses energy, and faster with longer steps. Very short steps are another
+matter in float32: a constraint then moves a particle by less than the last bit of its position. The motion is lost, and
+threads do not pull any more. The same substeps in float64 show it.
 
-What is measured is the twin in numpy, in float32 if nothing else is said, which does what the GPU does, operation for
-operation: a renderer has no cloth without weight.
+The bench measures the twin in numpy, in float32 unless stated otherwise. It does the operations of the GPU, one by one:
+a renderer has no cloth without weight.
 """
 
 from __future__ import annotations
@@ -31,21 +31,21 @@ from .twin import Twin
 SUBSTEPS, QUICK_SUBSTEPS = 10_000, 1_000
 
 EDGE = 4
-"""Vertices along an edge: numpy's time is that of its calls."""
+"""Vertices along an edge: numpy's time depends on its number of calls."""
 
 SPEED = 0.3
-"""Metres a second, the standard deviation of each particle's velocity at the beginning, along each axis."""
+"""Standard deviation of each particle's velocity at the beginning, in metres a second along each axis."""
 
 SAMPLES = 1000
-"""Of energy and stretch."""
+"""Samples of energy and stretch."""
 
 KEPT = 100
-"""Of them in the record, at most, as a curve that a logarithmic axis shows evenly."""
+"""Most samples in the record, as a curve that a logarithmic axis shows evenly."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """A method, how long its steps are, which part of all substeps shows what it does, and its bits."""
+    """A method, the length of its steps, the part of all substeps that shows its behaviour, and its precision."""
 
     name: str
     steps: dict[str, Any]
@@ -84,19 +84,19 @@ def measure(
 def _drift(subject: Subject, sheet: Any, case: Case, count: int) -> dict[str, Any]:
     types = cloth_of(subject, "types")
     omega = cloth_of(subject, "steps").greatest_omega(sheet)
-    nothing = types.Forces(gravity=(0.0, 0.0, 0.0), air_density=0.0)
+    no_forces = types.Forces(gravity=(0.0, 0.0, 0.0), air_density=0.0)
     steps = types.Steps(dt=case.h_omega / omega, substeps=1, **case.steps)
-    twin = Twin(sheet, steps, nothing, dtype=case.dtype)
+    twin = Twin(sheet, steps, no_forces, dtype=case.dtype)
     noise = np.random.default_rng(1).normal(size=sheet.positions.shape) * SPEED
     twin.state.velocities = np.where(sheet.held[:, None], 0.0, noise).astype(case.dtype)
-    first = measures.energy(sheet, twin.state, nothing).total
-    every = max(count // SAMPLES, 1)
+    first = measures.energy(sheet, twin.state, no_forces).total
+    interval = max(count // SAMPLES, 1)
     energies, stretches = [], []
-    for _ in range(count // every):
-        twin.advance(every)
-        energies.append(measures.energy(sheet, twin.state, nothing).total / first)
+    for _ in range(count // interval):
+        twin.advance(interval)
+        energies.append(measures.energy(sheet, twin.state, no_forces).total / first)
         stretches.append(measures.stretch(sheet, twin.state).rms)
-    kept = np.unique(np.geomspace(1, len(energies), KEPT).astype(int)) - 1
+    samples = np.unique(np.geomspace(1, len(energies), KEPT).astype(int)) - 1
     return {
         "name": case.name,
         "precision": np.dtype(case.dtype).name,
@@ -109,62 +109,64 @@ def _drift(subject: Subject, sheet: Any, case: Case, count: int) -> dict[str, An
         "stretch_rms": float(np.mean(stretches)),
         "stretch_greatest": max(stretches),
         "stretch_trend": _trend(stretches),
-        "curve": [[(k + 1) * every, energies[k], stretches[k]] for k in kept.tolist()],
+        "curve": [[(k + 1) * interval, energies[k], stretches[k]] for k in samples.tolist()],
     }
 
 
 def _trend(values: list[float]) -> float:
-    """Return by how much the mean of the second half is above that of the first."""
+    """Return the mean of the second half, minus that of the first."""
     half = len(values) // 2
     return float(np.mean(values[half:]) - np.mean(values[:half]))
 
 
-# --- what came out ----------------------------------------------------------------------------------------------------
+# --- results ----------------------------------------------------------------------------------------------------------
 
 
-def show(made: dict[str, Any], to: Console) -> None:
-    """Print the record as a table."""
+def show(record: dict[str, Any], to: Console) -> None:
+    """Print the record as a table, and its sentences."""
     shown = table(
-        f"Cloth of {made['particles']} particles left alone: parts of its first energy, rms stretch",
+        f"Cloth of {record['particles']} particles left alone: parts of its first energy, rms stretch",
         *("method", "bits", ">h omega", ">substeps", ">strays", ">trend", ">left", ">stretch", ">trend"),
     )
-    for one in made["points"]:
+    for point in record["points"]:
         shown.add_row(
-            one["name"],
-            one["precision"].removeprefix("float"),
-            f"{one['h_omega']:g}",
-            f"{one['substeps']:,}",
-            f"{one['strays']:.2%}",
-            f"{one['energy_trend']:+.2%}",
-            f"{one['energy_last']:.1%}",
-            f"{one['stretch_rms']:.2%}",
-            f"{one['stretch_trend']:+.2%}",
+            point["name"],
+            point["precision"].removeprefix("float"),
+            f"{point['h_omega']:g}",
+            f"{point['substeps']:,}",
+            f"{point['strays']:.2%}",
+            f"{point['energy_trend']:+.2%}",
+            f"{point['energy_last']:.1%}",
+            f"{point['stretch_rms']:.2%}",
+            f"{point['stretch_trend']:+.2%}",
         )
     to.print(shown)
-    for line in sentences(made):
+    for line in sentences(record):
         to.print(line, soft_wrap=True)
 
 
-def sentences(made: dict[str, Any]) -> list[str]:
-    """Return what the figures say, as sentences."""
-    springs = [one for one in made["points"] if one["name"] != "XPBD"]
-    xpbd = [one for one in made["points"] if one["name"] == "XPBD"]
+def sentences(record: dict[str, Any]) -> list[str]:
+    """Return the results as sentences."""
+    springs = [point for point in record["points"] if point["name"] != "XPBD"]
+    xpbd = [point for point in record["points"] if point["name"] == "XPBD"]
     kept = " and ".join(
-        f"springs with {one['name']} at h omega {one['h_omega']:g} {one['strays']:.2%}" for one in springs
+        f"springs with {point['name']} at h omega {point['h_omega']:g} {point['strays']:.2%}"
+        for point in springs
     )
     left = ", ".join(
-        f"{one['energy_last']:.1%} after {one['substeps']:,} of h omega {one['h_omega']:g} in {one['precision']}"
-        for one in xpbd
+        f"{point['energy_last']:.1%} after {point['substeps']:,} of h omega {point['h_omega']:g} in "
+        f"{point['precision']}"
+        for point in xpbd
     )
     return [f"From its first energy strays the cloth by at most: {kept}.", f"XPBD has of it left: {left}."]
 
 
-def plot(axes: Any, made: dict[str, Any]) -> None:
+def plot(axes: Any, record: dict[str, Any]) -> None:
     """Draw the energy that is left against the substeps, and dotted the stretch."""
     stretched = axes.twinx()
-    for number, one in enumerate(made["points"]):
-        substeps, energy, stretch = (list(column) for column in zip(*one["curve"], strict=True))
-        label = f"{one['name']}, h$\\omega$ = {one['h_omega']:g}, {one['precision']}"
+    for number, point in enumerate(record["points"]):
+        substeps, energy, stretch = (list(column) for column in zip(*point["curve"], strict=True))
+        label = f"{point['name']}, h$\\omega$ = {point['h_omega']:g}, {point['precision']}"
         axes.plot(substeps, energy, "-", color=f"C{number}", lw=1.4, label=label)
         stretched.plot(substeps, stretch, ":", color=f"C{number}", lw=0.8)
     stretched.set_ylim(bottom=0)

@@ -1,6 +1,6 @@
-"""What is measured of a simulated cloth: its energies, how far it is stretched, how deep it is inside of colliders.
+"""Measures of a simulated cloth: its energies, its stretch, and its depth inside of colliders.
 
-Where cloth touches something, two simulations that differ in a bit soon take different paths. These numbers stay close.
+Where cloth touches something, two simulations that differ in a bit soon diverge. These numbers stay close.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class Energy:
 
     @property
     def total(self) -> float:
-        """Their sum, which nothing but damping, drag, contact and moving pins changes."""
+        """The sum, which only damping, drag, contact and moving pins change."""
         return self.kinetic + self.elastic + self.potential
 
 
@@ -39,21 +39,21 @@ def energy(cloth: Cloth, state: State, forces: Forces) -> Energy:
 
 
 def momentum(cloth: Cloth, state: State) -> Float64:
-    """Return (3,) kilogram metres a second of all that is not held."""
-    found: Float64 = cloth.masses @ state.velocities.astype(np.float64)
-    return found
+    """Return (3,) kilogram metres a second of all free particles."""
+    momentum: Float64 = cloth.masses @ state.velocities.astype(np.float64)
+    return momentum
 
 
 @dataclass(frozen=True)
 class Stretch:
-    """By which part of their length the springs along the threads are too long or too short."""
+    """Relative change of the length of springs along the threads: the greatest, and the root of the mean square."""
 
     greatest: float
     rms: float
 
 
 def stretch(cloth: Cloth, state: State) -> Stretch:
-    """Return how far the threads are stretched; springs without length are left out."""
+    """Return the stretch of the threads, without springs of length 0."""
     own = (cloth.kinds == 0) & (cloth.rest > 0)
     part = _lengths(cloth, state)[own] / cloth.rest[own] - 1.0
     if not len(part):
@@ -62,17 +62,17 @@ def stretch(cloth: Cloth, state: State) -> Stretch:
 
 
 def penetration(cloth: Cloth, state: State, colliders: Sequence[Collider]) -> float:
-    """Return how many metres the deepest free particle lies below a collider's surface, at least 0."""
+    """Return the depth of the deepest free particle below a collider's surface, in metres, at least 0."""
     deepest = 0.0
     places = state.positions[~cloth.held].astype(np.float64)
-    for one in colliders:
-        axes, size = collider_axes(one)
-        q = (places + cloth.anchor - one.world_from_collider[:3, 3]) @ axes.T
-        deepest = max(deepest, float(depth_below(one.shape, q, size)[0].max(initial=0.0)))
+    for collider in colliders:
+        axes, size = collider_axes(collider)
+        q = (places + cloth.anchor - collider.world_from_collider[:3, 3]) @ axes.T
+        deepest = max(deepest, float(depth_below(collider.shape, q, size)[0].max(initial=0.0)))
     return deepest
 
 
 def _lengths(cloth: Cloth, state: State) -> Float64:
     x = state.positions.astype(np.float64)
-    found: Float64 = np.linalg.norm(x[cloth.springs[:, 0]] - x[cloth.springs[:, 1]], axis=1)
-    return found
+    lengths: Float64 = np.linalg.norm(x[cloth.springs[:, 0]] - x[cloth.springs[:, 1]], axis=1)
+    return lengths

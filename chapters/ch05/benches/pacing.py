@@ -1,8 +1,8 @@
-"""What pacing costs the CPU: waits and submissions of a frame, by timelines and by fences.
+"""The CPU's cost of pacing: waits and submissions of a frame, by timelines and by fences.
 
-The study `5/timeline-or-fences` runs the same two submissions a frame in each of its ways; they take turns, so that
-what else the machine does meets all alike. Before a frame begins the GPU is done with all that was submitted: a wait
-then costs what it costs to ask. What a frame takes where nobody waits for it is the renderer's own `cpu_ms`.
+The study `5/timeline-or-fences` runs the same two submissions a frame in each of its ways. The ways take turns, so that
+other load of the machine meets all alike. Before a frame begins the GPU is done with all submissions, so a wait costs
+only its call. The time of a frame without such waits is the renderer's own `cpu_ms`.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ KNOB = "async_compute"
 STUDY = "5/timeline-or-fences"
 SIZE = (64, 64)
 WARM_UP = 8
-"""Frames before those that count: Python learns the structs, the driver its shaders."""
+"""Frames before the measured ones, in which Python creates structs and the driver compiles shaders."""
 
 COUNTED = ("objects", "cpu_waits", "queue_waits", "calls")
-"""Of each frame the same, once frames are under way."""
+"""Counts of a frame, the same for all frames after the first ones."""
 
 
 FRAMES, QUICK_FRAMES = 300, 30
@@ -38,7 +38,7 @@ FRAMES, QUICK_FRAMES = 300, 30
 def measure(
     subject: Subject, effort: Effort, step: Callable[[str, float], None]
 ) -> list[dict[str, Any]] | None:
-    """Return what `measure_pacing` does, for a chapter that is paced by timelines; None for others."""
+    """Return the result of `measure_pacing` for a chapter with timelines; None for others."""
     if KNOB not in knobs(subject.settings_class):
         return None
     return measure_pacing(subject, FRAMES if effort.everything else QUICK_FRAMES, step)
@@ -49,9 +49,8 @@ def measure_pacing(
 ) -> list[dict[str, Any]]:
     """Return for each way its name, its counts, and the microseconds of "wait" and "submit".
 
-    "wait_us" is the median over `frames`, "wait_noise_us" the noise that `middle` tells, "wait_best_us" what one in
-    twenty frames does not take: a software driver draws on the same cores, and gets in the way. `step` is told how far
-    it is.
+    "wait_us" is the median over `frames`, "wait_noise_us" the noise from `middle`. One frame in twenty stays below
+    "wait_best_us": a software driver draws on the same cores and disturbs the others. `step` gets the progress.
     """
     study = subject.study(STUDY, SIZE)
     times: dict[str, list[tuple[float, float]]] = {way: [] for way in WAYS}
@@ -59,7 +58,7 @@ def measure_pacing(
     with ExitStack() as stack:
         opened = {way: stack.enter_context(study.open(Settings(way=way), set())) for way in WAYS}
         for number in range(WARM_UP + frames):
-            first = number % len(WAYS)  # who comes behind whom changes, too
+            first = number % len(WAYS)  # the order of the ways changes, too
             for way in (*WAYS[first:], *WAYS[:first]):
                 renderer = opened[way]
                 subject.device.wait_idle()
@@ -73,37 +72,39 @@ def measure_pacing(
 
 
 def _record(way: str, times: list[tuple[float, float]]) -> dict[str, Any]:
-    found: dict[str, Any] = {"way": way}
+    record: dict[str, Any] = {"way": way}
     for place, name in enumerate(("wait", "submit")):
-        values = [one[place] for one in times]
-        found[f"{name}_us"], found[f"{name}_noise_us"] = middle(values)
-        found[f"{name}_best_us"] = float(np.percentile(values, 5))
-    return found
+        values = [frame[place] for frame in times]
+        record[f"{name}_us"], record[f"{name}_noise_us"] = middle(values)
+        record[f"{name}_best_us"] = float(np.percentile(values, 5))
+    return record
 
 
-# --- what came out ----------------------------------------------------------------------------------------------------
+# --- results ----------------------------------------------------------------------------------------------------------
 
 
-def show(made: list[dict[str, Any]], to: Console) -> None:
-    """Print the record as a table, and what it says."""
+def show(records: list[dict[str, Any]], to: Console) -> None:
+    """Print the record as a table, and its sentences."""
     shown = table(
         "Pacing two submissions a frame: us of the CPU, the GPU done before",
         *("way", ">wait", ">±", ">best", ">submit", ">±", ">best", ">objects", ">calls"),
     )
-    for one in made:
+    for record in records:
         times = (
-            f"{one[f'{name}{end}_us']:.1f}" for name in ("wait", "submit") for end in ("", "_noise", "_best")
+            f"{record[f'{name}{end}_us']:.1f}"
+            for name in ("wait", "submit")
+            for end in ("", "_noise", "_best")
         )
-        shown.add_row(one["way"], *times, str(one["objects"]), str(one["calls"]))
+        shown.add_row(record["way"], *times, str(record["objects"]), str(record["calls"]))
     to.print(shown)
-    to.print(sentence(made), soft_wrap=True)
+    to.print(sentence(records), soft_wrap=True)
 
 
-def sentence(made: list[dict[str, Any]]) -> str:
-    """Return what the figures say."""
-    by_way = {one["way"]: one for one in made}
+def sentence(records: list[dict[str, Any]]) -> str:
+    """Return the results as a sentence."""
+    by_way = {record["way"]: record for record in records}
     usual, best = (
-        {way: one[f"wait{end}_us"] + one[f"submit{end}_us"] for way, one in by_way.items()}
+        {way: record[f"wait{end}_us"] + record[f"submit{end}_us"] for way, record in by_way.items()}
         for end in ("", "_best")
     )
     return (
@@ -113,13 +114,13 @@ def sentence(made: list[dict[str, Any]]) -> str:
     )
 
 
-def plot(axes: Any, made: list[dict[str, Any]]) -> None:
-    """Draw what waiting and submitting take in each way."""
-    names = [one["way"] for one in made]
-    below = np.zeros(len(made))
+def plot(axes: Any, records: list[dict[str, Any]]) -> None:
+    """Draw the times of waiting and submitting in each way."""
+    names = [record["way"] for record in records]
+    below = np.zeros(len(records))
     for name in ("wait", "submit"):
-        values = [one[f"{name}_us"] for one in made]
-        noise = [one[f"{name}_noise_us"] for one in made]
+        values = [record[f"{name}_us"] for record in records]
+        noise = [record[f"{name}_noise_us"] for record in records]
         axes.bar(names, values, 0.6, below, yerr=noise, label=name, capsize=2)
         below = below + values
     axes.set_ylabel("us of the CPU a frame")

@@ -1,4 +1,4 @@
-"""A sheet of cloth that parts of a bench are measured on: its scene, a renderer that draws it small, a step timed."""
+"""A sheet of cloth for benches: its scene, a renderer that draws it small, and the time of a step."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ KNOB = "cloth_method"
 PASS = "cloth"
 
 SIZE = (64, 36)
-"""Of the pictures: cloth is what is measured."""
+"""Size of the pictures: the bench measures cloth, not drawing."""
 
 FABRIC = {"stretch_n_per_m": 60, "shear_n_per_m": 12, "bend_n_per_m": 1}
 """Springs of a soft cloth: a sheet of 17 x 17 vertices needs 14 substeps of them, not a hundred."""
 
 LEVEL = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
-"""Turns a sheet that hangs in z = 0 into one that lies in y = 0."""
+"""Turns a sheet in the plane z = 0 into one in the plane y = 0."""
 
 
 def level_sheet(edge: int, **fabric: Any) -> Scene:
     """Return a level sheet of a square metre, of `edge` x `edge` vertices, held at two corners of one side."""
-    said = cloth(edge, edge, pins=[0, edge - 1], **{**FABRIC, **fabric})
-    return cloth_scene_of(said, matrices=[LEVEL], size=(edge, edge))
+    properties = cloth(edge, edge, pins=[0, edge - 1], **{**FABRIC, **fabric})
+    return cloth_scene_of(properties, matrices=[LEVEL], size=(edge, edge))
 
 
 def cloth_of(subject: Subject, name: str) -> Any:
@@ -40,21 +40,21 @@ def cloth_of(subject: Subject, name: str) -> Any:
     return subject.module(f"cloth.{name}")
 
 
-def medium_of(subject: Subject, **more: Any) -> Any:
-    """Return the settings of the chapter's `medium`, and others on top."""
+def medium_of(subject: Subject, **values: Any) -> Any:
+    """Return the settings of the chapter's `medium`, with these values changed."""
     medium: Any = preset(subject.settings_class, "medium")
-    return replaced(medium, **more)
+    return replaced(medium, **values)
 
 
 def opened(subject: Subject, scene: Scene, settings: Any) -> AbstractContextManager[Renderer]:
-    """Return a renderer of a small picture of a scene, forward, so that little else than cloth is done."""
+    """Return a renderer of a small picture of a scene, with the forward path, so that cloth is most of the work."""
     return subject.on(scene, SIZE).open(replaced(settings, graph="forward"), {"color"})
 
 
 def timed_step(subject: Subject, renderer: Renderer, number: int, dt: float) -> float:
-    """Return the ms of the cloth in the frame of step `number`; of all of it, where the GPU tells no times.
+    """Return the ms of the cloth pass in the frame of step `number`; of the whole call without times from the GPU.
 
-    Step 0 is the cloth as it was modelled. Frames are to follow one another.
+    Step 0 is the cloth as it was modelled. Frames must follow one another.
     """
     began = clock.perf_counter()
     frame = renderer.render(subject.view(renderer), number * dt)
@@ -66,7 +66,7 @@ def timed_step(subject: Subject, renderer: Renderer, number: int, dt: float) -> 
 
 
 def states(renderer: Any) -> list[Any]:
-    """Return where the particles of each cloth are after all frames, read from the GPU."""
+    """Return the state of each cloth after all frames, read from the GPU."""
     renderer.device.wait_idle()
-    found: list[Any] = renderer.techniques["cloth"].cloth.states()
-    return found
+    cloth_states: list[Any] = renderer.techniques["cloth"].cloth.states()
+    return cloth_states

@@ -1,7 +1,7 @@
-"""The cloth simulation on the CPU: what cloth/motion.glsl does, operation for operation, in numpy.
+"""The cloth simulation on the CPU: the operations of cloth/motion.glsl, one by one, in numpy.
 
-With float64 it is the truth that the GPU is held to; with float32 it shows that the rest of the difference is rounding.
-Sums run in the shader's order: the k-th spring of every particle is added at once, then the k-th plus one.
+In float64 it is the truth for the GPU; in float32 it shows that the rest of the difference is rounding. Sums run in the
+shader's order: the k-th springs of all particles are added at once, then those after them.
 """
 
 from __future__ import annotations
@@ -49,13 +49,13 @@ class Twin:
         self.state = State(self.model.positions.copy(), np.zeros_like(self.model.positions))
 
     def meet(self, colliders: Sequence[Collider]) -> None:
-        """Have these colliders in the way from now on: where they are when the next `advance` is over."""
+        """Set the colliders from now on, at their places at the end of the next `advance`."""
         self._colliders = []
-        for one in colliders:
-            axes, size = map(self._array, collider_axes(one))
-            centre = self._array(one.world_from_collider[:3, 3] - self.cloth.anchor)
-            velocity, spin = self._array(one.velocity), self._array(one.spin)
-            self._colliders.append(_InTheWay(one.shape, axes, size, centre, velocity, spin))
+        for collider in colliders:
+            axes, size = map(self._array, collider_axes(collider))
+            centre = self._array(collider.world_from_collider[:3, 3] - self.cloth.anchor)
+            velocity, spin = self._array(collider.velocity), self._array(collider.spin)
+            self._colliders.append(_Obstacle(collider.shape, axes, size, centre, velocity, spin))
 
     def _array(self, values: Any) -> Floats:
         return np.asarray(values, np.float64).astype(self.dtype)
@@ -64,15 +64,15 @@ class Twin:
         return self.dtype(value)
 
     def begin(self, before: Float64 | None = None) -> None:
-        """Let the cloth hang at rest again, moved by `before`, as its node is."""
+        """Start the cloth at rest again, moved by `before`, the motion of its node."""
         x = self._held(before, before, self._number(1.0), np.ones(len(self.free), bool))
         self.state = State(x, np.zeros_like(x))
 
     def advance(self, count: int = 1, before: Float64 | None = None, after: Float64 | None = None) -> State:
-        """Simulate `count` steps, while what the node holds goes from `before` to `after`; return the new state."""
+        """Simulate `count` steps while the node moves from `before` to `after`; return the new state."""
         substeps, seconds = self.steps.substeps, self._number(count * self.steps.dt)
         for done in range(1, count * substeps + 1):
-            # As the shader divides: a float of each, and exactly 1 at the end.
+            # As in the shader: a quotient of two floats, and exactly 1 at the end.
             part = self._number(done) / self._number(count * substeps)
             self._left = (self._number(1.0) - part) * seconds
             held = self._held(before, after, part, ~self.free)
@@ -101,7 +101,7 @@ class Twin:
         if verlet and substep == self.steps.substeps - 1:
             self._kick(self.half, self.half_decay)
             here = self.state.positions
-            # Half a kick more looks half a step ahead, and so do the colliders.
+            # The last half kick looks half a substep ahead, and so do the colliders.
             self._left = self._left - self.half
             self._keep(here + self.half * self.state.velocities, self.half)
             self.state.positions = here
@@ -127,14 +127,14 @@ class Twin:
         normal = _cross(x[b] - x[a], x[c] - x[a])
         squared = _dot(normal, normal)
         fit = (squared > TINY) & (model.third_masses > 0)
-        one = self._number(1.0)
-        twice_area = np.sqrt(np.where(fit, squared, one))
+        unity = self._number(1.0)
+        twice_area = np.sqrt(np.where(fit, squared, unity))
         n = normal / twice_area[:, None]
-        third = np.where(fit, model.third_masses, one)
+        third = np.where(fit, model.third_masses, unity)
         against = (v[a] + v[b] + v[c]) * self._number(1.0 / 3.0) + w * self.gravity - self.wind
         u = _dot(against, n)
         slowed = self.air * twice_area / third * np.abs(u) * w
-        fraction = slowed / (one + slowed)
+        fraction = slowed / (unity + slowed)
         for particles, triangles in self._triangle_slots:
             share = third[triangles] * model.inverse_masses[particles]
             lost = (u[triangles] * fraction[triangles] * share)[:, None] * n[triangles]
@@ -181,24 +181,24 @@ class Twin:
         self._keep(to)
 
     def _keep(self, to: Floats, h: Any = None) -> None:
-        """Take free particles in h seconds from where they are to `to`, and out of what they would be inside of."""
+        """Move free particles in h seconds from their places to `to`, and out of colliders."""
         free = self.free
         p, v = to[free], self.state.velocities[free]
         origin = self.state.positions[free]
-        for one in self._colliders:
-            self._keep_out(one, self.h if h is None else h, origin, p, v)
+        for obstacle in self._colliders:
+            self._keep_out(obstacle, self.h if h is None else h, origin, p, v)
         to[free] = p
         self.state.velocities[free] = v
         self.state.positions = to
 
-    def _keep_out(self, way: _InTheWay, h: Any, origin: Floats, p: Floats, v: Floats) -> None:
+    def _keep_out(self, obstacle: _Obstacle, h: Any, origin: Floats, p: Floats, v: Floats) -> None:
         friction = self._number(self.cloth.friction)
-        zero, one = self._number(0.0), self._number(1.0)
-        moves = bool(way.velocity.any() or way.spin.any())
-        axes, centre = way.before(self._left) if moves else (way.axes, way.centre)
+        zero, unity = self._number(0.0), self._number(1.0)
+        moves = bool(obstacle.velocity.any() or obstacle.spin.any())
+        axes, centre = obstacle.before(self._left) if moves else (obstacle.axes, obstacle.centre)
         away = p - centre
         q = np.stack([_dot(np.broadcast_to(axis, away.shape), away) for axis in axes], axis=1)
-        below, outward = depth_below(way.shape, q, way.size)
+        below, outward = depth_below(obstacle.shape, q, obstacle.size)
         depth = below + self._number(self.cloth.thickness)
         hit = depth > 0
         depth, out = depth[hit], outward[hit]
@@ -206,27 +206,27 @@ class Twin:
         put = p[hit] + depth[:, None] * n
         moved = put - origin[hit]
         if moves:
-            middle = away[hit] - self._number(0.5) * ((p[hit] - origin[hit]) - h * way.velocity)
-            moved = moved - h * (way.velocity + _cross(way.spin[None], middle))
-            surface = way.velocity + _cross(way.spin[None], away[hit])
+            middle = away[hit] - self._number(0.5) * ((p[hit] - origin[hit]) - h * obstacle.velocity)
+            moved = moved - h * (obstacle.velocity + _cross(obstacle.spin[None], middle))
+            surface = obstacle.velocity + _cross(obstacle.spin[None], away[hit])
         slid = moved - _dot(moved, n)[:, None] * n
         path = np.sqrt(_dot(slid, slid))
         kept = friction * depth
-        part = np.where(kept >= path, one, kept / np.where(path > 0, path, one))
+        part = np.where(kept >= path, unity, kept / np.where(path > 0, path, unity))
         p[hit] = put - part[:, None] * slid
         against = v[hit] - surface if moves else v[hit]
         along = _dot(against, n)
         tangential = against - along[:, None] * n
         speed = np.sqrt(_dot(tangential, tangential))
         lost = friction * -along
-        left = np.where(lost >= speed, zero, one - lost / np.where(speed > 0, speed, one))
+        left = np.where(lost >= speed, zero, unity - lost / np.where(speed > 0, speed, unity))
         slower = tangential * left[:, None]
         v[hit] = np.where((along < 0)[:, None], slower + surface if moves else slower, v[hit])
 
 
 @dataclass(frozen=True)
-class _InTheWay:
-    """A collider as the shader has it: its axes (3, 3), sizes (3,), centre, velocity and spin (3,)."""
+class _Obstacle:
+    """A collider in the shader's form: its axes (3, 3), sizes (3,), centre, velocity and spin (3,)."""
 
     shape: str
     axes: Floats
@@ -236,7 +236,7 @@ class _InTheWay:
     spin: Floats
 
     def before(self, left: Any) -> tuple[Floats, Floats]:
-        """Return axes and centre `left` seconds before the steps are over: see turned_back in cloth/contact.glsl."""
+        """Return axes and centre `left` seconds before the end of the steps: see turned_back in cloth/contact.glsl."""
         once = _cross(self.spin[None], self.axes)
         twice = _cross(self.spin[None], once)
         half = left.dtype.type(0.5) * left
@@ -244,9 +244,9 @@ class _InTheWay:
 
 
 def depth_below(shape: str, q: Floats, size: Floats) -> tuple[Floats, Floats]:
-    """Return how deep each of (N, 3) lies below a collider's surface (negative outside), and (N, 3) the way out.
+    """Return (N,) the depths of points below a collider's surface (negative outside), and (N, 3) the ways out.
 
-    `q` are in the collider's axes about its centre; `size` (3,) is the half of a box, or the radius.
+    `q` (N, 3) are in the collider's axes about its centre; `size` (3,) is the half of a box, or the radius.
     """
     up = np.broadcast_to(np.array([0, 1, 0], q.dtype), q.shape)
     if shape == "plane":
@@ -270,7 +270,7 @@ def depth_below(shape: str, q: Floats, size: Floats) -> tuple[Floats, Floats]:
 
 
 def _slots(meets: Incidence) -> Iterator[tuple[Ints, Ints]]:
-    """Yield, for k = 0, 1, ..., the particles that meet more than k things and the k-th of each."""
+    """Yield, for k = 0, 1, ..., the particles with more than k entries, and the k-th entry of each."""
     counts = np.diff(meets.starts)
     for k in range(int(counts.max(initial=0))):
         particles = np.flatnonzero(counts > k)
@@ -290,8 +290,8 @@ def _pulls(x: Floats, springs: Ints, rest: Floats, rest_squared: Floats, stiffne
 
 
 def _dot(a: Floats, b: Floats) -> Floats:
-    found: Floats = a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1] + a[:, 2] * b[:, 2]
-    return found
+    sums: Floats = a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1] + a[:, 2] * b[:, 2]
+    return sums
 
 
 def _cross(a: Floats, b: Floats) -> Floats:

@@ -1,9 +1,10 @@
 """A cloth from a mesh: particles at the vertices, springs between them, masses from the areas around them.
 
 Springs follow Provot ("Deformation constraints in a mass-spring model to describe rigid cloth behavior", 1995). In a
-grid of columns and rows each particle has twelve: four along the threads (stretch), four across the meshes (shear), and
-four to the particles two further (bend), which a fold shortens. Without a grid the triangles say the same: their edges
-stretch, the two diagonals of a quad shear, and over every other inner edge the two opposite corners bend.
+grid of columns and rows each particle has twelve springs. Four run along the threads (stretch) and four across the
+meshes (shear). Four lead to the particles two columns or rows away (bend); a fold shortens them. Without a grid,
+springs come from the triangles. Their edges resist stretch, the two diagonals of a quad resist shear, and a spring
+between the two corners opposite any other inner edge resists bending.
 """
 
 from __future__ import annotations
@@ -20,31 +21,31 @@ from .fields import brief
 from .types import KINDS, Cloth, Float64
 
 STIFFNESS = (1.0, 1e6)
-"""Newtons a metre that a spring may have, least and most."""
+"""Least and greatest stiffness of a spring, in newtons a metre."""
 
 LEAST_MASS = 0.01
-"""A particle's least mass, as a part of the mean of those that have area. A lighter one would need shorter steps."""
+"""Least mass of a particle, as a part of the mean of particles with area; a lighter one would need shorter steps."""
 
 MOST = 1e9
-"""The largest number that a property may be: 32 bits hold it, and what is computed from it."""
+"""The largest value of a property: 32 bits hold it, and the numbers computed from it."""
 
 LEAST_DENSITY = 1e-6
-"""Kilograms a square metre that a cloth has at least: a milligram."""
+"""Least density of a cloth in kilograms a square metre: a milligram."""
 
 LEAST_PARTICLE = 1e-20
-"""Kilograms of any particle at least, or 1 / mass is no number of 32 bits."""
+"""Least mass of any particle in kilograms, so that 1 / mass is a number of 32 bits."""
 
 MOST_METRES = 1e6
-"""How large a cloth may be: squares and their products are numbers of 32 bits then."""
+"""Largest size of a cloth in metres: squares and their products are then numbers of 32 bits."""
 
 MASS_WITHOUT_AREA = 0.001
-"""Kilograms of each particle of a cloth without any area."""
+"""Mass of each particle of a cloth without any area, in kilograms."""
 
 _DIAGONAL = 1.01
-"""How much longer than the other edges of both its triangles an edge is that counts as a quad's diagonal."""
+"""An edge is the diagonal of a quad if it is this much longer than the other edges of both its triangles."""
 
 _NEIGHBOURS = ((0, 1, 0), (0, 0, 1), (1, 1, 1), (1, -1, 1), (2, 2, 0), (2, 0, 2))
-"""(kind, columns, rows) to half of Provot's twelve neighbours; the other half sees them from the other end."""
+"""(kind, columns, rows) to half of Provot's twelve neighbours; the springs to the other half begin there."""
 
 Int32 = NDArray[np.int32]
 
@@ -59,18 +60,18 @@ def build_cloth(
     anchor: Sequence[float] | Float64 = (0.0, 0.0, 0.0),
     name: str = "cloth",
 ) -> Cloth:
-    """Return the cloth that the vertices (V, 3) and triangles (T, 3) of a mesh describe.
+    """Return the cloth of a mesh with these vertices (V, 3) and triangles (T, 3).
 
-    `positions` are metres relative to `anchor`, with the world's axes. `properties` are those of the node (see
+    `positions` are metres relative to `anchor`, along the world's axes. `properties` are those of the node (see
     `number_of` for their ranges): columns and rows (both or neither; vertices then are rows of columns), pins (numbers
     of vertices), kg_per_m2, stretch_n_per_m, shear_n_per_m, bend_n_per_m, damping_per_s, drag, thickness_m, friction.
 
-    Vertices at one place are one particle; a vertex of no triangle is none. Particles are in the order in which their
-    first vertices stand. `Cloth.warnings` has a sentence for each property that was adapted.
+    Vertices at one place share a particle; a vertex without a triangle has none. Particles are in the order of their
+    first vertices. `Cloth.warnings` has a sentence for each property that was adapted.
 
     Raises SceneError for positions that are not finite, triangles and pins that name no vertex, a grid that does not
-    fit the vertices, a cloth larger than MOST_METRES, and a mass, stiffness, damping, drag, thickness or friction that
-    is negative, no number, or beyond what can be computed with.
+    fit the vertices, and a cloth larger than MOST_METRES. It also refuses a mass, stiffness, damping, drag, thickness
+    or friction that is negative, not a number, or larger than MOST.
     """
     positions = np.ascontiguousarray(positions, np.float64).reshape(-1, 3)
     faces = np.ascontiguousarray(triangles, np.int64).reshape(-1, 3)
@@ -128,7 +129,7 @@ def build_cloth(
 
 
 def number_of(properties: Mapping[str, Any], key: str, default: float, name: str) -> float:
-    """Return a property that is a number from 0 to MOST; SceneError for anything else."""
+    """Return a property that is a number from 0 to MOST. Raises SceneError for any other value."""
     value = properties.get(key, default)
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= MOST:
         raise SceneError(
@@ -146,11 +147,11 @@ def _stiffness(properties: Mapping[str, Any], name: str, warnings: list[str]) ->
     least, most = STIFFNESS
     stiffness = []
     for kind, default in zip(KINDS, (400.0, 60.0, 4.0), strict=True):
-        asked = number_of(properties, f"{kind}_n_per_m", default, name)
-        stiffness.append(min(max(asked, least), most))
-        if stiffness[-1] != asked:
+        value = number_of(properties, f"{kind}_n_per_m", default, name)
+        stiffness.append(min(max(value, least), most))
+        if stiffness[-1] != value:
             warnings.append(
-                f"The cloth {name} has {kind}_n_per_m = {asked:g}, which is taken as {stiffness[-1]:g}: "
+                f"The cloth {name} has {kind}_n_per_m = {value:g}, which is taken as {stiffness[-1]:g}: "
                 f"what can be simulated is {least:g} to {most:g}."
             )
     return np.array(stiffness)
@@ -161,7 +162,7 @@ def _weld(positions: Float64, faces: NDArray[np.int64]) -> tuple[Int32, NDArray[
     used = np.zeros(len(positions), bool)
     used[faces] = True
     vertices = np.flatnonzero(used)
-    places = positions[vertices] + 0.0  # -0 is where 0 is
+    places = positions[vertices] + 0.0  # turns -0 into 0, which is the same place
     order = np.lexsort((vertices, places[:, 2], places[:, 1], places[:, 0]))
     along = places[order]
     new = np.ones(len(order), bool)
@@ -178,7 +179,7 @@ def _weld(positions: Float64, faces: NDArray[np.int64]) -> tuple[Int32, NDArray[
 def _held(
     properties: Mapping[str, Any], particle_of: Int32, count: int, name: str, warnings: list[str]
 ) -> NDArray[np.bool_]:
-    """Return (P,) which particles the pins hold."""
+    """Return (P,) whether a pin holds each particle."""
     pins = properties.get("pins", ())
     if not isinstance(pins, Sequence | np.ndarray) or isinstance(pins, str) or not all(map(_whole, pins)):
         raise SceneError(f"The cloth {name} has pins = {brief(pins)}: give a list of numbers of vertices.")
@@ -210,7 +211,7 @@ def areas(positions: Float64, triangles: NDArray[np.integer[Any]]) -> Float64:
 
 
 def _masses(positions: Float64, corners: Int32, density: float, name: str, warnings: list[str]) -> Float64:
-    """Return (P,) kilograms: a third of each triangle around, and at least LEAST_MASS of the mean."""
+    """Return (P,) kilograms: a third of each adjacent triangle, and at least LEAST_MASS of the mean."""
     shares = np.repeat(areas(positions, corners) * (density / 3), 3)
     masses = np.bincount(corners.reshape(-1), shares, len(positions))
     positive = masses[masses > 0]
@@ -225,7 +226,7 @@ def _masses(positions: Float64, corners: Int32, density: float, name: str, warni
 
 
 def _grid(properties: Mapping[str, Any], vertices: int, name: str) -> tuple[int, int] | None:
-    """Return (columns, rows) where the property names them."""
+    """Return (columns, rows), or None where the properties have neither."""
     columns, rows = properties.get("columns"), properties.get("rows")
     if columns is None and rows is None:
         return None
@@ -253,7 +254,7 @@ def _grid_springs(particle_of: Int32, columns: int, rows: int) -> tuple[Int32, N
 
 
 def _triangle_springs(positions: Float64, corners: Int32) -> tuple[Int32, NDArray[np.uint8]]:
-    """Return springs along the edges, and over each inner edge between the corners that face it."""
+    """Return springs along the edges, and across each inner edge between the two corners opposite it."""
     edges = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]]).astype(np.int64)
     facing = np.concatenate([corners[:, 2], corners[:, 0], corners[:, 1]]).astype(np.int64)
     low, high = edges.min(axis=1), edges.max(axis=1)
@@ -281,7 +282,7 @@ def _triangle_springs(positions: Float64, corners: Int32) -> tuple[Int32, NDArra
 def _distinct(
     pairs: Sequence[NDArray[Any]], kinds: Sequence[NDArray[np.uint8]]
 ) -> tuple[Int32, NDArray[np.uint8]]:
-    """Return springs in the order of kinds, then as given, each pair of two different particles once."""
+    """Return the springs sorted by kind, then in the given order, each pair of two different particles once."""
     if not pairs:
         return np.zeros((0, 2), np.int32), np.zeros(0, np.uint8)
     ends, kind = np.concatenate(pairs).astype(np.int64), np.concatenate(kinds)

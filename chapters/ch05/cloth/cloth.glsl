@@ -1,21 +1,21 @@
-// What every kernel of the cloth simulation reads, and how it computes so that all of them get the same bits.
+// Input and arithmetic of all kernels of the cloth simulation; the arithmetic gives the same bits in each.
 //
 // All cloths of a scene lie in one set of buffers (cloth/layout.py), each with its own run of particles. Vectors are
-// three floats in a row: a vec3[] would have a stride of 16 bytes. `precise` keeps a compiler from fusing a product and a
-// sum into one rounding in one kernel and not in another; dot and cross are written out since their order is not defined.
+// three floats in a row: a vec3[] would have a stride of 16 bytes. `precise` forbids fused multiply-adds, which a compiler
+// may use in one kernel and not in another. dot and cross are written out, since GLSL does not define their order.
 
 struct ClothRecord {
     uvec2 particles;  // first and count
     uvec2 vertices;   // first and count
     uvec4 streams;    // words in the page: positions, normals, tangents
-    vec4 skin;        // x: metres kept from colliders, y: friction
+    vec4 skin;        // x: least distance from colliders in metres, y: friction
 };
 
 struct ClothFrame {
     uvec4 run;        // steps, flags, first collider, count
-    vec4 factors;     // what damping leaves of a velocity after h, after h/2; air density * drag coefficient / 12; seconds
-    vec4 before[3];   // where the node holds it before these steps, relative to where it hung at rest
-    vec4 after[3];    // and after them
+    vec4 factors;     // part of a velocity after damping for h, for h/2; air density * drag coefficient / 12; seconds
+    vec4 before[3];   // motion of the node from rest to the begin of these steps
+    vec4 after[3];    // and to their end
 };
 
 layout(BIND(0, 0, 0), std430) readonly buffer Table_ {
@@ -48,7 +48,7 @@ vec3 cross3(vec3 a, vec3 b) {
     return product;
 }
 
-// The cloth that particle i belongs to.
+// Returns the cloth of particle i.
 uint cloth_of(uint i) {
     uint low = 0u;
     uint high = counts.x;

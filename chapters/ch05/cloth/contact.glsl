@@ -1,8 +1,8 @@
-// Contact: a particle inside of a collider is put back to its surface, loses the velocity with which it came, and is held
-// by friction (Coulomb: along the surface at most `friction` times what was lost against it).
+// Contact: a particle inside of a collider is moved to its surface and loses its velocity into the surface. Friction
+// (Coulomb) takes at most `friction` times that loss from its velocity along the surface.
 //
-// Velocity is that against the surface, which may move: so a particle takes over what a collider has of it, towards the
-// particle at once, along the surface as far as friction goes.
+// Velocities are relative to the surface, which may move. So a particle takes over the velocity of a collider, fully
+// towards the particle, and along the surface as far as friction allows.
 
 struct Collider {
     vec4 rows[3];     // xyz: one axis of the collider, w: one coordinate of its centre
@@ -13,7 +13,7 @@ struct Collider {
 
 layout(BIND(0, 2, 2), std430) readonly buffer Colliders_ { Collider colliders[]; };
 
-// How deep q lies below the surface of a collider at the origin (negative outside), and the way out.
+// Returns the depth of q below the surface of a collider at the origin (negative outside), and the direction outward.
 float depth_below(vec3 q, vec4 size, out vec3 outward) {
     outward = vec3(0.0, 1.0, 0.0);
     if (size.w == 1.0) {
@@ -49,7 +49,7 @@ float depth_below(vec3 q, vec4 size, out vec3 outward) {
     return -over.z;
 }
 
-// Where an axis pointed `left` seconds before it does so, to the second order in the angle.
+// Returns an axis `left` seconds earlier, to the second order in the angle.
 vec3 turned_back(vec3 axis, vec3 spin, float left) {
     vec3 once = cross3(spin, axis);
     vec3 twice = cross3(spin, once);
@@ -57,8 +57,8 @@ vec3 turned_back(vec3 axis, vec3 spin, float left) {
     return before;
 }
 
-// Keep a particle that went from `from` to p within h seconds, and has the velocity v, out of all colliders of its cloth
-// (first and count), in their order. They are where they were `left` seconds before the end of these steps.
+// Moves a particle out of all colliders of its cloth (`own`: first and count), in their order. In h seconds it went from
+// `from` to p, and has the velocity v. Colliders are at their places `left` seconds before the end of these steps.
 void keep_out(uvec2 own, vec4 skin, float left, float h, vec3 from, inout vec3 p, inout vec3 v) {
     float thickness = skin.x;
     float friction = skin.y;
@@ -87,7 +87,7 @@ void keep_out(uvec2 own, vec4 skin, float left, float h, vec3 from, inout vec3 p
         }
         precise vec3 n = outward.x * x.xyz + outward.y * y.xyz + outward.z * z.xyz;
         precise vec3 moved = (p + depth * n) - from;
-        precise vec3 carried = vec3(0.0);  // by how much the surface moved meanwhile
+        precise vec3 carried = vec3(0.0);  // motion of the surface in h seconds
         precise vec3 surface = vec3(0.0);  // and its velocity now
         if (moves) {
             precise vec3 middle = away - 0.5 * ((p - from) - h * velocity);
@@ -97,7 +97,7 @@ void keep_out(uvec2 own, vec4 skin, float left, float h, vec3 from, inout vec3 p
         }
         precise vec3 slid = moved - dot3(moved, n) * n;
         float path = sqrt(dot3(slid, slid));
-        // A force along the surface undoes what it can of the way, or the cloth would creep though it has no speed.
+        // Friction also undoes a part of the path: otherwise cloth would creep without a velocity.
         precise float kept = friction * depth;
         float part = kept >= path ? 1.0 : kept / path;
         precise vec3 put = (p + depth * n) - part * slid;

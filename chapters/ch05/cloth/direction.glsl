@@ -1,6 +1,6 @@
-// The direction of a vector of any length, `otherwise` where it has none.
+// Returns the direction of a vector of any length, or `otherwise` if it has none.
 //
-// It is divided by its largest component first: squares of small areas would vanish, and what points along an axis is exact.
+// The vector is first divided by its largest component: squares of small areas would vanish, and axes stay exact.
 vec3 direction(vec3 v, vec3 otherwise) {
     vec3 size = abs(v);
     float largest = max(size.x, max(size.y, size.z));

@@ -48,7 +48,7 @@ _READ_ONLY = (
 
 @dataclass(frozen=True)
 class Kernel:
-    """A compute shader of `shaders/`, the macros it is built with, and the buffers of its bindings, in order."""
+    """A compute shader of this folder, the macros it is built with, and the buffers of its bindings, in order."""
 
     file: str
     buffers: tuple[str, ...]
@@ -56,13 +56,13 @@ class Kernel:
 
     @property
     def defines(self) -> dict[str, int | str]:
-        """What the shader is built with: its own macros, and the numbers that Python and the shaders share."""
+        """The macros of the shader: its own, and the numbers that Python and the shaders share."""
         flags: dict[str, int | str] = {"RESET": f"{RESET}u", "WRITE": f"{WRITE}u", "NOWHERE": NOWHERE}
         return {"THREADS": THREADS, **flags, **dict(self.own)}
 
     @property
     def written(self) -> frozenset[str]:
-        """The buffers that it may write."""
+        """The buffers that the kernel may write."""
         named = {"normals": {"normals"}, "stats": {"stats"}, "vertices": {"words"}}
         stem = self.file.removeprefix("cloth/").removesuffix(".comp")
         return frozenset(named.get(stem) or set(self.buffers) - {*_READ_ONLY})
@@ -72,7 +72,7 @@ class Kernel:
 class Dispatch:
     """One dispatch: `push` are the four words of its push constants, `page` is that of "words" if it binds it.
 
-    `after` says whether it reads what the dispatches before it wrote, and so has to wait for them.
+    `after` is whether it reads results of the dispatches before it, and needs a barrier.
     """
 
     kernel: Kernel
@@ -84,11 +84,11 @@ class Dispatch:
 
 @dataclass
 class Moment:
-    """What a frame asks of each of N cloths.
+    """The input of a frame for each of N cloths.
 
-    `steps` (N,) to simulate, 0 for one that rests; `begin` (N,) whether it begins anew at rest; `write` (N,) whether
-    vertices are written; `before` and `after` (N, 4, 4) where its node holds it before and after these steps, as
-    `motion_between` gives them.
+    `steps` (N,) are the steps to simulate, 0 for a cloth at rest. `begin` (N,) is whether it starts anew at rest,
+    `write` (N,) whether its vertices are written. `before` and `after` (N, 4, 4) are the motion of its node before and
+    after these steps, as `motion_between` returns it.
     """
 
     steps: NDArray[np.integer[Any]]
@@ -99,13 +99,13 @@ class Moment:
 
     @classmethod
     def still(cls, cloths: int, steps: int = 1, begin: bool = False, write: bool = True) -> Moment:
-        """Return the moment in which all cloths make `steps`, and no node moves."""
+        """Return the input of a frame in which all cloths make `steps`, and no node moves."""
         eye = np.broadcast_to(np.eye(4), (cloths, 4, 4))
         return cls(np.full(cloths, steps), np.full(cloths, begin), np.full(cloths, write), eye, eye)
 
 
 def choose_execution(packed: Packed, wanted: str = "auto") -> Execution:
-    """Return how these cloths are simulated; "auto" takes a work group for each unless one of them is large."""
+    """Return the execution of these cloths; "auto" takes a work group for each unless one of them is large."""
     if wanted != "auto":
         return cast(Execution, wanted)
     largest = max(len(model.positions) for model in packed.models)
@@ -117,7 +117,7 @@ def frame_arrays(
 ) -> dict[str, NDArray[np.uint8]]:
     """Return the bytes of the buffers "frame" and "colliders".
 
-    Raises ValueError for more colliders than were packed for.
+    Raises ValueError for more colliders than the buffers have room for.
     """
     if len(colliders) > packed.colliders:
         raise ValueError(f"{len(colliders)} colliders, and the buffers were made for {packed.colliders}")
@@ -150,7 +150,7 @@ def frame_arrays(
 
 
 def _write_collider(records: NDArray[Any], collider: Collider, anchors: Float64) -> None:
-    """Fill the records (N,) of one collider about the anchors (N, 3) of the cloths."""
+    """Fill the records (N,) of one collider, relative to the anchors (N, 3) of the cloths."""
     axes, lengths = collider_axes(collider)
     records["rows"][..., :3] = axes
     records["rows"][..., 3] = collider.world_from_collider[:3, 3] - anchors
@@ -194,9 +194,9 @@ def _stats(group_size: int) -> Kernel:
 
 
 def dispatches(packed: Packed, steps: Steps, count: int, execution: Execution) -> list[Dispatch]:
-    """Return what moves all cloths by as many of up to `count` steps as their frame says, in order.
+    """Return the dispatches that move all cloths, in order; the buffer "frame" has their steps, up to `count`.
 
-    The state before it comes from whatever wrote it last; each dispatch reads what the one before wrote.
+    The first one reads the last state that was written; each other one reads the results of the one before it.
     """
     cloths = len(packed.models)
     xpbd = steps.method == "xpbd"
@@ -230,7 +230,7 @@ def dispatches(packed: Packed, steps: Steps, count: int, execution: Execution) -
 
 
 def surface_dispatches(packed: Packed, stats: bool = True) -> list[Dispatch]:
-    """Return what writes normals, vertices and tangents into the pages, and what measures each cloth."""
+    """Return the dispatches that write normals, vertices and tangents into the pages, and measure each cloth."""
     ordered = [Dispatch(NORMALS, (math.ceil(packed.particles / THREADS), 1, 1))]
     if stats:
         ordered.append(Dispatch(_stats(packed.group_size), (len(packed.models), 1, 1), after=False))
@@ -248,5 +248,5 @@ def states_of(packed: Packed, positions: NDArray[np.float32], velocities: NDArra
 
 
 def stats_of(raw: NDArray[np.uint8]) -> NDArray[Any]:
-    """Return the (N,) records of the buffer "stats": low, high, speed_squared, not_finite (particles: 0 or 1)."""
+    """Return the (N,) records of the buffer "stats": low, high, speed_squared, not_finite (1 if a particle is not)."""
     return raw.view(STATS)

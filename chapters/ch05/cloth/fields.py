@@ -3,7 +3,7 @@
     "extras": {"strata": {"cloth": {"pins": [0, 7], "kg_per_m2": 0.25, "stretch_n_per_m": 400, ...}}}
     "extras": {"strata": {"collider": {"shape": "sphere", "radius_m": 0.5}}}
 
-`pins` are the numbers of the vertices that are held, of the node's only primitive.
+`pins` are the numbers of the held vertices, in the node's only primitive.
 """
 
 from __future__ import annotations
@@ -51,14 +51,14 @@ def named(nodes: Nodes, node: int) -> str:
     return f"node {node} '{name}'" if name else f"node {node}"
 
 
-def check_cloth(value: Any, who: str) -> dict[str, Any]:
-    """Return the properties of a cloth, with checked names; SceneErrors contain the name of the node."""
-    return _object(value, f"extras.strata.cloth of {who}", CLOTH)
+def check_cloth(value: Any, node_name: str) -> dict[str, Any]:
+    """Return the properties of a cloth, with checked names. Raises SceneError, whose message has `node_name`."""
+    return _object(value, f"extras.strata.cloth of {node_name}", CLOTH)
 
 
-def check_collider(value: Any, who: str) -> tuple[Literal["sphere", "plane", "box"], float | None]:
-    """Return the shape of a collider and its radius in metres, None where it gives none. Raises SceneError."""
-    where = f"extras.strata.collider of {who}"
+def check_collider(value: Any, node_name: str) -> tuple[Literal["sphere", "plane", "box"], float | None]:
+    """Return the shape of a collider, and its radius in metres or None. Raises SceneError."""
+    where = f"extras.strata.collider of {node_name}"
     entry = _object(value, where, ("shape", "radius_m"))
     shape = entry.get("shape")
     if shape not in SHAPES:
@@ -92,6 +92,6 @@ def _real(value: Any) -> bool:
 
 
 def brief(value: Any) -> str:
-    """Return how a value of a file looks, on one line of bounded length."""
+    """Return a value of a file as text, on one line of bounded length."""
     text = " ".join(repr(value).split())
     return text if len(text) <= 40 else f"{text[:37]}..."

@@ -60,7 +60,7 @@ class _Slot:
 
 
 def drawn_from(cloth_scene: ClothScene, planned: Sequence[Page]) -> list[Drawn]:
-    """Return where the vertices of each cloth lie in these pages of geometry."""
+    """Return the places of each cloth's vertices in these pages of geometry."""
     scene = cloth_scene.scene
     records, page_of, _ = pages.mesh_records(scene, planned)
     drawn = []
@@ -76,7 +76,7 @@ def drawn_from(cloth_scene: ClothScene, planned: Sequence[Page]) -> list[Drawn]:
 
 
 class ClothFrames:
-    """The cloths of a scene from frame to frame. `drawn` says where the vertices of each are drawn from."""
+    """The cloths of a scene from frame to frame. `drawn` are the places of their vertices in the pages."""
 
     def __init__(
         self,
@@ -86,14 +86,14 @@ class ClothFrames:
         limits: Limits | None = None,
     ) -> None:
         self._cloth_scene, self._settings = cloth_scene, settings
-        wanted = Steps(
+        requested = Steps(
             settings.step,
             settings.substeps,
             settings.iterations,
             settings.method,
             settings.integrator,
         )
-        self.cloths, self.steps, notes = fit_steps(cloth_scene.cloths, wanted)
+        self.cloths, self.steps, notes = fit_steps(cloth_scene.cloths, requested)
         self._tell(notes)
         self._limits = limits
         self.draw_from(drawn)
@@ -103,38 +103,38 @@ class ClothFrames:
         self._particles = np.diff(self.packed.first_particles)
         sizes = [np.linalg.norm(np.ptp(cloth.positions, axis=0)) for cloth in self.cloths]
         self._sizes: Float64 = np.maximum(np.array(sizes), 1e-6)
-        self._version = np.zeros(count, np.int64)  # of the state: grows with every change of it
+        self._version = np.zeros(count, np.int64)  # of the state: grows with every change
         self._made = np.zeros(count, np.int64)  # steps simulated
-        self._held = np.tile(np.eye(4), (count, 1, 1))  # where nodes held the cloths at the last step
-        self._stones: Float64 = np.zeros((0, 4, 4))  # where the nodes of colliders were then
-        self._bounds = np.full((count, 2, 3), np.nan)  # about the anchors, and when: as the GPU told last
+        self._held = np.tile(np.eye(4), (count, 1, 1))  # motions of the nodes at the last step
+        self._stones: Float64 = np.zeros((0, 4, 4))  # world matrices of the colliders' nodes then
+        self._bounds = np.full((count, 2, 3), np.nan)  # relative to the anchors, from the latest stats
         self._speed = np.zeros(count)
-        self._told_at = np.zeros(count, np.int64)
-        self._acts: Any = None  # what acts on the cloths,
-        self._acts_since = np.zeros(count, np.int64)  # and from which step on
+        self._told_at = np.zeros(count, np.int64)  # steps simulated up to these stats
+        self._acts: Any = None  # forces, nodes and colliders of the last frame,
+        self._acts_since = np.zeros(count, np.int64)  # and the steps simulated before them
         self._warned = self._broken = False
         self.undo: Callable[[], None] = lambda: None
-        """Makes as if the last frame had not been asked for: it never reached the GPU."""
+        """Restores the state before the last frame, which never reached the GPU."""
         self.forget_vertices()
 
     def draw_from(self, drawn: Sequence[Drawn]) -> None:
-        """Lay out the buffers, for vertices that are drawn from these places."""
+        """Lay out the buffers, for vertices at these places."""
         self.packed = pack(self.cloths, drawn, len(self._cloth_scene.obstacles), self._limits)
 
     def forget_vertices(self) -> None:
-        """Note that no slot shows any cloth as it is: the vertices are other buffers."""
+        """Mark the vertices of all slots as outdated: their buffers were replaced."""
         count = len(self.cloths)
         self._slots = [_Slot(np.full(count, -1, np.int64)) for _ in range(SLOTS)]
 
     # --- every frame ---
 
     def told(self, slot: int, raw: NDArray[np.uint8]) -> None:
-        """Take in what the GPU wrote about the last frame of a slot, which is over: the bytes of the buffer "stats"."""
-        held = self._slots[slot]
-        if held.mark is None:
+        """Take in the GPU's results of the last frame of a slot, which is over: the bytes of the buffer "stats"."""
+        slot_state = self._slots[slot]
+        if slot_state.mark is None:
             return
         stats, speed = stats_of(raw), np.zeros(len(self.cloths))
-        tested = held.tested
+        tested = slot_state.tested
         finite = stats["not_finite"] == 0
         speed[finite] = np.sqrt(stats["speed_squared"][finite])
         if not (self._broken or finite[tested].all()):
@@ -143,17 +143,17 @@ class ClothFrames:
             self._tell(
                 [f"The cloth {names} is lost: its particles are no numbers any more; take smaller steps."]
             )
-        if self.clock.goes_on(held.mark):
-            self._speed[tested], self._told_at[tested] = speed[tested], held.simulated[tested]
+        if self.clock.goes_on(slot_state.mark):
+            self._speed[tested], self._told_at[tested] = speed[tested], slot_state.simulated[tested]
             self._bounds[tested, 0], self._bounds[tested, 1] = stats["low"][tested], stats["high"][tested]
             self._bounds[tested & ~finite] = np.nan
-        self.clock.told(held.mark, tested, finite & (speed < CALM * self._sizes))
-        held.mark = None
+        self.clock.told(slot_state.mark, tested, finite & (speed < CALM * self._sizes))
+        slot_state.mark = None
 
     def begin(self, slot: int, pose: Pose, view: View, aspect: float, time: float, reset: str) -> Plan:
-        """Return what the frame of a slot asks for at `time`.
+        """Return the plan of a slot's frame at `time`.
 
-        `pose` is that of the scene at that time; `reset` says why nothing of the frames before counts, or is "".
+        `pose` is that of the scene at that time; `reset` is why earlier frames do not count, or "".
         """
         self.undo = self._kept(slot)
         cloth_scene, clock = self._cloth_scene, self.clock
@@ -163,7 +163,10 @@ class ClothFrames:
         key = (
             forces,
             worlds.tobytes(),
-            [(it.world_from_collider.tobytes(), it.radius, it.half) for it in colliders],
+            [
+                (collider.world_from_collider.tobytes(), collider.radius, collider.half)
+                for collider in colliders
+            ],
         )
         slept = bool(clock.at_rest.all())
         due = clock.frame(time, reset, key)
@@ -179,7 +182,7 @@ class ClothFrames:
         after = self._held.copy()
         for number in np.flatnonzero((steps > 0) | begin).tolist():
             after[number] = self._motion(number, pose)
-        stones = pose.world_from_node[[each.node for each in cloth_scene.obstacles]]
+        stones = pose.world_from_node[[obstacle.node for obstacle in cloth_scene.obstacles]]
         if clock.began:  # at rest where the nodes are now
             self._anew(after)
             self._stones = stones
@@ -191,10 +194,10 @@ class ClothFrames:
         before, self._held = self._held, after
         self._made += steps
         self._version += (steps > 0) | begin
-        held = self._slots[slot]
-        write = self._seen(view, aspect) & (held.shows != self._version)
-        held.shows[write] = self._version[write]
-        held.mark, held.tested, held.simulated = clock.mark(), steps > 0, self._made.copy()
+        slot_state = self._slots[slot]
+        write = self._seen(view, aspect) & (slot_state.shows != self._version)
+        slot_state.shows[write] = self._version[write]
+        slot_state.mark, slot_state.tested, slot_state.simulated = clock.mark(), steps > 0, self._made.copy()
         work = {
             "cloth_steps": due.count if active.any() else 0,
             "cloth_particles": int(self._particles[steps > 0].sum()),
@@ -207,27 +210,27 @@ class ClothFrames:
         return Plan(idle, int(steps.max(initial=0)), arrays, work)
 
     def _kept(self, slot: int) -> Callable[[], None]:
-        """Return what brings back all that a frame of a slot changes here."""
-        clock, held = self.clock.kept(), copy(self._slots[slot])
-        held.shows = held.shows.copy()
-        own = {name: getattr(self, name) for name in ("_held", "_stones", "_acts", "_acts_since")}
-        own |= {name: getattr(self, name).copy() for name in ("_made", "_told_at", "_version", "_bounds")}
+        """Return a function that restores everything that a frame of a slot changes here."""
+        clock, slot_state = self.clock.kept(), copy(self._slots[slot])
+        slot_state.shows = slot_state.shows.copy()
+        state = {name: getattr(self, name) for name in ("_held", "_stones", "_acts", "_acts_since")}
+        state |= {name: getattr(self, name).copy() for name in ("_made", "_told_at", "_version", "_bounds")}
 
         def undo() -> None:
-            self.clock, self._slots[slot] = clock, held
-            vars(self).update(own)
+            self.clock, self._slots[slot] = clock, slot_state
+            vars(self).update(state)
 
         return undo
 
     def pause(self, pose: Pose, time: float, reset: str) -> Plan | None:
         """Pass over a frame without the cloth pass; `pose`, `time` and `reset` are as those of `begin`.
 
-        Cloth stays as it hangs, or as it was modelled after a reset. Returns what has a slot show that, for all slots
-        alike, and None where all of them do.
+        Cloth keeps its state, or hangs as it was modelled after a reset. Returns a plan that writes the vertices of
+        this state, the same for all slots, or None if all slots have them.
         """
         clock, count = self.clock, len(self.cloths)
         clock.pause(time, reset)
-        self._stones = pose.world_from_node[[each.node for each in self._cloth_scene.obstacles]]
+        self._stones = pose.world_from_node[[obstacle.node for obstacle in self._cloth_scene.obstacles]]
         begin = np.full(count, clock.began)
         if clock.began:
             self._anew(np.array([self._motion(number, pose) for number in range(count)]))
@@ -247,25 +250,25 @@ class ClothFrames:
         return (woken or not self.clock.at_rest.all()) and self.clock.moves(time)
 
     def dispatches(self, count: int) -> list[Dispatch]:
-        """Return what a frame of at most `count` steps dispatches."""
+        """Return the dispatches of a frame of at most `count` steps."""
         simulate = dispatches(self.packed, self.steps, count, self.execution)
         return simulate + surface_dispatches(self.packed)
 
     def recorded(self, plan: Plan) -> Any:
-        """Return what a recording of `dispatches` is good for: the GPU reads all else from the frame's buffer."""
+        """Return the key of a recording of `dispatches`: the GPU reads all else from the frame's buffer."""
         if plan.idle:
             return None
         return max(plan.count, 1) if self.execution == "dispatch" else 1
 
-    # --- what acts, and what is seen ---
+    # --- forces and visibility ---
 
     def _motion(self, number: int, pose: Pose) -> Float64:
-        """Return the (4, 4) matrix by which a cloth's node went away from where the cloth hung as it was modelled."""
+        """Return the (4, 4) matrix of a node's motion since its cloth hung as it was modelled."""
         cloth = self.cloths[number]
         return motion_between(self._cloth_scene.rest[number], pose.world_from_node[cloth.node], cloth.anchor)
 
     def _anew(self, held: Float64) -> None:
-        """Forget what was simulated: the cloths hang as they were modelled, where their nodes hold them."""
+        """Forget the simulation: the cloths hang as they were modelled, moved by their nodes (`held`)."""
         self._held, self._made[:], self._told_at[:] = held, 0, 0
         self._bounds[:], self._acts_since = np.nan, np.zeros(len(self.cloths), np.int64)
 
@@ -281,7 +284,7 @@ class ClothFrames:
         visible = cloth_scene.scene.instances.visible[cloth_scene.instances]
         anchors = np.array([cloth.anchor for cloth in self.cloths])
         planes = frustum_planes(view.clip_from_world(aspect))
-        # Told frames ago; since then it went on, and fell at most. But what acts on it may have sent it anywhere since.
+        # The stats are some frames old; since then cloth went on, and fell at most. Other forces may move it anywhere.
         ago = (self._made - self._told_at) * self.clock.dt
         margin = (self._speed + 10.0 * ago) * ago * 1.5 + 0.02 * self._sizes
         center = self._bounds.mean(axis=1) + anchors
@@ -298,8 +301,7 @@ class ClothFrames:
 
 @dataclass(frozen=True)
 class Plan:
-    """What a frame asks for: nothing if `idle`; else `count` steps of a cloth at most, and by buffer the bytes that say
-    so."""
+    """The work of a frame: none if `idle`; else at most `count` steps of a cloth, and the bytes to write by buffer."""
 
     idle: bool
     count: int

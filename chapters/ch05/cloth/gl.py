@@ -1,4 +1,4 @@
-"""The kernels of cloth on OpenGL: buffers, and what binds them; compare vulkan.py."""
+"""Cloth on OpenGL: buffers and their bindings; compare vulkan.py."""
 
 from __future__ import annotations
 
@@ -31,52 +31,52 @@ from .passes import FRAME, STATE
 
 
 class ClothBuffers:
-    """The buffers by name; those that a frame writes and answers in exist once per slot."""
+    """The buffers by name; those of FRAME exist once per slot."""
 
     def __init__(self, context: Context, packed: Packed, before: ClothBuffers | None = None) -> None:
         self._context = context
         sizes = packed.sizes()
-        self._held: dict[str, Buffer] = {}
+        self._by_name: dict[str, Buffer] = {}
         if before is not None:
-            self._held = {name: before._held.pop(name) for name in STATE}
+            self._by_name = {name: before._by_name.pop(name) for name in STATE}
             before.close()
         for name, array in packed.arrays.items():
-            if name not in self._held:
-                self._held[name] = create_buffer(context, sizes[name], "device", f"cloth {name}")
-                write_buffer(context, self._held[name], array)
+            if name not in self._by_name:
+                self._by_name[name] = create_buffer(context, sizes[name], "device", f"cloth {name}")
+                write_buffer(context, self._by_name[name], array)
         for name, use in FRAME.items():
             for slot in range(SLOTS):
                 buffer = create_buffer(context, sizes[name], use, f"cloth {name}, slot {slot}")
-                self._held[f"{name} {slot}"] = buffer
+                self._by_name[f"{name} {slot}"] = buffer
 
     def buffer(self, name: str, slot: int = 0) -> Buffer:
-        """Return a buffer by its name, where there are several that of a slot."""
-        return self._held[f"{name} {slot}" if name in FRAME else name]
+        """Return a buffer by its name; of a buffer of FRAME, that of the slot."""
+        return self._by_name[f"{name} {slot}" if name in FRAME else name]
 
     def stats(self, slot: int) -> NDArray[np.uint8]:
         """Return the bytes that the last frame of a slot wrote about each cloth."""
         return self.buffer("stats", slot).mapped.copy()
 
     def read(self, name: str) -> NDArray[np.float32]:
-        """Return what is in a buffer that stays; OpenGL itself waits for the frames."""
+        """Return the contents of a buffer that exists once; OpenGL itself waits for the frames."""
         self._context.fn.glMemoryBarrier(gl.GL_BUFFER_UPDATE_BARRIER_BIT)
         contents: NDArray[np.float32] = read_buffer(self._context, self.buffer(name), np.float32)
         return contents
 
     def write(self, slot: int, arrays: Mapping[str, NDArray[np.uint8]]) -> None:
-        """Write what a frame asks for."""
+        """Write the input of a frame."""
         for name, data in arrays.items():
             self.buffer(name, slot).mapped[: data.size] = data
 
     def close(self) -> None:
         """Free the buffers: OpenGL itself waits for the GPU's use."""
-        for buffer in self._held.values():
+        for buffer in self._by_name.values():
             destroy_buffer(self._context, buffer)
-        self._held = {}
+        self._by_name = {}
 
 
 class ClothKernels:
-    """Buffers, which are bound to each kernel one by one."""
+    """Buffers, bound to each kernel one by one."""
 
     def __init__(self, backend: GlBackend) -> None:
         self._context, self._data, self._pipelines = backend.device, backend.data, backend.pipelines
@@ -88,31 +88,31 @@ class ClothKernels:
         )
 
     def make_memory(self, packed: Packed, before: ClothBuffers | None) -> ClothBuffers:
-        """Return the buffers, whose state is that of `before`."""
+        """Return the buffers, with the state of `before`."""
         self._buffers = ClothBuffers(self._context, packed, before)
         return self._buffers
 
     def make_kernels(self, kernels: Mapping[Kernel, Built], pages: Collection[int]) -> None:
-        """Make nothing: programs have no sets."""
+        """Make nothing: programs have no descriptor sets."""
 
     def bind(self, commands: Commands, kernel: Kernel, slot: int, page: int) -> None:
         """Bind the buffers of a kernel."""
         for binding, name in enumerate(kernel.buffers):
             words = name == "words"
-            held = self._data.page_buffer(slot, page) if words else self._buffers.buffer(name, slot)
-            bind_buffer(self._context, "storage", binding, held)
+            buffer = self._data.page_buffer(slot, page) if words else self._buffers.buffer(name, slot)
+            bind_buffer(self._context, "storage", binding, buffer)
 
     def finish(self, commands: Commands, slot: int) -> None:
-        """Let the CPU see the answers, and bind the scene again where the kernels have bound their buffers."""
+        """Make the stats visible to the CPU, and bind the scene's buffers again, which the kernels replaced."""
         self._context.fn.glMemoryBarrier(gl.GL_CLIENT_MAPPED_BUFFER_BARRIER_BIT)
         self._data.bind_frame(slot)
 
     @contextmanager
     def at_once(self, slot: int) -> Iterator[Commands]:
-        """Give commands for a slot that run at once; what they write is there for the next frame."""
+        """Yield commands for a slot that run at once; the next frame reads their results."""
         self._context.wait_idle()
         commands = Commands(self._context, self._pipelines, multi_draw=False)
-        where: Any = SimpleNamespace(index=slot)
-        commands.begin(where)
+        frame_slot: Any = SimpleNamespace(index=slot)
+        commands.begin(frame_slot)
         yield commands
         commands.compute_barrier()

@@ -1,21 +1,21 @@
-"""How all cloths of a scene lie in buffers, and the dispatches that move them: a backend only makes and runs these.
+"""The layout of all cloths of a scene in buffers, the same for both backends.
 
-Every array of numbers is an array of `float` or `uint` on the GPU, three in a row for a vector: in a storage block a
-`vec3[]` would take 16 bytes for each, and the data of numpy would not fit. Arrays of each quantity are apart
-(structure of arrays), since no kernel needs all of them.
+Every array is an array of `float` or `uint` on the GPU, with three numbers in a row for a vector. In a storage block a
+`vec3[]` has a stride of 16 bytes, which does not fit numpy's data. Each quantity has an array of its own (structure of
+arrays), since no kernel needs all of them.
 
-    table       what stays: counts, offsets, a record for each cloth
-    frame       what a frame says: time, gravity, wind, and of each cloth how many steps, where its node holds it
-    colliders   those of each cloth, in its axes and about its anchor, as a frame has them
+    table       constants: counts, offsets, a record for each cloth
+    frame       input of a frame: time, gravity, wind, and for each cloth its steps and the motion of its node
+    colliders   colliders of each cloth in a frame, along its axes and about its anchor
     positions, velocities, scratch, lambdas      state of the simulation
-    particles   where each was at rest, and 1 / mass
-    springs, lengths                             pairs of particles; rest, its square, stiffness
-    incidence   by particle its springs and its triangles, and where each colour of each cloth begins
+    particles   position at rest, and 1 / mass
+    springs, lengths                             pairs of particles; length at rest, its square, stiffness
+    incidence   springs and triangles by particle, and the first spring of each colour and cloth
     triangles   three particles and a third of the mass
-    normals     of each particle
-    surface     by vertex its particle and its triangles, and how u and v run in each triangle
-    stats       of each cloth its bounds and greatest speed
-    words       the page of geometry that the pictures are drawn from
+    normals     one for each particle
+    surface     particle and triangles by vertex, and by triangle how u runs along its edges
+    stats       bounds and greatest speed of each cloth
+    words       the page of geometry that passes draw from
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ from .model import Model, incidence, model_of
 from .types import Cloth, Float32, UInt32
 
 NOWHERE = 0xFFFFFFFF
-"""A stream that a page has not, a vertex that is no particle."""
+"""A stream that a page does not have, or a vertex without a particle."""
 
 RESET, WRITE = 1, 2
-"""Flags of a cloth in a frame: it begins anew at rest; its normals and vertices are written."""
+"""Flags of a cloth in a frame: it starts anew at rest; its normals and vertices are written."""
 
 HEADER = np.dtype([("counts", "<u4", 4), ("places", "<u4", 4), ("surface", "<u4", 4)])
 CLOTH = np.dtype(
@@ -52,33 +52,33 @@ CLOTH = np.dtype(
 """Of a cloth: first particle and count, first vertex and count, words of positions, normals, tangents; contact."""
 
 GLOBALS = np.dtype([("gravity", "<f4", 4), ("wind", "<f4", 4), ("times", "<f4", 4), ("cut", "<u4", 4)])
-"""`times` are h, 1/h, h/2, 1/h^2; `cut` substeps, iterations, 1 for verlet, 1 for XPBD."""
+"""`times` are h, 1/h, h/2, 1/h^2; `cut` is substeps, iterations, 1 for verlet, 1 for XPBD."""
 
 CLOTH_FRAME = np.dtype(
     [("run", "<u4", 4), ("factors", "<f4", 4), ("before", "<f4", (3, 4)), ("after", "<f4", (3, 4))]
 )
-"""`run` is steps, flags, first collider, count; `factors` the damping of h and of h/2, air density * drag / 12, and the
-seconds of all these steps."""
+"""`run` is steps, flags, first collider, count; `factors` are the damping of h and of h/2, air density * drag / 12, and
+the seconds of all these steps."""
 
 COLLIDER = np.dtype([("rows", "<f4", (3, 4)), ("size", "<f4", 4), ("velocity", "<f4", 4), ("spin", "<f4", 4)])
-"""`rows` turn into the collider's axes, with the centre in the fourth column; `size` is half or radius, and shape.
-`velocity` is the centre's, `spin` about it; the fourth number of `velocity` is 1 where one of the two is not 0."""
+"""`rows` rotate into the collider's axes, with the centre in the fourth column. `size` is half or radius, and shape.
+`velocity` is that of the centre, `spin` about it; the fourth number of `velocity` is 1 if one of the two is not 0."""
 
 STATS = np.dtype([("low", "<f4", 3), ("speed_squared", "<f4"), ("high", "<f4", 3), ("not_finite", "<f4")])
 
 SHAPES = ("sphere", "plane", "box")
-"""What a collider's number of shape says."""
+"""The shapes of colliders by their numbers."""
 
 THREADS = 64
-"""Invocations of a work group where each has a particle, a spring or a vertex of its own."""
+"""Invocations of a work group in kernels with an invocation for each particle, spring or vertex."""
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """Where the vertices of a cloth are drawn from: in `page`, the first word of each of its mesh's streams.
+    """The place of a cloth's drawn vertices: `page`, and the first word of each of its mesh's streams there.
 
-    `triangles` (T, 3) are those of the mesh's vertices, in the order of `Cloth.triangles`; `uv` (V, 2) is needed
-    where `tangents` is a place.
+    `triangles` (T, 3) are vertices of the mesh, in the order of `Cloth.triangles`; `uv` (V, 2) is needed if `tangents`
+    is a place.
     """
 
     page: int
@@ -91,7 +91,7 @@ class Drawn:
 
 @dataclass(frozen=True)
 class Limits:
-    """What a device allows, with the least that any has."""
+    """Limits of a device; the defaults are the least values of any device."""
 
     storage_bytes: int = 1 << 27
     groups: int = 65535
@@ -101,13 +101,13 @@ class Limits:
 
 @dataclass(frozen=True)
 class Packed:
-    """All cloths of a scene: `arrays` are the first contents of the buffers by name (without those of a frame)."""
+    """All cloths of a scene: `arrays` are the first contents of the buffers by name, without those of a frame."""
 
     models: tuple[Model, ...]
     arrays: dict[str, NDArray[Any]]
     group_size: int
     color_counts: tuple[int, ...]
-    """Springs of each colour, all cloths together."""
+    """Springs of each colour, of all cloths together."""
     vertex_runs: tuple[tuple[int, int, int], ...]
     """(page, first vertex, count) of cloths side by side in one page."""
     colliders: int
@@ -120,11 +120,11 @@ class Packed:
 
     @property
     def first_particles(self) -> NDArray[np.int64]:
-        """(N + 1,) where the particles of each cloth begin."""
+        """(N + 1,) the first particle of each cloth, and the end."""
         return _starts([len(model.positions) for model in self.models])
 
     def sizes(self) -> dict[str, int]:
-        """Return the bytes of every buffer, those of a frame and of its answer too."""
+        """Return the bytes of every buffer, including the input and the stats of a frame."""
         cloths = len(self.models)
         return {
             **{name: array.nbytes for name, array in self.arrays.items()},
@@ -140,9 +140,9 @@ def pack(
     colliders: int = 0,
     limits: Limits | None = None,
 ) -> Packed:
-    """Return the buffers of these cloths, for at most `colliders` colliders; those with a `drawn` write vertices.
+    """Return the buffers of these cloths, for at most `colliders` colliders; cloths with a `drawn` write vertices.
 
-    Raises UserError for what a device with these limits cannot hold or dispatch.
+    Raises UserError for cloths that a device with these limits cannot hold or dispatch.
     """
     limits = limits or Limits()
     drawn = drawn or [None] * len(cloths)
@@ -212,15 +212,16 @@ def _joined(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
 
 
 def _filled(array: NDArray[Any]) -> NDArray[Any]:
-    """Return the numbers in a row; a buffer has at least one."""
+    """Return the numbers in a row, with at least one, since a buffer cannot be empty."""
     flat = np.ascontiguousarray(array).reshape(-1)
     return flat if flat.size else np.zeros(1, array.dtype)
 
 
 def _by_color(models: Sequence[Model]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return where each spring goes, and (C N + 1,) where the springs of each colour and cloth begin.
+    """Return the place of each spring, and (C N + 1,) the first spring of each colour and cloth.
 
-    Springs of one colour lie side by side, cloth by cloth: a dispatch takes all of them, a work group those of its own.
+    Springs of one colour lie side by side, cloth by cloth: a dispatch takes all of them, a work group those of its
+    cloth.
     """
     colors = max(model.colors for model in models)
     counts = np.zeros((colors, len(models)), np.int64)
@@ -241,36 +242,36 @@ def _surface(
     firsts: NDArray[np.int64],
     triangle_firsts: NDArray[np.int64],
 ) -> tuple[UInt32, tuple[int, int, int, int], NDArray[np.int64]]:
-    """Return the array of words, the places of its parts, and (N + 1,) where the vertices of each cloth begin."""
+    """Return the array of words, the places of its parts, and (N + 1,) the first vertex of each cloth."""
     sizes = [len(m.cloth.particle_of) if d else 0 for m, d in zip(models, drawn, strict=True)]
     vertex_firsts = _starts(sizes)
     particle_of, starts, entries = [], [], []
     factors = np.zeros((triangle_firsts[-1], 2), np.float32)
-    passed = 0
+    entry_count = 0
     for number, (model, place) in enumerate(zip(models, drawn, strict=True)):
         if place is None:
             continue
         own = model.cloth.particle_of.astype(np.int64)
         particle_of.append(np.where(own < 0, NOWHERE, own + firsts[number]))
         corners = np.asarray(place.triangles, np.int64)
-        meets = incidence(corners, len(own))
-        starts.append(meets.starts[:-1] + passed)
-        entries.append(meets.entries + triangle_firsts[number])
-        passed += len(meets.entries)
+        incident = incidence(corners, len(own))
+        starts.append(incident.starts[:-1] + entry_count)
+        entries.append(incident.entries + triangle_firsts[number])
+        entry_count += len(incident.entries)
         if place.uv is not None and place.tangents != NOWHERE:
             at = slice(triangle_firsts[number], triangle_firsts[number + 1])
             factors[at] = _tangent_factors(place.uv, corners)
-    parts = [*particle_of, *starts, np.array([passed]), *entries]
+    parts = [*particle_of, *starts, np.array([entry_count]), *entries]
     words = np.concatenate([np.concatenate(parts).astype(np.uint32), factors.reshape(-1).view(np.uint32)])
     vertices = int(vertex_firsts[-1])
-    return words, (0, vertices, 2 * vertices + 1, 2 * vertices + 1 + passed), vertex_firsts
+    return words, (0, vertices, 2 * vertices + 1, 2 * vertices + 1 + entry_count), vertex_firsts
 
 
 def _tangent_factors(uv: Float32, corners: NDArray[np.int64]) -> Float32:
-    """Return (T, 2) by how much of its first two edges a triangle's u rises.
+    """Return (T, 2) the weights of a triangle's first two edges in the direction in which u rises.
 
-    From e1 = du1 T + dv1 B and e2 = du2 T + dv2 B follows T (du1 dv2 - du2 dv1) = dv2 e1 - dv1 e2. The sign of
-    the determinant is kept and its size is not: so a triangle weighs by its area in the texture.
+    From e1 = du1 T + dv1 B and e2 = du2 T + dv2 B follows T (du1 dv2 - du2 dv1) = dv2 e1 - dv1 e2. The sign of the
+    determinant is kept and its size is not: so the weight of a triangle is its area in the texture.
     """
     at = np.asarray(uv, np.float64)[corners]
     (du1, dv1), (du2, dv2) = (at[:, 1] - at[:, 0]).T, (at[:, 2] - at[:, 0]).T
@@ -311,7 +312,7 @@ def _runs(
 
 
 def _check(packed: Packed) -> None:
-    """Raise UserError for what the device cannot hold or dispatch."""
+    """Raise UserError for buffers and dispatches beyond the limits of the device."""
     limits = packed.limits
     for name, size in packed.sizes().items():
         if size > limits.storage_bytes:

@@ -1,8 +1,8 @@
-// All steps of a frame in one dispatch, for any number of them: GROUP invocations for each cloth, which share its particles
-// and wait for each other between stages; or, if GROUP is 0, one invocation for each, which does everything alone.
+// All steps of a frame in one dispatch, for any number of steps. GROUP invocations share the particles of a cloth, with
+// barriers between stages; if GROUP is 0, one invocation simulates each cloth.
 //
-// Every loop below runs equally often for all invocations of a group, since its bounds are those of the cloth: only so may
-// they wait for each other inside of it.
+// A loop that contains a barrier runs equally often for all invocations of a group, since its bounds are those of the
+// cloth. Barriers require that.
 
 #if GROUP > 0
 layout(local_size_x = GROUP) in;
@@ -49,7 +49,7 @@ void main() {
     if ((cloth.frame.run.y & RESET) != 0u) {
         FOR_PARTICLES(reset(i, cloth))
     }
-    SYNC;  // not only where it is needed: a CPU's compiler cuts here, and all up to the first wait would be there twice
+    SYNC;  // unconditional: a CPU's compiler splits here, and would duplicate all code up to the first barrier
     for (uint step = 0u; step < cloth.frame.run.x; ++step) {
         for (uint substep = 0u; substep < cut.x; ++substep) {
             // Verlet kicks by h/2 at both ends of a step, and by h in between, where two halves meet.

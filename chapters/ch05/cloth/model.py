@@ -1,11 +1,11 @@
-"""A cloth as both the GPU and its twin in numpy compute with it: springs by colour, and what each particle gathers.
+"""The model of a cloth for the GPU and its twin in numpy: springs by colour, springs and triangles by particle.
 
-Sums of floating-point numbers depend on their order, so the order is part of the model: a particle adds the pulls of
-its springs by their place here, and those of its triangles by theirs, wherever it is simulated.
+Sums of floating-point numbers depend on their order, so the order is part of the model. The GPU and the twin add the
+forces on a particle in the order of these arrays: those of its springs, and those of its triangles.
 
-XPBD moves both particles of a spring, so springs that share a particle cannot move at once. Each spring has a colour;
-springs of one colour share no particle. First fit gives each spring, in order, the lowest colour that neither of its
-particles has yet: at most 2 d - 1 colours where a particle has d springs, and about d for a grid of Provot's springs.
+XPBD moves both particles of a spring, so springs that share a particle cannot move at once. Springs of one colour share
+no particle. First fit gives each spring, in order, the lowest colour that neither of its particles has yet. That takes
+at most 2 d - 1 colours where a particle has d springs, and about d for a grid of Provot's springs.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Ints = NDArray[np.integer[Any]]
 
 @dataclass(frozen=True)
 class Incidence:
-    """What meets at each particle: `entries[starts[i] : starts[i + 1]]` are the numbers for particle i, rising."""
+    """Numbers by particle: those of particle i are `entries[starts[i] : starts[i + 1]]`, in rising order."""
 
     starts: Ints
     entries: Ints
@@ -33,10 +33,10 @@ class Incidence:
 
 @dataclass(frozen=True)
 class Model:
-    """`springs` (S, 2) lie side by side by colour, `color_starts` (C + 1,) says where each colour begins.
+    """A cloth as arrays: `springs` (S, 2) are sorted by colour, and colour c begins at `color_starts[c]`, (C + 1,).
 
-    `rest` and `rest_squared` are (S,) lengths, `stiffness` (S,) newtons a metre, `inverse_masses` (P,) 0 where held,
-    `third_masses` (T,) a third of the mass of each triangle.
+    `rest` (S,) are lengths at rest in metres, `rest_squared` (S,) their squares, `stiffness` (S,) newtons a metre.
+    `inverse_masses` (P,) are 0 for held particles, `third_masses` (T,) a third of the mass of each triangle.
     """
 
     cloth: Cloth
@@ -54,12 +54,13 @@ class Model:
 
     @property
     def colors(self) -> int:
-        """How many stages of constraints an iteration of XPBD has."""
+        """The number of colours: an iteration of XPBD has one stage of constraints for each."""
         return len(self.color_starts) - 1
 
 
 def incidence(tuples: Ints, count: int) -> Incidence:
-    """Return which of the (N, k) `tuples` name each of `count` numbers; one that names it twice is there twice."""
+    """Return the rows of `tuples` (N, k) that contain each of `count` numbers; a row with a number twice comes
+    twice."""
     flat = tuples.reshape(-1)
     order = np.argsort(flat, kind="stable")
     starts = np.zeros(count + 1, np.int64)
@@ -98,8 +99,8 @@ def model_of(cloth: Cloth, dtype: Any = np.float32) -> Model:
 def _rest_lengths(cloth: Cloth, springs: Ints, rest: Floats, positions: Floats) -> tuple[Floats, Floats]:
     """Return lengths at rest and their squares.
 
-    A spring that is as long as it was modelled takes both from the rounded positions, by the operations of the
-    simulation: then it pulls with exactly 0 there, and what hangs without weight stays where it is to the bit.
+    If the length at rest is the modelled one, both come from the rounded positions, by the operations of the
+    simulation. The spring then pulls with exactly 0 there, and cloth without weight stays where it is to the bit.
     """
     apart = positions[springs[:, 1]] - positions[springs[:, 0]]
     squared = apart[:, 0] * apart[:, 0] + apart[:, 1] * apart[:, 1] + apart[:, 2] * apart[:, 2]
@@ -112,8 +113,8 @@ def _rest_lengths(cloth: Cloth, springs: Ints, rest: Floats, positions: Floats) 
 def color_springs(springs: NDArray[np.integer[Any]], particles: int) -> NDArray[np.int32]:
     """Return (S,) the colour of each spring, from 0; `springs` are (S, 2) pairs of `particles` particles.
 
-    The colours a particle has are the bits of one integer, so that the lowest free one is found without a search:
-    a million springs take about a second.
+    The colours of a particle are the bits of one integer, so the lowest free colour is found without a search: a
+    million springs take about a second.
     """
     taken = [0] * particles
     bits = []
@@ -123,5 +124,5 @@ def color_springs(springs: NDArray[np.integer[Any]], particles: int) -> NDArray[
         taken[a] |= bit
         taken[b] |= bit
         bits.append(bit)
-    lengths = map(int.bit_length, bits)  # a colour beyond 64 is as good as any
+    lengths = map(int.bit_length, bits)  # colours beyond 64 work, too: Python's integers have any length
     return np.fromiter(lengths, np.int32, len(bits)) - 1

@@ -1,15 +1,15 @@
-// The stages of a substep, each for one particle or one spring. Within a stage nothing is read that another invocation
-// writes: new values go to `scratch`, or belong to the particle alone. So the order of invocations does not matter.
+// The stages of a substep, each for one particle or one spring. Within a stage no invocation reads what another one writes:
+// new values go to `scratch`, or belong to the particle alone. So the order of invocations does not matter.
 //
-// Springs (kick-drift-kick): `begin` changes velocities by the forces of the positions, `end` moves particles by their
+// Springs (kick-drift-kick): `begin` changes velocities by the forces at the positions, `end` moves particles by their
 // velocities. Symplectic Euler kicks by h and drifts; Verlet kicks by h/2, drifts, and kicks by h/2 again.
 //
-// XPBD (Macklin, Mueller, Chentanez 2016): `begin` moves particles as if no spring held them, `constrain` moves the two of
-// each spring until their distance fits, colour by colour, and `end` takes the velocity from the way that they went.
+// XPBD (Macklin, Mueller, Chentanez 2016): `begin` moves particles as if there were no springs. `constrain` corrects the
+// distance of the two particles of each spring, colour by colour. `end` computes the velocity from the path.
 //
-// Both are in one text, which the setting cut.w chooses from: that is half as many kernels to compile.
+// Both methods are in one text, and cut.w selects one: that halves the number of kernels to compile.
 //
-// Define STATE_ACCESS before this: how the buffers are declared that stages write.
+// Define STATE_ACCESS before this file: the qualifier of the buffers that stages write.
 
 #include "cloth.glsl"
 #include "contact.glsl"
@@ -24,8 +24,8 @@ layout(BIND(0, 9, 9), std430) readonly buffer Incidence_ { uint incidence[]; };
 layout(BIND(0, 10, 10), std430) readonly buffer Triangles_ { uint triangles[]; }; // three particles; bits of a third of the mass
 layout(BIND(0, 11, 11), std430) STATE_ACCESS buffer Lambdas_ { float lambdas[]; };
 
-// What a stage has to know of a cloth. A kernel reads it once, not in each stage and for each particle: to read what all
-// of them share takes as long, and where a compiler makes a load for each invocation of a vector, as much code.
+// The data of a cloth that its stages need. A kernel reads it once, not in each stage for each particle: a read of shared
+// data takes as long as any, and some compilers generate a load for each invocation of a vector.
 struct Cloth {
     ClothFrame frame;
     vec4 skin;
@@ -35,7 +35,7 @@ Cloth read_cloth(uint c) {
     return Cloth(frames[c], cloths[c].skin);
 }
 
-// Where the node of a cloth holds particle i at `part` of the way from before to after these steps.
+// Returns the place of held particle i at `part` of its node's motion during these steps.
 vec3 held_at(uint i, Cloth cloth, float part) {
     vec3 rest = vec3(particles[4u * i], particles[4u * i + 1u], particles[4u * i + 2u]);
     vec3 place;
@@ -49,7 +49,7 @@ vec3 held_at(uint i, Cloth cloth, float part) {
     return place;
 }
 
-// How much of a frame's way is gone after a substep; at its end exactly 1.
+// Returns the part of a frame's steps that is over after a substep; exactly 1 after the last.
 float part_gone(Cloth cloth, uint step, uint substep) {
     uint done = step * cut.x + substep + 1u;
     uint all = cloth.frame.run.x * cut.x;
@@ -62,10 +62,10 @@ void reset(uint i, Cloth cloth) {
     STORE3(velocities, i, vec3(0.0));
 }
 
-// The change of velocity that the air makes in w seconds, by the triangles around particle i.
+// Returns the change of velocity by the air in w seconds, from the triangles around particle i.
 //
-// A triangle with the normal velocity u against the air is slowed by k |u| u, k = density * drag * area / (2 mass). Over w
-// that alone leaves u / (1 + k |u| w), which no step makes turn round, however light the cloth and strong the wind.
+// A triangle with the normal velocity u against the air is slowed by k |u| u, k = density * drag * area / (2 mass). After w
+// seconds of that u / (1 + k |u| w) is left, which never changes its sign, however light the cloth and strong the wind.
 vec3 air_drag(uint i, float air, float inverse_mass, float w) {
     precise vec3 change = vec3(0.0);
     if (air == 0.0) {
@@ -96,7 +96,7 @@ vec3 air_drag(uint i, float air, float inverse_mass, float w) {
     return change;
 }
 
-// What all springs pull particle i with, in newtons.
+// Returns the force of all springs on particle i, in newtons.
 vec3 pull_of_springs(uint i, vec3 x) {
     precise vec3 force = vec3(0.0);
     uint last = incidence[i + 1u];
@@ -116,8 +116,8 @@ vec3 pull_of_springs(uint i, vec3 x) {
     return force;
 }
 
-// The first stage. Springs: `scratch` becomes the velocity after the forces here, by h or half of it. XPBD: it becomes where
-// the particle would go if no spring held it. Where a node holds it: where it will be.
+// The first stage writes `scratch`. Springs: the velocity after the forces at this place, for h or half of it. XPBD: the
+// next place of the particle without springs. Held particle: its next place.
 void begin(uint i, Cloth cloth, uint step, uint substep, bool is_half, bool at_end) {
     float inverse_mass = particles[4u * i + 3u];
     if (inverse_mass == 0.0) {
@@ -138,7 +138,7 @@ void begin(uint i, Cloth cloth, uint step, uint substep, bool is_half, bool at_e
     STORE3(scratch, i, kept);
 }
 
-// Move the two particles of spring s towards its length at rest, as far as its compliance 1/k lets them.
+// Moves the two particles of spring s towards its length at rest, as far as its compliance 1/k allows.
 void constrain(uint s, uint iteration) {
     uint a = springs[2u * s];
     uint b = springs[2u * s + 1u];
@@ -167,11 +167,11 @@ void constrain(uint s, uint iteration) {
     }
 }
 
-// The last stage: the particle goes where it does, and out of colliders. Springs take it there by the velocity in `scratch`; in
-// XPBD the place is there, and the velocity is the way to it by h.
+// The last stage moves the particle to its next place, and out of colliders. Springs: `scratch` is the velocity to move by.
+// XPBD: `scratch` is the place, and the velocity is the path to it, divided by h.
 //
-// Where a step of Verlet ends with half a kick (`at_end`) nothing moves any more. Only what would lead into a collider is
-// taken from the velocity: what lies on something has no speed then, though it has its weight.
+// The half kick at the end of a step of Verlet (`at_end`) moves nothing. It only removes the velocity into a collider: cloth
+// that lies on a collider then has no speed, despite its weight.
 void end(uint i, Cloth cloth, uint step, uint substep, bool at_end) {
     vec3 from = LOAD3(positions, i);
     vec3 held = LOAD3(scratch, i);
@@ -185,7 +185,7 @@ void end(uint i, Cloth cloth, uint step, uint substep, bool at_end) {
     vec3 p = is_place ? held : moved;
     vec3 v = is_place ? went : held;
     if (is_free) {
-        // Half a kick more looks half a step ahead, and so do the colliders.
+        // The last half kick looks half a substep ahead, and so do the colliders.
         precise float left = (1.0 - part_gone(cloth, step, substep)) * cloth.frame.factors.w - (at_end ? times.z : 0.0);
         keep_out(cloth.frame.run.zw, cloth.skin, left, at_end ? times.z : times.x, from, p, v);
         precise vec3 decayed = v * cloth.frame.factors.x;

@@ -1,4 +1,4 @@
-// The normal of each particle: the mean of its triangles, each weighted by its area, of which their cross products are twice.
+// The normal of each particle: the mean of the normals of its triangles, weighted by area. A cross product is twice the area.
 
 layout(local_size_x = THREADS) in;
 

@@ -1,10 +1,10 @@
-"""The cloth pass: all cloths are moved by as many steps as have become due, and drawn from where they are then.
+"""The cloth pass: it simulates the steps that are due, and writes the vertices of all cloths.
 
-It writes vertices into the pages of geometry that later passes draw from, so those passes declare to read them. The
-vertices exist once per slot, and the CPU waits for the last frame of a slot before it is used again. So no frame waits
-for the draws of another one, and on its own queue the simulation overlaps them.
+These vertices lie in the pages of geometry that later passes draw from, so those passes declare to read them. The
+vertices exist once per slot, and the CPU waits for the last frame of a slot before it uses the slot again. So no frame
+waits for the draws of another one, and on its own queue the simulation overlaps them.
 
-If the pass is switched off, cloth keeps its state: the same vertices are written to all slots once, and later passes
+If the pass is switched off, cloth keeps its state. The same vertices are written to all slots once, and later passes
 draw them without a pass before them. If it is switched on again, the cloth goes on from there.
 """
 
@@ -36,20 +36,20 @@ from .settings import ClothSettings
 from .types import State
 
 VERTICES = "cloth_vertices"
-"""The name, in the graph, of what the pass writes: the vertices of all cloths."""
+"""The name of the pass's resource in the graph: the vertices of all cloths."""
 
 READERS = ("depth_prepass", "gbuffer", "forward", "transparent", "instance_id")
 """The passes that draw objects."""
 
 STATE = ("positions", "velocities")
-"""The buffers of what the simulation has come to; all else can be made anew."""
+"""The buffers of the simulation's state; all others can be made again."""
 
 FRAME: Mapping[str, Literal["upload", "readback"]] = {
     "frame": "upload",
     "colliders": "upload",
     "stats": "readback",
 }
-"""The buffers that there are for each slot: what a frame says, and what it is told."""
+"""The buffers that exist once per slot: the input of a frame, and its stats."""
 
 _FREE = Touch("", frozenset(), frozenset())
 """The slot's copy is unused: its last frame has ended."""
@@ -58,7 +58,7 @@ NOTHING = Plan(True, 0, {}, {})
 
 
 def title(kernel: Kernel) -> str:
-    """Return what the pipeline of a kernel is called."""
+    """Return the name of a kernel's pipeline."""
     stage = " ".join(name.removesuffix("_STAGE").lower() for name, value in kernel.own if value)
     return f"{kernel.file.removesuffix('.comp').replace('/', ' ')} {stage}".strip()
 
@@ -70,34 +70,34 @@ class Memory(Protocol):
         """Return the bytes that the last frame of a slot wrote about each cloth."""
 
     def read(self, name: str) -> NDArray[np.float32]:
-        """Return what is in one of the buffers STATE; all frames must be over."""
+        """Return the contents of one of the buffers STATE; all frames must be over."""
 
     def write(self, slot: int, arrays: Mapping[str, NDArray[np.uint8]]) -> None:
-        """Write what a frame asks for, by the names of the buffers."""
+        """Write the input of a frame, by the names of the buffers."""
 
     def close(self) -> None:
         """Free the buffers."""
 
 
 class Kernels(Protocol):
-    """What `vulkan.py` and `gl.py` make of the kernels and buffers of all cloths."""
+    """The kernels and buffers of all cloths on a backend: see `vulkan.py` and `gl.py`."""
 
     limits: Limits
 
     def make_memory(self, packed: Packed, before: Any) -> Memory:
-        """Return the buffers of `packed`; the state of the simulation is that of `before`, if there is one."""
+        """Return the buffers of `packed`, with the simulation's state from `before`, if there is one."""
 
     def make_kernels(self, kernels: Mapping[Kernel, Built], pages: Collection[int]) -> None:
-        """Make what binds the buffers of these kernels; the vertices lie in these `pages` of geometry."""
+        """Make the bindings of these kernels; the vertices lie in these `pages` of geometry."""
 
     def bind(self, commands: Commands, kernel: Kernel, slot: int, page: int) -> None:
-        """Bind the buffers of a kernel, behind its pipeline; `page` is where it writes vertices."""
+        """Bind the buffers of a kernel, after its pipeline; `page` is the page that it writes vertices to."""
 
     def finish(self, commands: Commands, slot: int) -> None:
-        """Let the CPU and the draws see what the dispatches of a slot wrote."""
+        """Make the results of a slot's dispatches visible to the CPU and to the draws."""
 
     def at_once(self, slot: int) -> AbstractContextManager[Commands]:
-        """Give commands for a slot outside of frames, while none is in flight; they are over on leaving."""
+        """Yield commands for a slot outside of frames, while none is in flight; they have run on leaving."""
 
 
 class ClothPass(Pass):
@@ -111,7 +111,7 @@ class ClothPass(Pass):
     ) -> None:
         data = parts.data
         self._pipelines, self._kernels = parts.pipelines, kernels
-        self._made: dict[Kernel, Built] = {}
+        self._built: dict[Kernel, Built] = {}
         self._data, self._planned = data, data.pages
         self._cloth_scene = cloth_scene
         self.frames: ClothFrames | None = None
@@ -128,10 +128,10 @@ class ClothPass(Pass):
         self._slot = -1
         self.resting = self._runs = True
         self.work: dict[str, int] = {}
-        """What the last frame simulated and what it left out."""
+        """Counts of the steps and cloths that the last frame simulated and left out."""
 
     def needed(self, scene: Scene, settings: Settings) -> bool:  # type: ignore[override]
-        """Whether there is cloth: that which was found when the renderer was opened, and no other."""
+        """Whether the scene had cloth when the renderer was opened."""
         return bool(self._cloth_scene.cloths)
 
     def add_to(self, passes: Mapping[str, Pass]) -> None:
@@ -143,7 +143,7 @@ class ClothPass(Pass):
     # --- created once ---
 
     def create(self) -> None:
-        """Make pipelines and buffers; again where the pages of geometry became other ones."""
+        """Make pipelines and buffers; again after the pages of geometry were replaced."""
         frames = self.frames
         if frames is None:
             return
@@ -158,8 +158,8 @@ class ClothPass(Pass):
             ComputeDescription(kernel.file, tuple(kernel.defines.items()), name=title(kernel))
             for kernel in kernels
         ]
-        self._made = dict(zip(kernels, self._pipelines.get(described), strict=True))
-        self._kernels.make_kernels(self._made, sorted({page for page, *_ in frames.packed.vertex_runs}))
+        self._built = dict(zip(kernels, self._pipelines.get(described), strict=True))
+        self._kernels.make_kernels(self._built, sorted({page for page, *_ in frames.packed.vertex_runs}))
 
     def prepare(
         self,
@@ -171,12 +171,11 @@ class ClothPass(Pass):
         reset: str,
         passes: Collection[Pass],
     ) -> int:
-        """Find what the frame of a slot asks for, and write it; return the bytes written.
+        """Plan the frame of a slot, and write its input; return the bytes written.
 
-        `pose` is that of the scene with all its nodes, `size` the picture's; `reset` says why nothing of the frames
-        before counts, or is "". `passes` are those of the frame: this may be none of them. Slots take turns: a second
-        frame of one slot in a row means that the first was never submitted, since something in it failed. Its steps are
-        due again.
+        `pose` is that of the scene with all its nodes, `size` the picture's; `reset` is why earlier frames do not
+        count, or "". `passes` are those of the frame, with or without this one. Slots take turns. A second frame of one
+        slot in a row means that the first was never submitted, since something in it failed. Its steps are due again.
         """
         self._runs = runs = self in passes
         frames, memory = self.frames, self._memory
@@ -195,7 +194,7 @@ class ClothPass(Pass):
         return sum(array.nbytes for array in plan.arrays.values())
 
     def _pause(self, frames: ClothFrames, pose: Pose, time: float, reset: str) -> None:
-        """Leave cloth as it hangs; where slots show something else, write it to all of them, and wait for that."""
+        """Leave cloth as it hangs; if slots have other vertices, write these to all slots, and wait."""
         if self._memory is not None and self._data.pages is not self._planned:
             self.create()
         plan, memory = frames.pause(pose, time, reset), self._memory
@@ -210,17 +209,17 @@ class ClothPass(Pass):
             self._plans[slot] = NOTHING
 
     def key(self, slot: int) -> Any:
-        """Return what the recording depends on: see `ClothFrames.recorded`."""
+        """Return the key of the recording: see `ClothFrames.recorded`."""
         return self.frames.recorded(self._plans[slot]) if self.frames else None
 
     def record(self, commands: Any) -> None:
-        """Record the dispatches of this frame, each behind those whose results it reads."""
+        """Record the dispatches of this frame, with a barrier before each that reads results of earlier ones."""
         self._record(commands, commands.slot.index)
 
     def _record(self, commands: Commands, slot: int) -> None:
         bound: Dispatch | None = None
         for dispatch in self.dispatched(slot):
-            pipeline = self._made[dispatch.kernel]
+            pipeline = self._built[dispatch.kernel]
             if bound is None or dispatch.kernel != bound.kernel:
                 commands.bind_compute(pipeline)
             if bound is None or (dispatch.kernel, dispatch.page) != (bound.kernel, bound.page):
@@ -234,13 +233,13 @@ class ClothPass(Pass):
             self._kernels.finish(commands, slot)
 
     def dispatched(self, slot: int) -> Iterator[Dispatch]:
-        """Yield what the frame of a slot dispatches: nothing, if it is idle."""
+        """Yield the dispatches of a slot's frame, none if it is idle."""
         plan = self._plans[slot]
         if self.frames is not None and not plan.idle:
             yield from self.frames.dispatches(max(plan.count, 1))
 
     def states(self) -> list[State]:
-        """Return where the particles of each cloth are and how fast, read from the GPU: all frames must be over."""
+        """Return positions and velocities of each cloth's particles, read from the GPU; all frames must be over."""
         if self.frames is None or self._memory is None:
             return []
         positions, velocities = (self._memory.read(name) for name in STATE)

@@ -1,9 +1,9 @@
-"""The cloth of a scene: which nodes are cloth, what is in its way, and the view of the scene that is drawn with it.
+"""The cloth of a scene: its cloths, their colliders, and the view of the scene that is drawn.
 
-A file says by `extras.strata.cloth` that a node's mesh is cloth, by `extras.strata.collider` that a node is in the way
-(`cloth/fields.py`). What is drawn is a *view* of the user's scene: the same nodes, materials and flags, in which each
-cloth has a mesh of its own, whose vertices are as they hang at the start, along the world's axes from an anchor. So an
-edit of the user's scene is one of the view, and the GPU writes each cloth's vertices without touching another's.
+In a file `extras.strata.cloth` marks the mesh of a node as cloth, and `extras.strata.collider` marks a node as a
+collider (`cloth/fields.py`). The drawn scene is a *view* of the user's scene, with the same nodes, materials and flags.
+In the view each cloth has a mesh of its own. Its vertices are as they hang at the start, along the world's axes from an
+anchor. So edits of the user's scene are edits of the view, and the GPU writes the vertices of each cloth separately.
 """
 
 from __future__ import annotations
@@ -26,22 +26,22 @@ from .fields import check_cloth, check_collider, named, properties
 from .types import Cloth, Collider, Float64
 
 MOST_VERTICES = 1 << 17
-"""Vertices that all cloths of a scene may have together: a million would take seconds a frame."""
+"""Most vertices of all cloths of a scene together: a million would take seconds a frame."""
 
 MOST_COLLIDERS = 64
 
 FASTEST = 20.0
-"""Metres a second of a collider's centre: a node that went faster was put where it is, and hits nothing on its way."""
+"""Highest speed of a collider's centre in m/s: a faster node was placed anew, and hits nothing on its way."""
 
 FASTEST_TURN = 1.0
-"""Radians in the steps of a frame: a collider that turned farther was put so."""
+"""Largest rotation of a collider in the steps of a frame, in radians: beyond it the node was placed anew."""
 
 _ATTRIBUTES = ("positions", "normals", "tangents", "uv0", "uv1", "colors")
 
 
 @dataclass(frozen=True)
 class Obstacle:
-    """A node that is in the way: its collider in the node's space, where `center` and `half` are a box's."""
+    """A node with a collider, in the node's space: `radius` of a sphere, `half` of a box, `center` of both."""
 
     node: int
     shape: Literal["sphere", "plane", "box"]
@@ -50,13 +50,13 @@ class Obstacle:
     half: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def at(self, world_from_node: Float64) -> Collider:
-        """Return the collider where the node is: stretched with it, and without shear.
+        """Return the collider where the node is: scaled with it, and without shear.
 
-        A node that is squeezed flat leaves nothing in the way but its place; see `check` for what a file may ask.
+        Of a node that is squeezed flat only its place is left; `_obstacles` refuses such nodes at the start.
         """
         linear = world_from_node[:3, :3]
         world = np.eye(4)
-        if self.shape == "plane":  # whatever the node does, its plane stays one
+        if self.shape == "plane":  # a plane stays a plane under any transform
             world[:3, 1] = _unit(normal_matrix(linear)[:, 1])
             world[:3, 0] = _unit(np.cross(world[:3, 1], np.eye(3)[np.abs(world[:3, 1]).argmin()]))
             world[:3, 2] = np.cross(world[:3, 0], world[:3, 1])
@@ -71,9 +71,9 @@ class Obstacle:
         return Collider("box", world, half=(float(half[0]), float(half[1]), float(half[2])))
 
     def moved(self, before: Float64, now: Float64, seconds: float) -> Collider:
-        """Return the collider where its node is `now`, with its speed if it was at `before` that many `seconds` ago.
+        """Return the collider where its node is `now`, with its velocity since `before`, that many `seconds` ago.
 
-        What was put elsewhere in that time has none (`FASTEST`), and what grows has none from that.
+        A node that was placed anew (`FASTEST`) has no velocity, and growth adds none.
         """
         here = self.at(now)
         if seconds <= 0.0 or np.array_equal(before, now):
@@ -89,10 +89,10 @@ class Obstacle:
 
 @dataclass(frozen=True)
 class ClothScene:
-    """The cloths of `source`, the user's scene, and `scene`, the view of it that is drawn; the same one without cloth.
+    """The cloths of `source`, the user's scene, and `scene`, the view that is drawn; without cloth both are the same.
 
-    `instances` are those of the cloths, in their order; `rest` (C, 4, 4) float64 are their nodes' world matrices at the
-    start, at which the cloths hang as they were modelled.
+    `instances` are those of the cloths, in their order. `rest` (C, 4, 4) float64 are the world matrices of their nodes
+    at the start, where the cloths hang as they were modelled.
     """
 
     source: Scene
@@ -103,7 +103,7 @@ class ClothScene:
     obstacles: tuple[Obstacle, ...] = ()
 
     def pose(self, pose: Pose) -> Pose:
-        """Return the pose of the view, of one of the source: cloths stay anchored, whatever their nodes do."""
+        """Return the pose of the view for one of the source: cloths stay at their anchors, whatever their nodes do."""
         if not self.cloths:
             return pose
         world = pose.world_from_object.copy()
@@ -113,26 +113,26 @@ class ClothScene:
     def colliders(
         self, pose: Pose, before: Float64 | None = None, seconds: float = 0.0
     ) -> tuple[Collider, ...]:
-        """Return what is in the way at a pose; it moves, if its nodes were at `before` (O, 4, 4) `seconds` ago."""
+        """Return the colliders at a pose; they move if their nodes were at `before` (O, 4, 4) `seconds` ago."""
         if before is None:
-            return tuple(each.at(pose.world_from_node[each.node]) for each in self.obstacles)
+            return tuple(obstacle.at(pose.world_from_node[obstacle.node]) for obstacle in self.obstacles)
         return tuple(
-            each.moved(was, pose.world_from_node[each.node], seconds)
-            for each, was in zip(self.obstacles, before, strict=True)
+            obstacle.moved(was, pose.world_from_node[obstacle.node], seconds)
+            for obstacle, was in zip(self.obstacles, before, strict=True)
         )
 
 
 def cloth_scene(scene: Scene, on: bool = True) -> ClothScene:
-    """Find the cloths and colliders of a scene, and make the view of it; with nothing found, or not `on`, none.
+    """Return the cloths and colliders of a scene, with its view; without cloth, or if not `on`, the scene alone.
 
-    Warnings about cloths that are odd are added to the scene's. Raises SceneError, which names node and field.
+    Adds warnings about unusual cloths to those of the scene. Raises SceneError, which names node and field.
     """
-    wanted = properties(scene.nodes, "cloth") if on else {}
-    if not wanted:
+    by_node = properties(scene.nodes, "cloth") if on else {}
+    if not by_node:
         return ClothScene(scene, scene)
     pose = evaluate_pose(scene, 0.0)
     obstacles = tuple(_obstacles(scene, pose))
-    instances = np.array([_instance(scene, node) for node in wanted], np.intp)
+    instances = np.array([_instance(scene, node) for node in by_node], np.intp)
     total = int(scene.meshes["vertex_count"][scene.instances.mesh[instances]].sum(dtype=np.int64))
     if total > MOST_VERTICES:
         raise SceneError(
@@ -140,11 +140,11 @@ def cloth_scene(scene: Scene, on: bool = True) -> ClothScene:
             "meshes, or take extras.strata.cloth off some nodes."
         )
     pieces, cloths, rest = [], [], []
-    for number, ((node, value), instance) in enumerate(zip(wanted.items(), instances.tolist(), strict=True)):
-        who = named(scene.nodes, node)
-        fields = check_cloth(value, who)
+    for number, ((node, value), instance) in enumerate(zip(by_node.items(), instances.tolist(), strict=True)):
+        node_name = named(scene.nodes, node)
+        fields = check_cloth(value, node_name)
         world = pose.world_from_object[instance]
-        piece = _piece(scene, int(scene.instances.mesh[instance]), world, who)
+        piece = _piece(scene, int(scene.instances.mesh[instance]), world, node_name)
         pieces.append(piece)
         cloths.append(
             build_cloth(
@@ -154,7 +154,7 @@ def cloth_scene(scene: Scene, on: bool = True) -> ClothScene:
                 mesh=len(scene.meshes) + number,
                 node=node,
                 anchor=world[:3, 3],
-                name=f"of {who}",
+                name=f"of {node_name}",
             )
         )
         rest.append(pose.world_from_node[node])
@@ -178,7 +178,7 @@ class _Piece:
     indices: NDArray[np.uint32]
 
 
-def _piece(scene: Scene, mesh: int, world_from_object: Float64, who: str) -> _Piece:
+def _piece(scene: Scene, mesh: int, world_from_object: Float64, node_name: str) -> _Piece:
     row = scene.meshes[mesh]
     place = slice(int(row["first_vertex"]), int(row["first_vertex"]) + int(row["vertex_count"]))
     first = int(row["first_index"])
@@ -186,11 +186,11 @@ def _piece(scene: Scene, mesh: int, world_from_object: Float64, who: str) -> _Pi
     linear = world_from_object[:3, :3]
     if not np.isfinite(world_from_object).all() or np.linalg.matrix_rank(linear) < 3:
         raise SceneError(
-            f"The cloth of {who} is squeezed flat by its node's transform: give it scales other than 0."
+            f"The cloth of {node_name} is squeezed flat by its node's transform: give it scales other than 0."
         )
     tangents = scene.tangents[place].astype(np.float64)
     tangents[:, :3] = tangents[:, :3] @ linear.T
-    if np.linalg.det(linear) < 0:  # the matrix that mirrors is in the vertices now: so must its winding be
+    if np.linalg.det(linear) < 0:  # the vertices are mirrored now: so must be the winding
         indices = indices.reshape(-1, 3)[:, ::-1].reshape(-1)
         tangents[:, 3] = -tangents[:, 3]
     positions = scene.positions[place].astype(np.float64) @ linear.T
@@ -201,7 +201,7 @@ def _piece(scene: Scene, mesh: int, world_from_object: Float64, who: str) -> _Pi
 def _view(
     scene: Scene, pieces: Sequence[_Piece], cloths: Sequence[Cloth], instances: NDArray[np.intp]
 ) -> Scene:
-    """Return the scene with a mesh for each cloth behind its own; edits of the scene are edits of this view of it."""
+    """Return the scene with a mesh for each cloth after its own; edits of the scene are edits of this view of it."""
     meshes, first_vertex, first_index = [scene.meshes], len(scene.positions), len(scene.indices)
     pools: dict[str, list[NDArray[np.float32]]] = {
         name: [pool] for name in _ATTRIBUTES if (pool := getattr(scene, name)) is not None
@@ -234,52 +234,53 @@ def _view(
     return view
 
 
-# --- what the file says ---
+# --- the properties of the file ---
 
 
 def _instance(scene: Scene, node: int) -> int:
-    """Return the one instance of a cloth's node; SceneError where it has none or several, or moves by itself."""
-    who, instances = named(scene.nodes, node), np.flatnonzero(scene.instances.node == node)
+    """Return the only instance of a cloth's node. Raises SceneError for none, several, or a deformed mesh."""
+    node_name, instances = named(scene.nodes, node), np.flatnonzero(scene.instances.node == node)
     if not len(instances):
         raise SceneError(
-            f"{who.capitalize()} has extras.strata.cloth but no mesh: give it one, or take that off."
+            f"{node_name.capitalize()} has extras.strata.cloth but no mesh: give it one, or take that off."
         )
     if len(instances) > 1:
         raise SceneError(
-            f"The cloth of {who} consists of {len(instances)} primitives or copies; pins count the vertices of one: "
-            "give each a node of its own."
+            f"The cloth of {node_name} consists of {len(instances)} primitives or copies; pins count the vertices of "
+            "one: give each a node of its own."
         )
     mesh = int(scene.instances.mesh[instances[0]])
-    if any(each.mesh == mesh for each in scene.deformations):
+    if any(deformation.mesh == mesh for deformation in scene.deformations):
         raise SceneError(
-            f"The cloth of {who} has a skin or morph targets: cloth moves by itself, take them off."
+            f"The cloth of {node_name} has a skin or morph targets: cloth moves by itself, take them off."
         )
     return int(instances[0])
 
 
 def _obstacles(scene: Scene, pose: Pose) -> list[Obstacle]:
-    """Return the colliders of a scene; SceneError for those that cannot be."""
+    """Return the colliders of a scene. Raises SceneError for colliders that cannot be simulated."""
     obstacles = []
     for node, value in properties(scene.nodes, "collider").items():
-        who = named(scene.nodes, node)
-        shape, radius = check_collider(value, who)
+        node_name = named(scene.nodes, node)
+        shape, radius = check_collider(value, node_name)
         linear = pose.world_from_node[node][:3, :3]
         lengths = np.linalg.norm(linear, axis=0)
         if not np.isfinite(linear).all() or lengths.min() <= 0.0 or np.linalg.matrix_rank(linear) < 3:
             raise SceneError(
-                f"The collider of {who} is squeezed flat by its transform: give it scales other than 0."
+                f"The collider of {node_name} is squeezed flat by its transform: give it scales other than 0."
             )
         if shape == "sphere" and lengths.max() > 1.001 * lengths.min():
             raise SceneError(
-                f"The collider of {who} is a sphere that its transform stretches: scale all axes alike, or make it a "
-                "box."
+                f"The collider of {node_name} is a sphere that its transform stretches: scale all axes alike, or make "
+                "it a box."
             )
         cosines = np.abs(linear.T @ linear / np.outer(lengths, lengths) - np.eye(3))
         if shape == "box" and cosines.max() > 1e-3:
             raise SceneError(
-                f"The collider of {who} is a box that the transforms above it shear: turn and scale it in its own node."
+                f"The collider of {node_name} is a box that the transforms above it shear: turn and scale it in its "
+                "own node."
             )
-        obstacles.append(_sized(scene, node, shape, radius, who))
+        obstacles.append(_sized(scene, node, shape, radius, node_name))
     if len(obstacles) > MOST_COLLIDERS:
         raise SceneError(
             f"This scene has {len(obstacles)} nodes with extras.strata.collider, and {MOST_COLLIDERS} can be in the "
@@ -289,14 +290,14 @@ def _obstacles(scene: Scene, pose: Pose) -> list[Obstacle]:
 
 
 def _sized(
-    scene: Scene, node: int, shape: Literal["sphere", "plane", "box"], radius: float | None, who: str
+    scene: Scene, node: int, shape: Literal["sphere", "plane", "box"], radius: float | None, node_name: str
 ) -> Obstacle:
     if shape == "plane" or radius is not None:
         return Obstacle(node, shape, radius or 0.0)
     drawn = scene.instances.mesh[scene.instances.node == node]
     if not len(drawn):
         give = "'radius_m', or a mesh" if shape == "sphere" else "a mesh"
-        raise SceneError(f"The collider of {who} is a {shape} without a size: give it {give}.")
+        raise SceneError(f"The collider of {node_name} is a {shape} without a size: give it {give}.")
     low = scene.meshes["bounds_min"][drawn].min(axis=0).astype(np.float64)
     high = scene.meshes["bounds_max"][drawn].max(axis=0).astype(np.float64)
     half = (high - low) / 2
@@ -315,7 +316,7 @@ def _unit(vector: Float64) -> Float64:
 
 
 def _rotation(linear: Float64) -> Float64:
-    """Return the rotation nearest to a matrix (by its singular vectors); what is squeezed flat gets some rotation."""
+    """Return the rotation nearest to a matrix, by its singular vectors; a singular matrix gets some rotation."""
     left, _, right = np.linalg.svd(linear)
     rotation: Float64 = left @ right
     if np.linalg.det(rotation) < 0:  # mirrored: spheres and boxes are the same from either side
@@ -333,4 +334,4 @@ def _turn(rotation: Float64) -> Float64:
     if sine > 0.0:
         turned: Float64 = axis * (angle / (2 * sine))
         return turned
-    return np.array((angle, 0.0, 0.0))  # half a turn has every axis: far too much anyway
+    return np.array((angle, 0.0, 0.0))  # no turn, or half a turn: more than FASTEST_TURN about any axis

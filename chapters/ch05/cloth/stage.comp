@@ -1,10 +1,10 @@
-// One stage of one substep over all cloths: an invocation for each particle or each spring of a colour. What a stage must
-// wait for was an earlier dispatch.
+// One stage of one substep over all cloths: an invocation for each particle or each spring of a colour. Earlier stages
+// are earlier dispatches, with barriers between them.
 
 layout(local_size_x = THREADS) in;
 
 struct Push {
-    uvec4 stage;      // x: step, y: substep; z: 1 for half a kick, w: 1 for the one at the end; or the colour and the iteration
+    uvec4 stage;      // x: step, y: substep; z: 1 for half a kick, w: 1 for the last half; or z: colour, w: iteration
 };
 PUSH(Push, push)
 

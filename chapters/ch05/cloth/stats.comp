@@ -12,7 +12,7 @@ layout(BIND(0, 4, 4), std430) writeonly buffer Stats_ { float stats[]; };  // lo
 shared vec4 lows[GROUP];
 shared vec4 highs[GROUP];
 
-// By their bits: compilers may take it that no comparison meets what is no number.
+// By bits: compilers may assume that no operand of a comparison is NaN.
 bool is_finite(vec4 v) {
     return all(notEqual(floatBitsToUint(v) & 0x7f800000u, uvec4(0x7f800000u)));
 }
@@ -32,8 +32,8 @@ void main() {
     }
     lows[mine] = low;
     highs[mine] = high;
-    // Of those that had a particle the upper half gives what it has to the lower, until one is left. As their number is the
-    // cloth's, compilers keep this a loop: written out, it would be eight times as long to compile.
+    // Reduction over the invocations with a particle: the upper half passes its values to the lower half, until one is left.
+    // The count depends on the cloth, so compilers keep the loop; unrolled, it would take eight times as long to compile.
     uint left = min(own.y, GROUP);
     barrier();
     while (left > 1u) {

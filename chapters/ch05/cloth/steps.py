@@ -1,22 +1,23 @@
-"""How time is cut for cloth: into substeps short enough for its springs, and into steps that become due in a frame.
+"""Steps of cloth: substeps that are short enough for its springs, and the steps that are due in a frame.
 
-A mass on springs swings with omega^2 = sum(k) / m, and against a neighbour that swings the other way with twice that
-(Gershgorin's circles bound it for any masses): omega^2 <= 2 sum(k) / m. Explicit integration grows without bound where
-h omega > 2. So springs get as many substeps as their stiffest particle needs; where that is more than allowed, they are
-made softer, and that is told. XPBD is stable at any step.
+A mass on springs swings with omega^2 = sum(k) / m, and with twice that against a neighbour in the opposite phase.
+Gershgorin's circles give the bound for any masses: omega^2 <= 2 sum(k) / m. Explicit integration grows without bound
+where h omega > 2. So springs get as many substeps as their stiffest particle needs. Where that is more than allowed,
+they are made softer, with a warning. XPBD is stable at any step.
 
-But not at any *short* step in 32 bits. XPBD has no velocity of its own, only a difference: v = (x - x_before) / h. With
-coordinates up to X a position is a multiple of u = 2^(floor(log2 X) - 23), and so v is one of u / h. Two things follow.
+In 32 bits XPBD also has a shortest step. It has no velocity of its own, only a difference: v = (x - x_before) / h. With
+coordinates up to X a position is a multiple of u = 2^(floor(log2 X) - 23), so v is a multiple of u / h. This has two
+effects.
 
-    What is too little is lost.  A substep changes v by a h. If that is less than half of a multiple, a h < u / (2 h),
-        it is rounded away in every substep: below h = sqrt(u / (2 a)) a cloth does not even feel its weight.
+    Small changes are lost.  A substep changes v by a h. A change of less than half a multiple, a h < u / (2 h), is
+        rounded away in every substep. Below h = sqrt(u / (2 a)) even the weight of a cloth has no effect.
     Errors become energy.  A substep rounds the position of a particle with s springs s + 1 times, each time with a
-        variance of u^2 / 12, and v takes over all of it by 1 / h. Of three coordinates, in 1 / h substeps, v^2 gains
-        (s + 1) u^2 / (4 h^3) a second at least. It is the third power that makes this sudden: what XPBD takes from a
-        motion grows with h, so that at one h the two are even, and with half of that energy gains sixteenfold.
+        variance of u^2 / 12, and v takes over all of it by 1 / h. With three coordinates and 1 / h substeps a second,
+        v^2 gains at least (s + 1) u^2 / (4 h^3) a second. The damping of XPBD grows with h. So gain and loss are equal
+        at one h, and at half of it the gain is sixteen times the loss.
 
-Both are far away where weight moves a particle by several units in a substep, a h^2 >= UNITS u. With X from 1 to 2 m
-that is h >= 0.22 ms, and it grows with the root of X. Where steps are cut shorter they are cut into fewer.
+Both effects are small where weight moves a particle by several units in a substep, a h^2 >= UNITS u. With X from 1 to 2
+m that is h >= 0.22 ms, and it grows with the root of X. Steps with shorter substeps get fewer of them.
 """
 
 from __future__ import annotations
@@ -36,20 +37,20 @@ from .types import Cloth, Float64, Forces, Steps
 
 MAX_SUBSTEPS = 64
 MARGIN = 0.9
-"""Part of the longest stable substep that is used."""
+"""The substep that is used, as a part of the longest stable one."""
 
 MOST_SECONDS = 0.25
-"""Time that one frame simulates at most; a frame that took longer skips the rest."""
+"""Longest time that one frame simulates; a frame that took longer skips the rest."""
 
 
 UNITS = 4
-"""By how many of the last digits of its position its weight is to move a particle in a substep of XPBD."""
+"""Units in the last place of a position by which weight moves a particle in a substep of XPBD, at least."""
 
 _GRAVITY = math.hypot(*Forces().gravity)
 
 
 def greatest_omega(cloth: Cloth) -> float:
-    """Return the bound on how fast anything in a cloth swings, in radians a second."""
+    """Return the bound on the angular frequency of a cloth's swings, in radians a second."""
     stiffness = cloth.stiffness[cloth.kinds]
     sums = np.zeros(len(cloth.masses))
     for end in (0, 1):
@@ -61,25 +62,25 @@ def greatest_omega(cloth: Cloth) -> float:
 def least_substep(cloth: Cloth) -> float:
     """Return the shortest substep of XPBD in seconds, as the head of this module derives it from 32 bits.
 
-    Coordinates are those at rest: a cloth that falls far below its anchor would need longer ones.
+    Coordinates are those at rest: a cloth that falls far below its anchor would need longer substeps.
     """
     unit = float(np.spacing(np.float32(_reach(cloth))))
     return math.sqrt(UNITS * unit / _GRAVITY)
 
 
 def _reach(cloth: Cloth) -> float:
-    """Return the greatest coordinate of a cloth at rest, in metres from its anchor."""
+    """Return the greatest absolute coordinate of a cloth at rest, in metres from its anchor."""
     return float(np.abs(cloth.positions).max(initial=0.0))
 
 
 def fit_steps(
     cloths: Sequence[Cloth], steps: Steps, most: int = MAX_SUBSTEPS
 ) -> tuple[list[Cloth], Steps, list[str]]:
-    """Return the cloths and steps that are simulated when these are asked for, and a sentence for each difference.
+    """Return the cloths and steps to simulate for requested ones, and a sentence for each difference.
 
-    Springs get more substeps than asked for where the stiffest cloth needs them, `most` at most, and a cloth that
-    needs more still is made softer, all its springs alike. XPBD gets fewer where they would be too short for 32 bits.
-    Raises SettingError for steps that are not positive.
+    Springs get more substeps where the stiffest cloth needs them, `most` at most. A cloth that needs even more is made
+    softer, all its springs alike. XPBD gets fewer substeps where they would be too short for 32 bits. Raises
+    SettingError for steps that are not positive.
     """
     if not (math.isfinite(steps.dt) and steps.dt > 0 and steps.substeps >= 1 and steps.iterations >= 1):
         raise SettingError(
@@ -112,7 +113,7 @@ def fit_steps(
 
 
 def _long_enough(cloths: Sequence[Cloth], steps: Steps) -> tuple[Steps, list[str]]:
-    """Return steps of XPBD whose substeps are long enough for 32 bits, if fewer will do, and what is to be said."""
+    """Return steps of XPBD with substeps long enough for 32 bits, if fewer will do, and warnings."""
     farthest = max(cloths, key=_reach, default=None)
     if farthest is None or steps.h >= least_substep(farthest) * (1 - 1e-9):
         return steps, []
@@ -131,7 +132,8 @@ def _long_enough(cloths: Sequence[Cloth], steps: Steps) -> tuple[Steps, list[str
 
 @dataclass(frozen=True)
 class Due:
-    """What a frame simulates: `count` steps; `skipped` more would have been due; `reached` are done afterwards."""
+    """The steps of a frame: `count` are simulated, `skipped` are due but left out, `reached` counts all since the
+    start."""
 
     count: int
     skipped: int
@@ -139,7 +141,7 @@ class Due:
 
     @property
     def note(self) -> str:
-        """A sentence about what was skipped, "" if nothing was."""
+        """A sentence about skipped steps, "" without any."""
         if not self.skipped:
             return ""
         return (
@@ -149,22 +151,22 @@ class Due:
 
 
 def due_steps(time: float, done: int, dt: float, most_seconds: float = MOST_SECONDS) -> Due:
-    """Return the steps to simulate at `time` seconds after the cloth hung at rest, when `done` steps lie behind it.
+    """Return the steps that are due at `time` seconds after the cloth hung at rest, when `done` of them are past.
 
-    A time before the simulated steps returns none: time that runs backwards starts the cloth again. A step counts as
-    due at a millionth before its time, so that k frames of dt are k steps whatever their rounding.
+    A time before those steps has none due; `ClothClock` starts the cloth anew there. A step is due a millionth of its
+    length before its time, so that k frames of dt are k steps whatever their rounding.
     """
     reached = max(math.floor(time / dt + 1e-6), done)
-    wanted = reached - done
-    count = min(wanted, max(1, math.floor(most_seconds / dt + 1e-6)))
-    return Due(count, wanted - count, reached)
+    due = reached - done
+    count = min(due, max(1, math.floor(most_seconds / dt + 1e-6)))
+    return Due(count, due - count, reached)
 
 
 def motion_between(world_before: Float64, world_now: Float64, anchor: Float64) -> Float64:
-    """Return the (4, 4) matrix that takes what a node held at `world_before` to where it is held at `world_now`.
+    """Return the (4, 4) matrix that moves points with a node from `world_before` to `world_now`, its world matrices.
 
-    Both are world matrices; the result moves points relative to `anchor` and is exactly the identity for a node that
-    stands where it stood. A node whose matrix cannot be turned round holds things where they were.
+    Points are relative to `anchor`. The result is exactly the identity for a node that did not move. It is the
+    identity, too, if `world_before` has no inverse.
     """
     if np.array_equal(world_before, world_now):
         return np.eye(4)
@@ -178,46 +180,46 @@ def motion_between(world_before: Float64, world_now: Float64, anchor: Float64) -
 
 
 KEEPS_ON = frozenset({"", "resize", "camera cut"})
-"""Why a frame may be without history while its cloth goes on: only the picture or the view is another one. Time may run
-backwards at the same moment, and then it does not."""
+"""Reasons for a frame without history that let cloth go on: only the picture or the view changed. If time runs
+backwards in the same frame, cloth starts anew all the same."""
 
 CALM_SECONDS = 0.5
-"""For how long a cloth must have been calm before it is at rest: at the end of a swing it stands still, too."""
+"""Seconds that a cloth must be calm before it is at rest: it also stands still at the end of a swing."""
 
 
 class ClothClock:
-    """Which steps each frame simulates, of which of `count` cloths; steps are `dt` seconds long.
+    """The steps that each frame simulates, for each of `count` cloths; steps are `dt` seconds long.
 
         clock = ClothClock(count=2, dt=1 / 60)
-        due = clock.frame(time, reset="", key=what_acts_on_it)    # due.count steps; clock.active says which cloths
-        clock.told(mark, tested, calm)                            # what the GPU said of a frame that is over
+        due = clock.frame(time, reset="", key=forces_and_places)  # due.count steps, of cloths not in clock.at_rest
+        clock.told(mark, tested, calm)                            # the GPU's results of a frame that is over
 
-    The state of a cloth is a function of the number of steps, never of the times of frames: a frame simulates the
-    steps that have become due, all of the same length.
+    The state of a cloth is a function of the number of steps, not of the times of frames. A frame simulates the due
+    steps, all of the same length.
 
-    A cloth is *at rest* when it hardly moved for `CALM_SECONDS` and nothing that acts on it has changed since: forces,
-    what holds it, what is in its way. It is not simulated then, until something changes. The GPU says whether a cloth
-    hardly moves. The CPU reads the answer when the slot of its frame is used again: nothing waits for it, and it always
-    comes the same number of frames later.
+    A cloth is *at rest* when it hardly moved for `CALM_SECONDS` and its forces, held particles and colliders have not
+    changed since. It is then not simulated until one of them changes. The GPU measures whether a cloth hardly moves.
+    The CPU reads the result when it uses the slot of that frame again. So nothing waits for the result, and it always
+    arrives the same number of frames later.
     """
 
     def __init__(self, count: int, dt: float) -> None:
         self.dt = dt
         self.done = 0
-        """Steps that have become due since the cloths hung at rest at time 0, those included that were skipped."""
+        """Steps due since the cloths hung at rest at time 0, with the skipped ones."""
         self.at_rest: NDArray[np.bool_] = np.zeros(count, bool)
         self.began = False
-        """Whether the cloths have to begin anew in this frame, as they were modelled."""
+        """Whether the cloths start anew in this frame, as they were modelled."""
         self._key: Any = None
         self._time = float("-inf")  # of the last frame
-        self._since = np.zeros(count, np.int64)  # step from which on a calm cloth counts as such
+        self._since = np.zeros(count, np.int64)  # the step since which a cloth may count as calm
         self._round = 0
 
     def frame(self, time: float, reset: str, key: Sequence[Any]) -> Due:
-        """Return what a frame at `time` seconds simulates.
+        """Return the steps that a frame at `time` seconds simulates.
 
-        `reset` is why it has no history, or "". `key` is all that acts on the cloths: whenever it is another one, all
-        wake.
+        `reset` is the reason for a frame without history, or "". `key` is everything that acts on the cloths: another
+        key wakes all of them.
         """
         self._begin(time, reset)
         if key != self._key:
@@ -228,17 +230,17 @@ class ClothClock:
         return due
 
     def moves(self, time: float) -> bool:
-        """Whether a frame at `time` simulates, or begins anew."""
+        """Whether a frame at `time` simulates steps, or starts anew."""
         return time < self._time or due_steps(time, self.done, self.dt).reached > self.done
 
     def kept(self) -> Self:
-        """Return the clock as it is now, whatever becomes of this one."""
+        """Return a copy of the clock in its present state."""
         clock = copy(self)
         clock.at_rest, clock._since = self.at_rest.copy(), self._since.copy()
         return clock
 
     def pause(self, time: float, reset: str = "") -> None:
-        """Let time go by up to that of a frame in which nothing is simulated: it is no skipping, and no calm."""
+        """Let time pass up to a frame that simulates nothing; its steps count neither as skipped nor as calm."""
         self._begin(time, reset)
         reached = due_steps(time, self.done, self.dt).reached
         self._since += reached - self.done
@@ -247,7 +249,7 @@ class ClothClock:
             self.wake()
 
     def _begin(self, time: float, reset: str) -> None:
-        """Begin anew where a frame at `time` has no history."""
+        """Start anew where a frame at `time` has no history."""
         self.began = reset not in KEEPS_ON or time < self._time
         self._time = time
         if self.began:
@@ -260,18 +262,18 @@ class ClothClock:
         self._since[:] = self.done
 
     def mark(self) -> tuple[int, int]:
-        """Return what a frame has to be remembered by until the GPU tells of it: see `told`."""
+        """Return the mark of a frame, which `told` takes with the results of that frame."""
         return self._round, self.done
 
     def goes_on(self, mark: tuple[int, int]) -> bool:
-        """Whether the cloths have not begun anew since then."""
+        """Whether the cloths have not started anew since a mark."""
         return mark[0] == self._round
 
     def told(self, mark: tuple[int, int], tested: NDArray[np.bool_], calm: NDArray[np.bool_]) -> None:
-        """Take in which of the cloths that were simulated (`tested`, (C,)) were `calm` at the end of that frame.
+        """Take in which of the simulated cloths (`tested`, (C,)) were `calm` at the end of a marked frame.
 
-        A cloth that was is at rest, if it had been calm for CALM_SECONDS: one that moved begins to count anew. Frames
-        of before the cloths began anew, or were woken, say nothing.
+        A calm cloth is at rest if it has been calm for CALM_SECONDS; for a cloth that moved this time starts anew.
+        Results of frames before a new start or a wake-up have no effect.
         """
         done = mark[1]
         if not self.goes_on(mark):

@@ -1,4 +1,4 @@
-"""Cloth outside its pass: it is found in the scene, anchored where its nodes hold it, and prepared for each frame."""
+"""The cloth technique: it finds the cloths of a scene, anchors them, and prepares their pass for each frame."""
 
 from __future__ import annotations
 
@@ -15,32 +15,32 @@ from .scene import cloth_scene
 
 
 class ClothTechnique(Technique):
-    """The cloths of a scene, which is drawn as a view of it: each cloth has vertices of its own there."""
+    """The cloths of a scene. The drawn scene is a view of it, in which each cloth has vertices of its own."""
 
     name = "cloth"
 
     def __init__(self, scene: Scene, settings: Settings) -> None:
         super().__init__(scene, settings)
-        self._settings = settings  # the user's own: wind changes while frames are drawn
-        self._found = cloth_scene(scene, settings.cloth.enabled)
-        self.scene = self._found.scene
+        self._settings = settings  # the user's object: the wind may change in each frame
+        self._cloth_scene = cloth_scene(scene, settings.cloth.enabled)
+        self.scene = self._cloth_scene.scene
         self._reset = ""
         self.cloth: ClothPass | None = None
-        """The pass, once it was made."""
+        """The pass, after `create`."""
 
     def create(self, parts: PassParts, backend: Backend, passes: Mapping[str, Pass]) -> None:
-        """Make the pass, and let those that draw objects read what it writes."""
+        """Make the pass, and declare in the passes that draw objects that they read its vertices."""
         kernels = backend.part(__package__).ClothKernels(backend)
-        self.cloth = ClothPass(self._found, self._settings.cloth, parts, kernels)
+        self.cloth = ClothPass(self._cloth_scene, self._settings.cloth, parts, kernels)
         self.cloth.add_to(passes)
         self.passes = {self.cloth.name: self.cloth}
 
     def pose(self, pose: Pose) -> Pose:
-        """Return the pose of the view: cloths stay where they are anchored, whatever their nodes do."""
-        return self._found.pose(pose)
+        """Return the pose of the view: cloths stay at their anchors, whatever their nodes do."""
+        return self._cloth_scene.pose(pose)
 
     def prepare(self, frame: FrameInfo) -> int:
-        """Find out which steps have become due, and write what they need; return the bytes written."""
+        """Find the steps that are due, and write their input; return the bytes written."""
         assert self.cloth is not None, "frames come after `create`"
         reset, self._reset = self._reset, ""
         written = self.cloth.prepare(
@@ -50,11 +50,11 @@ class ClothTechnique(Technique):
         return written
 
     def resting(self, time: float) -> bool:
-        """Whether no cloth would be elsewhere at `time`."""
+        """Whether no cloth would move in a frame at `time`."""
         return self.cloth is None or not self.cloth.busy(time)
 
     def reset(self, reason: str) -> None:
-        """Let the next frame begin with cloth as it was modelled."""
+        """Note why the next frame has no history; cloth starts anew for most reasons (`steps.KEEPS_ON`)."""
         self._reset = reason
 
     def close(self) -> None:

@@ -1,7 +1,7 @@
-// Writes the vertices that pictures are drawn from: each takes the place and the normal of its particle, and its tangent
-// from the triangles of its own, since two vertices of a seam share a particle and not the texture's directions.
+// Writes the drawn vertices: place and normal are those of the particle, the tangent comes from the vertex's own triangles.
+// Two vertices of a seam share a particle, but not the directions of the texture.
 //
-// The fourth number of a tangent, the texture's handedness, stays as it was loaded: bending does not change it.
+// The fourth number of a tangent, the texture's handedness, keeps its loaded value: bending does not change it.
 
 layout(local_size_x = THREADS) in;
 
@@ -22,7 +22,7 @@ layout(BIND(0, 6, 6), std430) writeonly buffer Words_ { uint words[]; };
 #define STORE_WORDS(at, v) words[at] = floatBitsToUint((v).x); words[(at) + 1u] = floatBitsToUint((v).y); \
     words[(at) + 2u] = floatBitsToUint((v).z)
 
-// The last cloth whose vertices begin at or before v: those without vertices begin where the next one does.
+// Returns the last cloth whose vertices begin at or before v: a cloth without vertices begins where the next one does.
 uint cloth_of_vertex(uint v) {
     uint low = 0u;
     uint high = counts.x;
@@ -37,7 +37,7 @@ uint cloth_of_vertex(uint v) {
     return low;
 }
 
-// Where u rises along the surface at vertex v, with normal n.
+// Returns the direction along the surface in which u rises, at vertex v with normal n.
 vec3 tangent(uint v, vec3 n) {
     precise vec3 sum = vec3(0.0);
     uint last = surface[surface_places.y + v + 1u];
@@ -51,7 +51,7 @@ vec3 tangent(uint v, vec3 n) {
     }
     vec3 along = direction(sum, vec3(0.0));
     precise vec3 flat_on = along - dot3(along, n) * n;
-    // Without a direction in the texture any will do that lies in the surface.
+    // Without a direction in the texture, any direction in the surface will do.
     vec3 across = cross3(n, abs(n.x) < 0.5 ? vec3(1.0, 0.0, 0.0) : vec3(0.0, 1.0, 0.0));
     float rest = dot3(flat_on, flat_on);
     return direction(rest > 1e-12 ? flat_on : across, vec3(1.0, 0.0, 0.0));

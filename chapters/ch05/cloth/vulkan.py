@@ -1,7 +1,7 @@
-"""Cloth on Vulkan: its buffers, what binds them, and the barrier behind the kernels.
+"""Cloth on Vulkan: buffers, descriptor sets, and the barrier after the kernels.
 
-The buffers that a frame writes, and the one that answers, exist once per slot; the CPU reads the answer when the slot
-is used again. All other buffers exist once: frames of the simulation follow one another on one queue.
+The input and the stats of a frame exist once per slot; the CPU reads the stats when it uses the slot again. All other
+buffers exist once: frames of the simulation follow one another on one queue.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _STORAGE = vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT
 
 
 class ClothBuffers:
-    """The buffers by name; `of(slot)` has those of a slot, too."""
+    """The buffers by name; those of FRAME exist once per slot."""
 
     def __init__(
         self, device: Device, resources: Resources, packed: Packed, before: ClothBuffers | None = None
@@ -56,29 +56,29 @@ class ClothBuffers:
             for slot in range(SLOTS):
                 handle = resources.buffer(sizes[name], _STORAGE, use, f"cloth {name}, slot {slot}")
                 self._handles[f"{name} {slot}"] = handle
-        # Waited for: what was copied before it, into the pages, is then there for every queue, too.
+        # The uploader waits, so earlier copies into the pages are then visible to every queue, too.
         with Uploader(device) as uploader:
             for name in new:
                 uploader.buffer(self.buffer(name), packed.arrays[name])
 
     def buffer(self, name: str, slot: int = 0) -> Buffer:
-        """Return a buffer by its name, where there are several that of a slot."""
+        """Return a buffer by its name; of a buffer of FRAME, that of the slot."""
         return self._resources.buffers.get(self._handles[f"{name} {slot}" if name in FRAME else name])
 
     def stats(self, slot: int) -> NDArray[np.uint8]:
         """Return the bytes that the last frame of a slot wrote about each cloth."""
-        held = self.buffer("stats", slot)
-        return held.mapped[: held.size].copy()
+        buffer = self.buffer("stats", slot)
+        return buffer.mapped[: buffer.size].copy()
 
     def read(self, name: str) -> NDArray[np.float32]:
-        """Return what is in a buffer that stays; all frames must be over."""
-        held = self.buffer(name)
+        """Return the contents of a buffer that exists once; all frames must be over."""
+        buffer = self.buffer(name)
         usage = vk.VK_BUFFER_USAGE_TRANSFER_DST_BIT
-        copied = create_buffer(self._device, held.size, usage, "readback", f"cloth {name}, read")
+        copied = create_buffer(self._device, buffer.size, usage, "readback", f"cloth {name}, read")
         try:
             with submit_once(self._device) as commands:
-                region = vk.new("VkBufferCopy", size=held.size)
-                self._device.fn.vkCmdCopyBuffer(commands, held.handle, copied.handle, 1, region)
+                region = vk.new("VkBufferCopy", size=buffer.size)
+                self._device.fn.vkCmdCopyBuffer(commands, buffer.handle, copied.handle, 1, region)
                 self._device.fn.vkCmdPipelineBarrier2(commands, barriers(memory=TO_HOST))
             self._device.memory.invalidate(copied.allocation)
             contents: NDArray[np.float32] = copied.view(np.float32).copy()
@@ -87,7 +87,7 @@ class ClothBuffers:
             destroy_buffer(self._device, copied)
 
     def write(self, slot: int, arrays: Mapping[str, NDArray[np.uint8]]) -> None:
-        """Write what a frame asks for."""
+        """Write the input of a frame."""
         for name, data in arrays.items():
             self.buffer(name, slot).mapped[: data.size] = data
 
@@ -123,15 +123,15 @@ class ClothKernels:
         )
         self._pipelines: Mapping[Kernel, Built] = {}
         self._sets: Any = None
-        self._bound: dict[tuple[Kernel, int, int], Any] = {}  # by slot and page: an array of one set
+        self._bound: dict[tuple[Kernel, int, int], Any] = {}  # by kernel, slot and page: an array of one set
 
     def make_memory(self, packed: Packed, before: ClothBuffers | None) -> ClothBuffers:
-        """Return the buffers, whose state is that of `before`."""
+        """Return the buffers, with the state of `before`."""
         self._buffers = ClothBuffers(self._device, self._resources, packed, before)
         return self._buffers
 
     def make_kernels(self, kernels: Mapping[Kernel, Built], pages: Collection[int]) -> None:
-        """Make a set for each kernel, slot and page that it writes to."""
+        """Make a descriptor set for each kernel, slot and page that it writes to."""
         self._pipelines = kernels
         if self._sets is not None:
             self._resources.defer(partial(self._descriptors.destroy, self._sets))
@@ -141,35 +141,35 @@ class ClothKernels:
             for slot in range(SLOTS)
             for page in (pages if "words" in kernel.buffers else (-1,))
         ]
-        wanted = []
+        described = []
         for kernel, slot, page in keys:
             layout = kernels[kernel].sets[0]
             assert layout is not None, kernel.file
-            held = {
+            bindings = {
                 binding: self._data.page_buffer(slot, page)
                 if name == "words"
                 else self._buffers.buffer(name, slot)
                 for binding, name in enumerate(kernel.buffers)
             }
-            wanted.append((layout, held, f"{title(kernel)}, slot {slot}"))
-        self._sets = self._descriptors.create(wanted)
+            described.append((layout, bindings, f"{title(kernel)}, slot {slot}"))
+        self._sets = self._descriptors.create(described)
         handles = [vk.array("VkDescriptorSet", [handle]) for handle in self._sets.handles]
         self._bound = dict(zip(keys, handles, strict=True))
 
     def bind(self, commands: Commands, kernel: Kernel, slot: int, page: int) -> None:
-        """Bind the set of a kernel."""
+        """Bind the descriptor set of a kernel."""
         commands.bind_compute_set(self._pipelines[kernel], 0, self._bound[kernel, slot, page])
 
     def finish(self, commands: Commands, slot: int) -> None:
-        """Let the CPU see the answers; the graph's barriers stand between the vertices and the draws."""
+        """Make the stats visible to the CPU; the graph's barriers stand between the vertices and the draws."""
         commands.barrier(_TO_THE_CPU)
 
     @contextmanager
     def at_once(self, slot: int) -> Iterator[Commands]:
-        """Give commands for a slot that have run when this is left."""
+        """Yield commands for a slot; they have run on leaving."""
         self._device.wait_idle()
         commands = Commands(self._device)
         with submit_once(self._device) as handle:
-            where: Any = SimpleNamespace(index=slot, commands=handle)
-            commands.begin(where)
+            frame_slot: Any = SimpleNamespace(index=slot, commands=handle)
+            commands.begin(frame_slot)
             yield commands

@@ -1,6 +1,6 @@
 """The stage of this chapter's studies on OpenGL: what all studies share, with this chapter's frames and pipelines.
 
-These studies compute, too: buffers that shaders fill are made here, and copied to the CPU.
+These studies compute, too: the stage makes buffers for shaders to fill, and copies them to the CPU.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Stage(AnyStage):
     def dispatch_over(
         self, kernel: Built, extent: Sequence[int], push: np.ndarray | None = None
     ) -> tuple[int, int, int]:
-        """Run as many work groups of a kernel as cover `extent`, and return how many; barriers are the caller's."""
+        """Dispatch as many work groups of a kernel as cover `extent`, and return how many; the caller adds barriers."""
         groups = group_count(extent, kernel.group)
         self.device.fn.glUseProgram(kernel.handle)
         if push is not None:
@@ -40,21 +40,23 @@ class Stage(AnyStage):
         return groups
 
     def empty(self, size: int, name: str, sized: bool = False) -> Buffer:
-        """Return a buffer of the GPU's own memory, which shaders fill; `download` copies it.
+        """Return a buffer in the GPU's own memory for shaders to fill; `download` copies it.
 
-        One that is `sized` goes when the picture's size changes.
+        A `sized` buffer is freed when the picture's size changes.
         """
-        made = create_buffer(self.device, size, "device", name)
-        return (self.keep_sized if sized else self.keep)(made, lambda one: destroy_buffer(self.device, one))
+        buffer = create_buffer(self.device, size, "device", name)
+        return (self.keep_sized if sized else self.keep)(
+            buffer, lambda resource: destroy_buffer(self.device, resource)
+        )
 
     def shared(self, size: int, name: str) -> Buffer:
-        """Return a buffer that shaders fill, in memory that the CPU reads where it lies."""
+        """Return a buffer for shaders to fill, in memory that the CPU reads through a mapping."""
         return self._buffer(size, "readback", name)
 
     def download(self, buffer: Buffer) -> np.ndarray:
-        """Return a copy of a buffer's bytes now, (size,) uint8, waiting for what fills it.
+        """Return a copy of a buffer's bytes, (size,) uint8, after waiting for the shaders that fill it.
 
-        What shaders wrote is visible to calls that read buffers only behind the barrier of that name.
+        Shader writes are visible to calls that read buffers only after the barrier of that name.
         """
         self.device.make_current()
         self.device.fn.glMemoryBarrier(gl.GL_BUFFER_UPDATE_BARRIER_BIT)

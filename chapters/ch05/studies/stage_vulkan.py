@@ -1,6 +1,6 @@
 """The stage of this chapter's studies on Vulkan: what all studies share, with this chapter's graphics layer.
 
-These studies compute, too: buffers that shaders fill are made here, and copied to the CPU.
+These studies compute, too: the stage makes buffers for shaders to fill, and copies them to the CPU.
 """
 
 from __future__ import annotations
@@ -37,37 +37,40 @@ class Stage(AnyStage):
     descriptors: Descriptors
 
     def set_of(self, pipeline: Built, held: Mapping[int, Held], name: str, sized: bool = False) -> Any:
-        """Return a set of what a pipeline's bindings hold, as `bind_set` and `bind_compute_set` take it.
+        """Return a descriptor set of a pipeline's bindings, for `bind_set` and `bind_compute_set`; `held` are the
+        resources.
 
-        One that is `sized` goes when the picture's size changes.
+        A `sized` set is freed when the picture's size changes.
         """
         layout = pipeline.sets[0]
-        assert layout is not None  # what reads nothing needs no set
-        made = self.descriptors.create([(layout, held, name)])
+        assert layout is not None  # a pipeline without bindings needs no set
+        sets = self.descriptors.create([(layout, held, name)])
         if sized:
-            self.keep_sized(made, self.descriptors.destroy)
-        return vk.array("VkDescriptorSet", made.handles)
+            self.keep_sized(sets, self.descriptors.destroy)
+        return vk.array("VkDescriptorSet", sets.handles)
 
     def empty(self, size: int, uses: Sequence[str], name: str, sized: bool = False) -> Buffer:
-        """Return a buffer of the GPU's own memory, which shaders fill; `download` copies it.
+        """Return a buffer in the GPU's own memory for shaders to fill; `download` copies it.
 
-        One that is `sized` goes when the picture's size changes.
+        A `sized` buffer is freed when the picture's size changes.
         """
         usage = vk.VK_BUFFER_USAGE_TRANSFER_SRC_BIT | vk.VK_BUFFER_USAGE_TRANSFER_DST_BIT
         for use in uses:
             usage |= USAGES[use]
-        made = create_buffer(self.device, size, usage, "device", name)
-        return (self.keep_sized if sized else self.keep)(made, lambda one: destroy_buffer(self.device, one))
+        buffer = create_buffer(self.device, size, usage, "device", name)
+        return (self.keep_sized if sized else self.keep)(
+            buffer, lambda resource: destroy_buffer(self.device, resource)
+        )
 
     def shared(self, size: int, name: str) -> Buffer:
-        """Return a buffer that shaders fill, in memory that the CPU reads where it lies."""
+        """Return a buffer for shaders to fill, in memory that the CPU reads through a mapping."""
         return self._buffer(size, USAGES["storage"], "readback", name)
 
     def download(self, buffer: Buffer, written: tuple[int, int]) -> np.ndarray:
-        """Return a copy of a buffer's bytes now, (size,) uint8, waiting for no more than that copy.
+        """Return a copy of a buffer's bytes, (size,) uint8, waiting for this copy only.
 
-        `written` is the stages and the access by which shaders wrote it last. Two barriers make the way to the CPU:
-        what was written becomes visible to the copy, and what was copied to the host.
+        `written` are the stages and the access of the last shader writes. Two barriers lead to the CPU: one makes the
+        shader writes visible to the copy, the other makes the copy visible to the host.
         """
         copied = create_buffer(
             self.device, buffer.size, vk.VK_BUFFER_USAGE_TRANSFER_DST_BIT, "readback", "download"

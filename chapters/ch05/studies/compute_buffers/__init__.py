@@ -1,13 +1,12 @@
-"""Study: numbers go up, a kernel computes with them, and what comes out is drawn and read by the CPU.
+"""Study: the CPU uploads numbers, a kernel computes with them, and a draw and the CPU read the results.
 
 A kernel is a function that runs once for each *invocation*. Invocations come in work groups of a size that the shader
-says, here 64; a dispatch starts whole groups, so for 65 numbers there are two, and 63 invocations find nothing to do.
+declares, here 64. A dispatch starts whole groups: 65 numbers take two, and 63 invocations have nothing to do.
 
-Three things follow from the GPU's running behind the CPU. Whoever reads what a kernel wrote must be told to wait, and
-by what: for the draw a barrier says so, for the CPU *two* things do. A barrier from compute to the host makes what was
-written visible to the CPU, and the frame's own end says when. Waiting for the whole device would do both, and the GPU
-would have nothing to do meanwhile. Nothing here does: the CPU reads what a frame computed when it takes up its slot
-again.
+The GPU runs behind the CPU, so every reader of the results must wait, and for the right write. The draw needs a
+barrier; the CPU needs *two* things. A barrier from compute to the host makes the results visible to the CPU, and the
+end of the frame gives the moment. Waiting for the whole device would do both, but leave the GPU idle meanwhile. This
+study never does that: the CPU reads the results of a frame when it uses the slot of that frame again.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from common.settings import knob
 
 STUDY = Study(
     title="compute buffers",
-    idea="Upload, kernel, download: y = a x + b for any count of numbers, and a barrier before they are read.",
+    idea="Upload, kernel, download: y = a x + b for any count of numbers, and a barrier for each reader.",
     order=1,
     features=("compute/pipelines-and-buffers", "compute/barriers"),
 )
@@ -40,7 +39,7 @@ class Settings:
 
 @dataclass
 class KernelWork(Work):
-    """What a frame did. The CPU compares what came back from the slot's last frame: `wrong` counts differences."""
+    """What a frame did. The CPU compares the results of the slot's last frame: `wrong` counts differences."""
 
     dispatches: int = 0
     checked: int = 0
@@ -50,11 +49,11 @@ class KernelWork(Work):
 KERNEL = "studies/compute_buffers/affine.comp"
 SHADERS = ("post/fullscreen.vert", "studies/compute_buffers/bars.frag")
 HIGHEST = 1000
-"""No x is larger."""
+"""The largest x."""
 
 
 def defines(settings: Settings) -> tuple[tuple[str, int], ...]:
-    """Return what the picture's shader is told: how many numbers there are, and what reaches the upper edge."""
+    """Return the macros of the picture's shader: the count of numbers, and the value at the upper edge."""
     return (("COUNT", settings.count), ("TOP", HIGHEST * max(settings.a, 1) + settings.b))
 
 
@@ -70,6 +69,6 @@ def push(settings: Settings) -> np.ndarray:
 
 
 def expected(x: np.ndarray, settings: Settings) -> np.ndarray:
-    """Return y, (count,) uint32, by the CPU: sums that are too large begin again at 0, as the GPU's do."""
+    """Return y, (count,) uint32, from the CPU: sums that are too large wrap around, as on the GPU."""
     y: np.ndarray = np.uint32(settings.a) * x + np.uint32(settings.b)
     return y

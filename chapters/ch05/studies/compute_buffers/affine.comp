@@ -1,9 +1,9 @@
 // Study compute-buffers, the kernel: one number for each invocation.
 
-layout(local_size_x = 64) in;  // a whole number of what GPUs run in step, 32 or 64
+layout(local_size_x = 64) in;  // a multiple of the 32 or 64 invocations that GPUs run in step
 
 struct Push {
-    uvec4 numbers;  // a, b, how many there are
+    uvec4 numbers;  // a, b, count
 };
 PUSH(Push, push)
 
@@ -17,8 +17,8 @@ layout(BIND(0, 1, 1), std430) writeonly buffer Output_ {
 void main() {
     uint i = gl_GlobalInvocationID.x;
     if (i >= push.numbers.z) {
-        return;  // of the last group, nobody else
+        return;  // only in the last group
     }
-    // Whole numbers: exact, and the same on every GPU.
+    // Integers: exact, and the same on every GPU.
     y[i] = push.numbers.x * x[i] + push.numbers.y;
 }

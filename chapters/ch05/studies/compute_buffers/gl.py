@@ -1,4 +1,4 @@
-"""The study compute-buffers on OpenGL: buffers bound by number, a dispatch, and `glMemoryBarrier` behind it."""
+"""The study compute-buffers on OpenGL: buffers bound by number, a dispatch, and `glMemoryBarrier` after it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Renderer(Stage):
 
     study = STUDY
     settings_class: type = Settings
-    numbers = staticmethod(numbers)  # yours may stand here
+    numbers = staticmethod(numbers)  # a fork may replace it
 
     def create(self) -> None:
         """Make two buffers for each frame in flight, and the programs."""
@@ -38,32 +38,32 @@ class Renderer(Stage):
         self._expected: list[np.ndarray | None] = [None] * SLOTS
 
     def draw(self, slot: FrameSlot, view: View, time: float) -> None:
-        """Check what the slot's last frame computed, upload, compute, draw."""
+        """Check the results of the slot's last frame, upload, compute, draw."""
         fn, index = self.device.fn, slot.index
         self.work = KernelWork(draws=1, triangles=1, dispatches=1)
         self._check(index)
         x = self._x[index].view(np.uint32)
-        x[:] = self.numbers(self.settings, time)  # memory that is mapped: this is the upload
+        x[:] = self.numbers(self.settings, time)  # mapped memory: this is the upload
         self._expected[index] = expected(x, self.settings)
         for number, buffer in enumerate((self._x[index], self._y[index])):
             bind_buffer(self.device, "storage", number, buffer)
-        self.dispatch_over(self._kernel, (self.settings.count,), self._push)  # as many groups as it takes
-        # OpenGL keeps the order of calls for everything but what shaders store. The bit says how it is read next, not
-        # how it was written: here, by shaders from a buffer.
+        self.dispatch_over(self._kernel, (self.settings.count,), self._push)  # enough groups for all numbers
+        # OpenGL keeps the order of calls for everything but shader stores. The bit names the next read, not the store:
+        # here shaders read a buffer.
         fn.glMemoryBarrier(gl.GL_SHADER_STORAGE_BARRIER_BIT)
         self.begin()
         self.pipelines.bind(self._bars, cull=False, front="counter_clockwise")
         fn.glBindVertexArray(self.no_vertices)
         fn.glDrawArrays(gl.GL_TRIANGLES, 0, 3)
-        # And by the CPU, through a mapping. The frame's fence behind it says when.
+        # The CPU reads through a mapping. The fence of the frame, after this barrier, gives the moment.
         fn.glMemoryBarrier(gl.GL_CLIENT_MAPPED_BUFFER_BARRIER_BIT)
 
     def _check(self, slot: int) -> None:
-        """Compare what came back; the slot's last frame is over, or it would not have been given to this one."""
-        wanted, work = self._expected[slot], self.work
-        if wanted is not None and isinstance(work, KernelWork):
-            work.checked, work.wrong = wanted.size, int((self.downloaded(slot) != wanted).sum())
+        """Compare the results of the slot's last frame, which is over: otherwise this frame would not have the slot."""
+        true_y, work = self._expected[slot], self.work
+        if true_y is not None and isinstance(work, KernelWork):
+            work.checked, work.wrong = true_y.size, int((self.downloaded(slot) != true_y).sum())
 
     def downloaded(self, slot: int) -> np.ndarray:
-        """Return what the kernel wrote in the slot's last frame, (count,) uint32. That frame must be over."""
+        """Return the kernel's results of the slot's last frame, (count,) uint32. That frame must be over."""
         return self._y[slot].view(np.uint32)

@@ -1,17 +1,16 @@
-"""Study: how many work groups cover a picture, what the last ones do beside it, and what happens if nobody asks.
+"""Study: how many work groups cover a picture, what the last groups do outside of it, and what happens without a check.
 
-A dispatch is told how many *groups* to start; how many invocations a group has stands in the shader. So a size is
-divided by that of a group, and rounded *up*: rounded down, the last columns are left out. Forgotten altogether, a
-picture of 61x37 starts 61x37 groups of 64 invocations, of which hardly any has something to do, and it costs
-accordingly.
+A dispatch takes the number of *groups* to start; the shader declares the invocations of a group. So the size of the
+picture is divided by that of a group, and rounded *up*: rounded down, the last columns are left out. Without the
+division, a picture of 61x37 starts 61x37 groups of 64 invocations. Hardly any of them has work, but all cost time.
 
-Rounded up, the last groups stand over the edge. The kernel must ask whether its place exists. An image would drop what
-is stored outside; a buffer has no idea of rows, and what is written right of one row lands at the left of the next.
-Here every invocation adds one at its place, and the picture shows what has become of that: groups in their own colours
-where each place was reached once, black where none came, white where several did, and grey for invocations beside it.
+Rounded up, the last groups reach over the edge. The kernel must check whether its place exists. An image would drop
+stores outside of it. A buffer has no rows, and a store right of one row lands at the left of the next. Here every
+invocation adds one at its place, and the picture shows the counts. Places that were reached once have the colour of
+their group. Black places were never reached, white ones several times. Grey are invocations outside of the picture.
 
 The shape of a group costs as well. GPUs run 32 or 64 invocations in step: a group of one leaves all others idle. With
-`repeat`, a frame takes long enough for `-v` to tell.
+`repeat`, a frame takes long enough for `-v` to show it.
 """
 
 from __future__ import annotations
@@ -53,7 +52,7 @@ class Settings:
 
 @dataclass
 class DispatchWork(Work):
-    """What a frame did, of one dispatch: `idle` invocations had no place in the picture."""
+    """What a frame did, in one dispatch: `idle` invocations had no place in the picture."""
 
     groups: int = 0
     invocations: int = 0
@@ -63,10 +62,10 @@ class DispatchWork(Work):
 KERNEL = "studies/dispatch_size/cover.comp"
 SHADERS = ("post/fullscreen.vert", "studies/dispatch_size/show.frag")
 MOST = 1 << 32
-"""Invocations of a frame: a second or two of a GPU, and systems wait for little longer."""
+"""Most invocations of a frame: a second or two of a GPU; systems wait for little longer."""
 
 SPARE = 1 << 20
-"""Places behind the end that are counted as well, at most: without a guard they are written to."""
+"""Most counted places after the end: without a guard they are written, too."""
 
 
 def local_size(settings: Settings) -> tuple[int, int]:
@@ -76,7 +75,7 @@ def local_size(settings: Settings) -> tuple[int, int]:
 
 
 def groups_of(settings: Settings) -> tuple[int, int]:
-    """Return how many groups are started along x and y."""
+    """Return the number of groups along x and y."""
     size, local = (settings.width, settings.height), local_size(settings)
     if settings.groups == "size":
         return size
@@ -86,13 +85,13 @@ def groups_of(settings: Settings) -> tuple[int, int]:
 
 
 def launched(settings: Settings) -> tuple[int, int]:
-    """Return how many columns and rows of invocations there are."""
+    """Return the columns and rows of invocations."""
     groups, local = groups_of(settings), local_size(settings)
     return groups[0] * local[0], groups[1] * local[1]
 
 
 def check(settings: Settings) -> None:
-    """Raise UserError for frames that a system would take for a GPU that hangs."""
+    """Raise UserError for frames so long that a system would take the GPU for hung."""
     columns, rows = launched(settings)
     total = columns * rows * settings.repeat
     if total > MOST:
@@ -103,21 +102,21 @@ def check(settings: Settings) -> None:
 
 
 def work_of(settings: Settings) -> DispatchWork:
-    """Return what a frame does; it is known before."""
+    """Return what a frame does; it is known in advance."""
     groups, (columns, rows) = groups_of(settings), launched(settings)
     inside = min(columns, settings.width) * min(rows, settings.height)
     return DispatchWork(1, 1, groups[0] * groups[1], columns * rows, columns * rows - inside)
 
 
 def room(settings: Settings) -> int:
-    """Return how many places the counters have: those of the picture, and some behind the last one."""
+    """Return the number of counters: the places of the picture, and some after the last one."""
     columns, rows = launched(settings)
     last = max(0, rows - 1) * settings.width + columns
     return settings.width * settings.height + min(max(0, last - settings.width * settings.height), SPARE)
 
 
 def defines(settings: Settings) -> tuple[tuple[str, int], ...]:
-    """Return what the kernel is told when it is compiled."""
+    """Return the macros of the kernel."""
     x, y = local_size(settings)
     return (("LOCAL_X", x), ("LOCAL_Y", y), ("GUARD", int(settings.guard)))
 

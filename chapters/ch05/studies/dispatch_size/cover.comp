@@ -12,7 +12,7 @@ void main() {
         return;
     }
 #endif
-    // Right of a row is the next one: a buffer does not know where rows end.
+    // A buffer has no rows: a place right of a row is in the next one.
     uint number = place.y * size.x + place.x;
     if (number < uint(counters.length())) {
         atomicAdd(counters[number], 1u);

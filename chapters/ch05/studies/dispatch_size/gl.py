@@ -40,9 +40,7 @@ class Renderer(Stage):
         """Clear, count and show."""
         fn = self.device.fn
         self.work = self._work
-        fn.glMemoryBarrier(
-            gl.GL_BUFFER_UPDATE_BARRIER_BIT
-        )  # an upload is in no order with what shaders stored
+        fn.glMemoryBarrier(gl.GL_BUFFER_UPDATE_BARRIER_BIT)  # uploads are not ordered after shader stores
         write_buffer(self.device, self._counters, self._zeros)
         bind_buffer(self.device, "storage", 0, self._counters)
         self.device.push(push(self.settings, self.size))

@@ -1,4 +1,4 @@
-// Study dispatch-size: what the kernel and the draw are told, and the counters.
+// Study dispatch-size: push constants of the kernel and the draw, and the counters.
 
 struct Push {
     uvec4 counted;   // columns and rows to cover, invocations of a group along x and y
@@ -7,5 +7,5 @@ struct Push {
 PUSH(Push, push)
 
 layout(BIND(0, 0, 0), std430) ACCESS buffer Counters_ {
-    uint counters[];  // row after row, and some behind the last one
+    uint counters[];  // row after row, and some after the last one
 };

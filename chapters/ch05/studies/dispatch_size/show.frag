@@ -1,4 +1,4 @@
-// Study dispatch-size, fragments: how often each place was reached, and invocations that had none.
+// Study dispatch-size, fragments: how often each place was reached, and invocations without a place.
 
 #define ACCESS readonly
 #include "numbers.glsl"
@@ -19,7 +19,7 @@ void main() {
             uint count = counters[place.y * push.counted.x + place.x] / REPEAT;
             color = vec3(float(count > 1u));
             if (count == 1u) {
-                // Where it was once, it need not have been its own: rows that were shifted look the same.
+                // The one invocation may belong to another place: shifted rows look the same.
                 color = 0.85 * id_color(group.y * 4096u + group.x) * (0.9 + 0.1 * float((place.x ^ place.y) & 1u));
             }
         } else if (all(lessThan(place, push.launched.xy))) {

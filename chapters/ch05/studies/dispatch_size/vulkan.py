@@ -45,7 +45,7 @@ class Renderer(Stage):
         self._showing = self.set_of(self._show, {0: self._counters}, "counters to show")
         self._before_clear = barriers(memory=(*DRAWN, *CLEARED))
         self._before_kernel = barriers(memory=(*CLEARED, *COUNTED))
-        # What atomics do is in no order, but nothing is lost: dispatches that only add need no barrier between them.
+        # Atomics have no order, but lose nothing: dispatches that only add need no barrier between them.
         self._before_show = barriers(memory=(COUNTED[0], WRITE, *DRAWN))
 
     def draw(self, commands: Commands, view: View, time: float) -> None:

@@ -1,12 +1,13 @@
-"""Study: in which order does a GPU shade the pixels of one triangle? Each fragment draws a number and says who had it.
+"""Study: in which order does a GPU shade the pixels of one triangle? Each fragment takes a number and lists its pixel.
 
-Nobody promises an order. GPUs cut the picture into tiles and let many cores take what comes next, so it is another one
-on every device, and often in every frame. It can be seen all the same: fragments may write to buffers, and an *atomic*
-addition returns what was there before, to nobody twice. With that number a fragment enters itself into a list; another
-draw then goes through the list and makes a point of each entry, coloured by its number, black first and white last.
+No API promises an order. GPUs cut the picture into tiles that many cores take as they become free, so the order differs
+between devices, and often between frames. Buffers can show it: fragments may write to them, and an *atomic* addition
+returns the value before it, each value only once. With that number a fragment enters its pixel into a list. Another
+draw then makes a point of each entry, coloured by its number, black first and white last.
 
-The number is compared with the room in the list *after* it was drawn. To look at the counter first and to add then is
-two steps, and between them others add as well: some would pass though the list is full, and write behind its end.
+A fragment compares its number with the room in the list *after* the addition. Reading the counter first and adding then
+are two steps, and other fragments add between them. Some fragments would then pass though the list is full, and write
+beyond its end.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ class Settings:
 
 @dataclass
 class OrderWork(Work):
-    """What a frame did: how many `points` it drew of its list."""
+    """What a frame did: the number of `points` that it drew of its list."""
 
     points: int = 0
 
@@ -64,5 +65,5 @@ def push(size: tuple[int, int], capacity: int) -> np.ndarray:
 
 
 def places(nodes: np.ndarray) -> np.ndarray:
-    """Return the entries of a list as they were packed, (N, 2): x and y."""
+    """Return the packed entries of a list as (N, 2): x and y."""
     return np.stack([nodes & 0xFFFF, nodes >> 16], axis=-1)

@@ -43,7 +43,7 @@ class Renderer(Stage):
         fn, count = self.device.fn, shown(self.settings, time, self.capacity)
         vertices = VERTICES[self.settings.shape]
         self.work = OrderWork(draws=1 + bool(count), triangles=vertices // 3 + count, points=count)
-        # What shaders stored is in no order with an upload, nor with stores to come.
+        # Shader stores have no order with uploads, nor with later stores.
         fn.glMemoryBarrier(gl.GL_BUFFER_UPDATE_BARRIER_BIT | gl.GL_SHADER_STORAGE_BARRIER_BIT)
         write_buffer(self.device, self._count, ZERO)
         self.begin()
@@ -59,6 +59,6 @@ class Renderer(Stage):
             fn.glDrawArrays(gl.GL_TRIANGLES, 0, 3 * count)
 
     def order(self) -> tuple[int, np.ndarray]:
-        """Return how many numbers the last frame gave out, and (N, 2) who had them: x and y."""
+        """Return how many numbers the last frame gave out, and (N, 2) the pixels that got them: x and y."""
         count = int(self.download(self._count).view(np.uint32)[0])
         return count, places(self.download(self._nodes).view(np.uint32))

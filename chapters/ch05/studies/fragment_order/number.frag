@@ -1,4 +1,4 @@
-// Study fragment-order, fragments of the first draw: draw a number, and enter yourself under it.
+// Study fragment-order, fragments of the first draw: each takes a number, and enters its pixel there in the list.
 
 #define ACCESS writeonly
 #include "order.glsl"
@@ -10,8 +10,8 @@ layout(BIND(0, 1, 1), std430) buffer Count_ {
 layout(location = 0) out vec4 out_color;
 
 void main() {
-    // GPUs shade squares of 2x2 pixels. Of a square that sticks out, those outside only help with derivatives: what they
-    // write to memory is dropped, and atomics with it, so that no number is lost to them.
+    // GPUs shade squares of 2x2 pixels. Invocations outside of the triangle only help with derivatives: their stores and
+    // atomics are dropped, so they take no numbers.
     uint index = atomicAdd(count, 1u);
     if (index < push.numbers.z) {
         uvec2 pixel = uvec2(gl_FragCoord.xy);

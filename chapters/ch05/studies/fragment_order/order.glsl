@@ -1,4 +1,4 @@
-// Study fragment-order: what both draws are told, and the list that the first one writes and the second one reads.
+// Study fragment-order: push constants of both draws, and the list that the first one writes and the second one reads.
 
 struct Push {
     uvec4 numbers;  // width and height of the picture, room in the list

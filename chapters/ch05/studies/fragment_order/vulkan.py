@@ -43,7 +43,7 @@ class Renderer(Stage):
             ]
         )
         self._count = self.empty(4, ["storage"], "counter")
-        # The list of the frame before may still be read, and a counter stands where that frame has left it.
+        # The draw of the frame before may still read the list, and the counter has the last value of that frame.
         self._before_reset = barriers(
             memory=(POINTED, READ, RESET | FRAGMENTS, vk.VK_ACCESS_2_TRANSFER_WRITE_BIT | WRITE)
         )
@@ -52,7 +52,7 @@ class Renderer(Stage):
         )
 
     def create_sized(self) -> None:
-        """Make the list, with room for each pixel, and what stands between the two draws."""
+        """Make the list, with room for each pixel, and the barrier between the two draws."""
         self.capacity = self.size[0] * self.size[1]
         self._nodes = self.empty(4 * self.capacity, ["storage"], "list of fragments", sized=True)
         self._numbering = self.set_of(
@@ -97,7 +97,7 @@ class Renderer(Stage):
         commands.end_label()
 
     def order(self) -> tuple[int, np.ndarray]:
-        """Return how many numbers the last frame gave out, and (N, 2) who had them: x and y."""
+        """Return how many numbers the last frame gave out, and (N, 2) the pixels that got them: x and y."""
         written = (FRAGMENTS, WRITE)
         count = int(self.download(self._count, written).view(np.uint32)[0])
         return count, places(self.download(self._nodes, written).view(np.uint32))

@@ -1,14 +1,15 @@
-"""Study: a kernel writes a texture, texel by texel, and shaders that were written for another host run in it.
+"""Study: a kernel writes a texture, texel by texel, and runs shaders that were written for another host.
 
 A fragment shader can fill a texture as well; it needs a target, a triangle and a pipeline that rasterizes. A kernel
-needs only to know which texel is whose: work groups of 16x16 stand side by side, `ceil(width / 16)` of them in a row.
-Where the size is no multiple of 16 the last ones stand over the edge, and the kernel asks before it writes.
+needs only the texel of each invocation: work groups of 16x16 stand side by side, `ceil(width / 16)` of them in a row.
+If the size is no multiple of 16, the last groups reach over the edge, and the kernel checks before it writes.
 
-The host ([`toy.glsl`](toy.glsl)) gives a shader what Shadertoy gives it: `mainImage`, `iTime` and `iResolution`, which
-it reads from the image itself, so that it cannot be wrong. Most shaders made there run here as they are. Put yours
-beside the others, as `mine.comp` with `#include "toy.glsl"` as its first line, and choose it: `--set shader=mine`.
+The host ([`toy.glsl`](toy.glsl)) gives a shader the interface of Shadertoy: `mainImage`, `iTime` and `iResolution`,
+which it reads from the image itself, so that it is always right. Most shaders from there run here as they are. Put
+yours beside the others, as `mine.comp` with `#include "toy.glsl"` as its first line, and choose it:
+`--set shader=mine`.
 
-What does not depend on anything new is not computed again: while time stands still, nothing is dispatched.
+The texture is computed again only if its input changes: while time stands still, nothing is dispatched.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ class Settings:
     shader: str = knob(
         "rings",
         "what is computed for each texel",
-        choices=tuple(sorted(one.stem for one in FOLDER.glob("*.comp"))),
+        choices=tuple(sorted(path.stem for path in FOLDER.glob("*.comp"))),
     )
     width: int = knob(0, "width of the texture; 0: the picture's", minimum=0, maximum=16384)
     height: int = knob(0, "height of the texture; 0: the picture's", minimum=0, maximum=16384)
@@ -52,18 +53,18 @@ class Settings:
 
 @dataclass
 class KernelWork(Work):
-    """What a frame did: `dispatches` is 0 where the texture was still right."""
+    """What a frame did: `dispatches` is 0 if the texture was still valid."""
 
     dispatches: int = 0
 
 
 def kernel(settings: Settings) -> str:
-    """Return the file of a shader, as pipelines take it: a path of yours that begins at the root stays as it is."""
+    """Return the file of a shader for pipelines, which also take an absolute path."""
     return f"studies/texture_generator/{settings.shader}.comp"
 
 
 def texture_size(settings: Settings, picture: tuple[int, int], limit: int) -> tuple[int, int]:
-    """Return (width, height) of the texture; raise UserError for more than the device has."""
+    """Return (width, height) of the texture. Raises UserError for a size beyond the device's limit."""
     return check_size((settings.width or picture[0], settings.height or picture[1]), limit)
 
 

@@ -21,7 +21,7 @@ class Renderer(Stage):
 
     study = STUDY
     settings_class: type = Settings
-    kernel = staticmethod(kernel)  # yours may stand here
+    kernel = staticmethod(kernel)  # a fork may replace it
 
     def create(self) -> None:
         """Make both programs."""
@@ -36,17 +36,17 @@ class Renderer(Stage):
         limit = self.capabilities.limits["maxImageDimension2D"]
         self.extent = texture_size(self.settings, self.size, limit)
         self._image = create_image(self.device, "rgba8", self.extent, "generated")
-        self.keep_sized(self._image, lambda one: destroy_image(self.device, one))
+        self.keep_sized(self._image, lambda resource: destroy_image(self.device, resource))
         if "texture" in self.outputs:
             self._targets["texture"] = self._image
         self._made_at: float | None = None
 
     def draw(self, slot: FrameSlot, view: View, time: float) -> None:
-        """Compute the texture if it is that of another time, and show it."""
+        """Compute the texture if the time has changed, and show it."""
         fn = self.device.fn
         self.work = work = KernelWork(draws=1, triangles=1)
         if time != self._made_at:
-            # Stores wait for what was read before them, too, once they stand behind a barrier of their own kind.
+            # After a barrier of their own kind, stores also wait for earlier reads.
             fn.glMemoryBarrier(gl.GL_SHADER_IMAGE_ACCESS_BARRIER_BIT)
             bind_storage_image(self.device, 0, self._image, access="write")
             self.dispatch_over(self._kernel, self.extent, push(time))
@@ -59,5 +59,5 @@ class Renderer(Stage):
         fn.glDrawArrays(gl.GL_TRIANGLES, 0, 3)
 
     def _exchange(self, changed: Collection[Path]) -> tuple[str, ...]:
-        self._made_at = None  # by another shader it is another texture
+        self._made_at = None  # another shader makes another texture
         return super()._exchange(changed)

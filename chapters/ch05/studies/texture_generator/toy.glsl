@@ -9,7 +9,7 @@ PUSH(Push, push)
 
 layout(BIND(0, 0, 0), rgba8) uniform writeonly image2D target;
 
-// The names are Shadertoy's. Seconds, and pixels: the image knows its size better than anybody could tell.
+// The names are Shadertoy's, in seconds and pixels. The size is that of the image itself.
 #define iTime (push.time.x)
 #define iResolution vec3(vec2(imageSize(target)), 1.0)
 
@@ -21,7 +21,7 @@ void main() {
         return;  // over the edge
     }
     vec4 color = vec4(0.0);
-    // There y goes up from the lower edge, and a pixel is seen at its centre.
+    // In Shadertoy y goes up from the lower edge, and coordinates are those of pixel centres.
     mainImage(color, vec2(float(texel.x) + 0.5, float(size.y - texel.y) - 0.5));
     imageStore(target, texel, vec4(color.rgb, 1.0));
 }

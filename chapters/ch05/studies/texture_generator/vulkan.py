@@ -1,4 +1,4 @@
-"""The study texture-generator on Vulkan: a storage image that becomes a texture, and the way back."""
+"""The study texture-generator on Vulkan: a storage image, its layout transition to a texture, and the one back."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Renderer(Stage):
 
     study = STUDY
     settings_class: type = Settings
-    kernel = staticmethod(kernel)  # yours may stand here
+    kernel = staticmethod(kernel)  # a fork may replace it
 
     def create(self) -> None:
         """Make both pipelines."""
@@ -35,14 +35,14 @@ class Renderer(Stage):
         self._sampler = self.sampler(TEXELS, "texels")
 
     def create_sized(self) -> None:
-        """Make the texture, and what turns it from one state into the other."""
+        """Make the texture, and its layout transitions."""
         self.extent = texture_size(self.settings, self.size, self.device.limits.maxImageDimension2D)
         usage = (
             vk.VK_IMAGE_USAGE_STORAGE_BIT | vk.VK_IMAGE_USAGE_SAMPLED_BIT | vk.VK_IMAGE_USAGE_TRANSFER_SRC_BIT
         )
         self.image = image = create_image(self.device, "rgba8", self.extent, usage, "generated")
-        self.keep_sized(image, lambda one: destroy_image(self.device, one))
-        # Shaders store to an image in no other layout than this one.
+        self.keep_sized(image, lambda resource: destroy_image(self.device, resource))
+        # Shaders can store to an image in this layout only.
         stored = Texture(image.view, None, vk.VK_IMAGE_LAYOUT_GENERAL)
         self._storing = self.set_of(self._kernel, {0: stored}, "image of the kernel", sized=True)
         sampled = Texture(image.view, self._sampler)
@@ -51,18 +51,18 @@ class Renderer(Stage):
         def change(before: str, after: str, discard: bool = False) -> Any:
             return barriers(image_barrier(image.handle, image.aspect, before, after, discard=discard))
 
-        found = "sampled"  # by the frame before this one
+        last_state = "sampled"  # after the frame before this one
         if "texture" in self.outputs:
             self._targets["texture"] = (image, "sampled")
-            found = "copy_source"  # the stage has copied it since
-        # Before it is written over: frames before this one may still be reading. What it held is given up.
-        self._to_write = change(found, "storage", discard=True)
+            last_state = "copy_source"  # the stage has copied it since
+        # Before the kernel overwrites it: earlier frames may still read it. Its contents are discarded.
+        self._to_write = change(last_state, "storage", discard=True)
         self._to_read = change("storage", "sampled")
-        self._to_read_again = change(found, "sampled")
+        self._to_read_again = change(last_state, "sampled")
         self._made_at: float | None = None
 
     def draw(self, commands: Commands, view: View, time: float) -> None:
-        """Compute the texture if it is that of another time, and show it."""
+        """Compute the texture if the time has changed, and show it."""
         self.work = work = KernelWork(draws=1, triangles=1)
         if time != self._made_at:
             commands.barrier(self._to_write)
@@ -85,5 +85,5 @@ class Renderer(Stage):
         commands.end_label()
 
     def _exchange(self, changed: Collection[Path]) -> tuple[str, ...]:
-        self._made_at = None  # by another shader it is another texture
+        self._made_at = None  # another shader makes another texture
         return super()._exchange(changed)

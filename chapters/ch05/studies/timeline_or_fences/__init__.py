@@ -1,21 +1,21 @@
-"""Study: the same frames paced by two timelines, and by fences and semaphores that know only yes and no.
+"""Study: the same frames paced by two timeline semaphores, and by fences and binary semaphores.
 
 A kernel writes a field of numbers on the compute queue, and a shader shows it on the graphics queue. The field exists
-once, so three things must be waited for: the shader for the kernel of its frame, the kernel for the shader of the frame
-before, and the CPU, which records into slots that take turns, for the frame that had the slot last.
+once, so there are three waits. The shader waits for the kernel of its frame. The kernel waits for the shader of the
+frame before. The CPU, which records into slots that take turns, waits for the last frame of the slot.
 
 [`fences.py`](fences.py) does it as before Vulkan 1.2. A binary semaphore is signalled by one submission and waited for
-by one other, so each pair of submissions needs one for itself, in each slot; a fence is all that the CPU can wait for,
-and has to be reset. [`timelines.py`](timelines.py) has one counter for each queue: everybody waits for a value of it,
-and how many do, or how late, makes no difference. Who else needs the field, a third queue say, costs nothing more; with
-binary semaphores the kernel would have to signal one more, and somebody to wait for it in each frame.
+by one other, so each pair of submissions needs its own, in each slot. The CPU can wait only for a fence, which has to
+be reset. [`timelines.py`](timelines.py) has one counter for each queue: every wait is for a value of it, and the number
+of waits and their times make no difference. Another reader of the field, a third queue for example, costs nothing more.
+With binary semaphores the kernel would have to signal one more, and some submission to wait for it in each frame.
 
-All ways draw the same bits. `strata run -v` shows what each of them takes: objects, waits, and the CPU's nanoseconds
-for waiting and for submitting. Speed is no argument for either: on Mesa's software driver a wait that is over takes
-6 us by a fence and 12 us by a timeline, most of it Python, and both submissions of a frame 110 us in either way (220 us
-with `way=timelines-1.2`, the older call, whose structs are made anew for each). What is gained is that there is less to
-get wrong. Devices without timelines could pace their frames by fences like this; those with Vulkan 1.2 all have them,
-which is why the chapter's renderer has no other way.
+All ways draw the same bits. `strata run -v` shows the costs of each: objects, waits, and the CPU's nanoseconds for
+waiting and for submitting. Speed is no argument for either. On Mesa's software driver a wait that is over takes 6 us by
+a fence and 12 us by a timeline, most of it Python. Both submissions of a frame take 110 us in either way (220 us with
+`way=timelines-1.2`, the older call, whose structs are made again for each). The gain is that less can go wrong. Devices
+without timelines could pace their frames by fences like this. Those with Vulkan 1.2 all have timelines, so the
+chapter's renderer has no other way.
 """
 
 from __future__ import annotations
@@ -48,10 +48,11 @@ class Settings:
 
 @dataclass
 class PaceWork(Work):
-    """What pacing took: `wait_ns` and `submit_ns` of the CPU, the first with the time that the GPU still needed.
+    """The costs of pacing: `wait_ns` and `submit_ns` of the CPU, the first including the time that the GPU still
+    needed.
 
-    `objects` are semaphores and fences that exist. `cpu_waits` and `queue_waits` are what the CPU and the queues waited
-    for in this frame, `calls` those with which it was paced and submitted.
+    `objects` are existing semaphores and fences. `cpu_waits` and `queue_waits` are the waits of the CPU and of the
+    queues in this frame, `calls` the calls for pacing and submission.
     """
 
     wait_ns: int = 0

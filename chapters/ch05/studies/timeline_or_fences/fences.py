@@ -1,8 +1,8 @@
 """Frames paced as before Vulkan 1.2: a fence for each slot, and for each slot a semaphore for each pair of submissions.
 
-A binary semaphore goes back to "no" when somebody has waited for it. So each has one who signals it and one who waits,
-in turns; a second one who waits would need a second semaphore. A fence stays at "yes" until it is reset, which has to
-be done before each submission, and not earlier: one that was reset for nothing would never be signalled again.
+A wait resets a binary semaphore. So each has one submission that signals it and one that waits for it, in turns; a
+second wait would need a second semaphore. A fence stays signalled until it is reset. It must be reset before each
+submission, and not earlier: without a submission after the reset it would never be signalled again.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ FOREVER = 2**64 - 1
 
 
 class Fences:
-    """Three objects for each slot: whether its kernel is done, whether it is drawn, and whether the GPU has left it."""
+    """Three objects for each slot: a semaphore for its kernel, one for its picture, and a fence for the CPU."""
 
     objects = 3 * SLOTS
 
@@ -63,7 +63,7 @@ class Fences:
         return 1
 
     def submit(self, slot: Slot) -> None:
-        """Submit; the first frame has none before it that would have signalled."""
+        """Submit both command buffers; the kernel of the first frame has no frame before it to wait for."""
         fn, fences = self._device.fn, self._fences[slot.index]
         vk.check(fn.vkResetFences(self._device.handle, 1, fences), "vkResetFences")
         compute, draw = self._infos[slot.index]

@@ -19,6 +19,6 @@ void main() {
     }
     ivec2 out_from = ivec2(cell) * 2 - int(cells - 1u);
     uint far = uint(out_from.x * out_from.x + out_from.y * out_from.y);
-    // Whole numbers: the same on every GPU, and a cell of another frame is seen at once.
+    // Integers: the same on every GPU, and a cell of another frame is visible at once.
     field[cell.y * cells + cell.x] = (far / 16u - push.numbers.x) & 255u;
 }

@@ -1,4 +1,4 @@
-"""The frames of the study: each slot has commands for both queues, and a way to pace them decides the rest."""
+"""The frames of the study: each slot has commands for both queues, and a `Way` to pace them."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ class Way(Protocol):
     queue_waits: int
 
     def wait(self, slot: Slot) -> int:
-        """Wait until the GPU has left a slot; return how many waits of the CPU that took."""
+        """Wait until the GPU is done with a slot; return the number of waits of the CPU."""
 
     def submit(self, slot: Slot) -> None:
-        """Submit both command buffers of a slot: compute behind the frame before, graphics behind compute."""
+        """Submit both command buffers of a slot: compute after the frame before, graphics after compute."""
 
     def close(self) -> None:
-        """Free what it waits with."""
+        """Free its semaphores and fences."""
 
 
 class Slots:
-    """A ring of slots, as `frames.vulkan.Frames` is one, with the clock running."""
+    """A ring of slots like `frames.vulkan.Frames`, which measures the CPU's times."""
 
     def __init__(self, device: Device, queues: Queues) -> None:
         self._device = device
@@ -56,39 +56,39 @@ class Slots:
         self.cpu_waits = self.way.wait(slot)
         self.wait_ns = now_ns() - started
         fn, device = self._device.fn, self._device.handle
-        for one in (slot, slot.beside):
-            vk.check(fn.vkResetCommandPool(device, one.pool, 0), "vkResetCommandPool")
-            vk.check(fn.vkBeginCommandBuffer(one.commands, self._begin), "vkBeginCommandBuffer")
+        for frame_slot in (slot, slot.beside):
+            vk.check(fn.vkResetCommandPool(device, frame_slot.pool, 0), "vkResetCommandPool")
+            vk.check(fn.vkBeginCommandBuffer(frame_slot.commands, self._begin), "vkBeginCommandBuffer")
         slot.number = self.number
         return slot
 
     def submit(self, slot: Slot) -> None:
         """Close both command buffers and submit them."""
-        for one in (slot.beside, slot):
-            vk.check(self._device.fn.vkEndCommandBuffer(one.commands), "vkEndCommandBuffer")
+        for frame_slot in (slot.beside, slot):
+            vk.check(self._device.fn.vkEndCommandBuffer(frame_slot.commands), "vkEndCommandBuffer")
         started = now_ns()
         self.way.submit(slot)
         self.submit_ns = now_ns() - started
         self.number += 1
 
     def wait(self, slot: Slot) -> None:
-        """Wait until the GPU has left a slot."""
+        """Wait until the GPU is done with a slot."""
         self.way.wait(slot)
 
     def close(self) -> None:
-        """Free everything, after the GPU has left all slots."""
+        """Free everything, after the GPU is done with all slots."""
         for slot in self.slots:
-            for one in (slot, slot.beside):
-                self._device.destroy("VkCommandPool", one.pool)
+            for frame_slot in (slot, slot.beside):
+                self._device.destroy("VkCommandPool", frame_slot.pool)
         self.way.close()
 
 
 def stages(*names: str) -> int:
     """Return the bits of stages."""
-    found = 0
+    bits = 0
     for name in names:
-        found |= int(getattr(vk, f"VK_PIPELINE_STAGE_2_{name}_BIT"))
-    return found
+        bits |= int(getattr(vk, f"VK_PIPELINE_STAGE_2_{name}_BIT"))
+    return bits
 
 
 COMPUTE, FRAGMENT, EVERYTHING = (
@@ -99,5 +99,5 @@ COMPUTE, FRAGMENT, EVERYTHING = (
 
 
 def semaphore_info(handle: Any, stage: int) -> dict[str, Any]:
-    """Return what a submission is told of a semaphore."""
+    """Return the entry of a semaphore in a submission."""
     return {"semaphore": handle, "stageMask": stage}

@@ -1,4 +1,4 @@
-"""Frames paced by two timelines: whoever waits names a value, and nobody else has to know."""
+"""Frames paced by two timelines: each wait names a value, and the signals are the same for any number of waits."""
 
 from __future__ import annotations
 
@@ -53,13 +53,11 @@ class Timelines:
         return 1
 
     def submit(self, slot: Slot) -> None:
-        """Submit; what the frame before signalled is the last value of its timeline."""
+        """Submit both command buffers; the frame before signals the last value of its timeline."""
         compute, draw = self._infos[slot.index]
         before, slot.values = self._drawn.last, [self._drawn.next()]
         computed = self._computed.next()
-        compute.waitSemaphoreInfoCount = int(
-            before > 0
-        )  # nobody would ever reach what the first one waits for
+        compute.waitSemaphoreInfoCount = int(before > 0)  # the first frame has no value to wait for
         compute.pWaitSemaphoreInfos[0].value = before
         compute.pSignalSemaphoreInfos[0].value = draw.pWaitSemaphoreInfos[0].value = computed
         draw.pSignalSemaphoreInfos[0].value = slot.values[0]

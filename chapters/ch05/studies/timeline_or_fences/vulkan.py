@@ -46,10 +46,10 @@ class Renderer(Stage):
         self._beside = Commands(self.device)
 
     def create(self) -> None:
-        """Make the field, which there is once, and both pipelines."""
+        """Make the field, which exists once, and both pipelines."""
         usage = vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT
         field = create_buffer(self.device, 4 * CELLS**2, usage, "device", "field", families=self._families)
-        self.keep(field, lambda one: destroy_buffer(self.device, one))
+        self.keep(field, lambda resource: destroy_buffer(self.device, resource))
         defines = (("CELLS", CELLS),)
         self._kernel, self._show = self.pipelines.get(
             [

@@ -1,11 +1,11 @@
-"""Study: a kernel makes the vertices of a mesh, and makes them anew while it becomes another one.
+"""Study: a kernel makes the vertices of a mesh, and makes them again while the mesh changes its shape.
 
-Nothing of a torus knot need be stored but four numbers: a grid of invocations computes a vertex each, straight into the
-buffer from which they are drawn. Triangles join neighbours in the grid: they never change, and the CPU makes them once.
+Four numbers are all that is stored of two torus knots. A grid of invocations computes a vertex each, straight into the
+buffer that the draw reads. Triangles join neighbours in the grid: they never change, and the CPU makes them once.
 
-The mesh is one buffer, and frames follow each other on one queue. So there is a barrier on either side of the kernel:
-it may not write before the frame that went before has read, and the draw may not read before it has written. While the
-shape stands still neither is needed, and the kernel does not run: it turns by a matrix.
+The mesh is one buffer, and frames follow each other on one queue. So there is a barrier on either side of the kernel.
+The kernel may write only after the frame before has read, and the draw may read only after the kernel has written.
+While the shape stands still the kernel does not run, and needs no barrier: the mesh turns by a matrix.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class Settings:
 
 @dataclass
 class KernelWork(Work):
-    """What a frame did: `dispatches` is 0 where the mesh was still right."""
+    """What a frame did: `dispatches` is 0 if the mesh was still valid."""
 
     dispatches: int = 0
 
@@ -65,17 +65,17 @@ UNIFORM_BYTES = 2 * 64
 def check(settings: Settings) -> None:
     """Raise UserError for numbers that are no knot."""
     for p, q in (("p1", "q1"), ("p2", "q2")):
-        one, other = getattr(settings, p), getattr(settings, q)
-        common = math.gcd(one, other)
+        p_turns, q_turns = getattr(settings, p), getattr(settings, q)
+        common = math.gcd(p_turns, q_turns)
         if common > 1:
             raise UserError(
-                f"{p}={one} and {q}={other} are no knot: {common} divides both, and the curve closes too early; "
-                f"try {p}={one // common} and {q}={other // common}."
+                f"{p}={p_turns} and {q}={q_turns} are no knot: {common} divides both, and the curve closes too early; "
+                f"try {p}={p_turns // common} and {q}={q_turns // common}."
             )
 
 
 def coefficient(settings: Settings, time: float) -> float:
-    """Return how much of the second knot there is: there and back again, from `morph` on."""
+    """Return the part of the second knot: there and back again, from `morph` on."""
     way = (settings.morph + settings.speed * time) % 2.0
     return min(way, 2.0 - way)
 
@@ -89,8 +89,8 @@ def push(settings: Settings, morph: float) -> np.ndarray:
 
 
 def matrices(view: View, time: float, aspect: float) -> np.ndarray:
-    """Return what the draw reads, (2, 4, 4) float32: view_from_object and clip_from_view, columns first."""
+    """Return the uniforms of the draw, (2, 4, 4) float32: view_from_object and clip_from_view, columns first."""
     turn = (0.5 * time) % math.tau
     place = rotation(np.array([0.0, 1.0, 0.0]), turn) @ rotation(np.array([0.0, 0.0, 1.0]), turn)
-    place[:3, :3] *= 1.0 / REACH  # metres: it fits where a camera looks that was told nothing
+    place[:3, :3] *= 1.0 / REACH  # metres: it fits the view of a camera with default settings
     return np.stack([(view.view_from_world() @ place).T, view.clip_from_view(aspect).T]).astype(np.float32)

@@ -40,14 +40,14 @@ class Renderer(Stage):
     has_depth = True
 
     def create(self) -> None:
-        """Make the mesh, empty yet, its triangles, and both programs."""
+        """Make the mesh, still empty, its triangles, and both programs."""
         check(self.settings)
         along, around = self.settings.along, self.settings.around
         self._vertices = self.empty(along * around * VERTEX_BYTES, "vertices")
         triangles = indices(along, around)
         self._indices, self._count = self.filled(triangles, "triangles"), triangles.size
-        made = create_vertex_array(self.device, (), None, self._indices, "triangles")
-        self._array = self.keep(made, lambda one: self.device.destroy("vertex array", one))
+        array = create_vertex_array(self.device, (), None, self._indices, "triangles")
+        self._array = self.keep(array, lambda resource: self.device.destroy("vertex array", resource))
         self._uniforms = self.per_slot(UNIFORM_BYTES, "matrices")
         self._kernel, self._knot = self.pipelines.get(
             [
@@ -58,14 +58,14 @@ class Renderer(Stage):
         self._made_with: float | None = None
 
     def draw(self, slot: FrameSlot, view: View, time: float) -> None:
-        """Compute the vertices if they are those of another shape, and draw."""
+        """Compute the vertices if the shape has changed, and draw."""
         fn = self.device.fn
         self.work = work = KernelWork(draws=1, triangles=self._count // 3)
         morph = coefficient(self.settings, time)
         bind_buffer(self.device, "storage", 0, self._vertices)
         if morph != self._made_with:
-            # One kind of barrier on both sides: stores to buffers wait for what has read from them before it, and what
-            # reads from them behind it sees the stores.
+            # One kind of barrier on both sides: stores to buffers wait for earlier reads, and later reads see the
+            # stores.
             fn.glMemoryBarrier(gl.GL_SHADER_STORAGE_BARRIER_BIT)
             self.dispatch_over(
                 self._kernel, (self.settings.along, self.settings.around), push(self.settings, morph)
@@ -81,9 +81,9 @@ class Renderer(Stage):
         fn.glDrawElementsBaseVertex(gl.GL_TRIANGLES, self._count, gl.GL_UNSIGNED_INT, gl.NULL, 0)
 
     def mesh(self) -> np.ndarray:
-        """Return the vertices as they are after the last frame, (along, around, 8) float32: position, u, normal, v."""
-        found = self.download(self._vertices).view(np.float32)
-        return found.reshape(self.settings.along, self.settings.around, 8)
+        """Return the vertices after the last frame, (along, around, 8) float32: position, u, normal, v."""
+        vertices = self.download(self._vertices).view(np.float32)
+        return vertices.reshape(self.settings.along, self.settings.around, 8)
 
     def _exchange(self, changed: Collection[Path]) -> tuple[str, ...]:
         self._made_with = None  # another kernel makes another mesh

@@ -18,8 +18,8 @@ layout(BIND(0, 0, 0), std430) writeonly buffer Vertices_ {
 const float TAU = 6.28318530717958647692;
 const float RING = 5.0, HOLE = 3.0, TUBE = 0.5;
 
-// `times` turns in `steps` steps, of which this is one. Whole turns leave as whole numbers: the last point is the first
-// one to the bit, and no sine is asked for a large angle, where it is least precise.
+// Returns the angle after `step` of the `steps` steps of `times` turns. Whole turns are removed as integers: the last point
+// is the first one to the bit, and sines have no large arguments, where they are least precise.
 float angle(uint times, uint step, uint steps) {
     uint rest = times * step % steps;
     return TAU * (float(rest) / float(steps));
@@ -63,6 +63,6 @@ void main() {
     precise vec3 mixed = first_normal * (1.0 - morph) + second_normal * morph;
     vec3 normal = unit(dot(mixed, mixed) < 1e-12 ? first_normal : mixed);
     vec2 place = vec2(i, j) / vec2(push.grid.xy - 1u);
-    // Rows are as long as there are vertices around, whatever the number of rows.
+    // A row has the vertices around the knot, whatever the number of rows.
     vertices[i * push.grid.y + j] = Vertex(vec4(position, place.x), vec4(normal, place.y));
 }

@@ -1,7 +1,7 @@
-"""Torus knots by the CPU, in double precision: the curve, the tube around it, and the triangles between its points.
+"""Torus knots on the CPU, in double precision: the curve, the tube around it, and the triangles between its points.
 
-A (P, Q) knot goes P times around the axis of a torus while it goes Q times through its hole. P and Q without a common
-factor: with one, the curve closes early and is run through several times.
+A (P, Q) knot goes P times around the axis of a torus while it goes Q times through its hole. P and Q have no common
+factor: with one, the curve closes early and repeats.
 """
 
 from __future__ import annotations
@@ -12,24 +12,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 RING = 5.0
-"""From the axis to the middle of the torus."""
+"""Distance from the axis to the middle of the torus."""
 HOLE = 3.0
-"""From there to the knot."""
+"""Distance from there to the knot."""
 TUBE = 0.5
-"""From the knot to the surface that is drawn around it."""
+"""Distance from the knot to the surface that is drawn around it."""
 REACH = RING + HOLE + TUBE
-"""Nothing is farther from the middle."""
+"""Greatest distance from the middle."""
 
 Array = NDArray[np.float64]
 
 
 def turns_of(count: int) -> Array:
-    """Return (count,): equal parts of a turn, of which the last is 1 and is where the first one is."""
+    """Return (count,) equal parts of a turn; the last is 1, at the place of the first."""
     return np.arange(count) / (count - 1)
 
 
 def curve(p: int, q: int, u: Array) -> tuple[Array, Array]:
-    """Return the points (..., 3) of a knot and their derivative by the angle around the axis; u from 0 to 1 is all."""
+    """Return the points (..., 3) of a knot and their derivative by the angle around the axis; u is 0 to 1."""
     t, s = (
         math.tau * (p * u % 1.0),
         math.tau * (q * u % 1.0),
@@ -46,21 +46,21 @@ def curve(p: int, q: int, u: Array) -> tuple[Array, Array]:
 def tube(p: int, q: int, u: Array, v: Array) -> tuple[Array, Array]:
     """Return positions and outward unit normals, (len(u), len(v), 3) each, of a tube around a knot; v as u.
 
-    Two vectors across the curve span the circle: one is square to the curve and to the way from the middle, the other
-    to both. What leads from the curve to the surface is the normal.
+    Two vectors across the curve span the circle. The first is perpendicular to the curve and to its radius vector, the
+    second to the first and the curve. The vector from the curve to the surface is the normal.
     """
     points, along = curve(p, q, u)
-    one = _unit(np.cross(points, along))
-    other = _unit(np.cross(one, along))
+    first_axis = _unit(np.cross(points, along))
+    second_axis = _unit(np.cross(first_axis, along))
     angle = math.tau * (v % 1.0)[None, :, None]
-    normals = one[:, None] * np.sin(angle) + other[:, None] * np.cos(angle)
+    normals = first_axis[:, None] * np.sin(angle) + second_axis[:, None] * np.cos(angle)
     return points[:, None] + TUBE * normals, normals
 
 
 def morphed(knots: tuple[int, int, int, int], morph: float, u: Array, v: Array) -> tuple[Array, Array]:
-    """Return positions and unit normals between two knots (P, Q, P, Q): straight ways from one point to the other.
+    """Return positions and unit normals between two knots (P, Q, P, Q), interpolated linearly.
 
-    A mean of unit vectors is shorter than they are. Where they are opposite it is nothing, and the first one is taken.
+    A mean of unit vectors is shorter than they are. Where they are opposite it is zero, and the first one is used.
     """
     positions, normals = zip(tube(*knots[:2], u, v), tube(*knots[2:], u, v), strict=True)
     mixed = normals[0] * (1.0 - morph) + normals[1] * morph
@@ -71,8 +71,8 @@ def morphed(knots: tuple[int, int, int, int], morph: float, u: Array, v: Array) 
 def indices(along: int, around: int) -> NDArray[np.uint32]:
     """Return (2 (along - 1) (around - 1), 3) uint32: two triangles for each cell, counter-clockwise from outside.
 
-    Point (i, j) is vertex i * around + j: the axis that counts within a row is the second one. With the length of the
-    first one in its place only square grids come out right.
+    Point (i, j) is vertex i * around + j: the length of a row is that of the second axis. With the length of the first
+    one in its place only square grids are right.
     """
     i, j = np.meshgrid(np.arange(along - 1), np.arange(around - 1), indexing="ij")
     first = (i * around + j).ravel()

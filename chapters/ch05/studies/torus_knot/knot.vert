@@ -1,4 +1,4 @@
-// Study torus-knot, vertices: what the kernel wrote, at the number that the index says.
+// Study torus-knot, vertices: the kernel's vertex at the number of the index.
 
 #include "transform.glsl"
 #include "vertex.glsl"
@@ -21,6 +21,6 @@ void main() {
     vec4 position = matrix_times(frame.view_from_object, vec4(vertex.position.xyz, 1.0));
     gl_Position = matrix_times(frame.clip_from_view, position);
     out_position = position.xyz;
-    out_normal = mat3(frame.view_from_object) * vertex.normal.xyz;  // turned and scaled alike: it stays square
+    out_normal = mat3(frame.view_from_object) * vertex.normal.xyz;  // a rotation and a uniform scale: it stays perpendicular
     out_place = vec2(vertex.position.w, vertex.normal.w);
 }

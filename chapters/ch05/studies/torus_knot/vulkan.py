@@ -42,7 +42,7 @@ class Renderer(Stage):
     has_depth = True
 
     def create(self) -> None:
-        """Make the mesh, empty yet, its triangles, and both pipelines."""
+        """Make the mesh, still empty, its triangles, and both pipelines."""
         check(self.settings)
         along, around = self.settings.along, self.settings.around
         self._vertices = self.empty(along * around * VERTEX_BYTES, ["storage"], "vertices")
@@ -57,15 +57,15 @@ class Renderer(Stage):
         )
         self._computing = self.set_of(self._kernel, {0: self._vertices}, "mesh of the kernel")
         self._drawing = [
-            self.set_of(self._knot, {0: self._vertices, 1: one}, f"mesh and {one.name}")
-            for one in self._uniforms
+            self.set_of(self._knot, {0: self._vertices, 1: uniforms}, f"mesh and {uniforms.name}")
+            for uniforms in self._uniforms
         ]
-        self._before = barriers(memory=(*DRAWN, *WRITTEN))  # what was read is waited for
-        self._behind = barriers(memory=(*WRITTEN, *DRAWN))  # what was written is seen
+        self._before = barriers(memory=(*DRAWN, *WRITTEN))  # the kernel waits for earlier reads
+        self._behind = barriers(memory=(*WRITTEN, *DRAWN))  # the draw sees the writes
         self._made_with: float | None = None
 
     def draw(self, commands: Commands, view: View, time: float) -> None:
-        """Compute the vertices if they are those of another shape, and draw."""
+        """Compute the vertices if the shape has changed, and draw."""
         self.work = work = KernelWork(draws=1, triangles=self._count // 3)
         morph = coefficient(self.settings, time)
         if morph != self._made_with:
@@ -91,9 +91,9 @@ class Renderer(Stage):
         commands.end_label()
 
     def mesh(self) -> np.ndarray:
-        """Return the vertices as they are after the last frame, (along, around, 8) float32: position, u, normal, v."""
-        found = self.download(self._vertices, WRITTEN).view(np.float32)
-        return found.reshape(self.settings.along, self.settings.around, 8)
+        """Return the vertices after the last frame, (along, around, 8) float32: position, u, normal, v."""
+        vertices = self.download(self._vertices, WRITTEN).view(np.float32)
+        return vertices.reshape(self.settings.along, self.settings.around, 8)
 
     def _exchange(self, changed: Collection[Path]) -> tuple[str, ...]:
         self._made_with = None  # another kernel makes another mesh
