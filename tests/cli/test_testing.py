@@ -106,6 +106,8 @@ def test_budgets_are_for_single_tests_and_for_areas_by_variant():
     assert over_budget(common) == [], "what is no chapter has no budget but that of each test"
     assert over_budget([*quick, *quick], cold=True) == []
     assert len(over_budget([*quick, *quick, *quick], cold=True)) == 1
+    assert over_budget([*quick, *quick], shared=True) == []
+    assert len(over_budget([*quick, *quick, *quick], shared=True)) == 1
     assert len(over_budget([outcome(seconds=20.5)], cold=True)) == 1
 
 

@@ -46,6 +46,10 @@ COLD_FACTOR = 2.5
 """How much more a run may take that finds no compiled shader: the driver then compiles at each pipeline's first draw,
 which is no test's own time, and it happens once per machine (chapter 1 on Vulkan in software: 24 s warm, 43 s cold)."""
 
+SHARED_FACTOR = 2.0
+"""How much more a run may take that two processes share. On two cores each has at least one, which is half of what it
+has alone, so its tests take at most twice as long (chapter 5 on OpenGL: 26 s alone, 38 to 59 s of work shared)."""
+
 WARM_SHADERS = 500
 """A whole run leaves 1,470 compiled shaders, and trying the drivers a hundred: with fewer than this a run is cold."""
 
@@ -101,11 +105,13 @@ def is_allowed(outcome: Outcome, allowed: list[tuple[str, str]]) -> bool:
     return any(r and r in outcome.reason and fnmatch.filter(names, p) for p, r in allowed)
 
 
-def over_budget(outcomes: list[Outcome], cold: bool = False) -> list[str]:
+def over_budget(outcomes: list[Outcome], cold: bool = False, shared: bool = False) -> list[str]:
     """Return a sentence for each test and each chapter's variant that took longer than it may."""
     a_test, a_chapter, a_core = TEST_BUDGET_S, AREA_BUDGET_S, CORE_BUDGET_S
     if cold:
         a_test, a_chapter, a_core = COLD_TEST_BUDGET_S, COLD_FACTOR * a_chapter, COLD_FACTOR * a_core
+    if shared:
+        a_test, a_chapter, a_core = (SHARED_FACTOR * budget for budget in (a_test, a_chapter, a_core))
     quick = [outcome for outcome in outcomes if not outcome.long]
     texts = [
         f"{o.nodeid} took {o.seconds:.1f} s; a test may take {a_test:g} s"
@@ -193,6 +199,7 @@ class Report:
         self.skipped_files: dict[str, str] = {}  # at their import
         self.said: list[str] = []
         self._worked = 0.0
+        self.shared = False  # whether a second process ran beside this one
         self.in_ci = os.environ.get("CI") == "true"
         self.complaints: list[str] = []  # that fail a run in CI
         self.faults: list[str] = []  # that fail any run
@@ -262,7 +269,7 @@ class Report:
         outcomes = list(self.outcomes.values())
         later: Any = self.config.pluginmanager.getplugin("strata-snapshots")
         of_fork = later is not None and any(subject.is_fork for subject in later.chosen)
-        self.complaints = over_budget(outcomes, self.cold)
+        self.complaints = over_budget(outcomes, self.cold, self.shared)
         if not of_fork:  # a fork that fails says nothing of the project's features
             self._hold_to_the_table(outcomes)
         if self.in_ci:

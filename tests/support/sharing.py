@@ -129,6 +129,7 @@ class Sharing:
         if base := self.config.option.basetemp:
             given.append(f"--basetemp={base}-second")
         self._missing = {item.nodeid for item in items}
+        self._report.shared = True
         command = [sys.executable, "-P", "-m", "tests.support.sharing", *given]
         self._process = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=self.config.invocation_params.dir
