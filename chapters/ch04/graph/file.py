@@ -12,12 +12,12 @@
       "outputs": {"color_linear": "color_lit"}
     }
 
-Declarations of passes are not repeated. Every key of `reads`, `writes`, `format`, `scale` and `size` is a name that
-the pass declares; `reads` and `writes` have its name in this graph. `scale` is relative to the picture, `size`
-[width, height] in pixels. The second use of a pass needs a `name` of its own.
+Declarations of passes are not repeated. Every key of `reads`, `writes`, `format`, `scale` and `size` is a name that the
+pass declares; the values of `reads` and `writes` are the names in this graph. `scale` is relative to the picture,
+`size` [width, height] in pixels. The second use of a pass needs a `name` of its own.
 
 Errors are `GraphError`s of one sentence that begins with file:line:column. The compiler finds errors of the whole
-graph, such as a cycle; `GraphFile.where` returns the place of the passes that it names.
+graph, such as a cycle; `GraphFile.where` returns the place of a pass.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ MAX_BYTES = 1 << 20
 
 
 class Declared(Protocol):
-    """The declarations of a pass that a file needs; `why_not` is the reason to leave it out, "" if it is needed."""
+    """The declarations of a pass that a file needs; `why_not` is the reason to leave the pass out, or ""."""
 
     @property
     def name(self) -> str: ...
@@ -98,7 +98,7 @@ class GraphFile:
 
     @property
     def shown(self) -> str:
-        """The path for a message: of the chapter's own graphs from the root of the repository."""
+        """The path for messages; within the repository it is relative to the root."""
         return self.path.relative_to(ROOT).as_posix() if self.path.is_relative_to(ROOT) else str(self.path)
 
     def where(self, name: str) -> str:
@@ -135,7 +135,7 @@ class GraphFile:
 
 
 def graph_path(text: str) -> Path:
-    """Return the path for `text`: a graph of the chapter by its name, such as "deferred", or else a file."""
+    """Return the path for `text`: the name of a graph of the chapter, such as "deferred", or else a file."""
     own = GRAPHS / f"{text}.json"
     if re.fullmatch(r"[a-z_]+", text) and not Path(text).is_file():
         if not own.is_file():
@@ -224,8 +224,8 @@ def _use(entry: Field) -> Use:
         parts["enabled"].flag()
     name = parts["pass"].name()
     name = parts["name"].name() if "name" in parts else name
-    connects = {key: parts[key].names() if key in parts else {} for key in ("reads", "writes")}
-    return Use(entry, parts["pass"], name, parts.get("enabled"), **connects, **open_)
+    connections = {key: parts[key].names() if key in parts else {} for key in ("reads", "writes")}
+    return Use(entry, parts["pass"], name, parts.get("enabled"), **connections, **open_)
 
 
 def _node(
@@ -240,11 +240,11 @@ def _node(
         raise use.of.wrong(f"is {name!r}, and there is no such pass{suggest(name, declared)}")
     gpu_pass = declared[name]
     written = [access.resource for access in gpu_pass.writes]
-    taken = [word for access in (*gpu_pass.reads, *gpu_pass.writes) for word in _sources(access, gpu_pass)]
-    _check_keys(use.reads, taken, f"reads nothing that {name!r} declares")
+    sources = [word for access in (*gpu_pass.reads, *gpu_pass.writes) for word in _sources(access, gpu_pass)]
+    _check_keys(use.reads, sources, f"reads nothing that {name!r} declares")
     for fields in (use.writes, use.format, use.scale, use.size):
         _check_keys(fields, written, f"is nothing that {name!r} writes")
-    # If a pass reads its own result of the previous frame, the read gets the name of the write.
+    # If a pass reads its own result of the previous frame, the read has the name of the write.
     writes = {key: field.word() for key, field in use.writes.items()}
     reads = writes | {key: field.word() for key, field in use.reads.items()}
     why_not = gpu_pass.why_not
@@ -254,28 +254,28 @@ def _node(
         use.name,
         tuple(_connected(access, reads, reads) for access in gpu_pass.reads),
         tuple(
-            _connected(_opened(use, access, formats, externals), writes, reads) for access in gpu_pass.writes
+            _connected(_shaped(use, access, formats, externals), writes, reads) for access in gpu_pass.writes
         ),
         why_not,
     )
 
 
 def _sources(access: Access, gpu_pass: Declared) -> Iterator[str]:
-    """Give the names that a declared access takes from other passes."""
+    """Yield the names from other passes that a declared access uses."""
     if access in gpu_pass.reads:
         yield access.resource
     yield from filter(None, (access.of, access.instead))
 
 
-def _check_keys(fields: Mapping[str, Field], known: Iterable[str], says: str) -> None:
+def _check_keys(fields: Mapping[str, Field], known: Iterable[str], problem: str) -> None:
     words = set(known)
     for key, field in fields.items():
         if key not in words:
-            raise field.wrong_key(f"{says}{suggest(key, words)}")
+            raise field.wrong_key(f"{problem}{suggest(key, words)}")
 
 
 def _connected(access: Access, names: Mapping[str, str], sources: Mapping[str, str]) -> Access:
-    """Return an access under the names of this graph."""
+    """Return an access with the names of this graph."""
     if not {access.resource, access.of, access.instead} & {*names, *sources}:
         return access
     return replace(
@@ -286,10 +286,10 @@ def _connected(access: Access, names: Mapping[str, str], sources: Mapping[str, s
     )
 
 
-def _opened(use: Use, access: Access, formats: Collection[str], externals: Collection[str]) -> Access:
-    """Return what a pass writes with what the file says of its format and its size."""
+def _shaped(use: Use, access: Access, formats: Collection[str], externals: Collection[str]) -> Access:
+    """Return a declared write with the format and the size from the file."""
     name = access.resource
-    called = use.writes[name].word() if name in use.writes else name
+    name_here = use.writes[name].word() if name in use.writes else name
     fields = {
         key: mapping[name]
         for key, mapping in (("format", use.format), ("scale", use.scale), ("size", use.size))
@@ -300,16 +300,16 @@ def _opened(use: Use, access: Access, formats: Collection[str], externals: Colle
             raise field.wrong(f"sets the {key} of a buffer, which has none: leave it out")
         if access.of:
             raise field.wrong(f"is that of {access.of!r}, which it continues: set it where that is written")
-        there = access.format if key == "format" else access.size or (access.scale != 1.0 and access.scale)
-        if there:
-            raise field.wrong(f"repeats what {use.of.word()!r} declares, {brief(there)}: leave it out")
+        declared = access.format if key == "format" else access.size or (access.scale != 1.0 and access.scale)
+        if declared:
+            raise field.wrong(f"repeats what {use.of.word()!r} declares, {brief(declared)}: leave it out")
     format_, scale, size = access.format, access.scale, access.size
     if "format" in fields:
         format_ = fields["format"].format(formats)
         if (format_[0] == "d") != (access.use == "depth"):
             kind = "depth" if access.use == "depth" else "colour"
             raise fields["format"].wrong(f"is {format_!r}, and {use.of.word()!r} writes {kind} there")
-    elif not (format_ or access.of or access.bytes or called in externals):
+    elif not (format_ or access.of or access.bytes or name_here in externals):
         raise use.entry.wrong(
             f'({use.name!r}) leaves the format of {name!r} open: add "format": {{"{name}": "rgba16f"}}'
         )
@@ -321,7 +321,7 @@ def _opened(use: Use, access: Access, formats: Collection[str], externals: Colle
 
 
 def _check_producers(uses: Iterable[Use], nodes: list[Node], declared: Mapping[str, Declared]) -> None:
-    """Raise GraphError where two passes of a frame write one name."""
+    """Raise GraphError if two passes of a frame write one name."""
     first: dict[str, Use] = {}
     for use, node in zip(uses, nodes, strict=True):
         if node.why_not:
@@ -340,7 +340,7 @@ def _check_producers(uses: Iterable[Use], nodes: list[Node], declared: Mapping[s
 def _check_sources(
     uses: Iterable[Use], nodes: list[Node], declared: Mapping[str, Declared], externals: Collection[str]
 ) -> None:
-    """Raise GraphError where a pass of the frame reads, or continues, what no pass writes."""
+    """Raise GraphError if a pass of the frame reads or continues a name that no pass writes."""
     known = _known(nodes, externals)
     for use, node in zip(uses, nodes, strict=True):
         for field in use.reads.values():
@@ -348,9 +348,9 @@ def _check_sources(
         if node.why_not:
             continue
         gpu_pass = declared[use.of.word()]
-        taken = [(access.resource, "reads") for access in node.reads]
-        taken += [(access.of, "continues") for access in (*node.reads, *node.writes) if access.of]
-        for name, does in taken:
+        needed = [(access.resource, "reads") for access in node.reads]
+        needed += [(access.of, "continues") for access in (*node.reads, *node.writes) if access.of]
+        for name, does in needed:
             if name not in known:
                 near = suggest(name, known)
                 end = "" if near.endswith("?") else ': add one that does, or connect another by "reads"'

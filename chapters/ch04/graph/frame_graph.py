@@ -7,8 +7,9 @@
     barriers     between dependent touches only                                          graph/sync/barriers.py
     steps        for each pass its barriers, and load and store operations               here
 
-This code is independent of the graphics API: a backend executes the steps, and states the memory requirements of
-resources. The graph is compiled when its structure changes (a pass comes or goes, or the size changes), not per frame.
+This code is independent of the graphics API: a backend executes the steps, and returns the memory requirements of
+resources. The graph is compiled when its structure changes (a pass is added or removed, or the size changes), not per
+frame.
 """
 
 from __future__ import annotations
@@ -52,12 +53,12 @@ def compile_graph(
 
     `outputs` are the names that are needed after the frame, or a mapping from outputs to names.
     `externals` are resources with another owner. `requirements` returns the memory requirements of a resource (by
-    default the size of its texels). `alias` lets transients share memory; the resources in `keep` never do, and are
-    still valid after the frame. Raises GraphError with one sentence that names the passes.
+    default the size of its texels). `alias` lets transients share memory; the resources in `keep` never do, and stay
+    valid after the frame. Raises GraphError with one sentence that names the passes.
     """
     externals = externals or {}
-    asked = dict(outputs) if isinstance(outputs, Mapping) else {name: name for name in outputs}
-    wiring = connect(nodes, asked, externals)
+    requested = dict(outputs) if isinstance(outputs, Mapping) else {name: name for name in outputs}
+    wiring = connect(nodes, requested, externals)
     resources, touches = _resources(wiring, size, externals, set(keep))
     layouts = {
         name: {resource: touch.layout for resource, touch in used.items()} for name, used in touches.items()
@@ -100,7 +101,7 @@ def compile_graph(
 # --- resources --------------------------------------------------------------------------------------------------------
 
 
-class _Found:
+class _Facts:
     """The declarations of one resource, gathered over all of its names."""
 
     def __init__(self) -> None:
@@ -114,10 +115,10 @@ def _resources(
     wiring: Wiring, size: tuple[int, int], externals: Mapping[str, External], keep: Collection[str]
 ) -> tuple[dict[str, Resource], dict[str, dict[str, Touch]]]:
     """Return the resources by name, and for each pass its touch of each resource."""
-    gathered: dict[str, _Found] = {}
+    gathered: dict[str, _Facts] = {}
     for node in wiring.nodes:
         for access, writes in (*((a, False) for a in node.reads), *((a, True) for a in node.writes)):
-            facts = gathered.setdefault(wiring.roots[access.resource], _Found())
+            facts = gathered.setdefault(wiring.roots[access.resource], _Facts())
             facts.uses.add(f"copy_{'target' if writes else 'source'}" if access.use == "copy" else access.use)
             facts.drawn |= writes and access.use in ("color", "depth")
             facts.previous |= access.previous
@@ -136,7 +137,7 @@ def _resources(
 
 
 def _resource(
-    name: str, facts: _Found, size: tuple[int, int], external: External | None, kept: bool
+    name: str, facts: _Facts, size: tuple[int, int], external: External | None, kept: bool
 ) -> Resource:
     names = tuple(sorted(facts.names, key=lambda alias: (alias != name, alias)))
     uses = frozenset(facts.uses)
@@ -184,7 +185,7 @@ def texels(resource: Resource) -> Requirement:
 
 
 def bytes_of(format: str) -> int:
-    """Return the bytes of a texel from the name of its format: bits per channel times channels ('rgba16f': 8)."""
+    """Return the bytes of a texel from the name of its format: channels times bits per channel ('rgba16f': 8)."""
     packed = {"d32f": 4, "d16": 2, "rgb10a2": 4, "r11g11b10f": 4}
     if format in packed:
         return packed[format]
@@ -209,19 +210,19 @@ def _touches(node: Node, wiring: Wiring, resources: Mapping[str, Resource]) -> d
         ):
             what = "a buffer" if buffer else "an image"
             raise GraphError(f"'{node.name}' uses '{access.resource}' as '{access.use}', but it is {what}.")
-        whole = (resources[name].format or "").endswith("ui")
-        if access.use == "sampled" and whole and not (access.format or "").endswith("ui"):
+        is_integer = (resources[name].format or "").endswith("ui")
+        if access.use == "sampled" and is_integer and not (access.format or "").endswith("ui"):
             raise GraphError(
                 f"'{node.name}' samples '{access.resource}', which holds whole numbers, and does not say so."
             )
         touch = touch_of(access, node.kind, writes, buffer)
         name += PREVIOUS * access.previous
-        both = merged(touches[name], touch) if name in touches else touch
-        if both is None:
+        combined = merged(touches[name], touch) if name in touches else touch
+        if combined is None:
             raise GraphError(
                 f"'{node.name}' uses '{access.resource}' in two ways at once, of which each wants another layout."
             )
-        touches[name] = both
+        touches[name] = combined
     return touches
 
 
@@ -235,9 +236,9 @@ def _step(
         name = wiring.roots[access.resource]
         if access.use not in ("color", "depth"):
             continue
-        wanted = resources[name].life != "transient" or ends[name] > number
+        needed = resources[name].life != "transient" or ends[name] > number
         load = "load" if access.of else "discard" if access.clear is None else "clear"
-        target = Attachment(name, load, "store" if wanted else "discard", access.clear)  # type: ignore[arg-type]
+        target = Attachment(name, load, "store" if needed else "discard", access.clear)  # type: ignore[arg-type]
         if access.use == "color":
             colors.append(target)
         else:
@@ -259,7 +260,7 @@ def _step(
 def _size(
     node: Node, targets: Sequence[Attachment], wiring: Wiring, resources: Mapping[str, Resource]
 ) -> tuple[int, int] | None:
-    """Return the common size of the attachments; without attachments, that of the first image that the pass writes."""
+    """Return the common size of the attachments, or without attachments the size of the first written image."""
     for target in targets[1:]:
         first, other = resources[targets[0].resource], resources[target.resource]
         if (first.size, first.samples) != (other.size, other.samples):

@@ -1,7 +1,7 @@
 """A JSON parser whose values keep their places, so that errors about a value can name file, line and column.
 
-Python's `json` has places for syntax errors, and none for values that are well formed and wrong. So this module parses
-lists and objects, and leaves strings, numbers, true, false and null to `json`.
+Python's `json` has places for syntax errors, but not for well-formed values. So this module parses lists and objects,
+and leaves strings, numbers, true, false and null to `json`.
 """
 
 from __future__ import annotations
@@ -76,21 +76,21 @@ class _Parser:
         return value
 
     def next(self) -> str:
-        """Return the next character that is no space, without passing it; "" at the end."""
+        """Return the next character that is no space, without consuming it; "" at the end."""
         spaces = _SPACE.match(self.text, self.at)
         assert spaces is not None, "it matches no space too"
         self.at = spaces.end()
         return self.text[self.at : self.at + 1]
 
     def expect(self, what: str) -> bool:
-        """Pass the next character if it is one of `what`; return whether it is the last of these."""
-        sign = self.next()
-        if not sign or sign not in what:
+        """Consume the next character, which is one of `what`; return whether it is the last of `what`."""
+        char = self.next()
+        if not char or char not in what:
             self.refuse_comment()
-            wanted = " or ".join(repr(sign) for sign in what)
-            raise JsonError(f"{wanted} is missing before {self.seen()}", self.at)
+            expected = " or ".join(repr(char) for char in what)
+            raise JsonError(f"{expected} is missing before {self.seen()}", self.at)
         self.at += 1
-        return sign == what[-1]
+        return char == what[-1]
 
     def seen(self) -> str:
         """Return the text at the current place, for a message."""
@@ -98,21 +98,21 @@ class _Parser:
         return repr(word[0]) if word else "the end of the file"
 
     def value(self, key_at: int | None = None) -> Value:
-        """Pass one value and return it."""
-        sign, at = self.next(), self.at
+        """Parse one value and return it."""
+        char, at = self.next(), self.at
         key_at = at if key_at is None else key_at
-        if sign not in ("{", "["):
+        if char not in ("{", "["):
             return Value(self.scalar(), at, key_at)
         if self.depth == DEEPEST:
             raise JsonError(f"more than {DEEPEST} lists and objects are inside one another", at)
         self.depth += 1
         self.at += 1
-        value_ = Value(self.members() if sign == "{" else self.items(), at, key_at)
+        value_ = Value(self.members() if char == "{" else self.items(), at, key_at)
         self.depth -= 1
         return value_
 
     def items(self) -> tuple[Value, ...]:
-        """Pass the items of a list and its end; return them."""
+        """Parse the items of a list and its end; return the items."""
         items: list[Value] = []
         if self.next() == "]":
             self.at += 1
@@ -124,7 +124,7 @@ class _Parser:
             self.refuse_end("]")
 
     def members(self) -> dict[str, Value]:
-        """Pass the members of an object and its end; return them. A repeated key is an error."""
+        """Parse the members of an object and its end; return the members. A repeated key is an error."""
         members: dict[str, Value] = {}
         if self.next() == "}":
             self.at += 1
@@ -145,18 +145,18 @@ class _Parser:
             self.refuse_end("}")
 
     def refuse_comment(self) -> None:
-        """Raise JsonError at a comment, which other languages have and JSON does not."""
+        """Raise JsonError at a comment: JSON has none."""
         if self.text.startswith(("//", "/*", "#"), self.at):
             raise JsonError("it has no comments", self.at)
 
-    def refuse_end(self, sign: str) -> None:
-        """Raise JsonError if a list or an object ends behind a comma, as Python allows and JSON does not."""
+    def refuse_end(self, char: str) -> None:
+        """Raise JsonError if a list or an object ends after a comma, which JSON does not allow."""
         at = self.at
-        if self.next() == sign:
-            raise JsonError(f"the comma has nothing behind it but {sign!r}", self.text.rindex(",", 0, at))
+        if self.next() == char:
+            raise JsonError(f"the comma has nothing behind it but {char!r}", self.text.rindex(",", 0, at))
 
     def scalar(self) -> bool | int | float | str | None:
-        """Pass a text, a number, true, false or null, and return it."""
+        """Parse a text, a number, true, false or null, and return it."""
         at = self.at
         self.refuse_comment()
         try:
@@ -164,11 +164,11 @@ class _Parser:
         except json.JSONDecodeError as error:
             if error.msg == "Expecting value":
                 raise JsonError(f"a value is missing before {self.seen()}", at) from None
-            said = error.msg[:1].lower() + error.msg[1:].removesuffix(" at")
-            raise JsonError(f"{said} in a text", error.pos) from None
-        except ValueError as error:  # NaN, Infinity, and more digits than Python turns into a number
-            known = str(error) if "no number" in str(error) else "a number has too many digits"
-            raise JsonError(known, at) from None
-        if isinstance(content, str) and any("\ud800" <= sign <= "\udfff" for sign in content):
+            reason = error.msg[:1].lower() + error.msg[1:].removesuffix(" at")
+            raise JsonError(f"{reason} in a text", error.pos) from None
+        except ValueError as error:  # NaN, Infinity, and more digits than Python converts
+            problem = str(error) if "no number" in str(error) else "a number has too many digits"
+            raise JsonError(problem, at) from None
+        if isinstance(content, str) and any("\ud800" <= char <= "\udfff" for char in content):
             raise JsonError("a text holds half a character (one \\ud800 to \\udfff alone)", at)
         return content

@@ -61,7 +61,7 @@ class _Connector:
         self._left_out: dict[str, str] = {}
         self._instead: dict[
             str, tuple[str, str]
-        ] = {}  # name: (its writer, which is left out; the name that readers get)
+        ] = {}  # name: (its writer, which is left out; the name in its place)
         self._absent: dict[str, list[str]] = {}  # name: all passes that would write it
         for node in sorted(nodes, key=lambda node: node.name):
             if node.name in self._nodes or node.name in self._left_out:
@@ -70,9 +70,9 @@ class _Connector:
                 self._left_out[node.name] = node.why_not
                 for access in node.writes:
                     self._absent.setdefault(access.resource, []).append(node.name)
-                    stands_in = access.instead or access.of
-                    if stands_in or access.resource not in self._instead:
-                        self._instead[access.resource] = (node.name, stands_in)
+                    replacement = access.instead or access.of
+                    if replacement or access.resource not in self._instead:
+                        self._instead[access.resource] = (node.name, replacement)
                 continue
             self._nodes[node.name] = node
             for access in node.writes:
@@ -109,7 +109,7 @@ class _Connector:
     # --- names ---
 
     def _resolve(self, name: str, reader: str) -> str:
-        """Return the name to read in place of `name`; "" if its writer is left out without a replacement."""
+        """Return the name that a reader of `name` reads; "" if the writer is left out without a replacement."""
         seen: list[str] = []
         while name not in self._writer and name not in self._externals:
             if name not in self._instead:
@@ -130,18 +130,18 @@ class _Connector:
         return name
 
     def _resolved(self, node: Node) -> Node:
-        """Return the node with replaced names; a lost name stays, and is an error only if the node is needed."""
-        who = f"'{node.name}'"
+        """Return the node with replaced names; a lost name stays, and is an error only if the frame needs the node."""
+        quoted = f"'{node.name}'"
         resolved = node
         if any(access.resource not in self._writer for access in node.reads):
-            reads = (replace(a, resource=self._resolve(a.resource, who) or a.resource) for a in node.reads)
+            reads = (replace(a, resource=self._resolve(a.resource, quoted) or a.resource) for a in node.reads)
             resolved = replace(resolved, reads=tuple(reads))
         if any(access.of and access.of not in self._writer for access in node.writes):
-            writes = (replace(a, of=a.of and (self._resolve(a.of, who) or a.of)) for a in node.writes)
+            writes = (replace(a, of=a.of and (self._resolve(a.of, quoted) or a.of)) for a in node.writes)
             resolved = replace(resolved, writes=tuple(writes))
         for name in inputs(resolved):
             if self._writer.get(name) == node.name:
-                raise GraphError(f"{who} reads '{name}', which it writes itself.")
+                raise GraphError(f"{quoted} reads '{name}', which it writes itself.")
         return resolved
 
     # --- needed passes ---
@@ -164,7 +164,7 @@ class _Connector:
                 continue
             live.add(name)
             node = self._nodes[name]
-            # A history makes no edge within the frame, but its writer has to run in every frame.
+            # A history adds no edge within the frame, but its writer has to run in every frame.
             for read in (*inputs(node), *(access.resource for access in node.reads if access.previous)):
                 writer = self._writer.get(read)
                 if writer is not None:
@@ -186,7 +186,7 @@ class _Connector:
 
     def _edges(self, nodes: Sequence[Node]) -> Iterator[Edge]:
         readers: dict[str, list[str]] = {}
-        goes_on: dict[str, str] = {}
+        continued_by: dict[str, str] = {}
         for node in nodes:
             for name in dict.fromkeys(inputs(node)):
                 readers.setdefault(name, []).append(node.name)
@@ -194,23 +194,23 @@ class _Connector:
                     yield Edge(self._writer[name], node.name, name, "reads")
             for access in node.writes:
                 if access.of:
-                    other = goes_on.setdefault(access.of, node.name)
+                    other = continued_by.setdefault(access.of, node.name)
                     if other != node.name:
                         raise GraphError(
                             f"'{other}' and '{node.name}' both go on with '{access.of}': one has to go on with "
                             "what the other writes."
                         )
         # Readers of the old contents run before the pass that overwrites it.
-        for name, writer in goes_on.items():
+        for name, writer in continued_by.items():
             for reader in readers[name]:
                 if reader != writer:
                     yield Edge(reader, writer, name, "replaces")
         for node in nodes:
             for access in node.reads:
-                if access.previous and access.resource in goes_on:
+                if access.previous and access.resource in continued_by:
                     raise GraphError(
                         f"'{node.name}' reads what the frame before left in '{access.resource}', but "
-                        f"'{goes_on[access.resource]}' writes over it: read its name for it."
+                        f"'{continued_by[access.resource]}' writes over it: read its name for it."
                     )
 
     def _roots(self, nodes: Sequence[Node]) -> dict[str, str]:

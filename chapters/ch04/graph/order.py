@@ -1,9 +1,9 @@
 """The order of the passes of a frame: topological, deterministic, with few layout transitions.
 
 Kahn's algorithm: a pass is ready when all its predecessors are placed. Of the ready passes, the one with the fewest
-layout transitions comes first; among equals the name decides, so the order of declaration has no effect. The cost of a
-pass is computed again only when the layout of one of its resources changed. So a thousand passes take about fifty times
-as long as twenty.
+layout transitions comes first. Ties are broken by name, so the order of declaration has no effect. The cost of a
+pass is computed again only when the layout of one of its resources changes. So a thousand passes take about fifty
+times as long as twenty.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from .types import Edge, GraphError
 def order(names: Sequence[str], edges: Sequence[Edge], layouts: Mapping[str, Mapping[str, str]]) -> list[str]:
     """Return the names in a topological order.
 
-    `layouts` has the required layout by pass and resource; an unused resource is in no layout.
+    `layouts` has the required layout by pass and resource; before its first use a resource has no layout.
     Raises GraphError with the names along the cycle if the edges form one.
     """
     after: dict[str, set[str]] = defaultdict(set)
@@ -39,22 +39,22 @@ def order(names: Sequence[str], edges: Sequence[Edge], layouts: Mapping[str, Map
     heapq.heapify(heap)
     ordered = []
     while heap:
-        was, name = heapq.heappop(heap)
-        if name not in ready or was != cost(name):
+        queued, name = heapq.heappop(heap)
+        if name not in ready or queued != cost(name):
             continue  # an outdated cost: the heap has a newer one
         ready.discard(name)
         ordered.append(name)
-        woken = set()
+        updated = set()
         for resource, layout in layouts[name].items():
             if now.get(resource) != layout:
                 now[resource] = layout
-                woken.update(ready.intersection(users[resource]))
+                updated.update(ready.intersection(users[resource]))
         for follower in after[name]:
             waits[follower] -= 1
             if not waits[follower]:
                 ready.add(follower)
-                woken.add(follower)
-        for other in woken:
+                updated.add(follower)
+        for other in updated:
             heapq.heappush(heap, (cost(other), other))
     if len(ordered) < len(names):
         raise GraphError(_circle(set(names).difference(ordered), edges))

@@ -1,4 +1,4 @@
-"""The types of the frame graph: the declarations of passes, and the compiled frame. They name no graphics API.
+"""The types of the frame graph: the declarations of passes, and the compiled frame, for any graphics API.
 
     Node       a declared pass: its name, its reads and its writes
     Resource   an image or a buffer, which may have several names
@@ -8,7 +8,7 @@
     Graph      the compiled frame, which a backend executes
 
 A *name* stands for the result of one pass. A pass that draws over an older result writes a new name, which continues
-the old one (`Access.of`). Both are names of the same *resource*, and the first one is the name of the resource.
+the old name (`Access.of`). Both are names of the same *resource*, and the first name is the name of the resource.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class GraphError(UserError):
 
 @dataclass(frozen=True)
 class Node:
-    """A declared pass. `why_not` is the reason to leave the pass out of the frame; "" if it is part of it."""
+    """A declared pass. `why_not` is the reason to leave the pass out of the frame, or ""."""
 
     name: str
     reads: tuple[Access, ...] = ()
@@ -90,7 +90,7 @@ class Resource:
     bytes: int = 0
     samples: int = 1
     uses: frozenset[str] = frozenset()
-    """All uses over all of its names: a backend creates the resource for these."""
+    """All uses, over all of its names: a backend creates the resource for these uses."""
 
 
 @dataclass(frozen=True)
@@ -111,8 +111,8 @@ UNTOUCHED = Touch("undefined", frozenset(), frozenset())
 class Barrier:
     """The dependency between two touches of `resource`: execution, visibility, and a layout transition.
 
-    With `discard` the content is undefined afterwards. `before` is then the last touch of the memory, perhaps by
-    another resource that shared it: `instead_of` has the names of that one.
+    With `discard` the old contents are lost. `before` is then the last touch of the memory. If other resources that
+    share the memory had it before, `instead_of` has their names.
     """
 
     resource: str
@@ -126,7 +126,7 @@ class Barrier:
 class Attachment:
     """An attachment of a pass with its load and store operations.
 
-    `store` is "none" for a depth that is only tested: nothing is written, so other passes may read it meanwhile.
+    `store` is "none" for a depth that is only tested: nothing is written, so other passes may read it at the same time.
     """
 
     resource: str
@@ -213,9 +213,9 @@ class Graph:
     """The passes that are left out of the frame, each with the reason."""
     memory: Memory
     prologue: tuple[Barrier, ...]
-    """Barriers before the first frame, after which lasting resources are in the state in which frames leave them."""
+    """Barriers before the first frame: they bring lasting resources into the state in which frames leave them."""
     epilogue: tuple[Barrier, ...] = ()
-    """Barriers after the last step: each external goes back to its expected touch."""
+    """Barriers after the last step: they bring each external into its required touch."""
     missing: tuple[str, ...] = ()
     """Requested outputs that no pass of this frame writes."""
     size: tuple[int, int] = (1, 1)
@@ -240,4 +240,4 @@ class Graph:
 
 
 Requirements = Callable[[Resource], Requirement]
-"""Returns the memory requirements of a resource before it exists; each backend has such a function."""
+"""A function that returns the memory requirements of a resource before it exists; each backend has one."""

@@ -1,1 +1,1 @@
-"""The frame graph: passes that declare what they read and write, compiled into a frame."""
+"""The frame graph: declared passes, compiled into a frame."""

@@ -1,4 +1,4 @@
-"""Checks of passes and outputs before they become a graph; each error is one sentence."""
+"""Checks of passes and outputs before compilation; each error is one sentence."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ def check_name(name: Any, known: Collection[str]) -> None:
 
 def check_readers(readers: Any, known: Collection[str]) -> None:
     """Raise GraphError unless `readers` has, by pass, new names by old ones."""
-    good = isinstance(readers, Mapping) and all(
+    valid = isinstance(readers, Mapping) and all(
         isinstance(names, Mapping) and all(isinstance(name, str) for pair in names.items() for name in pair)
         for names in readers.values()
     )
-    if not good:
+    if not valid:
         raise GraphError(
             f'{readers!r} has no names by pass and old name: write {{"tonemap": {{"color_focused": "color_sharp"}}}}.'
         )
@@ -65,18 +65,18 @@ def check_pass(pass_: Any, formats: Collection[str]) -> None:
 
 def check_access(access: Access, name: str, formats: Collection[str]) -> None:
     """Raise GraphError for an invalid access."""
-    said = f"The pass '{name}' declares '{access.resource}'"
+    text = f"The pass '{name}' declares '{access.resource}'"
     if access.use not in USES:
-        raise GraphError(_ended(f"{said} as '{access.use}', which is no use{suggest(str(access.use), USES)}"))
+        raise GraphError(_ended(f"{text} as '{access.use}', which is no use{suggest(str(access.use), USES)}"))
     if access.format is not None and access.format not in formats:
         raise GraphError(
-            _ended(f"{said} in the format '{access.format}'{suggest(str(access.format), formats)}")
+            _ended(f"{text} in the format '{access.format}'{suggest(str(access.format), formats)}")
         )
     if not (math.isfinite(access.scale) and 0 < access.scale <= 8):
-        raise GraphError(f"{said} at {access.scale} times the picture's size: above 0 and at most 8 can be.")
+        raise GraphError(f"{text} at {access.scale} times the picture's size: above 0 and at most 8 can be.")
     if access.size is not None and not all(1 <= side <= 32768 for side in access.size):
         raise GraphError(
-            f"{said} with {access.size[0]}x{access.size[1]} pixels: each side must be 1 to 32768."
+            f"{text} with {access.size[0]}x{access.size[1]} pixels: each side must be 1 to 32768."
         )
 
 

@@ -14,10 +14,10 @@ from .json_places import Value, brief, line_and_column
 from .types import GraphError
 
 MAX_SIDE, MAX_SCALE = 16384, 8.0
-"""The largest side of an image in pixels, and the largest factor on the picture's."""
+"""The largest side of an image in pixels, and the largest scale relative to the picture."""
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]{0,63}")
-"""Names become labels, keys of counters and parts of the names of files."""
+"""Names become labels, keys of counters and parts of file names."""
 
 
 @dataclass(frozen=True)
@@ -34,18 +34,18 @@ class Field:
         """The line in which the value begins."""
         return line_and_column(self.text, self.value.at)[0]
 
-    def wrong(self, says: str, at: int | None = None) -> GraphError:
-        """Return the error whose sentence is place, field and `says`, which may end as `suggest` does.
+    def wrong(self, problem: str, at: int | None = None) -> GraphError:
+        """Return the error with the sentence: place, field and `problem`, which may end in a suggestion.
 
         The place is that of the value, or of the character of index `at`.
         """
         line, column = line_and_column(self.text, self.value.at if at is None else at)
-        end = "" if says.endswith("?") else "."
-        return GraphError(f"{self.file}:{line}:{column}: {self.path or 'the graph'} {says}{end}")
+        end = "" if problem.endswith("?") else "."
+        return GraphError(f"{self.file}:{line}:{column}: {self.path or 'the graph'} {problem}{end}")
 
-    def wrong_key(self, says: str) -> GraphError:
-        """Return the same at the place of the value's key."""
-        return self.wrong(says, self.value.key_at)
+    def wrong_key(self, problem: str) -> GraphError:
+        """Return the same error with the place of the value's key."""
+        return self.wrong(problem, self.value.key_at)
 
     def _is(self, kind: type, called: str) -> Any:
         if type(self.value.content) is not kind:
@@ -56,8 +56,8 @@ class Field:
         """Return an object's values by key; raise GraphError for a key that is not `known`."""
         fields = {}
         for key, value in self._is(dict, "an object, {...}").items():
-            shown = key if _NAME.fullmatch(key) else brief(key)
-            inner = Field(self.file, self.text, f"{self.path}.{shown}".lstrip("."), value)
+            label = key if _NAME.fullmatch(key) else brief(key)
+            inner = Field(self.file, self.text, f"{self.path}.{label}".lstrip("."), value)
             if known is not None and key not in known:
                 raise inner.wrong_key(f"is no key of this{suggest(key, known)}")
             fields[key] = inner

@@ -21,7 +21,7 @@ class Histories:
 
     def __init__(self) -> None:
         self._written: dict[str, tuple[int, Any]] = {}
-        self._of: tuple[Graph | None, dict[str, Any]] = (None, {})
+        self._cached: tuple[Graph | None, dict[str, Any]] = (None, {})
 
     def valid(self, graph: Graph, number: int, reset: str) -> frozenset[str]:
         """Return the valid histories of frame `number`, counted since the renderer was opened; none after a reset."""
@@ -48,12 +48,12 @@ class Histories:
 
     def _shapes(self, graph: Graph) -> dict[str, Any]:
         """Return format and size of each history of a graph, cached for the last graph."""
-        if self._of[0] is not graph:
+        if self._cached[0] is not graph:
             written = {name for step in graph.steps for name in step.writes}
             shapes = {
                 name: (resource.format, resource.size, resource.bytes)
                 for name, resource in graph.resources.items()
                 if resource.life == "history" and name in written
             }
-            self._of = graph, shapes
-        return self._of[1]
+            self._cached = graph, shapes
+        return self._cached[1]

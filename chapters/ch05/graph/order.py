@@ -1,9 +1,9 @@
 """The order of the passes of a frame: topological, deterministic, with few layout transitions.
 
 Kahn's algorithm: a pass is ready when all its predecessors are placed. Of the ready passes, the one with the fewest
-layout transitions comes first; among equals the name decides, so the order of declaration has no effect. The cost of a
-pass is computed again only when the layout of one of its resources changed. So a thousand passes take about fifty times
-as long as twenty.
+layout transitions comes first. Ties are broken by name, so the order of declaration has no effect. The cost of a
+pass is computed again only when the layout of one of its resources changes. So a thousand passes take about fifty
+times as long as twenty.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ def order(
 ) -> list[str]:
     """Return the names in a topological order.
 
-    `layouts` has the required layout by pass and resource; an unused resource is in no layout.
-    `eager` is a key that counts before layouts, used with several queues.
+    `layouts` has the required layout by pass and resource; before its first use a resource has no layout.
+    With several queues, `eager` ranks the ready passes; layout transitions break ties.
     Raises GraphError with the names along the cycle if the edges form one.
     """
     after: dict[str, set[str]] = defaultdict(set)
@@ -46,22 +46,22 @@ def order(
     heapq.heapify(heap)
     ordered = []
     while heap:
-        was, name = heapq.heappop(heap)
-        if name not in ready or was != cost(name):
+        queued, name = heapq.heappop(heap)
+        if name not in ready or queued != cost(name):
             continue  # an outdated cost: the heap has a newer one
         ready.discard(name)
         ordered.append(name)
-        woken = {*ready} if eager and eager.place(name) else set()
+        updated = {*ready} if eager and eager.place(name) else set()
         for resource, layout in layouts[name].items():
             if now.get(resource) != layout:
                 now[resource] = layout
-                woken.update(ready.intersection(users[resource]))
+                updated.update(ready.intersection(users[resource]))
         for follower in after[name]:
             waits[follower] -= 1
             if not waits[follower]:
                 ready.add(follower)
-                woken.add(follower)
-        for other in woken:
+                updated.add(follower)
+        for other in updated:
             heapq.heappush(heap, (cost(other), other))
     if len(ordered) < len(names):
         raise GraphError(_circle(set(names).difference(ordered), edges))

@@ -1,4 +1,4 @@
-"""All passes that a frame of this chapter can have, by name; which of them it has, the graph says."""
+"""All passes of this chapter by name; the graph selects the passes of a frame."""
 
 from __future__ import annotations
 

@@ -1,10 +1,10 @@
-"""The passes of a frame: those of a graph file, without the ones that are not needed or switched off.
+"""The plan of a frame: the passes of a graph file, with changes while frames are drawn, and the compiled graph.
 
     plan = FramePlan(file, passes, outputs, handed_on, formats)
     plan.switch("depth_of_field", False)
     graph = plan.compile(size, scene, settings, memory.requirement)
 
-The plan is independent of the backend: the same file gives the same graph on both.
+The plan is independent of the backend: the same file gives the same passes on both.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ OFF = "switched off"
 
 
 def graph_name(settings: Any) -> str:
-    """Return the graph that the settings select; "auto" means deferred if that graph can show the picture.
+    """Return the name of the graph that the settings select; "auto" is deferred, or forward with multisampling.
 
-    A G-buffer holds one surface per pixel. So multisampling needs the forward graph, and so do views, which show a
-    quantity of each surface while it is drawn.
+    A view always needs forward: it shows a quantity of each surface while the surface is drawn. Multisampling needs
+    forward because a G-buffer holds one surface per pixel.
     """
     if settings.shading.view != PICTURE or (settings.graph.name == "auto" and settings.shading.msaa > 1):
         return "forward"
@@ -46,7 +46,7 @@ def graph_name(settings: Any) -> str:
 
 
 def check_samples(file: GraphFile, settings: Any) -> None:
-    """Raise UserError if a graph with a G-buffer should draw several samples per pixel."""
+    """Raise UserError for a graph with a G-buffer if the settings have several samples per pixel."""
     if "gbuffer" in file.passes.values() and settings.shading.msaa > 1:
         raise UserError(
             f"{file.path.name} has a G-buffer, which holds one sample a pixel: set msaa=1, or graph=forward."
@@ -67,8 +67,8 @@ class Declared:
 class FramePlan:
     """The passes of a frame, and the graph that follows from them.
 
-    `passes` are the passes of the chapter by name, before `create`. `outputs` has the name that each output is read
-    from; `handed_on` are the names that are copied after the frame.
+    `passes` are the passes of the chapter by name, before `create`. `outputs` has for each output the name that it is
+    read from; `handed_on` are the names that are copied after the frame.
     """
 
     def __init__(
@@ -79,16 +79,16 @@ class FramePlan:
         handed_on: Collection[str],
         formats: Collection[str],
     ) -> None:
-        self._formats, self._asked = formats, (dict(outputs), frozenset(handed_on))
+        self._formats, self._requested = formats, (dict(outputs), frozenset(handed_on))
         self._off: dict[str, str] = {}
-        self._on: set[str] = set()  # passes that the file switches off, and a user on
+        self._on: set[str] = set()  # passes that the file switches off and a user switches on
         self._inserted: dict[str, Pass] = {}
         self._swapped: dict[str, Pass] = {}
         self._readers: dict[str, Mapping[str, Mapping[str, str]]] = {}
         self.nodes: dict[str, Node] = {}
         """The nodes of the last compilation, by the names of their steps."""
         self.shown = ""
-        """The name that a user inspects: its resource shares no memory."""
+        """The name of the inspected resource, which shares no memory."""
         self.keeps_all = False
         self.kept: set[str] = set()
         self.externals: dict[str, External] = {}
@@ -97,8 +97,8 @@ class FramePlan:
         self.follow(file)
 
     def follow(self, file: GraphFile) -> None:
-        """Use another graph file; inserted, swapped and switched-off passes stay so."""
-        outputs, handed_on = self._asked
+        """Use another graph file; insertions, swaps and switched-off passes stay."""
+        outputs, handed_on = self._requested
         self.file, self.title = file, file.title
         self._on.clear()
         self.read_from, self._handed_on = {**outputs}, {*handed_on}
@@ -108,11 +108,11 @@ class FramePlan:
                 self._handed_on.add(name)
                 self.read_from[output] = name
 
-    # --- what can be changed while frames are drawn ---
+    # --- changes while frames are drawn ---
 
     @contextmanager
     def changing(self) -> Iterator[None]:
-        """Change the plan inside a `with` block; an exception restores it."""
+        """Change the plan inside a `with` block; after an exception the plan is as before."""
         before = {name: shallow(value) for name, value in vars(self).items()}
         try:
             yield
@@ -158,7 +158,7 @@ class FramePlan:
         self._swapped.pop(name, None)
 
     def implementations(self) -> dict[str, Pass]:
-        """Return the pass that carries out each step, by the name of the step."""
+        """Return the pass that executes each step, by the name of the step."""
         own = {name: self.passes[of] for name, of in self.file.passes.items()} | self._inserted
         return own | {name: pass_ for name, pass_ in self._swapped.items() if name in own}
 
@@ -176,7 +176,7 @@ class FramePlan:
                 raise GraphError(f"What takes the place of '{name}' has to {what[:-1]} {was}, {other}.")
         self._swapped[name] = pass_
 
-    # --- compiled ---
+    # --- compilation ---
 
     def needs(self, scene: Any, settings: Any) -> dict[str, bool]:
         """Return for each pass whether the scene and the settings need it."""
@@ -216,12 +216,12 @@ class FramePlan:
             nodes = [_reconnected(node, readers.get(node.name, {})) for node in nodes]
         nodes = [replace(node, why_not=self._off.get(node.name, node.why_not)) for node in nodes]
         self.externals = {name: it for pass_ in self.passes.values() for name, it in pass_.externals.items()}
-        there, copy, externals = self._copied(nodes, size)
+        outputs, copy, externals = self._copied(nodes, size)
         externals |= self.externals
         if copy.reads:  # else the frame has no output
             nodes.append(copy)
         kept = {a.resource for node in nodes for a in node.writes} if self.keeps_all else {self.shown}
-        graph = compile_graph(nodes, size, there, externals, requirements, alias, kept, queues=self._queues)
+        graph = compile_graph(nodes, size, outputs, externals, requirements, alias, kept, queues=self._queues)
         self.kept, self.externals = kept, externals
         return nodes, graph
 
@@ -244,33 +244,33 @@ class FramePlan:
             for access in self.nodes[name].writes
         }
 
-        def there(access: Access) -> Access:
+        def rerouted(access: Access) -> Access:
             name = access.resource
             while instead.get(name):
                 name = instead[name]
             return replace(access, resource=name)
 
         nodes = (self.nodes[step.name] for step in graph.steps if step.name != COPY)
-        return [replace(node, reads=tuple(map(there, node.reads))) for node in nodes]
+        return [replace(node, reads=tuple(map(rerouted, node.reads))) for node in nodes]
 
     def _copied(
         self, nodes: Sequence[Node], size: tuple[int, int]
     ) -> tuple[dict[str, str], Node, dict[str, External]]:
         """Return the available outputs, the step that copies them, and the buffers that it fills."""
-        wanted_last = sorted(
+        needed_last = sorted(
             nodes, key=lambda node: not node.why_not
-        )  # a pass that is left out does not describe a name
-        written_by = {access.resource: access for node in wanted_last for access in node.writes}
-        asked = self.read_from | {f"for {name}": name for name in self._handed_on}
-        if self.keeps_all:  # an inspection of all images takes those that exist
-            asked = {output: name for output, name in asked.items() if name in written_by}
-        wiring = connect(nodes, asked, self.externals)
+        )  # a needed pass overrides a pass that is left out
+        written_by = {access.resource: access for node in needed_last for access in node.writes}
+        requested = self.read_from | {f"for {name}": name for name in self._handed_on}
+        if self.keeps_all:  # an inspection of all images allows missing outputs
+            requested = {output: name for output, name in requested.items() if name in written_by}
+        wiring = connect(nodes, requested, self.externals)
         for output in () if self.keeps_all else wiring.missing:
-            self._check_missing(asked[output], nodes)
-        there = {output: name for output, name in self.read_from.items() if output in wiring.outputs}
+            self._check_missing(requested[output], nodes)
+        outputs = {output: name for output, name in self.read_from.items() if output in wiring.outputs}
         names = sorted({name for name in self._handed_on if f"for {name}" in wiring.outputs})
         externals = {}
-        for output in there:
+        for output in outputs:
             access = written_by[wiring.outputs[output]]
             while access.of:
                 access = written_by[access.of]
@@ -281,18 +281,18 @@ class FramePlan:
         copy = Node(
             COPY,
             tuple(Access(name, "copy") for name in names),
-            tuple(Access(name, "copy", bytes=held.bytes) for name, held in externals.items()),
+            tuple(Access(name, "copy", bytes=external.bytes) for name, external in externals.items()),
         )
-        return there, copy, externals
+        return outputs, copy, externals
 
     def _check_missing(self, name: str, nodes: Sequence[Node]) -> None:
-        """Raise GraphError if the writer of an output is switched off; else the output is merely not available."""
+        """Raise GraphError if the writer of an output is switched off; otherwise the output is only unavailable."""
         for node in nodes:
             if name in {access.resource for access in node.writes} and not self.switches[node.name]:
                 raise GraphError(f"No pass would write the output '{name}': '{node.name}' is {node.why_not}.")
 
     def _where(self, error: GraphError) -> GraphError:
-        """Return the error with the line in the file of the first pass that it names."""
+        """Return the error with the line of the first pass that it names, in the graph file."""
         for name in self.file.passes:
             if f"'{name}'" in str(error) and self.file.shown not in str(error):
                 return GraphError(f"{self.file.where(name)}: {error}")

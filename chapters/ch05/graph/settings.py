@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from common.settings import knob
 
 POISONS = ("off", "depth 0", "depth 1")
-"""What the knob `poison` chooses from: it names the depth, all else gets NaN."""
+"""The choices of the knob `poison`. Depth images get this depth, floats NaN, integers and buffers all ones."""
 
 
 @dataclass
 class GraphSettings:
-    """Which graph a frame takes, and what is kept between frames."""
+    """The settings of the frame graph: its file, memory, recordings and poison."""
 
     name: str = knob(
         "auto", "deferred, compute, forward or a file; auto: deferred, but forward with msaa", flat="graph"

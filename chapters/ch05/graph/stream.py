@@ -13,7 +13,7 @@ A new pass derives from `backends.contract.Pass`, which lists the members of a p
         writes = (Access("color_inverted", "color", format="rgba16f"),)
         ...
 
-A change that is refused raises an error of one sentence, and the frame stays as it was.
+An invalid change raises an error of one sentence, and leaves the frame unchanged.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class GraphStream(FrameStream):
     _parts: PassParts
     _settings: Settings
     graph_work: dict[str, int]
-    """What the graph has of passes, barriers and memory: part of every frame's `work`."""
+    """The counters of the graph (`Graph.counts`): part of every frame's `work`."""
     _plan: FramePlan
     _created: list[Pass]
     _materials_seen = 0
@@ -64,7 +64,7 @@ class GraphStream(FrameStream):
         self._materials_seen = self.scene.revision[Change.MATERIALS]
 
     def _adopt(self, graph: Graph) -> None:
-        """Use a graph and create the pipelines of its passes. After an error the previous graph stays."""
+        """Use a graph, and create its passes. After an error the previous graph stays."""
         implementations = self._plan.implementations()
         before = getattr(self, "passes", [])
         self.passes = [implementations[step.name] for step in graph.steps if step.name != COPY]
@@ -91,7 +91,7 @@ class GraphStream(FrameStream):
             raise
 
     def _follow_needs(self) -> None:
-        """Compile again if edited materials need other passes."""
+        """Compile again if edits of materials changed which passes are needed."""
         revision = self.scene.revision[Change.MATERIALS]
         if revision == self._materials_seen:
             return
@@ -127,7 +127,7 @@ class GraphStream(FrameStream):
 
     @property
     def nodes(self) -> list[Node]:
-        """The nodes of the frame in their order, one for each of `passes`, with the names of the graph.
+        """The nodes of the frame in order, one for each of `passes`, with the names of the graph.
 
         Reads of a pass that is left out are rerouted.
         """
@@ -140,7 +140,7 @@ class GraphStream(FrameStream):
 
     @property
     def switches(self) -> dict[str, bool]:
-        """For each pass of the graph whether it is switched on; a pass that is on may still not be needed."""
+        """Whether each pass of the graph is switched on, by name; the frame may not need a pass that is on."""
         return self._plan.switches
 
     # --- changes between two frames ---
@@ -191,9 +191,9 @@ class GraphStream(FrameStream):
                 self._frames.forget()
 
     def show_resource(self, name: str | None) -> str:
-        """Copy the resource `name` after its pass in every frame from now on; None ends that.
+        """Copy the resource `name` after its pass in every frame from now on; None ends this.
 
-        Returns its name for `Frame.image`. As long as the resource is shown, it shares no memory. Raises GraphError,
+        Returns its name for `Frame.image`. While the resource is shown, it shares no memory. Raises GraphError,
         and changes nothing, if no pass of the frame draws it.
         """
         if (name or "") != self._plan.shown:
@@ -209,11 +209,11 @@ class GraphStream(FrameStream):
 
     @property
     def shader_files(self) -> frozenset[Path]:
-        """The files of the shaders, and that of the graph."""
+        """The files of the shaders, and the graph file."""
         return super().shader_files | {self.graph_file}
 
     def _reload_graph(self, changed: Collection[Path]) -> bool:
-        """Read the graph file again if it is in `changed`; return whether it was."""
+        """Read the graph file again if it is in `changed`; return whether it is."""
         if self.graph_file not in changed:
             return False
         with self._changing():
@@ -230,4 +230,4 @@ class GraphStream(FrameStream):
         self._api.enter()
         with self._plan.changing():
             yield
-        self._last = None  # the same view makes another picture now
+        self._last = None  # the same view has another picture now

@@ -1,15 +1,15 @@
-"""The types of the frame graph: the declarations of passes, and the compiled frame. They name no graphics API.
+"""The types of the frame graph: the declarations of passes, and the compiled frame, for any graphics API.
 
     Node       a declared pass: its name, its reads and its writes
     Resource   an image or a buffer, which may have several names
     Touch      one use of a resource: image layout, pipeline stages and kinds of access
     Barrier    the dependency between two touches of a resource
     Step       a pass in the order of the frame, with its barriers and attachments
-    Batch      consecutive steps of one queue, between waiting for other queues and signalling them
+    Batch      consecutive steps of one queue in one submission
     Graph      the compiled frame, which a backend executes
 
 A *name* stands for the result of one pass. A pass that draws over an older result writes a new name, which continues
-the old one (`Access.of`). Both are names of the same *resource*, and the first one is the name of the resource.
+the old name (`Access.of`). Both are names of the same *resource*, and the first name is the name of the resource.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ class GraphError(UserError):
 
 @dataclass(frozen=True)
 class Node:
-    """A declared pass. `why_not` is the reason to leave the pass out of the frame; "" if it is part of it."""
+    """A declared pass. `why_not` is the reason to leave the pass out of the frame, or ""."""
 
     name: str
     reads: tuple[Access, ...] = ()
     writes: tuple[Access, ...] = ()
     why_not: str = ""
     queue: str = "graphics"
-    """The queue on which it runs: "compute" runs beside "graphics" if the device has two queues."""
+    """The queue of the pass: "compute" runs beside "graphics" if the device has two queues."""
 
     @property
     def kind(self) -> Literal["graphics", "compute", "copy"]:
@@ -96,7 +96,7 @@ class Resource:
     bytes: int = 0
     samples: int = 1
     uses: frozenset[str] = frozenset()
-    """All uses over all of its names: a backend creates the resource for these."""
+    """All uses, over all of its names: a backend creates the resource for these uses."""
 
 
 @dataclass(frozen=True)
@@ -117,8 +117,8 @@ UNTOUCHED = Touch("undefined", frozenset(), frozenset())
 class Barrier:
     """The dependency between two touches of `resource`: execution, visibility, and a layout transition.
 
-    With `discard` the content is undefined afterwards. `before` is then the last touch of the memory, perhaps by
-    another resource that shared it: `instead_of` has the names of that one.
+    With `discard` the old contents are lost. `before` is then the last touch of the memory. If other resources that
+    share the memory had it before, `instead_of` has their names.
     """
 
     resource: str
@@ -129,17 +129,18 @@ class Barrier:
     hand_over: tuple[str, str] | None = None
     """(source, destination) of a queue family ownership transfer of an image. The same barrier is in `Step.releases` of
     the last step on the source queue and in `Step.barriers` of the first step on the destination queue. (For a history
-    that is a step of the next frame, where the image has the other name.) The release waits for `before` and makes its
-    writes available. The acquisition follows a semaphore wait at the stages of `after`, so these are its source and
-    destination stages. Both barriers name both layouts. If the queues are of one family, there is no release, and the
-    acquisition is an ordinary barrier. In a prologue both queues are the same: the one that runs the barrier."""
+    this may be a step of the next frame, where the image has the other name.) The release waits for `before` and makes
+    its writes available. The acquisition follows a semaphore wait at the stages of `after`, so these are its source and
+    destination stages. Both barriers have both layouts. If the queues are of one family, there is no release, and the
+    acquisition is an ordinary barrier. In a prologue, two equal queues are the queue that runs the barrier, and two
+    different ones are a release, which the first frame acquires."""
 
 
 @dataclass(frozen=True)
 class Attachment:
     """An attachment of a pass with its load and store operations.
 
-    `store` is "none" for a depth that is only tested: nothing is written, so other passes may read it meanwhile.
+    `store` is "none" for a depth that is only tested: nothing is written, so other passes may read it at the same time.
     """
 
     resource: str
@@ -229,9 +230,9 @@ class Graph:
     """The passes that are left out of the frame, each with the reason."""
     memory: Memory
     prologue: tuple[Barrier, ...]
-    """Barriers before the first frame, after which lasting resources are in the state in which frames leave them."""
+    """Barriers before the first frame: they bring lasting resources into the state in which frames leave them."""
     epilogue: tuple[Barrier, ...] = ()
-    """Barriers after the last step: each external goes back to its expected touch."""
+    """Barriers after the last step: they bring each external into its required touch."""
     missing: tuple[str, ...] = ()
     """Requested outputs that no pass of this frame writes."""
     size: tuple[int, int] = (1, 1)
@@ -239,7 +240,7 @@ class Graph:
     """The resource of each output."""
     batches: tuple[Batch, ...] = ()
     """The submissions in their order; none waits for a later one. There is at least one. The last one on the graphics
-    queue contains the epilogue. Barriers of the prologue run on the graphics queue, or on the one that they name."""
+    queue contains the epilogue. Barriers of the prologue run on the graphics queue, unless `hand_over` has another."""
 
     def counts(self) -> dict[str, int]:
         """Return the counters of the graph by name, as in `frame.work`.
@@ -259,4 +260,4 @@ class Graph:
 
 
 Requirements = Callable[[Resource], Requirement]
-"""Returns the memory requirements of a resource before it exists; each backend has such a function."""
+"""A function that returns the memory requirements of a resource before it exists; each backend has one."""

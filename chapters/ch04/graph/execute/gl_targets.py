@@ -15,7 +15,7 @@ from ..types import Attachment, Step
 
 
 class Targets:
-    """The framebuffer of one step; `begin` and `end` save a tiled GPU all needless reads and writes of its memory."""
+    """The framebuffer of one step; `begin` and `end` avoid needless reads and writes of memory on tiled GPUs."""
 
     def __init__(self, context: Context, framebuffer: Framebuffer, step: Step) -> None:
         self._context = context
@@ -31,36 +31,36 @@ class Targets:
 
     def begin(self, commands: Commands) -> None:
         """Begin drawing: invalidate attachments with undefined contents, clear those with a clear value."""
-        self._give_up(self._before)
+        self._invalidate(self._before)
         commands.begin_rendering(self._rendering)
 
     def end(self) -> None:
         """Invalidate attachments that are not needed afterwards."""
-        self._give_up(self._after)
+        self._invalidate(self._after)
 
-    def _give_up(self, points: Any) -> None:
+    def _invalidate(self, points: Any) -> None:
         if points is not None:
             handle = self._rendering.target.handle
             self._context.fn.glInvalidateNamedFramebufferData(handle, len(points), points)
 
 
 def _points(chosen: Iterable[int]) -> Any:
-    """Return attachment points as an array for OpenGL, None for none."""
+    """Return attachment points as an array for OpenGL; None if there are none."""
     points = [*chosen]
     return gl.ffi.new("GLenum[]", points) if points else None
 
 
 class Framebuffers:
-    """Framebuffers by their attachments: passes that draw to the same images share one."""
+    """Framebuffers by their attachments: passes that draw to the same images share a framebuffer."""
 
     def __init__(self, context: Context) -> None:
         self._context = context
         self._framebuffers: dict[tuple[int, ...], Framebuffer] = {}
 
-    def get(self, step: Step, held: Mapping[str, Image | Buffer]) -> Framebuffer:
+    def get(self, step: Step, resources: Mapping[str, Image | Buffer]) -> Framebuffer:
         """Return the framebuffer of a step's attachments, created at first use."""
-        colors = [_image(target, held) for target in step.colors]
-        depth = None if step.depth is None else _image(step.depth, held)
+        colors = [_image(target, resources) for target in step.colors]
+        depth = None if step.depth is None else _image(step.depth, resources)
         key = (*(image.handle for image in colors), 0 if depth is None else depth.handle)
         if key not in self._framebuffers:
             self._framebuffers[key] = create_framebuffer(self._context, colors, depth, step.name)
@@ -73,7 +73,7 @@ class Framebuffers:
         self._framebuffers = {}
 
 
-def _image(target: Attachment, held: Mapping[str, Image | Buffer]) -> Image:
-    image = held[target.resource]
+def _image(target: Attachment, resources: Mapping[str, Image | Buffer]) -> Image:
+    image = resources[target.resource]
     assert isinstance(image, Image), target.resource
     return image

@@ -1,4 +1,4 @@
-"""What the executors of both APIs share: a step in one slot, and the images of others."""
+"""The common parts of the executors of both APIs: a step in one slot, and external resources."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from backends.contract import Pass
 
 @dataclass
 class ReadyStep:
-    """A step in one slot, as it is recorded; each API adds its barriers and attachments."""
+    """A step in one slot, ready to be recorded; each API adds its barriers and attachments."""
 
-    step: Any  # a `Step`, which has what an inspection asks of a pass: its name
+    step: Any  # a `Step`; an inspection reads its name
     sources: Any = field(default=None, kw_only=True)
-    """What the pass reads of other passes, bound; None where it reads nothing."""
+    """The bound results of other passes; None if the pass reads none."""
 
-    def enter(self, commands: Any, drawn_by: Pass) -> None:
-        """Give the commands what the pass reads, and let the pass record what precedes its attachments."""
+    def enter(self, commands: Any, gpu_pass: Pass) -> None:
+        """Pass the sources to the commands, and record the commands of the pass before its attachments."""
         commands.sources = self.sources
-        drawn_by.pre_render(commands)
+        gpu_pass.pre_render(commands)
 
 
 def add_externals(images: Any, externals: Callable[[Any], list[Mapping[str, Any]]] | None) -> None:
-    """Add the images and buffers of others to those of a graph, slot by slot."""
+    """Add external images and buffers to the resources of a graph, slot by slot."""
     if externals is not None:
-        for held, more in zip(images.in_slot, externals(images), strict=True):
-            held.update(more)
+        for resources, added in zip(images.in_slot, externals(images), strict=True):
+            resources.update(added)

@@ -1,4 +1,4 @@
-"""Executes a compiled frame graph on Vulkan: it derives everything that chapter code wrote between passes by hand.
+"""Executes a compiled frame graph on Vulkan: it records each pass with its barriers, attachments and descriptor sets.
 
 Each step has its structs: the barriers before it, its attachments, and the descriptor set of its reads. Recording a
 frame iterates over the steps. While the recording is valid, no code of this file runs.
@@ -47,8 +47,8 @@ class _Slot:
 class GraphExecutor:
     """A graph with its images, ready to be recorded for each slot. Close it before you open another graph.
 
-    `passes` are by the names of the graph's nodes; `externals` the images and buffers of others, by slot. `poison` is
-    the setting of that name.
+    `passes` are by the names of the graph's nodes; `externals` returns the external images and buffers of each slot.
+    `poison` is the setting of that name.
     """
 
     def __init__(
@@ -76,23 +76,23 @@ class GraphExecutor:
             self.close()
             raise
 
-    # --- created once for a graph ---
+    # --- created once for each graph ---
 
     def _ready(self, slot: int, poison: str) -> _Slot:
-        device, held, graph = self._device, self.images.in_slot[slot], self.graph
+        device, resources, graph = self._device, self.images.in_slot[slot], self.graph
         steps = [
             _Ready(
                 step,
-                dependency(step.barriers, held),
-                Targets(step, held) if step.kind == "graphics" else None,
-                Poison(device, step.barriers, held, poison) if poison != "off" else None,
+                dependency(step.barriers, resources),
+                Targets(step, resources) if step.kind == "graphics" else None,
+                Poison(device, step.barriers, resources, poison) if poison != "off" else None,
             )
             for step in graph.steps
         ]
-        return _Slot(steps, dependency(graph.epilogue, held))
+        return _Slot(steps, dependency(graph.epilogue, resources))
 
     def _begin_lasting(self) -> None:
-        """Bring what lasts from frame to frame into the state in which a frame finds it."""
+        """Bring lasting resources into the state in which the first frame finds them."""
         if self.graph.prologue:
             with submit_once(self._device) as commands:
                 for slot in range(SLOTS):
@@ -100,7 +100,7 @@ class GraphExecutor:
                     self._device.fn.vkCmdPipelineBarrier2(commands, barriers_)
 
     def _bind_sources(self, step: Step) -> None:
-        """Create the descriptor sets of a pass's reads: one binding for each read, in the declared order."""
+        """Create the descriptor sets of a pass, one for each slot: one binding for each read, in the declared order."""
         gpu_pass = self._passes[step.name]
         if gpu_pass.sources is None:
             return
@@ -109,23 +109,23 @@ class GraphExecutor:
         sampler = self._resources.sampler(Sampler(smooth, smooth, None, "clamp", "clamp"), 1.0)
         layout = gpu_pass.pipelines[0].sets[number]
         assert layout is not None, f"'{step.name}' samples what it reads"
-        wanted = []
+        contents = []
         for slot in range(SLOTS):
             images = [self.images.image(slot, name) for name in sampled]
-            held = {
+            bindings = {
                 binding: Texture(image.view, sampler, layout_of("read", image))
                 for binding, image in enumerate(images)
             }
-            wanted.append((layout, held, f"{step.name} sources, slot {slot}"))
-        self._sets[step.name] = self._descriptors.create(wanted)
+            contents.append((layout, bindings, f"{step.name} sources, slot {slot}"))
+        self._sets[step.name] = self._descriptors.create(contents)
         for ready, handle in zip(self._of(step.name), self._sets[step.name].handles, strict=True):
             ready.sources = number, vk.array("VkDescriptorSet", [handle])
 
     def _of(self, name: str) -> list[_Ready]:
-        """Return a step of each slot."""
+        """Return the step of this name in each slot."""
         return [
-            next(ready_step for ready_step in mine.steps if ready_step.step.name == name)
-            for mine in self._slots
+            next(ready_step for ready_step in slot.steps if ready_step.step.name == name)
+            for slot in self._slots
         ]
 
     def swap(self, name: str, gpu_pass: Pass) -> None:

@@ -1,1 +1,1 @@
-"""Where the images and buffers of a graph lie, and which share memory."""
+"""The images and buffers of a graph, and their places in memory."""

@@ -1,8 +1,8 @@
 """The textures and buffers of a compiled frame graph; compare vulkan_images.py.
 
 OpenGL has no placement of memory. So two resources can share memory only as one texture: they must be equal in format
-and size, with disjoint lifetimes. `graph.memory` has the savings with placement; `size` and `alone` here have the real
-ones.
+and size, with disjoint lifetimes. `graph.memory` has the sizes with placement; `size` and `alone` here are the real
+sizes.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from .images import ImagesInSlots
 
 
 def sharing(graph: Graph, alias: bool = True) -> dict[str, str]:
-    """Return for each transient the owner of its texture or buffer: itself, or one whose life has ended.
+    """Return for each transient the owner of its texture or buffer: itself, or a transient whose life has ended.
 
-    Two can share if format, size and sample count are equal, or for buffers the size. They are assigned in the order in
-    which their lives begin, and each takes a free object if there is one, so the number of objects is minimal.
+    Two can share if format, size and sample count are equal, or for buffers the size. Objects are assigned in the order
+    in which lives begin, and each transient gets a free object if there is one. So the number of objects is minimal.
     """
     lives = graph.memory.lives
     owner: dict[str, str] = {}
@@ -58,12 +58,12 @@ class GraphImages(ImagesInSlots[Image, Buffer]):
         self.alone = sum(sizes.values())
         """Bytes that the transients would take without sharing."""
         self.size = sum(sizes[owner] for owner in {*self._owner.values()})
-        """Bytes that they take."""
+        """Bytes that the transients take."""
         try:
             for resource in graph.resources.values():
                 self._make(resource)
-            for held in self.in_slot:
-                held |= {name: held[owner] for name, owner in self._owner.items()}
+            for resources in self.in_slot:
+                resources |= {name: resources[owner] for name, owner in self._owner.items()}
         except BaseException:
             self.close()
             raise
@@ -74,14 +74,14 @@ class GraphImages(ImagesInSlots[Image, Buffer]):
             return
         if resource.life == "history":
             pair = [self._create(resource, f"{name}, parity {parity}") for parity in range(SLOTS)]
-            for slot, held in enumerate(self.in_slot):
-                held[name], held[name + PREVIOUS] = pair[slot], pair[1 - slot]
+            for slot, resources in enumerate(self.in_slot):
+                resources[name], resources[name + PREVIOUS] = pair[slot], pair[1 - slot]
             return
         image_or_buffer = self._create(
             resource, ", ".join([user for user in self._owner if self._owner[user] == name] or [name])
         )
-        for held in self.in_slot:
-            held[name] = image_or_buffer
+        for resources in self.in_slot:
+            resources[name] = image_or_buffer
 
     def _create(self, resource: Resource, name: str) -> Image | Buffer:
         image_or_buffer: Image | Buffer
@@ -96,7 +96,7 @@ class GraphImages(ImagesInSlots[Image, Buffer]):
         return image_or_buffer
 
     def close(self) -> None:
-        """Free all objects; OpenGL itself waits until the GPU has used them."""
+        """Free all objects; OpenGL keeps their memory until the GPU has used it."""
         for image_or_buffer in self._objects:
             if isinstance(image_or_buffer, Image):
                 destroy_image(self._context, image_or_buffer)

@@ -19,11 +19,11 @@ class ImagesInSlots(Generic[AnImage, ABuffer]):
 
     def image(self, slot: int, name: str) -> AnImage:
         """Return the image of a resource in a slot."""
-        held = self.in_slot[slot][name]
-        assert isinstance(held, self.kind), name
-        return held
+        resource = self.in_slot[slot][name]
+        assert isinstance(resource, self.kind), name
+        return resource
 
     def by_name(self, graph: Graph) -> dict[str, AnImage]:
         """Return the images of the first slot by all of their names in the graph."""
-        held = {name: self.in_slot[0].get(of) for name, of in graph.names.items()}
-        return {name: image for name, image in held.items() if isinstance(image, self.kind)}
+        resources = {name: self.in_slot[0].get(of) for name, of in graph.names.items()}
+        return {name: image for name, image in resources.items() if isinstance(image, self.kind)}

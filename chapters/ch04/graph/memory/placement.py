@@ -1,12 +1,12 @@
 """Placement of the transients of a frame in memory: resources with disjoint lifetimes share it.
 
-A transient lives from the first to the last step that uses it. Two with overlapping lives get different bytes; all
+A transient lives from the first to the last step that uses it. Two with overlapping lives get different bytes. All
 others may share bytes, whatever their sizes and formats. Barriers order the steps of a queue, and the first barrier of
 each resource waits for the previous users of its bytes.
 
-The largest resource is placed first, each at the lowest offset where it does not overlap a placed resource that is
-alive at the same time. This is a heuristic (the problem, "dynamic storage allocation", is NP-hard). `Memory.bound` is a
-lower bound, and a test compares the two.
+Resources are placed from the largest to the smallest, each at the lowest offset where it overlaps no placed resource
+that is alive at the same time. This is a heuristic (the problem, "dynamic storage allocation", is NP-hard).
+`Memory.bound` is a lower bound, and a test compares the two.
 """
 
 from __future__ import annotations
@@ -45,12 +45,12 @@ def place_transients(
         together = np.ones((len(names),) * 2, bool)
         if alias:
             together = _together({name: lives[name] for name in largest})
-        taken: list[tuple[int, int]] = []
-        for name, others in zip(largest, together, strict=True):
-            offset = _lowest(needs[name], [taken[other] for other in np.flatnonzero(others[: len(taken)])])
-            taken.append((offset, needs[name].size))
-        offsets = {name: offset for name, (offset, _) in zip(largest, taken, strict=True)}
-        size = max(offset + size for offset, size in taken)
+        ranges: list[tuple[int, int]] = []
+        for name, near in zip(largest, together, strict=True):
+            offset = _lowest(needs[name], [ranges[other] for other in np.flatnonzero(near[: len(ranges)])])
+            ranges.append((offset, needs[name].size))
+        offsets = {name: offset for name, (offset, _) in zip(largest, ranges, strict=True)}
+        size = max(offset + size for offset, size in ranges)
         for name in names:
             places[name] = Place(len(heaps), offsets[name], needs[name].size)
         heaps.append(Heap(size, types, max(needs[name].alignment for name in names)))
@@ -65,10 +65,10 @@ def _together(lives: Mapping[str, Life]) -> np.ndarray:
     return (first[:, None] <= last) & (first <= last[:, None])
 
 
-def _lowest(need: Requirement, taken: Sequence[tuple[int, int]]) -> int:
-    """Return the lowest aligned offset at which `need` fits beside the used ranges (offset, size)."""
+def _lowest(need: Requirement, ranges: Sequence[tuple[int, int]]) -> int:
+    """Return the lowest aligned offset at which `need` fits beside `ranges` of (offset, size)."""
     offset = 0
-    for start, size in sorted(taken):
+    for start, size in sorted(ranges):
         if offset + need.size <= start:
             break
         offset = max(offset, -(-(start + size) // need.alignment) * need.alignment)
@@ -91,22 +91,22 @@ def _most_alive(lives: Mapping[str, Life], needs: Mapping[str, Requirement]) -> 
 def users_before(memory: Memory) -> dict[str, list[str]]:
     """Return for each transient the last users of its bytes before its life begins: its first use waits for them.
 
-    A transient that shares no memory has itself as its last user, in the previous frame. A resource whose bytes all
-    have later users is left out: those users waited for it.
+    A transient that shares no memory is its own last user, in the previous frame. A resource whose bytes all have later
+    users is left out: those users waited for it.
     """
     # By heap, ordered by place: (begin, end, last user of these bytes).
     owners: list[list[tuple[int, int, str]]] = [[] for _ in memory.heaps]
     users: dict[str, list[str]] = {}
     order = sorted(memory.lives, key=lambda name: memory.lives[name])
-    for name in (*order, *order):  # the first pass is the previous frame
+    for name in (*order, *order):  # the first round is the previous frame
         place = memory.places[name]
         begin, end = place.offset, place.offset + place.size
-        mine = owners[place.heap]
-        since = bisect_right(mine, begin, key=itemgetter(1))
-        until = bisect_left(mine, end, since, key=itemgetter(0))
-        met = mine[since:until]
-        before = [(low, begin, user) for low, _, user in met[:1] if low < begin]
-        behind = [(end, high, user) for _, high, user in met[-1:] if end < high]
-        mine[since:until] = [*before, (begin, end, name), *behind]
-        users[name] = sorted({user for _, _, user in met})
+        ranges = owners[place.heap]
+        since = bisect_right(ranges, begin, key=itemgetter(1))
+        until = bisect_left(ranges, end, since, key=itemgetter(0))
+        overlapped = ranges[since:until]
+        before = [(low, begin, user) for low, _, user in overlapped[:1] if low < begin]
+        behind = [(end, high, user) for _, high, user in overlapped[-1:] if end < high]
+        ranges[since:until] = [*before, (begin, end, name), *behind]
+        users[name] = sorted({user for _, _, user in overlapped})
     return users

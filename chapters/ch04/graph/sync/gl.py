@@ -6,7 +6,7 @@ store only after a barrier with the bit of that use. And a store may overtake ea
 barrier with the bit of stores is between them (OpenGL 4.5, section 7.13.2: stores "will not execute until all memory
 accesses initiated prior to the barrier complete").
 
-A barrier applies to all memory, not to one resource. So a barrier for one resource often makes another one redundant.
+A barrier applies to all memory, not to one resource. So a barrier for one resource often makes others redundant.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _IMAGE_BITS: dict[str, int] = {
     "depth": gl.GL_FRAMEBUFFER_BARRIER_BIT,
     "sampled": gl.GL_TEXTURE_FETCH_BARRIER_BIT,
     "storage": gl.GL_SHADER_IMAGE_ACCESS_BARRIER_BIT,
-    # Reading pixels is one, the blit to a window the other.
+    # Copies read pixels, or blit to a window.
     "copy": gl.GL_TEXTURE_UPDATE_BARRIER_BIT | gl.GL_FRAMEBUFFER_BARRIER_BIT,
 }
 _BUFFER_BITS: dict[str, int] = {
@@ -47,7 +47,7 @@ class _Memory:
 
 @dataclass(frozen=True)
 class _Use:
-    held: int
+    object_id: int
     bits: int
     stores: bool
 
@@ -58,9 +58,9 @@ def memory_barriers(
     """Return for each step the bits of the barrier before it, 0 for none.
 
     `passes` are by the names of the steps; `in_slot` has the objects of the resources by slot. Barriers depend on
-    objects: two transients may share one, and the next frame uses it again.
+    objects: two transients may share an object, and the next frame uses it again.
     """
-    frames = [[_uses(step, passes[step.name], held) for step in graph.steps] for held in in_slot]
+    frames = [[_uses(step, passes[step.name], resources) for step in graph.steps] for resources in in_slot]
     barriers = [0] * len(graph.steps)
     memory: dict[int, _Memory] = {}
     while True:
@@ -69,22 +69,22 @@ def memory_barriers(
             for number, uses in enumerate(frame):
                 _wait(memory, barriers[number])
                 for use in uses:
-                    barriers[number] |= _missing(memory.setdefault(use.held, _Memory()), use)
+                    barriers[number] |= _missing(memory.setdefault(use.object_id, _Memory()), use)
                 _wait(memory, barriers[number])
                 for use in uses:
-                    _note(memory[use.held], use)
+                    _note(memory[use.object_id], use)
         if barriers == before:
             return barriers
 
 
-def _uses(step: Step, gpu_pass: Any, held: Mapping[str, Image | Buffer]) -> list[_Use]:
-    """Return the uses of objects in a step; a step of kind "copy" only copies."""
+def _uses(step: Step, gpu_pass: Any, resources: Mapping[str, Image | Buffer]) -> list[_Use]:
+    """Return the uses of objects in a step; in a step of kind "copy" all are copies."""
     names = (*step.reads, *step.writes)
     copies = step.kind == "copy"
     ways = ["copy"] * len(names) if copies else [access.use for access in (*gpu_pass.reads, *gpu_pass.writes)]
     uses = []
     for number, (name, use) in enumerate(zip(names, ways, strict=True)):
-        resource = held[name]
+        resource = resources[name]
         bits = (_BUFFER_BITS if isinstance(resource, Buffer) else _IMAGE_BITS)[use]
         uses.append(_Use(id(resource), bits, use == "storage" and number >= len(step.reads)))
     return uses
@@ -98,12 +98,12 @@ def _wait(memory: Mapping[int, _Memory], bits: int) -> None:
             known.used |= bits
 
 
-def _missing(known: _Memory, use: _Use) -> int:
-    since = known.used if use.stores else known.stored
+def _missing(memory: _Memory, use: _Use) -> int:
+    since = memory.used if use.stores else memory.stored
     return 0 if since is None else use.bits & ~since
 
 
-def _note(known: _Memory, use: _Use) -> None:
-    known.used = 0
+def _note(memory: _Memory, use: _Use) -> None:
+    memory.used = 0
     if use.stores:
-        known.stored = 0
+        memory.stored = 0

@@ -1,7 +1,6 @@
 """The meaning of a declared use: image layout, pipeline stages and accesses.
 
-The words are those of Vulkan without prefixes. The OpenGL executor only needs to know which uses are shader stores. A
-use that reads and writes has both accesses.
+The terms are those of Vulkan without prefixes. A use that reads and writes has both accesses.
 """
 
 from __future__ import annotations
@@ -10,7 +9,7 @@ from backends.contract import Access
 
 from ..types import GraphError, Touch
 
-# use: (layout, stages of a pass that draws, stages of one that does not, access to read, access to write)
+# use: (layout, stages in a pass that draws, stages in another pass, access to read, access to write)
 _USES: dict[str, tuple[str, str, str, str, str]] = {
     "color": ("color", "color", "", "color_read", "color_write"),
     "depth": ("depth", "depth", "", "depth_read", "depth_write"),
@@ -25,7 +24,7 @@ _USES: dict[str, tuple[str, str, str, str, str]] = {
 def touch_of(access: Access, kind: str, writes: bool, buffer: bool = False) -> Touch:
     """Return the touch of a declared access in a pass of `kind`.
 
-    Raises GraphError for an impossible one: a sampler that writes, or an attachment in a pass that does not draw.
+    Raises GraphError for an impossible use: a sampler that writes, or an attachment in a pass that does not draw.
     """
     layout, drawing, computing, reading, writing = _USES[access.use]
     stages = access.stages or (drawing if kind == "graphics" else computing).split()
@@ -33,18 +32,18 @@ def touch_of(access: Access, kind: str, writes: bool, buffer: bool = False) -> T
         does = "writes" if writes else "reads"
         raise GraphError(f"'{access.resource}': a pass that is {kind} {does} nothing as '{access.use}'.")
     if access.use == "depth" and not writes:
-        # Tested and not written: the read-only layout, in which shaders can sample it meanwhile.
+        # Tested and not written: in the read-only layout shaders can sample it at the same time.
         return Touch("read", frozenset(stages), frozenset({reading}))
     accesses = {writing} if writes else {reading}
     if writes and (access.of or access.use in ("depth", "storage")):
-        accesses.add(reading)  # blending, the depth test, what was there before
+        accesses.add(reading)  # blending, the depth test, old contents
     if layout == "copy":
         layout = "copy_target" if writes else "copy_source"
     return Touch("" if buffer else layout, frozenset(stages), frozenset(accesses), writes)
 
 
 def merged(first: Touch, second: Touch) -> Touch | None:
-    """Return one touch for two simultaneous ones; None if they need different layouts."""
+    """Return one touch for two simultaneous touches; None if they need different layouts."""
     if first.layout != second.layout:
         return None
     return Touch(
@@ -64,7 +63,7 @@ def conflict(before: Touch, after: Touch) -> bool:
 def covers(before: Touch, after: Touch) -> bool:
     """Whether a touch of one owner needs no barrier before that of another owner.
 
-    Contents that were read are visible to the stages and accesses that read them, and to no others.
+    Contents are visible only to the stages and accesses that have read them.
     """
     known = after.stages <= before.stages and after.access <= before.access
     return not conflict(before, after) and (known or not before.stages)

@@ -1,7 +1,7 @@
 """The barriers of a frame graph as Vulkan structs: stages, accesses and layouts, one VkDependencyInfo for each pass.
 
-The layout "read" differs between colour and depth. If memory goes from one resource to another after a write, a memory
-barrier is needed as well: an image barrier covers writes through its own image, not through the image before it.
+The layout "read" differs between colour and depth. If a resource reuses memory that another one wrote, a memory barrier
+is needed as well: an image barrier covers writes through its own image, not through the other image.
 """
 
 from __future__ import annotations
@@ -60,25 +60,25 @@ def layout_of(word: str, image: Image) -> int:
 
 
 def dependency(planned: Iterable[Barrier], resources: Mapping[str, Image | Buffer]) -> Any:
-    """Return the VkDependencyInfo of barriers that stand in front of one pass; None where there are none."""
+    """Return one VkDependencyInfo for several barriers; None if there are none."""
     images, buffers, memory = [], [], []
     for barrier in planned:
         masks = _masks(barrier.before, barrier.after)
         if barrier.instead_of and barrier.before.writes:
             memory.append(masks)
-        held = resources[barrier.resource]
-        if isinstance(held, Buffer):
-            buffers.append({**masks, **_KEPT_BY_THE_QUEUE, "buffer": held.handle, "size": vk.VK_WHOLE_SIZE})
+        resource = resources[barrier.resource]
+        if isinstance(resource, Buffer):
+            buffers.append({**masks, **_NO_TRANSFER, "buffer": resource.handle, "size": vk.VK_WHOLE_SIZE})
             continue
         images.append(
             {
                 **masks,
-                **_KEPT_BY_THE_QUEUE,
-                "oldLayout": layout_of("undefined" if barrier.discard else barrier.before.layout, held),
-                "newLayout": layout_of(barrier.after.layout, held),
-                "image": held.handle,
+                **_NO_TRANSFER,
+                "oldLayout": layout_of("undefined" if barrier.discard else barrier.before.layout, resource),
+                "newLayout": layout_of(barrier.after.layout, resource),
+                "image": resource.handle,
                 "subresourceRange": {
-                    "aspectMask": held.aspect,
+                    "aspectMask": resource.aspect,
                     "levelCount": vk.VK_REMAINING_MIP_LEVELS,
                     "layerCount": vk.VK_REMAINING_ARRAY_LAYERS,
                 },
@@ -94,7 +94,7 @@ def dependency(planned: Iterable[Barrier], resources: Mapping[str, Image | Buffe
     )
 
 
-_KEPT_BY_THE_QUEUE = {
+_NO_TRANSFER = {
     "srcQueueFamilyIndex": vk.VK_QUEUE_FAMILY_IGNORED,
     "dstQueueFamilyIndex": vk.VK_QUEUE_FAMILY_IGNORED,
 }

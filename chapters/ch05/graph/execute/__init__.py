@@ -1,1 +1,1 @@
-"""How a compiled graph is carried out on each backend."""
+"""Execution of a compiled graph on each backend."""

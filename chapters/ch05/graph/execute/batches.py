@@ -1,7 +1,7 @@
-"""The batches of a compiled graph while frames are drawn: their waits, and which of them a frame leaves out.
+"""The batches of a compiled graph while frames are drawn: their waits, and which batches a frame leaves out.
 
-A batch without work is not submitted. Later batches must not lose an ordering that went through it: `can_rest` says
-which batches may be left out, and `Reached` tracks the timeline values that each queue has waited for.
+A batch without work is not submitted. Later batches must not lose the order that it provided. `can_rest` returns
+whether a batch may be left out, and `Reached` tracks the timeline values that each queue has waited for.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ def last_drawn(batches: Sequence[Batch]) -> int:
 def prologues(graph: Graph) -> list[tuple[str, bool, list[Barrier]]]:
     """Return (queue, whether they are releases, barriers) of the work before the first frame, in order.
 
-    In a prologue a `hand_over` from a queue to itself names the queue that runs the barrier. One to another queue is a
-    release, and the first frame acquires it.
+    In a prologue a `hand_over` from a queue to itself names the queue that runs the barrier. A `hand_over` to another
+    queue is a release, and the first frame acquires the image.
     """
     grouped: dict[tuple[bool, str], list[Barrier]] = {}
     for barrier in graph.prologue:
@@ -51,14 +51,14 @@ def can_rest(graph: Graph, batch: Batch) -> bool:
     that writes a buffer with shared memory: its contents are lost between frames. All other results of a resting pass
     are still valid from earlier frames.
     """
-    mine = [graph.steps[place] for place in batch.steps]
-    touched = {_plain(name) for step in mine for name in (*step.reads, *step.writes)}
-    written = {name for step in mine for name in step.writes}
-    passing = {name for name in written if graph.resources[name].life == "transient"}
-    elsewhere = [step for step in graph.steps if step not in mine]
-    used = {_plain(name) for step in elsewhere for name in (*step.reads, *step.writes)}
+    steps = [graph.steps[place] for place in batch.steps]
+    touched = {_plain(name) for step in steps for name in (*step.reads, *step.writes)}
+    written = {name for step in steps for name in step.writes}
+    transients = {name for name in written if graph.resources[name].life == "transient"}
+    other_steps = [step for step in graph.steps if step not in steps]
+    used = {_plain(name) for step in other_steps for name in (*step.reads, *step.writes)}
     buffers = all(graph.resources[name].kind == "buffer" for name in touched)
-    return batch.queue != GRAPHICS and buffers and passing.isdisjoint(used)
+    return batch.queue != GRAPHICS and buffers and transients.isdisjoint(used)
 
 
 def _plain(name: str) -> str:
@@ -70,7 +70,7 @@ class Reached:
 
     In each frame, in the order of submission, `waits` returns the waits of a batch; then `submitted` or `rests` is
     called. A resting batch stands for the last value of its queue and for its own waits. A batch that would wait for it
-    takes over these waits, since the graph relies on the order; so does the next batch of the queue.
+    inherits these waits, because the graph relies on the order; so does the next batch of the queue.
     """
 
     def __init__(self) -> None:
@@ -94,16 +94,16 @@ class Reached:
         self._before, self._now = self._now, []
 
     def waits(self, batch: Batch) -> list[Waited]:
-        """Return the waits of a batch, without values of 0 and without those that its queue has waited for."""
+        """Return the waits of a batch, without values of 0 and values that its queue has already waited for."""
         waited: list[Waited] = []
         for wait in batch.waits:
             frame = self._before if wait.before else self._now
             values = frame[wait.batch] if frame else {}
             waited += [(queue, value, wait.stages) for queue, value in values.items()]
         waited += [(queue, value, EVERYTHING) for queue, value in self._owed[batch.queue].items()]
-        return [wait for wait in waited if self._is_news(batch.queue, *wait)]
+        return [wait for wait in waited if self._is_new(batch.queue, *wait)]
 
-    def _is_news(self, by: str, queue: str, value: int, stages: frozenset[str]) -> bool:
+    def _is_new(self, by: str, queue: str, value: int, stages: frozenset[str]) -> bool:
         known, seen = self._known.get((by, queue), (0, EVERYTHING))
         return value > known or not (stages <= seen or seen >= EVERYTHING)
 

@@ -1,12 +1,12 @@
 """The bindings of a compute pass: one descriptor set with all of its declared reads and writes, in this order.
 
-A pass that draws has attachments, and binds only the images that it samples. A compute shader reaches everything
-through bindings: binding i is the i-th declared access, reads first.
+A pass that draws has attachments, and binds only the images that it samples. A compute shader accesses all resources
+through bindings: binding i is the i-th bound access, reads first.
 
     sampled                       a texture with its sampler
     storage of an image           an image that is loaded and stored
     storage, uniform of a buffer  a block
-    indirect, copy                nothing: no shader reads them by name
+    indirect, copy                no binding: no shader accesses them
 """
 
 from __future__ import annotations

@@ -67,24 +67,24 @@ class GraphExecutor:
             self.close()
             raise
 
-    # --- created once for a graph ---
+    # --- created once for each graph ---
 
     def _ready(self, slot: int, poison: str) -> list[_Ready]:
-        context, held = self._context, self.images.in_slot[slot]
+        context, resources = self._context, self.images.in_slot[slot]
         return [
             _Ready(
                 step,
                 barrier,
-                Targets(context, self._framebuffers.get(step, held), step)
+                Targets(context, self._framebuffers.get(step, resources), step)
                 if step.kind == "graphics"
                 else None,
-                Poison(context, step.barriers, held, poison) if poison != "off" else None,
+                Poison(context, step.barriers, resources, poison) if poison != "off" else None,
             )
             for step, barrier in zip(self.graph.steps, self.barriers, strict=True)
         ]
 
     def _bind_sources(self, step: Step) -> None:
-        """Set the textures that a pass samples: one unit for each read, in the declared order."""
+        """Set the textures that a pass samples: one unit for each texture, in the declared order."""
         gpu_pass = self._passes[step.name]
         if gpu_pass.sources is None:
             return

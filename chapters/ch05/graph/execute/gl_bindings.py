@@ -67,23 +67,23 @@ def check_sources(context: Context, step: Step, gpu_pass: Pass, graph: Graph) ->
     bound = {f"{_PLACES[entry.kind]}{number}" for number, entry in _numbered(step, gpu_pass, graph)}
     first, (pipeline,) = gpu_pass.sources.first if gpu_pass.sources else {}, gpu_pass.pipelines
     for place, slot in interface_of(context, pipeline.handle).items():
-        for kind, words in _PLACES.items():
-            if not place.startswith(words) or place in bound or place == _PUSH:
+        for kind, prefix in _PLACES.items():
+            if not place.startswith(prefix) or place in bound or place == _PUSH:
                 continue
-            if int(place.removeprefix(words)) >= first.get(kind, 0):
+            if int(place.removeprefix(prefix)) >= first.get(kind, 0):
                 raise GraphError(
-                    f"'{step.name}' declares nothing that is bound as {kind} {place.removeprefix(words)}, and "
+                    f"'{step.name}' declares nothing that is bound as {kind} {place.removeprefix(prefix)}, and "
                     f"{pipeline.code.name} has '{slot.name}' there: declare what it reads or writes."
                 )
 
 
 def sources(
-    step: Step, gpu_pass: Pass, graph: Graph, held: Mapping[str, Image | Buffer], sampler: int
+    step: Step, gpu_pass: Pass, graph: Graph, objects: Mapping[str, Image | Buffer], sampler: int
 ) -> BoundSources:
-    """Return the bindings of one slot; `held` has its objects by the names of the resources."""
+    """Return the bindings of one slot; `objects` are its images and buffers by the names of the resources."""
     textures, images, blocks = [], [], []
     for number, bound in _numbered(step, gpu_pass, graph):
-        resource = held[bound.resource]
+        resource = objects[bound.resource]
         if isinstance(resource, Buffer):
             kind: Literal["storage", "uniform"] = "uniform" if bound.kind == "uniform" else "storage"
             blocks.append((kind, number, resource))

@@ -1,4 +1,4 @@
-"""Executes a compiled frame graph on Vulkan: it derives everything that chapter code wrote between passes by hand.
+"""Executes a compiled frame graph on Vulkan: it records each pass with its barriers, attachments and descriptor sets.
 
 Each step has its structs: the barriers before it, its attachments, and the descriptor set of its reads. Recording a
 frame iterates over the steps. While the recording is valid, no code of this file runs.
@@ -51,8 +51,8 @@ class _Slot:
 class GraphExecutor:
     """A graph with its images, ready to be recorded for each slot. Close it before you open another graph.
 
-    `passes` are by the names of the graph's nodes; `externals` the images and buffers of others, by slot. `poison` is
-    the setting of that name. Each of the `batches` is recorded on its own, into the slot with its number.
+    `passes` are by the names of the graph's nodes; `externals` returns the external images and buffers of each slot.
+    `poison` is the setting of that name. Each of the `batches` is recorded separately.
     """
 
     def __init__(
@@ -82,21 +82,21 @@ class GraphExecutor:
             self.close()
             raise
 
-    # --- created once for a graph ---
+    # --- created once for each graph ---
 
     def _ready(self, slot: int, poison: str) -> _Slot:
-        queues, held, graph = self._queues, self.images.in_slot[slot], self.graph
+        queues, resources, graph = self._queues, self.images.in_slot[slot], self.graph
         steps = [
             _Ready(
                 step,
-                dependency(step.barriers, held, queues.taking),
-                Targets(step, held) if step.kind == "graphics" else None,
-                Poison(queues, step.barriers, held, poison) if poison != "off" else None,
-                releases=dependency(step.releases, held, queues.giving) if queues.families else None,
+                dependency(step.barriers, resources, queues.taking),
+                Targets(step, resources) if step.kind == "graphics" else None,
+                Poison(queues, step.barriers, resources, poison) if poison != "off" else None,
+                releases=dependency(step.releases, resources, queues.giving) if queues.families else None,
             )
             for step in graph.steps
         ]
-        return _Slot(steps, dependency(graph.epilogue, held, queues.taking))
+        return _Slot(steps, dependency(graph.epilogue, resources, queues.taking))
 
     def _begin_lasting(self) -> None:
         """Bring lasting resources into the state, and to the queue, in which the first frame finds them."""
@@ -105,12 +105,12 @@ class GraphExecutor:
             if released and not queues.families:
                 continue  # no transfer within a queue family
             with submit_once(self._device, queues.of[queue]) as commands:
-                for held in self.images.in_slot:
-                    barriers_ = dependency(planned, held, queues.giving if released else queues.taking)
+                for resources in self.images.in_slot:
+                    barriers_ = dependency(planned, resources, queues.giving if released else queues.taking)
                     self._device.fn.vkCmdPipelineBarrier2(commands, barriers_)
 
     def _bind_sources(self, step: Step) -> None:
-        """Create the descriptor sets of a pass's reads: one binding for each read, in the declared order."""
+        """Create the descriptor sets of a pass, one for each slot: one binding for each read, in the declared order."""
         gpu_pass = self._passes[step.name]
         if gpu_pass.sources is None:
             return
@@ -121,25 +121,25 @@ class GraphExecutor:
             check_sources(step, gpu_pass, self.graph)
         layout = gpu_pass.pipelines[0].sets[number]
         assert layout is not None, f"'{step.name}' samples what it reads"
-        wanted = []
+        contents = []
         for slot in range(SLOTS):
             images = [self.images.image(slot, name) for name in sampled]
-            held: dict[int, Held] = {
+            bindings: dict[int, Held] = {
                 binding: Texture(image.view, sampler, layout_of("read", image))
                 for binding, image in enumerate(images)
             }
             if step.kind == "compute":  # no attachments: all resources are bound
-                held = sources(step, gpu_pass, self.graph, self.images.in_slot[slot], sampler)
-            wanted.append((layout, held, f"{step.name} sources, slot {slot}"))
-        self._sets[step.name] = self._descriptors.create(wanted)
+                bindings = sources(step, gpu_pass, self.graph, self.images.in_slot[slot], sampler)
+            contents.append((layout, bindings, f"{step.name} sources, slot {slot}"))
+        self._sets[step.name] = self._descriptors.create(contents)
         for ready, handle in zip(self._of(step.name), self._sets[step.name].handles, strict=True):
             ready.sources = number, vk.array("VkDescriptorSet", [handle])
 
     def _of(self, name: str) -> list[_Ready]:
-        """Return a step of each slot."""
+        """Return the step of this name in each slot."""
         return [
-            next(ready_step for ready_step in mine.steps if ready_step.step.name == name)
-            for mine in self._slots
+            next(ready_step for ready_step in slot.steps if ready_step.step.name == name)
+            for slot in self._slots
         ]
 
     def swap(self, name: str, gpu_pass: Pass) -> None:

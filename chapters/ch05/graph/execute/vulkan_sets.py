@@ -29,12 +29,12 @@ def check_sources(step: Step, gpu_pass: Pass, graph: Graph) -> None:
 
 
 def sources(
-    step: Step, gpu_pass: Pass, graph: Graph, held: Mapping[str, Image | Buffer], sampler: Any
+    step: Step, gpu_pass: Pass, graph: Graph, objects: Mapping[str, Image | Buffer], sampler: Any
 ) -> dict[int, Held]:
-    """Return the contents of the bindings of one slot; `held` has its objects by the names of the resources."""
+    """Return the contents of the bindings of one slot; `objects` are its images and buffers by resource."""
     contents: dict[int, Held] = {}
     for binding, bound in enumerate(bindings_of(step, gpu_pass, graph)):
-        resource = held[bound.resource]
+        resource = objects[bound.resource]
         if isinstance(resource, Buffer):
             contents[binding] = resource
         elif bound.kind == "texture":

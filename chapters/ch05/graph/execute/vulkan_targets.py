@@ -20,13 +20,13 @@ _LOAD = {
 _STORE = {
     "store": vk.VK_ATTACHMENT_STORE_OP_STORE,
     "discard": vk.VK_ATTACHMENT_STORE_OP_DONT_CARE,
-    # Not even the old contents are written again, so other passes may read them at the same time.
+    # Not even the old contents are written back, so other passes may read them at the same time.
     "none": vk.VK_ATTACHMENT_STORE_OP_NONE,
 }
 
 
 class Targets(Rendering):
-    """The VkRenderingInfo of one step; it saves a tiled GPU all needless reads and writes of memory."""
+    """The VkRenderingInfo of one step; it avoids needless reads and writes of memory on tiled GPUs."""
 
     def __init__(self, step: Step, resources: Mapping[str, Image | Buffer]) -> None:
         assert step.size is not None, f"'{step.name}' draws"
@@ -58,8 +58,8 @@ class Targets(Rendering):
         if target.clear is not None and use == "depth":
             value = {"depthStencil": {"depth": target.clear[0]}}
         elif target.clear is not None:
-            whole = image.format.endswith("ui")
-            value = {"color": {"uint32" if whole else "float32": list(target.clear)}}
+            is_integer = image.format.endswith("ui")
+            value = {"color": {"uint32" if is_integer else "float32": list(target.clear)}}
         return {
             "imageView": image.view,
             "imageLayout": layout_of("read" if target.store == "none" else use, image),

@@ -2,7 +2,7 @@
 
 Transients exist once for both frames in flight: frames run in order on the queue, and the first use of each transient
 waits for its last use in the previous frame. A history has two images, which swap with every frame. So each of the two
-slots always has the same one as its current image.
+slots always has the same image as its current image.
 """
 
 from __future__ import annotations
@@ -46,28 +46,28 @@ _BUFFER_USAGE: dict[str, int] = {
 
 
 class GraphMemory:
-    """The memory requirements of resources for the compiler, and the resources at the places that it chose.
+    """The usage flags of resources, and their memory requirements for the compiler.
 
-    `also` are further uses, such as writes of a test. The queue `families` share the buffers.
+    `also` are additional uses, such as writes of a test. The queue `families` share the buffers.
     """
 
     def __init__(self, device: Device, also: Collection[str] = (), families: tuple[int, ...] = ()) -> None:
         self._device, self._also, self.families = device, frozenset(also), families
-        self._asked: dict[Any, Requirement] = {}
+        self._known: dict[Any, Requirement] = {}
 
     def usage(self, resource: Resource) -> int:
         """Return the usage flags of a resource."""
-        known = _BUFFER_USAGE if resource.kind == "buffer" else _IMAGE_USAGE
+        flags = _BUFFER_USAGE if resource.kind == "buffer" else _IMAGE_USAGE
         also = set(self._also)
-        if resource.life in ("kept", "history") and resource.samples == 1:  # kept because it is inspected
+        if resource.life in ("kept", "history") and resource.samples == 1:  # an inspection may copy it
             also.add("copy_source")
-        return sum(flag for use, flag in known.items() if use in resource.uses | also)
+        return sum(flag for use, flag in flags.items() if use in resource.uses | also)
 
     def requirement(self, resource: Resource) -> Requirement:
         """Return the memory requirements of a resource before it exists."""
         usage = self.usage(resource)
         key = (resource.kind, resource.format, resource.size, resource.bytes, resource.samples, usage)
-        if key not in self._asked:
+        if key not in self._known:
             if resource.kind == "buffer":
                 values = buffer_requirements(self._device, resource.bytes, usage, self.families)
             else:
@@ -75,8 +75,8 @@ class GraphMemory:
                 values = image_requirements(
                     self._device, resource.format, resource.size, usage, resource.samples
                 )
-            self._asked[key] = Requirement(*values)
-        return self._asked[key]
+            self._known[key] = Requirement(*values)
+        return self._known[key]
 
 
 class GraphImages(ImagesInSlots[Image, Buffer]):
@@ -98,13 +98,13 @@ class GraphImages(ImagesInSlots[Image, Buffer]):
                 if graph.resources[name].kind == "buffer"
             }
             for number, heap in enumerate(graph.memory.heaps):
-                asked = vk.new(
+                needs = vk.new(
                     "VkMemoryRequirements",
                     size=heap.size,
                     alignment=heap.alignment,
                     memoryTypeBits=heap.types,
                 )
-                self._heaps.append(device.memory.allocate(asked, "device", linear=number in buffers))
+                self._heaps.append(device.memory.allocate(needs, "device", linear=number in buffers))
             for resource in graph.resources.values():
                 self._make(graph, resource)
         except BaseException:
@@ -117,8 +117,8 @@ class GraphImages(ImagesInSlots[Image, Buffer]):
             return
         if resource.life == "history":
             pair = [self._create(resource, f"{name}, parity {parity}", None) for parity in range(SLOTS)]
-            for slot, held in enumerate(self.in_slot):
-                held[name], held[name + PREVIOUS] = pair[slot], pair[1 - slot]
+            for slot, resources in enumerate(self.in_slot):
+                resources[name], resources[name + PREVIOUS] = pair[slot], pair[1 - slot]
             return
         place = graph.memory.places.get(name)
         where = None
@@ -126,8 +126,8 @@ class GraphImages(ImagesInSlots[Image, Buffer]):
             heap = self._heaps[place.heap]
             where = heap.memory, heap.offset + place.offset
         image_or_buffer = self._create(resource, name, where)
-        for held in self.in_slot:
-            held[name] = image_or_buffer
+        for resources in self.in_slot:
+            resources[name] = image_or_buffer
 
     def _create(self, resource: Resource, name: str, place: tuple[Any, int] | None) -> Image | Buffer:
         image_or_buffer: Image | Buffer

@@ -1,1 +1,1 @@
-"""What a compiled graph synchronizes: barriers, queues, and their words on each backend."""
+"""Synchronization of a compiled graph: barriers and queues, and their form on each backend."""

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Wait:
-    """A wait of a batch for the batch `number` of the same frame, or of the frame `before`, at `stages`.
+    """A wait at `stages` for batch number `batch`: of the same frame, or with `before` of the previous frame.
 
-    The wait holds these stages of all later work on the queue. The first frame of a graph has no frame before it.
+    These stages of all later work on the queue wait. The first frame of a graph has no previous frame.
     """
 
     batch: int

@@ -1,11 +1,11 @@
 """Resources that several queues use: waits between queues, and queue family ownership transfers of images.
 
 The uses of a resource are divided into epochs, as in `barriers.py`, but an epoch has a part for each queue that reads
-in it. Between two epochs there is:
+the resource in it. Between two epochs there is:
 
-    same queue                 a barrier another queue              a crossing: a semaphore wait, which makes all
-    earlier writes visible. Buffers need no more another queue, an image    a crossing and an ownership transfer: a
-    release after the last step of the one queue, an
+    same queue                 a barrier
+    another queue              a crossing: a semaphore wait, which makes all earlier writes visible; enough for buffers
+    another queue, an image    a crossing and an ownership transfer: a release after the last step of the one queue, an
                                acquisition before the first step of the other. So an epoch of an image has one queue
     contents discarded         a crossing only: the next user treats the image as undefined
 
@@ -34,7 +34,7 @@ from .states import conflict, covers, merged
 
 
 class Behind(Protocol):
-    """The last use of a resource on a queue: its touch, the last step of each stage, and the last step of all."""
+    """The last use of a resource on a queue: its touch, the last step of each stage, and the last of these steps."""
 
     @property
     def touch(self) -> Touch: ...
@@ -46,7 +46,7 @@ class Behind(Protocol):
 
 @dataclass(slots=True)
 class Part:
-    """The steps of one queue in an epoch: the place of the first step, and of the last step of each stage."""
+    """The steps of one queue in an epoch: the places of the first step, and of the last step of each stage."""
 
     first: int
     ends: Mapping[str, int]
@@ -58,7 +58,7 @@ class Part:
         return max(self.ends.values())
 
     def behind(self) -> Part:
-        """Return the part with numbers of steps in place of places, for a transient."""
+        """Return the part with step numbers instead of places, for a transient."""
         return self.later(-1)
 
     def later(self, by: int) -> Part:
@@ -71,13 +71,13 @@ Epoch = dict[str, Part]
 
 
 @dataclass
-class Found:
-    """Barriers and releases of resources that several queues use."""
+class Planned:
+    """The crossings, barriers and releases of resources that several queues use."""
 
     crossings: list[Crossing] = field(default_factory=list)
     placed: list[tuple[Barrier, int, Mapping[str, int], bool, int]] = field(default_factory=list)
-    """Barriers before steps, as in `barriers.py`, where the epilogue follows the last step. Each comes with the place
-    of the write, or of the layout transition, that it depends on."""
+    """Barriers before steps, as in `barriers.py`, where the epilogue follows the last step. Each has the place of the
+    write, or of the layout transition, that it depends on."""
     releases: dict[int, list[Barrier]] = field(default_factory=dict)
     """By step, the releases after it."""
     prologue: list[Barrier] = field(default_factory=list)
@@ -101,28 +101,28 @@ class Lanes:
             for name, touch in used.items():
                 place = step + 1 + frame * name.endswith(PREVIOUS)
                 self._used.setdefault(name.removesuffix(PREVIOUS), []).append((place, queue, touch))
-        self.found = Found()
+        self.planned = Planned()
         self._chains: dict[str, _Chain] = {}
         for name, uses in sorted(self._used.items()):
             external = externals.get(name)
             if external is not None or len({queue for _, queue, _ in uses}) > 1:
                 uses = sorted(uses, key=itemgetter(0))
-                chain = _Chain(name, uses, resources[name], external, frame, self.found)
+                chain = _Chain(name, uses, resources[name], external, frame, self.planned)
                 chain.follow()
                 self._chains[name] = chain
-        self._clocks = Clocks(queues, self.found.crossings)
+        self._clocks = Clocks(queues, self.planned.crossings)
 
     def crosses(self, name: str) -> bool:
-        """Whether several queues use a resource."""
+        """Whether several queues use a resource, or another object owns it."""
         return name.removesuffix(PREVIOUS) in self._chains
 
     def placed(self) -> Iterator[tuple[Barrier, int, Mapping[str, int], bool]]:
-        """Yield (barrier, step, steps it waits for by stage, whether the contents are visible to that queue)."""
-        for barrier, step, since, ready, written in self.found.placed:
-            # After reads, a wait for another queue may have made the contents visible already.
-            seen = bool(since) and not barrier.before.writes and self._clocks.knows(step + 1, written)
+        """Yield (barrier, step, last steps that it waits for by stage, whether the contents are visible already)."""
+        for barrier, step, since, ready, written in self.planned.placed:
+            # After reads, a wait for another queue may already have made the contents visible.
+            seen = bool(since) and not barrier.before.writes and self._clocks.orders(step + 1, written)
             if seen:
-                self._clocks.serve(written, step + 1, barrier.after.stages)
+                self._clocks.extend(written, step + 1, barrier.after.stages)
             yield barrier, step, since, ready or seen
 
     def begins(self, step: int) -> tuple[str, str] | None:
@@ -131,54 +131,54 @@ class Lanes:
 
     def releases(self, step: int) -> tuple[Barrier, ...]:
         """Return the releases after a step."""
-        return tuple(sorted(self.found.releases.get(step, ()), key=lambda barrier: barrier.resource))
+        return tuple(sorted(self.planned.releases.get(step, ()), key=lambda barrier: barrier.resource))
 
     def together(self, names: Collection[str]) -> np.ndarray:
         """Return (names, names) bool: the pairs of transients that cannot share memory."""
         uses: list[dict[str, tuple[int, int]]] = [{} for _ in names]
-        for name, mine in zip(names, uses, strict=True):
+        for name, by_queue in zip(names, uses, strict=True):
             for place, queue, _ in self._used[name]:
-                mine[queue] = mine.get(queue, (place,))[0], place
+                by_queue[queue] = by_queue.get(queue, (place,))[0], place
         return self._clocks.together(uses)
 
     def queue(self, step: int) -> str:
-        """Return the queue of a step of any frame; the epilogue after the last step is on graphics."""
+        """Return the queue of a step in any frame; the epilogue after the last step is on graphics."""
         return self._on[step % len(self._on)]
 
-    def knows(self, step: int, since: int) -> bool:
+    def orders(self, step: int, since: int) -> bool:
         """Whether waits for other queues order step `since` before a step of the same queue.
 
         `since` is below 0 for earlier frames, as in barriers.
         """
-        return self._clocks.knows(step + 1, self._place(since))
+        return self._clocks.orders(step + 1, self._place(since))
 
-    def sees(self, written: int, read: Touch, step: int, touch: Touch) -> bool:
-        """Whether a wait makes the result of step `written` visible to a step of the queue, where others read it."""
-        seen = not read.writes and read.layout == touch.layout and self.knows(step, written)
+    def visible(self, written: int, read: Touch, step: int, touch: Touch) -> bool:
+        """Whether a wait makes the result of step `written` visible to a step, after the reads of touch `read`."""
+        seen = not read.writes and read.layout == touch.layout and self.orders(step, written)
         if seen:
-            self._clocks.serve(written + 1, step + 1, touch.stages)
+            self._clocks.extend(written + 1, step + 1, touch.stages)
         return seen
 
-    def make_vain(self, barrier: Barrier, step: int, since: Mapping[str, int]) -> bool:
+    def redundant(self, barrier: Barrier, step: int, since: Mapping[str, int]) -> bool:
         """Whether waits for other queues make a barrier before a step redundant."""
         stays = barrier.before.layout == barrier.after.layout and not barrier.discard
         needed = (bool(barrier.after.layout) and not stays) or "host" in barrier.after.stages
-        return bool(since) and not needed and all(self.knows(step, last) for last in since.values())
+        return bool(since) and not needed and all(self.orders(step, last) for last in since.values())
 
-    def rely(self, step: int, since: Mapping[str, int], stages: frozenset[str]) -> None:
-        """Add the stages of a barrier to the waits that replace it."""
+    def extend_waits(self, step: int, since: Mapping[str, int], stages: frozenset[str]) -> None:
+        """Add the stages of a redundant barrier to the waits that replace it."""
         for last in since.values():
-            if self.knows(step, last):
-                self._clocks.serve(self._place(last), step + 1, stages)
+            if self.orders(step, last):
+                self._clocks.extend(self._place(last), step + 1, stages)
 
     def _place(self, since: int) -> int:
         frames, step = divmod(since, len(self.queues) + 1)
         return step + 1 + frames * self._clocks.frame
 
-    def taken(
+    def aliased(
         self, users: Sequence[str], epochs: Mapping[str, Sequence[Behind]], step: int, first: Touch
     ) -> tuple[list[Behind], frozenset[str]]:
-        """Return the earlier users of a transient's memory on the queue of its first step, out of `users`.
+        """Return the earlier users of a transient's memory, out of `users`, that its barrier waits for on its queue.
 
         Also returns the source stages of an image's barrier after users on other queues: the stages of the waits that
         order those users before it.
@@ -190,10 +190,10 @@ class Lanes:
                 since = behind.last if behind.last < step else behind.last - len(self.queues) - 1
                 if self.queue(behind.last) != self.queues[step]:
                     waited = True
-                elif first.layout or not self.knows(step, since):
+                elif first.layout or not self.orders(step, since):
                     own.append(behind)
                     continue
-                self._clocks.serve(self._place(since), step + 1, first.stages)
+                self._clocks.extend(self._place(since), step + 1, first.stages)
         return own, first.stages if waited and first.layout else frozenset()
 
     def _last(self, user: str, epochs: Mapping[str, Sequence[Behind]]) -> Sequence[Behind]:
@@ -223,7 +223,7 @@ class _Chain:
         resource: Resource,
         external: External | None,
         frame: int,
-        plan: Found,
+        plan: Planned,
     ) -> None:
         self._name, self._life, self._frame, self._plan = name, resource.life, frame, plan
         self._image = resource.kind != "buffer"
@@ -242,11 +242,11 @@ class _Chain:
         for place, queue, touch in uses:
             ends = dict.fromkeys(touch.stages, place)
             last: Epoch = epochs[-1] if epochs else {}
-            both = [merged(part.touch, touch) for part in last.values()]
+            combined = [merged(part.touch, touch) for part in last.values()]
             if (
                 not last
                 or (self._exclusive and queue not in last)
-                or any(touch is None or touch.writes for touch in both)
+                or any(touch is None or touch.writes for touch in combined)
             ):
                 epochs.append({queue: Part(place, ends, touch)})
             elif queue in last:
@@ -268,7 +268,7 @@ class _Chain:
             return
         first, last = self.epochs[0], self.epochs[-1]
         again = {queue: part.later(self._turn) for queue, part in first.items()}
-        if self._life == "transient":  # the previous user of its memory is not known yet
+        if self._life == "transient":  # the previous user of its memory is not planned yet
             for queue, part in again.items():
                 self._cross(last, queue, part)
         else:
@@ -280,7 +280,7 @@ class _Chain:
         """Add crossings from the parts of an epoch on other queues to a part."""
         for other, old in before.items():
             if other != queue:
-                self._plan.crossings.append(Crossing(old.last, part.first, _held(before, part)))
+                self._plan.crossings.append(Crossing(old.last, part.first, _stages(before, part)))
 
     def _pass_on(self, before: Epoch, after: Epoch, discard: bool = False, ready: bool = False) -> None:
         """Plan barriers, crossings and transfers between two epochs."""
@@ -288,7 +288,7 @@ class _Chain:
         head = _head(after)
         for queue, part in after.items():
             if changes and part is not head:
-                # One reader performs the layout transition, and the others wait for it.
+                # One reader performs the layout transition, and the other readers wait for it.
                 self._plan.crossings.append(Crossing(head.first, part.first, part.touch.stages))
                 continue
             self._cross(before, queue, part)
@@ -299,7 +299,7 @@ class _Chain:
                     continue
                 touch = own.touch
                 if len(before) > 1 and (changes or _is_cpu(part)):
-                    touch = replace(touch, stages=touch.stages | _held(before, part))
+                    touch = replace(touch, stages=touch.stages | _stages(before, part))
                 self._place(
                     Barrier(self._name_of(part.first), touch, part.touch, discard), part, since, ready
                 )
@@ -310,8 +310,8 @@ class _Chain:
                 released = replace(barrier, resource=self._name_of(own.last))
                 self._plan.releases.setdefault(own.last % self._frame - 1, []).append(released)
             elif changes or _is_cpu(part):
-                waited = Touch("undefined" if discard else _layout(before), _held(before, part), frozenset())
-                self._place(Barrier(self._name_of(part.first), waited, part.touch, discard), part, {})
+                old = Touch("undefined" if discard else _layout(before), _stages(before, part), frozenset())
+                self._place(Barrier(self._name_of(part.first), old, part.touch, discard), part, {})
 
     def _place(self, barrier: Barrier, part: Part, since: Mapping[str, int], ready: bool = False) -> None:
         self._plan.placed.append((barrier, part.first % self._frame - 1, since, ready, self._written))
@@ -335,21 +335,21 @@ class _Chain:
         owner = {GRAPHICS: Part(0, dict.fromkeys(enters.stages, 0), enters)}
         if not _writes(first) and enters.layout == _layout(first):
             self._written = 0
-        mine = first.get(GRAPHICS)
-        if mine is not None and covers(enters, mine.touch):
-            # No barrier before it: later barriers wait for the owner's use as well.
+        own = first.get(GRAPHICS)
+        if own is not None and covers(enters, own.touch):
+            # No barrier before the first use: later barriers wait for the owner's use, too.
             first[GRAPHICS] = Part(
-                mine.first, {**owner[GRAPHICS].ends, **mine.ends}, merged(enters, mine.touch) or enters
+                own.first, {**owner[GRAPHICS].ends, **own.ends}, merged(enters, own.touch) or enters
             )
             for queue, part in first.items():
                 self._cross(owner, queue, part)
-        elif mine is not None and not conflict(enters, mine.touch):
+        elif own is not None and not conflict(enters, own.touch):
             late = [
                 use
                 for use in self._uses
-                if use[1] == GRAPHICS and use[0] <= mine.last and not covers(enters, use[2])
+                if use[1] == GRAPHICS and use[0] <= own.last and not covers(enters, use[2])
             ]
-            seen = Part(late[0][0], {}, reduce(_both, (touch for _, _, touch in late)))
+            seen = Part(late[0][0], {}, reduce(_combined, (touch for _, _, touch in late)))
             self._place(Barrier(self._name, enters, seen.touch), seen, dict.fromkeys(enters.stages, -1))
             for queue, part in first.items():
                 self._cross(owner, queue, part)
@@ -358,7 +358,7 @@ class _Chain:
         return False
 
     def _begin(self) -> None:
-        """Plan the prologue of a history: the state and the queue in which each frame finds it."""
+        """Plan the prologue of a history: the state and the queue that each frame expects."""
         number = max(i for i, epoch in enumerate(self.epochs) if _head(epoch).first < self._frame)
         ((queue, part),) = self.epochs[number].items()
         name = self._name + PREVIOUS
@@ -371,7 +371,7 @@ class _Chain:
 
 
 def _head(epoch: Epoch) -> Part:
-    """Return the part that begins first; it performs a layout transition. Parts are in this order."""
+    """Return the part that begins first, which performs layout transitions. Parts are ordered by their first step."""
     return next(iter(epoch.values()))
 
 
@@ -383,16 +383,16 @@ def _writes(epoch: Epoch) -> bool:
     return any(part.touch.writes for part in epoch.values())
 
 
-def _both(first: Touch, second: Touch) -> Touch:
+def _combined(first: Touch, second: Touch) -> Touch:
     return cast(Touch, merged(first, second))  # an epoch has one layout
 
 
 def _is_cpu(part: Part) -> bool:
-    """Whether the owner reads on the CPU: a semaphore wait makes nothing visible to it."""
+    """Whether the owner reads on the CPU: a semaphore wait makes nothing visible to the CPU."""
     return "host" in part.touch.stages
 
 
-def _held(before: Epoch, part: Part) -> frozenset[str]:
-    """Return the stages at which a part waits for another queue; for an owner, those of the earlier epoch."""
+def _stages(before: Epoch, part: Part) -> frozenset[str]:
+    """Return the stages at which a part waits for another queue; for the CPU, the stages of the earlier epoch."""
     own = part.touch.stages - {"host"}
     return own or frozenset().union(*(part.touch.stages for part in before.values()))

@@ -1,17 +1,17 @@
 """Several queues: the order of steps for overlap, the batches to submit, and the waits between queues.
 
     graphics   gbuffer ─────────── shadows ── lighting ── tonemap        batches: [gbuffer] [shadows] [lighting tonemap]
-                      └─> occlusion ─────────┘                           [occlusion] waits for the first batch, and the
-    compute                                                              last one for it: shadows need neither
+                      └─> occlusion ─────────┘                           [occlusion] waits for [gbuffer], the last batch
+    compute                                                              for [occlusion]; [shadows] waits for none
 
-Steps of one queue run in order. Only waits order two queues: a *crossing* is a step that depends on a step of another
-queue, of this frame or of the previous one. A new batch begins before each step that waits, and after each step that
-another queue waits for.
+Steps of one queue run in order. Only waits order two queues. A *crossing* is the dependency of a step on a step of
+another queue, in this frame or the previous frame. A new batch begins before each step that waits, and after each step
+that another queue waits for.
 
-Most crossings need no wait of their own. Each queue has a vector clock: for every queue the last step that is known to
-be done, from its own waits and from the clocks of the queues that it waited for (Mattern, "Virtual Time and Global
-States of Distributed Systems", 1989). A step that needs nothing newer does not wait. The same clocks decide which
-transients may share memory: sharing follows the existing order, and never adds a wait between queues.
+Most crossings need no separate wait. Each queue has a vector clock: for every queue, the last step that is known to be
+done. A wait adds the clock of the queue that it waits for (Mattern, "Virtual Time and Global States of Distributed
+Systems", 1989). A step that needs nothing newer does not wait. The same clocks decide which transients may share
+memory: sharing follows the existing order, and never adds a wait between queues.
 
 *Places* number the steps over several frames: a frame has one place before its first step, one for each step, and one
 for its epilogue; then the next frame follows.
@@ -36,7 +36,7 @@ from .batches import Batch, Wait
 
 GRAPHICS = "graphics"
 QUEUES = (GRAPHICS, "compute")
-"""The queues for passes. Passes that draw run on the first one, which is also the default."""
+"""The queues for passes. The first one is the default, and the only one for passes that draw."""
 
 
 def check_word(field: Field) -> None:
@@ -76,8 +76,8 @@ class Eager:
     """The priority of ready passes, so that the queues have work at the same time.
 
     Passes of other queues than graphics come as soon as possible. Of the graphics passes, those without a wait come
-    first, ordered by their distance to work of another queue that depends on them. Passes with a wait come last: those
-    that wait for older work first.
+    first, ordered by their distance to work of another queue that depends on them. Passes with a wait come last, in
+    the order of the work that they wait for.
     """
 
     def __init__(self, queues: Mapping[str, str], edges: Sequence[Edge]) -> None:
@@ -119,9 +119,9 @@ class Eager:
         """Return the number of the newest pass of another queue that a pass waits for; 0 if there is none."""
         queue = self._queues[name]
         newest = self._newest.get(name)
-        if newest is None:  # once is enough: all before it are placed
-            others = (self._placed[other] for other in self._before[name] if self._queues[other] != queue)
-            newest = self._newest[name] = max(others, default=0)
+        if newest is None:  # computed once: all predecessors are placed
+            placed = (self._placed[other] for other in self._before[name] if self._queues[other] != queue)
+            newest = self._newest[name] = max(placed, default=0)
         return newest if newest > self._known[queue] else 0
 
 
@@ -131,8 +131,8 @@ class Eager:
 class Crossing(NamedTuple):
     """The step at place `after` depends, at `stages`, on the work of another queue up to place `before`.
 
-    `after` may be a place of the next frame. A dependency on an older frame, if it is not known yet, becomes a wait for
-    the same step of the previous frame.
+    `after` may be a place of the next frame. A dependency on an older frame becomes a wait for the same step of the
+    previous frame, unless other waits imply it.
     """
 
     before: int
@@ -148,7 +148,7 @@ _FRAMES = 3
 
 
 class Clocks:
-    """The vector clock of each step, from the waits that `crossings` need; the waits, and the batches between them.
+    """The vector clock of each step, the waits that `crossings` need, and the batches between waits.
 
     `queues` has the queue of each step.
     """
@@ -159,7 +159,7 @@ class Clocks:
         self._queues = (GRAPHICS, *queues, GRAPHICS)
         self._names = sorted({*self._queues})
         self._lane = [self._names.index(queue) for queue in self._queues]
-        # By place in the frame and lane, the newest place that is needed: below 0 in earlier frames.
+        # By place in the frame and lane: the newest needed place, below 0 in earlier frames.
         newest: dict[tuple[int, int], int] = {}
         for crossing in crossings:
             frame, place = divmod(crossing.after, self.frame)
@@ -180,7 +180,7 @@ class Clocks:
         """(lanes, places): the vector clock of the step at each place."""
         self._stages: dict[tuple[int, int], set[str]] = defaultdict(set)
         for crossing in crossings:
-            self.serve(crossing.before, crossing.after, crossing.stages)
+            self.extend(crossing.before, crossing.after, crossing.stages)
 
     def _run(self) -> None:
         known = [(NEVER,) * len(self._names) for _ in self._names]
@@ -192,30 +192,30 @@ class Clocks:
                     if target < 0 or known[lane][other] >= target:
                         continue
                     target = max(target, start - self.frame + target % self.frame)
-                    learned = tuple(map(max, known[lane], self._told(target)))
+                    learned = tuple(map(max, known[lane], self._clock_after(target)))
                     for of, (was, now) in enumerate(zip(known[lane], learned, strict=True)):
                         if now > was:
                             self._gained[lane][of].append((now, start + place, target))
                     known[lane] = learned
                 self._clocks.append(known[lane])
 
-    def _told(self, place: int) -> tuple[int, ...]:
-        """Return the clock that a wait for the step at a place brings."""
-        told = list(self._clocks[place])
-        told[self._lane[place % self.frame]] = place
-        return tuple(told)
+    def _clock_after(self, place: int) -> tuple[int, ...]:
+        """Return the clock that a wait for the step at a place adds."""
+        clock = list(self._clocks[place])
+        clock[self._lane[place % self.frame]] = place
+        return tuple(clock)
 
     def _last(self, place: int) -> int:
         """Return a place, counted from the start of a frame, as a place of the last simulated frame."""
         return place + (_FRAMES - 1) * self.frame
 
-    def knows(self, after: int, before: int) -> bool:
-        """Whether waits alone order the step at `before` before the step at `after`, perhaps of the same queue."""
+    def orders(self, after: int, before: int) -> bool:
+        """Whether waits alone order the step at `before` before the step at `after`; both may be on one queue."""
         frame = after // self.frame * self.frame
         after, before = self._last(after - frame), self._last(before - frame)
         return self._clocks[after][self._lane[before % self.frame]] >= before
 
-    def serve(self, before: int, after: int, stages: frozenset[str]) -> None:
+    def extend(self, before: int, after: int, stages: frozenset[str]) -> None:
         """Add stages to the wait that orders `before` before `after`."""
         frame = after // self.frame * self.frame
         after, before = self._last(after - frame), self._last(before - frame)
@@ -228,14 +228,14 @@ class Clocks:
     # --- memory ---
 
     def together(self, uses: Sequence[Mapping[str, tuple[int, int]]]) -> np.ndarray:
-        """Return (uses, uses) bool: the pairs of resources that may not share memory, since nothing orders them.
+        """Return (uses, uses) bool: the pairs of resources that may not share memory, since nothing orders their uses.
 
-        `uses` has, by resource and queue, the places of the first and the last step in a frame. Two may share memory if
-        all uses of one precede all uses of the other, and those precede the uses of the first in the next frame.
+        `uses` has, by resource and queue, the places of the first and the last step in a frame. Resources a and b may
+        share memory if all uses of a precede all uses of b, and these precede the uses of a in the next frame.
         """
-        first = np.array([min(begin for begin, _ in mine.values()) for mine in uses])
+        first = np.array([min(begin for begin, _ in places.values()) for places in uses])
         # Arrays by lane, so that NumPy loops over resources, not over two or three lanes.
-        last = np.array([[mine.get(queue, (0, NEVER))[1] for mine in uses] for queue in self._names])
+        last = np.array([[places.get(queue, (0, NEVER))[1] for places in uses] for queue in self._names])
         now, later = self._known[:, first], self._known[:, first]
         lanes, columns = np.array(self._lane)[first], np.arange(len(uses))
         now[lanes, columns] = first - 1  # steps of one queue are in order
@@ -251,8 +251,8 @@ class Clocks:
     def batches(self, epilogue: bool) -> tuple[Batch, ...]:
         """Return the batches in an order in which none waits for a later one.
 
-        With an `epilogue` the last batch is on graphics and contains it. That batch, and one before the first step, may
-        have no steps.
+        With an `epilogue` the last batch is on graphics and contains it. This batch may have no steps, as may a batch
+        before the first step.
         """
         waits: dict[int, list[int]] = defaultdict(list)
         for waiting, target in self._stages:
@@ -261,8 +261,8 @@ class Clocks:
         used = [*range(1, self.frame - 1)]
         used = [0] * (0 in ends) + used + [self.frame - 1] * (epilogue or self.frame - 1 in waits)
         batches: list[list[int]] = []
-        number: dict[int, int] = {}  # of the batch, by place
-        now: dict[int, int] = {}  # that which is still open, by lane
+        number: dict[int, int] = {}  # the batch of each place
+        now: dict[int, int] = {}  # the open batch, by lane
         for place in used:
             lane = self._lane[place]
             if lane not in now or place in waits:

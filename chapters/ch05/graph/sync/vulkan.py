@@ -1,7 +1,7 @@
 """The barriers of a frame graph as Vulkan structs: stages, accesses and layouts, one VkDependencyInfo for each pass.
 
-The layout "read" differs between colour and depth. If memory goes from one resource to another after a write, a memory
-barrier is needed as well: an image barrier covers writes through its own image, not through the image before it.
+The layout "read" differs between colour and depth. If a resource reuses memory that another one wrote, a memory barrier
+is needed as well: an image barrier covers writes through its own image, not through the other image.
 """
 
 from __future__ import annotations
@@ -67,21 +67,21 @@ def dependency(planned: Iterable[Barrier], resources: Mapping[str, Image | Buffe
         masks = _masks(barrier.before, barrier.after)
         if barrier.instead_of and barrier.before.writes:
             memory.append(masks)
-        held, both = resources.get(barrier.resource), fields(barrier, masks)
-        if held is None:  # parts of several buffers, which have no common object
+        resource, common = resources.get(barrier.resource), fields(barrier, masks)
+        if resource is None:  # parts of several buffers, which have no common object
             memory.append(masks)
             continue
-        if isinstance(held, Buffer):
-            buffers.append({**both, "buffer": held.handle, "size": vk.VK_WHOLE_SIZE})
+        if isinstance(resource, Buffer):
+            buffers.append({**common, "buffer": resource.handle, "size": vk.VK_WHOLE_SIZE})
             continue
         images.append(
             {
-                **both,
-                "oldLayout": layout_of("undefined" if barrier.discard else barrier.before.layout, held),
-                "newLayout": layout_of(barrier.after.layout, held),
-                "image": held.handle,
+                **common,
+                "oldLayout": layout_of("undefined" if barrier.discard else barrier.before.layout, resource),
+                "newLayout": layout_of(barrier.after.layout, resource),
+                "image": resource.handle,
                 "subresourceRange": {
-                    "aspectMask": held.aspect,
+                    "aspectMask": resource.aspect,
                     "levelCount": vk.VK_REMAINING_MIP_LEVELS,
                     "layerCount": vk.VK_REMAINING_ARRAY_LAYERS,
                 },
