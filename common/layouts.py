@@ -189,40 +189,60 @@ def fill_frame_constants(
     ambient: float = 0.0,
     environment: tuple[float, float, float, float] = (0.0, 1.0, 0.0, 0.0),
 ) -> None:
-    """Fill one `FrameConstants` record in place: a zero-dimensional array, or one element of an array.
+    """Fill one `FrameConstants` record in place, given as a zero-dimensional array.
 
     `size` is (width, height) in pixels; jitter is in pixels, right and down. Exposures are those of the views
     unless given (adaptation finds its own). `environment` is (nits of a stored 1, cosine and sine of the turn, last
     level). The origin is subtracted from the poses in float64, and every
     product and inverse is made there, so that only finished matrices are rounded to float32.
     """
-    origin = np.asarray(origin, np.float64)
     width, height = size
-    for prefix, shown, shift in (("", view, jitter_px), ("previous_", previous_view, previous_jitter_px)):
+    cameras = (
+        (np.asarray(shown.world_from_view, np.float64).tobytes(), shown.projection, tuple(shift))
+        for shown, shift in ((view, jitter_px), (previous_view, previous_jitter_px))
+    )
+    members = _camera_members(*cameras, (width, height), np.asarray(origin, np.float64).tobytes())
+    record.reshape(1).view(np.uint8)[:] = members  # as bytes: numpy would copy it member by member
+    record["eye"][3] = length_scale
+    now = exposure(view.ev100) if exposure_now is None else exposure_now
+    before = exposure(previous_view.ev100) if exposure_before is None else exposure_before
+    record["exposure"], record["previous_exposure"] = now, before
+    record["ambient"][:3] = ambient * record["exposure"]
+    record["environment"] = (min(environment[0] * float(record["exposure"]), _LARGEST), *environment[1:])
+    record["time"], record["previous_time"] = time, previous_time
+    record["delta_time"] = time - previous_time
+    record["frame_index"], record["valid_histories"] = frame_index, valid_histories
+    record["instance_count"], record["light_count"] = instance_count, light_count
+
+
+Camera = tuple[bytes, Projection, tuple[float, float]]
+"""A camera in a form that caches can hold: the bytes of `world_from_view`, the projection, and the jitter in pixels."""
+
+_LARGEST = float(np.finfo(np.float32).max)
+
+
+@lru_cache(8)
+def _camera_members(camera: Camera, previous: Camera, size: tuple[int, int], origin: bytes) -> np.ndarray:
+    """Return the bytes of a FrameConstants record with all that depends on the cameras, and 0 in its other members.
+
+    They are the same in each frame of a still camera.
+    """
+    record = np.zeros((), dtype("FrameConstants"))
+    width, height = size
+    for prefix, (pose, projection, shift) in (("", camera), ("previous_", previous)):
         jitter = (2.0 * shift[0] / width, 2.0 * shift[1] / height)
-        pose = np.asarray(shown.world_from_view, np.float64).tobytes()
-        matrices = _matrices_of(pose, shown.projection, width / height, jitter, origin.tobytes())
+        matrices = _matrices_of(pose, projection, width / height, jitter, origin)
         for name, matrix in matrices.items():
             record[prefix + name] = matrix
         record[prefix + "eye"][:3] = matrices["world_from_view"][3, :3]
         record[prefix + "jitter"] = jitter
-    record["eye"][3] = length_scale
-    record["origin"][:3] = origin
+    projection = camera[1]
+    record["origin"][:3] = np.frombuffer(origin)
     record["size"] = (width, height, 1 / width, 1 / height)
-    record["exposure"] = exposure(view.ev100) if exposure_now is None else exposure_now
-    record["previous_exposure"] = (
-        exposure(previous_view.ev100) if exposure_before is None else exposure_before
-    )
-    record["ambient"][:3] = ambient * record["exposure"]
-    sent = min(environment[0] * float(record["exposure"]), float(np.finfo(np.float32).max))
-    record["environment"] = (sent, *environment[1:])
-    record["time"], record["previous_time"] = time, previous_time
-    record["delta_time"] = time - previous_time
-    record["near"] = view.projection.near
-    record["orthographic"] = isinstance(view.projection, Orthographic)
-    record["far"] = view.projection.far if isinstance(view.projection, Orthographic) else 0.0
-    record["frame_index"], record["valid_histories"] = frame_index, valid_histories
-    record["instance_count"], record["light_count"] = instance_count, light_count
+    record["near"] = projection.near
+    record["orthographic"] = isinstance(projection, Orthographic)
+    record["far"] = projection.far if isinstance(projection, Orthographic) else 0.0
+    return record.reshape(1).view(np.uint8)
 
 
 @lru_cache(8)

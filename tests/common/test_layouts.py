@@ -119,6 +119,30 @@ def test_frame_constants_project_as_the_view_does(projection):
     assert record["eye"][3] == 2.0 and np.allclose(record["size"], (640, 360, 1 / 640, 1 / 360))
 
 
+def test_every_byte_is_written_whatever_the_record_held_before():
+    """Two fills of the same record: the second frame shares its camera with the first, and nothing else."""
+    view = View(pose_looking_at((3, 4, 5), (0, 1, 0)), Orthographic(3.0, 0.5, 40.0))
+    plain = {"origin": np.zeros(3), "length_scale": 2.0}
+    told = {
+        "time": 3.0,
+        "frame_index": 7,
+        "valid_histories": 5,
+        "instance_count": 9,
+        "light_count": 2,
+        "ambient": 0.5,
+    }
+    used = np.frombuffer(bytes([0xAB]) * dtype("FrameConstants").itemsize, dtype("FrameConstants")).copy()[
+        0:1
+    ]
+    record = used.reshape(())
+    fill_frame_constants(record, view, view, (640, 360), **plain, **told, environment=(1e3, 0.6, 0.8, 4.0))
+    assert (record["time"], record["frame_index"], record["light_count"]) == (3.0, 7, 2) and record[
+        "ambient"
+    ][0] > 0
+    fill_frame_constants(record, view, view, (640, 360), **plain)
+    assert record.tobytes() == constants(view, view).tobytes()
+
+
 def test_a_static_view_has_bit_equal_matrices_now_and_before():
     view = View(pose_looking_at((3, 4, 5), (0, 1, 0)))
     record = constants(view, view, jitter_px=(0.25, -0.5))

@@ -159,7 +159,8 @@ class SceneData:
 
     def write_frame(self, slot: int, constants: np.ndarray) -> None:
         """Write the frame's constants."""
-        self.slots[slot].frame.view(constants.dtype)[0] = constants
+        # As bytes: numpy would copy the record member by member.
+        self.slots[slot].frame.view(np.uint8)[: constants.nbytes] = np.frombuffer(constants, np.uint8)
 
     def write_commands(self, slot: int, commands: np.ndarray, first: int = 0) -> int:
         """Write records of draws into the slot's list, from number `first` on; return the bytes written."""

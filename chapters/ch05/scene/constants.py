@@ -22,7 +22,7 @@ def frame_constants(
 ) -> np.ndarray:
     """Return the FrameConstants record; `previous` is the (view, time) that was rendered before, if any was."""
     before, then = previous or (view, time)
-    constants = np.zeros((), layouts.dtype("FrameConstants"))
+    constants = np.empty((), layouts.dtype("FrameConstants"))
     layouts.fill_frame_constants(
         constants,
         view,
