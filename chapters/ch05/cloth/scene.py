@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Any, Literal
 
 import numpy as np
@@ -54,21 +55,7 @@ class Obstacle:
 
         Of a node that is squeezed flat only its place is left; `_obstacles` refuses such nodes at the start.
         """
-        linear = world_from_node[:3, :3]
-        world = np.eye(4)
-        if self.shape == "plane":  # a plane stays a plane under any transform
-            world[:3, 1] = _unit(normal_matrix(linear)[:, 1])
-            world[:3, 0] = _unit(np.cross(world[:3, 1], np.eye(3)[np.abs(world[:3, 1]).argmin()]))
-            world[:3, 2] = np.cross(world[:3, 0], world[:3, 1])
-            world[:3, 3] = world_from_node[:3, 3]
-            return Collider("plane", world)
-        lengths = np.linalg.norm(linear, axis=0)
-        world[:3, :3] = _rotation(linear)
-        world[:3, 3] = linear @ np.array(self.center) + world_from_node[:3, 3]
-        if self.shape == "sphere":
-            return Collider("sphere", world, radius=float(self.radius * lengths.max()))
-        half = lengths * np.array(self.half)
-        return Collider("box", world, half=(float(half[0]), float(half[1]), float(half[2])))
+        return _collider(self, world_from_node.tobytes())
 
     def moved(self, before: Float64, now: Float64, seconds: float) -> Collider:
         """Return the collider where its node is `now`, with its velocity since `before`, that many `seconds` ago.
@@ -85,6 +72,27 @@ class Obstacle:
         if np.linalg.norm(velocity) > FASTEST or np.linalg.norm(turn) > FASTEST_TURN:
             return here
         return replace(here, velocity=_three(velocity), spin=_three(turn / seconds))
+
+
+@lru_cache(4 * MOST_COLLIDERS)  # most colliders stand still, or are asked for where they were a frame ago
+def _collider(obstacle: Obstacle, placed: bytes) -> Collider:
+    """Return the collider of an obstacle whose node has the world matrix with these bytes; see `Obstacle.at`."""
+    world_from_node = np.frombuffer(placed).reshape(4, 4)
+    linear = world_from_node[:3, :3]
+    world = np.eye(4)
+    if obstacle.shape == "plane":  # a plane stays a plane under any transform
+        world[:3, 1] = _unit(normal_matrix(linear)[:, 1])
+        world[:3, 0] = _unit(np.cross(world[:3, 1], np.eye(3)[np.abs(world[:3, 1]).argmin()]))
+        world[:3, 2] = np.cross(world[:3, 0], world[:3, 1])
+        world[:3, 3] = world_from_node[:3, 3]
+        return Collider("plane", world)
+    lengths = np.linalg.norm(linear, axis=0)
+    world[:3, :3] = _rotation(linear)
+    world[:3, 3] = linear @ np.array(obstacle.center) + world_from_node[:3, 3]
+    if obstacle.shape == "sphere":
+        return Collider("sphere", world, radius=float(obstacle.radius * lengths.max()))
+    half = lengths * np.array(obstacle.half)
+    return Collider("box", world, half=(float(half[0]), float(half[1]), float(half[2])))
 
 
 @dataclass(frozen=True)
