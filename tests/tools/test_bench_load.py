@@ -69,6 +69,11 @@ def test_a_load_is_all_but_pipelines_and_what_any_scene_takes(squares):
     assert plain["load_s"] >= plain["scene_s"] > 0
 
 
+def test_the_backend_of_a_load_need_not_be_named(squares):
+    """As in `./strata bench 3` without --backend, where `auto` is passed on: pipelines are those of what was opened."""
+    assert bench_loads.once(3, "auto", squares, SIZE, "plain")["pipelines_s"] > 0
+
+
 def test_what_any_scene_takes_is_measured_when_the_scene_is_gone(squares, monkeypatch):
     """Beside another renderer it would need memory that the load found there, and too much would be taken out."""
     alone, before = bench_load._alone, []
@@ -93,7 +98,8 @@ def test_the_time_of_pipelines_is_that_of_the_calls_that_build_them(monkeypatch)
         return wanted
 
     monkeypatch.setattr(Pipelines, "get", staticmethod(get))
-    with bench_load._building(subject(None)) as took:
+    device = SimpleNamespace(capabilities=SimpleNamespace(backend="vulkan"))
+    with bench_load._building(subject(device)) as took:
         assert Pipelines.get("one") == "one"
         now[0] += 1.0
         with pytest.raises(ValueError, match="wrong"):

@@ -196,7 +196,7 @@ class _Small(Image):
 @contextmanager
 def _building(subject: Subject) -> Iterator[list[float]]:
     """Yield a list of the seconds of each call that builds pipelines: texts, SPIR-V, reflection, driver."""
-    pipelines = subject.module(f"pipelines.{subject.backend}").Pipelines
+    pipelines = subject.module(f"pipelines.{subject.device.capabilities.backend}").Pipelines
     took: list[float] = []
 
     def timed(call: Callable[..., Any]) -> Callable[..., Any]:
