@@ -99,7 +99,7 @@ CASES = {
     ),
     "who reads what was written is no writer": (
         (4, "no-new-layout"),
-        ("graph/sync/barriers.py", "both is None or both.writes", "both is None or touch.writes"),
+        ("graph/sync/barriers.py", "combined is None or combined.writes", "combined is None or touch.writes"),
         "visible to the first reader",
     ),
     "squared": (
