@@ -1,6 +1,6 @@
 """Words of code objects: a pass or a buffer is never "who" or "nobody", and a variable says what it holds.
 
-DESIGN section 12. Studies and benches are outside, as they are of most rules.
+DESIGN section 12. Benches and exercises are outside, as they are of most rules.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ PEOPLE = re.compile(
 EMPTY = {"made", "one", "ones", "found", "given"}
 """Names that say nothing of what a variable holds."""
 
-OUTSIDE = {"studies", "benches", "exercises"}
+OUTSIDE = {"benches", "exercises"}
 SHADERS = {".glsl", ".vert", ".frag", ".comp"}
 
 

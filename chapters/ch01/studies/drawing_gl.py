@@ -41,10 +41,12 @@ class Drawing(Stage):
         """Return a vertex array: where the attributes of a description lie in a buffer, and the indices."""
         fn, handle = self.device.fn, self.device.create("vertex array", self.study.title)
         self._arrays = [*getattr(self, "_arrays", ()), handle]
-        for one in described.attributes if vertices is not None else ():
-            fn.glEnableVertexArrayAttrib(handle, one.location)
-            fn.glVertexArrayAttribFormat(handle, one.location, one.floats, gl.GL_FLOAT, 0, one.offset)
-            fn.glVertexArrayAttribBinding(handle, one.location, 0)
+        for attribute in described.attributes if vertices is not None else ():
+            fn.glEnableVertexArrayAttrib(handle, attribute.location)
+            fn.glVertexArrayAttribFormat(
+                handle, attribute.location, attribute.floats, gl.GL_FLOAT, 0, attribute.offset
+            )
+            fn.glVertexArrayAttribBinding(handle, attribute.location, 0)
         if described.attributes and vertices is not None:
             fn.glVertexArrayVertexBuffer(handle, 0, vertices.handle, 0, described.stride)
         if indices is not None:

@@ -50,8 +50,8 @@ class Drawing(Stage):
     def sets(self, bindings: Sequence[Binding], held: Sequence[dict[int, Any]]) -> list[Any]:
         """Return descriptor sets, each ready to be bound: what `held` says of each number."""
         name = f"set of {self.study.title}"
-        made = self.descriptors.create([(bindings, one, name) for one in held])
-        return [vk.array("VkDescriptorSet", [handle]) for handle in made.handles]
+        allocated = self.descriptors.create([(bindings, held_buffers, name) for held_buffers in held])
+        return [vk.array("VkDescriptorSet", [handle]) for handle in allocated.handles]
 
     def build(self, bindings: Sequence[Binding], described: Drawn) -> Built:
         """Return a pipeline. The study first-triangle writes one out and says what each part is."""
@@ -126,7 +126,12 @@ def _vertex_input(described: Drawn) -> dict[str, Any]:
     return {
         "pVertexBindingDescriptions": [{"binding": 0, "stride": described.stride}],
         "pVertexAttributeDescriptions": [
-            {"location": one.location, "binding": 0, "format": _FLOATS[one.floats], "offset": one.offset}
-            for one in described.attributes
+            {
+                "location": attribute.location,
+                "binding": 0,
+                "format": _FLOATS[attribute.floats],
+                "offset": attribute.offset,
+            }
+            for attribute in described.attributes
         ],
     }

@@ -23,10 +23,10 @@ def rays(view: View, aspect: float) -> np.ndarray:
     by_x, by_y = right / clip[0, 0], up / clip[1, 1]
     none = np.zeros(3)
     if isinstance(view.projection, Orthographic):
-        made = [view.eye, by_x, by_y, -back, none, none]
+        rows = [view.eye, by_x, by_y, -back, none, none]
     else:
-        made = [view.eye, none, none, -back, by_x, by_y]
-    return np.pad(np.array(made), ((0, 0), (0, 1))).astype(np.float32).ravel()
+        rows = [view.eye, none, none, -back, by_x, by_y]
+    return np.pad(np.array(rows), ((0, 0), (0, 1))).astype(np.float32).ravel()
 
 
 class FullScreen(ABC):

@@ -18,7 +18,7 @@ Surface surface_of(vec3 base_color, float metallic, float roughness) {
     return Surface(diffuse, mix(vec3(0.04), base_color, metallic), clamped * clamped);
 }
 
-// B. Burley 2012, "Physically Based Shading at Disney", with alpha where he has the roughness. A smooth surface is darker at
+// B. Burley 2012, "Physically Based Shading at Disney", with alpha in place of roughness. A smooth surface is darker at
 // its rim than Lambert's, a rough one brighter; at alpha 1 more light can come back than arrived (1.38 times, at grazing views).
 float burley_diffuse(float n_dot_l, float n_dot_v, float l_dot_h, float alpha) {
     float f = 2.0 * l_dot_h * l_dot_h * alpha - 0.5;

@@ -61,14 +61,14 @@ def lights(settings: Settings, radius: float, time: float, exposed: float) -> np
     lamp = np.array([np.sin(angle), 1.0, np.cos(angle)]) * np.sqrt(0.5) * one_light.DISTANCE
     outer = np.radians(settings.cone_deg)
     cosines = np.cos(outer), np.cos(outer * (1.0 - settings.softness))
-    made = np.zeros((2, 4, 4))
-    made[:, 0, :3] = lamp * radius, SPOT_PLACE * radius
-    made[0, 1, :3] = np.multiply(LAMP_COLOR, (settings.lights != "spot") * settings.brightness * exposed)
-    made[1, 1, :3] = np.multiply(SPOT_COLOR, (settings.lights != "lamp") * settings.brightness * exposed)
-    made[:, 2, :3] = -lamp / np.linalg.norm(lamp), -SPOT_PLACE / np.linalg.norm(SPOT_PLACE)
-    made[0, 3, :2] = -3.0, -2.0  # every cosine is above these: the lamp has no cone
-    made[1, 3, :2] = cosines
-    return made
+    records = np.zeros((2, 4, 4))
+    records[:, 0, :3] = lamp * radius, SPOT_PLACE * radius
+    records[0, 1, :3] = np.multiply(LAMP_COLOR, (settings.lights != "spot") * settings.brightness * exposed)
+    records[1, 1, :3] = np.multiply(SPOT_COLOR, (settings.lights != "lamp") * settings.brightness * exposed)
+    records[:, 2, :3] = -lamp / np.linalg.norm(lamp), -SPOT_PLACE / np.linalg.norm(SPOT_PLACE)
+    records[0, 3, :2] = -3.0, -2.0  # every cosine is above these: the lamp has no cone
+    records[1, 3, :2] = cosines
+    return records
 
 
 def uniforms(

@@ -14,7 +14,7 @@ void main() {
     //
     // Files hold codes, about the square root of light, since eyes see dark steps better than bright ones. Averages are
     // meant of light: half black and half white is code 188 from afar, not 128. The format of the image ("sRGB") makes
-    // the sampler decode before it filters; whoever writes codes by hand must encode again.
+    // the sampler decode before it filters; a shader that writes codes itself must encode again.
     vec3 light = texture(base_color, in_uv).rgb * frame.base_color.rgb;
     out_color = vec4(srgb_from_linear(clamp(light, 0.0, 1.0)), 1.0);
 }

@@ -102,23 +102,23 @@ class Renderer(Stage):
     def _upload_texture(self, uploader: Uploader) -> None:
         """Upload the picture and let the GPU make its mip levels, each a quarter of the one before."""
         texture = self._primitive.material.base_color_texture
-        made = texels.texels_of(self.scene, "base_color", texels.key_of("base_color", texture))
-        height, width = made.pixels.shape[:2]
+        chain = texels.texels_of(self.scene, "base_color", texels.key_of("base_color", texture))
+        height, width = chain.pixels.shape[:2]
         usage = vk.VK_IMAGE_USAGE_SAMPLED_BIT | vk.VK_IMAGE_USAGE_TRANSFER_DST_BIT
-        if made.levels > 1:
+        if chain.levels > 1:
             usage |= vk.VK_IMAGE_USAGE_STORAGE_BIT  # a compute shader writes the levels
         self._image = create_image(
             self.device,
-            made.format,
+            chain.format,
             (width, height),
             usage,
-            made.name,
-            levels=made.levels,
-            view_format=made.view_format,
+            chain.name,
+            levels=chain.levels,
+            view_format=chain.view_format,
         )
-        uploader.image(self._image, made.pixels, srgb=made.srgb)
+        uploader.image(self._image, chain.pixels, srgb=chain.srgb)
         how = texture.sampler if texture is not None else Sampler()
-        self._sampler = create_sampler(self.device, how, 1.0, made.name)
+        self._sampler = create_sampler(self.device, how, 1.0, chain.name)
 
     def draw(self, commands: Commands, view: View, time: float) -> None:
         """Write this frame's uniforms, bind what was made, and draw by index."""

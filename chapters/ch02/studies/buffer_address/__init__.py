@@ -47,7 +47,7 @@ def vertices_of(primitive: Primitive) -> np.ndarray:
 
 def uniforms(scene: Scene, view: View, time: float, aspect: float, address: int) -> np.ndarray:
     """Return what the shaders read, () UNIFORM; the object turns by half a radian a second."""
-    made = np.zeros((), UNIFORM)
-    made["matrices"] = matrices(scene, view, 0.5 * time % (2.0 * np.pi), aspect)
-    made["address"] = address
-    return made
+    record = np.zeros((), UNIFORM)
+    record["matrices"] = matrices(scene, view, 0.5 * time % (2.0 * np.pi), aspect)
+    record["address"] = address
+    return record

@@ -53,7 +53,7 @@ class Renderer(Stage):
         layout = self._pipeline.sets[0]
         assert layout is not None  # the shaders declare it
         sets = self.descriptors.create(
-            [(layout, {0: one, **held}, f"set of {one.name}") for one in self._uniforms]
+            [(layout, {0: uniform, **held}, f"set of {uniform.name}") for uniform in self._uniforms]
         )
         self._sets = [vk.array("VkDescriptorSet", [handle]) for handle in sets.handles]
 

@@ -84,16 +84,16 @@ def explosions(settings: Settings, size: tuple[int, int], time: float) -> list[E
 def records_of(
     burning: Sequence[Explosion], settings: Settings, size: tuple[int, int], time: float
 ) -> np.ndarray:
-    """Return (N,) RECORD of those that have a picture at `time`, in their order: later ones lie on top.
+    """Return (N,) RECORD of the explosions that have a picture at `time`, in their order: later ones lie on top.
 
-    Whoever removes the finished ones by putting the last in their place changes which of two lies on top.
+    A finished explosion must not be replaced by the last of the list: that changes which of two lies on top.
     """
-    shown = [(one, frame_at(one.start, settings.fps, time)) for one in burning]
-    alive = [(one, frame) for one, frame in shown if frame is not None]
+    shown = [(explosion, frame_at(explosion.start, settings.fps, time)) for explosion in burning]
+    alive = [(explosion, frame) for explosion, frame in shown if frame is not None]
     records = np.zeros(len(alive), RECORD)
-    for record, (one, frame) in zip(records, alive, strict=True):
-        corner = one.x * size[0] - one.side / 2, one.y * size[1] - one.side / 2
-        record["place"], record["frame"] = (*corner, one.side, one.side), frame
+    for record, (explosion, frame) in zip(records, alive, strict=True):
+        corner = explosion.x * size[0] - explosion.side / 2, explosion.y * size[1] - explosion.side / 2
+        record["place"], record["frame"] = (*corner, explosion.side, explosion.side), frame
     return records
 
 

@@ -58,7 +58,9 @@ class Renderer(Stage):
         self._bindless.create(slots)
         self._bindless.update()
         self._uniforms = self.per_slot(UNIFORM_BYTES, "uniform", "picture's size")
-        sets = self.descriptors.create([(uniforms, {0: one}, f"set of {one.name}") for one in self._uniforms])
+        sets = self.descriptors.create(
+            [(uniforms, {0: uniform}, f"set of {uniform.name}") for uniform in self._uniforms]
+        )
         self._sets = [vk.array("VkDescriptorSet", [handle]) for handle in sets.handles]
 
     def draw(self, commands: Commands, view: View, time: float) -> None:

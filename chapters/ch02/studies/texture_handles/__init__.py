@@ -48,7 +48,7 @@ def textures() -> list[np.ndarray]:
 
     Each is a disc in a colour of its own on stripes, as many as its number.
     """
-    made = []
+    images = []
     for number in range(COUNT):
         height, width = 16 + 3 * number, 48 - 2 * number
         y, x = np.meshgrid(
@@ -58,5 +58,5 @@ def textures() -> list[np.ndarray]:
         stripes = 0.35 + 0.25 * (np.floor(x * 2 * (number + 1)) % 2)[..., None] * np.ones(3)
         disc = (np.hypot(x - 0.5, y - 0.5) < 0.35)[..., None]
         pixels = np.concatenate([np.where(disc, color, stripes), np.ones((height, width, 1))], axis=-1)
-        made.append(np.rint(255.0 * pixels).astype(np.uint8))
-    return made
+        images.append(np.rint(255.0 * pixels).astype(np.uint8))
+    return images

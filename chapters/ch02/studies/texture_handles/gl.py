@@ -39,20 +39,20 @@ class Renderer(Stage):
         commands["first_instance"] = np.arange(COUNT)
         self._commands = self.filled(commands, "draws")
         indices = self.filled(INDICES, "indices")
-        made = create_vertex_array(self.device, (), None, indices, "rectangle")
-        self._array = self.keep(made, lambda one: self.device.destroy("vertex array", one))
+        vertex_array = create_vertex_array(self.device, (), None, indices, "rectangle")
+        self._array = self.keep(vertex_array, lambda handle: self.device.destroy("vertex array", handle))
         described = PipelineDescription(SHADERS, defines(self.settings), depth=None, name=STUDY.title)
         self._pipeline = self.pipelines.get([described])[0]
         if self.settings.way == "handles":
-            self.handles = np.array([self._handle(one.view) for one in self._images])
+            self.handles = np.array([self._handle(image.view) for image in self._images])
             self._handles = self.filled(self.handles, "handles")
 
     def _handle(self, texture: int) -> np.uint64:
         """Return the handle of a texture with its sampler: both can be read from here on, and changed no more."""
         fn = self.device.fn
         handle = fn.glGetTextureSamplerHandleARB(texture, self._smooth)
-        # Nobody tells the driver any more which textures a draw uses. So all that may be used must be said to be
-        # resident, which units did by being bound; a handle that is not ends, with luck, in black.
+        # The driver does not know which textures a draw uses, as it does with texture units. So each texture that may
+        # be used must be made resident. A handle that is not resident gives black, or undefined results.
         fn.glMakeTextureHandleResidentARB(handle)
         self.keep(handle, fn.glMakeTextureHandleNonResidentARB)
         return np.uint64(handle)

@@ -38,10 +38,10 @@ class _Pool:
         self.images.append(Image(name, pixels.astype(np.float32)))
         return len(self.images) - 1
 
-    def once(self, key: Any, name: str, made: Any) -> int:
+    def once(self, key: Any, name: str, make: Any) -> int:
         """Return the number of the image for `key`; `made()` is what it has."""
         if key not in self._made:
-            self._made[key] = self.add(name, made())
+            self._made[key] = self.add(name, make())
         return self._made[key]
 
     def as_it_is(self, number: int) -> int:
@@ -128,7 +128,7 @@ def _surface(material: Material, pool: _Pool) -> tuple[TextureRef, TextureRef]:
 
     def texture(surface: TextureRef | None, occlusion: TextureRef | None) -> TextureRef:
         like = surface or occlusion
-        numbers = [None if one is None else one.image for one in (surface, occlusion)]
+        numbers = [None if read is None else read.image for read in (surface, occlusion)]
         key = ("surface", *numbers, material.roughness, material.metallic, strength)
         number = pool.once(key, "occlusion, roughness, metalness", lambda: made(surface, occlusion))
         return TextureRef(number) if like is None else replace(like, image=number)
@@ -139,7 +139,7 @@ def _surface(material: Material, pool: _Pool) -> tuple[TextureRef, TextureRef]:
     return texture(rough, None), texture(None, dark)
 
 
-def _alike(one: TextureRef, other: TextureRef, pool: _Pool) -> bool:
+def _alike(first: TextureRef, second: TextureRef, pool: _Pool) -> bool:
     """Whether two textures are sampled at the same places of images of the same size."""
-    sizes = [(pool.source[ref.image].width, pool.source[ref.image].height) for ref in (one, other)]
-    return sizes[0] == sizes[1] and replace(one, image=0) == replace(other, image=0)
+    sizes = [(pool.source[ref.image].width, pool.source[ref.image].height) for ref in (first, second)]
+    return sizes[0] == sizes[1] and replace(first, image=0) == replace(second, image=0)

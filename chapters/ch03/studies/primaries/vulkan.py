@@ -79,7 +79,7 @@ class Renderer(Stage):
         before: Any = slot
         before.before = slot.commands, slot.submit
         last = self._open_primary(slot)
-        order = [{"commandBuffer": one} for one in (slot.commands, *parts, last)]
+        order = [{"commandBuffer": handle} for handle in (slot.commands, *parts, last)]
         slot.commands = commands.handle = last
         slot.submit = vk.new("VkSubmitInfo2", pCommandBufferInfos=order)
         self.work.draws, self.work.triangles = count, 2 * SQUARES

@@ -1,13 +1,13 @@
-"""Study: a frame of layers, of which the first and the last draw nothing. One clears, one hands the picture on.
+"""Study: a frame of layers, of which the first and the last draw nothing. The first clears; the last ends the frame.
 
-Layers that draw need not know who comes first and who comes last: all of them draw on what is there. For that, a layer
-before them gives every pixel a colour and a depth, and a layer behind them brings the picture into the layout in which
-somebody else will read it. Depth is cleared to 0: it is reversed here (1 is near, 0 is infinitely far), where books
-with the usual depth clear to 1.
+A layer that draws need not know its place in the frame: it draws over the picture that is there. The first layer gives
+every pixel a colour and a depth. The last layer brings the picture into the layout in which a window or a copy reads
+it. Depth is cleared to 0, because depth is reversed here: 1 is near, 0 is infinitely far. Books with the usual depth
+clear to 1.
 
-Drawing to an image, reading it in a shader and copying it are three layouts, between which a GPU may have to decompress
-or flush. Vulkan believes whoever says in which layout an image is; so the layer that ends the frame has one declared
-layout, and whoever goes on from there relies on it. OpenGL knows the state of every image itself.
+An image has one layout to be drawn to, another to be read by a shader, and a third to be copied; between them a GPU may
+decompress or flush. Vulkan does not know the layout of an image: each barrier states it. So the last layer declares one
+final layout, and the copy after the frame relies on it. OpenGL tracks the state of every image itself.
 """
 
 from __future__ import annotations

@@ -32,7 +32,7 @@ class Renderer(Stage):
         """Do one layer after the other."""
         self._uniforms[slot.index].view(np.float32)[:] = uniforms(time)
         with self.device.label("clear"):
-            # Masks decide what a clear may write, and whoever drew last has left his; `begin` resets them.
+            # Masks decide what a clear may write, and an earlier draw may have changed them; `begin` resets them.
             begin(self.device, self.framebuffer, (CLEAR_COLOR,), CLEAR_DEPTH)
         if self.settings.panels:
             with self.device.label("panels"):

@@ -31,7 +31,9 @@ class Renderer(Stage):
         self._uniforms = self.per_slot(UNIFORM_BYTES, "uniform", "place of the panels")
         layout = self._pipeline.sets[0]
         assert layout is not None  # the shaders declare it
-        sets = self.descriptors.create([(layout, {0: one}, f"set of {one.name}") for one in self._uniforms])
+        sets = self.descriptors.create(
+            [(layout, {0: uniform}, f"set of {uniform.name}") for uniform in self._uniforms]
+        )
         self._sets = [vk.array("VkDescriptorSet", [handle]) for handle in sets.handles]
 
     def create_sized(self) -> None:

@@ -44,8 +44,8 @@ class Renderer(Stage):
                 images[output] = self.target(output, WRITTEN[output].format, output)
         self._renderings = {name: Rendering(self.size, image, None, EMPTY) for name, image in images.items()}
         starts: list[Any] = [
-            image_barrier(one.handle, one.aspect, "copy_source", "color", discard=True)
-            for one in images.values()
+            image_barrier(target.handle, target.aspect, "copy_source", "color", discard=True)
+            for target in images.values()
         ]
         self._ready = barriers(*starts)
 

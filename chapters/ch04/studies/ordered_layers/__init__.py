@@ -1,13 +1,13 @@
 """Study: a frame as an ordered list. Each item is enabled or not, and draws on what those before it have left.
 
-This is how most programs begin to be made of parts: a list of items, drawn like sheets of paper laid on one another,
-the painter's way. An item may have an output of its own, a target that an item after it reads; without one it draws to
-the screen's pass, as all others do. Turning an item off takes its commands away, and costs nothing.
+Most renderers begin like this: a list of items that are drawn one over the other. An item may draw to a target of its
+own, which a later item reads; all other items draw to the screen's pass. An item that is disabled records no commands
+and costs nothing.
 
-What the list does not know is who reads what. Here the item "inset" reads what "map" has drawn: the two are turned off
-together because we remembered, they stand in this order because we wrote them so, and the barriers between them are
-right as long as nobody moves a line. The chapter's frame graph derives all three from what items say they read and
-write.
+The list does not know which item reads which target. Here the item "inset" reads the target of "map". They are disabled
+together because the programmer remembered it, they are in this order because the programmer wrote it, and the barriers
+between them are right until a line is moved. The chapter's frame graph derives all three from the declared reads and
+writes of each item.
 """
 
 from __future__ import annotations

@@ -52,16 +52,18 @@ class Renderer(Stage):
         own = dict.fromkeys(item.output for item in self._enabled if item.output != SCREEN)
         images = {name: self.target(name, "rgba8") for name in own}
         self._targets_of = {SCREEN: self._target(self.picture, "copy_source", "color")}
-        self._targets_of |= {name: self._target(one, "sampled", "sampled") for name, one in images.items()}
+        self._targets_of |= {
+            name: self._target(image, "sampled", "sampled") for name, image in images.items()
+        }
         self._sets: dict[Item, Any] = {}
         for item in self._enabled:
             if item.reads:
                 layout = self._pipelines[item].sets[0]
                 assert layout is not None  # a shader that reads declares it
                 held = {0: Texture(images[item.reads].view, self._texels)}
-                made: Sets = self.descriptors.create([(layout, held, f"set of {item.name}")])
-                self.keep_sized(made, self.descriptors.destroy)
-                self._sets[item] = vk.array("VkDescriptorSet", made.handles)
+                allocated: Sets = self.descriptors.create([(layout, held, f"set of {item.name}")])
+                self.keep_sized(allocated, self.descriptors.destroy)
+                self._sets[item] = vk.array("VkDescriptorSet", allocated.handles)
 
     def _target(self, image: Image, read_as: str, leaves: str) -> Target:
         """Return what passes to an image need; it was read as `read_as` in the frame before."""

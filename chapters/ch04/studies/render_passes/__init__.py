@@ -1,19 +1,19 @@
 """Study: the same frame with classic render passes, made ahead, and with dynamic rendering and barriers by hand.
 
-Before Vulkan 1.3 nothing could be drawn without two kinds of objects. A VkRenderPass says of each attachment what
-happens to it when the pass begins (load), when it ends (store), its layouts before, during and after, and what must be
-waited for (dependencies). A VkFramebuffer says which images these are, and so there is one for each set of images, and
-new ones whenever the picture changes its size. Each pipeline is made for a render pass, or for one of the same formats.
+Before Vulkan 1.3 drawing needed two kinds of objects. A VkRenderPass describes each attachment: its load operation, its
+store operation, its layouts before, during and after the pass, and the dependencies of the pass. A VkFramebuffer names
+the images. So each set of images needs a framebuffer, and a new size needs new ones. Each pipeline is created for a
+render pass, or for one with the same formats.
 
-Dynamic rendering says all that where a pass begins, and leaves layouts and waiting to barriers. Nothing is made ahead,
-and pipelines know formats alone: who turns a pass off or puts another between two need not find out which objects
-that concerns. That is what a frame graph does all the time, and why this chapter has one over dynamic rendering.
-Classic passes keep one advantage: subpasses, which tell GPUs that draw tile by tile which pixels never leave the chip.
+Dynamic rendering states the attachments where a pass begins, and leaves layouts and waits to barriers. Nothing is
+created ahead, and a pipeline depends on formats alone. So a pass can be disabled or inserted without new objects. A
+frame graph does this all the time, which is why the chapter's graph uses dynamic rendering. Classic passes keep one
+advantage: subpasses, which tell a tile-based GPU which pixels never leave the chip.
 
-Both ways draw the same bits. `strata run -v` tells what each costs the CPU: nanoseconds around the draws of a frame,
-objects, and microseconds for what is made ahead, once or for each size. Speed is no argument for either: on Mesa's
-software driver three passes begin and end in 12 us both ways, and a new size takes 0.2 ms for two framebuffers, 0.5 ms
-for barriers and attachments, nearly all of it Python that fills in structs.
+Both ways draw the same bits. `strata run -v` shows the costs on the CPU: nanoseconds around the draws of a frame, the
+number of objects, and microseconds for objects that are created once or for each size. Neither is faster by much: on
+Mesa's software driver three passes begin and end in 12 us both ways, and a new size takes 0.2 ms for two framebuffers
+and 0.5 ms for barriers and attachments, nearly all of it Python that fills in structs.
 """
 
 from __future__ import annotations

@@ -45,7 +45,7 @@ class Classic:
         clear = [{"color": {"float32": list(CLEAR_COLOR)}}, {"depthStencil": {"depth": CLEAR_DEPTH}}]
         self._begins = []
         for render_pass, used in zip(self._passes, images, strict=True):
-            views = [one.view for one in used if one is not None]
+            views = [image.view for image in used if image is not None]
             if used not in self._framebuffers:
                 info = vk.new(
                     "VkFramebufferCreateInfo",
@@ -55,8 +55,8 @@ class Classic:
                     height=size[1],
                     layers=1,
                 )
-                made = self._device.create("vkCreateFramebuffer", info, used[0].name)
-                self._framebuffers[used] = made
+                framebuffer = self._device.create("vkCreateFramebuffer", info, used[0].name)
+                self._framebuffers[used] = framebuffer
             self._begins.append(
                 vk.new(
                     "VkRenderPassBeginInfo",

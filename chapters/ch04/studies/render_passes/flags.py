@@ -17,7 +17,7 @@ class Flag(enum.Flag):
     """What a pass is."""
 
     NONE = 0
-    FIRST = enum.auto()  # nobody has drawn to the target in this frame
+    FIRST = enum.auto()  # nothing has been drawn to the target in this frame
     LAST = enum.auto()  # the picture is copied to a file or a window afterwards
     OFFSCREEN = enum.auto()  # shaders read the target afterwards
     INTERNAL = enum.auto()  # goes on in a target that was ready for shaders, and keeps what is there
@@ -60,6 +60,6 @@ def _color(flags: Flag) -> Use:
 
 def _depth(flags: Flag) -> Use:
     load = _load(flags, Flag.CLEAR_DEPTH)
-    # Nobody reads depth here but depth tests, and so nobody after the last pass: it need not reach memory at all.
+    # Only depth tests read depth here, and none comes after the last pass: depth need not reach memory at all.
     store: Literal["store", "dont_care"] = "dont_care" if Flag.LAST in flags else "store"
     return Use(load, store, "depth" if load == "load" else "undefined", "depth")

@@ -36,7 +36,7 @@ _READERS = {
     "copy_source": (vk.VK_PIPELINE_STAGE_TRANSFER_BIT, vk.VK_ACCESS_TRANSFER_READ_BIT),
     "color": (_COLOR, _COLOR_ANY),
 }
-"""Who goes on with a target in each final state."""
+"""Stages and accesses of the next use of a target, by its final state."""
 
 
 def create_render_pass(device: Device, formats: tuple[str, str | None], flags: Flag, name: str) -> Any:
@@ -79,8 +79,8 @@ def _attachment(format: str, use: Use) -> dict[str, Any]:
 def _dependencies(color: Use, has_depth: bool) -> list[dict[str, Any]]:
     """Return what the pass waits for, and what waits for it, in place of barriers before and after.
 
-    A pass does not know who had its target before, and so waits for all that ever do: shaders and copies that read it,
-    passes that drew to it. Not by region, as often seen: who samples a target reads wherever he likes.
+    A pass does not know the last use of its target, so it waits for all possible ones: shaders and copies that read it,
+    and passes that drew to it. The dependency is not by region, since a shader may sample a target anywhere.
     """
     stages, writes, any_use = (
         (_COLOR | _DEPTH, _COLOR_WRITE | _DEPTH_WRITE, _COLOR_ANY | _DEPTH_ANY)

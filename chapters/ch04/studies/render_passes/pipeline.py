@@ -21,12 +21,12 @@ _EVERY_CHANNEL = 0xF
 def create_pipeline(
     device: Device, layouts: Layouts, files: Sequence[str], into: dict[str, Any], depth: bool
 ) -> Built:
-    """Return a pipeline, of which nobody frees the handle; `into` says what it draws to: a render pass, or formats."""
+    """Return a pipeline; the caller destroys its handle. `into` is the render pass or the formats that it draws to."""
     sources = [shader_text.build(CHAPTER / file, "vulkan", roots=(CHAPTER,)) for file in files]
     stages = compile_stages([sources])[0]
     codes = stages.codes
-    found = [Stage(code, source) for code, source in zip(codes, sources, strict=True)]
-    layout, sets = layouts.pipeline(merge(found, ()))
+    merged = [Stage(code, source) for code, source in zip(codes, sources, strict=True)]
+    layout, sets = layouts.pipeline(merge(merged, ()))
     modules = [
         device.create(
             "vkCreateShaderModule",

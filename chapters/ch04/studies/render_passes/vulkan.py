@@ -34,7 +34,9 @@ class Renderer(Stage):
         """Make passes, where they are objects, and pipelines. The two passes of squares can share one."""
         way = Classic if self.settings.way == "classic" else Dynamic
         started = now_ns()
-        self._way: Classic | Dynamic = self.keep(way(self.device, FLAGS, FORMATS), lambda one: one.close())
+        self._way: Classic | Dynamic = self.keep(
+            way(self.device, FLAGS, FORMATS), lambda passes: passes.close()
+        )
         self._made_us = (now_ns() - started) // 1000
         self._squares = self._pipeline(SQUARE_SHADERS, SCENE)
         self._show = self._pipeline(SHOW_SHADERS, SHOWN)
@@ -42,11 +44,11 @@ class Renderer(Stage):
 
     def _pipeline(self, files: tuple[str, str], number: int) -> Built:
         has_depth = FORMATS[number][1] is not None
-        made = create_pipeline(
+        pipeline = create_pipeline(
             self.device, self.pipelines.layouts, files, self._way.into(number), depth=has_depth
         )
-        self.keep(made.handle, lambda one: self.device.destroy("VkPipeline", one))
-        return made
+        self.keep(pipeline.handle, lambda handle: self.device.destroy("VkPipeline", handle))
+        return pipeline
 
     def create_sized(self) -> None:
         """Make the targets, and whatever the way to draw needs anew with them."""
@@ -59,7 +61,7 @@ class Renderer(Stage):
         started = now_ns()
         self._way.create_sized(self.size, [(scene, depth), (scene, depth), (self.picture, None)])
         self._sized_us = (now_ns() - started) // 1000
-        self.keep_sized(self._way, lambda one: one.destroy_sized())
+        self.keep_sized(self._way, lambda passes: passes.destroy_sized())
 
     def draw(self, commands: Commands, view: View, time: float) -> None:
         """Record the three passes."""

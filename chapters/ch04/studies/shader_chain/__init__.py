@@ -69,9 +69,9 @@ def chain(settings: Settings) -> list[Pass]:
     return [COPY] * settings.copies + list(EFFECTS[settings.effect])
 
 
-def shaders(one: Pass) -> tuple[str, str]:
+def shaders(described: Pass) -> tuple[str, str]:
     """Return the files of a pass, as pipelines take them; a path of yours that begins at the root stays as it is."""
-    return "post/fullscreen.vert", Path("studies", "shader_chain", one.fragment).as_posix()
+    return "post/fullscreen.vert", Path("studies", "shader_chain", described.fragment).as_posix()
 
 
 def original(size: tuple[int, int]) -> np.ndarray:
@@ -80,8 +80,8 @@ def original(size: tuple[int, int]) -> np.ndarray:
     x, y = np.meshgrid((np.arange(width) + 0.5) / height, (np.arange(height) + 0.5) / height)
     rings = 0.5 + 0.5 * np.cos(60.0 * ((x - 0.9) ** 2 + (y - 0.5) ** 2))
     tile = (np.floor(8.0 * x) + np.floor(8.0 * y)) % 2
-    made = np.stack([rings, 0.7 * rings + 0.2 * tile, 0.2 + 0.6 * tile * y, np.ones_like(x)], axis=-1)
-    return np.clip(made, 0.0, 1.0)
+    pixels = np.stack([rings, 0.7 * rings + 0.2 * tile, 0.2 + 0.6 * tile * y, np.ones_like(x)], axis=-1)
+    return np.clip(pixels, 0.0, 1.0)
 
 
 def textures() -> dict[str, np.ndarray]:
@@ -98,12 +98,12 @@ def stored(values: np.ndarray, format: str) -> np.ndarray:
     return values.astype(np.float16 if format == "rgba16f" else np.float32)
 
 
-def check(one: Pass, wanted: Collection[str], known: Collection[str]) -> None:
-    """Raise UserError for a pass whose shader wants a texture that nobody has."""
+def check(reader: Pass, wanted: Collection[str], known: Collection[str]) -> None:
+    """Raise UserError for a pass whose shader reads a texture that the chain does not have."""
     for name in wanted:
         if name not in known:
             near = suggest(name, known)
             end = "" if near.endswith("?") else "."
             raise UserError(
-                f"{one.fragment} reads a texture {name!r}, which this chain does not have{near}{end}"
+                f"{reader.fragment} reads a texture {name!r}, which this chain does not have{near}{end}"
             )

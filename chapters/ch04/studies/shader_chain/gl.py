@@ -31,8 +31,8 @@ class Renderer(Stage):
         """Link a program for each different pass; equal ones share theirs."""
         self._chain = self.chain(self.settings)
         wanted = [
-            PipelineDescription(shaders(one), one.defines, depth=None, name=one.fragment)
-            for one in [*self._chain, COPY]
+            PipelineDescription(shaders(described), described.defines, depth=None, name=described.fragment)
+            for described in [*self._chain, COPY]
         ]
         self._pipelines = self.pipelines.get(wanted)
         self._sampler = self.sampler(TEXELS, "texels")
@@ -50,11 +50,13 @@ class Renderer(Stage):
         # What a pass reads: the original first, then what the one before has written.
         sources = [begun, *(targets[i % 2] for i in range(count))]
         self._units = [
-            self._units_of(one, pipeline, {"source": source, "original": begun, **self._more})
-            for one, pipeline, source in zip([*self._chain, COPY], self._pipelines, sources, strict=True)
+            self._units_of(described, pipeline, {"source": source, "original": begun, **self._more})
+            for described, pipeline, source in zip(
+                [*self._chain, COPY], self._pipelines, sources, strict=True
+            )
         ]
 
-    def _units_of(self, one: Pass, pipeline: Built, known: dict[str, Image]) -> Units:
+    def _units_of(self, reader: Pass, pipeline: Built, known: dict[str, Image]) -> Units:
         """Return what a pass binds: what its shader declares, found by name. The linked program tells its units."""
         declared = interface_of(self.device, pipeline.handle)
         units = {
@@ -62,14 +64,14 @@ class Renderer(Stage):
             for where, slot in declared.items()
             if where.startswith("texture unit ")
         }
-        check(one, units, known)
+        check(reader, units, known)
         return {unit: known[name] for name, unit in units.items()}
 
     def draw(self, slot: FrameSlot, view: View, time: float) -> None:
         """Do the chain. A pass sees all that passes before it drew; only to read its own target is forbidden."""
         self.device.fn.glBindVertexArray(self.no_vertices)
-        for i, one in enumerate(self._chain):
-            with self.device.label(one.fragment):
+        for i, described in enumerate(self._chain):
+            with self.device.label(described.fragment):
                 begin(self.device, self._framebuffers[i % 2], (EMPTY,))
                 self._fill(i)
         self.begin()

@@ -29,14 +29,16 @@ class Renderer(Stage):
     def create(self) -> None:
         """Make a pipeline for each different pass; equal ones share theirs."""
         self._chain = self.chain(self.settings)
-        wanted = [self._described(one, self.settings.format) for one in self._chain]
+        wanted = [self._described(described, self.settings.format) for described in self._chain]
         *self._pipelines, self._show = self.pipelines.get([*wanted, self._described(COPY, "rgba8")])
         self._sampler = self.sampler(TEXELS, "texels")
         self._more = {name: self.texture(pixels, "2d", name) for name, pixels in self.textures().items()}
 
     @staticmethod
-    def _described(one: Pass, format: str) -> PipelineDescription:
-        return PipelineDescription(shaders(one), one.defines, color=format, depth=None, name=one.fragment)
+    def _described(described: Pass, format: str) -> PipelineDescription:
+        return PipelineDescription(
+            shaders(described), described.defines, color=format, depth=None, name=described.fragment
+        )
 
     def create_sized(self) -> None:
         """Make the two targets, or the only one of a chain of one, and what each pass reads and waits for."""
@@ -50,42 +52,42 @@ class Renderer(Stage):
         # What a pass reads: the original first, then what the one before has written.
         sources = [begun, *(targets[i % 2] for i in range(count))]
         self._sets = [
-            self._set(one, pipeline, {"source": source, "original": begun, **self._more})
-            for one, pipeline, source in zip(
+            self._set(described, pipeline, {"source": source, "original": begun, **self._more})
+            for described, pipeline, source in zip(
                 [*self._chain, COPY], [*self._pipelines, self._show], sources, strict=True
             )
         ]
         self._renderings = [Rendering(self.size, target, None, EMPTY) for target in targets]
         self._before: list[Any] = []
         for i in range(count + 1):
-            found = [self._barrier(targets[(i - 1) % 2], "color", "sampled")] if i else []
+            written = [self._barrier(targets[(i - 1) % 2], "color", "sampled")] if i else []
             if i < count:
-                # Nobody may still be reading what is overwritten: a pass of this chain, or the frame before, which also
-                # copied the result.
+                # All reads of the overwritten target must be over: those of a pass of this chain, and of the previous
+                # frame, which also copied the result.
                 reader = "copy_source" if i == last and i < 2 else "sampled"
-                found.append(self._barrier(targets[i % 2], reader, "color", discard=True))
-            self._before.append(barriers(*found))
+                written.append(self._barrier(targets[i % 2], reader, "color", discard=True))
+            self._before.append(barriers(*written))
 
     @staticmethod
     def _barrier(image: Image, before: str, after: str, discard: bool = False) -> Any:
         return image_barrier(image.handle, image.aspect, before, after, discard=discard)
 
-    def _set(self, one: Pass, pipeline: Built, known: dict[str, Image]) -> Any:
+    def _set(self, reader: Pass, pipeline: Built, known: dict[str, Image]) -> Any:
         """Return the set of a pass: what its shader declares, found by name."""
         layout = pipeline.sets[0]
         assert layout is not None  # a pass that reads nothing is no effect
-        check(one, [binding.name for binding in layout.bindings], known)
+        check(reader, [binding.name for binding in layout.bindings], known)
         held = {
             binding.number: Texture(known[binding.name].view, self._sampler) for binding in layout.bindings
         }
-        sets = self.descriptors.create([(layout, held, f"set of {one.fragment}")])
+        sets = self.descriptors.create([(layout, held, f"set of {reader.fragment}")])
         self.keep_sized(sets, self.descriptors.destroy)
         return vk.array("VkDescriptorSet", sets.handles)
 
     def draw(self, commands: Commands, view: View, time: float) -> None:
         """Record the chain: before each pass, one barrier for what it reads and what it writes."""
-        for i, (one, pipeline) in enumerate(zip(self._chain, self._pipelines, strict=True)):
-            commands.begin_label(one.fragment)
+        for i, (described, pipeline) in enumerate(zip(self._chain, self._pipelines, strict=True)):
+            commands.begin_label(described.fragment)
             commands.barrier(self._before[i])
             commands.begin_rendering(self._renderings[i % 2])
             self._fill(commands, pipeline, self._sets[i])
