@@ -52,7 +52,7 @@ _USAGE = (
 
 @dataclass(eq=False)
 class EnvironmentMaps(MapsOnGpu):
-    """What shaders sample, all in the state 'sampled'; views of the cubes are cube views. `close` frees it."""
+    """The sampled images, all in the state 'sampled'; views of the cubes are cube views. `close` frees it."""
 
     irradiance: Image
     table: Image

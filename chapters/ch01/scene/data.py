@@ -1,6 +1,6 @@
 """The scene on the GPU, as passes see it: the part that is the same for both APIs.
 
-`vulkan_data.py` and `gl_data.py` hold the buffers and images, and follow what is decided here.
+`vulkan_data.py` and `gl_data.py` hold the buffers and images, and follow the decisions of this module.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class SceneData:
         self._energy = settings.environment.energy if model.needed(scene, settings) else None
         self.records = Records(scene, settings.scene.light_cutoff)
         self.environment = model.NO_ENVIRONMENT
-        """What every frame's constants hold of the environment."""
+        """The environment in the constants of every frame."""
         self.prepared_ms: dict[str, float] = {}
         self._kinds: Any = None
         self._materials_seen = -1
@@ -64,7 +64,7 @@ class SceneData:
         return self._energy is not None and self._scene.environment is not None
 
     def _tell_environment(self, maps: model.MapsOnGpu) -> None:
-        """Note what shaders are told of the environment's maps, and how long they took."""
+        """Keep the levels and units of the environment's maps for shaders, and the time of their preparation."""
         self.prepared_ms = {f"environment {name}": took for name, took in maps.made_ms.items()}
         self.environment = model.frame_values(self._settings.environment, maps.scale, maps.last_level)
 

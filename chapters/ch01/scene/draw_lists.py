@@ -63,7 +63,7 @@ NOTHING = DrawLists([], [], [], np.zeros(0, np.int64))
 def build_draw_lists(
     scene: Scene, variants: Sequence[Variant], mirrored: np.ndarray, make_draw: Callable[[Range], Any]
 ) -> DrawLists:
-    """Return the lists of what is visible.
+    """Return the lists of the visible instances.
 
     `mirrored` (I,) bool says whose front faces wind the other way; `make_draw` returns a draw for a backend's commands.
     """

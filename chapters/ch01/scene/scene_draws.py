@@ -1,4 +1,4 @@
-"""What each frame draws of the scene, and in which order. Every pass that draws objects asks here."""
+"""The draws of a frame, and their order. Every pass that draws objects asks here."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class SceneDrawLists:
     """The draw lists of a scene, built anew only when visibility or the handedness of an object changed."""
 
     binding: SceneBinding
-    """What the draws of this frame bind of the scene."""
+    """The bindings of the scene for this frame's draws."""
 
     def __init__(self, scene: Scene, data: SceneData) -> None:
         self._scene, self._data = scene, data

@@ -19,14 +19,14 @@ if TYPE_CHECKING:
     from .settings import ShadingSettings
 
 PICTURE = "picture"
-"""What the setting `view` is called where none is asked for."""
+"""The value of the setting `view` without a view."""
 
 COUNT_FULL = 12
 """The count that a heat scale shows as white; see shaders/palette.glsl."""
 
 
 class Settings(Protocol):
-    """What views ask of a chapter's settings."""
+    """The settings of views."""
 
     shading: ShadingSettings
     post: PostSettings
@@ -118,13 +118,13 @@ VIEWS = (
         "light",
     ),
 )
-"""What can be looked at. A new view goes to the end: numbers are part of compiled shaders."""
+"""The quantities that a view can show. A new view goes to the end: numbers are part of compiled shaders."""
 
 NAMES = tuple(view.name for view in VIEWS)
 CHOICES = (PICTURE, *NAMES)
 
 _OF_ROLES = ("TEXTURED", "UV1")
-"""What a material's variant has for the sake of its textures."""
+"""The parts of a material's variant that its textures need."""
 
 
 def number_of(view: str) -> int:
@@ -168,7 +168,7 @@ def variant_of(material: Material, scene: Scene, settings: Settings, energy: str
 
 
 def blending(settings: Settings, variant: Variant) -> Literal["over", "add"] | None:
-    """Return how a fragment joins what is there: a view shows one surface at each pixel, or counts all of them."""
+    """Return the blending of a view: a view shows one surface at each pixel, or counts all of them."""
     if settings.shading.view == PICTURE:
         return "over" if variant.alpha_mode == "blend" else None
     return "add" if settings.shading.view == "overdraw" else None

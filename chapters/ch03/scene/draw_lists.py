@@ -76,7 +76,7 @@ def build_draw_lists(
     first_index: np.ndarray,
     textures_of: np.ndarray,
 ) -> DrawLists:
-    """Return the lists of what is visible.
+    """Return the lists of the visible instances.
 
     `mirrored` (I,) bool says whose front faces wind the other way, `page_of` and `first_index` (M,) where a mesh's
     indices lie, `textures_of` (materials,) which set of textures a material samples.

@@ -1,4 +1,4 @@
-"""What each frame draws of the scene, and in which order. Every pass that draws objects asks here."""
+"""The draws of a frame, and their order. Every pass that draws objects asks here."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .draw_lists import NOTHING, Batch, build_draw_lists
 
 @dataclass
 class _Slot:
-    """What was written to a slot: the transparent batches, and from where they have their order."""
+    """The contents of a slot: the transparent batches, and from where they have their order."""
 
     transparent: Sequence[Batch] = ()
     seen_from: Any = None
@@ -30,14 +30,14 @@ class _Slot:
 class SceneDrawLists:
     """The draw lists of a scene, written to a slot when they differ from what stands there.
 
-    A camera that moves changes nothing but the order of what is transparent. Solid objects keep the scene's order:
+    A moving camera changes only the order of transparent draws. Solid objects keep the scene's order:
     sorting them by distance would spare the GPU some shading, and cost the CPU time for every object in every frame.
     """
 
     slot = 0
     """The slot of this frame."""
     binding: SceneBinding
-    """What the draws of this frame bind of the scene."""
+    """The bindings of the scene for this frame's draws."""
 
     def __init__(self, scene: Scene, data: SceneData) -> None:
         self._scene, self._data = scene, data
@@ -92,10 +92,10 @@ class SceneDrawLists:
 
     @property
     def solid(self) -> Sequence[Batch]:
-        """The batches of what is opaque or masked."""
+        """The batches of opaque and masked draws."""
         return self._lists.solid
 
     @property
     def transparent(self) -> Sequence[Batch]:
-        """The batches of what is transparent, farthest first, as they stand in the slot of this frame."""
+        """The batches of transparent draws, farthest first, from the slot of this frame."""
         return self._slots[self.slot].transparent

@@ -11,7 +11,7 @@ from .views import CHOICES, PICTURE
 
 @dataclass
 class ShadingSettings:
-    """What is drawn, and in which formats."""
+    """The passes that draw, and their formats."""
 
     color_format: str = knob("rgba16f", "format of the linear colour target", choices=("rgba16f", "rgba32f"))
     msaa: int = knob(

@@ -37,7 +37,7 @@ from .model import PANORAMA, SMOOTH, Maps, MapsOnGpu, Sizes
 
 @dataclass(eq=False)
 class EnvironmentMaps(MapsOnGpu):
-    """What shaders sample; `close` frees it."""
+    """The sampled images; `close` frees it."""
 
     irradiance: Image
     table: Image

@@ -9,7 +9,7 @@ from . import lens
 
 
 class CircleOfConfusionPass(lens.LensPass):
-    """The first of the lens's three passes. What is transparent has no depth, and is as sharp as what is behind it."""
+    """First of the lens's three passes. A transparent surface has no depth, and is as sharp as the one behind it."""
 
     name = "circle_of_confusion"
     reads = (Access("color_hdr", "sampled"), Access("depth", "sampled"))

@@ -27,7 +27,7 @@ PART_FORMAT = "r8"
 
 
 class Settings(Protocol):
-    """What a lens asks of a chapter's settings."""
+    """The settings of the lens."""
 
     shading: ShadingSettings
     post: PostSettings

@@ -15,8 +15,7 @@ from .fullscreen import FullscreenPass
 class ResolvePass(FullscreenPass):
     """One triangle over the whole picture.
 
-    The hardware resolves too, on its way out of the tile or in a copy, but only to the plain mean, and each driver adds
-    in an order of its own.
+    The hardware can resolve too, but only to the plain mean, and each driver adds in an order of its own.
     """
 
     name = "resolve"

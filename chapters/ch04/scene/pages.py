@@ -23,7 +23,7 @@ from .geometry import STREAMS
 PAGE_BYTES = 128 << 20
 
 MESH = np.dtype([("streams", np.uint32, 8)])
-"""What shaders know of a mesh: the first word of each stream in its page, in the order of STREAMS."""
+"""The record of a mesh in shaders: the first word of each stream in its page, in the order of STREAMS."""
 
 _WORD = 4
 

@@ -31,18 +31,18 @@ FORMATS: dict[str, tuple[str, ...]] = {
 Base colour: 8 bits in the code of sRGB, as its textures have them. Eight bits of linear light have steps of 1/255,
 which is a fifth of a dark wood's 0.02; those of the code are 1 to 2 % of a colour anywhere above 0.02.
 Normal: a mirror shows a turn of its normal doubled. Ten bits keep a component within 1/1022, at most 0.1 degrees of
-turn, and what is upright exactly; halves within 2^-12 of its value, 0.014 degrees, in twice the memory. 8 bits would be
-off by 0.4 degrees, and a highlight's edge would show the steps.
+turn, and an upright normal exactly; halves within 2^-12 of its value, 0.014 degrees, in twice the memory. 8 bits would
+be off by 0.4 degrees, and a highlight's edge would show the steps.
 Material: occlusion, roughness and metalness come from textures of 8 bits, which stay exact.
 Emission: has no upper end, and arrives exposed: halves, as in the picture itself.
 """
 
 _LIGHT = ("LIT", "ENVIRONMENT", "ENERGY")
-"""What a variant has for the sake of light."""
+"""The parts of a variant that only light needs."""
 
 
 class Settings(Protocol):
-    """What the deferred path asks of a chapter's settings."""
+    """The settings of the deferred path."""
 
     shading: ShadingSettings
     post: PostSettings
@@ -71,7 +71,7 @@ def written(settings: Settings) -> tuple[Access, ...]:
 
 
 def normal_defines(settings: Settings) -> Defines:
-    """Return what tells the shaders that write normals and those that read them how they are stored."""
+    """Return the defines that tell shaders how normals are stored."""
     return (("NORMAL_CODED", 1),) if FORMATS[settings.shading.gbuffer_format][1] == "rgb10a2" else ()
 
 

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 
 class Settings(Protocol):
-    """What is asked of a chapter's settings."""
+    """The settings of the pre-pass."""
 
     shading: ShadingSettings
 

@@ -11,7 +11,7 @@ from .views import CHOICES, PICTURE
 
 @dataclass
 class ShadingSettings:
-    """What is drawn, and in which formats."""
+    """The passes that draw, and their formats."""
 
     color_format: str = knob("rgba16f", "format of the linear colour target", choices=("rgba16f", "rgba32f"))
     depth_prepass: bool = knob(False, "whether depth is drawn first, and then only what is visible is shaded")

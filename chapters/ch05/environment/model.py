@@ -1,8 +1,8 @@
-"""What is made of an environment before the first frame, on either backend: how large, how often sampled, kept where.
+"""The preparation of an environment before the first frame, for both backends: sizes, sample counts, the cache on disk.
 
-Three things are made of a panorama by compute: a cube map whose levels are blurred for growing roughness (`radiance`),
-one of irradiance / pi (`irradiance`), and, from no panorama at all, the table of the BRDF. All of it depends on the
-panorama's pixels, a few numbers and the kernels' text alone, so it is kept on disk under a hash of these.
+Compute shaders make three images: from the panorama a cube map whose levels are blurred for growing roughness
+(`radiance`) and one of irradiance / pi (`irradiance`), and without it the table of the BRDF. The images depend only on
+the panorama's pixels, a few numbers and the text of the kernels, so a hash of these is their name on disk.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ PANORAMA = Sampler("linear", "linear", None, "repeat", "clamp")
 
 VERSION = 1
 LARGEST = 60_000.0
-"""What no stored number exceeds, with some room below the largest of half precision."""
+"""The largest stored number, a little below the largest of half precision."""
 MOST_BYTES = 512 << 20
 """What is kept on disk of environments: one with a cube of 256 texels along an edge takes 4 MiB."""
 SMALLEST_FACE = 16
@@ -121,7 +121,7 @@ class MapsOnGpu:
 
     radiance: Any
     scale: float
-    """What a stored 1 stands for, in nits."""
+    """The radiance of a stored 1, in nits."""
     made_ms: dict[str, float]
     """Milliseconds that the GPU took for what was made ("maps", "table"); what came from the disk is left out."""
 
@@ -146,7 +146,7 @@ def frame_values(
 
 
 NO_ENVIRONMENT = (0.0, 1.0, 0.0, 0.0)
-"""What a frame's constants hold without one."""
+"""The values in a frame's constants without an environment."""
 
 
 def level_roughness(level: int, levels: int) -> float:

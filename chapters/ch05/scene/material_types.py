@@ -2,7 +2,7 @@
 
 Sorted by type, everything that one pipeline draws is one range, and M + 1 offsets say where the ranges of M types are:
 type t has the places [offsets[t], offsets[t + 1]). The offsets are the prefix sums of the counts, so the last is the
-total, and a type that does not occur has an empty range: nothing is made for it.
+total, and a type that does not occur has an empty range.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from common.scene import Scene
 
 TYPES = ("opaque", "mask", "blend")
-"""In the order in which they are drawn: what is opaque hides what follows, what is blended needs all behind it."""
+"""In the order in which they are drawn: blended surfaces come after everything behind them."""
 
 
 @dataclass(frozen=True)

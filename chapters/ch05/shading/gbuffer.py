@@ -18,7 +18,7 @@ from .objects import ObjectsPass
 class GBufferPass(ObjectsPass):
     """The forward pass up to where light comes in: its solid draws, by the same shader, which stores the surface.
 
-    What a surface costs no longer depends on the number of lights, and what light costs no longer on the number of
+    The cost of a surface no longer depends on the number of lights, nor the cost of a light on the number of
     surfaces: with n of them behind a pixel and m lights, n + m in place of n x m. The price is memory, and that a pixel
     holds one surface, with one sample and nothing transparent before it.
     """

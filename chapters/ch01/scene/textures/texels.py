@@ -37,7 +37,7 @@ class Texels:
 
 
 def key_of(role: str, texture: TextureRef | None) -> Key:
-    """Return what is uploaded for `texture` in `role`; without one, what leaves the picture as it is."""
+    """Return what is uploaded for `texture` in `role`; without one, a texel that changes nothing."""
     if texture is None:
         return ("neutral", NEUTRAL[role])
     return ("image", texture.image, role in ("base_color", "emissive"), texture.sampler.mipmap is not None)

@@ -34,7 +34,7 @@ _USAGE = (
 
 
 class MaterialTextures(Protocol):
-    """What the scene's data asks of either way."""
+    """The interface of both ways for the scene's data."""
 
     maps: np.ndarray
     """(M, MAPS) uint32: what each material's record says of its textures."""
@@ -59,7 +59,7 @@ class MaterialTextures(Protocol):
         """Write what changed, before a frame is recorded; return how many descriptors that were."""
 
     def close(self) -> None:
-        """Free what is not the resources'."""
+        """Free the objects that the resources do not own."""
 
 
 def takes_narrow(device: Device) -> bool:

@@ -50,7 +50,7 @@ class Texels:
 
 
 class Shape(NamedTuple):
-    """What images must have in common to be layers of one: size, formats, levels; see `Texels`."""
+    """The properties that images share as layers of one array: size, formats, levels; see `Texels`."""
 
     width: int
     height: int
@@ -94,7 +94,7 @@ def chain_of(scene: Scene, key: Key, features: Collection[str]) -> Chain | None:
 
 
 def key_of(role: str, texture: TextureRef | None) -> Key:
-    """Return what is uploaded for `texture` in `role`; without one, what leaves the picture as it is."""
+    """Return what is uploaded for `texture` in `role`; without one, a texel that changes nothing."""
     if texture is None:
         return ("neutral", NEUTRAL[role])
     return ("image", texture.image, role in ("base_color", "emissive"), texture.sampler.mipmap is not None)

@@ -41,7 +41,7 @@ _USAGE = (
 
 
 class MaterialTextures(Protocol):
-    """What the scene's data asks of either way."""
+    """The interface of both ways for the scene's data."""
 
     maps: np.ndarray
     """(M, MAPS) uint32: what each material's record says of its textures."""
@@ -77,7 +77,7 @@ class MaterialTextures(Protocol):
         """What loads them."""
 
     def close(self) -> None:
-        """Free what is not the resources'."""
+        """Free the objects that the resources do not own."""
 
 
 def takes_narrow(device: Device) -> bool:
