@@ -209,6 +209,13 @@ def test_a_pass_that_is_left_out_takes_along_what_only_it_needed():
 
 
 @enabling
+def test_a_replacement_that_no_pass_writes_is_named_though_no_pass_reads_it():
+    left_out = Node("focus", (), (Access("sharp", "color", "rgba8", instead="colour"),), "no lens")
+    with pytest.raises(GraphError, match="^A reader of 'sharp' reads 'colour', which no pass writes"):
+        compiled(drawing("draw", "picture"), left_out, outputs=["picture"])
+
+
+@enabling
 def test_who_draws_on_top_of_a_pass_that_is_left_out_draws_on_what_was_below():
     sky = Node("sky", (), (Access("with_sky", "color", of="lit"),), "no sky")
     glass = Node("glass", (), (Access("with_glass", "color", of="with_sky"),))

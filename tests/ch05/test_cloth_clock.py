@@ -116,6 +116,14 @@ def test_each_slot_is_written_until_it_shows_the_state_and_then_nothing_is_left_
     assert not frames.busy(1e3) and frames.recorded(plans[-1]) is None
 
 
+def test_a_first_frame_without_the_cloth_pass_writes_the_vertices_once():
+    """In a file the cloth hangs at its node of time 0, and the first frame may be of another time."""
+    found, frames = frames_of(cloth_scene_of(cloth()))
+    plan = frames.pause(posed(found, 2.0), 2.0, "first frame")
+    assert plan is not None and asked(plan) == ([0], [True])
+    assert frames.pause(posed(found, 2.1), 2.1, "") is None, "all slots have these vertices"
+
+
 def test_unseen_cloth_is_simulated_but_not_written():
     away = replace(VIEW, world_from_view=pose_looking_at((0, -0.5, 3), (0, -0.5, 9)))
     scene = cloth_scene_of(cloth())

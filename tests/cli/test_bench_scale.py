@@ -67,6 +67,10 @@ def test_every_side_is_measured_at_every_count_and_draws_the_same(small):
         for name in bench_scale.TIMES:
             assert point[f"{name}_ms"] >= point[f"{name}_least_ms"] > 0
         assert point["record_ms"] < point["python_ms"]
+    assert small["ratios"]["side"] == "all features", (
+        "the chapter as it is, which the others are compared with"
+    )
+    assert small["ratios"]["times"].keys() == {*names} - {"all features"}
 
 
 @pytest.mark.feature("tools/bench")

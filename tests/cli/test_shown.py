@@ -253,6 +253,21 @@ def test_the_system_s_viewer_gets_the_file(code, opened_it, platform, program, m
     assert launched.command == [program, str(tmp_path / "a.png")]
 
 
+@pytest.mark.parametrize("opens", [True, False])
+def test_windows_opens_the_file_by_its_own_call(opens, monkeypatch, tmp_path):
+    launched = []
+
+    def startfile(path):
+        launched.append(path)
+        if not opens:
+            raise OSError("no program is set for .png")
+
+    monkeypatch.setattr(sys, "platform", "win32")
+    monkeypatch.setattr(shown.os, "startfile", startfile, raising=False)
+    monkeypatch.setattr(subprocess, "Popen", lambda *_, **__: pytest.fail("another viewer was launched"))
+    assert shown.open_viewer(tmp_path / "a.png") is opens and launched == [tmp_path / "a.png"]
+
+
 def test_without_a_display_or_a_viewer_none_is_opened(monkeypatch, tmp_path):
     monkeypatch.setattr(sys, "platform", "linux")
     monkeypatch.setattr(subprocess, "Popen", lambda *_, **__: pytest.fail("a viewer was launched"))

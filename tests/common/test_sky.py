@@ -21,6 +21,21 @@ def test_the_zenith_is_the_zenith_formula(altitude):
     assert np.allclose(got, sky.zenith(3.0, math.pi / 2 - altitude), rtol=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("altitude", "turbidity", "what"),
+    [
+        (0.0, 3.0, "above the horizon"),
+        (-0.1, 3.0, "above the horizon"),
+        (math.pi / 2 + 1e-6, 3.0, "above the horizon"),
+        (1.0, 1.89, "turbidity"),
+        (1.0, 10.01, "turbidity"),
+    ],
+)
+def test_a_sun_or_an_air_that_the_model_does_not_have_is_refused(altitude, turbidity, what):
+    with pytest.raises(ValueError, match=what):
+        sky.sky(altitude, 0.0, turbidity)
+
+
 def test_zenith_luminance_written_out():
     # T = 3, sun at 45 degrees: chi = (4/9 - 1/40) pi/2, Y = 7.1649 tan chi + 1.7727 kcd/m2.
     chi = (4 / 9 - 3 / 120) * math.pi / 2

@@ -86,6 +86,27 @@ def test_both_see_the_same_textures_inputs_and_outputs(of_vulkan, of_gl):
     assert ("environment_radiance", "samplerCube") in kinds(of_gl, "sampler")
 
 
+def test_a_buffer_reference_is_an_address_of_8_bytes():
+    text = """
+    #extension GL_EXT_buffer_reference : require
+    layout(buffer_reference, std430) readonly buffer Words { uint words[]; };
+    layout(push_constant) uniform Push { Words at; uint count; } push;
+    layout(set = 0, binding = 0, std430) buffer Sum { uint sum; };
+    layout(local_size_x = 1) in;
+    void main() { for (uint i = 0; i < push.count; i++) sum += push.at.words[i]; }
+    """
+    source = shader_text.build_text(text, "comp", "vulkan")
+    push = spirv_interface.interface_of({"comp": compile_all([source])[0]})["push constants"]
+    assert [(one.name, one.offset, one.kind) for one in push.fields] == [
+        ("at", 0, "reference"),
+        ("count", 8, "uint"),
+    ]
+    with_last = text.replace("Words at; uint count;", "uint count; Words at;")
+    source = shader_text.build_text(with_last, "comp", "vulkan")
+    push = spirv_interface.interface_of({"comp": compile_all([source])[0]})["push constants"]
+    assert push.size == 16, "4 bytes, 4 of padding, and the address"
+
+
 def test_types_are_read_as_glsl_writes_them(tmp_path):
     text = """
     layout(set = 1, binding = 2) uniform usampler2DArray layers[3];

@@ -10,7 +10,17 @@ import pytest
 
 import chapters
 from chapters import studies
-from chapters.ch02.studies.flipbook import CAPACITY, EVERY, FRAMES, Explosion, Settings, explosions, frame_at
+from chapters.ch02.studies.flipbook import (
+    CAPACITY,
+    EVERY,
+    FRAMES,
+    SIDE,
+    Explosion,
+    Settings,
+    explosions,
+    frame_at,
+    pictures,
+)
 
 SIZE = (60, 40)
 BACKGROUND = np.rint(255 * np.array([0.05, 0.05, 0.06])).astype(int)
@@ -97,6 +107,17 @@ def test_the_number_is_the_floor_of_time_by_rate_from_0_to_99():
         if abs(exact - round(exact)) > 1e-9:  # nearer to a boundary, rounding may decide
             assert frame_at(start, fps, time) == (math.floor(exact) if 0 <= exact < 100 else None)
     assert [frame_at(1.0, 50.0, 1.0 + n / 50 + 0.001) for n in (-1, 0, 99, 100)] == [None, 0, 99, None]
+
+
+def test_a_burst_has_a_sharp_rim_that_grows_and_nothing_beyond_it():
+    """The edge goes from covered to clear in 1/8 of half a picture, which are four texels; corners are always clear."""
+    alpha = pictures()[..., 3].astype(int)
+    assert (alpha[:, [0, 0, -1, -1], [0, -1, 0, -1]] == 0).all()
+    covered = (alpha > 0).sum(axis=(1, 2))
+    assert (np.diff(covered[:20]) >= 0).all() and covered[20] > 4 * covered[0]
+    for number in (15, 30, 45):  # before the picture fades out
+        row = alpha[number, SIDE // 2]
+        assert row.max() == 255 and 2 <= ((row > 0) & (row < 255)).sum() <= 4 * 6
 
 
 @pytest.mark.parametrize("fps", [10.0, 50.0, 1000.0])

@@ -15,7 +15,7 @@ from chapters.ch03.pipelines.vulkan import Pipelines
 from chapters.ch03.scene_cache import cache
 from chapters.ch03.scene_cache.images import CachedImage, compress, image_uses
 from chapters.ch03.settings import Settings
-from common.errors import UnsupportedError
+from common.errors import DeviceError, UnsupportedError
 from common.gltf import load_scene
 from common.scene.primitive import nothing
 from common.settings import preset, replaced
@@ -72,6 +72,13 @@ def test_a_load_is_all_but_pipelines_and_what_any_scene_takes(squares):
 def test_the_backend_of_a_load_need_not_be_named(squares):
     """As in `./strata bench 3` without --backend, where `auto` is passed on: pipelines are those of what was opened."""
     assert bench_loads.once(3, "auto", squares, SIZE, "plain")["pipelines_s"] > 0
+
+
+def test_a_load_that_fails_in_its_process_is_told_by_its_last_line(tmp_path):
+    with pytest.raises(
+        DeviceError, match=r"^Loading nowhere in a process of its own failed: .*nowhere\.gltf"
+    ):
+        bench_loads.run(3, "auto", SIZE, tmp_path / "nowhere.gltf", "plain", tmp_path)
 
 
 def test_what_any_scene_takes_is_measured_when_the_scene_is_gone(squares, monkeypatch):

@@ -93,7 +93,7 @@ class _Connector:
         roots = self._roots(nodes)
         names = {name: roots[name] for name in roots}
         for name in self._instead:
-            other = self._resolve(name, "")
+            other = self._resolve(name, f"A reader of '{name}'")
             if other in roots:
                 names.setdefault(name, roots[other])
         return Wiring(
