@@ -211,7 +211,7 @@ def test_a_pass_that_is_left_out_takes_along_what_only_it_needed():
 @enabling
 def test_a_replacement_that_no_pass_writes_is_named_though_no_pass_reads_it():
     left_out = Node("focus", (), (Access("sharp", "color", "rgba8", instead="colour"),), "no lens")
-    with pytest.raises(GraphError, match="^A reader of 'sharp' reads 'colour', which no pass writes"):
+    with pytest.raises(GraphError, match=r"^A reader of 'sharp' reads 'colour', which no pass writes"):
         compiled(drawing("draw", "picture"), left_out, outputs=["picture"])
 
 
