@@ -83,3 +83,69 @@ def test_such_words_are_found(tmp_path: Path) -> None:
     shader.write_text("float x;  // nobody reads it\n")
     assert faults_of(python) == ["4: who", "1: Nobody", "3: given", "4: one"]
     assert faults_of(shader) == ["1: nobody"]
+
+
+# --- lessons ----------------------------------------------------------------------------------------------------------
+
+PLAIN = ("ch05",)
+"""Chapters whose README is in plain technical English already."""
+
+MEAN_WORDS = 16.0
+LONG = 28
+MOST_LONG = 0.05
+"""DESIGN section 12 in numbers: words of a sentence on average, and how many sentences may have more than `LONG`."""
+
+
+def sentences_of(text: str) -> list[str]:
+    """Return the sentences of a Markdown text: no headings, tables, code or pictures; code in a sentence is a word."""
+    text = re.sub(r"```.*?```", "\n\n", text, flags=re.DOTALL)
+    sentences = []
+    for block in re.split(r"\n\s*\n|\n(?=\s*(?:[-*|#]|\d+\.)\s)", text):
+        block = block.strip()
+        if not block or block.startswith(("|", "#", "![")):
+            continue
+        block = re.sub(r"`[^`]*`", "x", re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", block))
+        block = re.sub(r"^(?:[-*]|\d+\.)\s+", "", block).replace("*", "").replace("_", "")
+        sentences += re.split(r"(?<=[.!?])[\")]*\s+(?=[\"(]?[A-Z0-9x])", " ".join(block.split()))
+    return [sentence for sentence in sentences if re.search(r"\w", sentence)]
+
+
+def words_in(sentence: str) -> int:
+    return sum(1 for word in sentence.split() if re.search(r"\w", word))
+
+
+@pytest.mark.parametrize("chapter", PLAIN)
+def test_a_lesson_has_short_sentences_and_no_code_object_is_a_person(chapter: str) -> None:
+    text = (ROOT / "chapters" / chapter / "README.md").read_text("utf-8")
+    sentences = sentences_of(text)
+    counts = [words_in(sentence) for sentence in sentences]
+    long = [sentence for sentence, words in zip(sentences, counts, strict=True) if words > LONG]
+    assert len(sentences) > 100 and sum(counts) <= MEAN_WORDS * len(counts)
+    assert len(long) <= MOST_LONG * len(counts), "\n".join(long)
+    assert [sentence for sentence in sentences if PEOPLE.search(sentence)] == []
+
+
+def test_sentences_are_counted_without_code_tables_and_pictures() -> None:
+    text = """# A title of five words here
+
+![A picture. With words.](a.png)
+
+The [barrier](a.py) waits for `one. two`. It has **two** stages.
+
+```
+not. a. sentence.
+```
+
+- A list has sentences. Each counts (this, too).
+1. So does this.
+
+| a | table. |
+|---|---|
+"""
+    assert [(words_in(sentence), sentence) for sentence in sentences_of(text)] == [
+        (5, "The barrier waits for x."),
+        (4, "It has two stages."),
+        (4, "A list has sentences."),
+        (4, "Each counts (this, too)."),
+        (3, "So does this."),
+    ]
