@@ -18,6 +18,7 @@ import json
 import os
 import queue
 import random
+import re
 import signal
 import sys
 import time
@@ -70,6 +71,12 @@ class Verdict:
     @property
     def killed(self) -> bool:
         return self.result in ("killed", "time-out")
+
+
+def _before(name: str) -> str:
+    """Return the same file of the chapter before, whether or not there is one; "" of a file of no chapter."""
+    chapter = re.match(r"chapters/ch(\d\d)/", name)
+    return f"chapters/ch{int(chapter[1]) - 1:02}/{name[chapter.end() :]}" if chapter else ""
 
 
 class Workshop:
@@ -154,8 +161,13 @@ class Workshop:
     # --- mutants ------------------------------------------------------------------------------------------------------
 
     def sources(self) -> list[str]:
-        """Return the files that mutants are made of."""
-        names = sorted(blobs(self.root, self.commit))
+        """Return the files that mutants are made of.
+
+        A file that a chapter carries on unchanged is left out: its tests run in the first chapter that has it, and the
+        map of lines knows them by that file alone.
+        """
+        blob = blobs(self.root, self.commit)
+        names = sorted(name for name in blob if blob[name] != blob.get(_before(name)))
         below = tuple(f"{part}/" for part in (*self.product, *SHADERS))
         kinds = (".py", *mutant_glsl.SUFFIXES)
         return [

@@ -511,6 +511,17 @@ def test_the_same_seed_draws_the_same_mutants(clone):
     assert len({*everything}) == len(everything) == 5, "none is drawn twice"
 
 
+def test_a_file_that_a_chapter_carries_on_has_its_mutants_in_the_first_one(clone):
+    for chapter, text in (("01", "A = 1\n"), ("02", "A = 1\n"), ("03", "A = 2\n"), ("04", "A = 1\n")):
+        clone.write(f"../chapters/ch{chapter}/a.py", text)
+    clone.write("../chapters/ch02/b.py", "B = 1\n")
+    clone.begin()
+    shop = mutants.Workshop.__new__(mutants.Workshop)
+    shop.root, shop.product, shop.commit = clone.folder, ("chapters",), clone.git("rev-parse", "HEAD").strip()
+    names = ["ch01/a.py", "ch02/b.py", "ch03/a.py", "ch04/a.py"]
+    assert shop.sources() == [f"chapters/{name}" for name in names]
+
+
 def test_a_clone_with_changes_is_refused(clone):
     clone.write("../common/a.py", "changed = 1\n")
     with pytest.raises(UserError, match=r"common/a\.py differs from it: commit first"):
