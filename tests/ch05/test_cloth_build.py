@@ -11,6 +11,7 @@ from chapters.ch05.benches.twin import Twin
 from chapters.ch05.cloth.build import LEAST_MASS, MASS_WITHOUT_AREA, STIFFNESS, build_cloth
 from chapters.ch05.cloth.layout import Limits, pack
 from chapters.ch05.cloth.model import color_springs
+from chapters.ch05.cloth.scene import Obstacle
 from chapters.ch05.cloth.steps import (
     MARGIN,
     MAX_SUBSTEPS,
@@ -272,3 +273,14 @@ def test_a_million_particles_become_a_cloth():
     assert len(cloth.positions) == 10**6
     packed = pack([cloth], limits=Limits(storage_bytes=1 << 27))
     assert packed.particles == 10**6
+
+
+@pytest.mark.parametrize(("turn", "spins"), [(0.5, True), (0.99, True), (1.01, False), (2.0, False)])
+def test_a_collider_spins_by_its_turn_unless_it_was_placed_anew(turn, spins):
+    """Beyond a radian in the steps of a frame (`FASTEST_TURN`) the node was placed anew, and has no velocity at all."""
+    after = np.eye(4)
+    after[:3, :3] = [[np.cos(turn), 0, np.sin(turn)], [0, 1, 0], [-np.sin(turn), 0, np.cos(turn)]]
+    after[:3, 3] = 0.1, 0.0, 0.0
+    moved = Obstacle(0, "box", half=(1.0, 2.0, 3.0)).moved(np.eye(4), after, 0.05)
+    assert np.allclose(moved.spin, (0.0, turn / 0.05, 0.0) if spins else 0.0)
+    assert np.allclose(moved.velocity, (2.0, 0.0, 0.0) if spins else 0.0)
