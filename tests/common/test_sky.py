@@ -43,7 +43,7 @@ def test_zenith_luminance_written_out():
 
 
 def test_the_sky_is_perezs_function_with_the_published_coefficients():
-    """Preetham, Shirley and Smits 1999, appendix A.2, written out for T = 3: the ratio to the zenith in each channel."""
+    """Preetham, Shirley and Smits 1999, appendix A.2, for T = 3: the ratio to the zenith in each channel."""
     published = {  # A to E of the luminance and of the chromaticities x and y, as slope and start
         "Y": ((0.1787, -1.4630), (-0.3554, 0.4275), (-0.0227, 5.3251), (0.1206, -2.5771), (-0.0670, 0.3703)),
         "x": (
