@@ -130,6 +130,14 @@ def test_every_pass_can_be_switched_off_and_on_again_or_says_who_needs_it(opened
 
 
 @pytest.mark.feature("frame-graph/node-enable")
+def test_the_buffer_of_an_output_has_the_bytes_of_its_format(opened):
+    """8 bits of four channels, half floats of four, a float and an integer for each of the 24 x 16 pixels."""
+    outputs = {"color": 4, "color_linear": 8, "depth": 4, "instance_id": 4}
+    graph = opened(outputs={*outputs}).graph
+    found = {name: graph.resources[plan.on_cpu(name)].bytes for name in outputs}
+    assert found == {name: SIZE[0] * SIZE[1] * size for name, size in outputs.items()}
+
+
 def test_what_only_a_pass_used_goes_with_it_and_its_readers_get_what_it_says(opened):
     renderer = opened()
     assert {"dof_half", "dof_blurred", "color_focused"} <= set(renderer.graph.resources)

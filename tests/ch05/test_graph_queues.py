@@ -348,3 +348,15 @@ def test_a_queue_that_cannot_be_is_one_sentence(node, text):
         with pytest.raises(GraphError) as caught:
             compile_graph([node], SIZE, ["ad"], queues=there)
         assert text in str(caught.value) and str(caught.value).endswith((".", "?"))
+
+
+def test_the_kind_of_a_pass_follows_from_all_of_its_accesses():
+    image, numbers = Access("image", "sampled"), Access("numbers", "storage", bytes=4)
+    assert Node("draw", (image,), (Access("color", "color"),)).kind == "graphics"
+    assert Node("kernel", (image,), (numbers,)).kind == "compute"
+    assert Node("copy", (Access("image", "copy"),)).kind == "copy", (
+        "to a window, nothing is written in the graph"
+    )
+    assert (
+        Node("copy", (Access("image", "copy"), image), (Access("there", "copy", bytes=4),)).kind == "compute"
+    )

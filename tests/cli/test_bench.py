@@ -88,7 +88,7 @@ def test_a_record_says_what_was_measured_where(record):
     assert record["backend"] == chapters.choose_backend("auto", 1)
     assert record["device"].keys() >= {"name", "driver", "class", "api_version"}
     assert all(record["device"].values())
-    assert record["commit"]
+    assert record["commit"] == bench.commit()
     assert record["cache_state"]
     assert record["quick"] is True
     assert record["reference"] == {"preset": "reference", "samples_per_pixel": 4}

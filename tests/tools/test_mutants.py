@@ -522,6 +522,15 @@ def test_a_file_that_a_chapter_carries_on_has_its_mutants_in_the_first_one(clone
     assert shop.sources() == [f"chapters/{name}" for name in names]
 
 
+def test_each_survivor_of_the_record_has_a_reason():
+    record = json.loads((ROOT / "docs/records/mutants.json").read_text("utf-8"))
+    assert record["n"] >= 60 and record["survivors"]
+    assert (
+        record["killed"] + record["timeouts"] + record["too_slow"] + len(record["survivors"]) == record["n"]
+    )
+    assert [one["file"] for one in record["survivors"] if not one["reason"].endswith(".")] == []
+
+
 def test_a_clone_with_changes_is_refused(clone):
     clone.write("../common/a.py", "changed = 1\n")
     with pytest.raises(UserError, match=r"common/a\.py differs from it: commit first"):
