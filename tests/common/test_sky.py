@@ -44,30 +44,19 @@ def test_zenith_luminance_written_out():
 
 def test_the_sky_is_perezs_function_with_the_published_coefficients():
     """Preetham, Shirley and Smits 1999, appendix A.2, for T = 3: the ratio to the zenith in each channel."""
-    published = {  # A to E of the luminance and of the chromaticities x and y, as slope and start
-        "Y": ((0.1787, -1.4630), (-0.3554, 0.4275), (-0.0227, 5.3251), (0.1206, -2.5771), (-0.0670, 0.3703)),
-        "x": (
-            (-0.0193, -0.2592),
-            (-0.0665, 0.0008),
-            (-0.0004, 0.2125),
-            (-0.0641, -0.8989),
-            (-0.0033, 0.0452),
-        ),
-        "y": (
-            (-0.0167, -0.2608),
-            (-0.0950, 0.0092),
-            (-0.0079, 0.2102),
-            (-0.0441, -1.6537),
-            (-0.0109, 0.0529),
-        ),
-    }
+    published = """
+        0.1787 -1.4630  -0.3554 0.4275  -0.0227 5.3251   0.1206 -2.5771  -0.0670 0.3703   luminance Y
+       -0.0193 -0.2592  -0.0665 0.0008  -0.0004 0.2125  -0.0641 -0.8989  -0.0033 0.0452   chromaticity x
+       -0.0167 -0.2608  -0.0950 0.0092  -0.0079 0.2102  -0.0441 -1.6537  -0.0109 0.0529   chromaticity y
+    """  # slope and start of A to E, as they are printed
+    channels = [[float(number) for number in row.split()[:10]] for row in published.strip().splitlines()]
     sun_angle, angle = math.radians(50.0), math.radians(70.0)  # from the zenith; both in the plane x, y
     sun = np.array([math.sin(sun_angle), math.cos(sun_angle), 0.0])
     for side in (1.0, -1.0):
         there = np.array([side * math.sin(angle), math.cos(angle), 0.0])
         got = sky.sky_yxy(there, sun, 3.0) / sky.zenith(3.0, sun_angle)
-        for value, rows in zip(got, published.values(), strict=True):
-            a, b, c, d, e = (3.0 * slope + start for slope, start in rows)
+        for value, row in zip(got, channels, strict=True):
+            a, b, c, d, e = (3.0 * slope + start for slope, start in zip(row[::2], row[1::2], strict=True))
 
             def perez(theta: float, gamma: float, a=a, b=b, c=c, d=d, e=e) -> float:
                 glow = 1 + c * math.exp(d * gamma) + e * math.cos(gamma) ** 2

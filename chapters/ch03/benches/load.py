@@ -222,8 +222,7 @@ def _building(subject: Subject) -> Iterator[list[float]]:
 
 
 def _frames(subject: Subject, renderer: Any, waits: bool) -> dict[str, Any]:
-    """Draw until all textures have arrived, and some frames more; return the number of frames until then, and the
-    longest.
+    """Draw until all textures have arrived, and some frames more; return counts and times of both.
 
     If `waits`, it waits for the GPU after each frame; the time of a frame is then the renderer's own thread, without
     drawing. Otherwise frames follow each other as in a window, and the GPU always has something to draw.

@@ -51,7 +51,7 @@ class Obstacle:
     half: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def at(self, world_from_node: Float64) -> Collider:
-        """Return the collider where the node is: scaled with it, and without shear.
+        """Return the collider where the node is: scaled with it, and without shear. It is shared: write to a copy.
 
         Of a node that is squeezed flat only its place is left; `_obstacles` refuses such nodes at the start.
         """
