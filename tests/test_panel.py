@@ -6,6 +6,7 @@ import dataclasses
 import os
 import sys
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -391,3 +392,27 @@ def test_times_are_drawn_as_lines_and_the_rate_is_in_the_corner(user):
     user.wait()
     corner = user.panel.drawn.vertices["position"][:, 0].max()
     assert 600 < corner <= 640
+
+
+@pytest.fixture
+def interface():
+    loaded = imgui.load()
+    if loaded is None:
+        pytest.skip("the extra ui is not installed")
+    opened = imgui.Interface(loaded)
+    yield opened
+    opened.close()
+
+
+def test_a_texture_of_the_interface_is_freed_once_no_frame_uses_it(interface) -> None:
+    """ImGui asks for it earlier: the frame that was drawn last may still read the texture."""
+    status = interface.imgui.ImTextureStatus
+    marks: list[Any] = []
+    texture = SimpleNamespace(unique_id=7, width=1, height=1, unused_frames=0, status=status.want_destroy)
+    texture.set_tex_id, texture.set_status = marks.append, marks.append
+    data = SimpleNamespace(textures=[texture])
+    interface._textures = {7: 5}
+    assert interface._textures_of(data) == ((), ()) and marks == []
+    texture.unused_frames = 1
+    assert interface._textures_of(data) == ((), (5,))
+    assert marks == [0, status.destroyed]

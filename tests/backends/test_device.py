@@ -10,7 +10,7 @@ import pytest
 from backends.contract import check_without, resolve
 from backends.features import FEATURES
 from backends.vulkan import api as vk
-from backends.vulkan import resources
+from backends.vulkan import instance, resources
 from backends.vulkan.device import Device, capabilities
 from backends.vulkan.driver import features as vf
 from backends.vulkan.instance import Instance, choose, find_family
@@ -298,3 +298,10 @@ def test_a_refused_creation_raises_with_its_call_and_leaves_nothing(vulkan_devic
     finally:
         vulkan_device.fn.__dict__["vkCreateFence"] = real
     assert vulkan_device.alive == before
+
+
+@pytest.mark.parametrize("version", [(1, 3, 204), (1, 0, 0), (0, 1023, 4095), (127, 0, 1)])
+def test_a_version_is_taken_apart_at_its_bits(version):
+    """As VK_MAKE_API_VERSION of the specification packs it: 7, 10 and 12 bits, with the variant above them."""
+    major, minor, patch = version
+    assert instance._version(5 << 29 | major << 22 | minor << 12 | patch) == version

@@ -78,6 +78,10 @@ def test_the_sky_is_the_environment_where_nothing_was_drawn(vulkan_device):
         assert np.array_equal(*pictures)  # where the camera stands changes nothing
     picture, _ = draw(vulkan_device, scene, facing())
     assert (picture == 0).all()  # the square fills the view, and is black
+    bright = replaced(EXACT, environment_intensity=2.0)
+    view = looking((0, 0, -9), np.array([0.0, 0.0, -1.0]))
+    once, twice = (draw(vulkan_device, scene, view, one, (17, 17))[0] for one in (EXACT, bright))
+    assert (once > 0).all() and np.allclose(twice, 2 * once, rtol=1e-6)
     turned = replaced(EXACT, environment_turn=90.0)
     picture, _ = draw(vulkan_device, scene, looking((0, 0, 9), np.array([0.0, 0.0, 1.0])), turned, (17, 17))
     assert np.abs(picture[8, 8] - (0.5, 1.0, 1.0)).max() < 4e-3  # what was on the left came behind

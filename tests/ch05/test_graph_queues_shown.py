@@ -19,6 +19,7 @@ from tests.ch04.test_graph_checks import pass_of
 from tests.support.queue_truths import QUEUES, on_queues
 from tests.support.random_graphs import random_graph
 from tests.support.timing import least_times, timed
+from tools.frames import overlap
 from tools.frames.overlap import overlaps
 from tools.frames.report import record, text
 from tools.frames.svg import svg
@@ -268,3 +269,10 @@ def test_a_second_queue_makes_compiling_little_longer(count, fewest):
 
     least = least_times({"one": compiling(0.0), "two": compiling(0.5)}, holds, fewest)
     assert holds(least), least
+
+
+@pytest.mark.parametrize(
+    ("steps", "shown"), [((), "-"), ((0,), "1"), ((0, 1, 2, 4), "1-3 5"), ((1, 3, 5), "2 4 6")]
+)
+def test_steps_side_by_side_are_shown_as_a_range(steps, shown):
+    assert overlap._steps(steps) == shown

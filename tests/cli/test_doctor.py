@@ -71,7 +71,7 @@ def examined(selftest: bool = False) -> tuple[int, dict[str, Any]]:
     """Return exit code and report of `strata doctor --json` in this process."""
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed):
-        code = doctor.run(json=True, selftest=run)
+        code = doctor.run(json=True, selftest=selftest)
     return code, json.loads(printed.getvalue())
 
 

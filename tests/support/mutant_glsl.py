@@ -58,5 +58,5 @@ def _other(token: str, before: str) -> str | None:
         return f"{int(number[1]) + 1}{number[2]}"
     if number := re.fullmatch(r"(\d+\.\d*|\.\d+|\d+)((?:[eE][-+]?\d+)?)([fF]?)", token):
         value = float(number[1] + number[2])
-        return f"{value + 1.0!r}{number[3]}" if value + 1.0 != value else None
+        return f"{2.0 * value if value else 1.0!r}{number[3]}"
     return None

@@ -34,8 +34,8 @@ HELP = {"help", "epilog", "metavar", "description", "title", "doc"}
 """Keywords whose values are."""
 GUARDS = {"strict"}
 """Keywords that matter only where a call is wrong: `zip(a, b, strict=True)`."""
-NAMES = {"TypeVar", "cast", "NewType", "NamedTuple", "namedtuple", "ParamSpec"}
-"""Functions whose strings repeat a name or a type."""
+NAMES = {"TypeVar", "cast", "NewType", "NamedTuple", "namedtuple", "ParamSpec", "check"}
+"""Functions whose strings repeat a name or a type: `check(code, "vkMapMemory")` names the call in its error."""
 STRING = re.compile(r"""(['"])([^\s\\'"{}]*)\1""")
 SKIPPED = (ast.Assert, ast.Raise, ast.Import, ast.ImportFrom, ast.JoinedStr)
 
@@ -259,7 +259,7 @@ def other(written: str, value: object) -> str:
         bases = {"0x": hex, "0b": bin, "0o": oct}
         return bases.get(written[:2].lower(), str)(value + 1)
     if isinstance(value, float):
-        return repr(value + 1.0) if value + 1.0 != value else ""
+        return repr(2.0 * value) if value else "1.0"
     if isinstance(value, str) and (found := STRING.fullmatch(written)):
         return f"{found[1]}{found[2]}_{found[1]}"
     return ""

@@ -55,7 +55,7 @@ def lines_of(text):
         ("x = f(-a)", ["x = f(a)"]),
         ("x = 41", ["x = 42"]),
         ("x = 0x0F", ["x = 0x10"]),
-        ("x = 0.25", ["x = 1.25"]),
+        ("x = 0.25", ["x = 0.5"]),
         ("x = True", ["x = False"]),
         ("x = 'key'", ["x = 'key_'"]),
         ("x = ''", ["x = '_'"]),
@@ -139,15 +139,15 @@ def test_mutants_of_a_shader_are_in_its_functions():
     said = [(one.line, one.change) for one in found]
     first = [
         "< → <=",
-        "1e3 → 1001.0",
+        "1e3 → 2000.0",
         "&& → ||",
         "! → nothing",
         "== → !=",
         "- → nothing",
         "* → /",
-        "2.5f → 3.5f",
+        "2.5f → 5.0f",
     ]
-    second = ["5u → 6u", ">> → <<", "6 → 7", "- → +", "0.5 → 1.5"]
+    second = ["5u → 6u", ">> → <<", "6 → 7", "- → +", "0.5 → 1.0"]
     assert said == [*((7, one) for one in first), *((8, one) for one in second)]
     for one in found:
         line = applied(text, one).splitlines()[one.line - 1]
