@@ -6,11 +6,14 @@ import json
 import shutil
 import sys
 
+import numpy as np
 import pytest
 
 from chapters.folders import Folder
+from common.images import read_image
 from tools.exercises import answers, command, find, of_chapter
 from tools.exercises.patches import difference, files_of, states
+from tools.lessons import progress
 from tools.snapshots.forks import is_fork, own_files, read_fork
 from tools.snapshots.trees import digest, read_tree
 
@@ -50,7 +53,9 @@ def test_the_way_through_a_repair(strata, tmp_path):
     for name in [name for name in sys.modules if name.startswith(Folder(folder).package)]:
         del sys.modules[name]  # a check in another process would read the files anew
     code, out, err = strata("check", folder)
-    assert (code, err) == (0, "") and out.startswith("All right. The opcode is the low half")
+    assert code == 0 and out.startswith("All right. The opcode is the low half")
+    assert err == "`strata next` shows what comes next.\n"
+    assert progress.load().solved == {f"2/{CPU}"}
 
 
 def test_a_solution_that_is_piped_is_a_patch(strata, monkeypatch):
@@ -114,6 +119,7 @@ def test_the_way_through_a_prediction(strata, tmp_path):
     assert strata("check", "done")[0] == 0
 
 
+@pytest.mark.needs("moderngl", "glcontext")
 def test_a_check_names_the_backend_that_is_wrong(strata, tmp_path):
     """A fault in what both read is first seen on Vulkan; one that was mended there alone, on OpenGL."""
     strata("exercise", 1, "half-a-mirror", "--into", "mine")
@@ -200,3 +206,26 @@ def test_nothing_of_it_touches_the_chapters(strata):
     strata("check", "mine", "--hint")
     strata("check", "mine")
     assert (digest(files_of(2)), digest(read_tree(find(2, CPU).folder))) == before
+
+
+def test_the_commands_of_four_samples_answer_its_questions(strata, tmp_path):
+    """The square in the folder is the one that was measured: as many pixels change, to as many values."""
+    exercise = find(1, "four-samples")
+    expected = answers.recorded(exercise)
+    (tmp_path / "square.gltf").write_bytes(states(exercise).start["square.gltf"])
+    pictures = []
+    for samples in (1, 4):
+        shown = (
+            "--scene",
+            "square.gltf",
+            "--size",
+            "64x64",
+            "--set",
+            "background=0",
+            "--set",
+            f"msaa={samples}",
+        )
+        assert strata("run", 1, *shown, "--headless", "--out", f"{samples}.png")[0] == 0
+        pictures.append(read_image(tmp_path / f"{samples}.png")[..., 0].astype(int))
+    assert (np.abs(pictures[1] - pictures[0]) > 1).sum() == expected["changed"]
+    assert len(np.unique(pictures[1])) == expected["greys"]

@@ -20,7 +20,20 @@ VALUES = """SLOTS]
         from ..queues.vulkan_timeline import wait_timelines
         wait_timelines([(one, {}) for one in self.pace.timelines.values()])"""
 
+ROLES = ("scene/textures/texels.py", 'role in ("base_color", "emissive")')
+DEFERRED = (
+    "scene/textures/vulkan_bindless.py",
+    "self._resources.defer(lambda: self._give_back(kind, slot))",
+)
+
 CASES = {
+    "every texture decoded": ((1, "codes-as-light"), (*ROLES, "True"), "in a texture of another kind"),
+    "all but normals decoded": (
+        (1, "codes-as-light"),
+        (*ROLES, 'role != "normal"'),
+        "in a texture of another kind",
+    ),
+    "emission forgotten": ((1, "codes-as-light"), (*ROLES, 'role == "base_color"'), "that glows"),
     "unsorted": (
         (2, "set-table"),
         (
@@ -231,20 +244,51 @@ CASES = {
 }
 
 
+RIGHT = {
+    "the other textures named": (
+        (1, "codes-as-light"),
+        (*ROLES, 'role not in ("metallic_roughness", "normal", "occlusion")'),
+    ),
+    "by the end of the name": ((1, "codes-as-light"), (*ROLES, 'role.endswith(("color", "emissive"))')),
+    "waited for": (
+        (2, "reused-slot"),
+        (*DEFERRED, "self._device.wait_idle()\n        self._give_back(kind, slot)"),
+    ),
+    "deferred by another call": (
+        (2, "reused-slot"),
+        (*DEFERRED, "self._resources.defer(lambda kind=kind, slot=slot: self._give_back(kind, slot))"),
+    ),
+}
+"""Solutions that differ from the one of the exercise, and are right."""
+
+
+@pytest.mark.parametrize("case", RIGHT)
+def test_another_right_solution_is_accepted(case, tmp_path, request):
+    which, change = RIGHT[case]
+    assert _judged(which, change, tmp_path, request) is None
+
+
 @pytest.mark.parametrize("case", CASES)
 def test_a_half_solution_is_not_enough(case, tmp_path, request):
-    which, (path, old, new), said = CASES[case]
+    which, change, said = CASES[case]
+    wrong = _judged(which, change, tmp_path, request)
+    assert wrong is not None and said in wrong
+
+
+def _judged(which, change, folder, request):
+    """Return what the check says to the solution with a change, None if it is right."""
+    path, old, new = change
     exercise = find(*which)
     tree = dict(states(exercise).solution)
     text = tree[path].decode()
     assert text.count(old) == 1
-    write_files(tmp_path, {**tree, path: text.replace(old, new).encode()})
+    write_files(folder, {**tree, path: text.replace(old, new).encode()})
     backend = exercise.backends[0] if exercise.backends else ""
     held = request.getfixturevalue("vulkan_device") if backend else None
-    one = replace(exercise, backends=(backend,) if backend else ())
+    checked = replace(exercise, backends=(backend,) if backend else ())
     try:
-        wrong = checking.check(one, Folder(tmp_path.resolve()), lambda backend: nullcontext(held))
+        wrong = checking.check(checked, Folder(folder.resolve()), lambda backend: nullcontext(held))
     except UnsupportedError as error:
         pytest.skip(str(error))
     checking.complaints(held)  # of what is wrong on purpose
-    assert wrong is not None and said in wrong
+    return wrong

@@ -17,6 +17,7 @@ from common.reports.tables import table
 from tools.cli.console import out, quoted, say
 from tools.exercises import KINDS, Exercise, answers, checking, find, of_chapter
 from tools.exercises.patches import difference, files_of, start_of, states
+from tools.lessons import progress
 from tools.snapshots import forks
 from tools.snapshots.trees import Tree, put, write_files
 
@@ -179,6 +180,12 @@ def check(text: str, *, hint: bool = False, solution: bool = False) -> int:
         return 1
     out.print(f"All right. {on_one_line(exercise.lesson)}", markup=False, soft_wrap=True)
     show_reasons(exercise)
+    try:
+        progress.add(solved=[f"{exercise.chapter}/{exercise.name}"])
+    except UserError as error:  # a home that cannot be written must not make a right solution wrong
+        say(str(error))
+    else:
+        say("`strata next` shows what comes next.")
     return 0
 
 
