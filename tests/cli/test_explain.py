@@ -34,6 +34,13 @@ def test_a_term_is_told_with_its_unit_and_the_line_that_introduces_it(strata) ->
     assert "**irradiance**" in (ROOT / path).read_text("utf-8").splitlines()[int(number) - 1]
 
 
+def test_a_word_of_a_term_finds_the_term(strata) -> None:
+    """ "timeline" is an area of features; a reader means the semaphore. A term of this name comes alone."""
+    shown = strata("explain", "timeline")[1]
+    assert "timeline, an area of" in shown and "timeline semaphore, a term of chapter 5" in shown
+    assert "binary semaphore" not in strata("explain", "semaphore")[1]
+
+
 @pytest.mark.parametrize("word", ["Vector-Clock", "vector clocks", "VECTOR_CLOCK", "  vector   clock "])
 def test_a_name_may_be_written_in_any_way(strata, word: str) -> None:
     code, shown, _ = strata("explain", word)

@@ -196,6 +196,13 @@ def test_without_all_draws_and_verbose_says_the_plan(strata, box):
     assert "history_resets 1" in out and "Started without history: first frame (frame 0)" in out
 
 
+@pytest.mark.parametrize(("frames", "head"), [(1, "first frame"), (3, "median")])
+def test_times_of_a_first_frame_are_not_called_a_median(strata, box, frames, head):
+    code, out, _ = strata("run", 1, "--scene", box, "--size", "16x16", "--headless", "--frames", frames, "-v")
+    table = out[out.index("Milliseconds") :].splitlines()
+    assert code == 0 and next(line for line in table if "part" in line).split(maxsplit=1)[1].strip() == head
+
+
 def test_a_camera_and_a_time_change_the_picture(strata, tmp_path):
     """A triangle that an animation moves to the side, seen from the front and from the back."""
     gltf = Gltf()

@@ -36,6 +36,7 @@ VARIABLES = {
     "STRATA_DEVICE": "The Vulkan device to take, by a part of its name or its number in the list of ./strata doctor.",
     "STRATA_FEATURES": "The ledger of features, a table with their titles, where somebody has it; "
     "../shared/features.tsv without it.",
+    "STRATA_STATE": "The folder for what you have read and solved in the lessons; without it one of the user's own.",
     "STRATA_VERDICTS": "The folder for what was found out about drivers when they were tried; the folder "
     "selftest of the cache without it.",
 }
@@ -65,6 +66,8 @@ def run(words: Sequence[str]) -> int:
     key = normal(word)
     things = [*_named(), *(_features() if may_be_a_feature(key) else ())]
     found = [thing for thing in things if key in thing.keys]
+    if not any(thing.kind == "term" for thing in found):  # "timeline" is a part of "timeline semaphore"
+        found += [thing for thing in things if thing.kind == "term" and key in normal(thing.name).split()]
     if not found:
         raise UserError(f"Nothing here is called {word!r}{nearest(word, everything())}")
     for index, thing in enumerate(found):
