@@ -44,8 +44,21 @@ def diff(
             show_default=False,
         ),
     ] = None,
+    lecture: Annotated[
+        bool,
+        typer.Option("--lecture", help="With --html: 10 to 15 stops with notes; a key shows the difference."),
+    ] = False,
 ) -> int:
     """Show what one chapter adds to another: new files, changed functions with their lines, counts."""
     from tools.diff import command
 
-    return command.run(a, b, stat=stat, html=html, only=tuple(only or ()), everything=all_, pictures=pictures)
+    return command.run(
+        a,
+        b,
+        stat=stat,
+        html=html,
+        only=tuple(only or ()),
+        everything=all_,
+        pictures=pictures,
+        lecture=lecture,
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from common.errors import UserError
@@ -9,6 +10,7 @@ from common.paths import write_whole, written_file
 from tools.cli.console import Steps, out, say
 from tools.cli.stopping import prompt_stop
 from tools.diff import terminal
+from tools.diff.lecture import Stop, stops_of
 from tools.diff.lesson import Comparison, compare
 from tools.diff.sides import tree_of
 
@@ -22,16 +24,20 @@ def run(
     only: tuple[str, ...] = (),
     everything: bool = False,
     pictures: bool | None = None,
+    lecture: bool = False,
 ) -> int:
     """Print the difference of two sides, or write its page; return the exit code. Raises UserError."""
     if html is not None:
         check_page(html)
     elif pictures:
         raise UserError("--pictures are for a page: write one with --html FILE.")
+    if lecture and (html is None or only or everything):
+        raise UserError("--lecture is a page of its own: strata diff 3 4 --lecture --html FILE.")
     made = compare(tree_of(a), tree_of(b), only)
     if html is not None:
+        stops = lecture_of(made) if lecture else []
         with prompt_stop():
-            write_page(made, html, pictures is not False)
+            write_page(made, html, pictures is not False, stops)
     if stat:
         terminal.show_stat(made, out)
     elif html is None:
@@ -50,7 +56,17 @@ def check_page(path: Path) -> None:
         raise UserError(f"--html {path} cannot be written: there is no folder {target.parent}.")
 
 
-def write_page(made: Comparison, path: Path, pictures: bool) -> None:
+def lecture_of(made: Comparison) -> list[Stop]:
+    """Return the stops on what a chapter adds to the one before; raise UserError for other sides."""
+    number = made.b.number
+    if number is None or made.a.number != number - 1 or not made.b.folder.is_dir():
+        raise UserError(
+            "A lecture is on a chapter and the one before it: strata diff 3 4 --lecture --html FILE."
+        )
+    return stops_of(made.b.folder)
+
+
+def write_page(made: Comparison, path: Path, pictures: bool, stops: Sequence[Stop] = ()) -> None:
     """Write the page; raise UserError where the disk refuses."""
     from tools.diff.page import page
     from tools.diff.pictures import Pictures, draw
@@ -58,7 +74,7 @@ def write_page(made: Comparison, path: Path, pictures: bool) -> None:
     with Steps() as steps:
         shown = draw(made, steps) if pictures else Pictures()
         steps("write", 0.95)
-        text = page(made, shown)
+        text = page(made, shown, stops)
     try:
         write_whole(path.absolute(), text.encode())
     except OSError as error:

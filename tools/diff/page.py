@@ -15,12 +15,14 @@ from pygments.lexers.python import PythonLexer
 from pygments.lexers.special import TextLexer
 from pygments.token import Comment, Keyword, Name, Number, String, _TokenType
 
+from common.errors import UserError
 from common.names import visible
 from tools.diff.diff import FileDifference, Hunk, Line
-from tools.diff.files import Source
+from tools.diff.files import Source, sources
+from tools.diff.lecture import Stop, lecture, themes
 from tools.diff.lesson import Comparison, count, pass_of
 from tools.diff.pictures import SIZE, Pictures
-from tools.diff.style import SCRIPT, STYLE
+from tools.diff.style import LECTURE, SCRIPT, STYLE
 from tools.diff.terminal import MINOR, SIGNS, heading
 
 WIDEST = 110
@@ -40,8 +42,8 @@ KINDS: tuple[tuple[_TokenType, str], ...] = (
 """Which token of pygments gets which colour of the page; what is not here has that of text."""
 
 
-def page(made: Comparison, pictures: Pictures) -> str:
-    """Return the whole page as HTML."""
+def page(made: Comparison, pictures: Pictures, stops: Sequence[Stop] = ()) -> str:
+    """Return the whole page as HTML. With the stops of a lecture it begins with these, and a key shows the rest."""
     anchors = {file.path: f"file-{n}" for n, file in enumerate((*made.ideas, *made.plumbing), start=1)}
     homes = _homes((*made.ideas, *made.plumbing))
     ideas = [_file(made, file, anchors[file.path], pictures, homes) for file in made.ideas]
@@ -61,16 +63,18 @@ def page(made: Comparison, pictures: Pictures) -> str:
             '<html lang="en"><head><meta charset="utf-8">',
             f'<meta http-equiv="Content-Security-Policy" content="{csp}">',
             '<meta name="viewport" content="width=device-width, initial-scale=1">',
-            f"<title>{title}</title><style>{STYLE}</style></head><body>",
+            f"<title>{title}</title><style>{STYLE}{LECTURE + themes() if stops else ''}</style></head>"
+            f'<body class="{"lecture" if stops else ""}">',
             '<a class="skip" href="#main">To the difference</a>',
-            _bar() if made.tree.changed else "",
+            _bar(bool(stops)) if made.tree.changed or stops else "",
+            _lecture(made, stops) if stops else "",
             f'<header class="top"><h1>{title}</h1><p>{escape(made.nothing or made.totals())}</p>{problems}',
             _contents(made, anchors) if made.tree.changed else "",
             '</header><main id="main">',
             *ideas,
             *folded,
             "</main>",
-            f"<script>{SCRIPT}</script>" if made.tree.changed else "",
+            f"<script>{SCRIPT}</script>" if made.tree.changed or stops else "",
             "</body></html>\n",
         ]
     )
@@ -82,13 +86,37 @@ def allowed(*scripts: str) -> str:
     return "script-src" + "".join(f" 'sha256-{digest}'" for digest in digests)
 
 
-def _bar() -> str:
+def _lecture(made: Comparison, stops: Sequence[Stop]) -> str:
+    files = sources(made.b.folder)
+    changed = {
+        file.new.path: file for file in made.tree.changed if file.new is not None and file.old is not None
+    }
+
+    def read(path: str) -> Source:
+        if path not in files:
+            raise UserError(f"The lecture names {path}, which {made.b.name} does not have.")
+        return files[path]
+
+    def added(path: str) -> frozenset[int]:
+        file = changed.get(path)
+        lines = [line for hunk in file.hunks for line in hunk.lines] if file else []
+        return frozenset(line.new for line in lines if line.mark == "+" and line.new is not None)
+
+    return lecture(stops, read, highlighted, added)
+
+
+def _bar(lecture: bool) -> str:
+    of_lecture = (
+        '<button id="full" aria-pressed="false">Full difference<span class="key"> (f)</span></button>'
+        '<button id="notes" aria-pressed="false">Notes<span class="key"> (n)</span></button>'
+    )
     return (
         '<div class="bar" role="group" aria-label="Stepping through">'
         '<button id="present" aria-pressed="false">Large type<span class="key"> (p)</span></button>'
         '<button id="back" aria-label="Step back">&#8592;</button>'
         '<button id="on" aria-label="Step on">&#8594;</button>'
         '<button id="theme">Light or dark<span class="key"> (d)</span></button>'
+        f"{of_lecture if lecture else ''}"
         '<span class="place" id="place" role="status">Arrow keys step, Esc ends.</span></div>'
     )
 

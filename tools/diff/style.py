@@ -120,12 +120,37 @@ details > summary { cursor: pointer; padding: .6rem 0; font-weight: 600; }
 """
 )
 
+LECTURE = """
+body.lecture #main, body.lecture .top, body:not(.lecture) #lecture { display: none; }
+.notes { border-left: 4px solid var(--link); margin: .8rem; padding-left: .7rem; }
+.drawing { padding: .6rem; } .drawing svg, .drawing img { max-width: 100%; height: auto; display: block; }
+.present .drawing svg, .present .drawing img { width: auto; height: auto; max-height: 60vh;
+  min-width: min(100%, 60vw); }
+.present:not(.spoken) .notes { display: none; }
+.present .notes { font-size: clamp(1rem, 1.5vw, 1.6rem); }
+"""
+"""For a page with a lecture: its stops in place of the difference. Notes are hidden in large type."""
+
 SCRIPT = """
 "use strict";
 const root = document.documentElement, body = document.body;
 const place = document.getElementById("place");
 let current = null;
-const steps = () => [...document.querySelectorAll(".step")].filter((s) => !s.closest("details:not([open])"));
+const inLecture = () => body.classList.contains("lecture");
+const steps = () => [...document.querySelectorAll(".step")].filter(
+  (s) => !s.closest("details:not([open])") && Boolean(s.closest("#lecture")) === inLecture());
+function toggle(name, button, on) {
+  body.classList.toggle(name);
+  document.getElementById(button).setAttribute("aria-pressed", body.classList.contains(name) === on);
+}
+function full() {
+  if (!document.getElementById("full")) return;
+  toggle("lecture", "full", false);
+  current = null;
+  if (presenting()) go(steps()[0]);
+  else scrollTo(0, 0);
+}
+const spoken = () => document.getElementById("notes") && toggle("spoken", "notes", true);
 function go(step) {
   document.querySelectorAll(".current").forEach((e) => e.classList.remove("current"));
   current = step;
@@ -168,6 +193,8 @@ document.addEventListener("keydown", (event) => {
   else if (key === "Escape" && presenting()) present(false);
   else if (key === "p") present(!presenting());
   else if (key === "d") theme();
+  else if (key === "f") full();
+  else if (key === "n") spoken();
   else return;
   event.preventDefault();
 });
@@ -178,6 +205,10 @@ document.getElementById("present").onclick = () => present(!presenting());
 document.getElementById("back").onclick = () => move(-1);
 document.getElementById("on").onclick = () => move(1);
 document.getElementById("theme").onclick = theme;
+for (const [name, act] of [["full", full], ["notes", spoken]]) {
+  const button = document.getElementById(name);
+  if (button) button.onclick = act;
+}
 document.querySelectorAll("nav a").forEach((link) => {
   link.onclick = () => {
     const inside = document.querySelector(link.getAttribute("href"));

@@ -39,7 +39,7 @@ Then = Callable[[str, str], list[str] | None]
 KEPT = 64
 """So many versions of files are remembered: one serves the questions about all later chapters."""
 
-OWN = ("__init__.py", "README.md")
+OWN = ("__init__.py", "README.md", "lecture.toml")
 """Files of which each chapter has its own."""
 
 

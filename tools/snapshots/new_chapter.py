@@ -36,7 +36,7 @@ HEADINGS = {
 GAP = "<!-- to write: "
 """How a place begins that is still empty."""
 
-OWN = ("__init__.py", "README.md")
+OWN = ("__init__.py", "README.md", "lecture.toml")
 
 
 def run(root: Path, title: str | None = None, *, force: bool = False) -> int:

@@ -2,7 +2,7 @@
 
     touched     a file that differs is in LESSON.reading, or in LESSON.plumbing with the reason why it had to follow;
                 and what is in LESSON.plumbing does differ
-    named       no file names the number of its own chapter, except __init__.py and README.md
+    named       no file names the number of its own chapter, except __init__.py, README.md and lecture.toml
     relative    imports inside a chapter are relative and do not leave it
     monotone    files, public names of modules, fields of Settings and features stay, unless LESSON.replaces names
                 them: "a feature", "shading/sky.py", "shading/sky.py:SkyPass", "settings.py:Settings.msaa"
@@ -11,8 +11,9 @@
     long        a new file has at most 400 lines
     moved       no code goes from one file to another
 
-Lines are those of Python and GLSL files. `__init__.py` and README.md are each chapter's own; `studies/` and `benches/`
-are outside of all this. Exceptions, at most three in all chapters, stand with their reasons in `exceptions.toml`.
+Lines are those of Python and GLSL files. `__init__.py`, README.md and lecture.toml are each chapter's own; `studies/`
+and `benches/` are outside of all this. Exceptions, at most three in all chapters, stand with their reasons in
+`exceptions.toml`.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from tools.snapshots.exceptions import read_exceptions
 from tools.snapshots.trees import Tree, belongs, lesson_of, numbers, read_tree
 
 RULES = ("touched", "named", "relative", "monotone", "deletions", "size", "long", "moved")
-OWN = ("__init__.py", "README.md")
+OWN = ("__init__.py", "README.md", "lecture.toml")
 """Files of which each chapter has its own."""
 
 DELETIONS = 0.15
