@@ -11,10 +11,10 @@ from __future__ import annotations
 import time as clock
 import weakref
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from types import ModuleType
+from types import MappingProxyType, ModuleType
 from typing import Any, Literal, TypeVar
 
 import numpy as np
@@ -52,6 +52,8 @@ class Stage(ABC):
     moves = True  # whether time alone changes the picture
     settings_class: type = NoSettings
     passes: tuple[Any, ...] = ()  # whatever a study does is one
+    counts: Mapping[str, int] = MappingProxyType({})
+    """Counters of a study that are the same in every frame, beside those of `Work`."""
 
     def __init__(
         self,
@@ -194,7 +196,7 @@ class Stage(ABC):
         frame.reset = self._reset or self.frame_logic.reset_by(view, time, self._previous)
         self._draw(slot, view, time)
         self._in_slot[slot.index] = weakref.ref(frame)  # not before: a frame that failed has no times to keep
-        frame.work = asdict(self.work) | {"history_resets": int(frame.reset != "")}
+        frame.work = asdict(self.work) | {**self.counts} | {"history_resets": int(frame.reset != "")}
         self._last = self._state(view, time)
         self._index += 1
         self._reset = ""

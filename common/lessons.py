@@ -28,8 +28,34 @@ class Needs:
 
 
 @dataclass(frozen=True)
+class Section:
+    """A part of a lesson for 15 to 30 minutes: something to see, to run, to read and to solve.
+
+    `title` is the heading of the chapter's README at which the section begins; it ends where the next one begins. `run`
+    is a command without `./strata`. `files` are two or three files of the chapter, `exercise` is the name of one of its
+    exercises.
+    """
+
+    title: str
+    minutes: int
+    run: str
+    files: Sequence[str]
+    exercise: str
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "files", tuple(self.files))
+        if not 15 <= self.minutes <= 30:
+            raise ValueError(f"the section {self.title!r} takes {self.minutes} minutes, and not 15 to 30")
+        if not 2 <= len(self.files) <= 3:
+            raise ValueError(f"the section {self.title!r} has {len(self.files)} files, and not two or three")
+
+
+@dataclass(frozen=True)
 class Lesson:
-    """One chapter. `adds` are slugs of the feature ledger in teaching order; `reading` is what to go on with.
+    """One chapter. `adds` are slugs of the feature ledger in teaching order.
+
+    `question` is the one that the chapter answers, `cover` a picture of it in docs/pictures. `sections` are the path
+    through the chapter, with the files to read. `reading` has all files of the lesson.
 
     `replaces` names what earlier chapters did and this one no longer does: a feature, a file, or a name in a file as
     "shading/sky.py:SkyPass". `plumbing` are files that the lesson is not about and that had to follow, with the
@@ -40,18 +66,31 @@ class Lesson:
     title: str
     adds: Sequence[str] = ()
     needs: Needs = field(default_factory=Needs)
+    question: str = ""
+    cover: str = ""
+    sections: Sequence[Section] = ()
     reading: Sequence[str] = ()
     replaces: Sequence[str] = ()
     plumbing: Mapping[str, str] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
         # Lists are how a chapter writes them; tuples are what a frozen record may hold.
-        for name in ("adds", "reading", "replaces"):
+        for name in ("adds", "sections", "reading", "replaces"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
         if len(set(self.adds)) != len(self.adds):
             raise ValueError(f"lesson {self.number} adds a feature twice")
         if not all(reason.strip() for reason in self.plumbing.values()):
             raise ValueError(f"lesson {self.number} has plumbing without a reason")
+
+    @property
+    def minutes(self) -> int:
+        """How long the sections take together."""
+        return sum(section.minutes for section in self.sections)
+
+    @property
+    def core(self) -> tuple[str, ...]:
+        """The files that the sections tell to read, in this order; the rest of `reading` is for reference."""
+        return tuple(dict.fromkeys(file for section in self.sections for file in section.files))
 
 
 OWN = "own"

@@ -38,6 +38,21 @@ def user_cache() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "strata"
 
 
+def user_state() -> Path:
+    """Return the folder for what the user has done (not created); `STRATA_STATE` overrides it.
+
+    It cannot be made again, so it is not in the cache, which may be deleted at any time.
+    """
+    chosen = os.environ.get("STRATA_STATE")
+    if chosen:
+        return Path(os.path.abspath(os.path.join(START, os.path.expanduser(chosen))))
+    if sys.platform == "win32":
+        return Path(os.environ.get("APPDATA", Path.home() / "AppData" / "Roaming")) / "strata"
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Application Support" / "strata"
+    return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "strata"
+
+
 def cache_dir(name: str) -> Path | None:
     """Return the writable cache folder `name`, created if need be, or None where nothing can be written.
 

@@ -36,12 +36,13 @@ from common.images import read_image  # noqa: E402
 from common.images.color import decode_srgb, encode_srgb, quantize  # noqa: E402
 from common.images.small_pictures import write_small  # noqa: E402
 from common.names import suggest  # noqa: E402
+from common.paths import write_whole  # noqa: E402
 from common.settings import preset, replaced  # noqa: E402
 from tools.bench import bench, report  # noqa: E402
 from tools.frames.frame import step_through  # noqa: E402
 from tools.run.run import Request  # noqa: E402
+from tools.site import figures, pairs  # noqa: E402
 from tools.site import inputs as site_inputs  # noqa: E402
-from tools.site import pairs  # noqa: E402
 
 SIZE = (640, 360)
 FOLDER = ROOT / "docs" / "pictures"
@@ -255,6 +256,10 @@ def everything() -> dict[str, Made]:
 
     all_studies = [f"{number}/{name}" for number in WITH_STUDIES for name in studies.available(number)]
     found = {name: drawn(name) for name in (*SCENES, *all_studies, *SHEETS)}
+    for name, figure in figures.figures().items():
+        found[name] = Made(
+            {FOLDER / f"{name}.svg": figures.inputs_of(name)}, partial(_make_figure, name, figure)
+        )
     for number in chapters.available():
         for pair in pairs.pairs_of(number):
             found[f"pairs/{pair.name}"] = Made(pairs.inputs_of(pair), partial(_make_pair, pair))
@@ -263,6 +268,10 @@ def everything() -> dict[str, Made]:
         if plot.is_file():
             found[f"plots/{record.stem}"] = Made({plot: [record]}, partial(_make_plot, plot, record))
     return found
+
+
+def _make_figure(name: str, figure: Callable[[], figures.Canvas], to: Path) -> None:
+    write_whole(to / f"{name}.svg", figure().svg().encode())
 
 
 def _make_pair(pair: pairs.Pair, _: Path) -> None:

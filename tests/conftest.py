@@ -22,7 +22,7 @@ from backends.selftest import verdicts
 from backends.vulkan.device import Device
 from backends.vulkan.instance import VALIDATION_LAYER, Instance
 from common.errors import UnsupportedError
-from common.paths import asset_dir
+from common.paths import asset_dir, user_cache
 from tests.support import first, goldens, packages, sharing, snapshots
 from tests.support.chapter import Chapter
 from tests.support.gl_functions import assert_silent
@@ -89,6 +89,8 @@ def pytest_configure(config: pytest.Config) -> None:
     """Let the report watch the run, and software drivers compile quickly."""
     # Where a test has an empty cache, what was found out about the drivers stays known: trying them takes seconds.
     os.environ.setdefault("STRATA_VERDICTS", str(verdicts.folder()))
+    # Tests solve exercises; that is no progress of the user.
+    os.environ["STRATA_STATE"] = str(user_cache() / "test-state")
     compile_quickly(config.getoption("--long"))
     hear_signals()
     config.pluginmanager.register(Report(config), "strata-report")
@@ -342,9 +344,10 @@ def models() -> Path:
 
 
 @pytest.fixture
-def strata(vulkan_instance, capsys, tmp_path, monkeypatch):
+def strata(vulkan_instance, capsys, tmp_path, tmp_path_factory, monkeypatch):
     """Run a command in an empty folder, without a display; return (exit code, stdout, stderr)."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("STRATA_STATE", str(tmp_path_factory.mktemp("state")))
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
 

@@ -17,7 +17,10 @@ import pytest
 
 import chapters
 from common.paths import ROOT
+from common.settings import knobs
 from tests.support import contents
+from tools.exercises import of_chapter
+from tools.lessons import sections
 from tools.snapshots.new_chapter import HEADINGS
 
 FOLDERS = ("common", "backends", "chapters", "tools", "assets", "bootstrap", "shaders", "tests")
@@ -436,8 +439,37 @@ def test_a_readme_has_the_headings_of_every_chapter(number):
     found = dict(zip(sections[1::2], sections[2::2], strict=True))
     assert not [heading for heading, body in found.items() if len(body.split()) < 10]
     listed = re.findall(r"^\d+\. \[`([^`]+)`\]\(([^)]+)\): (\S.*\.)$", found["Reading order"], re.M)
-    assert tuple(name for name, _, _ in listed) == chapters.lesson(number).reading
+    lesson = chapters.lesson(number)
+    names = [name for name, _, _ in listed]
+    assert names == [*lesson.core, *(name for name in lesson.reading if name not in lesson.core)]
     assert all(name == link for name, link, _ in listed)
+
+
+@pytest.mark.parametrize("number", chapters.available())
+def test_a_chapter_has_sections_of_a_picture_a_command_files_and_an_exercise(number):
+    """Eight to ten files in all; each section is a part of "The idea" with its line under the heading."""
+    lesson, every = chapters.lesson(number), sections.parts(number)
+    assert 3 <= len(every) <= 6 and 8 <= len(lesson.core) <= 10
+    assert {*lesson.core} <= {*lesson.reading}
+    exercises = [part.section.exercise for part in every]
+    assert {*exercises} <= {exercise.name for exercise in of_chapter(number)} and len({*exercises}) == len(
+        every
+    )
+    found = sections.cut(readme_of(number), [part.section.title for part in every])
+    assert [*found] == [part.section.title for part in every]
+    for part in every:
+        lines = found[part.section.title]
+        assert lines[2] == sections.summary(part)
+        assert any(line.startswith("![") for line in lines), f"{part.key} has no picture"
+
+
+@pytest.mark.parametrize("number", chapters.available()[1:])
+def test_a_knob_keeps_the_choices_of_the_chapter_before(number):
+    """Features are monotone: settings that somebody has written down work in later chapters."""
+    before, after = (knobs(chapters.settings_class(one)) for one in (number - 1, number))
+    assert {*before} <= {*after}
+    lost = {name: {*knob.choices} - {*after[name].choices} for name, knob in before.items() if knob.choices}
+    assert not {name: choices for name, choices in lost.items() if choices}
 
 
 @pytest.mark.parametrize("number", chapters.available())

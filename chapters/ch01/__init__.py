@@ -1,6 +1,6 @@
 """Chapter 1: a glTF scene, lit by its own lights and drawn in one forward pass."""
 
-from common.lessons import Lesson, Needs
+from common.lessons import Lesson, Needs, Section
 
 LESSON = Lesson(
     number=1,
@@ -19,6 +19,45 @@ LESSON = Lesson(
         "views of single quantities",
     ),
     needs=Needs(required=frozenset(), optional=frozenset({"anisotropy"})),
+    question="How does a file of triangles become light on a screen?",
+    cover="atrium.png",
+    sections=(
+        Section(
+            "A frame",
+            25,
+            "run 1 --scene cornell --frames 30 -v",
+            ("renderer.py", "frames/vulkan.py"),
+            "missing-barrier",
+        ),
+        Section(
+            "What a draw costs",
+            20,
+            "run 1 --scene atrium --set view=overdraw",
+            ("scene/draw_lists.py", "frames/vulkan_commands.py"),
+            "half-a-mirror",
+        ),
+        Section(
+            "Light in numbers",
+            30,
+            "run 1 --scene spheres",
+            ("shading/forward.frag", "post/tonemap.py"),
+            "codes-as-light",
+        ),
+        Section(
+            "Light from everywhere",
+            30,
+            "run 1 --scene spheres --environment sky",
+            ("environment/model.py", "environment/prefilter.comp"),
+            "facing-view",
+        ),
+        Section(
+            "More than one sample a pixel",
+            20,
+            "run 1 --scene atrium --set msaa=4",
+            ("post/resolve.frag", "gl_renderer.py"),
+            "four-samples",
+        ),
+    ),
     reading=(
         "renderer.py",
         "shading/forward.py",

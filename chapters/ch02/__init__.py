@@ -1,6 +1,6 @@
 """Chapter 2: textures, vertices and draws found by number, layouts read from SPIR-V, and pipelines kept on disk."""
 
-from common.lessons import Lesson, Needs
+from common.lessons import Lesson, Needs, Section
 
 LESSON = Lesson(
     number=2,
@@ -16,6 +16,31 @@ LESSON = Lesson(
         "images without channels that no material reads",
     ),
     needs=Needs(required=frozenset(), optional=frozenset({"anisotropy", "bindless", "multi-draw"})),
+    question="Why can a hundred thousand objects cost as little as one?",
+    cover="ch02-random-textures.png",
+    sections=(
+        Section(
+            "One set for all textures",
+            30,
+            "run 2/random-textures",
+            ("scene/textures/bindless.glsl", "scene/textures/vulkan_bindless.py", "scene/textures/arrays.py"),
+            "reused-slot",
+        ),
+        Section(
+            "Pages of words",
+            25,
+            "run 2 --scene atrium --frames 30 -v",
+            ("scene/vertices.glsl", "scene/pages.py", "scene/scene_draws.py"),
+            "thousand-objects",
+        ),
+        Section(
+            "Layouts from shaders",
+            30,
+            "run 2 --scene cornell --frames 3 -v",
+            ("pipelines/spirv/parser.py", "pipelines/vulkan_layouts.py", "pipelines/vulkan_cache.py"),
+            "opcode-in-a-byte",
+        ),
+    ),
     reading=(
         "scene/scene.glsl",
         "scene/vertices.glsl",

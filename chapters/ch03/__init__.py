@@ -1,6 +1,6 @@
 """Chapter 3: work beside the frames: tasks, textures that arrive while you look, recording in parts, a scene cache."""
 
-from common.lessons import Lesson, Needs
+from common.lessons import Lesson, Needs, Section
 
 LESSON = Lesson(
     number=3,
@@ -20,6 +20,34 @@ LESSON = Lesson(
     needs=Needs(
         required=frozenset(),
         optional=frozenset({"anisotropy", "async-transfer", "bindless", "block-compression", "multi-draw"}),
+    ),
+    question="How does a scene appear before all of it is loaded?",
+    cover="ch03-loading.png",
+    sections=(
+        Section(
+            "Tasks", 25, "run 3 --scene atrium -v", ("tasks/graph.py", "tasks/scheduler.py"), "critical-path"
+        ),
+        Section(
+            "Loading beside drawing",
+            30,
+            "run 3 --scene atrium:large --set loading=stream",
+            ("loading/loading.py", "loading/ring.py", "loading/vulkan_barriers.py"),
+            "wrong-way-round",
+        ),
+        Section(
+            "Recording by several threads",
+            20,
+            "run 3 --scene atrium --set recording_threads=2 --without multi-draw -v",
+            ("frames/recording/parts.py", "frames/recording/vulkan_secondaries.py"),
+            "pool-of-another",
+        ),
+        Section(
+            "The scene cache",
+            20,
+            "run 3 --scene atrium:large -v",
+            ("scene_cache/cache.py", "scene_cache/sections.py"),
+            "put-back-times",
+        ),
     ),
     reading=(
         "tasks/scheduler.py",

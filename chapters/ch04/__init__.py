@@ -1,6 +1,6 @@
 """Chapter 4: the frame as a graph: passes declare what they read and write, and all between them follows."""
 
-from common.lessons import Lesson, Needs
+from common.lessons import Lesson, Needs, Section
 
 LESSON = Lesson(
     number=4,
@@ -22,6 +22,45 @@ LESSON = Lesson(
     needs=Needs(
         required=frozenset(),
         optional=frozenset({"anisotropy", "async-transfer", "bindless", "block-compression", "multi-draw"}),
+    ),
+    question="What follows if passes only say what they read and write?",
+    cover="ch04-lens.png",
+    sections=(
+        Section(
+            "Names are versions",
+            30,
+            "run 4/names",
+            ("graph/types.py", "graph/names.py", "graph/order.py"),
+            "natural-vignette",
+        ),
+        Section(
+            "Barriers",
+            30,
+            "run 4/barriers",
+            ("graph/sync/states.py", "graph/sync/barriers.py"),
+            "no-new-layout",
+        ),
+        Section(
+            "Memory",
+            25,
+            "run 4/memory",
+            ("graph/memory/placement.py", "graph/frame_graph.py"),
+            "one-step-short",
+        ),
+        Section(
+            "From frame to frame",
+            20,
+            "run 4 --scene atrium --frames 30 -v",
+            ("graph/frame_graph.py", "frames/recording/vulkan_recordings.py"),
+            "recorded-anew",
+        ),
+        Section(
+            "Deferred lighting",
+            30,
+            "run 4 --scene atrium --set view=normal",
+            ("shading/gbuffer.py", "shading/lighting.frag"),
+            "empty-sky",
+        ),
     ),
     reading=(
         "graph/types.py",

@@ -1,6 +1,6 @@
 """Chapter 5: timelines that queues and the CPU wait on, compute beside graphics, and cloth that is worth it."""
 
-from common.lessons import Lesson, Needs
+from common.lessons import Lesson, Needs, Section
 
 LESSON = Lesson(
     number=5,
@@ -22,6 +22,38 @@ LESSON = Lesson(
         required=frozenset(),
         optional=frozenset(
             {"anisotropy", "async-compute", "async-transfer", "bindless", "block-compression", "multi-draw"}
+        ),
+    ),
+    question="How do two queues of a GPU work on the same frames?",
+    cover="ch05-cloth.png",
+    sections=(
+        Section(
+            "A counter instead of a fence",
+            20,
+            "run 5/timeline-or-fences",
+            ("frames/queues/vulkan_timeline.py", "frames/queues/vulkan_queues.py"),
+            "minus-one",
+        ),
+        Section(
+            "A pass names its queue",
+            30,
+            "graph 5",
+            ("graph/execute/batches.py", "graph/sync/queues.py", "graph/sync/crossings.py"),
+            "who-waits",
+        ),
+        Section(
+            "Cloth",
+            30,
+            "run 5 --scene cloth",
+            ("cloth/build.py", "cloth/steps.py", "cloth/motion.glsl"),
+            "capsule",
+        ),
+        Section(
+            "Three ways to run one kernel",
+            25,
+            "run 5 --scene cloth --set cloth_execution=group -v",
+            ("cloth/loop.comp", "cloth/stage.comp"),
+            "few-colours",
         ),
     ),
     reading=(

@@ -90,6 +90,11 @@ def test_pieces_are_put_where_a_page_asks_for_them(monkeypatch) -> None:
     assert tables.filled(Draft(), text, "a.md") == "one\n\ntable of a.md\n\ntwo"
 
 
+def test_the_pages_of_the_site_ask_for_every_piece_and_for_no_other() -> None:
+    texts = "".join(path.read_text("utf-8") for path in sorted((ROOT / "docs" / "site").glob("*.md")))
+    assert {*re.findall(r"<!-- strata: (\w+) -->", texts)} == {*tables.PIECES}
+
+
 def test_a_piece_that_nobody_makes_is_named_with_those_there_are() -> None:
     draft = Draft()
     tables.filled(draft, "<!-- strata: sped -->", "a.md")

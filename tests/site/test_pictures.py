@@ -102,6 +102,10 @@ def test_a_shader_s_comment_changes_nothing_and_its_code_does(tmp_path, monkeypa
     assert found["a"] == found["b"] != found["c"]
 
 
+NOT_TWICE = {"ch05-fragment-order.png"}
+"""Pictures of the order in which fragments ran: a driver with threads draws another one each time."""
+
+
 @pytest.mark.long
 def test_drawn_anew_every_picture_is_the_same(tmp_path) -> None:
     """On the driver of the records: pictures are equal to the byte, so common/ and backends/ have changed none."""
@@ -117,7 +121,8 @@ def test_drawn_anew_every_picture_is_the_same(tmp_path) -> None:
         if made_name.startswith(("pairs/", "plots/")):
             continue
         made.make(tmp_path)
-        changed += [p.name for p in made.inputs if (tmp_path / p.name).read_bytes() != p.read_bytes()]
+        compared = [path for path in made.inputs if path.name not in NOT_TWICE]
+        changed += [p.name for p in compared if (tmp_path / p.name).read_bytes() != p.read_bytes()]
     for pair in pairs.pairs_of(1):
         pictures, _ = pairs.draw(pair)
         changed += [p.name for p, pixels in pictures.items() if encode_small(pixels) != p.read_bytes()]

@@ -18,6 +18,7 @@ from tools.cli.docs import docs
 from tools.cli.exercises import check, exercise
 from tools.cli.frames import frame, graph
 from tools.cli.ledger import explain, list_
+from tools.cli.lessons import next_
 from tools.cli.options import (
     Backend,
     Camera,
@@ -393,6 +394,7 @@ def compare(
 app.command(cls=Command)(bench)
 app.command(cls=Command)(diff)
 app.command(cls=Command)(fork)
+app.command(name="next", cls=Command)(next_)
 app.command(cls=Command)(exercise)
 app.command(cls=Command)(check)
 app.command(cls=Command)(carry)

@@ -28,6 +28,8 @@ from tools.site.pairs import overlays
 from tools.site.records import lacks, records_of
 
 GRAPH_SIZE = (640, 360)
+DISCUSSED = {4: ("atrium", "aperture=2"), 5: ("cloth",)}
+"""The scene and the settings of the frame that the text of a chapter is about; the atrium for others."""
 KIND_OF = {
     "software": "Mesa's software driver",
     "discrete": "a graphics card",
@@ -43,7 +45,8 @@ def add(draft: Draft, number: int, drawing: bool = True) -> None:
     parts = []
     if (ROOT / path).is_file():
         text = (ROOT / path).read_text("utf-8")
-        parts = [linked(draft, draft.localised(text, path, page), page), _gallery(draft, text, path, page)]
+        lesson = linked(draft, draft.localised(text, path, page), page)
+        parts = [with_figures(draft, lesson, page), _gallery(draft, text, path, page)]
     else:
         title = _title(number)
         parts = [
@@ -78,9 +81,20 @@ def _section(title: str, body: str) -> str:
 # --- pictures ---------------------------------------------------------------------------------------------------------
 
 
+def with_figures(draft: Draft, text: str, page: str) -> str:
+    """Return a page's text with its figures in it: there they follow the switch of the page's colour scheme."""
+
+    def drawing(found: re.Match[str]) -> str:
+        place = posixpath.normpath(posixpath.join(posixpath.dirname(page), found[1]))
+        shape = draft.files.get(place, b"").decode().strip()
+        return f'<div class="figure">{shape}</div>' if 'class="strata-figure"' in shape else found[0]
+
+    return re.sub(r"^!\[[^\]]*\]\(([^)\s]+\.svg)\)$", drawing, text, flags=re.MULTILINE)
+
+
 def _gallery(draft: Draft, text: str, path: str, page: str) -> str:
     """Return all pictures of a lesson side by side, each leading to the file; the text has said what they are."""
-    found = dict.fromkeys(re.findall(r"!\[([^\]]+)\]\(([^)]+docs/pictures/[^)]+)\)", text))
+    found = dict.fromkeys(re.findall(r"!\[([^\]]+)\]\(([^)]+docs/pictures/[^)]+\.(?:png|jpg|webp))\)", text))
     cells = []
     for words, target in found:
         link = draft.file(posixpath.normpath(posixpath.join(posixpath.dirname(path), target)), page)
@@ -167,9 +181,12 @@ def _graph(draft: Draft, number: int, page: str, drawing: bool) -> str:
         place = page.replace(".md", "-graph.svg")
 
         def drawn() -> tuple[bytes, bool]:
-            request = Request(number, scene="atrium", size=GRAPH_SIZE, headless=True)
+            scene, *overrides = DISCUSSED.get(number, ("atrium",))
+            request = Request(number, scene=scene, size=GRAPH_SIZE, headless=True, overrides=tuple(overrides))
             compiled, device = graph.compiled(number, request)
-            return svg(compiled, f"Chapter {number}, atrium, {device}").encode(), True
+            return svg(
+                compiled, f"Chapter {number}, {', '.join((scene, *overrides))}, {device}"
+            ).encode(), True
 
         draft.files[place] = _kept("graph.svg", [*_files(number), *matched(("tools/frames/*.py",))], drawn)
         link = posixpath.basename(place)

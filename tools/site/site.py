@@ -31,6 +31,7 @@ from tools.cli.stopping import prompt_stop
 from tools.site import chapter, inputs, moved, notebook
 from tools.site import check as site_check
 from tools.site.draft import TEXTS, Draft, reason
+from tools.site.figures import canvas
 from tools.site.tables import filled
 
 DEFAULT = ROOT / "out" / "site"
@@ -124,6 +125,7 @@ def draft_of(numbers: Collection[int], drawing: bool = True, steps: Steps | None
         else:
             draft.lack("every page", f"docs/site/{name} is missing.")
             draft.files[f"assets/{name}"] = b""
+    draft.files["assets/site.css"] += canvas.SCHEMES.encode()
     return draft
 
 
@@ -228,8 +230,7 @@ def configuration(draft: Draft, source: Path, made: Path) -> dict[str, object]:
             {"Chapters": lessons},
             {notebook.TITLE: notebook.PAGE},
             {PAGES["glossary.md"]: "glossary.md"},
-            {"Measured": measured},
-            {"The project": [{PAGES["maintaining.md"]: "maintaining.md"}, *texts]},
+            {"The project": [*measured, {PAGES["maintaining.md"]: "maintaining.md"}, *texts]},
         ],
     }
 

@@ -54,6 +54,28 @@ def _records(path: Any) -> dict[str, Any]:
     return found
 
 
+def chapter_cards(draft: Draft, page: str) -> str:
+    """Return a card for each chapter: its picture, its title, the question that it answers, and how long it takes."""
+    cards = [
+        draft.attempt(page, f"the card of chapter {number}", partial(_card, draft, number, page))
+        for number in chapters.available()
+    ]
+    return f'<div class="cards">{"".join(cards)}</div>'
+
+
+def _card(draft: Draft, number: int, page: str) -> str:
+    lesson, name = chapters.lesson(number), chapters.folder_name(number)
+    link = re.sub(r"\.md$", ".html", draft.file(f"chapters/{name}/README.md", page))
+    picture = draft.file(f"docs/pictures/{lesson.cover}", page)
+    hours, minutes = divmod(lesson.minutes, 60)
+    time = f"{hours} h {minutes:02} min" if hours else f"{minutes} min"
+    return (
+        f'<a class="card" href="{link}"><img src="{picture}" alt="A picture of chapter {number}" loading="lazy">'
+        f"<strong>{number}. {escape(lesson.title)}</strong><span>{escape(lesson.question)}</span>"
+        f"<small>{len(lesson.sections)} sections, {time}</small></a>"
+    )
+
+
 def chapters_table(draft: Draft, page: str) -> str:
     """Chapters, what each adds, and what became of its tests, and of the features that they hold, on each backend."""
     record = results.read()
@@ -280,6 +302,7 @@ def long_table(draft: Draft, page: str) -> str:
 
 
 PIECES: dict[str, Callable[[Draft, str], str]] = {
+    "cards": chapter_cards,
     "chapters": chapters_table,
     "features": site_features.features_list,
     "setup": setup_commands,

@@ -22,7 +22,7 @@ from common.settings import knob
 STUDY = Study(
     title="clear and finish",
     idea="Two layers draw nothing: one makes every pixel known, one leaves the picture as its reader expects it.",
-    order=2,
+    order=5,
     features=("composition/clear-and-finish",),
     outputs=("color", "depth"),
 )

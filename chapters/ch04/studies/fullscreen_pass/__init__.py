@@ -19,7 +19,7 @@ from common.settings import knob
 STUDY = Study(
     title="fullscreen pass",
     idea="The number of a vertex is enough to place it: three of them, or six, reach every pixel exactly once.",
-    order=1,
+    order=4,
     features=("composition/fullscreen-pass",),
     outputs=("color", "uv", "writes"),
 )

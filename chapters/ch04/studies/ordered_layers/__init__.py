@@ -22,7 +22,7 @@ from common.settings import knob
 STUDY = Study(
     title="ordered layers",
     idea="A frame can be a list: each enabled item draws over those before it, to the screen unless it has a target.",
-    order=3,
+    order=6,
     features=("composition/ordered-layers",),
 )
 

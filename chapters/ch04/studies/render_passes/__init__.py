@@ -29,7 +29,7 @@ from .flags import Flag
 STUDY = Study(
     title="render passes",
     idea="What a render pass fixes ahead, load, store, layouts, waiting, can be said when drawing begins: same bits.",
-    order=5,
+    order=8,
     features=("device/render-pass-flags",),
 )
 

@@ -26,7 +26,7 @@ from common.settings import knob
 STUDY = Study(
     title="shader chain",
     idea="Effects are passes in a row that write two targets in turn, and a new effect is one shader and no more code.",
-    order=4,
+    order=7,
     features=("composition/composite-processor",),
     outputs=("color", "result"),
 )

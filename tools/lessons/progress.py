@@ -1,0 +1,78 @@
+"""What a reader has solved and read: a file in the folder of the user's state, which commands add to."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from common.errors import UserError
+from common.paths import user_state, write_whole
+
+FORMAT = 1
+
+
+@dataclass(frozen=True)
+class Progress:
+    """The exercises that were solved ("4/no-new-layout"), the sections that were read ("4/Barriers"), and a chapter.
+
+    The reader is in the first open section from chapter `chapter` on.
+    """
+
+    solved: frozenset[str] = field(default_factory=frozenset)
+    read: frozenset[str] = field(default_factory=frozenset)
+    chapter: int = 1
+
+
+def file() -> Path:
+    """Return the file that keeps it."""
+    return user_state() / "progress.json"
+
+
+def load() -> Progress:
+    """Return what was kept; raise UserError for a file that cannot be read."""
+    path = file()
+    try:
+        kept: Any = json.loads(path.read_text("utf-8"))
+        if kept["format"] != FORMAT:
+            raise UserError(
+                f"{path} is of another version of Strata: move it away, and progress begins anew."
+            )
+        return Progress(
+            frozenset(map(str, kept["solved"])), frozenset(map(str, kept["read"])), int(kept["chapter"])
+        )
+    except (FileNotFoundError, NotADirectoryError):
+        return Progress()
+    except (OSError, ValueError, KeyError, TypeError):
+        raise UserError(f"{path} cannot be read: move it away, and progress begins anew.") from None
+
+
+def save(progress: Progress) -> None:
+    """Keep it; raise UserError where nothing can be written."""
+    kept = {
+        "format": FORMAT,
+        "chapter": progress.chapter,
+        "solved": sorted(progress.solved),
+        "read": sorted(progress.read),
+    }
+    path = file()
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(path, (json.dumps(kept, indent=1) + "\n").encode())
+    except OSError as error:
+        raise UserError(f"{path} cannot be written ({error.strerror}), so progress is not kept.") from None
+
+
+def add(solved: Iterable[str] = (), read: Iterable[str] = (), chapter: int | None = None) -> Progress:
+    """Add to what is kept, and return all of it; raise UserError where that fails."""
+    progress = load()
+    progress = replace(
+        progress,
+        solved=progress.solved | {*solved},
+        read=progress.read | {*read},
+        chapter=progress.chapter if chapter is None else chapter,
+    )
+    save(progress)
+    return progress

@@ -1,0 +1,43 @@
+"""The figures of the lessons: drawings of ideas, made by code, from the chapters' own data where there is any.
+
+    canvas    boxes, arrows and words in SVG, in the colours of the reader's scheme
+    graphs    compiled frames of chapters 4 and 5
+    ch01 ...  the figures of a chapter, `FIGURES` by name
+
+`python docs/pictures.py` writes them to docs/pictures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+
+import chapters
+from tools.site import inputs
+from tools.site.figures.canvas import Canvas
+
+HERE = Path(__file__).parent
+DATA = {"ch04": (4,), "ch05": (5,)}
+"""The chapters whose data a module's figures show."""
+
+
+def figures() -> dict[str, Callable[[], Canvas]]:
+    """Return what draws each figure, by name."""
+    found: dict[str, Callable[[], Canvas]] = {}
+    for number in chapters.available():
+        name = chapters.folder_name(number)
+        if (HERE / f"{name}.py").is_file():
+            found |= import_module(f"{__name__}.{name}").FIGURES
+    return found
+
+
+def inputs_of(name: str) -> list[Path]:
+    """Return the files that a figure is made from."""
+    chapter = name.partition("-")[0]
+    files = [HERE / "canvas.py", HERE / f"{chapter}.py"]
+    for number in DATA.get(chapter, ()):
+        files += [HERE / "graphs.py", *inputs.chapter(number)]
+    if chapter == "ch04":
+        files += inputs.study(4, "glow")
+    return files
