@@ -376,7 +376,8 @@ def test_two_at_once_are_one(server, sources, model):
 def test_ctrl_c_keeps_what_came(server, sources, model, manifest, cache):
     server.gate = threading.Event()
     code = (
-        "import sys; from pathlib import Path; from tools.assets import command;"
+        "import sys; from pathlib import Path; from tools.assets import command; from tools.cli import stopping;"
+        f"stopping.GRACE_S = {PATIENCE_S};"  # a busy machine takes more than the half second to say what it kept
         "command.get(['Duo'], True, Path(sys.argv[1]), {'local': sys.argv[2]})"
     )
     begun = subprocess.Popen(
