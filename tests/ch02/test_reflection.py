@@ -21,7 +21,7 @@ from chapters.ch02.pipelines.description import PipelineDescription
 from chapters.ch02.pipelines.vulkan import Pipelines
 from chapters.ch02.pipelines.vulkan_cache import PipelineCache
 from chapters.ch02.pipelines.vulkan_layouts import CAPACITY, Layouts
-from chapters.ch02.pipelines.vulkan_reflection import STAGES, Binding, Push, Stage, merge
+from chapters.ch02.pipelines.vulkan_reflection import STAGES, Binding, Push, Signature, Stage, merge
 from common.errors import ShaderError, UnsupportedError
 
 layout = pytest.mark.feature("reflection/pipeline-layout")
@@ -381,6 +381,40 @@ def test_an_open_array_gets_no_more_than_the_device_has(vulkan_device):
     )
     assert layouts.sets(merge([stage(two, "frag")]))[2].counts == (1, 500, 500), "two open arrays share it"
     layouts.close()
+
+
+OPEN_ARRAYS = {
+    "texture": ("SampledImages", "Samplers"),
+    "sampled image": ("SampledImages",),
+    "sampler": ("Samplers",),
+    "image": ("StorageImages",),
+    "uniform texels": ("SampledImages",),
+    "storage texels": ("StorageImages",),
+    "storage": ("StorageBuffers",),
+    "uniform": ("UniformBuffers",),
+}
+"""What the descriptors of an open array count as: the definitions of the members of
+VkPhysicalDeviceDescriptorIndexingProperties in the Vulkan specification."""
+
+
+@pytest.mark.variants("vulkan")
+@pytest.mark.parametrize("kind", OPEN_ARRAYS)
+@pytest.mark.parametrize("owner", ["maxPerStageDescriptorUpdateAfterBind", "maxDescriptorSetUpdateAfterBind"])
+def test_each_limit_holds_for_its_kinds_of_open_arrays(vulkan_device, kind, owner):
+    if not vulkan_device.has("bindless"):
+        pytest.skip("the device has no descriptor indexing")
+    layouts = Layouts(vulkan_device, 10**5)
+    array = Signature(((Binding(0, kind, 0, "open", FRAG),),), None, FRAG)
+    most = {name for name in dir(layouts._indexing) if "UpdateAfterBind" in name and name.startswith("max")}
+    try:
+        for name in ("SampledImages", "Samplers", "StorageImages", "StorageBuffers", "UniformBuffers"):
+            few = {owner + name: 500}
+            layouts._indexing = SimpleNamespace(**dict.fromkeys(most, 10**7) | few)
+            layout = layouts.sets(array)[0]
+            holds = name in OPEN_ARRAYS[kind]
+            assert layout.counts == (500 - vulkan_layouts._RESERVED if holds else 10**5,), name
+    finally:
+        layouts.close()
 
 
 @pytest.mark.variants("without-all")

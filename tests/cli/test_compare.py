@@ -345,6 +345,17 @@ def test_light_is_compared_as_light_and_a_nan_is_green(strata, tmp_path):
     assert np.argwhere(green).tolist() == [[3, 4], [7, 8]]
 
 
+@pytest.mark.needs("OpenEXR")
+def test_light_of_two_channels_is_refused(strata, tmp_path):
+    """In a PNG the second channel is alpha. In an EXR it is data, and without it the rest would be taken for grey."""
+    write_image(tmp_path / "two.exr", np.ones((8, 8, 2), np.float32))
+    write_image(tmp_path / "one.exr", np.ones((8, 8, 1), np.float32))
+    code, _, err = strata("compare", "two.exr", "one.exr")
+    assert code == 2
+    assert err == "strata: two.exr has 2 channels: a picture to compare has grey, or red, green and blue.\n"
+    assert strata("compare", "one.exr", "one.exr")[0] == 0
+
+
 def test_pictures_of_other_kinds_are_read_as_what_they_show(tmp_path):
     grey = np.arange(256, dtype=np.uint8).reshape(16, 16, 1)
     write_image(tmp_path / "grey.png", grey)

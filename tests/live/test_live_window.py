@@ -228,3 +228,36 @@ def test_watch_writes_the_picture_anew_until_it_is_stopped(
     assert "Watching" in said and "Ctrl-C ends." in said
     assert len(re.findall(r"a\.png, \d\.\d\d s after the file was saved", said)) == 2
     assert "zero" in said
+
+
+def test_a_picture_that_could_not_be_written_is_written_after_the_next_edit(monkeypatch, capsys, tmp_path):
+    """The next edit may take the last one back, and then nothing is rebuilt. An edit with a fault writes nothing."""
+    edits = iter([(1, ""), (0, "a fault"), (0, ""), (0, "")])
+    full = [UserError("the disk is full.")]
+    written = []
+
+    class Edits:
+        noticed = 0.0
+
+        def files(self, renderer):
+            return ()
+
+        def follow(self, renderer):
+            try:
+                self.rebuilt, self.error = next(edits)
+            except StopIteration:
+                raise KeyboardInterrupt from None
+            self.renderer = renderer
+            return True
+
+    def write(frame):
+        if full:
+            raise full.pop()
+        written.append(frame)
+
+    monkeypatch.setattr(watching, "POLL_S", 0)
+    still = SimpleNamespace(render=lambda view, time: "a frame", idle=lambda view, time: True)
+    with pytest.raises(KeyboardInterrupt):
+        watching.watch(Edits(), still, None, None, 0.0, write, tmp_path / "a.png")
+    assert written == ["a frame"], "once: after the edit without a fault, and not again after the last one"
+    assert "strata: the disk is full." in capsys.readouterr().err

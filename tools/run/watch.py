@@ -30,8 +30,8 @@ def watch(
 ) -> None:
     """Draw `view` at `time` again after every edit, and hand the frame to `write`; only an exception ends it.
 
-    `opener` gives another renderer like this one, for those that cannot exchange their shaders. A picture that cannot
-    be written is said, and written after the next edit.
+    `opener` gives another renderer like this one, for those that cannot exchange their shaders. If a picture cannot
+    be written, the error is printed, and the picture is written after the next edit.
     """
     own: list[Renderer] = []  # the one that was opened here last
 

@@ -252,6 +252,27 @@ def test_normals_without_a_direction_are_made_anew(tmp_path, value):
     assert scene.warnings == ["meshes[0].primitives[0] has normals without a direction; they were made anew."]
 
 
+@pytest.mark.parametrize("value", [(0.0, 0.0, 0.0, 1.0), (np.nan, 0.0, 0.0, 1.0), (1.0, 0.0, 0.0, np.inf)])
+def test_one_tangent_without_a_direction_makes_all_of_them_anew(tmp_path, value):
+    """The file's tangents run along y. Without them they run along x, and the good ones go with the bad one."""
+    tangents = np.tile((0, 1, 0, 1), (4, 1)).astype("f4")
+    normals = np.tile((0, 0, 1), (4, 1)).astype("f4")
+
+    def loaded():
+        gltf = Gltf()
+        gltf.draw(gltf.primitive(QUAD_INDICES, POSITION=QUAD, NORMAL=normals, TANGENT=tangents))
+        return load_scene(gltf.write(tmp_path))
+
+    whole = loaded()
+    assert np.array_equal(whole.tangents, tangents) and not whole.warnings
+    tangents[2] = value
+    mended = loaded()
+    assert mended.warnings == [
+        "meshes[0].primitives[0] has tangents without a direction; all of its tangents were made anew."
+    ]
+    assert np.array_equal(mended.tangents[:, :3], np.tile((1, 0, 0), (4, 1)))
+
+
 def test_a_missing_file_is_answered_with_a_near_name(tmp_path):
     path = triangle().write(tmp_path, "gltf")
     assert sentence_of(tmp_path / "scne.gltf") == (
