@@ -465,7 +465,7 @@ def test_a_chapter_has_sections_of_a_picture_a_command_files_and_an_exercise(num
 
 @pytest.mark.parametrize("number", chapters.available()[1:])
 def test_a_knob_keeps_the_choices_of_the_chapter_before(number):
-    """Features are monotone: settings that somebody has written down work in later chapters."""
+    """Features are monotone: settings in a record or a script work in later chapters."""
     before, after = (knobs(chapters.settings_class(one)) for one in (number - 1, number))
     assert {*before} <= {*after}
     lost = {name: {*knob.choices} - {*after[name].choices} for name, knob in before.items() if knob.choices}

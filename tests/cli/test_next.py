@@ -112,6 +112,13 @@ def test_a_home_that_cannot_be_written_says_so(strata, tmp_path, monkeypatch):
     monkeypatch.setenv("STRATA_STATE", str(tmp_path / "file" / "state"))
     code, _, err = strata("next", "--done")
     assert code == 2 and "cannot be written" in err
+    assert strata("next", "--forget")[0] == 0, "nothing is kept there"
+
+
+def test_what_cannot_be_deleted_is_named(strata):
+    progress.file().mkdir(parents=True)
+    code, _, err = strata("next", "--forget")
+    assert code == 2 and f"{progress.file()} cannot be deleted" in err and "Traceback" not in err
 
 
 def test_progress_is_not_in_the_cache(monkeypatch, tmp_path):

@@ -24,7 +24,7 @@ def run(
     is known about the reader.
     """
     if forget:
-        progress.file().unlink(missing_ok=True)
+        progress.forget()
         say("Nothing is known about what you have read and solved.")
         return 0
     if chapter is not None:

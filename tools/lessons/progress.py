@@ -65,6 +65,17 @@ def save(progress: Progress) -> None:
         raise UserError(f"{path} cannot be written ({error.strerror}), so progress is not kept.") from None
 
 
+def forget() -> None:
+    """Delete what is kept; raise UserError where that fails."""
+    path = file()
+    try:
+        path.unlink(missing_ok=True)
+    except NotADirectoryError:
+        return  # then nothing is kept there
+    except OSError as error:
+        raise UserError(f"{path} cannot be deleted ({error.strerror}), so progress stays.") from None
+
+
 def add(solved: Iterable[str] = (), read: Iterable[str] = (), chapter: int | None = None) -> Progress:
     """Add to what is kept, and return all of it; raise UserError where that fails."""
     progress = load()

@@ -18,7 +18,7 @@ from . import EMPTY, FORMAT, TEXELS, Pass, passes, shaders, size_of
 
 
 class GlowStage(Stage):
-    """Draws the passes of `passes_in_order()` to `images()`, and records `before(name)` before each."""
+    """Draws the passes of `passes_in_order()` to `images()`, with the barriers of `dependency(name)` before each."""
 
     moves = False
     passes_by_name: Mapping[str, Pass]
