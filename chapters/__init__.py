@@ -47,11 +47,15 @@ def folder_name(number: int) -> str:
 def parse(text: int | str | Path | Folder) -> Which:
     """Return the chapter meant by "1", "01" or "ch01", the study "1/name", or the fork in a folder.
 
-    A text that looks like a chapter or a study is one; any other that names a folder, and every path, is a folder.
-    Raises UserError if there is none such.
+    A text that looks like a chapter or a study is one; any other that names a folder, and every path, is a folder, or a
+    study in the folder of a chapter or a fork: "my-ch01/first-triangle". Raises UserError if there is none such.
     """
     if isinstance(text, Folder):
         return text
+    path = folders.path_of(text)
+    study = studies.parse_path(path) if path is not None else None
+    if study is not None:
+        return study
     folder = folders.read(text) if isinstance(text, Path) else folders.named(str(text))
     if folder is not None:
         return folder
@@ -142,7 +146,7 @@ def decide_backend(wanted: str = "auto", which: Which | None = None) -> Choice:
     if wanted == "auto" and which is not None:
         from tools.doctor import trial
 
-        return trial.decide_for(studies.split(which)[0] if isinstance(which, str) else which.lesson.number)
+        return trial.decide_for(studies.chapter(which) if isinstance(which, str) else which.lesson.number)
     return choice.decide(wanted)
 
 

@@ -101,6 +101,15 @@ def renderer_name(folder: Path, backend: str) -> str:
     return next((name for name in names if (folder / f"{name}.py").is_file()), "")
 
 
+def path_of(text: str | int | Path) -> Path | None:
+    """Return the path that a text with a separator, or a path, names; None for a number, "3/first-triangle" or a word."""
+    if isinstance(text, Path):
+        return text.expanduser()
+    if isinstance(text, int) or _CHAPTER.fullmatch(text) or not ("/" in text or os.sep in text):
+        return None
+    return Path(text).expanduser()
+
+
 def named(text: str) -> Folder | int | None:
     """Return the fork, or the chapter, whose folder `text` names; None where it names none.
 
@@ -109,9 +118,15 @@ def named(text: str) -> Folder | int | None:
     """
     if _CHAPTER.fullmatch(text):
         return None
-    path = Path(text).expanduser()
-    separated = "/" in text or os.sep in text
-    return read(path, text) if separated or path.is_dir() else None
+    path = path_of(text)
+    if path is not None:
+        return read(path, text)
+    return read(Path(text).expanduser(), text) if Path(text).expanduser().is_dir() else None
+
+
+def is_copy(path: Path) -> bool:
+    """Whether a folder holds a chapter or a copy of one."""
+    return all((path / name).is_file() for name in NEEDED)
 
 
 def beside() -> list[str]:

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import chapters
-from chapters import scenes
+from chapters import scenes, studies
 from chapters.__main__ import is_readers
 from chapters.folders import Folder
 from common.errors import UserError
@@ -26,6 +26,7 @@ from tools.bench import points, prepared
 from tools.ledger.testing import pytest_arguments
 from tools.run.live import Live
 from tools.run.run import validation
+from tools.snapshots.forks import make_fork
 
 pytestmark = pytest.mark.feature("tools/fork")
 
@@ -112,6 +113,37 @@ def test_a_fork_without_its_lesson_says_so(fork, strata):
     )
 
 
+def test_a_study_of_a_fork_is_named_by_the_fork_or_by_its_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("mine", "3"):
+        make_fork(1, tmp_path / name, studies=True)
+    for text in (
+        "mine/first-triangle",
+        "mine/First_Triangle",
+        "./mine/studies/first_triangle/",
+        Path("mine/first-triangle"),
+    ):
+        assert chapters.parse(text) == "mine/first-triangle"
+    assert studies.split("mine/first-triangle") == (Folder((tmp_path / "mine").resolve()), "first-triangle")
+    assert studies.chapter("mine/first-triangle") == 1
+    digit = chapters.parse("./3/first-triangle")
+    assert studies.split(digit) == (Folder((tmp_path / "3").resolve()), "first-triangle"), "not chapter 3"
+    assert chapters.parse(chapters.FOLDER / "ch01" / "studies" / "first_triangle") == "1/first-triangle"
+    copied(tmp_path / "bare")
+    for text, says in (
+        ("mine/first-triange", "Fork mine has no study 'first-triange'; did you mean 'first-triangle'?"),
+        (
+            "bare/first-triangle",
+            "Fork bare has no study 'first-triangle'; `strata fork 1 DIR --studies` makes a fork",
+        ),
+        ("mine/renderer.py", "mine/renderer.py is a file"),
+        ("mine/shading", "mine/shading holds no copy of a chapter"),
+    ):
+        with pytest.raises(UserError) as caught:
+            chapters.parse(text)
+        assert str(caught.value).startswith(says)
+
+
 # --- commands ---------------------------------------------------------------------------------------------------------
 
 
@@ -130,6 +162,31 @@ def test_a_copy_draws_what_its_chapter_draws_and_an_edit_shows(fork, strata, tmp
     assert np.array_equal(edited[:, 9:], pictures[0][:, 9:])
     record = json.loads((tmp_path / "r.json").read_text())
     assert (record["chapter"], record["fork"]) == (1, str(fork.resolve()))
+
+
+@pytest.mark.parametrize("backend", ["vulkan", "gl"])
+def test_a_study_is_forked_and_an_edit_of_its_shader_shows(strata, tmp_path, backend):
+    code, out, err = strata("fork", "1/first-triangle", "my-ch01")
+    place = tmp_path / "my-ch01" / "studies" / "first_triangle"
+    assert code == 0 and f"The study first-triangle is in {place}." in out
+    assert "`strata run my-ch01/first-triangle` draws with it" in err
+    words = ("--size", "24x16", "--backend", backend)
+
+    def drawn(which, name):
+        code, _, err = strata("run", which, *words, "--out", name)
+        assert code == 0 and f"Study {which}, " in err
+        return read_image(tmp_path / name)
+
+    theirs = drawn("1/first-triangle", "theirs.png")
+    assert np.array_equal(drawn("my-ch01/first-triangle", "mine.png"), theirs)
+    (fragment,) = place.glob("*.frag")
+    text = fragment.read_text("utf-8")
+    fragment.write_text(text.replace("void main() {", "void main() {\n    if (true) discard;"), "utf-8")
+    assert not np.array_equal(drawn("my-ch01/first-triangle", "edited.png"), theirs)
+    assert np.array_equal(drawn("1/first-triangle", "theirs.png"), theirs)
+    assert str(place) in strata("list", "my-ch01/first-triangle")[1]
+    code, _, err = strata("fork", "my-ch01/first-triangle", "other")
+    assert code == 2 and "my-ch01/first-triangle is a copy of a chapter" in err
 
 
 def test_two_forks_in_one_process_are_two_packages(fork, tmp_path):

@@ -75,7 +75,10 @@ def new(
 
 def fork(
     chapter: Annotated[
-        str | None, typer.Argument(metavar="N", help="Number of the chapter: 3, or ch03.", show_default=False)
+        str | None,
+        typer.Argument(
+            metavar="N", help="Number of the chapter: 3, or ch03; or one of its studies.", show_default=False
+        ),
     ] = None,
     folder: Annotated[
         Path | None, typer.Argument(metavar="DIR", help="A new folder, anywhere.", show_default=False)
@@ -104,16 +107,29 @@ def fork(
         raise UserError("--dry-run is for `strata fork --update DIR`.")
     if chapter is None or folder is None:
         raise UserError("Name a chapter and a folder: `strata fork 1 my-ch01`.")
-    return forks.run(_number(chapter), folder, studies=studies)
+    number, study = _number_and_study(chapter)
+    return forks.run(number, folder, studies=studies or bool(study), study=study)
 
 
 def _number(text: str) -> int:
-    """Return the number of the chapter that is meant; raise UserError for a fork, too."""
+    """Return the number of the chapter that is meant; raise UserError for a study or a fork."""
     import chapters
 
-    which = chapters.parse_chapter(text)
-    if not isinstance(which, int):
+    number, study = _number_and_study(text)
+    if study:
+        chapters.parse_chapter(text)  # says that a study is no chapter
+    return number
+
+
+def _number_and_study(text: str) -> tuple[int, str]:
+    """Return the chapter and the name of the study that are meant, "" for none; raise UserError for a fork."""
+    import chapters
+    from chapters import studies
+
+    which = chapters.parse(text)
+    owner, study = studies.split(which) if isinstance(which, str) else (which, "")
+    if not isinstance(owner, int):
         raise UserError(
             f"{text} is a copy of a chapter, and this is about the chapters of the clone: write a number."
         )
-    return which
+    return owner, study

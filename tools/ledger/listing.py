@@ -100,15 +100,13 @@ def show_studies(number: int) -> None:
 
 def show_study(which: str) -> None:
     """Print what a study is about, where its files are, and what it can be asked for."""
-    number, name = studies.split(which)
+    owner, name = studies.split(which)
     about = studies.study(which)
-    place = studies.folder(number) / name.replace("-", "_")
+    place = studies.folder(owner) / name.replace("-", "_")
     out.print(f"[bold]Study {which}: {escape(about.title)}[/bold]\n")
     out.print(escape(about.idea), soft_wrap=True)
     files = sorted(path.name for path in place.iterdir() if path.is_file())
-    out.print(
-        f"Read:  {place.relative_to(chapters.FOLDER.parent).as_posix()}: {', '.join(files)}", soft_wrap=True
-    )
+    out.print(f"Read:  {shown_path(place)}: {', '.join(files)}", soft_wrap=True)
     out.print(f"Gives:  {', '.join(about.outputs)}", soft_wrap=True)
     if knobs(studies.settings_class(which)):
         out.print(
