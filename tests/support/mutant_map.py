@@ -29,6 +29,8 @@ BUDGET_S = 45.0
 """For the tests of one mutant, as long as they took while they were measured."""
 FILE_S = 0.3
 """To collect one more file of tests."""
+HASHES = frozenset({"tests/site/test_pictures.py::test_no_picture_is_out_of_date"})
+"""Tests that compare hashes of the product's files. They fail with every mutant, and check nothing that it does."""
 LATER = re.compile(r"(?<=\.py)::(ch\d\d)(?=::)")
 """What an id says of a test that runs for a later chapter than its own."""
 
@@ -115,6 +117,8 @@ class Map:
                 continue
             found = Measured(one["blob"], one["at"], one["devices"])
             for test in one["tests"]:
+                if test["id"] in HASHES:
+                    continue
                 count = sum(len(numbers(lines)) for lines in test["lines"].values() if lines != "*")
                 found.tests.append(Test(test["id"], test["setup"], test["seconds"], count))
                 for file, lines in test["lines"].items():

@@ -224,6 +224,19 @@ def test_tests_in_a_file_that_is_named_after_the_mutants_come_first(clone):
     assert ids(nearest(found, mutant, text)) == [{"f"}, {"f", "b"}]
 
 
+def test_a_test_that_compares_hashes_kills_nothing(clone, monkeypatch):
+    """It fails with each change of a file whose hash is recorded, whatever the change does."""
+    for one in mutant_map.HASHES:
+        file, _, name = one.partition("::")
+        assert f"def {name}(" in (ROOT / file).read_text("utf-8"), "it is there"
+    monkeypatch.setattr(mutant_map, "HASHES", {"tests/common/test_a.py::hash"})
+    rows = {"f": (0, 1, {"common/a.py": "4"}), "hash": (0, 0.1, {"common/a.py": "*"})}
+    found = made_map(clone, ("tests/common/test_a.py", rows))
+    text = found.text(found.head, "common/a.py")
+    assert ids(tiers(found, of("common/a.py", text, "<"), text)) == [{"f"}]
+    assert ids([found.named("common/a.py")]) == [{"f"}]
+
+
 def test_a_line_that_no_test_runs_has_none(clone):
     found = made_map(clone, ("tests/common/test_a.py", {"f": (0, 1, {"common/a.py": "1-4"})}))
     text = found.text(found.head, "common/a.py")
