@@ -315,7 +315,7 @@ def test_calls_of_a_fork_are_checked_unless_told_otherwise(fork, strata, vulkan_
         if "draw_fullscreen" in text
     )
     assert code == 1 and "VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL" in err
-    assert f"in pass tonemap, called from {fork.resolve() / 'post' / 'fullscreen.py'}:{line}" in err
+    assert f"called from {fork.resolve() / 'post' / 'fullscreen.py'}:{line} in pass tonemap: error: " in err
     assert strata(*words, "--no-validate")[0] == 0
 
 

@@ -30,8 +30,9 @@ class Message:
     line: str  # "file:line" of the caller; see `calling_line`
 
     def __str__(self) -> str:
+        """The place first, as on Vulkan."""
         where = f" in pass {' > '.join(self.labels)}" if self.labels else ""
-        return f"{self.severity}: {self.text}{where}, called from {self.line}"
+        return f"called from {self.line}{where}: {self.severity}: {self.text}"
 
 
 _SOURCES = {

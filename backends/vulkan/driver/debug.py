@@ -32,9 +32,10 @@ class Message:
     line: str  # "file:line" of the caller; see `calling_line`
 
     def __str__(self) -> str:
+        """The place first: it is the reader's own line, and the text of a rule may fill half a screen."""
         where = f" in pass {' > '.join(self.labels)}" if self.labels else ""
         objects = f" [{', '.join(self.objects)}]" if self.objects else ""
-        return f"{self.severity}: {self.text}{objects}{where}, called from {self.line}"
+        return f"called from {self.line}{where}: {self.severity}: {self.text}{objects}"
 
 
 ALLOWED: tuple[tuple[str, str], ...] = (
