@@ -102,7 +102,7 @@ def renderer_name(folder: Path, backend: str) -> str:
 
 
 def path_of(text: str | int | Path) -> Path | None:
-    """Return the path that a text with a separator, or a path, names; None for a number, "3/first-triangle" or a word."""
+    """Return the path that a path or a text with a separator names; None for a word, a number or "3/first-triangle"."""
     if isinstance(text, Path):
         return text.expanduser()
     if isinstance(text, int) or _CHAPTER.fullmatch(text) or not ("/" in text or os.sep in text):

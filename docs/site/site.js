@@ -77,7 +77,17 @@ function search(place) {
   show();
 }
 
+// A chapter was one page once. An address of that time leads to the page that has the place now.
+function moved() {
+  const table = document.getElementById("moved-places");
+  const place = decodeURIComponent(location.hash.slice(1));
+  if (!table || !place || document.getElementById(place)) return;
+  const to = JSON.parse(table.dataset.places)[place];
+  if (to) location.replace(to);
+}
+
 function begin() {
+  moved();
   document.querySelectorAll("figure.overlay").forEach(overlay);
   document.querySelectorAll(".overlays").forEach(choice);
   document.querySelectorAll("figure.plot").forEach(plot);

@@ -79,16 +79,17 @@ def test_nothing_is_asked_of_another_machine(built) -> None:
 
 
 @pytest.mark.feature("tools/site")
-def test_a_chapter_s_page_has_all_its_parts(built) -> None:
-    text = pages(built)["chapters/ch01.html"]
-    for part in (
-        "gallery",
-        "one-over-the-other",
-        "lines-that-changed",
-        "time-against-error",
-        "what-a-frame-does",
+def test_a_chapter_s_pages_have_all_its_parts(built) -> None:
+    found = pages(built)
+    for part, name in (
+        ("gallery", "pictures"),
+        ("one-over-the-other", "pictures"),
+        ("lines-that-changed", "code"),
+        ("time-against-error", "measured"),
+        ("what-a-frame-does", "measured"),
     ):
-        assert f'id="{part}"' in text
+        assert f'id="{part}"' in found[f"chapters/ch01-{name}.html"]
+    text = found["chapters/ch01-pictures.html"] + found["chapters/ch01-measured.html"]
     assert text.count('<figure class="overlay"') == len(pairs.pairs_of(1))
     records = chapter.records_of(1)
     assert text.count('<figure class="plot"') == len(records) >= 2
@@ -100,7 +101,7 @@ def test_a_chapter_s_page_has_all_its_parts(built) -> None:
 
 @pytest.mark.feature("tools/site")
 def test_the_figures_of_a_pair_are_those_of_its_record(built) -> None:
-    text = pages(built)["chapters/ch01.html"]
+    text = pages(built)["chapters/ch01-pictures.html"]
     for pair in pairs.pairs_of(1):
         record = pairs.read()[pair.name]
         figure = next(part for part in text.split("</figure>") if f"pairs/{pair.name}.png" in part)
@@ -146,9 +147,10 @@ def test_a_chapter_that_fails_to_draw_leaves_the_rest_of_its_page(plain, monkeyp
     number = with_graph[0]
     draft = Draft((number,))
     chapter.add(draft, number)
-    page = f"chapters/{chapters.folder_name(number)}.md"
-    assert draft.lacks == [f"{page}: the frame graph, since the device is lost."]
-    assert "What a frame does" in draft.pages[page] and "Not here: the frame graph" in draft.pages[page]
+    page = f"chapters/{chapters.folder_name(number)}"
+    assert draft.lacks == [f"{page}.md: the frame graph, since the device is lost."]
+    assert "What a frame does" in draft.pages[f"{page}-measured.md"]
+    assert "Not here: the frame graph" in draft.pages[f"{page}-pictures.md"]
 
 
 def test_a_chapter_without_records_says_which_command_makes_them(plain, tmp_path, monkeypatch) -> None:

@@ -12,7 +12,9 @@ from tools.site import code
 
 LONG = pytest.mark.long
 PAGES = {
-    "chapters/ch01.html": "plots and handles",
+    "chapters/ch01-pictures.html": "handles",
+    "chapters/ch01-measured.html": "plots",
+    "chapters/ch01-light-in-numbers.html": "figures",
     "notebook.html": "code",
     "index.html": "tables",
     "features.html": "a form",
@@ -33,21 +35,24 @@ def test_everything_on_a_page_has_contrast(browser, address, page, dark) -> None
     seen = contrast.of(opened)
     assert (seen.scheme, seen.dark) == ("slate" if dark else "default", dark)
     assert seen.found == []
-    assert seen.letters > 40 and seen.marks >= len(contrast.STATES)
+    assert seen.letters > 30 and seen.marks >= len(contrast.STATES)
     opened.close()
 
 
 @both
 def test_the_parts_of_a_chapter_s_page_are_all_looked_at(browser, address, dark) -> None:
     """A selector that nothing answers to would look at nothing."""
-    opened = browser.open(f"{address}/chapters/ch01.html", dark=dark)
-    here = [
+    missing = {
         selector
         for selector, *_ in contrast.MARKS
         if not selector.endswith((".lack", ".search-features input"))
-    ]
-    missing = [one for one in here if not opened.value(f"document.querySelectorAll({one!r}).length")]
-    assert missing == []
+    }
+    for name in ("pictures", "measured"):
+        opened = browser.open(f"{address}/chapters/ch01-{name}.html", dark=dark)
+        missing -= {one for one in missing if opened.value(f"document.querySelectorAll({one!r}).length")}
+        if name != "measured":
+            opened.close()
+    assert missing == set()
     paper = "getComputedStyle(document.body).backgroundColor"
     opened.value(f"document.querySelectorAll('.plot text').forEach((one) => one.style.fill = {paper})")
     found = contrast.of(opened).found

@@ -164,5 +164,6 @@ def test_the_site_s_schemes_win_over_those_of_the_system(built):
     style = (built.folder / "assets" / "site.css").read_text("utf-8")
     for scheme, colors in (("default", LIGHT), ("slate", DARK)):
         assert f"[data-md-color-scheme={scheme}] .strata-figure{{{variables(colors)}}}" in style
-    page = (built.folder / "chapters" / "ch01.html").read_text("utf-8")
+    pages = (built.folder / "chapters").glob("ch01*.html")
+    page = "".join(path.read_text("utf-8") for path in pages)
     assert page.count('class="strata-figure"') == len(ch01.FIGURES) and "glossary.md#" not in page

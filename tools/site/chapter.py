@@ -1,4 +1,4 @@
-"""The page of one chapter: its text and pictures, what it changes, its frame graph, time against error, and work."""
+"""The pages of one chapter: its text and pictures, what it changes, its frame graph, time against error, and work."""
 
 from __future__ import annotations
 
@@ -25,6 +25,7 @@ from tools.site.code import following
 from tools.site.draft import Draft
 from tools.site.glossary import linked
 from tools.site.pairs import overlays
+from tools.site.parts import split
 from tools.site.records import lacks, records_of
 
 GRAPH_SIZE = (640, 360)
@@ -39,7 +40,7 @@ PRESETS_OF_WORK = 4
 
 
 def add(draft: Draft, number: int, drawing: bool = True) -> None:
-    """Add the page of a chapter, with what it shows; `drawing` False leaves out what needs a device."""
+    """Add the pages of a chapter, with what they show; `drawing` False leaves out what needs a device."""
     path = f"chapters/{chapters.folder_name(number)}/README.md"
     page = f"chapters/{chapters.folder_name(number)}.md"
     parts = []
@@ -63,7 +64,9 @@ def add(draft: Draft, number: int, drawing: bool = True) -> None:
             draft.attempt(page, "the work of a frame", partial(_work, draft, number, page)),
         ),
     ]
-    draft.pages[page] = "\n\n".join(part for part in parts if part) + "\n"
+    made = split(number, "\n\n".join(part for part in parts if part) + "\n")
+    draft.pages |= made.pages
+    draft.split[page] = made
 
 
 def _title(number: int) -> str:

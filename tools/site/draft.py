@@ -15,6 +15,7 @@ from pathlib import Path
 
 from common.paths import ROOT
 from tools.site import code
+from tools.site.parts import Split
 
 PICTURES = (".png", ".jpg", ".svg")
 TEXTS = {
@@ -40,6 +41,8 @@ class Draft:
     pages: dict[str, str] = field(default_factory=dict)
     files: dict[str, bytes] = field(default_factory=dict)
     lacks: list[str] = field(default_factory=list)
+    split: dict[str, Split] = field(default_factory=dict)
+    """The pages of a chapter by the first of them, which other pages name."""
 
     def lack(self, page: str, what: str) -> str:
         """Note that a page lacks something, and return the sentence that stands there in its place, as HTML.

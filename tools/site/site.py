@@ -32,6 +32,7 @@ from tools.site import chapter, inputs, moved, notebook
 from tools.site import check as site_check
 from tools.site.draft import TEXTS, Draft, reason
 from tools.site.figures import canvas
+from tools.site.parts import relinked
 from tools.site.tables import filled
 
 DEFAULT = ROOT / "out" / "site"
@@ -118,6 +119,7 @@ def draft_of(numbers: Collection[int], drawing: bool = True, steps: Steps | None
             steps(f"chapter {number}", 0.1 + 0.6 * place / len(numbers))
         chapter.add(draft, number, drawing)
     notebook.add(draft, drawing)
+    draft.pages = relinked(draft.pages, draft.split)
     moved.add(draft)
     for name in ASSETS:
         if (OWN / name).is_file():
@@ -184,8 +186,10 @@ def render(draft: Draft, source: Path, made: Path) -> None:
 
 def configuration(draft: Draft, source: Path, made: Path) -> dict[str, object]:
     """Return mkdocs' settings: nothing comes from another machine, and pages can be opened without a server."""
-    numbered = {page: draft.pages[page].lstrip().partition("\n")[0].lstrip("# ") for page in draft.pages}
-    lessons = [{numbered[page]: page} for page in sorted(draft.pages) if page.startswith("chapters/")]
+    lessons = []
+    for page, split in sorted(draft.split.items()):
+        title = draft.pages[page].lstrip().partition("\n")[0].lstrip("# ")
+        lessons.append({title: [{"Overview": page}, *({name: part} for part, name in split.titles.items())]})
     front = [{PAGES[page]: page} for page in ("index.md", "setup.md")]
     measured = [{PAGES[page]: page} for page in ("accuracy.md", "speed.md", "features.md")]
     texts = [{title: TEXTS[path]} for path, title in MENU_TEXTS.items()]
