@@ -101,13 +101,13 @@ def renderer_name(folder: Path, backend: str) -> str:
     return next((name for name in names if (folder / f"{name}.py").is_file()), "")
 
 
-def path_of(text: str | int | Path) -> Path | None:
+def path_of(text: object) -> Path | None:
     """Return the path that a path or a text with a separator names; None for a word, a number or "3/first-triangle"."""
     if isinstance(text, Path):
         return text.expanduser()
-    if isinstance(text, int) or _CHAPTER.fullmatch(text) or not ("/" in text or os.sep in text):
+    if not isinstance(text, str) or _CHAPTER.fullmatch(text):
         return None
-    return Path(text).expanduser()
+    return Path(text).expanduser() if "/" in text or os.sep in text else None
 
 
 def named(text: str) -> Folder | int | None:

@@ -671,6 +671,7 @@ def test_passes_are_switched_resources_shown_and_the_graphs_file_followed(sessio
             took.append(time.monotonic() - began)
         assert min(took) < 1.0, took
         assert "own.json: another graph in" in run.loop.message
+        assert run.loop._graph.refused == "", "the refusal of a switch ends with the graph that refused it"
         file.write_text("{")
         while not run.loop._live.error:
             yield

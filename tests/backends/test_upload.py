@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from backends.vulkan import api as vk
+from backends.vulkan import upload
 from backends.vulkan.barriers import barriers, image_barrier
 from backends.vulkan.once import submit_once
 from backends.vulkan.readback import TO_HOST, read_image
@@ -70,6 +71,23 @@ def test_an_array_larger_than_the_ring_arrives_whole(vulkan_device, monkeypatch)
     assert len(count) == 6
     assert np.array_equal(downloaded(vulkan_device, target)[3:], data)
     destroy_buffer(vulkan_device, target)
+
+
+def test_a_row_may_fill_half_the_ring_and_no_more(vulkan_device, monkeypatch):
+    monkeypatch.setattr(upload, "HALF", 256)
+    usage = IMAGE & ~vk.VK_IMAGE_USAGE_STORAGE_BIT
+    row = np.arange(256, dtype=np.uint8).reshape(1, 64, 4)
+    for width in (64, 65):
+        image = create_image(vulkan_device, "rgba8", (width, 1), usage, "row")
+        with Uploader(vulkan_device) as uploader:
+            if width == 64:
+                uploader.image(image, row)
+            else:
+                with pytest.raises(ValueError, match="One row of 260 bytes does not fit"):
+                    uploader.image(image, np.zeros((1, 65, 4), np.uint8))
+        if width == 64:
+            assert np.array_equal(read_image(vulkan_device, image, "sampled").reshape(row.shape), row)
+        destroy_image(vulkan_device, image)
 
 
 def test_many_small_arrays_go_up_in_one_submission(vulkan_device, monkeypatch):

@@ -35,6 +35,15 @@ def test_a_chapter_that_is_none_is_refused(number):
         chapters.open(number, scene=quad_scene())
 
 
+@pytest.mark.parametrize(
+    ("here", "says"), [((1,), "chapter 1 is here"), ((1, 2), "chapters 1 to 2 are here")]
+)
+def test_the_chapters_that_are_here_are_named(monkeypatch, here, says):
+    monkeypatch.setattr(chapters, "available", lambda: here)
+    with pytest.raises(UserError, match=f"There is no chapter 3: {says}."):
+        chapters.parse("3")
+
+
 def test_a_backend_that_is_none_is_refused():
     with pytest.raises(UserError, match="There is no backend None"):
         chapters.open(1, None, scene=quad_scene())

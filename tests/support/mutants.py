@@ -47,6 +47,8 @@ SHADERS = ("shaders",)
 """Folders that hold shaders alone."""
 APART = ("chapters/exercises/",)
 """Folders whose code is changed on purpose already."""
+NAMED = ("tools/",)
+"""Folders whose code has mutants only where files of tests are named: much of it places words and lines of drawings."""
 LIMIT_S = 60.0
 AT_ONCE = 12
 """Files of tests that are measured by one process, at most."""
@@ -180,6 +182,8 @@ class Workshop:
         """Return mutants, drawn by the seed; where files of tests are `chosen`, of lines that their tests run."""
         groups: dict[bool, list[Mutant]] = {False: [], True: []}
         for file in self.sources():
+            if not chosen and file.startswith(NAMED):
+                continue
             if chosen and file not in {
                 one for name in chosen if name in self.map.files for one in self.map.files[name].ran
             }:

@@ -524,6 +524,21 @@ def test_the_same_seed_draws_the_same_mutants(clone):
     assert len({*everything}) == len(everything) == 5, "none is drawn twice"
 
 
+def test_tools_have_mutants_where_their_tests_are_named(clone):
+    clone.write("../tools/t.py", "def f(x):\n    return x + 1\n")
+    clone.commit("a tool")
+    made_map(clone, ("tests/common/test_a.py", {"f": (0, 1, {"common/a.py": "4", "tools/t.py": "2"})}))
+    shop = mutants.Workshop.__new__(mutants.Workshop)
+    shop.root, shop.product = clone.folder, ("common", "tools")
+    shop.commit = clone.git("rev-parse", "HEAD").strip()
+    shop.map = Map(clone.folder / "map.jsonl", clone.folder, shop.commit)
+    assert {one.file for one in shop.draw(99, "a")} == {"common/a.py", "common/b.py"}
+    assert {one.file for one in shop.draw(99, "a", ["tests/common/test_a.py"])} == {
+        "common/a.py",
+        "tools/t.py",
+    }
+
+
 def test_a_file_that_a_chapter_carries_on_has_its_mutants_in_the_first_one(clone):
     for chapter, text in (("01", "A = 1\n"), ("02", "A = 1\n"), ("03", "A = 2\n"), ("04", "A = 1\n")):
         clone.write(f"../chapters/ch{chapter}/a.py", text)

@@ -153,7 +153,15 @@ def test_without_opengl_45_there_is_one_sentence(gl_context, environment):
     assert said.endswith("): ./strata doctor says what to install.") and "\n" not in said
 
 
-def test_an_old_context_of_a_window_is_refused_before_it_is_used(gl_context):
+@pytest.mark.parametrize(
+    ("version", "says"),
+    [
+        (b"3.3.0 Old Driver 1.2", r"it offers OpenGL 3\.3\.0"),
+        (b"4.4", r"it offers OpenGL 4\.4"),
+        *((text, "no version") for text in (b"", b"4", b"OpenGL ES 3.2", b"x.5", b"4.x")),
+    ],
+)
+def test_an_old_context_of_a_window_is_refused_before_it_is_used(gl_context, version, says):
     """A window's context is whatever the desktop gives: its version is read before anything newer is called."""
     called = []
 
@@ -161,7 +169,7 @@ def test_an_old_context_of_a_window_is_refused_before_it_is_used(gl_context):
         def load_opengl_function(self, name):
             called.append(name)
             if name == "glGetString":
-                self.text = gl.ffi.new("char[]", b"3.3.0 Old Driver 1.2")
+                self.text = gl.ffi.new("char[]", version)
                 self.call = gl.ffi.callback("const GLubyte *(GLenum)", lambda _: self.text)
                 return int(gl.ffi.cast("uintptr_t", self.call))
             return 0
@@ -172,7 +180,7 @@ def test_an_old_context_of_a_window_is_refused_before_it_is_used(gl_context):
         def release(self):
             called.append("released")
 
-    with pytest.raises(UnsupportedError, match=r"it offers OpenGL 3\.3\.0"):
+    with pytest.raises(UnsupportedError, match=says):
         Context(loader=Old())
     assert called == ["glGetString", "eglReleaseThread", "released"]
 
