@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import math
+import re
 import xml.etree.ElementTree as ElementTree
 from itertools import combinations, pairwise
 
@@ -12,8 +14,9 @@ import chapters
 from common.paths import ROOT
 from tools.site.chapter import with_figures
 from tools.site.draft import Draft
-from tools.site.figures import ch01, ch02, ch03, ch04, ch05, figures, inputs_of
+from tools.site.figures import ch01, ch02, ch03, ch04, ch05, figures, inputs_of, measured
 from tools.site.figures.canvas import DARK, KINDS, LIGHT, Canvas, variables
+from tools.site.figures.charts import Axis, Curve, bars, curves, number
 
 FROM_DEVICES = {"ch04-barriers-of-a-frame", "ch04-lives-and-heap", "ch05-two-queues"}
 """Figures of compiled frames, for which a device is opened."""
@@ -40,7 +43,8 @@ def test_words_have_contrast_on_every_paper(scheme):
         assert contrast(scheme["ink"], scheme[paper]) >= 4.5, paper
     for role in ("soft", "mark"):
         assert contrast(scheme[role], scheme["paper"]) >= 4.5, role
-    assert contrast(scheme["line"], scheme["paper"]) >= 3
+    for role in ("line", "s1", "s2", "s3", "s4"):
+        assert contrast(scheme[role], scheme["paper"]) >= 3, role
 
 
 def faults(canvas: Canvas) -> list[str]:
@@ -144,6 +148,107 @@ def test_the_marked_particle_has_twelve_springs():
     ]
 
 
+def test_a_chart_puts_points_where_their_numbers_are():
+    """On a logarithmic axis equal ratios are equal lengths, on a linear one equal differences are."""
+    shown = curves(
+        "t",
+        Axis("x", log=True),
+        Axis("y"),
+        [Curve("one", [(1, 0), (10, 5), (1000, 10)]), Curve("two", [(1, 2)])],
+        "o",
+    )
+    places = [
+        (float(x), float(y))
+        for x, y in re.findall(r'<circle cx="([\d.]+)" cy="([\d.]+)" r="3.5"', shown.svg())
+    ]
+    (x0, y0), (x1, y1), (x2, y2), (x3, y3) = places
+    assert x2 - x1 == pytest.approx(2 * (x1 - x0), abs=0.2) and x3 == x0
+    assert y0 - y1 == pytest.approx(y1 - y2, abs=0.2) and y0 - y3 == pytest.approx(0.2 * (y0 - y2), abs=0.2)
+    words = [text for text, _ in shown.texts]
+    assert {"1", "10", "100", "1,000", "0", "x", "y", "one", "two", "o"} <= {*words}
+    assert faults(shown) == []
+
+
+def test_bars_are_as_long_as_their_numbers():
+    shown = bars("t", "ms", [("first", [("a", 2.0, ""), ("b", 1.0, "half")]), ("", [("c", 0.5, "")])], "o")
+    lengths = [float(wide) for wide in re.findall(r'width="([\d.]+)" height="15"', shown.svg())]
+    assert lengths == pytest.approx([lengths[0], lengths[0] / 2, lengths[0] / 4], abs=0.1)
+    assert {"2 ms", "1 ms, half", "0.5 ms"} <= {text for text, _ in shown.texts}
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(0, "0"), (1e5, "100,000"), (1234.5, "1,230"), (0.2641, "0.264"), (1e-4, "1e-4"), (8.0, "8")],
+)
+def test_numbers_of_charts_have_three_digits(value, text):
+    assert number(value) == text
+
+
+def test_measured_figures_are_of_records_and_say_so():
+    assert measured.FIGURES.keys() == measured.RECORDS.keys()
+    for name, draw in measured.FIGURES.items():
+        record = measured.path_of(name)
+        (origin,) = [text for text, _ in draw().texts if record.name in text]
+        assert json.loads(record.read_text("utf-8"))["device"]["name"].startswith(
+            origin.partition(",")[0].partition(";")[0]
+        )
+
+
+def test_what_the_titles_of_measured_figures_claim_is_so():
+    """A record that is made again may contradict its title."""
+
+    def record(name):
+        return json.loads(measured.path_of(name).read_text("utf-8"))
+
+    points = {one["name"]: one for one in record("ch01-presets")["points"]}
+    assert 1.3 < points["msaa=4"]["gpu_ms"] / points["medium"]["gpu_ms"] < 1.75
+    assert 0.6 < points["msaa=4"]["error"]["flip"] / points["medium"]["error"]["flip"] < 0.75
+    (scale,) = [one for one in record("ch02-draws")["scales"] if one["name"] == "draws"]
+    many = [one["python_ms"] for one in scale["points"] if one["side"] == "all features"]
+    assert max(many) < 1.25 * min(many)
+    assert record("ch02-pipelines")["pipelines"]["states"]["disk"]["times_faster"] > 2
+    times = [
+        one["record_ms"] for one in record("ch03-threads")["threads"]["points"] if one["draws"] == 10_000
+    ]
+    assert times == sorted(times)
+    for one in record("ch03-loads")["loads"]:
+        assert one["ways"]["cached"]["load_s"] < 0.6 * one["ways"]["plain"]["load_s"]
+    for count in (5, 50):
+        ways = {
+            one["way"]: one["own_us"]
+            for one in record("ch04-graph-costs")["graph"]["frames"]
+            if one["passes"] == count
+        }
+        assert ways["sent again"] < ways["sent again, camera moves"] < ways["recorded anew"]
+    forward = {
+        (one["layers"], one["prepass"]): one["gpu_ms"]
+        for one in record("ch04-prepass")["prepass"]["points"]
+        if one["path"] == "forward"
+    }
+    assert forward[1, True] > forward[1, False] and forward[2, True] < 0.6 * forward[2, False]
+    steps = {
+        (one["kind"], one["substeps"], one["iterations"]): one
+        for one in record("ch05-small-steps")["cloth"]["points"]
+    }
+    assert steps["XPBD, substeps", 8, 1]["rms_m"] < 0.5 * steps["XPBD, iterations", 1, 16]["rms_m"]
+    ways = {
+        (one["execution"], one["particles"]): one["gpu_ms"]
+        for one in record("ch05-executions")["cloth"]["executions"]["points"]
+    }
+    assert ways["group", 256] < ways["dispatch", 256] and ways["dispatch", 65536] < ways["group", 65536]
+    ends = {
+        (one["name"], one["precision"], one["h_omega"]): one["energy_last"]
+        for one in record("ch05-energy")["drift"]["points"]
+    }
+    assert (
+        ends["XPBD", "float32", 0.2] < 0.5
+        and ends["XPBD", "float32", 0.02] > 1.2
+        and ends["XPBD", "float64", 0.02] < 1
+    )
+    for one in record("ch05-overlap")["async"]["scenes"]:
+        assert one["on"]["frame_ms"] < one["off"]["frame_ms"]
+
+
 def test_every_chapter_has_figures():
     for module in (ch01, ch02, ch03, ch04, ch05):
         assert len(module.FIGURES) >= 3
@@ -166,4 +271,7 @@ def test_the_site_s_schemes_win_over_those_of_the_system(built):
         assert f"[data-md-color-scheme={scheme}] .strata-figure{{{variables(colors)}}}" in style
     pages = (built.folder / "chapters").glob("ch01*.html")
     page = "".join(path.read_text("utf-8") for path in pages)
-    assert page.count('class="strata-figure"') == len(ch01.FIGURES) and "glossary.md#" not in page
+    assert (
+        page.count('class="strata-figure"') == len([name for name in figures() if name.startswith("ch01")])
+        and "glossary.md#" not in page
+    )

@@ -8,7 +8,7 @@ import re
 import pytest
 
 from tools.bench.bench import FOLDER
-from tools.site.plot import BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH, figure, short, ticks
+from tools.site.figures.plot import BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH, figure, short, ticks
 
 RECORDS = sorted(FOLDER.glob("ch[0-9][0-9]-*.json"))
 RECORDS = [path for path in RECORDS if json.loads(path.read_text("utf-8")).get("format") == 2]

@@ -13,7 +13,7 @@ from tools.diff.style import SCRIPT
 from tools.ledger import features
 from tools.site import records
 from tools.site.code import following
-from tools.site.plot import short
+from tools.site.figures.plot import short
 
 LONG = pytest.mark.long
 CODE = "source/chapters/ch01/renderer.py.html"

@@ -20,9 +20,9 @@ from tools.diff.sides import tree_of
 from tools.frames import graph
 from tools.frames.svg import svg
 from tools.run.run import Request
-from tools.site import plot
 from tools.site.code import following
 from tools.site.draft import Draft
+from tools.site.figures import plot
 from tools.site.glossary import linked
 from tools.site.pairs import overlays
 from tools.site.parts import split

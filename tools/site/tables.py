@@ -18,7 +18,7 @@ from tools.ledger.results import BACKENDS, Area
 from tools.site import features as site_features
 from tools.site import glossary, pairs
 from tools.site.draft import Draft
-from tools.site.plot import cell, short
+from tools.site.figures.plot import cell, short
 from tools.site.records import lacks, records_of
 
 LONG = ROOT / "docs" / "records" / "long.json"

@@ -3,6 +3,8 @@
     canvas    boxes, arrows and words in SVG, in the colours of the reader's scheme
     graphs    compiled frames of chapters 4 and 5
     ch01 ...  the figures of a chapter, `FIGURES` by name
+    charts    curves over two axes, and bars
+    measured  charts of what was measured, from the records
 
 `python docs/pictures.py` writes them to docs/pictures.
 """
@@ -15,6 +17,7 @@ from pathlib import Path
 
 import chapters
 from tools.site import inputs
+from tools.site.figures import measured
 from tools.site.figures.canvas import Canvas
 
 HERE = Path(__file__).parent
@@ -29,11 +32,14 @@ def figures() -> dict[str, Callable[[], Canvas]]:
         name = chapters.folder_name(number)
         if (HERE / f"{name}.py").is_file():
             found |= import_module(f"{__name__}.{name}").FIGURES
+        found |= {key: draw for key, draw in measured.FIGURES.items() if key.startswith(name)}
     return found
 
 
 def inputs_of(name: str) -> list[Path]:
     """Return the files that a figure is made from."""
+    if name in measured.FIGURES:
+        return [HERE / "canvas.py", HERE / "charts.py", HERE / "measured.py", measured.path_of(name)]
     chapter = name.partition("-")[0]
     files = [HERE / "canvas.py", HERE / f"{chapter}.py"]
     for number in DATA.get(chapter, ()):

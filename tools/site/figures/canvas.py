@@ -23,8 +23,12 @@ LIGHT = {
     "d": "#fbcfe8",
     "e": "#ddd6fe",
     "f": "#fed7aa",
+    "s1": "#1d4ed8",
+    "s2": "#b45309",
+    "s3": "#047857",
+    "s4": "#a21caf",
 }
-"""Colours by what they are for: paper, words, lines, boxes, what is pointed out, and six kinds of things."""
+"""Colours by what they are for: paper, words, lines, boxes, what is pointed out, six kinds of things, four curves."""
 
 DARK = {
     "paper": "#16181d",
@@ -39,6 +43,10 @@ DARK = {
     "d": "#701a46",
     "e": "#4c1d95",
     "f": "#7c2d12",
+    "s1": "#93c5fd",
+    "s2": "#fbbf24",
+    "s3": "#6ee7b7",
+    "s4": "#f0abfc",
 }
 
 KINDS = ("a", "b", "c", "d", "e", "f")
