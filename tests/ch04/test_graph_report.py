@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import colorsys
 import json
 import random
 import re
@@ -16,7 +17,7 @@ from backends.contract import Access
 from chapters.ch04.graph.frame_graph import compile_graph
 from chapters.ch04.graph.types import External, Node, Touch
 from tools.frames.report import record, rows, sharing, text
-from tools.frames.svg import net, svg
+from tools.frames.svg import net, schemes, svg
 
 SIZE = (64, 32)  # 2 KiB of depth or of rgba8, 4 KiB of rgba16f
 SVG = "{http://www.w3.org/2000/svg}"
@@ -361,3 +362,52 @@ def test_without_graphviz_the_drawing_has_its_arcs_alone(graph, monkeypatch, the
         monkeypatch.setitem(sys.modules, "graphviz", None)
     assert net(graph) is None
     assert drawn(graph).find(f".//{SVG}path") is not None
+
+
+def luminance(color: str) -> float:
+    """Return the relative luminance (WCAG 2.2) of "#rrggbb", "hsl(h s% l%)", "black" or "white"."""
+    found = re.fullmatch(r"hsl\((\d+) (\d+)% (\d+)%\)", color)
+    if found:
+        hue, saturation, light = (int(part) for part in found.groups())
+        codes = list(colorsys.hls_to_rgb(hue / 360, light / 100, saturation / 100))
+    else:
+        text = {"black": "#000000", "white": "#ffffff"}.get(color, color)
+        codes = [int(text[i : i + 2], 16) / 255 for i in (1, 3, 5)]
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in codes]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def contrast(one: str, other: str) -> float:
+    low, high = sorted((luminance(one), luminance(other)))
+    return (high + 0.05) / (low + 0.05)
+
+
+def test_every_colour_of_a_drawing_has_one_for_dark_pages(graph):
+    """And letters have the contrast of WCAG 2.2, 4.5, on all that they stand on, whatever hue a resource has."""
+    root = drawn(graph)
+    used = {one.get(part) for one in root.iter() for part in ("fill", "stroke")} - {None, "none"}
+    style = root.findtext(f"{SVG}style") or ""
+    for light in used:
+        assert f'.strata-graph [fill="{light}"]' in style and f'.strata-graph [stroke="{light}"]' in style, (
+            light
+        )
+    hues = [f"hsl({hue} 65% 78%)" for hue in range(0, 360, 5)]
+    rules = schemes(hues)
+    (values,) = re.findall(r"data-md-color-scheme=slate\] \.strata-graph\{(.*?)\}", rules)
+    dark = dict(re.findall(r"--g(\d+):([^;]+);", values))
+    of = {
+        light: dark[number]
+        for light, number in re.findall(r'\[fill="([^"]+)"\]\{fill:var\(--g(\d+)\)\}', rules)
+    }
+    ink, paper, pale = "#18181b", "white", "#71717a"
+    for light in (*hues, paper, "#f4f4f5", "#e4e4e7", "#fde68a", "#bae6fd"):
+        assert contrast(ink, light) >= 4.5 and contrast(of[ink], of[light]) >= 4.5, light
+    assert contrast(pale, paper) >= 4.5 and contrast(of[pale], of[paper]) >= 4.5
+
+
+def test_without_styles_a_drawing_has_the_colours_of_a_light_page(graph):
+    """Programs that know no variables of CSS read the attributes."""
+    root = drawn(graph)
+    assert all("var(" not in (one.get(part) or "") for one in root.iter() for part in ("fill", "stroke"))
+    assert next(root.iter(f"{SVG}rect")).get("fill") == "white"
+    assert all(one.get("fill") for one in root.iter(f"{SVG}text"))

@@ -5,7 +5,8 @@
     a row for each resource: when it is alive, and who reads and writes it
     a box for each heap: which bytes (down) are whose, and when (across); what stands side by side shares memory
 
-The drawing is SVG made of text, and looks the same everywhere. Where the package graphviz and its program `dot` are
+The drawing is SVG made of text. Its attributes have the colours of a light page, which every program shows; a browser
+follows the reader's scheme, and the switch of a page that has one. Where the package graphviz and its program `dot` are
 installed, the passes are drawn once more above it, as a net with the names of what goes from one to the other.
 """
 
@@ -13,6 +14,7 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
+from collections.abc import Iterable
 from html import escape
 from importlib import import_module
 from typing import Any
@@ -30,7 +32,20 @@ _CHARACTER = 7.3
 
 _COLUMN, _ROW, _MARGIN = 34, 20, 16
 _KINDS = {"graphics": "#e4e4e7", "compute": "#fde68a", "copy": "#bae6fd"}
-_INK, _PALE, _LINE = "#18181b", "#71717a", "#d4d4d8"
+_INK, _PALE, _LINE, _CARD, _PAPER = "#18181b", "#71717a", "#d4d4d8", "#f4f4f5", "white"
+DARK = {
+    _PAPER: "#16181d",
+    _INK: "#f4f4f5",
+    "black": "#f4f4f5",
+    _PALE: "#b4b4bd",
+    _LINE: "#52525b",
+    _CARD: "#27272a",
+    "#52525b": "#a1a1aa",
+    _KINDS["graphics"]: "#3f3f46",
+    _KINDS["compute"]: "#6b4a06",
+    _KINDS["copy"]: "#0c4a6e",
+}
+"""The colour of a dark page for each colour of a light one."""
 
 
 def svg(graph: Graph, title: str = "") -> str:
@@ -58,6 +73,34 @@ def _short(name: str, longest: int = LONGEST) -> str:
 def color(name: str) -> str:
     """Return the colour of a resource: its own, and the same in every drawing."""
     return f"hsl({stable_hash(name) % 360} 65% 78%)"
+
+
+def schemes(used: Iterable[str]) -> str:
+    """Return the rules of style by which a drawing that uses these colours of resources follows a scheme."""
+    dark = DARK | {light: light.replace("65% 78%", "45% 28%") for light in sorted({*used})}
+    both = list(dark.items())
+    values = {
+        scheme: "".join(f"--g{number}:{pair[dark_one]};" for number, pair in enumerate(both))
+        for scheme, dark_one in (("default", 0), ("slate", 1))
+    }
+    rules = [
+        f'.strata-graph [{part}="{light}"]{{{part}:var(--g{number})}}'
+        for number, (light, _) in enumerate(both)
+        for part in ("fill", "stroke")
+    ]
+    ink = [*dark].index(_INK)
+    return "\n".join(
+        [
+            f".strata-graph{{{values['default']}}}",
+            f"@media (prefers-color-scheme:dark){{.strata-graph{{{values['slate']}}}}}",
+            *(
+                f"[data-md-color-scheme={scheme}] .strata-graph{{{value}}}"
+                for scheme, value in values.items()
+            ),
+            f".strata-graph text:not([fill]){{fill:var(--g{ink})}}",
+            *rules,
+        ]
+    )
 
 
 class _Drawing:
@@ -95,23 +138,27 @@ class _Drawing:
             self.heap(number)
         for name, why in graph.left_out.items():
             self.line(f"left out: {_short(name)}: {why}", fill=_PALE)
-        style = "text{font-family:ui-monospace,Menlo,Consolas,'DejaVu Sans Mono',monospace}"
+        style = ".strata-graph text{font-family:ui-monospace,Menlo,Consolas,'DejaVu Sans Mono',monospace}"
+        used = {color(name) for name in (*(row.name for row in self.rows), *memory.places)}
         width, height = round(self.width + _MARGIN), round(self.y + _MARGIN)
         return _tag(
             "svg",
             "\n".join(
                 [
-                    _tag("style", style),
-                    _tag("rect", width=width, height=height, fill="white"),
+                    _tag("style", f"{style}\n{schemes(used)}"),
+                    _tag("rect", width=width, height=height, fill=_PAPER),
                     *self.grid(),
                     *self.parts,
                     "",
                 ]
             ),
             xmlns="http://www.w3.org/2000/svg",
+            role="img",
+            aria_label=self.title or "A frame",
             width=width,
             height=height,
             viewBox=f"0 0 {width} {height}",
+            **{"class": "strata-graph"},
         )
 
     # --- pieces ---
@@ -135,7 +182,7 @@ class _Drawing:
     def grid(self) -> list[str]:
         """Return the lines between the columns, which lie under everything else."""
         xs = [self.left + step * _COLUMN for step in range(len(self.graph.steps) + 1)]
-        return [_tag("line", x1=x, y1=self.grid_from, x2=x, y2=self.grid_to, stroke="#f4f4f5") for x in xs]
+        return [_tag("line", x1=x, y1=self.grid_from, x2=x, y2=self.grid_to, stroke=_CARD) for x in xs]
 
     @property
     def grid_to(self) -> float:
@@ -167,7 +214,9 @@ class _Drawing:
             x = self.middle(number)
             about = f"{step.name} ({step.kind}), {len(step.barriers)} barriers"
             circle = _tag("circle", cx=x, cy=self.y, r=11, fill=_KINDS[step.kind])
-            number_ = _tag("text", str(number + 1), x=x, y=self.y + 4, font_size=11, text_anchor="middle")
+            number_ = _tag(
+                "text", str(number + 1), x=x, y=self.y + 4, font_size=11, fill=_INK, text_anchor="middle"
+            )
             self.parts.append(_tag("g", _tag("title", _text(about)) + circle + number_))
         self.y += 11
 
@@ -221,7 +270,7 @@ class _Drawing:
             width=end - x - 4,
             height=_ROW - 4,
             rx=3,
-            fill=color(row.name) if row.resource.life == "transient" else "#f4f4f5",
+            fill=color(row.name) if row.resource.life == "transient" else _CARD,
             stroke=_LINE if row.resource.life in ("transient", "kept") else _PALE,
             stroke_dasharray="none" if row.resource.life in ("transient", "kept") else "3 2",
         )
@@ -250,7 +299,7 @@ class _Drawing:
             x, y = self.left + first * _COLUMN, top + height * place.offset / size
             width, tall = (last - first + 1) * _COLUMN, height * place.size / size
             about = f"{name}: {shown_bytes(place.size)} at {place.offset:,}"
-            box = _tag("rect", x=x, y=y, width=width, height=tall, fill=color(name), stroke="white")
+            box = _tag("rect", x=x, y=y, width=width, height=tall, fill=color(name), stroke=_PAPER)
             self.parts.append(_tag("g", _tag("title", _text(about)) + box))
             if tall >= 12:
                 fits = int((width - 6) / (_CHARACTER * 10 / 12))

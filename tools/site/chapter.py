@@ -193,10 +193,10 @@ def _graph(draft: Draft, number: int, page: str, drawing: bool) -> str:
 
         draft.files[place] = _kept("graph.svg", [*_files(number), *matched(("tools/frames/*.py",))], drawn)
         link = posixpath.basename(place)
-        words = f"The compiled frame of chapter {number}: passes in order, who reads and writes what, shared memory"
         return (
             f"Drawn by `./strata graph {number} --svg graph.svg`, which also prints it as text and JSON.\n\n"
-            f'<a href="{link}"><img class="graph" src="{link}" alt="{words}"></a>\n'
+            f'<div class="graph" tabindex="0" data-search-exclude>{draft.files[place].decode()}</div>\n\n'
+            f"Names and sizes appear under the pointer. [The drawing is a file of its own]({link}), too.\n"
         )
 
     return draft.attempt(page, "the frame graph", make)
