@@ -236,6 +236,21 @@ def test_what_outlives_its_device_is_named(vulkan_instance):
     device.close()  # a second time does nothing
 
 
+@pytest.mark.parametrize(("count", "more"), [(8, False), (9, True)])
+def test_of_many_that_outlive_their_device_eight_are_named(vulkan_instance, count, more):
+    device = Device(vulkan_instance)
+    handle, destroy, destroy_fence = device.handle, device.fn.vkDestroyDevice, device.fn.vkDestroyFence
+    left = [fence(device, f"fence {i}") for i in range(count)]
+    with pytest.raises(DeviceError) as caught:
+        device.close()
+    said = str(caught.value)
+    assert said.startswith(f"{count} objects outlived") and said.count("VkFence 'fence ") == 8
+    assert said.endswith(", ....") == more
+    for one in left:
+        destroy_fence(handle, one, vk.NULL)
+    destroy(handle, vk.NULL)
+
+
 @pytest.mark.feature("device/lifetime-and-leaks")
 def test_ctrl_c_stays_ctrl_c_where_it_left_something_alive(vulkan_instance):
     """It may come between the making of an object and the note of who has it: that is no fault of the code."""

@@ -401,3 +401,15 @@ def test_the_twin_does_what_loops_over_particles_do(steps):
     truth = by_hand(cloth, steps, VACUUM, speeds, 6)
     assert np.allclose(found, truth, rtol=0, atol=1e-10)
     assert np.abs(truth - cloth.positions).max() > 0.01
+
+
+def test_stretch_is_that_of_the_threads_alone():
+    """Of a square sheet that is twice as wide, half of the threads have twice their length; the other springs differ."""
+    cloth = level()
+    twin = Twin(cloth, Steps(), VACUUM)
+    assert measures.stretch(cloth, twin.state).greatest == pytest.approx(0, abs=1e-6)
+    wide = twin.state.positions * (2, 1, 1)
+    found = measures.stretch(cloth, replace(twin.state, positions=wide))
+    assert found.greatest == pytest.approx(1, abs=1e-6) and found.rms == pytest.approx(
+        math.sqrt(0.5), abs=1e-6
+    )

@@ -36,6 +36,19 @@ def test_squares_lie_apart_in_one_plane():
     assert np.abs(centres).max() + width / 2 < 1
 
 
+@pytest.mark.parametrize("scene", [crowd(3, 2), kinds()], ids=["crowd", "kinds"])
+def test_every_square_is_flat_and_as_large_as_it_says(scene):
+    """Two triangles from -1 to 1 at z = 0, seen from where the normal points; u runs along the tangent, v down."""
+    corners = scene.positions[scene.indices].reshape(2, 3, 3).astype(np.float64)
+    areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
+    assert np.array_equal(areas, [(0, 0, 2), (0, 0, 2)]) and np.array_equal(scene.normals, [(0, 0, 1)] * 4)
+    assert (np.abs(scene.positions) == (1, 1, 0)).all()
+    assert np.array_equal(scene.tangents, [(1, 0, 0, 1)] * 4)
+    assert np.array_equal(scene.uv0 * (2, -2) + (-1, 1), scene.positions[:, :2])
+    assert (scene.meshes["bounds_min"] == scene.positions.min(axis=0)).all()
+    assert (scene.meshes["bounds_max"] == scene.positions.max(axis=0)).all()
+
+
 def test_kinds_are_all_different():
     scene = kinds()
     assert len(scene.materials) == len(scene.instances) == 5

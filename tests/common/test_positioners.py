@@ -251,6 +251,14 @@ def test_orbit_zooms_alike_at_every_frame_rate(steps):
     assert orbit.distance == pytest.approx(8 * math.exp(-0.5))
 
 
+def test_orbit_goes_back_as_it_came():
+    orbit = Orbit.at(START, 8.0)
+    orbit.update(0.5, pressed("S"))
+    assert orbit.distance == pytest.approx(8 * math.exp(0.5))
+    orbit.update(0.5, pressed("W"))
+    assert orbit.distance == pytest.approx(8)
+
+
 @pytest.mark.parametrize("target", [(0, 1, 0), (0, -1, 0), (0, 1, -1e-9)])
 def test_orbit_starts_from_straight_up_and_down_without_a_jump(target):
     pose = pose_looking_at((0, 0, 0), target)

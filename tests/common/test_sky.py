@@ -42,6 +42,23 @@ def test_zenith_luminance_written_out():
     assert np.isclose(sky.zenith(3.0, math.pi / 4)[0], 1000 * (7.1649 * math.tan(chi) + 1.7727), rtol=1e-12)
 
 
+@pytest.mark.parametrize("turbidity", [2.0, 3.0, 6.0])
+@pytest.mark.parametrize("altitude", ALTITUDES)
+def test_the_zeniths_colour_has_the_published_coefficients(turbidity, altitude):
+    """Preetham, Shirley and Smits 1999, appendix A.2, as they are printed: rows of T^2, T and 1."""
+    published = {
+        1: "0.00166 -0.00375 0.00209 0 / -0.02903 0.06377 -0.03202 0.00394 / 0.11693 -0.21196 0.06052 0.25886",
+        2: "0.00275 -0.00610 0.00317 0 / -0.04214 0.08970 -0.04153 0.00516 / 0.15346 -0.26756 0.06670 0.26688",
+    }
+    angle = math.pi / 2 - altitude
+    for channel, text in published.items():
+        rows = [[float(number) for number in row.split()] for row in text.split("/")]
+        value = 0.0
+        for power, row in zip((2, 1, 0), rows, strict=True):
+            value += turbidity**power * sum(number * angle ** (3 - i) for i, number in enumerate(row))
+        assert sky.zenith(turbidity, angle)[channel] == pytest.approx(value, rel=1e-12)
+
+
 def test_the_sky_is_perezs_function_with_the_published_coefficients():
     """Preetham, Shirley and Smits 1999, appendix A.2, for T = 3: the ratio to the zenith in each channel."""
     published = """
