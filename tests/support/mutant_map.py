@@ -31,6 +31,9 @@ FILE_S = 0.3
 """To collect one more file of tests."""
 HASHES = frozenset({"tests/site/test_pictures.py::test_no_picture_is_out_of_date"})
 """Tests that compare hashes of the product's files. They fail with every mutant, and check nothing that it does."""
+WORD = re.compile(r"[A-Za-z_][A-Za-z_0-9]*")
+RARE = 0.5
+"""A word that a larger part of the tests have does not choose among them."""
 LATER = re.compile(r"(?<=\.py)::(ch\d\d)(?=::)")
 """What an id says of a test that runs for a later chapter than its own."""
 
@@ -213,16 +216,68 @@ def tiers(found: Map, mutant: Mutant, text: str, chosen: Collection[str] = ()) -
 
 
 def nearest(found: Map, mutant: Mutant, text: str, chosen: Collection[str] = ()) -> list[dict[str, Test]]:
-    """Return the same tests, and before them those of these whose file is named after the mutant's file, or names it.
+    """Return the same tests, and before them those of these that are about the mutant, by their words.
 
-    Hundreds of tests run a line of a renderer; those that say what it must do are most often there.
+    Hundreds of tests run a line of a renderer. Those that say what it must do most often have its words, as the name of
+    a knob or of the function, and stand in a file that is named after the mutant's file, or names it.
     """
     found_tiers = tiers(found, mutant, text, chosen)
     named = found.named(mutant.file, chosen)
-    first = {
-        name: test for tests in found_tiers for name, test in tests.items() if LATER.sub("", name) in named
+    every = {name: test for tests in found_tiers for name, test in tests.items()}
+    there = {name: test for name, test in every.items() if LATER.sub("", name) in named}
+    about = words_of(mutant, text)
+    saying = {name: test for name, test in every.items() if about & _words(found, name)}
+    if len(saying) > RARE * len(every):
+        saying = {}  # a word that most tests have tells nothing
+    both = {name: test for name, test in saying.items() if name in there}
+    return [tests for tests in (both, saying, there) if tests] + found_tiers
+
+
+def words_of(mutant: Mutant, text: str) -> set[str]:
+    """Return the words that tests of a mutant have: those of its string, and the name of its function."""
+    found = {word for word in WORD.findall(mutant.before) if mutant.before[:1] in "\"'"}
+    if mutant.function is not None and mutant.file.endswith(".py"):
+        kinds = (ast.FunctionDef, ast.AsyncFunctionDef)
+        found |= {
+            one.name.strip("_")
+            for one in ast.walk(ast.parse(text))
+            if isinstance(one, kinds) and one.body[0].lineno <= mutant.line <= (one.end_lineno or 0)
+        }
+    return {word for word in found if len(word) > 3}
+
+
+def _words(found: Map, test: str) -> frozenset[str]:
+    """Return the words of a test's function, with its decorators."""
+    name = re.search(r"::(test\w+)", test)
+    return _words_of_file(found, test.partition("::")[0]).get(name[1] if name else "", frozenset())
+
+
+@cache
+def _words_of_file(found: Map, file: str) -> dict[str, frozenset[str]]:
+    """Return the words of each test of a file, with those of the file's values and functions that it names."""
+    text = found.text(found.head, file)
+    lines = text.splitlines()
+    own: dict[str, set[str]] = {}
+    for one in ast.parse(text).body:
+        targets = (
+            one.targets
+            if isinstance(one, ast.Assign)
+            else [one.target]
+            if isinstance(one, ast.AnnAssign)
+            else []
+        )
+        names = [target.id for target in targets if isinstance(target, ast.Name)]
+        marks: list[ast.expr] = []
+        if isinstance(one, ast.FunctionDef):
+            names, marks = [one.name], one.decorator_list
+        begin = min([one.lineno, *(mark.lineno for mark in marks)])
+        said = {part.strip("_") for part in WORD.findall("\n".join(lines[begin - 1 : one.end_lineno]))}
+        own |= dict.fromkeys(names, said)
+    return {
+        name: frozenset(said.union(*(own[other] for other in said & own.keys())))
+        for name, said in own.items()
+        if name.startswith("test")
     }
-    return [first, *found_tiers] if first else found_tiers
 
 
 def _is_new(found: Map, mutant: Mutant) -> bool:

@@ -294,6 +294,25 @@ def test_a_shader_has_all_tests_of_the_modules_that_read_it(clone):
     assert ids(tiers(found, mutant, text)) == [{"x[vulkan]", "y[vulkan]"}]
 
 
+def test_tests_that_have_the_words_of_a_mutant_come_before_others(clone):
+    """The name of the function, or words of a string: in the test, or in a value of its file that it names."""
+    clone.write("../common/k.py", 'def sharpen(x):\n    return x + 1\n\nKINDS = ("crimson", "ochre")\n')
+    clone.write(
+        "../tests/common/test_a.py",
+        "COLORS = {'ochre'}\n\ndef test_s():\n    sharpen(1)\n\ndef test_o():\n    COLORS\n\ndef test_n():\n    pass\n",
+    )
+    clone.commit("words")
+    lines = {"common/k.py": "1-4"}
+    found = made_map(
+        clone, ("tests/common/test_a.py", dict.fromkeys(("test_s", "test_o", "test_n"), (0, 1, lines)))
+    )
+    text = found.text(found.head, "common/k.py")
+    everything = {"test_s", "test_o", "test_n"}
+    assert ids(nearest(found, of("common/k.py", text, "+"), text)) == [{"test_s"}, everything]
+    assert ids(nearest(found, of("common/k.py", text, '"ochre"'), text))[0] == {"test_o"}
+    assert ids(nearest(found, of("common/k.py", text, '"crimson"'), text))[0] == everything
+
+
 def test_of_each_file_the_nearest_test_is_first_and_the_time_is_kept():
     def tests(*rows):
         return {f"{name}": Test(name, setup, seconds, lines) for name, setup, seconds, lines in rows}
