@@ -14,12 +14,14 @@ import pytest
 
 import chapters
 from backends.window import Event
-from common.settings import knob, knobs
+from common.settings import Grouped, group, knob, knobs
 from common.view.draw_lists import FONT
 from tests.support.panel import PanelUser, example, seen
+from tools.lessons.places import places_of
 from tools.panel import imgui
 from tools.panel.knobs import value_of, widget_of, widgets
 from tools.panel.panel import EV_RANGE, History, PanelActions, open_panel, preset_of
+from tools.panel.reference import ReferenceState
 
 
 @dataclass
@@ -108,6 +110,112 @@ def test_what_a_widget_gives_becomes_a_value_that_the_knob_allows(name, given, e
 def test_the_preset_is_known_by_its_values():
     assert preset_of(Settings(count=9)) == "high"
     assert preset_of(Settings()) == ""
+
+
+@dataclass
+class LightSettings:
+    """One subject."""
+
+    bulbs: int = knob(3, "lamps that shine", minimum=0, maximum=9)
+    warm: bool = knob(False, "how red they are")
+
+
+@dataclass
+class WaterSettings:
+    """Another one."""
+
+    waves: int = knob(2, "how rough the sea is", minimum=0, maximum=9)
+    foam: bool = knob(True, "whether waves break")
+    depth: float = knob(3.0, "of the sea", unit="m", minimum=0, maximum=9)
+    salt: float = knob(0.1, "in it", minimum=0, maximum=1)
+    fish: bool = knob(False, "whether any are there")
+    calm: bool = knob(False, "whether the sea is flat")
+
+
+@dataclass(init=False)
+class Subjects(Grouped):
+    """Settings in groups."""
+
+    light: LightSettings = group(LightSettings)
+    water: WaterSettings = group(WaterSettings)
+
+
+def test_knobs_know_their_subjects():
+    found = {one.name: one.subject for one in widgets(Subjects)}
+    assert found["bulbs"] == "light" and found["depth"] == "water" and len(found) == 8
+    assert {one.subject for one in widgets(Settings)} == {""}
+
+
+def test_subjects_are_folded_and_a_search_opens_those_that_have_it(panel):
+    user = PanelUser(panel, example(Subjects()))
+    assert {
+        "subject light",
+        "subject water",
+        "find",
+    } <= panel.places.keys() and "set waves" not in panel.places
+    assert user.click(*user.place("subject light", 0.2)) == []
+    assert "set bulbs" in panel.places and "set waves" not in panel.places
+    user.click(*user.place("find", 0.5))
+    user.type("sea")  # of two knobs it is in the meaning, of none in the name
+    assert {name for name in panel.places if name.startswith("set ")} == {
+        "set waves",
+        "set depth",
+        "set calm",
+    }
+    assert "subject light" not in panel.places
+    user.type(" flat")
+    assert {name for name in panel.places if name.startswith("set ")} == {"set calm"}
+    (actions,) = user.click(*user.place("set calm", 0.05))
+    assert actions.settings.water.calm and actions.settings.light.bulbs == 3
+
+
+def test_a_right_click_on_a_knob_asks_where_it_is_explained(user):
+    user.state = dataclasses.replace(user.state, explained={"on": 'README.md, "Light"'})
+    assert user.click(*user.place("set on", 0.1), button=1) == [PanelActions(read="on")]
+    assert user.click(*user.place("set kind", 0.9), button=1) == [], "nothing explains it"
+
+
+@pytest.mark.parametrize("number", chapters.available())
+def test_every_knob_is_explained_somewhere(number):
+    """And a knob that a part of the README names leads to a line with its name."""
+    places = places_of(number)
+    assert places.keys() == knobs(chapters.settings_class(number)).keys()
+    for name, place in places.items():
+        lines = place.path.read_text("utf-8").splitlines()
+        line = lines[place.line - 1]
+        assert f"`{name}" in line or f"`--set {name}" in line or line.endswith(f"# {place.heading}"), name
+
+
+def test_knobs_lead_to_the_parts_that_explain_them():
+    places = places_of(5)
+    assert (places["aperture"].path.parent.name, places["aperture"].heading) == ("ch04", "A lens")
+    assert (places["ambient"].path.parent.name, places["ambient"].heading) == ("ch01", "Light in numbers")
+    assert (places["alias"].path.parent.name, places["alias"].heading) == ("ch04", "Memory")
+    assert places_of("1/first-triangle") == {}
+
+
+def test_times_stay_in_sight_beside_the_panel_where_there_is_room(panel):
+    panel.history.add({"forward": 1.0})
+    PanelUser(panel, example(Settings()), (1280, 720))
+    left, _, right, _ = panel.places["plot"]
+    assert left > 1280 / 2 and right < 1280
+    PanelUser(panel, example(Settings()), (640, 1400))
+    assert panel.places["plot"][2] < 640
+
+
+def test_the_section_on_a_frozen_picture(panel):
+    user = PanelUser(panel, example(Settings()), (640, 1400))
+    user.click(*user.place("Compare", 0.2))
+    assert user.click(*user.place("freeze")) == [PanelActions(freeze=True)]
+    assert "wipe" not in panel.places
+    state = ReferenceState(True, 1.5, 0.5, 12, 0.25, 0.125)
+    user.state = dataclasses.replace(user.state, reference=state)
+    user.wait()
+    assert user.click(*user.place("flip")) == [PanelActions(flip=True)]
+    assert user.click(*user.place("let go")) == [PanelActions(freeze=False)]
+    on_the_way, _ = user.drag(user.place("wipe", 0.3), user.place("wipe", 0.5))
+    wipes = [one.wipe for one in on_the_way]
+    assert len(wipes) > 2 and wipes == sorted(wipes) and wipes[0] < wipes[-1], "it follows the hand"
 
 
 # --- a user -----------------------------------------------------------------------------------------------------------

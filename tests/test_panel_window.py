@@ -22,6 +22,7 @@ from common.errors import UserError
 from common.images import read_image
 from common.numerics.transforms import pose_looking_at
 from common.paths import ROOT
+from common.reports import metrics
 from common.scene import Light, Material
 from common.scene.pose import evaluate_pose
 from common.settings import replaced
@@ -33,13 +34,16 @@ from tests.support import packages
 from tests.support.display import User, screenshot, virtual_display
 from tests.support.scenes import quad_scene
 from tests.support.timing import PATIENCE_S, once_more
+from tools.lessons.places import Place
 from tools.panel import imgui
 from tools.panel.panel import PanelActions
+from tools.window import opening, reference
 from tools.window import window as module
 from tools.window.camera import camera_text
+from tools.window.keys import panel_help
 from tools.window.opening import Opened, Refused
 from tools.window.stop import Stop
-from tools.window.window import Loop, panel_help, run_window
+from tools.window.window import Loop, run_window
 
 # --- the loop alone, with a panel that asks for what a script says ----------------------------------------------------
 
@@ -280,6 +284,135 @@ def test_the_picture_of_a_stop_lies_below_everything_else():
     assert again.updates == () and again.extent == (64.0, 32.0), "what the GPU has is not sent again"
 
 
+# --- a frozen picture -------------------------------------------------------------------------------------------------
+
+
+def test_a_frozen_picture_is_compared_with_what_comes_after_it():
+    loop = looped(PanelActions(freeze=True))
+    steps(loop, 4)
+    state = loop.panel.states[-1].reference
+    assert (state.frozen, state.largest, state.changed) == (True, 0, 0.0)
+    later = np.full((4, 6, 4), 77, np.uint8)
+    later[0, 0, 1], later[1, 2, 0], later[3, 5, 3] = 80, 70, 0  # alpha is not seen
+    loop.screen.picture = lambda renderer: later
+    loop.camera.ev100 += 1
+    steps(loop, 4)
+    state = loop.panel.states[-1].reference
+    assert (state.largest, state.changed) == (7, 2 / 24)
+    loop.panel.script = [PanelActions(freeze=False)]
+    loop.panel.restless = True  # somebody clicked
+    steps(loop, 2)
+    assert not loop.panel.states[-1].reference.frozen and loop.reference.picture is None
+
+
+def test_a_moving_picture_is_read_back_a_few_times_a_second_and_once_more_at_rest():
+    loop = looped(PanelActions(freeze=True))
+    read = []
+    loop.screen.picture = lambda renderer: read.append(1) or np.full((4, 6, 4), 77, np.uint8)
+    steps(loop, 2)
+    before = len(read)
+    for _ in range(60):  # of a hundredth of a second each
+        loop.camera.ev100 += 0.01
+        loop.step()
+    moving = len(read) - before
+    assert 60 * 0.01 / reference.EVERY_S - 1 <= moving <= 60 * 0.01 / reference.EVERY_S + 1
+    steps(loop, 5)
+    assert len(read) - before - moving <= 1 and not loop.reference.stale
+    settled = len(read)
+    steps(loop, 5)
+    assert len(read) == settled, "nothing moves, so nothing is measured"
+
+
+def test_without_the_package_of_flip_the_key_says_so(monkeypatch):
+    def missing():
+        raise UserError("FLIP needs the package flip-evaluator.")
+
+    monkeypatch.setattr(metrics, "_flip", missing)
+    loop = looped(PanelActions(freeze=True))
+    steps(loop, 3)
+    loop.press("F")
+    steps(loop, 1)
+    assert loop.panel.states[-1].reference.said == loop.message == "FLIP needs the package flip-evaluator."
+
+
+@pytest.mark.needs("flip_evaluator")
+def test_flip_is_that_of_the_metrics_and_ends_with_the_next_picture():
+    rng = np.random.default_rng(4)
+    pictures = [rng.integers(0, 256, (16, 24, 4), dtype=np.uint8) for _ in range(2)]
+    loop = looped(PanelActions(freeze=True))
+    loop.screen.picture = lambda renderer: pictures[0]
+    steps(loop, 2)
+    loop.screen.picture = lambda renderer: pictures[1]
+    expected = metrics.flip_mean(pictures[1][..., :3], pictures[0][..., :3])
+    loop.press("F")
+    assert loop.reference.state.flip == expected > 0 and f"FLIP {expected:.4f}" in loop.message
+    loop.camera.ev100 += 1
+    steps(loop, 1)
+    assert loop.reference.state.flip is None
+
+
+def test_a_window_of_another_size_says_that_the_picture_is_to_be_frozen_again():
+    loop = looped(PanelActions(freeze=True))
+    steps(loop, 4)
+    loop.screen.picture = lambda renderer: np.zeros((8, 6, 4), np.uint8)
+    loop.camera.ev100 += 1
+    steps(loop, 4)
+    assert "freeze the picture again" in loop.panel.states[-1].reference.said
+
+
+def test_the_left_part_of_a_frozen_picture_lies_over_a_stop_and_below_the_panel():
+    frozen, stop = reference.Reference(), Stop()
+    picture = np.arange(8 * 16 * 3, dtype=np.uint8).reshape(8, 16, 3)
+    frozen.freeze(picture, 1.0)
+    frozen.wipe(0.25)
+    stop.picture, stop._fresh = np.full((8, 16, 3), 9, np.uint8), True
+    one = DrawList(
+        (64.0, 32.0),
+        np.zeros(3, VERTEX),
+        np.arange(3, dtype=np.uint32),
+        (Command((0.0, 0.0, 9.0, 9.0), 0, 0, 3),),
+    )
+    laid = stop.under(frozen.under(one, (64, 32)), (64, 32))
+    laid.check()
+    assert [command.texture for command in laid.commands] == [1, reference.TEXTURE, 0]
+    command = laid.commands[1]
+    quad = laid.vertices[command.base + laid.indices[command.first : command.first + 6]]
+    assert quad["position"].max(axis=0).tolist() == [16.0, 32.0] and quad["uv"].max(axis=0).tolist() == [
+        0.25,
+        1.0,
+    ]
+    assert any(np.array_equal(update.pixels[..., :3], picture) for update in laid.updates)
+    assert frozen.under(None, (64, 32)).updates == (), "what the GPU has is not sent again"
+    frozen.wipe(0.0)
+    assert frozen.under(one, (64, 32)) is one
+
+
+def test_the_place_where_a_knob_is_explained_goes_to_the_clipboard(tmp_path):
+    place = Place(tmp_path / "README.md", "Light in numbers", 178)
+    loop = looped(PanelActions(read="ambient"), places={"ambient": place})
+    steps(loop, 2)
+    assert loop.window.copied == [f"{tmp_path / 'README.md'}:178"]
+    assert "ambient is explained in" in loop.message and '"Light in numbers"' in loop.message
+    assert loop.panel.states[0].explained == {"ambient": place.spoken}
+
+
+def test_keys_freeze_and_measure_without_a_panel(capsys):
+    loop = looped()
+    loop.panel.visible = False
+    steps(loop, 1)
+    loop.press("F")
+    assert loop.message == "", "nothing is frozen"
+    loop.press("R")
+    assert (
+        loop.reference.picture is not None and loop.screen.laid[-1].commands[0].texture == reference.TEXTURE
+    )
+    loop.press("F")
+    assert capsys.readouterr().err.startswith("strata: ")
+
+
+# --- screenshots ------------------------------------------------------------------------------------------------------
+
+
 def test_a_screenshot_is_written_and_its_place_is_said(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     loop = looped(PanelActions(screenshot=True, copy="1,2,3:4,5,6:50"), name="ch01")
@@ -393,7 +526,7 @@ class Session:
 
     def __init__(self, display, backend, script, monkeypatch, panel=True, settings=None, chapter=1):
         self.display, self.windows, self.loops, self.user = display, [], [], None
-        for place in (module, present):
+        for place in (opening, present):
             monkeypatch.setattr(place, "Window", self._window(place.Window))
         monkeypatch.setattr(module, "Loop", self._loop)
         monkeypatch.setattr(module, "IDLE_WAIT_S", 0.02)
@@ -516,6 +649,8 @@ def test_a_user_changes_a_knob_and_the_picture_changes(session):
         yield from run.rest()
         loop, before, picture = run.loop, run.loop.renderer, run.picture()
         pose, at = loop.camera.positioner.world_from_view, loop.time
+        yield from run.click(*run.at("subject shading", 0.1))
+        yield from run.rest()
         x, y = run.at("set background", 0.25)
         run.user.move(x, y)
         yield
@@ -682,3 +817,33 @@ def test_passes_are_switched_resources_shown_and_the_graphs_file_followed(sessio
         yield "end"
 
     session(script, settings=settings, chapter=4)
+
+
+def test_a_knob_is_turned_against_the_frozen_picture(session):
+    """Left of the wipe the window shows the picture from before, right of it the one that the knob makes."""
+
+    def script(run):
+        yield from run.rest()
+        before = run.picture()
+        run.loop.press("R")
+        run.loop._change_settings(replaced(run.loop.renderer.settings, background=0.5))
+        run.loop.reference.wipe(0.8)
+        yield from run.rest()
+        after = run.picture()
+        state = run.loop.reference.state
+        difference = np.abs(after.astype(int) - before).max(axis=-1)
+        assert (state.largest, state.changed) == (difference.max(), (difference > 0).mean())
+        assert 0 < state.changed < 1
+        at = round(0.8 * SIZE[0])
+        left, right = np.s_[580:, 420 : at - 2], np.s_[580:, at + 2 :]
+        assert np.array_equal(run.seen[left], before[left]) and not np.array_equal(
+            run.seen[left], after[left]
+        )
+        assert np.array_equal(run.seen[right], after[right])
+        run.loop.reference.drop()
+        run.loop._panel_due = True
+        yield from run.rest()
+        assert np.array_equal(run.seen[left], after[left])
+        yield "end"
+
+    session(script)

@@ -22,7 +22,8 @@ from common.view.positioners import FirstPerson, Orbit
 from tests.support.display import User, screenshot, virtual_display
 from tests.support.scenes import quad_scene, translated
 from tools.window.camera import open_camera
-from tools.window.window import BINDINGS, HELP, IDLE_WAIT_S, MINIMISED_WAIT_S, Loop, run_window
+from tools.window.keys import BINDINGS, HELP
+from tools.window.window import IDLE_WAIT_S, MINIMISED_WAIT_S, Loop, run_window
 
 STEP_NS = 10_000_000
 
@@ -352,7 +353,7 @@ def test_the_user_resizes_and_closes_while_it_runs(display, validate, monkeypatc
 
 def catch_windows(monkeypatch):
     """Return a list to which every window that is opened is added."""
-    from tools.window import window as module
+    from tools.window import opening as module
 
     made = []
     monkeypatch.setattr(module, "Window", windows_of(module.Window, made))

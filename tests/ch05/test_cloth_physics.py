@@ -404,7 +404,7 @@ def test_the_twin_does_what_loops_over_particles_do(steps):
 
 
 def test_stretch_is_that_of_the_threads_alone():
-    """Of a square sheet that is twice as wide, half of the threads have twice their length. Other springs do not count."""
+    """Of a sheet that is twice as wide, half of the threads have twice their length. Other springs do not count."""
     cloth = level()
     twin = Twin(cloth, Steps(), VACUUM)
     assert measures.stretch(cloth, twin.state).greatest == pytest.approx(0, abs=1e-6)

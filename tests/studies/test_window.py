@@ -44,7 +44,7 @@ def opener(which: str, backend: str):
 @pytest.mark.feature("intro/first-triangle")
 def test_escape_closes_the_window_of_a_study(backend, monkeypatch):
     from backends.gl.window import present
-    from tools.window import window as module
+    from tools.window import opening as module
 
     name, _, validate = backend
     made, seen = [], []

@@ -19,6 +19,9 @@ Kind = Literal["checkbox", "combo", "slider", "drag", "text"]
 DECADES = 100.0
 """From this ratio of the largest value to the smallest that matters on, a slider is logarithmic."""
 
+SEARCHED = 8
+"""So many knobs have a search."""
+
 _LARGEST = 2**30 - 1
 """Dear ImGui refuses sliders whose ends lie beyond half of what 32 bits hold."""
 _LARGE = 1e30
@@ -36,6 +39,16 @@ class Widget:
     whole: bool = False
     bounds: tuple[float, float] = (0.0, 0.0)
     logarithmic: bool = False
+
+    @property
+    def subject(self) -> str:
+        """The group of settings that the knob belongs to, "" for none."""
+        return self.knob.path.rpartition(".")[0]
+
+    @property
+    def searched(self) -> str:
+        """What the search for a knob looks at, in lower case."""
+        return f"{self.name} {self.label} {self.subject} {self.knob.doc}".lower()
 
 
 def widgets(settings: type) -> list[Widget]:
@@ -95,15 +108,56 @@ class Knobs:
     def __init__(self, imgui: Any, placed: Callable[[str], None]) -> None:
         self._imgui, self._placed = imgui, placed
         self._pending: dict[str, Any] = {}
+        self._search = ""
+        self.asked = ""
 
-    def build(self, shown: list[Widget], values: Mapping[str, Any]) -> dict[str, Value]:
-        """Show the widgets; return the values that the user has settled on, by name."""
+    def build(
+        self, shown: list[Widget], values: Mapping[str, Any], explained: Mapping[str, str]
+    ) -> dict[str, Value]:
+        """Show a search and the widgets, by subject; return the values that the user has settled on, by name.
+
+        `explained` says of a knob where a README explains it. A click with the right button puts its name into `asked`.
+        """
+        imgui, self.asked = self._imgui, ""
+        groups: dict[str, list[Widget]] = {}
+        for widget in shown:
+            groups.setdefault(widget.subject, []).append(widget)
+        if len(shown) >= SEARCHED:
+            _, self._search = imgui.input_text_with_hint(
+                "find", "a part of a name or a meaning", self._search
+            )
+            self._placed("find")
+        words = self._search.lower().split() if len(shown) >= SEARCHED else []
+        changes: dict[str, Value] = {}
+        for subject, inside in groups.items():
+            found = [one for one in inside if all(word in one.searched for word in words)]
+            if not found:
+                continue
+            if words:
+                imgui.set_next_item_open(True)
+            opened = not subject or imgui.tree_node(subject.replace("_", " "))
+            if subject:
+                self._placed(f"subject {subject}")
+            if opened:
+                changes |= self._group(found, values, explained)
+            if opened and subject:
+                imgui.tree_pop()
+        return changes
+
+    def _group(
+        self, shown: list[Widget], values: Mapping[str, Any], explained: Mapping[str, str]
+    ) -> dict[str, Value]:
         changes = {}
         for widget in shown:
             value = self._pending.get(widget.name, values[widget.name])
             changed, value = self._draw(widget, value)
             self._placed(f"set {widget.name}")
-            self._imgui.set_item_tooltip(widget.tooltip)
+            place = explained.get(widget.name, "")
+            self._imgui.set_item_tooltip(
+                f"{widget.tooltip}\n\nRight click: {place}" if place else widget.tooltip
+            )
+            if place and self._imgui.is_item_clicked(1):
+                self.asked = widget.name
             at_once = widget.kind in ("checkbox", "combo")
             if changed and not at_once:
                 self._pending[widget.name] = value

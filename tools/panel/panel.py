@@ -21,6 +21,7 @@ from tools.panel import imgui as panel_imgui
 from tools.panel.error import show_error
 from tools.panel.graph import GraphSection, GraphState
 from tools.panel.knobs import Knobs, Widget, widgets
+from tools.panel.reference import ReferenceSection, ReferenceState
 from tools.panel.tree import Tree
 
 if TYPE_CHECKING:
@@ -30,6 +31,8 @@ KEPT = 200
 """Frames whose times are shown."""
 
 WIDTH = 400.0
+TIMES_WIDTH = 260.0
+"""Of the times in a window of their own; in a narrower window they are a section of the panel."""
 EV_RANGE = 8.0
 SPEEDS = (0.05, 20.0)
 
@@ -63,6 +66,8 @@ class PanelState:
     stop_after: str = ""  # the pass whose output is shown, "" for the finished picture
     stopped: str = ""  # what that is, in words
     graph: GraphState | None = None  # before chapter 4 there is none
+    reference: ReferenceState = field(default_factory=ReferenceState)
+    explained: Mapping[str, str] = field(default_factory=dict)  # of a knob: the part of a README
 
 
 @dataclass(frozen=True)
@@ -80,6 +85,10 @@ class PanelActions:
     switch: tuple[str, bool] | None = None  # a pass on or off
     show: str | None = None  # a resource of the graph, "": the finished picture
     copy: str = ""  # text for the clipboard
+    freeze: bool | None = None  # True: keep this picture to compare with, False: forget it
+    wipe: float | None = None  # the share of the window that shows the frozen picture
+    flip: bool = False  # measure FLIP against the frozen picture
+    read: str = ""  # the knob whose part of a README is wanted
 
     def __bool__(self) -> bool:
         """Whether there is anything to do."""
@@ -153,6 +162,7 @@ class Panel:
         self._knobs = Knobs(imgui, self._placed)
         self._tree = Tree(imgui, self._placed)
         self._graph = GraphSection(imgui, self._placed)
+        self._reference = ReferenceSection(imgui, self._placed)
         self._widgets: dict[type, list[Widget]] = {}  # of each class of settings
         self._ev: float | None = None  # while its slider moves
         self._speed: float | None = None
@@ -201,6 +211,9 @@ class Panel:
     def _build(self, state: PanelState, size: tuple[int, int], actions: dict[str, Any]) -> None:
         imgui, scale = self._imgui, self._scale
         once, margin = imgui.Cond_.first_use_ever, 10.0 * scale
+        if state.reference.frozen:
+            self._reference.line(state.reference, size, scale)
+        beside = size[0] >= (WIDTH + TIMES_WIDTH) * scale + 3 * margin
         imgui.set_next_window_pos((margin, margin), once)
         imgui.set_next_window_size((WIDTH * scale, max(size[1] - 2 * margin, 80.0)), once)
         open_, _ = imgui.begin("Panel (F1)", None)
@@ -217,7 +230,11 @@ class Panel:
             if imgui.collapsing_header("Camera and time", imgui.TreeNodeFlags_.default_open):
                 self._camera(state, actions)
                 self._time(state, actions)
-            if imgui.collapsing_header("GPU times", imgui.TreeNodeFlags_.default_open):
+            unfolded = imgui.collapsing_header("Compare")
+            self._placed("Compare")
+            if unfolded:
+                actions |= self._reference.build(state.reference)
+            if not beside and imgui.collapsing_header("GPU times", imgui.TreeNodeFlags_.default_open):
                 self._times()
             if imgui.collapsing_header("Scene") and state.scene is not None:
                 self._tree.build(state.scene, state.time)
@@ -230,9 +247,21 @@ class Panel:
             self._placed("Plan")
             imgui.pop_item_width()
         imgui.end()
+        if beside:  # so that the times stay in sight while knobs are turned
+            self._times_beside(size)
         if state.error:
             show_error(imgui, state.error, size, scale)
         self._overlay(state, size)
+
+    def _times_beside(self, size: tuple[int, int]) -> None:
+        imgui, margin = self._imgui, 10.0 * self._scale
+        once = imgui.Cond_.first_use_ever
+        imgui.set_next_window_pos((size[0] - margin, 5 * margin), once, (1.0, 0.0))
+        imgui.set_next_window_size((TIMES_WIDTH * self._scale, 0.0), once)
+        open_, _ = imgui.begin("GPU times", None)
+        if open_:
+            self._times()
+        imgui.end()
 
     def _head(self, state: PanelState, actions: dict[str, Any]) -> None:
         imgui = self._imgui
@@ -274,7 +303,9 @@ class Panel:
             self._widgets[kind] = widgets(kind)
         shown = self._widgets[kind]
         values = flat(state.settings)
-        changes = self._knobs.build(shown, {one.name: values[one.name] for one in shown})
+        changes = self._knobs.build(shown, {one.name: values[one.name] for one in shown}, state.explained)
+        if self._knobs.asked:
+            actions["read"] = self._knobs.asked
         if changes:
             actions["settings"] = replaced(state.settings, **changes)
 

@@ -22,6 +22,7 @@ from common.paths import cache_problem, written_file
 from common.settings import apply_overrides, flat, replaced
 from tools.cli.console import Steps, say
 from tools.cli.stopping import prompt_stop
+from tools.lessons.places import places_of
 from tools.run import quality
 from tools.run.live import Live
 from tools.run.opening import Opening, open_scene
@@ -197,7 +198,8 @@ def open_drawn(request: Request, steps: Steps) -> Opening:
 def show_opened(request: Request, opening: Opening, preset_name: str, note: str) -> int:
     """Draw an opened scene in a window until it is closed."""
     from tools.panel.panel import preset_of
-    from tools.window.window import HELP, panel_help, run_window
+    from tools.window.keys import HELP, panel_help
+    from tools.window.window import run_window
 
     scene = opening.scene
     settings = settings_of(request, preset_name)
@@ -227,6 +229,7 @@ def show_opened(request: Request, opening: Opening, preset_name: str, note: str)
         panel=True,
         name=chapters.file_name(request.chapter),
         quality=note.removeprefix(", "),
+        places=places_of(request.chapter),
     )
     for text in figures.messages:
         say(f"strata: {text}")

@@ -8,9 +8,23 @@ from typing import TYPE_CHECKING, Any
 from backends.window import Window
 from common.errors import StrataError
 from common.files.shader_files import refreshed
+from common.view.inputs import Inputs
+from tools.window.keys import BINDINGS
 
 if TYPE_CHECKING:
     from backends.contract import Renderer
+
+
+def open_window(backend: str, size: tuple[int, int], title: str) -> Window:
+    """Open a window for a renderer on "vulkan" or "gl"."""
+    inputs = Inputs(bindings=BINDINGS)
+    if backend == "gl":
+        from backends.gl.window import present
+
+        return present.open_window(size, title, inputs=inputs)
+    from backends.vulkan.window.screen import loader_address
+
+    return Window(size, title, "vulkan", inputs=inputs, loader=loader_address())
 
 
 def open_screen(backend: str, window: Window, **options: Any) -> Any:

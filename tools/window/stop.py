@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import time as clock
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from common import images
+from common.errors import StrataError
 from common.images.frame_pictures import picture_of
 from common.view.draw_lists import VERTEX, Command, DrawList, TextureUpdate
 from tools.run.views import stored_as
@@ -86,26 +90,53 @@ class Stop:
         """Return `drawn` (None: nothing) with the picture below it, over a window of `size` pixels."""
         if self.picture is None:
             return drawn
-        over = drawn or DrawList((float(size[0]), float(size[1])))
-        left, top = over.origin
-        right, bottom = left + over.extent[0], top + over.extent[1]
-        quad = np.zeros(4, VERTEX)
-        quad["position"] = [(left, top), (right, top), (right, bottom), (left, bottom)]
-        quad["uv"] = [(0, 0), (1, 0), (1, 1), (0, 1)]
-        quad["color"] = 255
-        # Its triangles lie behind all others in the arrays and before them in the order: no other command moves.
-        first = Command((left, top, right, bottom), TEXTURE, len(over.indices), 6, len(over.vertices))
-        updates = over.updates
-        if self._fresh:
-            height, width = self.picture.shape[:2]
-            opaque = np.full((height, width, 1), 255, np.uint8)
-            pixels = np.concatenate([self.picture, opaque], axis=-1)
-            updates = (*updates, TextureUpdate(TEXTURE, (width, height), pixels))
-            self._fresh = False
-        return replace(
-            over,
-            vertices=np.concatenate([over.vertices, quad]),
-            indices=np.concatenate([over.indices, np.array([0, 1, 2, 0, 2, 3], np.uint32)]),
-            commands=(first, *over.commands),
-            updates=updates,
-        )
+        fresh, self._fresh = self._fresh, False
+        return laid_below(drawn, size, TEXTURE, self.picture, fresh)
+
+
+def laid_below(
+    drawn: DrawList | None,
+    size: tuple[int, int],
+    texture: int,
+    picture: NDArray[np.uint8],
+    fresh: bool,
+    share: float = 1.0,
+) -> DrawList:
+    """Return `drawn` (None: nothing) with a picture below it, over a window of `size` pixels.
+
+    The picture is texture number `texture`, which gets its pixels where they are `fresh`. Only the left `share` of the
+    picture is shown, over the same part of the window.
+    """
+    over = drawn or DrawList((float(size[0]), float(size[1])))
+    left, top = over.origin
+    right, bottom = left + share * over.extent[0], top + over.extent[1]
+    quad = np.zeros(4, VERTEX)
+    quad["position"] = [(left, top), (right, top), (right, bottom), (left, bottom)]
+    quad["uv"] = [(0, 0), (share, 0), (share, 1), (0, 1)]
+    quad["color"] = 255
+    # Its triangles lie behind all others in the arrays and before them in the order: no other command moves.
+    first = Command((left, top, right, bottom), texture, len(over.indices), 6, len(over.vertices))
+    updates = over.updates
+    if fresh:
+        height, width = picture.shape[:2]
+        opaque = np.full((height, width, 1), 255, np.uint8)
+        pixels = np.concatenate([picture, opaque], axis=-1)
+        updates = (*updates, TextureUpdate(texture, (width, height), pixels))
+    return replace(
+        over,
+        vertices=np.concatenate([over.vertices, quad]),
+        indices=np.concatenate([over.indices, np.array([0, 1, 2, 0, 2, 3], np.uint32)]),
+        commands=(first, *over.commands),
+        updates=updates,
+    )
+
+
+def written(picture: NDArray[np.uint8], name: str) -> str:
+    """Write a picture to out/, under a name that begins with `name`; return what to say about it."""
+    path = Path("out") / f"{name}-{clock.strftime('%Y%m%d-%H%M%S')}.png"
+    try:
+        path.parent.mkdir(exist_ok=True)
+        images.write_image(path, picture)
+    except (OSError, StrataError) as error:
+        return str(error)
+    return f"wrote {path}"

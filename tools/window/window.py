@@ -11,48 +11,29 @@ from collections import deque
 from collections.abc import Callable, Collection, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from backends.window import Window
-from common import images
 from common.errors import StrataError
 from common.settings import set_live
 from common.view.camera import Camera
 from common.view.clock import FrameClock
-from common.view.inputs import KEYS, Action, Inputs
 from common.view.positioners import Orbit
 from tools.cli.console import say
-from tools.panel import imgui
 from tools.panel.panel import Panel, PanelActions, PanelState, open_panel
 from tools.run.live import Live
 from tools.window.camera import camera_text, first_person, open_camera, orbit
 from tools.window.graph import WindowGraph
-from tools.window.opening import Opened, Refused, open_screen
-from tools.window.stop import Stop, nodes_of
+from tools.window.opening import Opened, Refused, open_screen, open_window
+from tools.window.reference import Reference
+from tools.window.stop import Stop, nodes_of, written
 
 if TYPE_CHECKING:
     from backends.contract import Frame, Renderer
     from common.view.draw_lists import DrawList
-
-HELP = (
-    "Drag to look, W A S D 1 2 to move, shift to be faster, U to level, wheel to come nearer, "
-    "C to change between flying and orbiting, space to stop and go on with time, Esc to close."
-)
-"""The keys and what they do."""
-
-
-def panel_help() -> str:
-    """Return what to say about the panel: its keys, or how to get it. Loads the package, as opening the panel does."""
-    if imgui.load() is None:
-        return "For a panel with every setting: ./strata --extras (the package imgui-bundle)."
-    return "F1 or Tab shows and hides the panel."
-
-
-BINDINGS = {**{key: action for key, action in KEYS.items() if key != "SPACE"}, "U": Action.RESET_UP}
-"""The camera's keys. Space, which levels the camera elsewhere, is what stops time in every player."""
+    from tools.lessons.places import Place
 
 LONGEST_STEP_S = 0.1
 """The most that a camera moves in one frame, in seconds of its motion: a frame that took long is no reason to jump."""
@@ -113,12 +94,15 @@ class Loop:
         name: str = "strata",
         quality: str = "",
         live: Live | None = None,
+        places: Mapping[str, Place] | None = None,
     ) -> None:
         self.window, self.screen, self.renderer, self.camera = window, screen, renderer, camera
         self.time, self.paused, self.speed = time, False, 1.0
         self.figures = Figures()
         self.panel, self.message = panel, ""
         self.stop = Stop()
+        self.reference = Reference()
+        self._places = places or {}
         self._graph = WindowGraph(self.stop)
         self._title, self._told, self._on_frame, self._reopen = title, "", on_frame, reopen
         self._name, self._quality, self._live = name, quality, live
@@ -152,6 +136,10 @@ class Loop:
             self.window.request_close()
         elif key == "SPACE":
             self.paused = not self.paused
+        elif key == "R":
+            self._freeze()
+        elif key == "F" and self.reference.picture is not None:
+            self._measure_flip()
         elif key == "C":
             now, scene = self.camera.positioner, self.renderer.scene
             self.camera.positioner = (first_person if isinstance(now, Orbit) else orbit)(
@@ -179,17 +167,21 @@ class Loop:
         panel = self.panel if self.panel is not None and self.panel.visible else None
         due = always or self.stop.due or not renderer.idle(view, self.time)
         frame = renderer.render(view, self.time) if due else None
-        if frame is None:
+        if frame is not None:
+            self.reference.drawn(passed)
+        else:
             self.figures.idle += 1
-            touched = panel is not None and (panel.restless or self._panel_due)
+            touched = panel is not None and (panel.restless or self._panel_due or self.reference.stale)
             if not window.damaged and not touched:
                 self._tell("nothing moves")
                 self._sleep(IDLE_WAIT_S)
                 return
-        else:
+        if frame is not None:
             self.stop.look(renderer, frame, view)
             if panel is None and self.stop.after:
                 self._lay(None)
+        if panel is not None and self.reference.due(frame is not None):
+            self.reference.measure(self._picture())
         self._read_figures(frame)
         actions = self._draw_panel(panel, passed, frame is not None) if panel is not None else None
         self._show()
@@ -243,6 +235,8 @@ class Loop:
             stop_after=self.stop.after,
             stopped=self.stop.told,
             graph=self._graph.state(renderer),
+            reference=self.reference.state,
+            explained={name: place.spoken for name, place in self._places.items()},
         )
         actions = panel.frame(state, self.window.size, passed)
         self._lay(panel.drawn)
@@ -267,7 +261,19 @@ class Loop:
         if actions.copy:
             self.window.copy_text(actions.copy)
         if actions.screenshot:
-            self.message = self._screenshot()
+            self.message = written(self._picture(), self._name)
+        if actions.freeze:
+            self._freeze()
+        elif actions.freeze is not None:
+            self.reference.drop()
+        if actions.wipe is not None:
+            self.reference.wipe(actions.wipe)
+        if actions.flip:
+            self._measure_flip()
+        if actions.read:
+            place = self._places[actions.read]
+            self.message = f"{actions.read} is explained in {place.spoken}; its place is in the clipboard."
+            self.window.copy_text(f"{place.path}:{place.line}")
         if actions.settings is not None:
             self._change_settings(actions.settings)
         if self._graph.apply(self.renderer, actions):
@@ -311,22 +317,37 @@ class Loop:
         self.message, self._panel_due = live.message, True
         self._clock.tick()  # as little the scene's time as that of other settings
 
-    def _screenshot(self) -> str:
-        """Write the picture without the panel; return what to say about it."""
-        path = Path("out") / f"{self._name}-{clock.strftime('%Y%m%d-%H%M%S')}.png"
-        try:
-            path.parent.mkdir(exist_ok=True)
-            stopped = self.stop.picture
-            shown = self.screen.picture(self.renderer)[..., :3] if stopped is None else stopped
-            images.write_image(path, shown)
-        except (OSError, StrataError) as error:
-            return str(error)
-        return f"wrote {path}"
+    def _picture(self) -> np.ndarray:
+        """Return what is shown of the scene, (H, W, 3) uint8, without the panel."""
+        stopped = self.stop.picture
+        shown = self.screen.picture(self.renderer)[..., :3] if stopped is None else stopped
+        return np.asarray(shown)
+
+    def _freeze(self) -> None:
+        """Keep the picture that is shown, to compare with."""
+        self.reference.freeze(self._picture(), self.time)
+        self._show_reference()
+
+    def _measure_flip(self) -> None:
+        self.reference.measure(self._picture(), flip=True)
+        state = self.reference.state
+        self.message = state.said or f"FLIP {state.flip:.4f}, largest difference {state.largest} of 255"
+        self._show_reference()
+
+    def _show_reference(self) -> None:
+        """Have what is known of the frozen picture shown: by the panel, else in the terminal."""
+        self._panel_due = self.window.damaged = True
+        if self.panel is None or not self.panel.visible:
+            self._lay(None)
+            if self.message:
+                say(f"strata: {self.message}")
+        self._clock.tick()  # the time that this took is none of the scene's
 
     # --- the picture ---
 
     def _lay(self, drawn: DrawList | None) -> None:
-        self.screen.lay(self.stop.under(drawn, self.window.size))
+        size = self.window.size
+        self.screen.lay(self.stop.under(self.reference.under(drawn, size), size))
 
     def _show(self) -> None:
         # Cleared before, so that an event that comes meanwhile is not lost.
@@ -360,18 +381,6 @@ class Loop:
             self._told = told
 
 
-def open_window(backend: str, size: tuple[int, int], title: str) -> Window:
-    """Open a window for a renderer on "vulkan" or "gl"."""
-    inputs = Inputs(bindings=BINDINGS)
-    if backend == "gl":
-        from backends.gl.window import present
-
-        return present.open_window(size, title, inputs=inputs)
-    from backends.vulkan.window.screen import loader_address
-
-    return Window(size, title, "vulkan", inputs=inputs, loader=loader_address())
-
-
 def run_window(
     open_renderer: Callable[..., Renderer],
     *,
@@ -388,6 +397,7 @@ def run_window(
     panel: bool = False,
     name: str = "strata",
     quality: str = "",
+    places: Mapping[str, Place] | None = None,
     **options: Any,
 ) -> Figures:
     """Open a window of (width, height) pixels, show what a renderer draws in it, and return when it is closed.
@@ -396,7 +406,8 @@ def run_window(
     `partial(chapters.open, 1, scene=scene)`; for other settings it is called again, with `settings=`. `camera` names
     the view to begin with, `time` the seconds; `frames` ends the run by itself; `on_frame(renderer, frame)` is called
     after each frame. `backend` is the renderer's, "vulkan" or "gl". With `panel` the panel is shown where it can be;
-    `name` begins the names of screenshots, `quality` says how the preset was chosen. Shaders that are saved meanwhile
+    `name` begins the names of screenshots, `quality` says how the preset was chosen, `places` where the lessons explain
+    each knob. Shaders that are saved meanwhile
     are taken over (`tools.run.live`). Raises UnsupportedError where there is no display, or none that the backend can
     draw to. Everything is closed in any case.
     """
@@ -426,6 +437,7 @@ def run_window(
                 name=name,
                 quality=quality,
                 live=live,
+                places=places,
             )
             try:
                 figures = loop.run(frames)
