@@ -43,6 +43,7 @@ from tools.frames.frame import step_through  # noqa: E402
 from tools.run.run import Request  # noqa: E402
 from tools.site import figures, pairs  # noqa: E402
 from tools.site import inputs as site_inputs  # noqa: E402
+from tools.site.figures import loops  # noqa: E402
 
 SIZE = (640, 360)
 FOLDER = ROOT / "docs" / "pictures"
@@ -260,6 +261,8 @@ def everything() -> dict[str, Made]:
         found[name] = Made(
             {FOLDER / f"{name}.svg": figures.inputs_of(name)}, partial(_make_figure, name, figure)
         )
+    for file, (make, made_from) in loops.files().items():
+        found[file.partition(".")[0]] = Made({FOLDER / file: made_from}, partial(_make_loop, file, make))
     for number in chapters.available():
         for pair in pairs.pairs_of(number):
             found[f"pairs/{pair.name}"] = Made(pairs.inputs_of(pair), partial(_make_pair, pair))
@@ -272,6 +275,10 @@ def everything() -> dict[str, Made]:
 
 def _make_figure(name: str, figure: Callable[[], figures.Canvas], to: Path) -> None:
     write_whole(to / f"{name}.svg", figure().svg().encode())
+
+
+def _make_loop(file: str, make: Callable[[], bytes], to: Path) -> None:
+    write_whole(to / file, make())
 
 
 def _make_pair(pair: pairs.Pair, _: Path) -> None:

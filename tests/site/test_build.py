@@ -24,7 +24,7 @@ from tools.site import draft as site_draft
 from tools.site.draft import TEXTS, Draft
 
 VOID = {
-    *("img", "input", "br", "link", "meta", "hr", "wbr"),
+    *("img", "source", "input", "br", "link", "meta", "hr", "wbr"),
     *("line", "path", "circle", "polyline", "rect", "use"),
 }
 

@@ -17,7 +17,7 @@ from common.paths import ROOT
 from tools.site import code
 from tools.site.parts import Split
 
-PICTURES = (".png", ".jpg", ".svg")
+PICTURES = (".png", ".jpg", ".svg", ".webp")
 TEXTS = {
     "README.md": "index.md",
     "CONTRIBUTING.md": "contributing.md",
@@ -29,6 +29,8 @@ TEXTS = {
 """Texts of the repository that are pages, beside those of chapters."""
 
 _LINK = re.compile(r"(!?)\[((?:[^\[\]]|\[[^\[\]]*\])*)\]\(([^()\s]+)\)")
+_SOURCE = re.compile(r'(?<= )(src|srcset)="([^":]+)"')
+"""Of tags of HTML in a text: a loop is a <picture>."""
 _FENCE = re.compile(r"^(```.*?^```\s*$)", re.MULTILINE | re.DOTALL)
 
 
@@ -79,7 +81,12 @@ class Draft:
         parts = _FENCE.split(text)
         for index in range(0, len(parts), 2):  # the others are code
             parts[index] = _LINK.sub(lambda found: self._link(found, path, page), parts[index])
+            parts[index] = _SOURCE.sub(lambda found: self._source(found, path, page), parts[index])
         return "".join(parts)
+
+    def _source(self, found: re.Match[str], path: str, page: str) -> str:
+        asked = posixpath.normpath(posixpath.join(posixpath.dirname(path), found[2]))
+        return f'{found[1]}="{self.file(asked, page) or found[2]}"'
 
     def _link(self, found: re.Match[str], path: str, page: str) -> str:
         mark, words, target = found.groups()

@@ -127,15 +127,22 @@ class Canvas:
         stroke: str = "line",
     ) -> None:
         """Draw a box with lines of text in its middle."""
+        self.rectangle((x, y, width, height), fill, stroke, dashed, round)
+        lines = label.split("\n") if label else []
+        first = y + height / 2 + 0.35 * size - (len(lines) - 1) * 0.6 * size
+        for number, line in enumerate(lines):
+            self.text(x + width / 2, first + 1.2 * size * number, line, size, "middle")
+
+    def rectangle(
+        self, place: tuple[float, float, float, float], fill: str, stroke: str, dashed: bool, round: float
+    ) -> None:
+        """Draw a rectangle: x, y, width and height."""
+        x, y, width, height = place
         dash = ' stroke-dasharray="4 3"' if dashed else ""
         self._shapes.append(
             f'<rect x="{x:.1f}" y="{y:.1f}" width="{width:.1f}" height="{height:.1f}" rx="{round:g}" '
             f'fill="var(--f-{fill})" stroke="var(--f-{stroke})"{dash}/>'
         )
-        lines = label.split("\n") if label else []
-        first = y + height / 2 + 0.35 * size - (len(lines) - 1) * 0.6 * size
-        for number, line in enumerate(lines):
-            self.text(x + width / 2, first + 1.2 * size * number, line, size, "middle")
 
     def circle(self, x: float, y: float, radius: float, fill: str = "card", stroke: str = "line") -> None:
         """Draw a disc."""
