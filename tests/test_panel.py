@@ -14,7 +14,7 @@ import pytest
 
 import chapters
 from backends.window import Event
-from common.settings import Grouped, group, knob, knobs
+from common.settings import Grouped, flat, group, knob, knobs, preset
 from common.view.draw_lists import FONT
 from tests.support.panel import PanelUser, example, seen
 from tools.lessons.places import places_of
@@ -184,6 +184,15 @@ def test_every_knob_is_explained_somewhere(number):
         lines = place.path.read_text("utf-8").splitlines()
         line = lines[place.line - 1]
         assert f"`{name}" in line or f"`--set {name}" in line or line.endswith(f"# {place.heading}"), name
+
+
+@pytest.mark.parametrize("number", chapters.available())
+def test_presets_name_knobs_and_set_them(number):
+    kind = chapters.settings_class(number)
+    assert [*kind.PRESETS] == ["low", "medium", "high", "reference"]
+    for name, values in kind.PRESETS.items():
+        assert values.keys() <= knobs(kind).keys()
+        assert {key: flat(preset(kind, name))[key] for key in values} == values
 
 
 def test_knobs_lead_to_the_parts_that_explain_them():

@@ -43,6 +43,14 @@ def test_json_to_binary_to_object_equals_the_direct_parse():
 
 
 @pytest.mark.feature("core/blob-serialization")
+@pytest.mark.parametrize("sign", [1, -1])
+def test_whole_numbers_of_any_size(sign):
+    for bits in (7, 8, 62, 63, 64, 65, 71, 72, 200):
+        for value in (sign * 2**bits - 1, sign * 2**bits, sign * 2**bits + 1):
+            assert same(read_blob(write_blob(value, 1), 1), value)
+
+
+@pytest.mark.feature("core/blob-serialization")
 def test_the_json_of_real_files(models):
     for path in sorted(models.rglob("*.gltf")):
         value = json.loads(path.read_text())

@@ -50,6 +50,8 @@ APART = ("chapters/exercises/",)
 NAMED = ("tools/",)
 """Folders whose code has mutants only where files of tests are named: much of it places words and lines of drawings."""
 LIMIT_S = 60.0
+ROUNDS = 6
+"""Runs of tests for a mutant that none of them notices, each within the limit."""
 AT_ONCE = 12
 """Files of tests that are measured by one process, at most."""
 MEASURE_S = 1500.0
@@ -210,17 +212,37 @@ class Workshop:
     def try_all(self, mutants: Sequence[Mutant], chosen: Sequence[str] = ()) -> Iterable[Verdict]:
         """Yield what becomes of each mutant, as it is known."""
         # The choice of tests asks git and keeps what it said: in one thread.
-        tasks = [(one, choose(nearest(self.map, one, self.text(one.file), chosen))) for one in mutants]
+        tasks = [(one, self.rounds(one, chosen)) for one in mutants]
         running = [self._pool.submit(self._try, *task) for task in tasks]
         return (one.result() for one in as_completed(running))
 
-    def _try(self, mutant: Mutant, ids: list[str]) -> Verdict:
+    def rounds(self, mutant: Mutant, chosen: Sequence[str] = ()) -> list[list[str]]:
+        """Return the tests of a mutant, the nearest first, in runs that each fit in the time."""
+        near, tried = nearest(self.map, mutant, self.text(mutant.file), chosen), set[str]()
+        found: list[list[str]] = []
+        while len(found) < ROUNDS:
+            ids = choose([{id_: test for id_, test in tests.items() if id_ not in tried} for tests in near])
+            if not ids:
+                break
+            found.append(ids)
+            tried |= {*ids}
+        return found
+
+    def _try(self, mutant: Mutant, rounds: list[list[str]]) -> Verdict:
+        """Run the tests of a mutant until one of them notices it."""
         began = time.perf_counter()
         text = self.text(mutant.file)
         line = text.splitlines()[mutant.line - 1].strip()
         tree = self._trees.get()
         try:
-            result, by = self._outcome(tree, mutant, mutant_texts.applied(text, mutant), ids)
+            result, by, changed = "survived", "not covered", mutant_texts.applied(text, mutant)
+            for ids in rounds:
+                result, by = self._outcome(tree, mutant, changed, ids)
+                if result in ("killed", "time-out"):
+                    break
+            else:
+                if rounds[1:] and result == "survived":
+                    by = counted([one for ids in rounds for one in ids])
         finally:
             self._trees.put(tree)
         return Verdict(mutant, result, by, time.perf_counter() - began, line)

@@ -7,6 +7,7 @@ import contextlib
 import io
 import json
 import os
+import queue
 import signal
 import subprocess
 import sys
@@ -541,6 +542,33 @@ def test_the_same_seed_draws_the_same_mutants(clone):
     assert len({tuple(one) for one in drawn.values()}) > 1
     everything = shop.draw(99, "a")
     assert len({*everything}) == len(everything) == 5, "none is drawn twice"
+
+
+def test_a_mutant_that_survives_is_tried_with_the_tests_that_did_not_fit(clone):
+    tests = {name: (0, 40, {"common/a.py": "4"}) for name in ("f", "g", "h")}
+    made_map(clone, ("tests/common/test_a.py", tests))
+    shop = mutants.Workshop.__new__(mutants.Workshop)
+    shop.root, shop.commit = clone.folder, clone.git("rev-parse", "HEAD").strip()
+    shop.map = Map(clone.folder / "map.jsonl", clone.folder, shop.commit)
+    text = shop.text("common/a.py")
+    mutant = of("common/a.py", text, "<")
+    rounds = shop.rounds(mutant)
+    assert [len(ids) for ids in rounds] == [1, 1, 1] and len({one for ids in rounds for one in ids}) == 3
+    shop._trees, ran = queue.SimpleQueue(), []
+    shop._trees.put(None)
+
+    def tried(killing):
+        ran.clear()
+        shop._outcome = lambda tree, mutant, changed, ids: (
+            ran.append(ids) or (("killed", ids[0]) if ids == killing else ("survived", "1 test"))
+        )
+        return shop._try(mutant, rounds)
+
+    second = tried(rounds[1])
+    assert (second.result, second.by, ran) == ("killed", rounds[1][0], rounds[:2])
+    none = tried(None)
+    assert (none.result, none.by, ran) == ("survived", "3 tests", rounds)
+    assert shop._try(mutant, []).by == "not covered"
 
 
 def test_tools_have_mutants_where_their_tests_are_named(clone):
