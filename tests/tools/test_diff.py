@@ -318,6 +318,20 @@ def test_studies_benches_caches_and_hidden_files_are_no_part_of_a_chapter(of):
     assert [f.path for f in made.files] == ["a.py"]
 
 
+def test_imports_of_a_new_file_are_a_part_of_their_own(of):
+    head, rest = ['"""Head."""', ""], ["", "X = 1", "", "def f():", "    import late", "    return late"]
+    imports = ["from __future__ import annotations", "", "import os", "from a import (", "    b,", ")"]
+    (file,) = of({}, {"x.py": "\n".join([*head, *imports, *rest]) + "\n"}).files
+    assert [[line.text for line in hunk.lines] for hunk in file.hunks] == [head, imports, rest]
+    assert [hunk.imports_only for hunk in file.hunks] == [False, True, False] and not file.imports_only
+    (gone,) = of({"x.py": "import os\n\nX = 1\n"}, {}).files
+    assert [hunk.imports_only for hunk in gone.hunks] == [True, False]
+    (none,) = of({}, {"x.py": "X = 1\n"}).files
+    assert [hunk.imports_only for hunk in none.hunks] == [False]
+    (shader,) = of({}, {"x.frag": '#include "a.glsl"\nvoid main() {}\n'}).files
+    assert [hunk.imports_only for hunk in shader.hunks] == [True, False]
+
+
 def test_a_new_file_comes_in_parts_that_hold_all_of_it(of):
     lines = ['"""Head."""', "", *(f"X{n} = {n}" for n in range(20))]
     for n in range(6):

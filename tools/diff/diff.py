@@ -262,20 +262,42 @@ def _numbers(lines: Sequence[Line]) -> tuple[list[int], list[int]]:
 
 
 def _parts(source: Source, made: Outline, mark: str) -> tuple[Hunk, ...]:
-    """Return a file that only one side has as hunks of some size: its head, then its definitions in their order."""
+    """Return a file that only one side has as hunks of some size: its head, then its definitions in their order.
+
+    The imports at its head are a hunk of their own, which pages fold.
+    """
     bounds, names = [1], {1: ""}
     for one in made.definitions:
         if one.kind in ("constant", "block") or one.first - bounds[-1] < PART:
             continue
         bounds.append(one.first)
         names[one.first] = one.name
+    imports = _import_block(source, made)
+    if _only_imports(source, made, range(1, len(source.lines) + 1)):
+        imports = range(0)
+    if imports:
+        for bound in (imports.start, imports.stop):
+            names.setdefault(bound, names[max(one for one in bounds if one <= bound)])
+        bounds = sorted({*bounds, imports.start, imports.stop} - {len(source.lines) + 1})
     found = []
     for first, end in pairwise([*bounds, len(source.lines) + 1]):
         numbers = [(n, None) if mark == "-" else (None, n) for n in range(first, end)]
         lines = tuple(Line(mark, old, new, source.lines[(old or new or 1) - 1]) for old, new in numbers)
         if lines:
-            found.append(Hunk(lines, names[first]))
+            found.append(Hunk(lines, names[first], bool(imports) and first == imports.start))
     return tuple(found)
+
+
+def _import_block(source: Source, made: Outline) -> range:
+    """Return the lines of the first imports of a file that follow each other, blank lines between them included."""
+    first = min(made.imports, default=0)
+    last = number = first
+    while number in made.imports or (
+        0 < number <= len(source.lines) and not source.lines[number - 1].strip()
+    ):
+        last = number if number in made.imports else last
+        number += 1
+    return range(first, last + 1) if first else range(0)
 
 
 def _functions(
