@@ -93,7 +93,7 @@ function begin() {
   document.querySelectorAll("figure.plot").forEach(plot);
   document.querySelectorAll(".search-features").forEach(search);
   // What is wider than a phone is scrolled, and so has to be reached by keys.
-  document.querySelectorAll(".md-typeset__scrollwrap, .md-typeset pre > code").forEach((wide) => {
+  document.querySelectorAll(".md-typeset__scrollwrap, .md-typeset pre > code, .figure").forEach((wide) => {
     wide.tabIndex = 0;
   });
 }

@@ -27,7 +27,13 @@ OTHERS = (
     "contributing.html",
     "notebook.html",
 )
-PAGES = ["index.html", "chapters/ch01.html", CODE, *(pytest.param(page, marks=LONG) for page in OTHERS)]
+PAGES = [
+    "index.html",
+    "chapters/ch01.html",
+    "chapters/ch01-a-frame.html",
+    CODE,
+    *(pytest.param(page, marks=LONG) for page in OTHERS),
+]
 
 
 @pytest.mark.parametrize("page", PAGES)
@@ -43,6 +49,22 @@ def test_pages_load_without_a_complaint_and_from_here_alone(browser, address, pa
 def test_a_phone_s_width_is_enough(browser, address, page) -> None:
     opened = browser.open(f"{address}/{page}", 360, 740)
     assert opened.value("document.scrollingElement.scrollWidth") <= 360
+    opened.close()
+
+
+def test_letters_of_a_figure_can_be_read_on_a_phone(browser, address) -> None:
+    """A figure is scrolled within its place, by keys too, and the page itself is not."""
+    opened = browser.open(f"{address}/chapters/ch01-a-frame.html", 390, 740)
+    sizes = (
+        "[...document.querySelectorAll('.figure svg text')].map((one) => one.getBoundingClientRect().height)"
+    )
+    assert min(opened.value(sizes)) > 8
+    figure = "document.querySelector('.figure')"
+    assert (
+        opened.value(f"{figure}.scrollWidth > {figure}.clientWidth")
+        and opened.value(f"{figure}.tabIndex") == 0
+    )
+    assert opened.value("document.scrollingElement.scrollWidth") <= 390
     opened.close()
 
 
