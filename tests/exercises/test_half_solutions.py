@@ -26,7 +26,130 @@ DEFERRED = (
     "self._resources.defer(lambda: self._give_back(kind, slot))",
 )
 
+NORMAL = ("shading/forward.vert", "transform_vector(instance.normal_from_object, in_normal)")
+TONEMAP = (
+    "renderer.py",
+    "            commands.barrier(self._to_tonemap)\n            self._run(self._tonemap, self._tonemap_rendering)",
+)
+MIRRORED = ("scene/draw_lists.py", "batch(instances, order[2], order[3])")
+OPCODE = ("pipelines/spirv/words.py", "first & 0xFFFF, first >> 16")
+POOL = (
+    "frames/recording/vulkan_pools.py",
+    "self.pools[pool_index(slot.index, self._workers.tasks.thread, self.threads)]",
+)
+ACQUIRE = ("loading/vulkan_barriers.py", "read, *layouts, families)")
+ALIVE = ("graph/memory/placement.py", "(first[:, None] <= last) & (first <= last[:, None])")
+WRITES = ("graph/sync/barriers.py", "combined is None or combined.writes")
+SLOT = ("frames/recording/vulkan_recordings.py", "        self.wait(slot)\n        slot.number")
+BEFORE = ("graph/execute/batches.py", "frame = self._before if wait.before else self._now")
+TAKEN = ("cloth/model.py", "        taken[a] |= bit\n        taken[b] |= bit")
+CHANGED = ("scene_cache/sources.py", "(current != state or racy)")
+SKY = ("shading/lighting.frag", "        sky();\n        return;")
+
 CASES = {
+    "normalised, and still by the matrix of positions": (
+        (1, "crooked-normals"),
+        (*NORMAL, "normalize(transform_vector(instance.world_from_object, in_normal))"),
+        "stretched along x has a normal",
+    ),
+    "normals as the file has them": (
+        (1, "crooked-normals"),
+        (*NORMAL, "in_normal"),
+        "only turned has a normal",
+    ),
+    "normals inside out": (
+        (1, "crooked-normals"),
+        (*NORMAL, "-transform_vector(instance.normal_from_object, in_normal)"),
+        "180 degrees off",
+    ),
+    "a barrier after the pass": (
+        (1, "missing-barrier"),
+        (
+            *TONEMAP,
+            "            self._run(self._tonemap, self._tonemap_rendering)\n"
+            "            commands.barrier(self._to_tonemap)",
+        ),
+        "With msaa=1 the layers",
+    ),
+    "the barrier of another pass": (
+        (1, "missing-barrier"),
+        (*TONEMAP, TONEMAP[1].replace("self._to_tonemap", "self._to_forward")),
+        "With msaa=1 the layers",
+    ),
+    "a barrier where samples are resolved alone": (
+        (1, "missing-barrier"),
+        (
+            *TONEMAP,
+            TONEMAP[1].replace(
+                "  commands", "  if self._resolve in self.passes:\n                commands", 1
+            ),
+        ),
+        "With msaa=1 the layers",
+    ),
+    "all of a batch as its last instance": (
+        (1, "half-a-mirror"),
+        ("scene/draw_lists.py", "material, bool(mirrored[instance]))", "material, False)"),
+        "mirror image is not seen",
+    ),
+    "the other way round": (
+        (1, "half-a-mirror"),
+        (*MIRRORED, "batch(instances, order[2], not order[3])"),
+        "square is not seen",
+    ),
+    "mirrored if any is": (
+        (1, "half-a-mirror"),
+        ("scene/draw_lists.py", "material, bool(mirrored[instance]))", "material, bool(mirrored.any()))"),
+        "square is not seen",
+    ),
+    "twelve bits": ((2, "opcode-in-a-byte"), (*OPCODE, "first & 0xFFF, first >> 16"), "opcode 5341"),
+    "ten bits": ((2, "opcode-in-a-byte"), (*OPCODE, "first & 0x3FF, first >> 16"), "opcode 5341"),
+    "all bits": ((2, "opcode-in-a-byte"), (*OPCODE, "first, first >> 16"), "opcode 26"),
+    "one pool for all threads": (
+        (3, "pool-of-another"),
+        (*POOL, "self.pools[pool_index(slot.index, 0, self.threads)]"),
+        "come from 1 pools",
+    ),
+    "one family on both sides": (
+        (3, "wrong-way-round"),
+        (*ACQUIRE, "read, *layouts, (families[0], families[0]))"),
+        "says 2 to 2",
+    ),
+    "the other family on both sides": (
+        (3, "wrong-way-round"),
+        (*ACQUIRE, "read, *layouts, (families[1], families[1]))"),
+        "says 0 to 0",
+    ),
+    "alive at one end alone": (
+        (4, "one-step-short"),
+        (*ALIVE, "(first[:, None] <= last) & (first < last[:, None])"),
+        "they share bytes",
+    ),
+    "alive for ever": (
+        (4, "one-step-short"),
+        (*ALIVE, "np.ones((len(first), len(first)), bool)"),
+        "768 are taken",
+    ),
+    "an epoch for each step": ((4, "no-new-layout"), (*WRITES, "True"), "waits for one of them alone"),
+    "the sky and the surface": ((4, "empty-sky"), (*SKY, "        sky();"), "the background is 0"),
+    "a background of black": ((4, "empty-sky"), (*SKY, "        return;"), "the background is 0"),
+    "the right number for the wrong timelines": (
+        (5, "minus-one"),
+        (
+            *SLOT,
+            "        from ..queues.vulkan_timeline import wait_timelines\n"
+            "        value = max(self.number - SLOTS + 1, 0)\n"
+            "        wait_timelines([(one, value) for one in self.pace.timelines.values()])\n        slot.number",
+        ),
+        "never begins",
+    ),
+    "never waits": ((5, "minus-one"), (*SLOT, "        slot.number"), "is written over"),
+    "the other end alone": ((5, "few-colours"), (*TAKEN, "        taken[b] |= bit"), "both move particle 0"),
+    "the last colour alone": (
+        (5, "few-colours"),
+        (*TAKEN, "        taken[a] |= bit\n        taken[b] = bit"),
+        "both move particle 9",
+    ),
+    "always the frame before": ((5, "cpu-has-waited"), (*BEFORE, "frame = self._before"), "nobody waits"),
     "every texture decoded": ((1, "codes-as-light"), (*ROLES, "True"), "in a texture of another kind"),
     "all but normals decoded": (
         (1, "codes-as-light"),
@@ -253,6 +376,75 @@ RIGHT = {
     "waited for": (
         (2, "reused-slot"),
         (*DEFERRED, "self._device.wait_idle()\n        self._give_back(kind, slot)"),
+    ),
+    "normalised": (
+        (1, "crooked-normals"),
+        (*NORMAL, "normalize(transform_vector(instance.normal_from_object, in_normal))"),
+    ),
+    "twice as long": (
+        (1, "crooked-normals"),
+        (*NORMAL, "transform_vector(instance.normal_from_object, 2.0 * in_normal)"),
+    ),
+    "before the question": (
+        (1, "missing-barrier"),
+        (
+            "renderer.py",
+            f"        if self._tonemap in self.passes:\n{TONEMAP[1]}",
+            "        commands.barrier(self._to_tonemap)\n        if self._tonemap in self.passes:\n"
+            "            self._run(self._tonemap, self._tonemap_rendering)",
+        ),
+    ),
+    "its first instance": (
+        (1, "half-a-mirror"),
+        (*MIRRORED, "batch(instances, order[2], bool(mirrored[instances[0]]))"),
+    ),
+    "all of its instances": (
+        (1, "half-a-mirror"),
+        (*MIRRORED, "batch(instances, order[2], all(bool(mirrored[i]) for i in instances))"),
+    ),
+    "the rest of a division": ((2, "opcode-in-a-byte"), (*OPCODE, "first % 65536, first // 65536")),
+    "without a shift": (
+        (2, "opcode-in-a-byte"),
+        (*OPCODE, "first & 65535, (first - (first & 65535)) // 65536"),
+    ),
+    "the thread asked for first": (
+        (3, "pool-of-another"),
+        (
+            *POOL,
+            "(lambda thread: self.pools[pool_index(slot.index, thread, self.threads)])(self._workers.tasks.thread)",
+        ),
+    ),
+    "families by number": ((3, "wrong-way-round"), (*ACQUIRE, "read, *layouts, (families[0], families[1]))")),
+    "not equal": ((3, "put-back-times"), (*CHANGED, "(not current == state or racy)")),
+    "neither before nor after": (
+        (4, "one-step-short"),
+        (*ALIVE, "~((last[:, None] < first) | (last < first[:, None]))"),
+    ),
+    "the common part": (
+        (4, "one-step-short"),
+        (*ALIVE, "np.maximum(first[:, None], first) <= np.minimum(last[:, None], last)"),
+    ),
+    "both questions in another order": (
+        (4, "no-new-layout"),
+        (*WRITES, "not (combined is not None and not combined.writes)"),
+    ),
+    "else": ((4, "empty-sky"), (*SKY, "        { sky(); return; }")),
+    "from the first frame that waits": (
+        (5, "minus-one"),
+        (*SLOT, "        if self.number >= SLOTS:\n            self.wait(slot)\n        slot.number"),
+    ),
+    "by its number": (
+        (5, "minus-one"),
+        (*SLOT, "        self.wait(self.slots[self.number % SLOTS])\n        slot.number"),
+    ),
+    "in a loop": ((5, "few-colours"), (*TAKEN, "        for end in (a, b):\n            taken[end] |= bit")),
+    "as a sum of both": (
+        (5, "few-colours"),
+        (*TAKEN, "        taken[b] |= bit\n        taken[a] = taken[a] | bit"),
+    ),
+    "one after the other": (
+        (5, "cpu-has-waited"),
+        (*BEFORE, "frame = self._now\n            if wait.before:\n                frame = self._before"),
     ),
     "deferred by another call": (
         (2, "reused-slot"),

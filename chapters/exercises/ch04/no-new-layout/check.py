@@ -33,6 +33,20 @@ def check(given: Given) -> None:
         drawn[1].get("lit") == {"color_write"},
         "Of a target that is drawn to and then blended over, nothing makes the first drawing visible to the second.",
     )
+    again = _graph(
+        given,
+        ((), (Access("sums", "storage", bytes=256),)),
+        ((Access("sums", "storage"),), (Access("one", "storage", bytes=256),)),
+        ((Access("sums", "indirect"), Access("one", "storage")), (Access("two", "storage", bytes=256),)),
+        ((Access("two", "storage"),), (Access("out", "storage", of="sums", bytes=256),)),
+    ).steps[3]
+    waited = {
+        stage for barrier in again.barriers if barrier.resource == "sums" for stage in barrier.before.stages
+    }
+    given.need(
+        waited >= {"compute", "indirect"},
+        "A pass writes a buffer again that two passes have read in different ways, and waits for one of them alone.",
+    )
 
 
 def _between(given: Given, what: str, *passes: tuple[tuple[Access, ...], tuple[Access, ...]]) -> None:
@@ -50,13 +64,16 @@ def _barriers(
     given: Given, *passes: tuple[tuple[Access, ...], tuple[Access, ...]]
 ) -> list[dict[str, set[str]]]:
     """Return by step the resources that have a barrier, with the writing that it makes visible."""
-    node, compiler = given.module("graph.types").Node, given.module("graph.frame_graph")
-    nodes = [node(f"pass {number}", reads, writes) for number, (reads, writes) in enumerate(passes)]
-    graph: Any = compiler.compile_graph(nodes, (8, 8), {"out"})
     return [
         {
             barrier.resource: {access for access in barrier.before.access if access.endswith("_write")}
             for barrier in step.barriers
         }
-        for step in graph.steps
+        for step in _graph(given, *passes).steps
     ]
+
+
+def _graph(given: Given, *passes: tuple[tuple[Access, ...], tuple[Access, ...]]) -> Any:
+    node, compiler = given.module("graph.types").Node, given.module("graph.frame_graph")
+    nodes = [node(f"pass {number}", reads, writes) for number, (reads, writes) in enumerate(passes)]
+    return compiler.compile_graph(nodes, (8, 8), {"out"})
