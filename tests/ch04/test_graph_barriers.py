@@ -12,6 +12,7 @@ from chapters.ch04.frames.frame import OUTPUTS
 from chapters.ch04.graph import plan as frame_plan
 from chapters.ch04.graph import types as words
 from chapters.ch04.graph.frame_graph import compile_graph
+from chapters.ch04.graph.sync import states
 from chapters.ch04.graph.types import External, GraphError, Node, Touch
 from chapters.ch04.settings import Settings
 from common.scene import Material
@@ -259,3 +260,42 @@ def test_a_wait_that_others_imply_is_left_out():
     graph = compiled(nodes, ["shown"])
     assert [one.resource for one in graph.steps[0].barriers] != []
     assert sum(barrier.resource == "counts" for step in graph.steps for barrier in step.barriers) == 1
+
+
+@pytest.mark.parametrize(
+    ("access", "kind", "writes", "says"),
+    [
+        (Access("x", "color", "rgba8"), "compute", True, "a pass that is compute writes nothing as 'color'"),
+        (Access("x", "depth", "d32f"), "compute", False, "a pass that is compute reads nothing as 'depth'"),
+        (
+            Access("x", "sampled", "rgba8"),
+            "graphics",
+            True,
+            "a pass that is graphics writes nothing as 'sampled'",
+        ),
+        (Access("x", "uniform"), "compute", True, "a pass that is compute writes nothing as 'uniform'"),
+        (
+            Access("x", "color", "rgba8"),
+            "graphics",
+            False,
+            "a pass that is graphics reads nothing as 'color'",
+        ),
+    ],
+)
+def test_uses_that_cannot_be_are_refused(access, kind, writes, says):
+    with pytest.raises(GraphError, match=says):
+        states.touch_of(access, kind, writes)
+
+
+@pytest.mark.parametrize(
+    ("access", "kind", "writes"),
+    [
+        (Access("x", "color", "rgba8"), "graphics", True),
+        (Access("x", "depth", "d32f"), "graphics", False),
+        (Access("x", "sampled", "rgba8"), "compute", False),
+        (Access("x", "storage", "rgba8"), "compute", True),
+    ],
+)
+def test_uses_that_can_be_have_stages(access, kind, writes):
+    touch = states.touch_of(access, kind, writes)
+    assert touch.stages and touch.writes == writes
