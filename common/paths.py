@@ -28,8 +28,8 @@ START = _current()
 
 def user_cache() -> Path:
     """Return the folder for everything that can be made again (not created); `STRATA_CACHE` overrides it."""
-    if chosen := _chosen("STRATA_CACHE"):
-        return chosen
+    if chosen := os.environ.get("STRATA_CACHE"):
+        return _from_start(chosen)
     if sys.platform == "win32":
         return Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local")) / "strata"
     if sys.platform == "darwin":
@@ -42,8 +42,8 @@ def user_state() -> Path:
 
     It cannot be made again, so it is not in the cache, which may be deleted at any time.
     """
-    if chosen := _chosen("STRATA_STATE"):
-        return chosen
+    if chosen := os.environ.get("STRATA_STATE"):
+        return _from_start(chosen)
     if sys.platform == "win32":
         return Path(os.environ.get("APPDATA", Path.home() / "AppData" / "Roaming")) / "strata"
     if sys.platform == "darwin":
@@ -51,10 +51,9 @@ def user_state() -> Path:
     return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "strata"
 
 
-def _chosen(variable: str) -> Path | None:
-    """Return the folder that an environment variable names, or None."""
-    text = os.environ.get(variable)
-    return Path(os.path.abspath(os.path.join(START, os.path.expanduser(text)))) if text else None
+def _from_start(text: str) -> Path:
+    """Return the folder that an environment variable names, from the folder of the start."""
+    return Path(os.path.abspath(os.path.join(START, os.path.expanduser(text))))
 
 
 def cache_dir(name: str) -> Path | None:

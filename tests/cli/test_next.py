@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 import typer
@@ -119,6 +120,14 @@ def test_what_cannot_be_deleted_is_named(strata):
     progress.file().mkdir(parents=True)
     code, _, err = strata("next", "--forget")
     assert code == 2 and f"{progress.file()} cannot be deleted" in err and "Traceback" not in err
+
+
+def test_two_commands_at_once_lose_nothing(strata):
+    """Each one adds a section; without the lock the later one writes what it read before the other had written."""
+    names = [f"1/section {number}" for number in range(24)]
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(lambda name: progress.add(read=[name]), names))
+    assert progress.load().read == {*names}
 
 
 def test_progress_is_not_in_the_cache(monkeypatch, tmp_path):

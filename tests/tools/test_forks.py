@@ -185,6 +185,8 @@ def test_a_study_is_forked_and_an_edit_of_its_shader_shows(strata, tmp_path, bac
     assert not np.array_equal(drawn("my-ch01/first-triangle", "edited.png"), theirs)
     assert np.array_equal(drawn("1/first-triangle", "theirs.png"), theirs)
     assert str(place) in strata("list", "my-ch01/first-triangle")[1]
+    listed = strata("list", "my-ch01")[1]
+    assert "./strata run my-ch01/NAME" in listed and "first-triangle" in listed
     code, _, err = strata("fork", "my-ch01/first-triangle", "other")
     assert code == 2 and "my-ch01/first-triangle is a copy of a chapter" in err
 

@@ -12,7 +12,7 @@ from common.errors import UserError
 from common.files.shader_files import shown_path
 from common.reports.tables import table
 from common.settings import describe, flat, knobs, preset
-from tools.cli.console import out
+from tools.cli.console import out, quoted
 from tools.diff.sentences import first_sentence
 from tools.ledger import list_features
 from tools.run.views import views_of
@@ -77,8 +77,7 @@ def show_lesson(which: chapters.Whole) -> None:
     ]
     out.print("Uses:  " + escape(", ".join(needs) or "nothing beyond Vulkan 1.3"), soft_wrap=True)
     out.print("Gives:  " + ", ".join(chapters.outputs_of(which)))
-    if isinstance(which, int):
-        show_studies(which)
+    show_studies(which)
     shown = shown_path(folder) if isinstance(which, int) else which.spoken
     first = f"Read {shown}/README.md first, then" if (folder / "README.md").is_file() else f"Read in {shown}"
     made = table(escape(first), "file", "what it is")
@@ -88,11 +87,12 @@ def show_lesson(which: chapters.Whole) -> None:
     out.print(made)
 
 
-def show_studies(number: int) -> None:
-    """Print the studies of a chapter with their ideas, in teaching order."""
-    if studies.available(number):
-        made = table(f"Studies, the way in: ./strata run {number}/NAME", "name", "its idea")
-        for name, about in studies.available(number).items():
+def show_studies(which: chapters.Whole) -> None:
+    """Print the studies of a chapter or a fork with their ideas, in teaching order."""
+    if studies.available(which):
+        typed = quoted(f"{which}/NAME")
+        made = table(escape(f"Studies, the way in: ./strata run {typed}"), "name", "its idea")
+        for name, about in studies.available(which).items():
             made.add_row(name, about.idea)
         out.print()
         out.print(made)

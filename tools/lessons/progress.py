@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from bootstrap.environment import try_lock
 from common.errors import UserError
 from common.paths import user_state, write_whole
 
 FORMAT = 1
+PATIENCE_S = 5.0
+"""How long a command waits for another one that writes."""
 
 
 @dataclass(frozen=True)
@@ -77,13 +82,30 @@ def forget() -> None:
 
 
 def add(solved: Iterable[str] = (), read: Iterable[str] = (), chapter: int | None = None) -> Progress:
-    """Add to what is kept, and return all of it; raise UserError where that fails."""
-    progress = load()
-    progress = replace(
-        progress,
-        solved=progress.solved | {*solved},
-        read=progress.read | {*read},
-        chapter=progress.chapter if chapter is None else chapter,
-    )
-    save(progress)
+    """Add to what is kept, and return all of it; raise UserError where that fails.
+
+    Two commands at once both add what they have: the second one waits for the first.
+    """
+    with _alone():
+        progress = load()
+        progress = replace(
+            progress,
+            solved=progress.solved | {*solved},
+            read=progress.read | {*read},
+            chapter=progress.chapter if chapter is None else chapter,
+        )
+        save(progress)
     return progress
+
+
+@contextmanager
+def _alone() -> Iterator[None]:
+    """Hold the lock of the folder, which the system ends with its holder; without one where none can be made."""
+    with ExitStack() as stack:
+        with suppress(OSError):  # `save` says why nothing can be kept
+            file().parent.mkdir(parents=True, exist_ok=True)
+            stream = stack.enter_context(open(file().parent / ".lock", "ab"))
+            ends = time.monotonic() + PATIENCE_S
+            while not try_lock(stream.fileno()) and time.monotonic() < ends:
+                time.sleep(0.01)
+        yield
