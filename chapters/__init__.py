@@ -11,6 +11,7 @@ with chapters.open(1, scene=scenes.load("cornell"), size=(640, 360)) as renderer
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
+from dataclasses import replace
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -52,6 +53,8 @@ def parse(text: int | str | Path | Folder) -> Which:
     """
     if isinstance(text, Folder):
         return text
+    if isinstance(text, str):
+        text = folders.without_slash(text)
     path = folders.path_of(text)
     study = studies.parse_path(path) if path is not None else None
     if study is not None:
@@ -142,7 +145,11 @@ def decide_backend(wanted: str = "auto", which: Which | None = None) -> Choice:
         return trial.decide(wanted, which)
     own = studies.backends(which) if isinstance(which, str) else ()
     if wanted == "auto" and len(own) == 1:
-        wanted = own[0]
+        name = {"vulkan": "Vulkan", "gl": "OpenGL"}[own[0]]
+        chosen = choice.decide(own[0])
+        return replace(
+            chosen, reason=chosen.reason.replace("asked for", f"{name}, the only API of this study", 1)
+        )
     if wanted == "auto" and which is not None:
         from tools.doctor import trial
 

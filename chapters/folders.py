@@ -101,6 +101,16 @@ def renderer_name(folder: Path, backend: str) -> str:
     return next((name for name in names if (folder / f"{name}.py").is_file()), "")
 
 
+def without_slash(text: str) -> str:
+    """Return "3" for "3/", as the Tab key completes it beside a folder of that name."""
+    return text.rstrip("/") if re.fullmatch(r"(?:ch)?\d+/+", text, re.ASCII | re.IGNORECASE) else text
+
+
+def typed(folder: Path) -> str:
+    """Return how commands are to name a folder: "./3" for a folder whose name a chapter has, too."""
+    return f"./{folder}" if _CHAPTER.fullmatch(str(folder)) else str(folder)
+
+
 def path_of(text: object) -> Path | None:
     """Return the path that a path or a text with a separator names; None for a word, a number or "3/first-triangle"."""
     if isinstance(text, Path):
@@ -132,7 +142,8 @@ def is_copy(path: Path) -> bool:
 def beside() -> list[str]:
     """Return the names of the folders here that look like forks."""
     try:
-        return [path.parent.name for path in Path().glob(f"*/{NEEDED[-1]}")]
+        names = [path.parent.name for path in Path().glob(f"*/{NEEDED[-1]}")]
+        return [name for name in names if not name.startswith(".")]
     except OSError:
         return []  # the current folder cannot be read, or is gone
 

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import chapters
-from chapters import scenes, studies
+from chapters import folders, scenes, studies
 from chapters.__main__ import is_readers
 from chapters.folders import Folder
 from common.errors import UserError
@@ -164,8 +164,35 @@ def test_a_copy_draws_what_its_chapter_draws_and_an_edit_shows(fork, strata, tmp
     assert (record["chapter"], record["fork"]) == (1, str(fork.resolve()))
 
 
+def test_a_folder_with_the_name_of_a_chapter_is_named_so_that_commands_find_it(strata, tmp_path):
+    for words, run in ((("1/first-triangle", "3"), "./3/first-triangle"), (("1", "ch01"), "./ch01")):
+        code, _, err = strata("fork", *words)
+        assert code == 0 and f"`strata run {run}` draws with it" in err
+        assert chapters.parse(run) is not None
+    assert chapters.parse("3/") == 3 and chapters.parse("ch01/") == 1, "the Tab key adds the slash"
+    (tmp_path / ".base").mkdir()
+    for name in folders.NEEDED:
+        (tmp_path / ".base" / name).write_text("")
+    assert ".base" not in folders.beside()
+
+
+def test_a_study_of_one_api_says_why_that_one_is_used():
+    found = chapters.decide_backend("auto", "4/barriers")
+    assert (found.backend, found.reason) == ("vulkan", "Vulkan, the only API of this study")
+    assert chapters.decide_backend("vulkan", "4/barriers").reason == "asked for"
+
+
+@pytest.mark.parametrize("word", ["4/memory", "mine/memory", "mine/studies/memory"])
+def test_a_study_is_no_word_of_strata_test(tmp_path, monkeypatch, word):
+    monkeypatch.chdir(tmp_path)
+    make_fork(4, tmp_path / "mine", studies=True)
+    with pytest.raises(UserError, match="is a study, and this is about whole chapters"):
+        pytest_arguments([word])
+
+
 @pytest.mark.parametrize("backend", ["vulkan", "gl"])
-def test_a_study_is_forked_and_an_edit_of_its_shader_shows(strata, tmp_path, backend):
+def test_a_study_is_forked_and_an_edit_of_its_shader_shows(strata, tmp_path, backend, request):
+    request.getfixturevalue("vulkan_instance" if backend == "vulkan" else "gl_context")
     code, out, err = strata("fork", "1/first-triangle", "my-ch01")
     place = tmp_path / "my-ch01" / "studies" / "first_triangle"
     assert code == 0 and f"The study first-triangle is in {place}." in out
@@ -292,7 +319,7 @@ def test_a_preset_that_was_measured_holds_until_a_file_is_saved(fork):
 # --- validation and errors --------------------------------------------------------------------------------------------
 
 
-def test_calls_of_a_fork_are_checked_unless_told_otherwise(fork, strata, vulkan_instance):
+def test_calls_of_a_fork_are_checked_unless_told_otherwise(fork, strata, vulkan_instance, gl_context):
     folder = chapters.parse(fork)
     assert validation(folder, False, True, "gl") is True
     assert validation(folder, False, False, "gl") is False

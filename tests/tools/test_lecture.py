@@ -79,7 +79,10 @@ def test_new_lines_of_a_file_that_was_there_are_marked(strata, tmp_path):
     [
         (("3", "5", "--lecture", "--html", "a.html"), "the one before it"),
         (("3", "4", "--lecture"), "--html FILE"),
-        (("3", "4", "--lecture", "--only", "graph", "--html", "a.html"), "a page of its own"),
+        (("3", "4", "--lecture", "--only", "gl", "--html", "a.html"), "leave --only out"),
+        (("3", "4", "--lecture", "--stat", "--html", "a.html"), "leave --stat out"),
+        (("3", "4", "--lecture", "--all", "--html", "a.html"), "leave --all out"),
+        (("3@gl", "4@gl", "--lecture", "--html", "a.html"), "leave the @ of both sides out"),
     ],
 )
 def test_a_lecture_on_something_else_is_refused(strata, words, said):

@@ -31,8 +31,15 @@ def run(
         check_page(html)
     elif pictures:
         raise UserError("--pictures are for a page: write one with --html FILE.")
-    if lecture and (html is None or only or everything):
-        raise UserError("--lecture is a page of its own: strata diff 3 4 --lecture --html FILE.")
+    if lecture:
+        others = {"--only": bool(only), "--all": everything, "--stat": stat}
+        wrong = [name for name, given in others.items() if given]
+        if wrong:
+            raise UserError(f"--lecture is a page with stops of its own: leave {wrong[0]} out.")
+        if html is None:
+            raise UserError("--lecture is a page of its own: strata diff 3 4 --lecture --html FILE.")
+        if "@" in a + b:
+            raise UserError("A lecture is on all of a chapter: leave the @ of both sides out.")
     made = compare(tree_of(a), tree_of(b), only)
     if html is not None:
         stops = lecture_of(made) if lecture else []

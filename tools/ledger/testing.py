@@ -100,6 +100,16 @@ def path_of(area: str) -> str:
     return f"tests/{area}" if (ROOT / "tests" / area).is_dir() else f"tests/test_{area}.py"
 
 
+def _refuse_study(word: str) -> None:
+    """Raise UserError for "4/memory" and "my-ch04/memory": a study is tested with its chapter."""
+    path = folders.path_of(word)
+    owner = path.parent if path is not None else None
+    if owner is not None and owner.name == "studies":
+        owner = owner.parent
+    if re.fullmatch(r"(?:ch)?\d+/[\w-]+", word, re.ASCII) or (owner is not None and folders.is_copy(owner)):
+        chapters.parse_chapter(word)
+
+
 def pytest_arguments(words: list[str]) -> list[str]:
     """Return pytest's arguments: an area becomes its paths, a chapter what is tested of it (see `chapter_arguments`).
 
@@ -113,6 +123,8 @@ def pytest_arguments(words: list[str]) -> list[str]:
             fork = chapters.parse_chapter(word)
             arguments += [path for path in chapter_arguments(fork) if path not in arguments]
             continue
+        if not word.startswith("-") and not after_option and not (ROOT / word.partition("::")[0]).exists():
+            _refuse_study(word)
         if word.startswith("-") or after_option or "/" in word or "::" in word or word.endswith(".py"):
             arguments.append(word)
             continue

@@ -36,7 +36,7 @@ STUDIES = re.compile(r"(The way in|Beside the way)\b")
 """How the headings of a chapter's studies begin."""
 _LINK = re.compile(r'(\]\(|href=")([^()\s"#]*)#([^()\s"]+)')
 _FENCE = re.compile(r"^(```.*?^```\s*$)", re.MULTILINE | re.DOTALL)
-_ID = re.compile(r"\{[^{}]*#([\w-]+)[^{}]*\}")
+_ID = re.compile(r"\{[^{};]*#([\w-]+)[^{};]*\}")
 
 
 @dataclass

@@ -189,7 +189,10 @@ def configuration(draft: Draft, source: Path, made: Path) -> dict[str, object]:
     lessons = []
     for page, split in sorted(draft.split.items()):
         title = draft.pages[page].lstrip().partition("\n")[0].lstrip("# ")
-        lessons.append({title: [{"Overview": page}, *({name: part} for part, name in split.titles.items())]})
+        # A page's title is its name here: those that every chapter has say of which they are.
+        heads = {part: draft.pages[part].lstrip("# ").partition(" {")[0] for part in split.titles}
+        overview = {f"{title.partition(':')[0]}: overview": page}
+        lessons.append({title: [overview, *({head: part} for part, head in heads.items())]})
     front = [{PAGES[page]: page} for page in ("index.md", "setup.md")]
     measured = [{PAGES[page]: page} for page in ("accuracy.md", "speed.md", "features.md")]
     texts = [{title: TEXTS[path]} for path, title in MENU_TEXTS.items()]

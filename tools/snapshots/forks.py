@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import chapters
+from chapters import folders
 from chapters.folders import FORMAT, RECORD, check_format
 from common.errors import UserError
 from common.paths import ROOT
@@ -68,11 +69,12 @@ def run(number: int, folder: Path, *, studies: bool = False, study: str = "") ->
     """Make a fork and say what can be done with it, or with one study of it; return 0."""
     made = make_fork(number, folder, studies=studies)
     out.print(f"{made.folder} is chapter {number}, yours to change.", markup=False, soft_wrap=True)
-    typed = quoted(str(folder))
+    named = folders.typed(folder)
+    typed = quoted(named)
     if study:
         place = made.folder / "studies" / study.replace("-", "_")
         out.print(f"The study {study} is in {place}.", markup=False, soft_wrap=True)
-    what = quoted(f"{folder}/{study}") if study else typed
+    what = quoted(f"{named}/{study}") if study else typed
     say(f"`strata run {what}` draws with it; change its files and look again.")
     say(f"Later fixes of the chapter come by `strata fork --update {typed}`, and what you changed stays.")
     return 0
