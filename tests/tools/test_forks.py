@@ -182,6 +182,19 @@ def test_a_study_of_one_api_says_why_that_one_is_used():
     assert chapters.decide_backend("vulkan", "4/barriers").reason == "asked for"
 
 
+def test_an_empty_word_is_no_folder(monkeypatch, fork):
+    monkeypatch.chdir(fork)
+    for text in ("", " "):
+        with pytest.raises(UserError, match="There is no chapter"):
+            chapters.parse(text)
+
+
+def test_a_study_of_a_fork_is_updated_with_the_fork(strata, tmp_path):
+    make_fork(1, tmp_path / "mine", studies=True)
+    code, _, err = strata("fork", "--update", "mine/first-triangle")
+    assert code == 2 and "mine is one: `strata fork --update mine` takes it whole" in err
+
+
 @pytest.mark.parametrize("word", ["4/memory", "mine/memory", "mine/studies/memory"])
 def test_a_study_is_no_word_of_strata_test(tmp_path, monkeypatch, word):
     monkeypatch.chdir(tmp_path)
