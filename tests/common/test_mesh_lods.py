@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from common.errors import UserError
+from common.mesh import lods
 from common.mesh.lods import lod_chain, simplified
 from common.mesh.metrics import hausdorff
 from common.mesh.pools import mesh_indices, mesh_positions
@@ -187,3 +188,19 @@ def test_wrong_calls_and_a_missing_package(monkeypatch):
             UserError, match=r"^(simplifying a mesh|making levels of detail) needs the package mesh"
         ):
             call(one, 0)
+
+
+@pytest.mark.needs("meshoptimizer")
+@pytest.mark.parametrize(("kept", "levels"), [(0.5, 3), (0.9, 3), (0.92, 1), (1.0, 1)])
+def test_a_chain_ends_where_a_level_gains_less_than_a_tenth(scene, monkeypatch, kept, levels):
+    """Of the level before: 0.9 of it times 1.1 is below 1, and 0.92 of it times 1.1 is above."""
+
+    def simplify(library, positions, indices, target, error, sloppy=False):
+        count = int(kept * 2 * target) // 3 * 3
+        return indices[:count], 0.0
+
+    monkeypatch.setattr(lods, "_simplify", simplify)
+    monkeypatch.setattr(lods, "surely_within", lambda *arguments: True)
+    monkeypatch.setattr(lods, "hausdorff", lambda *arguments: 0.0)
+    chain = lod_chain(scene, 1, further=2)
+    assert len(chain) == levels
