@@ -53,10 +53,8 @@ def parse(text: int | str | Path | Folder) -> Which:
     """
     if isinstance(text, Folder):
         return text
-    if isinstance(text, str):
-        if not text.strip():
-            return _number(text)  # which says so: as a path it would be the current folder
-        text = folders.without_slash(text)
+    if isinstance(text, str) and not text.strip():
+        return _number(text)  # which says so: as a path it would be the current folder
     path = folders.path_of(text)
     study = studies.parse_path(path) if path is not None else None
     if study is not None:

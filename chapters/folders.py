@@ -101,11 +101,6 @@ def renderer_name(folder: Path, backend: str) -> str:
     return next((name for name in names if (folder / f"{name}.py").is_file()), "")
 
 
-def without_slash(text: str) -> str:
-    """Return "3" for "3/", as the Tab key completes it beside a folder of that name."""
-    return text.rstrip("/") if re.fullmatch(r"(?:ch)?\d+/+", text, re.ASCII | re.IGNORECASE) else text
-
-
 def typed(folder: Path) -> str:
     """Return how commands are to name a folder: "./3" for a folder whose name a chapter has, too."""
     return f"./{folder}" if _CHAPTER.fullmatch(str(folder)) else str(folder)
