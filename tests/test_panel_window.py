@@ -300,7 +300,7 @@ def test_a_frozen_picture_is_compared_with_what_comes_after_it():
     state = loop.panel.states[-1].reference
     assert (state.largest, state.changed) == (7, 2 / 24)
     loop.panel.script = [PanelActions(freeze=False)]
-    loop.panel.restless = True  # somebody clicked
+    loop.panel.restless = True  # after a click
     steps(loop, 2)
     assert not loop.panel.states[-1].reference.frozen and loop.reference.picture is None
 
@@ -399,6 +399,8 @@ def test_the_place_where_a_knob_is_explained_goes_to_the_clipboard(tmp_path):
 def test_keys_freeze_and_measure_without_a_panel(capsys):
     loop = looped()
     loop.panel.visible = False
+    loop.press("R")
+    assert loop.reference.picture is None, "nothing was drawn yet"
     steps(loop, 1)
     loop.press("F")
     assert loop.message == "", "nothing is frozen"

@@ -149,7 +149,7 @@ CASES = {
         (*TAKEN, "        taken[a] |= bit\n        taken[b] = bit"),
         "both move particle 9",
     ),
-    "always the frame before": ((5, "cpu-has-waited"), (*BEFORE, "frame = self._before"), "nobody waits"),
+    "always the frame before": ((5, "cpu-has-waited"), (*BEFORE, "frame = self._before"), "neither waits"),
     "every texture decoded": ((1, "codes-as-light"), (*ROLES, "True"), "in a texture of another kind"),
     "all but normals decoded": (
         (1, "codes-as-light"),

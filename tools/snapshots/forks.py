@@ -88,8 +88,9 @@ def is_fork(folder: Path) -> bool:
 def read_fork(folder: Path) -> Fork:
     """Return what a fork says about itself; raise UserError if `folder` is none, or its record is broken."""
     if not is_fork(folder) and not folder.exists() and is_fork(folder.parent):
+        whole = quoted(str(folder.parent))
         raise UserError(
-            f"{folder} is no fork, and {folder.parent} is one: `strata fork --update {folder.parent}` takes it whole."
+            f"{folder} is no fork, and {folder.parent} is one: `strata fork --update {whole}` takes it whole."
         )
     if not is_fork(folder):
         what = "is not there" if not folder.exists() else "is no fork: it has no fork.json"

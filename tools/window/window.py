@@ -136,7 +136,7 @@ class Loop:
             self.window.request_close()
         elif key == "SPACE":
             self.paused = not self.paused
-        elif key == "R":
+        elif key == "R" and self.figures.drawn:  # before that there is no picture
             self._freeze()
         elif key == "F" and self.reference.picture is not None:
             self._measure_flip()

@@ -23,7 +23,7 @@ def check(given: Given) -> None:
             around = picture[0, 0]
             given.need(
                 np.isfinite(around).all(),
-                f"With poison={poison} the background is {around[0]}: who reads there what nobody has written?",
+                f"With poison={poison} the background is {around[0]}: which shader reads what no pass wrote?",
             )
             given.need(
                 np.allclose(around, grey, atol=1e-6),

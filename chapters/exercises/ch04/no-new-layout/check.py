@@ -9,7 +9,7 @@ from tools.exercises.checking import Given
 
 
 def check(given: Given) -> None:
-    """A buffer, an image for shaders to write, a target that is drawn on; and readers in a row, who share a barrier."""
+    """A buffer, an image for shaders to write, a target that is drawn on; readers in a row share a barrier."""
     _between(
         given,
         "a buffer that a compute shader fills and two others read",
@@ -56,7 +56,7 @@ def _between(given: Given, what: str, *passes: tuple[tuple[Access, ...], tuple[A
         f"Of {what}, nothing makes what was written visible to the first reader.",
     )
     given.need(
-        "sums" not in found[2], f"Of {what}, the second reader waits for the first, who wrote nothing."
+        "sums" not in found[2], f"Of {what}, the second reader waits for the first, which wrote nothing."
     )
 
 

@@ -1,4 +1,4 @@
-"""Places in memory of resources whose lives are known: who is alive together has bytes of his own, and others share."""
+"""Places in memory of resources whose lives are known: those that are alive together share no bytes, and others do."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ def check(given: Given) -> None:
 
 
 class _Frames:
-    """Frames in which `fog` computes something, `draw` reads it and `tonemap` comes last; and who waits for whom."""
+    """Frames in which `fog` computes something, `draw` reads it and `tonemap` comes last; and their waits."""
 
     def __init__(self, given: Given, what: str, made: Access, read: Access, slotted: bool = False) -> None:
         words = given.module("graph.types")
@@ -47,7 +47,7 @@ class _Frames:
         self.rests: set[int] = set()
 
     def hold(self) -> None:
-        """Submit frames, and look at each batch: what it waits for, and whom it may overtake."""
+        """Submit frames, and look at each batch: what it waits for, and which batches it may overtake."""
         reached = self._logic.Reached()
         batches = self._logic.batches_of(self.graph)
         values = {"graphics": 0, "compute": 0}
@@ -74,7 +74,7 @@ class _Frames:
                     other = signalled.get((queue, value))
                     self._given.need(
                         other is not None,
-                        f"Batch {number} of frame {frame} waits for {value} of {queue}, which nobody signals "
+                        f"Batch {number} of frame {frame} waits for {value} of {queue}, which no batch signals "
                         "before: it never runs.",
                     )
                     assert other is not None
@@ -102,7 +102,7 @@ class _Frames:
             then = "writes it" if theirs.get("fog") else "may still read it"
             self._given.need(
                 not meets or other in behind[me],
-                f"With {self._what}, frame {me[0]} {what} frame {other[0]} {then}: nobody waits.",
+                f"With {self._what}, frame {me[0]} {what} frame {other[0]} {then}: neither waits.",
             )
 
     def _uses(self, batch: Any) -> dict[str, bool]:

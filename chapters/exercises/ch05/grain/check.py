@@ -88,7 +88,7 @@ def _look(given: Given, graph: Any, wanted: bool) -> None:
     given.need(
         not late,
         f"'{' and '.join(late)}' cannot run beside 'grain', since one waits for the other: what does grain read, and "
-        "who reads grain?",
+        "which pass reads grain?",
     )
 
 
