@@ -197,12 +197,22 @@ def fill_frame_constants(
     product and inverse is made there, so that only finished matrices are rounded to float32.
     """
     width, height = size
-    cameras = (
-        (np.asarray(shown.world_from_view, np.float64).tobytes(), shown.projection, tuple(shift))
-        for shown, shift in ((view, jitter_px), (previous_view, previous_jitter_px))
-    )
-    members = _camera_members(*cameras, (width, height), np.asarray(origin, np.float64).tobytes())
-    record.reshape(1).view(np.uint8)[:] = members  # as bytes: numpy would copy it member by member
+    placed = np.asarray(origin, np.float64).tobytes()
+    raw = record.reshape(1).view(np.uint8)
+    raw[offsets("FrameConstants")["eye"] :] = 0
+    for prefix, shown, shift in (("", view, jitter_px), ("previous_", previous_view, previous_jitter_px)):
+        jitter = (2.0 * shift[0] / width, 2.0 * shift[1] / height)
+        pose = np.asarray(shown.world_from_view, np.float64).tobytes()
+        matrices = _matrices_of(pose, shown.projection, width / height, jitter, placed)
+        first = offsets("FrameConstants")[f"{prefix}view_from_world"]
+        raw[first : first + matrices.nbytes] = matrices.view(np.uint8).reshape(-1)
+        record[f"{prefix}eye"][:3] = matrices[_POSE, 3, :3]
+        record[f"{prefix}jitter"] = jitter
+    record["origin"][:3] = np.frombuffer(placed)
+    record["size"] = (width, height, 1 / width, 1 / height)
+    flat = isinstance(view.projection, Orthographic)
+    record["near"], record["orthographic"] = view.projection.near, flat
+    record["far"] = view.projection.far if isinstance(view.projection, Orthographic) else 0.0
     record["eye"][3] = length_scale
     now = exposure(view.ev100) if exposure_now is None else exposure_now
     before = exposure(previous_view.ev100) if exposure_before is None else exposure_before
@@ -215,65 +225,34 @@ def fill_frame_constants(
     record["instance_count"], record["light_count"] = instance_count, light_count
 
 
-Camera = tuple[bytes, Projection, tuple[float, float]]
-"""A camera in a form that caches can hold: the bytes of `world_from_view`, the projection, and the jitter in pixels."""
-
 _LARGEST = float(np.finfo(np.float32).max)
+_POSE = [name for name, _ in _MATRICES].index("world_from_view")
 
 
-@lru_cache(8)
-def _camera_members(camera: Camera, previous: Camera, size: tuple[int, int], origin: bytes) -> np.ndarray:
-    """Return the bytes of a FrameConstants record with all that depends on the cameras, and 0 in its other members.
-
-    They are the same in each frame of a still camera.
-    """
-    record = np.zeros((), dtype("FrameConstants"))
-    width, height = size
-    for prefix, (pose, projection, shift) in (("", camera), ("previous_", previous)):
-        jitter = (2.0 * shift[0] / width, 2.0 * shift[1] / height)
-        matrices = _matrices_of(pose, projection, width / height, jitter, origin)
-        for name, matrix in matrices.items():
-            record[prefix + name] = matrix
-        record[prefix + "eye"][:3] = matrices["world_from_view"][3, :3]
-        record[prefix + "jitter"] = jitter
-    projection = camera[1]
-    record["origin"][:3] = np.frombuffer(origin)
-    record["size"] = (width, height, 1 / width, 1 / height)
-    record["near"] = projection.near
-    record["orthographic"] = isinstance(projection, Orthographic)
-    record["far"] = projection.far if isinstance(projection, Orthographic) else 0.0
-    return record.reshape(1).view(np.uint8)
-
-
-@lru_cache(8)
+@lru_cache(64)  # those of the frame before, of each renderer that is open
 def _matrices_of(
     pose: bytes, projection: Projection, aspect: float, jitter: tuple[float, float], origin: bytes
-) -> dict[str, np.ndarray]:
-    """Return the ten transposed matrices of a view by name; the previous view's are those of the frame before."""
+) -> NDArray[np.float32]:
+    """Return (10, 4, 4) the transposed matrices of a view in the order of _MATRICES, as they lie in the record."""
     world_from_view = np.frombuffer(pose).reshape(4, 4).copy()
     world_from_view[:3, 3] -= np.frombuffer(origin)
     view_from_world = invert_rigid(world_from_view)
-    matrices = {"view_from_world": view_from_world, "world_from_view": world_from_view}
-    for prefix, (clip_from_view, view_from_clip) in _lens(projection, aspect, jitter).items():
-        matrices[prefix + "clip_from_view"] = clip_from_view
-        matrices[prefix + "view_from_clip"] = view_from_clip
-        matrices[prefix + "clip_from_world"] = clip_from_view @ view_from_world
-        matrices[prefix + "world_from_clip"] = world_from_view @ view_from_clip
-    return {name: matrix.T for name, matrix in matrices.items()}
+    matrices = [view_from_world, world_from_view]
+    for clip_from_view, view_from_clip in _lens(projection, aspect, jitter):
+        matrices += [clip_from_view, view_from_clip]
+        matrices += [clip_from_view @ view_from_world, world_from_view @ view_from_clip]
+    return np.array(matrices, np.float32).transpose(0, 2, 1).copy()
 
 
-@lru_cache(32)  # a sequence of jitters comes back to its first
+@lru_cache(64)  # a sequence of jitters comes back to its first
 def _lens(
     projection: Projection, aspect: float, jitter: tuple[float, float]
-) -> dict[str, tuple[Float64, Float64]]:
-    """Return clip_from_view and its inverse, with jitter and, under "steady_", without: what no camera's path moves."""
+) -> tuple[tuple[Float64, Float64], ...]:
+    """Return clip_from_view and its inverse, with jitter and then without: what no camera's path moves."""
     steady = projection.clip_from_view(aspect)
     drawn = steady.copy()
     drawn[:2] += np.outer(jitter, steady[3])  # clip.xy += jitter * clip.w, for both kinds of projection
-    return {
-        prefix: (matrix, np.asarray(np.linalg.inv(matrix), np.float64))
-        for prefix, matrix in (("", drawn), ("steady_", steady))
-    }
+    return tuple((matrix, np.asarray(np.linalg.inv(matrix), np.float64)) for matrix in (drawn, steady))
 
 
 def fill_instances(
