@@ -1,0 +1,11 @@
+"""Chapter 6: Meshlets, mesh shaders and GPU culling."""
+
+from common.lessons import Lesson, Needs
+
+LESSON = Lesson(
+    number=6,
+    title="Meshlets, mesh shaders and GPU culling",
+    adds=(),
+    needs=Needs(required=frozenset(), optional=frozenset({"anisotropy", "async-compute", "async-transfer", "bindless", "block-compression", "multi-draw"})),
+    reading=("renderer.py",),
+)
