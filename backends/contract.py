@@ -399,6 +399,15 @@ class Technique:
         """Prepare a frame before its passes are recorded; return the number of bytes written."""
         return 0
 
+    @property
+    def tells(self) -> bool:
+        """Whether the GPU writes counters of its own; reading the work of a frame then waits for the frame."""
+        return False
+
+    def told(self, slot: int) -> dict[str, int]:
+        """Return the counters that the GPU wrote in the last frame of a slot, which is over."""
+        return {}
+
     def resting(self, time: float) -> bool:
         """Whether a frame at `time` would show the same as the last one."""
         return True

@@ -6,6 +6,20 @@ LESSON = Lesson(
     number=6,
     title="Meshlets, mesh shaders and GPU culling",
     adds=(),
-    needs=Needs(required=frozenset(), optional=frozenset({"anisotropy", "async-compute", "async-transfer", "bindless", "block-compression", "multi-draw"})),
+    needs=Needs(
+        required=frozenset(),
+        optional=frozenset(
+            {
+                "anisotropy",
+                "async-compute",
+                "async-transfer",
+                "bindless",
+                "block-compression",
+                "draw-indirect-count",
+                "mesh-shader",
+                "multi-draw",
+            }
+        ),
+    ),
     reading=("renderer.py",),
 )

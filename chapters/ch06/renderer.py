@@ -29,6 +29,7 @@ from common.settings import replaced
 from common.view.camera import View
 
 from .cloth.technique import ClothTechnique
+from .culling.technique import CullingTechnique
 from .frames.frame import SOURCES, Frame, reset_by
 from .graph.file import graph_path, read_graph
 from .graph.passes import make_passes
@@ -42,7 +43,7 @@ from .shading.views import shown_exposure
 class Renderer(GraphStream):
     """The renderer of the chapter: one stream of frames of one view of one scene."""
 
-    TECHNIQUES = (ClothTechnique,)
+    TECHNIQUES = (CullingTechnique, ClothTechnique)
     """The work of each subject outside its passes. A lesson adds a folder, and one line here."""
 
     # --- creation ---
@@ -116,6 +117,14 @@ class Renderer(GraphStream):
         self._api.enter()
         self._frames.wait(slot)
         return self._api.timings(slot)
+
+    def read_told(self, slot: Any) -> dict[str, int]:
+        """Return the counters that the GPU wrote in the slot's frame."""
+        telling = [technique for technique in self.techniques.values() if technique.tells]
+        if telling:
+            self._api.enter()
+            self._frames.wait(slot)
+        return {name: count for it in telling for name, count in it.told(slot.index).items()}
 
     # --- lifetime ---
 

@@ -12,6 +12,7 @@ from common.scene.crowds import crowd, kinds
 from common.settings import AtMost, Grouped, Scale, Side, Sweep, group
 
 from .cloth.settings import ClothSettings
+from .culling.settings import CullingSettings
 from .environment.settings import EnvironmentSettings
 from .frames.queues.settings import QueueSettings
 from .frames.settings import FrameSettings
@@ -106,6 +107,7 @@ class Settings(Grouped):
     LOADS: ClassVar[tuple[str, ...]] = ("FlightHelmet", "ToyCar", "atrium:large", "generated")
 
     ORDER: ClassVar[str] = (
+        "culling geometry culling_frozen "
         "anisotropy color_format "
         "graph alias resubmit async_compute poison "
         "depth_prepass gbuffer_format aperture focus_distance bokeh_taps "
@@ -126,3 +128,4 @@ class Settings(Grouped):
     frames: FrameSettings = group(FrameSettings)
     loading: LoadingSettings = group(LoadingSettings)
     cloth: ClothSettings = group(ClothSettings)
+    culling: CullingSettings = group(CullingSettings)

@@ -15,6 +15,18 @@ from ..pipelines.description import Built, Front
 from ..scene.draw_lists import Batch
 
 
+class Counted(NamedTuple):
+    """Draw commands whose number is on the GPU: a buffer of commands, a buffer with the number, and its byte offset.
+
+    Without `is_native` the device reads no number: commands behind the last one draw nothing.
+    """
+
+    records: Any
+    numbers: Any
+    offset: int
+    is_native: bool
+
+
 class SceneBinding(NamedTuple):
     """The scene's data that draws of one slot bind, in the form of the backend's commands.
 
@@ -25,6 +37,17 @@ class SceneBinding(NamedTuple):
     frame: Any
     records: Any
     computed: Any = None
+    counted: Counted | None = None
+    """A number of records that is never reached, where other draws of the frame have their number on the GPU."""
+
+
+class MeshDraw(NamedTuple):
+    """One draw of mesh shaders: its descriptor set, its constants, and the buffer and offset of its arguments."""
+
+    tables: Any
+    constants: np.ndarray
+    arguments: Any
+    offset: int
 
 
 @dataclass(frozen=True)
@@ -40,6 +63,12 @@ class DrawGroup:
     front: Front
     page: Any
     textures: Any
+    counted: Counted | None = None
+    """The commands that culling has left; `batch` then has their first place, and how many there can be."""
+    with_meshlets: Sequence[Built | None] = (None, None)
+    """The pipelines that draw the meshlets of each phase, if mesh shaders do."""
+    meshlets: MeshDraw | None = None
+    """The mesh shaders of a batch, in place of draw commands."""
 
 
 class Commands(Protocol):
@@ -65,6 +94,9 @@ class Commands(Protocol):
 
     def dispatch(self, x: int, y: int = 1, z: int = 1) -> None:
         """Run x * y * z work groups of the bound pipeline."""
+
+    def dispatch_indirect(self, buffer: Any, offset: int) -> None:
+        """Run as many work groups as three words at a byte offset of a buffer say, after a `compute_barrier`."""
 
     def dispatch_over(self, pipeline: Built, extent: Sequence[int]) -> None:
         """Run the work groups that cover `extent`, 1 to 3 numbers of invocations: pixels, or elements of an array."""

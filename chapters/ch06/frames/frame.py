@@ -47,6 +47,9 @@ class Reads(Protocol):
     def read_timings(self, slot: Any) -> dict[str, float]:
         """Wait for the slot's frame and return GPU milliseconds by pass."""
 
+    def read_told(self, slot: Any) -> dict[str, int]:
+        """Return the counters that the GPU wrote in the slot's frame; waits for the frame if there are any."""
+
 
 class Frame:
     """One rendered frame; see `backends.contract.Frame`. `slot.number` counts all frames of the renderer."""
@@ -56,7 +59,8 @@ class Frame:
         self.index, self._exposure = index, exposure
         self.cpu_ms = 0.0
         self.reset = ""
-        self.work: dict[str, int] = {}
+        self._work: dict[str, int] = {}
+        self._told = False
         self._timings: dict[str, float] | None = None
         self._gone = ""
 
@@ -75,10 +79,22 @@ class Frame:
             self._timings = self._renderer.read_timings(self._slot)
         return self._timings
 
+    @property
+    def work(self) -> dict[str, int]:
+        """Counters of the frame; waits for the frame if the GPU counts some of them."""
+        if not self._told:
+            self._told = True
+            self._work |= self._renderer.read_told(self._slot)
+        return self._work
+
+    @work.setter
+    def work(self, work: dict[str, int]) -> None:
+        self._work = work
+
     def let_go(self, why: str) -> None:
-        """Read the timings, which stay, and give up the images; the GPU has finished the frame."""
+        """Read timings and counters, which stay, and give up the images; the GPU has finished the frame."""
         if not self._gone:
-            _ = self.timings
+            _ = self.timings, self.work
             self._gone = why
 
 

@@ -14,7 +14,7 @@ from backends.gl.targets import Framebuffer, begin
 from ..pipelines.description import Built, Front
 from ..pipelines.gl import Pipelines
 from ..scene.draw_lists import COMMAND
-from .commands import DrawGroup, SceneBinding
+from .commands import Counted, DrawGroup, SceneBinding
 from .gl import FrameSlot
 from .gl_dispatches import Dispatches
 
@@ -101,6 +101,10 @@ class Commands(Dispatches):
             if group.textures and group.textures is not textures:
                 self.bind_textures(group.textures)
                 textures = group.textures
+            if group.counted is not None:
+                self._draw_counted(group.counted, batch.first, batch.count)
+                fn.glBindBuffer(gl.GL_DRAW_INDIRECT_BUFFER, scene.records.handle)
+                continue
             count, calls = (batch.count, 1) if several else (1, batch.count)
             for call in range(calls):
                 first = gl.ffi.cast("void *", (batch.first + call) * size)
@@ -108,3 +112,21 @@ class Commands(Dispatches):
             self.work["draw_calls"] += calls
             self.work["draws"] += batch.count
             self.work["triangles"] += batch.triangles
+
+    def _draw_counted(self, counted: Counted, first: int, most: int) -> None:
+        """Draw commands whose number is on the GPU."""
+        fn, size = self._context.fn, COMMAND.itemsize
+        fn.glBindBuffer(gl.GL_DRAW_INDIRECT_BUFFER, counted.records.handle)
+        kind = (gl.GL_TRIANGLES, gl.GL_UNSIGNED_INT)
+        if counted.is_native:
+            fn.glBindBuffer(gl.GL_PARAMETER_BUFFER, counted.numbers.handle)
+            start = gl.ffi.cast("void *", first * size)
+            fn.glMultiDrawElementsIndirectCountARB(*kind, start, counted.offset, most, size)
+            # Mesa reads the number from a bound buffer in calls that have none, too, as of 25.0.
+            fn.glBindBuffer(gl.GL_PARAMETER_BUFFER, 0)
+            self.work["draw_calls"] += 1
+            return
+        at_once = most if self._multi_draw else 1
+        for start in range(first, first + most, max(1, at_once)):
+            fn.glMultiDrawElementsIndirect(*kind, gl.ffi.cast("void *", start * size), at_once, size)
+            self.work["draw_calls"] += 1

@@ -6,6 +6,8 @@ pass wrote, the pass itself calls `compute_barrier` between them.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from backends.gl import api as gl
@@ -16,7 +18,10 @@ from .commands import SceneBinding
 from .dispatches import DispatchCommands
 
 _STORED = (
-    gl.GL_SHADER_STORAGE_BARRIER_BIT | gl.GL_SHADER_IMAGE_ACCESS_BARRIER_BIT | gl.GL_TEXTURE_FETCH_BARRIER_BIT
+    gl.GL_SHADER_STORAGE_BARRIER_BIT
+    | gl.GL_SHADER_IMAGE_ACCESS_BARRIER_BIT
+    | gl.GL_TEXTURE_FETCH_BARRIER_BIT
+    | gl.GL_COMMAND_BARRIER_BIT
 )
 
 
@@ -40,6 +45,13 @@ class Dispatches(DispatchCommands):
     def dispatch(self, x: int, y: int = 1, z: int = 1) -> None:
         """Run x * y * z work groups of the bound program."""
         self._context.fn.glDispatchCompute(x, y, z)
+        self.work["dispatches"] += 1
+
+    def dispatch_indirect(self, buffer: Any, offset: int) -> None:
+        """Run as many work groups as three words at a byte offset of a buffer say, after a `compute_barrier`."""
+        fn = self._context.fn
+        fn.glBindBuffer(gl.GL_DISPATCH_INDIRECT_BUFFER, buffer.handle)
+        fn.glDispatchComputeIndirect(offset)
         self.work["dispatches"] += 1
 
     def compute_barrier(self) -> None:

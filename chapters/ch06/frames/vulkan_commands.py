@@ -15,7 +15,7 @@ from backends.vulkan.resources import Buffer, Image
 
 from ..pipelines.description import Built, Front
 from ..scene.draw_lists import COMMAND
-from .commands import DrawGroup, SceneBinding
+from .commands import Counted, DrawGroup, MeshDraw, SceneBinding
 from .vulkan import FrameSlot
 from .vulkan_dispatches import Dispatches
 
@@ -24,6 +24,10 @@ _FRONT_FACES = {
     "counter_clockwise": vk.VK_FRONT_FACE_COUNTER_CLOCKWISE,
     "clockwise": vk.VK_FRONT_FACE_CLOCKWISE,
 }
+
+
+TABLES = 3
+"""The number of the set that task and mesh shaders read (meshlets/tables.glsl)."""
 
 
 class Rendering:
@@ -187,6 +191,8 @@ class Commands(Dispatches):
                 layout, sets = pipeline.layout, (None, None)
                 self.bind_set(pipeline, 0, scene.frame)
             page_set, indices = group.page
+            if group.meshlets is not None:
+                indices = index_buffer  # mesh shaders read no index buffer
             for number, (before, now) in enumerate(zip(sets, (page_set, group.textures), strict=True), 1):
                 if now is not None and now is not before:
                     self.bind_set(pipeline, number, now)
@@ -194,9 +200,38 @@ class Commands(Dispatches):
             if indices != index_buffer:
                 index_buffer = indices
                 fn.vkCmdBindIndexBuffer(handle, index_buffer, 0, vk.VK_INDEX_TYPE_UINT32)
-            self._draw(scene.records, batch.first, batch.count)
+            if group.meshlets is not None:
+                self._draw_meshlets(pipeline, group.meshlets)
+                continue
+            counted = group.counted or scene.counted
+            if counted is not None:
+                self._draw_counted(counted, batch.first, batch.count)
+            else:
+                self._draw(scene.records, batch.first, batch.count)
+            if group.counted is not None:
+                continue
             self.work["draws"] += batch.count
             self.work["triangles"] += batch.triangles
+
+    def _draw_counted(self, counted: Counted, first: int, most: int) -> None:
+        fn, size = self._fn, COMMAND.itemsize
+        records, numbers = counted.records.handle, counted.numbers.handle
+        if counted.is_native:
+            offset, most = counted.offset, min(most, self._most)
+            fn.vkCmdDrawIndexedIndirectCount(self.handle, records, first * size, numbers, offset, most, size)
+            self.work["draw_calls"] += 1
+            return
+        at_once = self._most if self._multi_draw else 1
+        for start in range(first, first + most, at_once):
+            some = min(at_once, first + most - start)
+            fn.vkCmdDrawIndexedIndirect(self.handle, records, start * size, some, size)
+            self.work["draw_calls"] += 1
+
+    def _draw_meshlets(self, pipeline: Built, draw: MeshDraw) -> None:
+        self.bind_set(pipeline, TABLES, draw.tables)
+        self.push(pipeline, draw.constants)
+        self._fn.vkCmdDrawMeshTasksIndirectEXT(self.handle, draw.arguments.handle, draw.offset, 1, 16)
+        self.work["draw_calls"] += 1
 
     def _draw(self, records: Buffer, first: int, count: int) -> None:
         if not self._multi_draw:

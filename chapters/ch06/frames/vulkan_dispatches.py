@@ -27,7 +27,14 @@ _READS = (
     | vk.VK_ACCESS_2_UNIFORM_READ_BIT
 )
 _STAGE = vk.VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT
-_ONE_AFTER_ANOTHER = barriers(memory=(_STAGE, _WRITES, _STAGE, _READS | _WRITES))
+_ONE_AFTER_ANOTHER = barriers(
+    memory=(
+        _STAGE,
+        _WRITES,
+        _STAGE | vk.VK_PIPELINE_STAGE_2_DRAW_INDIRECT_BIT,
+        _READS | _WRITES | vk.VK_ACCESS_2_INDIRECT_COMMAND_READ_BIT,
+    )
+)
 
 
 class Dispatches(DispatchCommands):
@@ -64,6 +71,11 @@ class Dispatches(DispatchCommands):
     def dispatch(self, x: int, y: int = 1, z: int = 1) -> None:
         """Run x * y * z work groups of the bound pipeline."""
         self._fn.vkCmdDispatch(self.handle, x, y, z)
+        self.work["dispatches"] += 1
+
+    def dispatch_indirect(self, buffer: Any, offset: int) -> None:
+        """Run as many work groups as three words at a byte offset of a buffer say, after a `compute_barrier`."""
+        self._fn.vkCmdDispatchIndirect(self.handle, buffer.handle, offset)
         self.work["dispatches"] += 1
 
     def compute_barrier(self) -> None:

@@ -27,8 +27,8 @@ from .vulkan_reflection import STAGES, Stage, check_pulled, chosen, merge
 
 CHAPTER = Path(__file__).resolve().parents[1]
 
-BINDLESS = {"bindless.glsl": "GL_EXT_nonuniform_qualifier"}
-"""The include that declares the array of all textures, and the extension that it needs."""
+EXTENSIONS = {"bindless.glsl": "GL_EXT_nonuniform_qualifier", "tables.glsl": "GL_EXT_mesh_shader"}
+"""The includes that need an extension: the array of all textures, and the tables of task and mesh shaders."""
 
 _ALL_CHANNELS = (
     vk.VK_COLOR_COMPONENT_R_BIT
@@ -49,7 +49,7 @@ def source_of(file: str, defines: Sequence[tuple[str, int | float | str]]) -> sh
         "vulkan",
         roots=(CHAPTER,),
         defines=dict(defines),
-        extensions_with=BINDLESS,
+        extensions_with=EXTENSIONS,
         snippets=SNIPPETS,
     )
 
@@ -165,7 +165,8 @@ class Pipelines:
             "VkGraphicsPipelineCreateInfo",
             pNext=rendering,
             pStages=stages,
-            pVertexInputState=vk.new("VkPipelineVertexInputStateCreateInfo"),  # shaders fetch their vertices
+            # Shaders fetch their vertices; mesh shaders ignore both states.
+            pVertexInputState=vk.new("VkPipelineVertexInputStateCreateInfo"),
             pInputAssemblyState={"topology": vk.VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST},
             pViewportState={"viewportCount": 1, "scissorCount": 1},
             pRasterizationState={"polygonMode": vk.VK_POLYGON_MODE_FILL, "lineWidth": 1.0},

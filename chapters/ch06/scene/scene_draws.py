@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -13,10 +13,11 @@ from common.numerics.transforms import translation
 from common.scene import Change, Scene
 from common.view.camera import View
 
-from ..frames.commands import SceneBinding
+from ..frames.commands import DrawGroup, SceneBinding
+from ..pipelines.description import PipelineDescription
 from . import packing
 from .data import SceneData
-from .draw_lists import NOTHING, Batch, build_draw_lists
+from .draw_lists import NOTHING, Batch, DrawLists, build_draw_lists
 
 
 @dataclass
@@ -26,6 +27,22 @@ class _Slot:
     transparent: Sequence[Batch] = ()
     seen_from: Any = None
     in_order: bytes = b""
+
+
+class CulledDraws(Protocol):
+    """The draw commands that culling fills on the GPU."""
+
+    def with_meshlets(self, described: PipelineDescription, phase: int) -> PipelineDescription | None:
+        """Return a pipeline with task and mesh shaders in place of its vertex shader; None if these are not used."""
+
+    def groups(self, groups: Sequence[DrawGroup], phase: int, tells: bool) -> Sequence[DrawGroup]:
+        """Return the groups of all solid batches, in their order, with the commands of a phase.
+
+        `tells` is true for one pass of a phase: task shaders count for it.
+        """
+
+    def transparent(self, slot: int, binding: SceneBinding) -> SceneBinding:
+        """Return the bindings of transparent draws, from those without culling."""
 
 
 class SceneDrawLists:
@@ -52,6 +69,8 @@ class SceneDrawLists:
         self._slots: dict[int, _Slot] = {}
         self.visible = 0
         """Instances that are visible."""
+        self.culled: CulledDraws | None = None
+        """The lists that culling fills; None if all draws of the scene are drawn."""
 
     def forget(self) -> None:
         """Make all lists anew: variants, pages or textures are other ones."""
@@ -91,6 +110,24 @@ class SceneDrawLists:
             held.in_order = commands.tobytes()
             held.seen_from = seen_from
         return written
+
+    @property
+    def lists(self) -> DrawLists:
+        """The draws of the scene; another object after every change."""
+        return self._lists
+
+    def in_phases(
+        self, groups: Sequence[DrawGroup], phases: Sequence[int], tells: bool
+    ) -> Sequence[DrawGroup]:
+        """Return groups of solid draws with the commands that culling has left in these phases."""
+        if self.culled is None:
+            return groups
+        return [group for phase in phases for group in self.culled.groups(groups, phase, tells)]
+
+    @property
+    def transparent_binding(self) -> SceneBinding:
+        """The bindings of transparent draws: `binding`, with the commands that culling has left."""
+        return self.binding if self.culled is None else self.culled.transparent(self.slot, self.binding)
 
     @property
     def solid(self) -> Sequence[Batch]:

@@ -44,7 +44,7 @@ GEOMETRY = (CORE, "geometryShader")
 """The feature with which fragment shaders may ask for gl_PrimitiveID."""
 
 FRAME, PAGE, TEXTURES = 0, 1, 2
-COMPUTED = 3  # set 0 as compute has it: a set fits only layouts that are open to the same stages
+COMPUTED = 4  # set 0 as compute has it: a set fits only layouts that are open to the same stages
 """Numbers of the sets: what a frame reads, a page of geometry, the textures (scene, vertices and textures.glsl)."""
 
 ENVIRONMENT_BINDING = 5

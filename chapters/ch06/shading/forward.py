@@ -62,6 +62,12 @@ class ForwardPass(ObjectsPass):
             *written,
         )
         self._sky = Sky(parts) if Sky.needed(parts.scene, settings) else None
+        self.draws_blended = True  # and the sky: both come after all solid objects
+
+    def split(self, late: ObjectsPass) -> str:
+        """Leave what comes after the solid objects to the late pass."""
+        self.draws_blended = False
+        return super().split(late)
 
     def takes(self, variant: Variant) -> bool:
         """Every material is drawn here."""
@@ -80,7 +86,8 @@ class ForwardPass(ObjectsPass):
     def record(self, commands: Commands) -> None:
         """Record the draws of this frame."""
         draws = self._draws
-        commands.draw_groups(self.groups(draws.solid), draws.binding)
-        if self._sky is not None:
+        self.record_solid(commands)
+        if self._sky is not None and self.draws_blended:
             self._sky.record(commands)
-        commands.draw_groups(self.groups(draws.transparent), draws.binding)
+        if self.draws_blended:
+            commands.draw_groups(self.groups(draws.transparent), draws.transparent_binding)

@@ -21,10 +21,23 @@ class ObjectsPass(Pass):
     shape_only = False
     """Whether the pass asks only where surfaces are, and not how they look."""
 
+    draws_solid = True
+    """Whether the pass draws the solid objects."""
+
+    draws_blended = False
+    """Whether the pass draws the transparent objects."""
+
+    tells = False
+    """Whether the counters of culling are those of this pass."""
+
+    phases: tuple[int, ...] = (0, 1)
+    """The phases of culling whose solid draws the pass records (culling/lists.py)."""
+
     def __init__(self, parts: PassParts) -> None:
         self._scene, self._settings = parts.scene, parts.settings
         self._data, self._draws, self._pipelines = parts.data, parts.draws, parts.pipelines
         self._built: dict[Variant, Built] = {}
+        self._with_meshlets: dict[tuple[Variant, int], Built] = {}
         self._groups: dict[tuple[int, int, bool, int, int], DrawGroup] = {}
         self._seen = -1
 
@@ -47,6 +60,23 @@ class ObjectsPass(Pass):
         kinds = [variant for variant in variants if self.takes(variant)]
         self.pipelines = self._pipelines.get([self.describe(variant) for variant in kinds])
         self._built = dict(zip(kinds, self.pipelines, strict=True))
+        self._create_meshlets(kinds)
+
+    def _create_meshlets(self, kinds: Sequence[Variant]) -> None:
+        """Build the pipelines with mesh shaders, one for each phase, if culling uses them."""
+        culled = self._draws.culled
+        solid = [variant for variant in kinds if variant.alpha_mode != "blend"] if self.draws_solid else []
+        keys = [(variant, phase) for variant in solid for phase in self.phases]
+        described = [culled.with_meshlets(self.describe(it), phase) for it, phase in keys] if culled else []
+        pairs = [(key, it) for key, it in zip(keys, described, strict=False) if it is not None]
+        built = self._pipelines.get([it for _, it in pairs])
+        self._with_meshlets = {key: pipeline for (key, _), pipeline in zip(pairs, built, strict=True)}
+        self.pipelines = [*self.pipelines, *built]
+
+    @property
+    def mesh_pipelines(self) -> list[Built]:
+        """The pipelines with mesh shaders."""
+        return [*self._with_meshlets.values()]
 
     def groups(self, batches: Sequence[Batch]) -> list[DrawGroup]:
         """Return batches of the scene's lists with this pass's pipelines, and with all that they bind."""
@@ -68,12 +98,28 @@ class ObjectsPass(Pass):
                 front="clockwise" if batch.mirrored else "counter_clockwise",
                 page=data.bound_page(slot, batch.page),
                 textures=data.texture_set(batch.textures) if self.part_of(variant).roles else None,
+                with_meshlets=[self._with_meshlets.get((variant, phase)) for phase in (0, 1)],
             )
         return self._groups[key]
 
+    def split(self, late: ObjectsPass) -> str:
+        """Draw the early phase alone, and let `late` draw over it; return the name of the early depth."""
+        self.phases, late.phases, late.name = (0,), (1,), f"{self.name}_late"
+        late.reads = self.reads
+        late.writes = tuple(replace(it, of=f"{it.resource}_early", clear=None) for it in self.writes)
+        self.writes = tuple(replace(it, resource=f"{it.resource}_early") for it in self.writes)
+        return next(access.resource for access in self.writes if access.use == "depth")
+
+    def record_solid(self, commands: Commands) -> None:
+        """Record the solid draws of the pass's phases."""
+        draws = self._draws
+        commands.draw_groups(
+            draws.in_phases(self.groups(draws.solid), self.phases, self.tells), draws.binding
+        )
+
     def record(self, commands: Commands) -> None:
         """Record the draws of this frame."""
-        commands.draw_groups(self.groups(self._draws.solid), self._draws.binding)
+        self.record_solid(commands)
 
     def key(self, slot: int) -> Any:
         """Return what the recorded draws depend on: the lists of the scene."""

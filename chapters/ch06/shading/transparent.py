@@ -22,6 +22,7 @@ class TransparentPass(ObjectsPass):
     """
 
     name = "transparent"
+    draws_solid, draws_blended = False, True
 
     def __init__(self, parts: PassParts) -> None:
         super().__init__(parts)
@@ -45,4 +46,4 @@ class TransparentPass(ObjectsPass):
 
     def record(self, commands: Commands) -> None:
         """Record the draws of this frame."""
-        commands.draw_groups(self.groups(self._draws.transparent), self._draws.binding)
+        commands.draw_groups(self.groups(self._draws.transparent), self._draws.transparent_binding)

@@ -28,6 +28,8 @@ class Backend:
     formats: Collection[str]
     """The formats that an image of the graph can have."""
     device: Any
+    plan: Plan
+    """The path of each feature, from `create` on."""
     data: SceneData
     pipelines: Pipelines
     frames: Any

@@ -56,7 +56,7 @@ class GlBackend(Backend):
 
     def create(self, scene: Scene, settings: Settings, plan: Plan, loading: Loading, pose: Pose) -> None:
         """Create frames, programs and the scene's data."""
-        context = self.device
+        context, self.plan = self.device, plan
         self.frames = Recordings(context)
         self.pipelines = Pipelines(context)
         anisotropy = settings.scene.anisotropy if plan.native("anisotropy") else 1.0

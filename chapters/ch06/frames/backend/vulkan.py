@@ -64,7 +64,7 @@ class VulkanBackend(Backend):
 
     def create(self, scene: Scene, settings: Settings, plan: Plan, loading: Loading, pose: Pose) -> None:
         """Create frames, pipelines and the scene's data."""
-        device, self._scene = self.device, scene
+        device, self._scene, self.plan = self.device, scene, plan
         self._queues = Queues(device, plan.native("async-compute") and settings.queues.async_compute)
         self.frames = QueueFrames(device, self._queues)
         self.resources = Resources(device, self._queues.families)

@@ -18,6 +18,8 @@ from ..types import Barrier, Touch
 STAGES: dict[str, int] = {
     "indirect": vk.VK_PIPELINE_STAGE_2_DRAW_INDIRECT_BIT,
     "vertex": vk.VK_PIPELINE_STAGE_2_VERTEX_SHADER_BIT,
+    "task": vk.VK_PIPELINE_STAGE_2_TASK_SHADER_BIT_EXT,
+    "mesh": vk.VK_PIPELINE_STAGE_2_MESH_SHADER_BIT_EXT,
     "fragment": vk.VK_PIPELINE_STAGE_2_FRAGMENT_SHADER_BIT,
     "compute": vk.VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT,
     "color": vk.VK_PIPELINE_STAGE_2_COLOR_ATTACHMENT_OUTPUT_BIT,

@@ -1,0 +1,58 @@
+// Tests each draw by the bounds of its instance, and counts the units of those that are left.
+//
+// Early phase: a draw is left if the last frame saw it. Late phase: it is left unless it is hidden behind the early ones.
+
+#include "culling/lists.glsl"
+#include "culling/counters.glsl"
+#include "culling/sums.glsl"
+#include "culling/tests.glsl"
+
+// Returns whether the draw is left, and counts why not.
+bool is_left(Draw draw, Instance instance) {
+    count(DRAWS_TESTED, 1u);
+    if ((draw.flags & ALWAYS) != 0u || CULLING == 0) {
+        return true;
+    }
+    Bounds bounds = bounds_of_instance(instance);
+    if (outside(bounds)) {
+        count(DRAWS_OUTSIDE, 1u);
+        return false;
+    }
+#if CULLING >= 3
+    bool history = (view.valid_histories & HISTORY_FRAME) != 0u;
+    bool is_hidden = PHASE == 0 ? history && seen[draw.instance] == 0u : hidden(bounds);
+    count(DRAWS_HIDDEN, is_hidden ? 1u : 0u);
+    return !is_hidden;
+#else
+    return true;
+#endif
+}
+
+void main() {
+    uint number = group_number() * 256u + gl_LocalInvocationIndex;
+    begin_counting();
+    uvec2 units = uvec2(0u);
+    if (number < sizes.counts.x) {
+        Draw draw = draws[number];
+        Instance instance = instances[draw.instance];
+        bool left = is_left(draw, instance);
+#if CULLING >= 3 && PHASE == 1
+        visible[draw.instance] = left ? 1u : 0u;
+#endif
+        units.y = left ? draw.units : 0u;
+#ifdef MESH_SHADERS
+        units = (draw.flags & WHOLE) != 0u ? units : units.yx;  // meshlets are for the task shaders
+#endif
+    }
+    uvec2 total;
+    uvec2 before = sum_before(units, total);
+    if (number < sizes.counts.x) {
+        offsets[offset_place(number)] = before;
+    }
+    if (gl_LocalInvocationIndex == 0u) {
+        uint word = draw_sum_word(group_number());
+        state[word] = total.x;
+        state[word + 1u] = total.y;
+    }
+    end_counting();
+}

@@ -1,0 +1,34 @@
+// The records and the pushed constants of culling; the layouts are those of culling/lists.py and meshlets/model.py.
+
+struct Draw {
+    uint instance;
+    uint first_meshlet;
+    uint units;
+    uint batch;
+    uint first_index;
+    uint index_count;
+    uint first_bit;
+    uint flags;
+};
+const uint WHOLE = 1u, ALWAYS = 2u, TWO_SIDED = 4u;
+
+struct Meshlet {
+    vec4 sphere;  // middle of the box, radius
+    vec3 extent;  // half the edges of the box
+    uint cone;
+    uint first_index;
+    uint counts;  // vertices | triangles << 8
+    uint data;
+    uint mesh;
+};
+
+struct Sizes {
+    uvec4 counts;  // draws, batches, whether it counts, first word of the counts of commands
+    uvec4 firsts;  // first word of the arguments of mesh draws, of the sums of draws, of the sums of units; blocks of draws
+    uvec4 more;    // phase; commands of a phase, or first draw of a batch; instances; first draw of the next batch
+};
+
+const uint PHASES = 2u, COUNTER_WORDS = 16u, ARGUMENT_WORDS = 16u, DRAWN = 0x80000000u;
+const uint DRAWS_TESTED = 0u, DRAWS_OUTSIDE = 1u, DRAWS_HIDDEN = 2u, UNITS_TESTED = 3u, UNITS_OUTSIDE = 4u,
+           UNITS_AWAY = 5u, UNITS_HIDDEN = 6u, UNITS_DRAWN = 7u, TRIANGLES_DRAWN = 8u, UNITS_DROPPED = 9u,
+           MESHLETS_DRAWN = 10u, COUNTERS = 11u;

@@ -1,0 +1,35 @@
+"""The knobs of culling."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+from common.settings import knob
+
+Mode = Literal["off", "frustum", "cone", "occlusion"]
+"""The tests of a frame. Each word includes the tests of the words before it."""
+
+Geometry = Literal["mesh", "compute", "classic"]
+"""What draws solid objects: mesh shaders, the meshlets that compute shaders select, or whole meshes."""
+
+
+@dataclass
+class CullingSettings:
+    """Which objects and meshlets a frame leaves out, and what draws the others."""
+
+    mode: str = knob(
+        "auto",
+        "tests of objects and meshlets, each word with those before it; auto: none in a small scene",
+        choices=("auto", *get_args(Mode)),
+        flat="culling",
+    )
+    geometry: str = knob(
+        "auto",
+        "mesh shaders, meshlets selected by compute, or whole meshes; auto: what the device draws fastest",
+        choices=("auto", *get_args(Geometry)),
+        flat="geometry",
+    )
+    frozen: bool = knob(
+        False, "whether culling keeps the view that it has now", live=True, flat="culling_frozen"
+    )
