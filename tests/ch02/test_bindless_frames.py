@@ -344,8 +344,9 @@ def test_triangles_side_by_side_each_show_their_own_texture(chapter):
     with chapter.open(scene, (64, 64), EXACT, outputs={"color_linear", "instance_id"}) as made:
         frame = made.render(facing(ev100=UNIT_EV100))
         ids, picture = frame.image("instance_id"), frame.image("color_linear")
+        phases = 1 + any(gpu_pass.name == "cull_late" for gpu_pass in made.passes)
     assert ids.min() > 0 and len(np.unique(ids)) == count
     expected = np.array([color(number)[:3] for number in wanted], np.float32)[ids - 1]
     assert np.array_equal(picture * 255, expected)
-    if frame.work["draws"] != frame.work["draw_calls"]:
-        assert frame.work["draw_calls"] == 2, "one for all triangles, one for their ids"
+    if made.plan.native("multi-draw"):
+        assert frame.work["draw_calls"] == 2 * phases, "one for all triangles, one for their ids"

@@ -34,7 +34,7 @@ void main() {
     uvec2 units = uvec2(0u);
     if (number < sizes.counts.x) {
         Draw draw = draws[number];
-        Instance instance = instances[draw.instance];
+        Instance instance = instance_of(draw.instance);
         bool left = is_left(draw, instance);
 #if CULLING >= 3 && PHASE == 1
         visible[draw.instance] = left ? 1u : 0u;

@@ -101,7 +101,8 @@ class CullingKernels:
             return
         names = LISTS if kind == "lists" else TRANSPARENT
         bind_buffer(self._context, "uniform", 0, self._buffer("view", slot))
-        for binding, name in enumerate(names[1:]):
+        self._backend.data.bind_instances(slot, len(names) - 1)
+        for binding, name in enumerate(names[2:], start=1):
             bind_buffer(self._context, "storage", binding, self._buffer(name, slot))
 
     def dispatch(self, commands: Commands, word: int) -> None:

@@ -71,9 +71,9 @@ def sizes_of(
 
 
 def cleared(size: int) -> NDArray[np.uint32]:
-    """Return the words that a buffer of `size` bytes begins with: 0, and at the end the largest number."""
+    """Return the words that a buffer of `size` bytes begins with: 0, and at the end more draws than any list has."""
     words = np.zeros(size // 4, np.uint32)
-    words[-1] = 0xFFFFFFFF
+    words[-1] = 1 << 24
     return words
 
 

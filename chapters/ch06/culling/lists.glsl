@@ -14,6 +14,10 @@ struct Instance {
 #include "instance.glsl"
 };
 layout(BIND(0, 1, 0), std430) readonly buffer Instances_ { Instance instances[]; };
+#ifdef INSTANCES_PER_PAGE
+layout(BIND(0, 13, 12), std430) readonly buffer More_instances_ { Instance more_instances[]; };
+#endif
+#include "scene/instance_of.glsl"
 layout(BIND(0, 2, 1), std430) readonly buffer Draws_ { Draw draws[]; };
 layout(BIND(0, 3, 2), std430) readonly buffer Batches_ {
     uvec4 batches[];  // first draw, first command, capacity

@@ -134,13 +134,14 @@ class CullingMemory:
         return phase * self.lists.commands + int(row["first_command"]), int(row["capacity"])
 
     def unlimited(self, records: Any) -> Counted | None:
-        """Return `records` with a number that is never reached.
+        """Return `records` with a number that is never reached; None where draws need no number.
 
         Mesa's software driver (25.0.7) takes the number of the last counted draw for later draws without one. So where
-        solid draws are counted, blended ones have a number, too.
+        solid draws are counted, blended ones have a number there, too.
         """
         counted = self._kernels.counted(self.lists.state.words - 1)
-        return counted._replace(records=records) if counted.is_native else None
+        confused = counted.is_native and self._backend.device.capabilities.is_software
+        return counted._replace(records=records) if confused else None
 
     def target(self, slot: int) -> Any:
         """Return the draw commands of blended objects."""

@@ -9,6 +9,7 @@ and sets the barriers between them, in a frame and from frame to frame.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -32,8 +33,14 @@ TRANSPARENT = "draws_transparent"
 STATE = "culling_state"
 """What the frame sees, for the next one, and the counters."""
 
-_READ = Touch("", frozenset({"indirect", "task", "compute"}), frozenset({"indirect", "storage_read"}))
-_STORED = Touch("", frozenset({"compute", "task"}), frozenset({"storage_read", "storage_write"}), writes=True)
+_READ = Touch("", frozenset({"indirect", "compute"}), frozenset({"indirect", "storage_read"}))
+_STORED = Touch("", frozenset({"compute"}), frozenset({"storage_read", "storage_write"}), writes=True)
+
+
+def _left(touch: Touch, memory: CullingMemory) -> Touch:
+    """Return the last touch of the frame before, also by task shaders if there are any."""
+    tasks = {"task"} if memory.choice.geometry == "mesh" else set()
+    return replace(touch, stages=touch.stages | tasks)
 
 
 class CullingPass(Pass):
@@ -63,9 +70,9 @@ class CullPass(CullingPass):
         self.phase = phase
         self.name = ("cull", "cull_late")[phase]
         self.writes = (Access(DRAWS[phase], "storage", bytes=4),)
-        self.externals = {DRAWS[phase]: External(None, None, _READ, bytes=4)}
+        self.externals = {DRAWS[phase]: External(None, None, _left(_READ, memory), bytes=4)}
         if phase == EARLY:
-            self.externals |= {STATE: External(None, None, _STORED, bytes=4)}
+            self.externals |= {STATE: External(None, None, _left(_STORED, memory), bytes=4)}
         else:
             self.reads = (Access(PYRAMIDS[0], "storage"), Access(DRAWS[EARLY], "storage"))
 
@@ -114,7 +121,9 @@ class DepthPyramidPass(CullingPass):
         self.reads = (Access(depth, "sampled"),)
         before = {"of": PYRAMIDS[0]} if number else {}
         self.writes = (Access(PYRAMIDS[number], "storage", bytes=4, **before),)  # type: ignore[arg-type]
-        self.externals = {} if number else {PYRAMIDS[0]: External(None, None, _STORED, bytes=4)}
+        self.externals = (
+            {} if number else {PYRAMIDS[0]: External(None, None, _left(_STORED, memory), bytes=4)}
+        )
 
     def record(self, commands: Commands) -> None:
         """Record one dispatch for every six levels."""

@@ -65,11 +65,11 @@ class PyramidLayout:
     @property
     def reductions(self) -> tuple[Reduction, ...]:
         """The dispatches that fill the buffer, each of which reads what the one before wrote; two up to 4096 pixels."""
-        found = []
+        dispatches = []
         for source in range(0, len(self.levels), STEP):
             width, height = self.extent(source)
-            found.append(Reduction(source, (-(-width // TILE), -(-height // TILE))))
-        return tuple(found)
+            dispatches.append(Reduction(source, (-(-width // TILE), -(-height // TILE))))
+        return tuple(dispatches)
 
     def extent(self, level: int) -> tuple[int, int]:
         """Return (width, height) of a level; level 0 is the picture."""

@@ -16,7 +16,7 @@ void main() {
     if (number < state[argument_word() + 3u]) {
         owner = draw_of(number);
         Draw draw = draws[owner];
-        drawn = draws_unit(draw, instances[draw.instance], number - first_unit(owner));
+        drawn = draws_unit(draw, instance_of(draw.instance), number - first_unit(owner));
     }
     uvec2 total;
     uvec2 before = sum_before(uvec2(drawn ? 1u : 0u, 0u), total);

@@ -119,7 +119,10 @@ class CullingKernels:
         self._bound = dict(zip(keys, handles, strict=True))
 
     def _table(self, names: tuple[str, ...], slot: int) -> dict[int, Held]:
-        return {binding: self._buffer(name, slot) for binding, name in enumerate(names)}
+        held: dict[int, Held] = {binding: self._buffer(name, slot) for binding, name in enumerate(names)}
+        if "instances" in names:
+            held |= self._backend.data.held_instances(slot, names.index("instances"), len(names))
+        return held
 
     def _depths(self, slot: int, depth: str) -> dict[int, Held]:
         image = self._backend.executor.images.image(slot, depth)

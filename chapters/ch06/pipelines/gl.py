@@ -24,10 +24,10 @@ CHAPTER = Path(__file__).resolve().parents[1]
 
 
 class Pipelines:
-    """Builds pipelines at their first use and keeps them."""
+    """Builds pipelines at their first use and keeps them. All shaders get the additional `defines`."""
 
-    def __init__(self, context: Context) -> None:
-        self._context = context
+    def __init__(self, context: Context, defines: Sequence[tuple[str, int | float | str]] = ()) -> None:
+        self._context, self._defines = context, defines
         self._programs = Programs(context)
         self._built: dict[Described, Built] = {}
         self.no_vertices = create_vertex_array(context, [], None, None, "no vertices")
@@ -50,12 +50,10 @@ class Pipelines:
         computes = isinstance(described, ComputeDescription)
         return group_of(self._context, program) if computes else (1, 1, 1)
 
-    @staticmethod
-    def _sources(described: Described) -> list[ShaderSource]:
+    def _sources(self, described: Described) -> list[ShaderSource]:
+        defines = dict((*described.defines, *self._defines))
         return [
-            shader_text.build(
-                CHAPTER / file, "gl", roots=(CHAPTER,), defines=dict(described.defines), snippets=SNIPPETS
-            )
+            shader_text.build(CHAPTER / file, "gl", roots=(CHAPTER,), defines=defines, snippets=SNIPPETS)
             for file in described.shaders
         ]
 

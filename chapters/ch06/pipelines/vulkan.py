@@ -38,7 +38,10 @@ _ALL_CHANNELS = (
 )
 
 
-def source_of(file: str, defines: Sequence[tuple[str, int | float | str]]) -> shader_text.ShaderSource:
+Defines = Sequence[tuple[str, int | float | str]]
+
+
+def source_of(file: str, defines: Defines) -> shader_text.ShaderSource:
     """Return one of the chapter's shaders, ready for the compiler.
 
     A shader that includes the array of all textures gets the GLSL extension of `nonuniformEXT`. The extension has to
@@ -55,10 +58,16 @@ def source_of(file: str, defines: Sequence[tuple[str, int | float | str]]) -> sh
 
 
 class Pipelines:
-    """Builds pipelines at their first use and keeps them."""
+    """Builds pipelines at their first use and keeps them. All shaders get the additional `defines`."""
 
-    def __init__(self, device: Device, cache: PipelineCache | None = None, capacity: int = CAPACITY) -> None:
-        self._device, self._cache = device, cache
+    def __init__(
+        self,
+        device: Device,
+        cache: PipelineCache | None = None,
+        capacity: int = CAPACITY,
+        defines: Defines = (),
+    ) -> None:
+        self._device, self._cache, self._defines = device, cache, defines
         self._built: dict[Described, Built] = {}
         self.layouts = Layouts(device, capacity)
 
@@ -81,7 +90,8 @@ class Pipelines:
 
     def _compile(self, descriptions: Sequence[Described], keep: bool = True) -> list[Stages]:
         sources = [
-            [source_of(file, described.defines) for file in described.shaders] for described in descriptions
+            [source_of(file, (*described.defines, *self._defines)) for file in described.shaders]
+            for described in descriptions
         ]
         return compile_stages(sources, keep)
 

@@ -28,7 +28,16 @@ class Texture:
     layout: int = vk.VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL
 
 
-Held = Buffer | Texture | Sequence[Texture]
+@dataclass(frozen=True)
+class Part:
+    """A part of a buffer, from byte `offset` on."""
+
+    buffer: Buffer
+    offset: int
+    size: int
+
+
+Held = Buffer | Part | Texture | Sequence[Texture]
 """The content of a binding; several textures for an array of them."""
 
 
@@ -106,11 +115,10 @@ class Descriptors:
             "descriptorType": TYPES[binding.kind],
         }
         if isinstance(content, Buffer):
-            return vk.new(
-                "VkWriteDescriptorSet",
-                pBufferInfo=[{"buffer": content.handle, "range": content.size}],
-                **target,
-            )
+            content = Part(content, 0, content.size)
+        if isinstance(content, Part):
+            info = {"buffer": content.buffer.handle, "offset": content.offset, "range": content.size}
+            return vk.new("VkWriteDescriptorSet", pBufferInfo=[info], **target)
         images = [
             {
                 "sampler": descriptor.sampler,

@@ -23,7 +23,7 @@ from ..shading import views
 from . import geometry, packing, pages
 from .draw_lists import COMMAND
 from .packing import Variant
-from .records import Records, Slot
+from .records import RECORD_BYTES, Records, Slot, instance_parts
 from .textures import texels
 from .textures.reads import uses
 
@@ -63,9 +63,16 @@ class SceneData:
         self.texture_work: dict[str, int] = {}
         self._kinds: Any = None
         self._materials_seen = -1
+        self.instance_parts = instance_parts(len(scene.instances), limits[1])
         # These two refuse what cannot be drawn, before anything is made that would be left behind.
         self._choose_variants()
         self._plan_geometry()
+
+    @property
+    def defines(self) -> tuple[tuple[str, int], ...]:
+        """The defines of all shaders: how many records of instances are in the first binding, if there are two."""
+        (_, first), *more = self.instance_parts
+        return (("INSTANCES_PER_PAGE", first // RECORD_BYTES),) if more else ()
 
     def _choose_variants(self) -> None:
         # First: an edit that cannot be followed says so until another one mends it.

@@ -48,6 +48,9 @@ from .textures import texels
 from .textures.arrays import ArrayTexture
 from .textures.reads import image_roles, uses
 
+MORE_INSTANCES = 12
+"""The storage block of the rest of the instances (scene.glsl)."""
+
 
 @dataclass(kw_only=True)
 class _Slot(records.Slot):
@@ -255,7 +258,7 @@ class GlSceneData(SceneData):
         """Bind what all draws of a frame read; the numbers are those of scene.glsl."""
         held, context = self.slots[slot], self._context
         bind_buffer(context, "uniform", 0, held.frame)  # type: ignore[arg-type]
-        bind_buffer(context, "storage", 0, held.instances)  # type: ignore[arg-type]
+        self.bind_instances(slot, MORE_INSTANCES)
         bind_buffer(context, "storage", 1, self._meshes)
         bind_buffer(context, "storage", 2, held.materials)  # type: ignore[arg-type]
         if held.lights is not None:
@@ -267,6 +270,11 @@ class GlSceneData(SceneData):
                 (maps.radiance, maps.irradiance, maps.table), start=ENVIRONMENT_UNIT
             ):
                 bind_texture(context, unit, image.view, sampler)
+
+    def bind_instances(self, slot: int, more: int) -> None:
+        """Bind the records of instances of a slot to storage block 0, and to block `more` if there are two parts."""
+        for binding, (offset, size) in zip((0, more), self.instance_parts, strict=False):
+            bind_buffer(self._context, "storage", binding, self.slots[slot].instances, offset, size)  # type: ignore[arg-type]
 
     def page_buffer(self, slot: int, page: int) -> Buffer:
         """Return a page of geometry as slot number `slot` draws it."""

@@ -8,6 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from common import layouts
+from common.errors import SceneError
 from common.scene import Change, Pose, Scene
 
 from . import packing
@@ -34,6 +35,25 @@ class Slot:
     lights: Mapped | None
     commands: Mapped
     written: dict[str, Any] = field(default_factory=dict)
+
+
+RECORD_BYTES = layouts.dtype("Instance").itemsize
+
+
+def instance_parts(count: int, most: int) -> list[tuple[int, int]]:
+    """Return (offset, bytes) of each part of the records of `count` instances, for bindings of at most `most` bytes.
+
+    There are one or two. Parts begin at multiples of 256 bytes, as any device allows. Raises SceneError for more.
+    """
+    size, whole = max(1, count) * RECORD_BYTES, most // (4 * RECORD_BYTES) * 4 * RECORD_BYTES
+    if size <= whole:
+        return [(0, size)]
+    if size > 2 * whole:
+        raise SceneError(
+            f"This scene has {count} instances, and shaders of this device see {2 * whole // RECORD_BYTES}: merge "
+            "some of its meshes."
+        )
+    return [(0, whole), (whole, size - whole)]
 
 
 def buffer_sizes(scene: Scene) -> dict[str, int]:

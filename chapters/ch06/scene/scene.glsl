@@ -12,6 +12,10 @@ struct Instance {
 #include "instance.glsl"
 };
 layout(BIND(0, 1, 0), std430) readonly buffer Instances_ { Instance instances[]; };
+#ifdef INSTANCES_PER_PAGE
+layout(BIND(0, 8, 12), std430) readonly buffer More_instances_ { Instance more_instances[]; };
+#endif
+#include "scene/instance_of.glsl"
 
 struct Mesh {
     uvec4 streams[2];  // the first word of each vertex stream in the mesh's page, in the order of scene/geometry.py

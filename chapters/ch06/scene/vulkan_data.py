@@ -31,7 +31,7 @@ from ..frames.frame import SLOTS
 from ..frames.vulkan_resources import Resources
 from ..loading.loading import Loading
 from ..loading.vulkan_geometry import GeometryCopies
-from ..pipelines.vulkan_descriptors import Descriptors, Held, Texture
+from ..pipelines.vulkan_descriptors import Descriptors, Held, Part, Texture
 from ..pipelines.vulkan_layouts import SetLayout
 from ..settings import Settings
 from ..shading import views
@@ -47,8 +47,8 @@ FRAME, PAGE, TEXTURES = 0, 1, 2
 COMPUTED = 4  # set 0 as compute has it: a set fits only layouts that are open to the same stages
 """Numbers of the sets: what a frame reads, a page of geometry, the textures (scene, vertices and textures.glsl)."""
 
-ENVIRONMENT_BINDING = 5
-"""The first of the three bindings of the environment in the frame's set (scene.glsl)."""
+ENVIRONMENT_BINDING, MORE_INSTANCES = 5, 8
+"""In the frame's set (scene.glsl): the first of the three bindings of the environment, the rest of the instances."""
 
 
 @dataclass(kw_only=True)
@@ -165,7 +165,9 @@ class VulkanSceneData(SceneData):
             materials=make(sizes["materials"], storage, "materials"),
             lights=self._make_lights(index) if self.lit else None,
             commands=make(
-                len(scene.instances) * COMMAND.itemsize, vk.VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT, "draws"
+                len(scene.instances) * COMMAND.itemsize,
+                vk.VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT | storage,  # culling reads those of blended objects
+                "draws",
             ),
             staging=staging,
         )
@@ -195,7 +197,7 @@ class VulkanSceneData(SceneData):
             for index, slot in enumerate(self.slots):
                 held: dict[int, Held] = {
                     0: slot.frame,
-                    1: slot.instances,
+                    **self.held_instances(index, 1, MORE_INSTANCES),
                     2: buffers.get(self._meshes),
                     3: slot.materials,
                     **far,
@@ -241,6 +243,12 @@ class VulkanSceneData(SceneData):
     def textures_of(self) -> np.ndarray:
         """(M,) number of the set that holds each material's textures."""
         return self._textures.set_of
+
+    def held_instances(self, slot: int, first: int, more: int) -> dict[int, Held]:
+        """Return the records of instances of a slot for binding `first`, and for binding `more` if there are two."""
+        buffer = self.slots[slot].instances
+        parts = [Part(buffer, *part) for part in self.instance_parts]
+        return dict(zip((first, more), parts, strict=False))
 
     def binding(self, slot: int) -> SceneBinding:
         """Return the slot's descriptor set, None where nothing of the scene is drawn, and its list of draws."""

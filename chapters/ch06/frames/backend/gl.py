@@ -58,9 +58,9 @@ class GlBackend(Backend):
         """Create frames, programs and the scene's data."""
         context, self.plan = self.device, plan
         self.frames = Recordings(context)
-        self.pipelines = Pipelines(context)
         anisotropy = settings.scene.anisotropy if plan.native("anisotropy") else 1.0
         self.data = GlSceneData(context, scene, settings, anisotropy, loading)
+        self.pipelines = Pipelines(context, self.data.defines)
         self.workers = Workers(settings.frames.recording_threads)
         multi_draw = plan.native("multi-draw")
         self.commands = open_commands(context, self.pipelines, multi_draw, self.workers, settings.frames)

@@ -80,7 +80,7 @@ class VulkanBackend(Backend):
         )
         rehearse(loading, device, self.frames.slots, self.data, pose)
         self._cache = PipelineCache.on_disk(device)
-        self.pipelines = Pipelines(device, self._cache, self.data.slot_count or CAPACITY)
+        self.pipelines = Pipelines(device, self._cache, self.data.slot_count or CAPACITY, self.data.defines)
         poisoned = ["copy_target"] * (settings.graph.poison != "off")
         self.memory = GraphMemory(device, poisoned, self._queues.families)
         self.requirement = self.memory.requirement
