@@ -28,7 +28,11 @@ from common.paths import ROOT
 Backend = Literal["vulkan", "gl"]
 Constant = int | float | bool | str
 
-STAGES = ("vert", "frag", "comp", "mesh", "task", "rgen", "rchit", "rahit", "rmiss", "rint", "rcall")
+STAGES = (
+    *("vert", "tesc", "tese", "geom", "frag"),
+    *("comp", "mesh", "task"),
+    *("rgen", "rchit", "rahit", "rmiss", "rint", "rcall"),
+)
 """File suffixes, which are also the compilers' names of the stages."""
 
 SHADERS = ROOT / "shaders"

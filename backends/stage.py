@@ -167,6 +167,10 @@ class Stage(ABC):
     def read_timings(self, slot: Any) -> dict[str, float]:
         """Return GPU milliseconds of the slot's frame."""
 
+    def read_told(self, slot: Any) -> dict[str, int]:
+        """Return the counters that the GPU wrote in the slot's frame, after a wait for it; most studies have none."""
+        return {}
+
     @abstractmethod
     def _wait(self) -> None:
         """Wait for all frames."""

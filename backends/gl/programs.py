@@ -20,9 +20,18 @@ from backends.shader_interface import Interface, misfit, refusal
 from backends.shader_text import ShaderSource, describe_errors
 from common.errors import ShaderError
 
-_ARGUMENTS = {"vert": "vertex_shader", "frag": "fragment_shader"}
+_ARGUMENTS = {
+    "vert": "vertex_shader",
+    "tesc": "tess_control_shader",
+    "tese": "tess_evaluation_shader",
+    "geom": "geometry_shader",
+    "frag": "fragment_shader",
+}
 _REFERENCED = {
     "vert": gl.GL_REFERENCED_BY_VERTEX_SHADER,
+    "tesc": gl.GL_REFERENCED_BY_TESS_CONTROL_SHADER,
+    "tese": gl.GL_REFERENCED_BY_TESS_EVALUATION_SHADER,
+    "geom": gl.GL_REFERENCED_BY_GEOMETRY_SHADER,
     "frag": gl.GL_REFERENCED_BY_FRAGMENT_SHADER,
     "comp": gl.GL_REFERENCED_BY_COMPUTE_SHADER,
 }
@@ -57,7 +66,7 @@ class Programs:
         return len(self._made)
 
     def get(self, sources: Sequence[ShaderSource], name: str = "") -> Program:
-        """Return the program of these stages: a vertex and a fragment shader, a vertex shader alone, or one of compute.
+        """Return the program of these stages: a vertex shader, alone or with those that follow it, or one of compute.
 
         The sources were built for "gl". Raises ShaderError with file, line, caret and chain of includes, also for a
         stage that uses more than 12 storage buffers or 16 samplers.

@@ -29,6 +29,20 @@ PAYLOAD = "layout(location = 0) rayPayloadInEXT vec3 payload;\n"
 SHADERS: dict[str, tuple[list[str], str]] = {
     # stage: (extensions, text); each uses something that only its stage has
     "vert": ([], "void main() { gl_Position = vec4(VERTEX_ID, INSTANCE_ID, 0, 1); }"),
+    "tesc": (
+        [],
+        "layout(vertices = 3) out;\n"
+        "void main() { gl_TessLevelInner[0] = 2.0; gl_TessLevelOuter[gl_InvocationID] = 3.0; }",
+    ),
+    "tese": (
+        [],
+        "layout(triangles, equal_spacing, ccw) in;\nvoid main() { gl_Position = vec4(gl_TessCoord, 1); }",
+    ),
+    "geom": (
+        [],
+        "layout(triangles) in;\nlayout(points, max_vertices = 1) out;\n"
+        "void main() { gl_Position = gl_in[2].gl_Position; EmitVertex(); }",
+    ),
     "frag": (
         [],
         "layout(location = 0) out vec4 o;\nvoid main() { o = gl_FragCoord * dFdx(gl_FragCoord.x); }",
@@ -113,8 +127,8 @@ def test_every_stage_compiles_to_spirv_1_6(stage: str) -> None:
     assert magic == MAGIC == 0x07230203
     assert version == 0x00010600
     # OpEntryPoint (15) names the execution model: SPIR-V specification, 3.3.
-    models = {"vert": 0, "frag": 4, "comp": 5, "task": 5364, "mesh": 5365, "rgen": 5313, "rint": 5314}
-    models |= {"rahit": 5315, "rchit": 5316, "rmiss": 5317, "rcall": 5318}
+    models = {"vert": 0, "tesc": 1, "tese": 2, "geom": 3, "frag": 4, "comp": 5, "task": 5364, "mesh": 5365}
+    models |= {"rgen": 5313, "rint": 5314, "rahit": 5315, "rchit": 5316, "rmiss": 5317, "rcall": 5318}
     assert entry_models(code) == [models[stage]]
 
 

@@ -25,6 +25,8 @@ ALL = (
     "glDrawArrays",
     "glDrawElementsBaseVertex",
     "glDrawArraysInstanced",
+    "glMultiDrawElementsIndirect",
+    "glMultiDrawElementsIndirectCountARB",
 )
 
 

@@ -36,6 +36,7 @@ from tests.support.pacing import listed, number, values
 
 STAGES = {
     "VERTEX_SHADER": "vertex",
+    "GEOMETRY_SHADER": "geometry",
     "FRAGMENT_SHADER": "fragment",
     "COMPUTE_SHADER": "compute",
     "COLOR_ATTACHMENT_OUTPUT": "color",

@@ -149,6 +149,7 @@ void glBindVertexArray(GLuint array);
 
 // Work
 void glUseProgram(GLuint program);
+void glPatchParameteri(GLenum pname, GLint value);
 void glDrawArrays(GLenum mode, GLint first, GLsizei count);
 void glDrawArraysInstanced(GLenum mode, GLint first, GLsizei count, GLsizei instancecount);
 void glDrawElementsBaseVertex(GLenum mode, GLsizei count, GLenum type, const void *indices, GLint

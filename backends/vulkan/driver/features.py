@@ -85,6 +85,7 @@ OPTIONAL: dict[str, Requirement] = {
 EXTRA_BITS: tuple[tuple[str, str], ...] = (
     # Enabled where they are there; nothing takes another path without them.
     (CORE, "geometryShader"),  # for gl_PrimitiveID in fragment shaders
+    (CORE, "tessellationShader"),
     (CORE, "independentBlend"),
     (CORE, "imageCubeArray"),
     (CORE, "drawIndirectFirstInstance"),

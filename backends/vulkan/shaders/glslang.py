@@ -24,6 +24,9 @@ from common.errors import UnsupportedError
 # Values of glslang's headers (Include/glslang_c_shader_types.h), the same since glslang 11.
 _STAGES = {
     "vert": 0,
+    "tesc": 1,
+    "tese": 2,
+    "geom": 3,
     "frag": 4,
     "comp": 5,
     "rgen": 6,
