@@ -92,7 +92,8 @@ def describe(choice: Choice, samples: int) -> dict[str, ComputeDescription]:
     kernels["scan units"] = ComputeDescription("culling/scan.comp", (("UNITS", 1),), name="sums of units")
     kernels["commands"] = ComputeDescription("culling/commands.comp", mesh, name="draw commands")
     kernels["clear"] = ComputeDescription("culling/clear.comp", name="no draw commands")
-    kernels["finish"] = ComputeDescription("culling/finish.comp", name="counters")
+    kernels["begin"] = ComputeDescription("culling/counters.comp", name="counters at 0")
+    kernels["tell"] = ComputeDescription("culling/counters.comp", (("TELL", 1),), name="counters for the CPU")
     return kernels
 
 

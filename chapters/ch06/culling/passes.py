@@ -79,6 +79,8 @@ class CullPass(CullingPass):
     def record(self, commands: Commands) -> None:
         """Record the kernels of the phase, with a barrier before each that reads results of an earlier one."""
         memory = self._memory
+        if self.phase == EARLY:
+            memory.run(commands, "begin", self.phase)
         memory.run(commands, f"draws {self.phase}", self.phase, over=len(memory.lists.draws))
         memory.run(commands, "scan draws", self.phase)
         memory.run(commands, f"units {self.phase}", self.phase, word=0)
@@ -96,7 +98,7 @@ class CullCountersPass(CullingPass):
 
     def record(self, commands: Commands) -> None:
         """Record one work group."""
-        self._memory.run(commands, "finish", EARLY)
+        self._memory.run(commands, "tell", EARLY)
         self._memory.finish(commands)
 
 
