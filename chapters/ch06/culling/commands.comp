@@ -13,7 +13,11 @@ void main() {
             uint position = drawn_before(number) - drawn_before(first_unit(batch.x));
             if (position < batch.z) {
                 uint unit = number - first_unit(place.y);
-                uint first = draw.first_index, indices = draw.index_count;
+                uint first = draw.first_index, indices = draw.index_count, offset = 0u;
+#ifdef UNIT_CODE
+                bool whole = (draw.flags & WHOLE) != 0u;
+                offset = (whole ? phase() * 64u : unit_code(phase(), draw.first_meshlet + unit)) << 24;
+#endif
                 if ((draw.flags & WHOLE) == 0u) {
                     Meshlet meshlet = meshlets[draw.first_meshlet + unit];
                     first += meshlet.first_index;
@@ -24,7 +28,7 @@ void main() {
                 commands[word] = indices;
                 commands[word + 1u] = 1u;
                 commands[word + 2u] = first;
-                commands[word + 3u] = 0u;
+                commands[word + 3u] = offset;
                 commands[word + 4u] = draw.instance;
             }
         }

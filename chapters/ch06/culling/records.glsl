@@ -28,6 +28,12 @@ struct Sizes {
     uvec4 more;    // phase; commands of a phase, or first draw of a batch; instances; first draw of the next batch
 };
 
+// What views know of a unit, in 7 bits: 0 for a whole mesh, and 1 to 63 for a meshlet, by its number; 64 more in the late
+// phase. A draw command has them as bits 24 to 30 of its vertex offset, above the number of a vertex: a page of 128 MiB
+// has at most 11.2 million positions of 12 bytes, less than 2^24. Bit 31 stays 0, since OpenGL leaves open what a number
+// of a vertex below 0 is.
+uint unit_code(uint phase, uint meshlet) { return phase * 64u + 1u + meshlet % 63u; }
+
 const uint PHASES = 2u, COUNTER_WORDS = 16u, ARGUMENT_WORDS = 16u, DRAWN = 0x80000000u;
 const uint DRAWS_TESTED = 0u, DRAWS_OUTSIDE = 1u, DRAWS_HIDDEN = 2u, UNITS_TESTED = 3u, UNITS_OUTSIDE = 4u,
            UNITS_AWAY = 5u, UNITS_HIDDEN = 6u, UNITS_DRAWN = 7u, TRIANGLES_DRAWN = 8u, UNITS_DROPPED = 9u,

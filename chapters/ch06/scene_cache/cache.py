@@ -34,9 +34,11 @@ from common.scene import EncodedImage, Image, Scene
 from common.scene.images import Pixels
 
 from ..loading.loading import beside_geometry, threads_at_most
+from ..meshlets.scene import begin_meshlets
 from ..scene.material_types import index_offsets, material_ranges, mesh_ranges
 from . import sources as scene_sources
 from .images import CachedImage, Source, chain_record, compress, image_uses, is_compressible
+from .meshlets import read_meshlets, store_meshlets
 from .records import put_together, take_apart
 from .sections import DamagedError, SectionFile, SectionWriter
 
@@ -58,7 +60,10 @@ _PARTS = (
     "scene_cache/cache.py",
     "scene_cache/records.py",
     "scene_cache/images.py",
+    "scene_cache/meshlets.py",
     "scene_cache/sections.py",
+    "meshlets/*.py",
+    "cloth/fields.py",
     "scene/material_types.py",
     "scene/textures/reads.py",
     "scene/textures/texels.py",
@@ -90,6 +95,7 @@ def open_scene(
     began = time.perf_counter()
     if not cached:
         scene = load_scene(path, progress, decode=False, ahead=beside_geometry())
+        begin_meshlets(scene)
         return Opened(scene, f"loaded {path.name} {_since(began)}, without a cache")
     target = cache_file(path, compressed)
     try:
@@ -111,6 +117,7 @@ def open_scene(
         states.setdefault(name, scene_sources.state_of(path.parent / name, path.parent))
 
     scene = load_scene(path, progress, decode=False, ahead=beside_geometry(), opened=opened)
+    begin_meshlets(scene)
     told = f"loaded {path.name} {_since(began)}, since {why}"
     if cache_dir(FOLDER) is None:
         return Opened(scene, told)
@@ -182,6 +189,7 @@ def read_cache(target: Path, path: Path, compressed: bool = False) -> Scene:
         scene = put_together(about["scene"], file.array, images, path)
         if not same_types(sorted_types(scene), about["types"]):
             raise CacheMiss("its cache has other material types than it")
+        read_meshlets(scene, about["meshlets"], file.array)
     except FileNotFoundError:
         raise CacheMiss("it had no cache") from None
     except OSError as error:
@@ -233,6 +241,7 @@ class Writer:
         self._thread: threading.Thread | None = None
         self._ending: threading.Thread | None = None
         self._plain = list(scene.images)
+        self._meshlets = partial(store_meshlets, scene)
         self._uses = image_uses(scene)
         self._unclaimed, self._missing = set(self._uses), len(self._uses)
         self._records: list[dict[str, Any]] = [
@@ -344,6 +353,7 @@ class Writer:
         try:
             sources = scene_sources.record(self._folder, self._states)
             texts = {"sources": json.dumps(sources), "images": json.dumps(self._records)}
+            self._about["meshlets"] = self._meshlets(self._file.add)
             with self._lock:
                 if self._over.is_set():
                     return

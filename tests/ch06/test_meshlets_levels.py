@@ -1,0 +1,103 @@
+"""Levels of detail as meshes of a view: ranges, vertices and errors against the levels themselves."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+
+from chapters.ch06.meshlets.build import build_meshlets
+from chapters.ch06.meshlets.lods import MAX_LEVELS, with_levels
+from common.errors import UserError
+from common.mesh.lods import Level
+from common.mesh.metrics import hausdorff
+from common.scene import Deformation, Material
+from tests.support.meshes import grid, scene_of
+from tests.support.meshlet_surfaces import placed, triangles_of
+
+GRID = grid(26, 26, height=0.15)
+
+
+def positions_of(scene, mesh):
+    row = scene.meshes[mesh]
+    return scene.positions[row["first_vertex"] : row["first_vertex"] + row["vertex_count"]]
+
+
+@pytest.mark.needs("meshoptimizer")
+def test_levels_are_further_meshes_over_the_same_vertices():
+    scene = scene_of(grid(3, 3), GRID, drawn=(1,))
+    before = scene.indices.tobytes()
+    levels = with_levels(scene)
+    view, number = levels.scene, int(levels.counts[1])
+    assert scene.indices.tobytes() == before == view.indices[: len(scene.indices)].tobytes()
+    assert (view.meshes[:2] == scene.meshes).all() and view.instances is scene.instances
+    assert view.positions is scene.positions and (view.origin == scene.origin).all()
+    assert levels.counts.tolist() == [1, number] and 2 < number < MAX_LEVELS
+    assert levels.meshes.shape == levels.errors.shape == (2, 8) and len(view.meshes) == 1 + number
+    assert levels.meshes[0].tolist() == [0] * 8 and not levels.errors[0].any()
+    assert levels.meshes[1].tolist() == [1, *range(2, 1 + number), *[number] * (8 - number)]
+    assert view.mesh_names[2:4] == ["mesh 1 level 1", "mesh 1 level 2"]
+    counts = view.meshes["index_count"][levels.meshes[1, :number]].astype(int)
+    assert (counts[1:] <= 0.6 * counts[:-1]).all() and (counts % 3 == 0).all()
+    for name in ("first_vertex", "vertex_count", "material", "bounds_min", "bounds_max"):
+        assert (view.meshes[name][2:] == scene.meshes[name][1]).all()
+    ends = view.meshes["first_index"].astype(int) + view.meshes["index_count"]
+    assert (view.meshes["first_index"][1:] == ends[:-1]).all() and ends[-1] == len(view.indices)
+    known = {
+        tuple(place) for place in positions_of(scene, 1)[triangles_of(scene, 1, scene.indices)].reshape(-1, 3)
+    }
+    for mesh in range(2, len(view.meshes)):
+        used = positions_of(view, mesh)[triangles_of(view, mesh, view.indices)].reshape(-1, 3)
+        assert {tuple(place) for place in used} <= known
+
+
+@pytest.mark.needs("meshoptimizer")
+def test_errors_are_lengths_of_the_object_and_never_fall():
+    large, small = (with_levels(scene_of(placed(GRID, scale))) for scale in (64.0, 0.25))
+    assert (large.counts == small.counts).all()
+    assert large.errors == pytest.approx(256 * small.errors, rel=1e-5)
+    errors, number = large.errors[0], int(large.counts[0])
+    assert errors[0] == 0 and (np.diff(errors) >= 0).all() and (errors[number:] == errors[number - 1]).all()
+    assert errors[1] > 0 and errors[number - 1] <= 0.02 * 64 * (1 + 1e-6)
+    view = large.scene
+    for level in range(1, number):
+        mesh = int(large.meshes[0, level])
+        surfaces = (triangles_of(view, row, view.indices).reshape(-1) for row in (0, mesh))
+        a, b = (part for part in surfaces)
+        apart = hausdorff(view.positions, a, view.positions, b, 300, 99)
+        assert apart <= 1.3 * errors[level]  # by other samples than its own
+
+
+def test_meshes_with_level_0_alone(monkeypatch):
+    """Deforming, blended and small meshes; meshes of equal geometry share the indices of their levels."""
+    asked = []
+
+    def chain(scene, mesh, further):
+        asked.append(mesh)
+        own = triangles_of(scene, mesh, scene.indices).reshape(-1)
+        return [Level(own, 0, 0), Level(own[:600], 0, 0.02), Level(own[:90], 0, 0.01)]
+
+    monkeypatch.setattr("chapters.ch06.meshlets.lods.lod_chain", chain)
+    monkeypatch.setattr("chapters.ch06.meshlets.lods.meshoptimizer", lambda use: None)
+    kinds = (Material(), Material(alpha_mode="blend"))
+    scene = scene_of(GRID, GRID, GRID, grid(9, 9), GRID, kinds=kinds, materials=(0, 1, 0, 0, 0))
+    for name in ("first_vertex", "first_index"):
+        scene.meshes[name][4] = scene.meshes[name][0]
+    scene.deformations.append(Deformation(2, 0))
+    levels = with_levels(scene)
+    assert asked == [0] and levels.counts.tolist() == [3, 1, 1, 1, 3]
+    view = levels.scene
+    assert levels.meshes[:, :4].tolist() == [[0, 5, 6, 6], *[[n] * 4 for n in (1, 2, 3)], [4, 7, 8, 8]]
+    assert len(view.indices) == len(scene.indices) + 690
+    assert (view.meshes["first_index"][[5, 6]] == view.meshes["first_index"][[7, 8]]).all()
+    assert levels.errors[0, :3].tolist() == pytest.approx([0, 0.02, 0.02])  # the longest side is 1
+    # The views of levels are cut into meshlets as any scene: what fits into one takes the classic path.
+    ranges = build_meshlets(view).ranges[:, 1] > 0
+    assert ranges.tolist() == [True, False, False, True, True, True, False, True, False]
+
+
+def test_without_the_package_it_is_one_sentence(monkeypatch):
+    monkeypatch.setitem(sys.modules, "meshoptimizer", None)
+    with pytest.raises(UserError, match=r"^making levels of detail needs the package meshoptimizer"):
+        with_levels(scene_of(grid(2, 2)))
