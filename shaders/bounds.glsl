@@ -1,9 +1,9 @@
 // The tests of culling: whether a sphere or a box is outside of the view, faces away, or which part of the picture and
 // of the depth it can cover at most. Reversed Z; clip space is Vulkan's (0 <= z <= w) on both backends.
 //
-// Every function errs on one side: what it cannot tell, it takes for visible, and NaN among them. Compilers may turn
-// `!(a < b)` into `a >= b`, for which NaN is on the other side. So comparisons that decide are made with the bits of a
-// number, which are whole numbers. Below, u = 2^-24 is the error of one rounding.
+// Every function errs on one side: where it cannot tell, as for NaN, the result is "visible". Compilers may turn
+// `!(a < b)` into `a >= b`, and NaN would be on the other side. So the comparisons that decide are made with the bits
+// of numbers, which are integers. Below, u = 2^-24 is the error of one rounding.
 
 const float ROUNDINGS = 1e-6;  // 16 u: more than any value here has in roundings of its own
 
@@ -13,7 +13,7 @@ bool is_negative(float value) {
     return bits > 0x80000000u && bits < 0xFF800000u;
 }
 
-// Whether all are between -1e18 and 1e18: neither NaN nor infinite, nor what is about to be.
+// Whether all are between -1e18 and 1e18: not NaN, not infinite, and their squares do not overflow either.
 bool are_moderate(vec3 values) {
     return all(lessThan(floatBitsToUint(values) & 0x7FFFFFFFu, uvec3(floatBitsToUint(1e18))));
 }
@@ -174,9 +174,9 @@ Footprint sphere_footprint(vec3 centre_view, float radius, mat4 clip_from_view, 
     return Footprint(min(one, other), max(one, other), nearest_drawn(nearest, farthest), true);
 }
 
-// The footprint of a box in clip space, centre +- x +- y +- z, whose corners may be off by `rounding`. Where w > 0, x
-// / w has its extremes at corners. A corner that is off by dx and dw is off by at most (dx + |x / w| dw) / (w - dw)
-// after the division.
+// The footprint of a box in clip space, centre +- x +- y +- z, whose corners may be off by `rounding`. Where w > 0,
+// the quotients by w have their extremes at corners. A corner that is off by dx and dw before the division is off by
+// at most (dx + |x / w| dw) / (w - dw) after it.
 Footprint box_footprint(vec4 centre_clip, vec4 x_clip, vec4 y_clip, vec4 z_clip, vec4 rounding) {
     vec4 margin = rounding + ROUNDINGS * (abs(centre_clip) + abs(x_clip) + abs(y_clip) + abs(z_clip));
     vec3 turns = vec3(x_clip.w, y_clip.w, z_clip.w);
@@ -223,10 +223,10 @@ void pixel_rect(Footprint footprint, vec2 size, out uvec2 first, out uvec2 last)
     last = max(first, uvec2(clamp(floor(high), vec2(0.0), end)));
 }
 
-// The lowest level, from 1 on, at which pixels first..last are in at most 2x2 texels, a texel of level k being 2^k x
-// 2^k pixels. A span of s pixels crosses at most one edge of texels if s <= 2^k, and at least two if s >= 2^(k+1): in
-// between it depends on where the span begins. (Rounding the logarithm of the size down and reading one texel is not
-// enough.)
+// The lowest level, from 1 on, at which pixels first..last are in at most 2x2 texels; those of level k have an edge of
+// 2^k pixels. From one pixel to another, s pixels on, there is at most one edge of texels if s <= 2^k, and there are
+// at least two if s >= 2^(k+1). In between it depends on where the first pixel is. (The logarithm of the size, rounded
+// down, with one texel is not enough: parts of the rectangle are in other texels.)
 uint occlusion_level(uvec2 first, uvec2 last) {
     uvec2 span = last - first;
     uint level = uint(max(findMSB(max(span.x, span.y)), 1));
