@@ -31,9 +31,9 @@ def write_one(name: str, folder: Path, binary: bool) -> None:
 
 
 def remake() -> None:
-    """Write every scene at its default size into the clone, in place of what is there, and say how large it is."""
+    """Write every scene of the clone at its default size, in place of what is there, and say how large it is."""
     total = 0
-    for info in SCENES.values():
+    for info in filter(lambda info: info.in_clone, SCENES.values()):
         start = time.perf_counter()
         folder = info.committed().parent
         for old in folder.iterdir() if folder.is_dir() else ():

@@ -298,6 +298,19 @@ class GltfBuilder:
         self.gltf.nodes[node].camera = len(self.gltf.cameras) - 1
         return node
 
+    def add_plan_camera(
+        self, name: str, eye: Vector, half: float, far: float, ev100: float, parent: int | None = None
+    ) -> int:
+        """Add an orthographic camera that looks straight down, -z upwards: `half` is half the height of its view."""
+        lens = gl.Orthographic(
+            xmag=number(half), ymag=number(half), znear=number(CAMERA_NEAR), zfar=number(far)
+        )
+        extras = {"strata": {"ev100": number(ev100)}}
+        self.gltf.cameras.append(gl.Camera(type="orthographic", orthographic=lens, name=name, extras=extras))
+        node = self.add_node(name, parent, translation=eye, rotation=axis_angle((1, 0, 0), -90))
+        self.gltf.nodes[node].camera = len(self.gltf.cameras) - 1
+        return node
+
     def add_light(
         self,
         name: str,

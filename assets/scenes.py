@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import hashlib
+import re
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -28,9 +29,10 @@ COMMITTED = FOLDER / "models"
 class SceneInfo:
     """A scene that the project can make.
 
-    `sizes` maps the name of each size to the triangles drawn at it; the first is the default and is committed, as a
-    single .glb file if `binary`. `generator` is the module whose `build(size)` (or `build()` where there is one size)
-    returns the scene. `exercises` is one sentence.
+    `sizes` maps the name of each size to the triangles drawn at it; the first is the default and is committed if
+    `in_clone`, as a single .glb file if `binary`. `generator` is the module whose `build(size)` (or `build()` where
+    there is one size) returns the scene. `exercises` is one sentence. Where `counted` is given, any number of triangles
+    in the scene's meshes from its first to its second is a size as well, such as "250K" or "2M".
     """
 
     name: str
@@ -38,6 +40,8 @@ class SceneInfo:
     sizes: Mapping[str, int]
     exercises: str
     binary: bool = False
+    in_clone: bool = True
+    counted: tuple[int, int] | None = None
 
     @property
     def default_size(self) -> str:
@@ -49,7 +53,7 @@ class SceneInfo:
         return self.sizes[self.default_size]
 
     def committed(self) -> Path:
-        """Return where the default size lies in the clone."""
+        """Return where the default size lies in the clone, if `in_clone`."""
         return COMMITTED / self.name / f"{self.name}.{'glb' if self.binary else 'gltf'}"
 
 
@@ -59,6 +63,16 @@ _ALL = (
         "assets.atrium",
         {"medium": 34032, "small": 12232, "large": 244700},
         "Everything a frame can hold: all texture maps, alpha mask and blend, instances, cloth, animation, lights.",
+    ),
+    SceneInfo(
+        "city",
+        "assets.city",
+        {"100K": 231474, "10K": 12746, "1M": 5298646},
+        "Streets of a city, most of it hidden: what culling is measured with. city:2M, city:250K ... have so many "
+        "triangles in their meshes, and an instance for each hundred.",
+        binary=True,
+        in_clone=False,
+        counted=(10_000, 4_000_000),
     ),
     SceneInfo(
         "cloth",
@@ -85,29 +99,55 @@ SCENES: Mapping[str, SceneInfo] = MappingProxyType({info.name: info for info in 
 
 
 def find(name: str) -> tuple[SceneInfo, str]:
-    """Return the scene and size meant by "atrium" or "atrium:large"; raises UserError naming the nearest match."""
+    """Return the scene and size meant by "atrium", "atrium:large" or "city:250K"; raises UserError with the nearest."""
     scene, _, size = name.partition(":")
     if scene not in SCENES:
         near = difflib.get_close_matches(scene, SCENES, 1, 0.4)
         hint = f'did you mean "{near[0]}"?' if near else f"choose one of {', '.join(SCENES)}."
         raise UserError(f'There is no scene "{scene}"; {hint}')
     info = SCENES[scene]
-    if ":" in name and size not in info.sizes:
-        near = difflib.get_close_matches(size, info.sizes, 1, 0.4)
-        hint = f'did you mean "{scene}:{near[0]}"?' if near else f"choose one of {', '.join(info.sizes)}."
-        raise UserError(f'The scene "{scene}" has no size "{size}"; {hint}')
-    return info, size or info.default_size
+    if ":" not in name or size in info.sizes:
+        return info, size or info.default_size
+    if info.counted is not None:
+        return info, _counted_size(info, size)
+    near = difflib.get_close_matches(size, info.sizes, 1, 0.4)
+    hint = f'did you mean "{scene}:{near[0]}"?' if near else f"choose one of {', '.join(info.sizes)}."
+    raise UserError(f'The scene "{scene}" has no size "{size}"; {hint}')
+
+
+def _counted_size(info: SceneInfo, text: str) -> str:
+    """Return a number of triangles such as "250k" or "1.5M" as whole millions or thousands: "250K", "1500K"."""
+    assert info.counted is not None
+    least, most = (_in_letters(count) for count in info.counted)
+    match = re.fullmatch(r"([0-9]{1,9})(?:\.([0-9]{1,6}))?([kKmM])", text)
+    advice = f"write a number of triangles from {least} to {most}, such as {', '.join(info.sizes)}."
+    if match is None:
+        raise UserError(f'The scene "{info.name}" has no size "{text}"; {advice}')
+    unit = 1000 if match[3] in "kK" else 1_000_000
+    fraction = match[2] or ""
+    count, rest = divmod(int(match[1] + fraction) * unit, 10 ** len(fraction))
+    if count < info.counted[0] or (count, rest) > (info.counted[1], 0):
+        edge = "small" if count < info.counted[0] else "large"
+        raise UserError(f'"{info.name}:{text}" is too {edge}; {advice}')
+    if rest or count % 1000:
+        raise UserError(f'"{info.name}:{text}" is no whole number of thousands; {advice}')
+    return _in_letters(count)
+
+
+def _in_letters(count: int) -> str:
+    """Return a number of whole thousands with its letter, the larger one where it fits: one name for each size."""
+    return f"{count // 1_000_000}M" if count % 1_000_000 == 0 else f"{count // 1000}K"
 
 
 def locate(name: str) -> Path:
     """Return the .gltf or .glb file of a scene such as "atrium" or "atrium:large".
 
-    The default size lies in the clone. Others are made on first use (seconds) and kept in the user's cache under the
-    version of their generator; without a writable cache they live until the process ends. Raises UserError for an
-    unknown name.
+    Most scenes lie in the clone at their default size. Others are made on first use (seconds) and kept in the user's
+    cache under the version of their generator; without a writable cache they live until the process ends. Raises
+    UserError for an unknown name.
     """
     info, size = find(name)
-    if size == info.default_size and info.committed().is_file():
+    if info.in_clone and size == info.default_size and info.committed().is_file():
         return info.committed()
     kept = f"{info.name}-{size}-{generator_version()}"
     path = user_cache() / "scenes" / kept / f"{info.name}.glb"

@@ -28,6 +28,7 @@ FRAMED_DIRECTION = (
     0.4,
     1.0,
 )  # from the scene to the camera: glTF's front is +z, so three-quarter, from above
+NAMES_SHOWN = 32  # cameras that a sentence about an unknown one names
 NEAR_FRACTION = 1e-3  # near plane of a view that no file gives, in length scales of the scene
 
 
@@ -170,7 +171,10 @@ def view_of_scene(scene: Scene, pose: Pose, spec: str | None, aspect: float) -> 
         raise UserError(f"camera {spec} does not exist: scene {scene.name!r} has {count}")
     if ":" in spec:
         return _view_of_text(scene, spec)
-    hint = suggest(spec, [name for name in names if name]) or "; it has none, so give ex,ey,ez:tx,ty,tz"
+    hint = (
+        suggest(spec, [name for name in names if name], NAMES_SHOWN)
+        or "; it has none, so give ex,ey,ez:tx,ty,tz"
+    )
     raise UserError(f"scene {scene.name!r} has no camera {spec!r}{hint}")
 
 

@@ -6,6 +6,18 @@ from pathlib import Path
 
 import pytest
 
+from assets import SCENES
+
+QUICK = 1_000_000
+"""Triangles drawn at the largest size that the usual run makes; larger ones are made with --long."""
+
+SIZES = [
+    pytest.param(info.name, size, id=f"{info.name}:{size}", marks=[pytest.mark.long] * (drawn > QUICK))
+    for info in SCENES.values()
+    for size, drawn in info.sizes.items()
+]
+"""All scenes at all of their listed sizes."""
+
 
 @pytest.fixture(scope="session")
 def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:

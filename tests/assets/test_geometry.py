@@ -5,13 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from assets import SCENES, locate
+from assets import locate
 from common.gltf import load_scene
+from tests.assets.conftest import SIZES
 
-NAMES = [f"{info.name}:{size}" for info in SCENES.values() for size in info.sizes]
 
-
-@pytest.fixture(scope="module", params=NAMES)
+@pytest.fixture(
+    scope="module",
+    params=[pytest.param(":".join(size.values), id=size.id, marks=size.marks) for size in SIZES],
+)
 def scene(request, kept):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("STRATA_CACHE", str(kept))

@@ -186,6 +186,14 @@ def test_a_wrong_camera_is_one_sentence(spec, message):
     assert message in str(error.value) and "\n" not in str(error.value)
 
 
+def test_a_wrong_camera_is_told_all_names_of_a_scene_with_many():
+    names = [f"street-{k}" for k in range(1, 25)]
+    scene = a_scene(*(SceneCamera(name, 0) for name in names))
+    with pytest.raises(UserError) as error:
+        view_of_scene(scene, a_pose(np.eye(4)), "zzz", 1.0)
+    assert all(f"'{name}'" in str(error.value) for name in names) and "..." not in str(error.value)
+
+
 def test_a_scene_without_cameras_says_what_to_write():
     for spec in ("hall", "0"):
         with pytest.raises(UserError, match=r"ex,ey,ez:tx,ty,tz|has no cameras"):

@@ -46,9 +46,10 @@ def study(number: int, name: str) -> list[Path]:
 
 
 def scene(name: str) -> list[Path]:
-    """Return the files of a scene that is in the repository."""
-    folder = ROOT / "assets" / "models" / name.partition(":")[0]
-    return [path for path in folder.rglob("*") if path.is_file()]
+    """Return the files of a scene that is in the repository, or the generators of one that is not."""
+    scene_name = name.partition(":")[0]
+    files = [path for path in (ROOT / "assets" / "models" / scene_name).rglob("*") if path.is_file()]
+    return files or [*(ROOT / "assets").glob(f"{scene_name}*.py")]
 
 
 def digest(files: Iterable[Path]) -> str:
