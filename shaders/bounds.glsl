@@ -223,6 +223,18 @@ void pixel_rect(Footprint footprint, vec2 size, out uvec2 first, out uvec2 last)
     last = max(first, uvec2(clamp(floor(high), vec2(0.0), end)));
 }
 
+// The same for one sample a pixel, in its centre: the pixels whose centres may be covered. Returns false if there are
+// none, as for something that falls between the centres of four pixels. Things of a few pixels lose a fifth of their
+// edges in this way, and it is far away that a scene has most of its things.
+bool centre_rect(Footprint footprint, vec2 size, out uvec2 first, out uvec2 last) {
+    vec2 margin = 0.00390625 + ROUNDINGS * size, end = size - 1.0;
+    vec2 low = footprint.known ? ceil((footprint.low * 0.5 + 0.5) * size - 0.5 - margin) : vec2(0.0);
+    vec2 high = footprint.known ? floor((footprint.high * 0.5 + 0.5) * size - 0.5 + margin) : end;
+    first = uvec2(clamp(low, vec2(0.0), end));
+    last = max(first, uvec2(clamp(high, vec2(0.0), end)));
+    return all(lessThanEqual(low, high));
+}
+
 // The lowest level, from 1 on, at which pixels first..last are in at most 2x2 texels; those of level k have an edge of
 // 2^k pixels. From one pixel to another, s pixels on, there is at most one edge of texels if s <= 2^k, and there are
 // at least two if s >= 2^(k+1). In between it depends on where the first pixel is. (The logarithm of the size, rounded

@@ -106,7 +106,7 @@ def test_the_layout_has_every_level_down_to_one_texel_without_gaps():
             expected = tuple(-(-side // 2**number) for side in size)
             assert (level.width, level.height) == expected == layout.extent(number) and level.first == first
             first += level.width * level.height
-        assert layout.words == first and layout.extent(len(layout.levels)) == (1, 1)
+        assert layout.picture == first and layout.extent(len(layout.levels)) == (1, 1)
         assert len(layout.levels) == max(1, (max(size) - 1).bit_length())
 
 

@@ -6,15 +6,20 @@ from dataclasses import dataclass
 from typing import Protocol, cast
 
 from backends.contract import Capabilities, Plan
-from common.errors import UnsupportedError
+from common.errors import SettingError, UnsupportedError
 from common.scene import Scene
 
+from ..shading import views
 from ..shading.settings import ShadingSettings
+from ..shading.unit_code import OF_MESHLETS
 from .settings import CullingSettings, Geometry, Mode
 
 FEW_INSTANCES = 64
 FEW_TRIANGLES = 50_000
 """A scene that has fewer of both is drawn whole: the kernels would take longer than its triangles."""
+
+FEW_TRIANGLES_EACH = 4
+"""A scene with fewer triangles for each instance is drawn whole: testing an instance takes as long as drawing it."""
 
 
 class Settings(Protocol):
@@ -30,11 +35,18 @@ class Choice:
 
     mode: Mode
     geometry: Geometry
+    samples: int = 1
+    """Samples of a pixel in the depth that the pyramid is built from."""
 
     @property
     def level(self) -> int:
         """The number of the mode in shaders."""
         return ("off", "frustum", "cone", "occlusion").index(self.mode)
+
+    @property
+    def defines(self) -> tuple[tuple[str, int], ...]:
+        """The defines of the tests in shaders (`tests.glsl`)."""
+        return (("CULLING", self.level), *((("SAMPLES", self.samples),) if self.samples > 1 else ()))
 
     @property
     def runs(self) -> bool:
@@ -50,39 +62,64 @@ class Choice:
 def is_small(scene: Scene) -> bool:
     """Whether a scene is too small for culling to gain anything."""
     triangles = int(scene.meshes["index_count"][scene.instances.mesh].sum(dtype="int64")) // 3
-    return len(scene.instances) < FEW_INSTANCES and triangles < FEW_TRIANGLES
+    count = len(scene.instances)
+    return (count < FEW_INSTANCES and triangles < FEW_TRIANGLES) or triangles < FEW_TRIANGLES_EACH * count
+
+
+def overlay_of(settings: Settings) -> str:
+    """Return what the overlay shows, or "off": a view that counts has no colours for it."""
+    view = settings.shading.view
+    counts = view in views.NAMES and views.VIEWS[views.number_of(view)].shown == "count"
+    return "off" if counts else settings.culling.overlay
+
+
+def _is_about_culling(settings: Settings) -> bool:
+    """Whether a view or an overlay is asked for that shows little without culling."""
+    return settings.shading.view == "survivors" or overlay_of(settings) != "off"
+
+
+def _is_about_meshlets(settings: Settings) -> bool:
+    """Whether a view or an overlay is asked for that shows little without meshlets."""
+    return settings.shading.view in OF_MESHLETS or overlay_of(settings) == "spheres"
 
 
 def wants_meshlets(scene: Scene, settings: Settings) -> bool:
     """Whether the scene's meshes are cut into meshlets, whatever the device is."""
-    geometry = settings.culling.geometry
+    geometry, mode = settings.culling.geometry, settings.culling.mode
     if geometry == "auto":
-        return not is_small(scene) or settings.culling.mode not in ("auto", "off")
+        asked = _is_about_meshlets(settings) or _is_about_culling(settings)
+        return asked or not is_small(scene) or mode not in ("auto", "off")
     return geometry != "classic"
 
 
 def choose(scene: Scene, settings: Settings, plan: Plan, capabilities: Capabilities) -> Choice:
-    """Return what a frame does. Raises UnsupportedError if the device lacks what `geometry` names."""
+    """Return what a frame does.
+
+    Raises UnsupportedError if the device lacks what `geometry` names, and SettingError for an overlay of a pyramid that
+    the frame does not build.
+    """
     mode, geometry = settings.culling.mode, settings.culling.geometry
-    small = is_small(scene)
     if mode == "auto":
-        mode = "off" if small else "occlusion"
+        mode = "occlusion" if _is_about_culling(settings) or not is_small(scene) else "off"
     if settings.shading.view == "overdraw" and mode == "occlusion":
         mode = "cone"  # this view counts what is hidden, and writes no depth
+    if overlay_of(settings) == "pyramid" and mode != "occlusion":
+        raise SettingError(
+            f"With culling={mode} there is no depth pyramid for culling_overlay=pyramid to show: set culling=occlusion."
+        )
     if geometry == "mesh" and not plan.native("mesh-shader"):
         raise UnsupportedError(
             f"geometry=mesh needs mesh shaders, which {capabilities.device} is used without: set geometry=compute."
         )
     if geometry == "auto":
-        geometry = (
-            "classic" if mode == "off" or not plan.native("multi-draw") else _fastest(plan, capabilities)
-        )
+        whole = mode == "off" and not _is_about_meshlets(settings)
+        geometry = "classic" if whole or not plan.native("multi-draw") else _fastest(plan, capabilities)
     if geometry == "compute" and not plan.native("multi-draw"):
         raise UnsupportedError(
             f"geometry=compute draws many meshlets with one call, which {capabilities.device} is used without: "
             "set geometry=classic."
         )
-    return Choice(cast(Mode, mode), cast(Geometry, geometry))
+    return Choice(cast(Mode, mode), cast(Geometry, geometry), settings.shading.msaa)
 
 
 def _fastest(plan: Plan, capabilities: Capabilities) -> Geometry:

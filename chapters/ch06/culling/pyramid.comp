@@ -26,6 +26,7 @@ layout(BIND(0, 1, 0), std430) buffer Pyramid_ { float pyramid[]; };
 
 uint first[7];   // word of each level: the source, and the six above it
 uvec2 size[7];   // zero for a level above the last
+uint picture_word;
 
 shared float eighths[64];  // of a tile, 8x8: three levels above the source
 
@@ -34,6 +35,7 @@ void find_levels() {
     uint source = push.numbers.x, last = pyramid_levels(picture);
     first[0] = pyramid_offset(source, picture);
     size[0] = pyramid_size(source, picture);
+    picture_word = picture_offset(picture);
     uint words = pyramid_offset(source + 1u, picture);
     for (uint above = 1u; above < 7u; ++above) {
         first[above] = words;
@@ -50,6 +52,15 @@ void store(uint above, uvec2 at, float value) {
 
 // The bits of NaN are above those of infinity. A pixel without a depth hides nothing, like the sky.
 float known_depth(float value) { return (floatBitsToUint(value) & 0x7FFFFFFFu) > 0x7F800000u ? 0.0 : value; }
+
+// Keeps 2x2 pixels as well: below left, below right, right, left, as a gather has them.
+void keep_picture(uvec2 low, uvec2 high, vec4 depths) {
+    uint below = picture_word + high.y * size[0].x, above = picture_word + low.y * size[0].x;
+    pyramid[below + low.x] = depths.x;
+    pyramid[below + high.x] = depths.y;
+    pyramid[above + high.x] = depths.z;
+    pyramid[above + low.x] = depths.w;
+}
 
 float smallest(vec4 values) { return min(min(values.x, values.y), min(values.z, values.w)); }
 
@@ -74,9 +85,11 @@ float square_minimum(uvec2 at) {
         ));
     }
 #ifdef SAMPLES
-    return smallest(vec4(
-        pixel_depth(low), pixel_depth(uvec2(high.x, low.y)), pixel_depth(uvec2(low.x, high.y)), pixel_depth(high)
-    ));
+    vec4 texels = vec4(
+        pixel_depth(uvec2(low.x, high.y)), pixel_depth(high), pixel_depth(uvec2(high.x, low.y)), pixel_depth(low)
+    );
+    keep_picture(low, high, texels);
+    return smallest(texels);
 #else
     // One gather reads the four texels around a corner, in less than half the time of four fetches on a software
     // driver. The corner is kept inside: what would be read beyond the edge depends on the sampler.
@@ -85,6 +98,7 @@ float square_minimum(uvec2 at) {
     texels = vec4(known_depth(texels.x), known_depth(texels.y), known_depth(texels.z), known_depth(texels.w));
     texels = low.x > corner.x ? texels.yyzz : texels;
     texels = low.y > corner.y ? texels.xyyx : texels;
+    keep_picture(low, high, texels);
     return smallest(texels);
 #endif
 }

@@ -22,6 +22,9 @@ uint pyramid_offset(uint level, uvec2 picture) {
     return words;
 }
 
+// The first word of level 0, the picture itself, behind the last level: things of a few pixels are tested with it.
+uint picture_offset(uvec2 picture) { return pyramid_offset(pyramid_levels(picture) + 1u, picture); }
+
 float pyramid_texel(uint level, uvec2 at, uvec2 picture) {
     return pyramid[pyramid_offset(level, picture) + at.y * pyramid_size(level, picture).x + at.x];
 }

@@ -58,7 +58,12 @@ class PyramidLayout:
 
     @property
     def words(self) -> int:
-        """The number of float32 in the buffer."""
+        """The number of float32 in the buffer. Behind the last level is the picture itself."""
+        return self.picture + self.size[0] * self.size[1]
+
+    @property
+    def picture(self) -> int:
+        """The first word of level 0: the depths of the picture, row by row."""
         last = self.levels[-1]
         return last.first + last.width * last.height
 

@@ -78,15 +78,22 @@ bool hidden(Bounds bounds) {
     // Each of the two contains the surface, and so does what they have in common.
     Footprint both = Footprint(max(box.low, sphere.low), min(box.high, sphere.high), min(box.nearest, sphere.nearest), true);
     uvec2 first, last, picture = uvec2(view.size.xy);
+#ifdef SAMPLES
     pixel_rect(both, view.size.xy, first, last);
+#else
+    if (!centre_rect(both, view.size.xy, first, last)) {
+        return true;
+    }
+#endif
     if (both.nearest < farthest_depth(first, last, picture)) {
         return true;
     }
-    // 2x2 texels reach up to twice as far as the rectangle. Three levels below, 9x9 texels at most fit it within an eighth:
-    // in a street half of what the first test leaves is hidden by the second one. Most of what is visible has a visible
-    // texel among the first ones.
-    uint level = max(occlusion_level(first, last), 4u) - 3u;
-    uint start = pyramid_offset(level, picture), width = pyramid_size(level, picture).x;
+    // 2x2 texels reach up to twice as far as the rectangle. Five levels below, 33x33 texels at most fit it within a
+    // 32nd: in a street half of what the first test leaves is hidden by the second one. Most of what is visible has
+    // a visible texel among the first ones. Below level 1 is the picture itself.
+    uint level = max(occlusion_level(first, last), 5u) - 5u;
+    uint start = level == 0u ? picture_offset(picture) : pyramid_offset(level, picture);
+    uint width = pyramid_size(level, picture).x;
     uvec2 low = first >> level, high = last >> level;
     for (uint y = low.y; y <= high.y; ++y) {
         for (uint x = low.x; x <= high.x; ++x) {
