@@ -13,9 +13,10 @@ from __future__ import annotations
 
 import argparse
 import datetime
+import math
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -36,6 +37,7 @@ from common.images import read_image  # noqa: E402
 from common.images.color import decode_srgb, encode_srgb, quantize  # noqa: E402
 from common.images.small_pictures import write_small  # noqa: E402
 from common.names import suggest  # noqa: E402
+from common.numerics.transforms import rotation  # noqa: E402
 from common.paths import write_whole  # noqa: E402
 from common.settings import preset, replaced  # noqa: E402
 from tools.bench import bench, report  # noqa: E402
@@ -64,7 +66,7 @@ STUDIES_OF_PIXELS = {"dithered-alpha", "random-textures", "fragment-order", "dis
 """Those about single pixels, which are not to be averaged."""
 STUDY_SETTINGS = {"texture-handles": {"way": "units"}, "dispatch-size": {"guard": False}}
 """Settings with which every driver can draw a study's picture, or it says more."""
-WITH_STUDIES = (1, 2, 3, 4, 5)
+WITH_STUDIES = (1, 2, 3, 4, 5, 6)
 """The chapters that have studies."""
 
 
@@ -207,6 +209,50 @@ def cloth_sheet(cell: tuple[int, int] = (336, 189), rate: int = 60) -> NDArray[A
     return np.concatenate(cells, axis=1)
 
 
+CULLING = 6
+"""The chapter whose phases and pyramid the sheets show."""
+
+
+def survivors_sheet(cell: tuple[int, int] = (240, 135), degrees: float = 40.0) -> NDArray[Any]:
+    """Return (H, W, 3): a street of the city, its meshlets, and which phase drew what right after the camera turned."""
+    scene, cells = load_scene(locate("city")), []
+    size = (2 * cell[0], 2 * cell[1])
+    for shown in ("picture", "meshlets", "survivors"):
+        settings: Any = replaced(
+            preset(chapters.settings_class(CULLING), "medium"), view=shown, culling="occlusion"
+        )
+        with chapters.open(CULLING, "auto", scene=scene, size=size, settings=settings) as renderer:
+            view = chapters.view_of(renderer, "street-1")
+            turn = rotation((0.0, 1.0, 0.0), math.radians(degrees))
+            before = replace(view, world_from_view=view.world_from_view @ turn)
+            for _ in range(2):
+                renderer.render(before)
+            cells.append(halved(renderer.render(view).image("color")))
+    return np.concatenate(cells, axis=1)
+
+
+def pyramid_sheet(cell: tuple[int, int] = (330, 186), shown: Sequence[int] = (0, 3, 4, 5)) -> NDArray[Any]:
+    """Return (H, W, 3): depth of a street, and levels of its pyramid, each texel over the pixels below it."""
+    settings: Any = preset(chapters.settings_class(CULLING), "medium")
+    with chapters.open(
+        CULLING, "auto", scene=load_scene(locate("city")), size=cell, settings=settings, outputs={"depth"}
+    ) as renderer:
+        depth = renderer.render(chapters.view_of(renderer, "street-5")).image("depth")
+    cells = []
+    for level in shown:
+        side = 2**level
+        height, width = (-(-edge // side) for edge in depth.shape)
+        padded = np.full((height * side, width * side), np.inf, np.float32)
+        padded[: depth.shape[0], : depth.shape[1]] = depth
+        farthest = padded.reshape(height, side, width, side).min(axis=(1, 3))
+        wide = farthest.repeat(side, axis=0).repeat(side, axis=1)[: depth.shape[0], : depth.shape[1]]
+        # Depth is near / distance: its logarithm goes from white at 3 m to black at 300 m and in the sky.
+        grey = 1 + np.log10(np.maximum(wide, 1e-9) / depth.max()) / 2
+        cells.append(np.repeat(quantize(np.clip(grey, 0, 1))[..., None], 3, axis=-1))
+    rows = [np.concatenate(cells[first : first + 2], axis=1) for first in range(0, len(cells), 2)]
+    return np.concatenate(rows)
+
+
 SHEETS = {
     "views": sheet_of_views,
     "frame": frame_sheet,
@@ -214,10 +260,18 @@ SHEETS = {
     "ch04-gbuffer": gbuffer_sheet,
     "ch04-lens": lens_sheet,
     "ch05-cloth": cloth_sheet,
+    "ch06-survivors": survivors_sheet,
+    "ch06-pyramid-levels": pyramid_sheet,
 }
 
 
-COVERS: dict[str, int] = {"views": CHAPTER, "frame": CHAPTER, "ch03-loading": LOADING}
+COVERS: dict[str, int] = {
+    "views": CHAPTER,
+    "frame": CHAPTER,
+    "ch03-loading": LOADING,
+    "ch06-survivors": CULLING,
+    "ch06-pyramid-levels": CULLING,
+}
 """The chapter that draws a sheet; GRAPH for the others."""
 
 
@@ -231,7 +285,7 @@ def picture_of(name: str) -> NDArray[Any]:
 def inputs_of(name: str) -> list[Path]:
     """Return the files that a picture of `picture_of` is made from."""
     if name in SHEETS:
-        scene = "cornell" if name == "frame" else "atrium"
+        scene = "cornell" if name == "frame" else "city" if name.startswith("ch06") else "atrium"
         return [*site_inputs.chapter(COVERS.get(name, GRAPH)), *site_inputs.scene(scene)]
     if "/" in name:
         return site_inputs.study(*studies.split(name))

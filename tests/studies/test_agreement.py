@@ -22,6 +22,7 @@ ONE_BACKEND = {
     "3/primaries": ("vulkan",),
     "4/render-passes": ("vulkan",),
     "5/timeline-or-fences": ("vulkan",),
+    "6/cluster-list": ("vulkan",),
 }
 """Studies of what only one of the two has."""
 NOT_TWICE = {"5/fragment-order"}
@@ -56,7 +57,7 @@ def test_studies_are_small_and_each_follows_the_one_before():
     """At most about 150 lines a file, on both backends; the way in without gaps; a first sentence in each."""
     from tools.diff.sentences import first_sentence
 
-    for number, first in ((1, 5), (2, 4), (3, 2), (4, 8), (5, 5), (6, 3)):
+    for number, first in ((1, 5), (2, 4), (3, 2), (4, 8), (5, 5), (6, 5)):
         order = [about.order for about in studies.available(number).values()]
         assert order[:first] == list(range(1, first + 1)) and len(set(order)) == len(order)
     for which in ALL:

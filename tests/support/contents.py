@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-SHADERS = (".vert", ".frag", ".comp", ".glsl")
+SHADERS = (".vert", ".tesc", ".tese", ".geom", ".task", ".mesh", ".frag", ".comp", ".glsl")
 STAR = ("studies", "benches")
 """The folders of a chapter that later chapters do not have: what a test imports of them is always the chapter's own."""
 
