@@ -110,19 +110,22 @@ class Sweep:
 class Side:
     """A way to draw what grows: a chapter (None: the one that is measured) without some features.
 
-    Counts above `most` are left out; `why` says so, as the end of a sentence.
+    `knobs` are values of its settings, by flat name, which replace those of the preset. Counts above `most` are left
+    out; `why` says so, as the end of a sentence.
     """
 
     chapter: int | None = None
     without: tuple[str, ...] = ()
     most: int | None = None
     why: str = ""
+    knobs: tuple[tuple[str, Value], ...] = ()
 
     @property
     def name(self) -> str:
-        """How tables and plots call it: "chapter 1", "without bindless", "all features"."""
+        """How tables and plots call it: "chapter 1", "without bindless", "culling=off", "all features"."""
         words = [f"chapter {self.chapter}"] if self.chapter is not None else []
         words += [f"without {feature}" for feature in self.without]
+        words += [f"{name}={value}" for name, value in self.knobs]
         return ", ".join(words) or "all features"
 
 

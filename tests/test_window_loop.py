@@ -16,6 +16,7 @@ from backends.vulkan.instance import VALIDATION_LAYER, Instance
 from common.errors import UnsupportedError
 from common.paths import ROOT
 from common.scene import Light, Material
+from common.settings import flat
 from common.view.camera import Camera, Perspective
 from common.view.inputs import Inputs
 from common.view.positioners import FirstPerson, Orbit
@@ -112,9 +113,9 @@ def close(window):
     window.closing = True
 
 
-def play(script=None, moves=False, frames=None, screen=None):
+def play(script=None, moves=False, frames=None, screen=None, renderer=None):
     """Run the loop on a script, 10 ms from look to look; return window, renderer, screen and loop after its end."""
-    window, renderer, screen = FakeWindow(script), FakeRenderer(moves), screen or FakeScreen()
+    window, renderer, screen = FakeWindow(script), renderer or FakeRenderer(moves), screen or FakeScreen()
     camera = Camera(FirstPerson.at(np.eye(4)), Perspective())
     loop = Loop(window, screen, renderer, camera, "Strata", timer_ns=lambda: window.now_ns)
     loop.run(frames)
@@ -233,8 +234,25 @@ def test_the_title_says_how_fast_it_is():
     assert window.titles[-1] == "Strata | 64x32 | 100 frames/s, GPU 4.5 ms, CPU 0.5 ms"
 
 
+def test_a_key_freezes_culling_where_there_is_any():
+    """The knob of the open renderer changes, and nothing is opened anew."""
+    for number, steps in ((1, [None, None, None]), (6, [False, True, False])):
+        renderer = FakeRenderer()
+        renderer.settings = chapters.settings_class(number)()
+        frozen = []
+
+        def note(_window, settings=renderer.settings, frozen=frozen):
+            frozen.append(flat(settings).get("culling_frozen"))
+
+        play({1: [note, press("K")], 3: [note, press("K")], 5: [note, close]}, renderer=renderer)
+        assert frozen == steps
+
+
 def test_every_key_of_the_loop_is_in_the_help_and_moves_no_camera():
-    for key, said in (("C", "C to change"), ("SPACE", "space to stop"), ("ESCAPE", "Esc to close")):
+    for key, said in (
+        *(("C", "C to change"), ("SPACE", "space to stop"), ("ESCAPE", "Esc to close")),
+        ("K", "K to freeze culling"),
+    ):
         assert said in HELP
         assert key not in BINDINGS
 

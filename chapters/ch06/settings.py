@@ -23,12 +23,11 @@ from .scene.settings import SceneSettings
 from .shading.settings import ShadingSettings
 
 SIDES = (
-    Side(chapter=1, most=10_000, why="where every draw is recorded anew, a frame takes a second"),
-    Side(without=("bindless",)),
-    Side(without=("multi-draw",), most=10_000, why="a call for each draw takes a tenth of a second"),
-    Side(),
+    Side(chapter=5),
+    Side(knobs=(("culling", "off"),)),
+    Side(knobs=(("culling", "occlusion"),)),
 )
-"""The renderers to measure: the chapter before, and this chapter with and without each new device feature."""
+"""The renderers to measure: the chapter before, and this chapter without and with culling."""
 
 
 @dataclass(init=False)
@@ -89,7 +88,7 @@ class Settings(Grouped):
         Scale(
             "draws",
             scene=partial(crowd, materials=64),
-            counts=(1, 10, 100, 1000, 10_000, 100_000),
+            counts=(10, 100, 1000, 10_000, 100_000, 1_000_000),
             quick=(10, 10_000, 100_000),
             sides=SIDES,
         ),
@@ -107,7 +106,7 @@ class Settings(Grouped):
     LOADS: ClassVar[tuple[str, ...]] = ("FlightHelmet", "ToyCar", "atrium:large", "generated")
 
     ORDER: ClassVar[str] = (
-        "culling geometry culling_frozen "
+        "culling geometry culling_frozen culling_overlay culling_level "
         "anisotropy color_format "
         "graph alias resubmit async_compute poison "
         "depth_prepass gbuffer_format aperture focus_distance bokeh_taps "

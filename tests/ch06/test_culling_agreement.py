@@ -90,6 +90,24 @@ def test_each_test_alone_leaves_the_picture_as_it_is(chapter, scene, mode):
         assert work["units_late"] == 0 == work["meshlets_hidden"], "there is one phase"
 
 
+@pytest.mark.feature("culling/two-phase-occlusion", "meshlets/cone-and-frustum-culling")
+def test_what_the_late_phase_draws_is_missed_without_it(chapter, scene):
+    """After a jump the early phase alone leaves holes: its guess is that of the frame before."""
+    views = [walk()[0], walk()[0], walk()[-2]]
+    whole = frames(chapter, scene, views, culling="occlusion", geometry="classic")[-1]
+    assert whole[1]["units_late"] > 0
+    settings = replaced(EXACT, culling="occlusion", geometry="classic")
+    with chapter.open(scene, SIZE, settings, outputs=OUTPUTS) as renderer:
+        for view in views[:-1]:
+            renderer.render(view)
+        late = next(it for it in renderer.passes if getattr(it, "phases", ()) == (1,))
+        late.record = lambda commands: None
+        renderer._frames.forget()
+        holes = renderer.render(views[-1]).image("depth")
+    assert not np.array_equal(holes, whole[0]["depth"])
+    assert (holes <= whole[0]["depth"]).all(), "something is missing, and nothing is added"
+
+
 @pytest.mark.feature("culling/two-phase-occlusion")
 def test_early_and_late_lists_never_overlap_and_are_complete_together(chapter, scene):
     """What the late phase finds visible is drawn by one of the two, and nothing is drawn by both."""
@@ -219,6 +237,7 @@ def test_transforms_that_are_broken_are_never_culled_wrongly(chapter):
     assert_same(frames(chapter, broken, walk()[::4], culling="occlusion", geometry=geometry), wanted)
 
 
+@pytest.mark.feature("meshlets/compute-fallback")
 def test_a_geometry_that_the_device_lacks_is_refused_in_a_sentence(chapter, scene):
     lacking = {"mesh": "mesh-shader", "compute": "multi-draw"}
     for geometry, feature in lacking.items():

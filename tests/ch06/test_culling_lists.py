@@ -62,6 +62,19 @@ def test_instances_outside_are_those_of_double_precision(chapter, scene):
         assert work["instances_outside"] == len(solid) - len(listed)
 
 
+@pytest.mark.feature("culling/gpu-frustum", "culling/statistics")
+def test_lists_and_counters_of_another_view_differ(chapter, scene):
+    """What the test above holds them to would notice the view of another frame."""
+    found = []
+    for view in walk()[:2]:
+        with chapter.open(scene, SIZE, replaced(EXACT, culling="frustum", geometry="classic")) as made:
+            work = made.render(view).work
+            listed = np.concatenate([batch[:, 4] for batch in commands(made, 0)])
+        found.append((listed.tolist(), work["instances_outside"]))
+    assert found[0][0] != found[1][0]
+    assert found[0][1] != found[1][1]
+
+
 @pytest.mark.feature("culling/statistics")
 def test_counters_are_those_of_the_lists(chapter, scene):
     several(chapter)
@@ -170,9 +183,28 @@ def test_tables_name_units_in_the_order_of_the_scene(scene):
 def test_more_units_than_places_are_shared_out_and_counted(scene):
     meshlets = meshlets_of(scene)
     _, whole = lists_of(scene, meshlets)
-    _, tables = lists_of(scene, meshlets, most=whole.units // 3)
+    assert whole.warning == ""
+    _, tables = lists_of(scene, meshlets, buffer_bytes=40 * (whole.units // 3))
     assert tables.dropped >= whole.units // 2 and (tables.batches["capacity"] >= 1).all()
     assert tables.commands == tables.batches["capacity"].sum() <= whole.units // 3 + len(tables.batches)
+    assert f"{tables.dropped:,} fewer" in tables.warning and "units_dropped" in tables.warning
+
+
+@pytest.mark.parametrize("share", [6, 60])
+def test_what_has_no_place_is_left_out_with_a_sentence_and_a_counter(chapter, share):
+    """With few places for commands, or few for units: no more than fit are drawn, and the frame says how many not."""
+    scene = town(count=300)
+    settings = replaced(EXACT, culling="frustum", geometry="classic")
+    view = walk()[-1]
+    with chapter.open(scene, SIZE, settings) as made:
+        every = made.render(view).work["units_drawn"]
+    with chapter.open(scene, SIZE, settings) as made:
+        made.techniques["culling"].memory._kernels.buffer_bytes = 40 * 300 // share
+        work = made.render(view).work
+        drawn = sum(len(batch) for batch in commands(made, 0))
+        assert any("units_dropped" in warning for warning in made.scene.warnings)
+    assert 0 < drawn < every and work["units_dropped"] > 0
+    assert drawn <= 300 // share + len(made.techniques["culling"].memory.lists.batches)
 
 
 def test_words_of_the_state_do_not_overlap():

@@ -28,7 +28,19 @@ Stage = tuple[str, str]
 """(queue, stage)"""
 
 HOST: Stage = ("host", "host")
-ALL_STAGES = ("vertex", "geometry", "fragment", "compute", "color", "depth", "copy", "indirect")
+ALL_STAGES = (
+    "vertex",
+    "geometry",
+    "fragment",
+    "compute",
+    "color",
+    "depth",
+    "copy",
+    "indirect",
+    "index",
+    "task",
+    "mesh",
+)
 CHANGE = "change"
 WRITES = frozenset({"color_write", "depth_write", "storage_write", "copy_write", "host_write", CHANGE})
 """The kinds of access that write; every other one reads. A change of layout writes, too."""

@@ -10,7 +10,7 @@ from bisect import bisect_right
 
 from tests.support.mutant_texts import ARITHMETIC, COMPARE, Mutant
 
-SUFFIXES = (".glsl", ".vert", ".frag", ".comp")
+SUFFIXES = (".glsl", ".vert", ".tesc", ".tese", ".geom", ".task", ".mesh", ".frag", ".comp")
 KEPT = ("+", "-", "*", "/", "<<", ">>")
 OPERATORS = COMPARE | {before: ARITHMETIC[before] for before in KEPT}
 OPERATORS |= {"&&": "||", "||": "&&", "+=": "-=", "-=": "+=", "*=": "/=", "!": ""}

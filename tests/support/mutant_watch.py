@@ -23,7 +23,7 @@ from typing import Any
 
 import pytest
 
-SHADERS = {".glsl", ".vert", ".frag", ".comp"}
+SHADERS = {".glsl", ".vert", ".tesc", ".tese", ".geom", ".task", ".mesh", ".frag", ".comp"}
 
 
 def ranges(lines: Iterable[int]) -> str:

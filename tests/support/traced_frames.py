@@ -43,6 +43,9 @@ STAGES = {
     "EARLY_FRAGMENT_TESTS": "depth",
     "LATE_FRAGMENT_TESTS": "depth",
     "DRAW_INDIRECT": "indirect",
+    "INDEX_INPUT": "index",
+    "TASK_SHADER": "task",
+    "MESH_SHADER": "mesh",
     "ALL_TRANSFER": "copy",
     "HOST": "host",
 }
@@ -56,6 +59,7 @@ ACCESS = {
     "SHADER_STORAGE_WRITE": "storage_write",
     "UNIFORM_READ": "uniform",
     "INDIRECT_COMMAND_READ": "indirect",
+    "INDEX_READ": "index_read",
     "TRANSFER_READ": "copy_read",
     "TRANSFER_WRITE": "copy_write",
     "HOST_READ": "host_read",
@@ -74,7 +78,10 @@ LAYOUTS = {
 
 def words(mask: int, table: dict[str, str], prefix: str) -> frozenset[str]:
     """Return the bits of a mask as the simulator calls them; KeyError for one that it does not know."""
-    bits = {int(getattr(vk, f"{prefix}_{name}_BIT")): word for name, word in table.items()}
+    bits = {}
+    for name, word in table.items():
+        bit = f"{prefix}_{name}_BIT"
+        bits[int(getattr(vk, bit if hasattr(vk, bit) else f"{bit}_EXT"))] = word
     return frozenset(bits[1 << place] for place in range(64) if mask >> place & 1)
 
 

@@ -26,6 +26,7 @@ from tools.panel.panel import Panel, PanelActions, PanelState, open_panel
 from tools.run.live import Live
 from tools.window.camera import camera_text, first_person, open_camera, orbit
 from tools.window.graph import WindowGraph
+from tools.window.keys import freeze_culling
 from tools.window.opening import Opened, Refused, open_screen, open_window
 from tools.window.reference import Reference
 from tools.window.stop import Stop, nodes_of, written
@@ -42,7 +43,6 @@ IDLE_WAIT_S = 0.1
 """How long to sleep where nothing changed; an event ends it at once, a change of the scene by program waits for it."""
 
 MINIMISED_WAIT_S = 0.5
-
 TITLE_EVERY_S = 0.5
 
 STEP_S = 1 / 60
@@ -140,6 +140,8 @@ class Loop:
             self._freeze()
         elif key == "F" and self.reference.picture is not None:
             self._measure_flip()
+        elif key == "K":
+            self._panel_due |= freeze_culling(self.renderer.settings)
         elif key == "C":
             now, scene = self.camera.positioner, self.renderer.scene
             self.camera.positioner = (first_person if isinstance(now, Orbit) else orbit)(

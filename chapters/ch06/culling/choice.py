@@ -9,9 +9,9 @@ from backends.contract import Capabilities, Plan
 from common.errors import SettingError, UnsupportedError
 from common.scene import Scene
 
+from ..meshlets.unit_code import OF_MESHLETS
 from ..shading import views
 from ..shading.settings import ShadingSettings
-from ..shading.unit_code import OF_MESHLETS
 from .settings import CullingSettings, Geometry, Mode
 
 FEW_INSTANCES = 64
@@ -123,7 +123,7 @@ def choose(scene: Scene, settings: Settings, plan: Plan, capabilities: Capabilit
 
 
 def _fastest(plan: Plan, capabilities: Capabilities) -> Geometry:
-    """Return the faster of the two paths with meshlets, as measured (`strata bench 6`).
+    """Return the faster of the two paths with meshlets, as measured in this chapter's bench.
 
     A software driver runs a mesh shader for each meshlet at four times the cost of its vertices.
     """

@@ -13,19 +13,24 @@ bool is_left(Draw draw, Instance instance) {
     if ((draw.flags & ALWAYS) != 0u || CULLING == 0) {
         return true;
     }
+#if CULLING >= 3 && PHASE == 0
+    if ((view.valid_histories & HISTORY_FRAME) != 0u && seen[draw.instance] == 0u) {
+        count(DRAWS_HIDDEN, 1u);
+        return false;
+    }
+#endif
     Bounds bounds = bounds_of_instance(instance);
     if (outside(bounds)) {
         count(DRAWS_OUTSIDE, 1u);
         return false;
     }
-#if CULLING >= 3
-    bool history = (view.valid_histories & HISTORY_FRAME) != 0u;
-    bool is_hidden = PHASE == 0 ? history && seen[draw.instance] == 0u : hidden(bounds);
-    count(DRAWS_HIDDEN, is_hidden ? 1u : 0u);
-    return !is_hidden;
-#else
-    return true;
+#if CULLING >= 3 && PHASE == 1
+    if (hidden(bounds)) {
+        count(DRAWS_HIDDEN, 1u);
+        return false;
+    }
 #endif
+    return true;
 }
 
 void main() {
@@ -36,7 +41,7 @@ void main() {
         Draw draw = draws[number];
         Instance instance = instance_of(draw.instance);
         bool left = is_left(draw, instance);
-#if CULLING >= 3 && PHASE == 1
+#if CULLING < 3 || PHASE == 1
         visible[draw.instance] = left ? 1u : 0u;
 #endif
         units.y = left ? draw.units : 0u;

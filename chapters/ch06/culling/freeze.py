@@ -9,6 +9,9 @@ from common import layouts
 
 Bytes = NDArray[np.uint8]
 
+CUTS = ("camera cut", "time ran backwards")
+"""The reasons of frames/frame.py for a frame without history that leave a frozen view as it is."""
+
 
 class CullingView:
     """The view of culling: that of the frame, or while it is frozen, that of the frame before it was frozen.
@@ -33,7 +36,7 @@ class CullingView:
         """
         if not frozen or self._last is None:
             self.is_frozen, self._last = False, constants.copy()
-            return constants
+            return self._last
         if not self.is_frozen:
             self.is_frozen = True
             self._written.clear()

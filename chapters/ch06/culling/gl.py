@@ -20,38 +20,29 @@ from backends.gl.resources import (
 from common.scene import Sampler
 
 from ..frames.backend.gl import GlBackend
-from ..frames.commands import Counted, MeshDraw
 from ..frames.frame import SLOTS
 from ..frames.gl_commands import Commands
-from ..meshlets.model import SceneMeshlets
 from ..pipelines.description import Built
-from .kernels import CLEARED, IN_SLOT, LISTS, TRANSPARENT, cleared, sizes_of, tables_of
-from .lists import CullingLists
+from .kernels import IN_SLOT, LISTS, OVERLAY, PYRAMIDS, TRANSPARENT, Kernels, OverlayDraw
+
+OVERLAY_BINDING = 5
+"""The first storage block of overlay.glsl that no draw of the scene uses."""
 
 
-class CullingKernels:
+class CullingKernels(Kernels):
     """The buffers by name, bound to each kernel one by one."""
 
     def __init__(self, backend: GlBackend) -> None:
-        self._backend, self._context = backend, backend.device
-        self.counts_draws = backend.plan.native("draw-indirect-count")
+        super().__init__(backend)
+        self._context = backend.device
         self._buffers: dict[str, Buffer] = {}
         self._depth = ""
 
     # --- memory ---
 
-    def make_lists(
-        self,
-        lists: CullingLists,
-        meshlets: SceneMeshlets | None,
-        instances: int,
-        copied: int,
-        pyramid_words: int,
-    ) -> None:
-        """Create the buffers of new tables; OpenGL itself frees earlier ones after their last use."""
+    def make_buffers(self, sizes: Mapping[str, int], contents: Mapping[str, np.ndarray]) -> None:
+        """Create new buffers of these sizes in bytes; OpenGL itself frees earlier ones after their last use."""
         self.close()
-        tables = tables_of(lists, meshlets)
-        sizes = sizes_of(lists, tables, pyramid_words, instances, copied)
         for name, size in sizes.items():
             if name not in IN_SLOT:
                 self._buffers[name] = create_buffer(self._context, size, "device", f"culling {name}")
@@ -59,30 +50,19 @@ class CullingKernels:
             for slot in range(SLOTS):
                 buffer = create_buffer(self._context, size, IN_SLOT[name], f"culling {name}, slot {slot}")
                 self._buffers[f"{name} {slot}"] = buffer
-        for name, table in tables.items():
+        for name, table in contents.items():
             write_buffer(self._context, self._buffers[name], table)
-        for name in CLEARED:
-            write_buffer(self._context, self._buffers[name], cleared(self._buffers[name].size))
 
-    def _buffer(self, name: str, slot: int = 0) -> Buffer:
-        if name == "instances":
-            buffer: Buffer = self._backend.data.slots[slot].instances  # type: ignore[assignment]
-            return buffer
-        if name == "source":
-            return self._backend.data.slots[slot].commands
-        if name == "seen":
-            return self._buffer("visible", 1 - slot)
-        return self._buffers[f"{name} {slot}" if name in IN_SLOT else name]
+    def _own(self, name: str) -> Buffer | None:
+        return self._buffers.get(name)
 
-    def make_bindings(self, kernels: Mapping[str, Built], meshlets: Built | None, depth: str) -> None:
+    def make_bindings(
+        self, kernels: Mapping[str, Built], meshlets: Built | None, overlay: Built | None, depth: str
+    ) -> None:
         """Note the depth that the graph has now: programs have no descriptor sets."""
         self._depth = depth
 
     # --- frames ---
-
-    def write_view(self, slot: int, constants: NDArray[np.uint8]) -> None:
-        """Write the view of culling for a slot."""
-        self._buffer("view", slot).mapped[: len(constants)] = constants
 
     def told(self, slot: int) -> NDArray[np.uint32]:
         """Return the counters that the last frame of a slot wrote."""
@@ -92,12 +72,12 @@ class CullingKernels:
     def bind(self, commands: Commands, kind: str, pipeline: Built, slot: int) -> None:
         """Bind a program with the buffers of its kind."""
         commands.bind_compute(pipeline)
-        if kind == "pyramid":
+        if kind in PYRAMIDS:
             image = self._backend.executor.images.image(slot, self._depth)
             assert isinstance(image, Image), self._depth
             sampler = self._backend.data.sampler(Sampler("nearest", "nearest", None, "clamp", "clamp"), 1.0)
             bind_texture(self._context, 0, image.view, sampler)
-            bind_buffer(self._context, "storage", 0, self._buffer("pyramid"))
+            bind_buffer(self._context, "storage", 0, self._buffer(kind))
             return
         names = LISTS if kind == "lists" else TRANSPARENT
         bind_buffer(self._context, "uniform", 0, self._buffer("view", slot))
@@ -105,21 +85,17 @@ class CullingKernels:
         for binding, name in enumerate(names[2:], start=1):
             bind_buffer(self._context, "storage", binding, self._buffer(name, slot))
 
-    def dispatch(self, commands: Commands, word: int) -> None:
-        """Dispatch the groups whose numbers are in three words of `state`."""
-        commands.dispatch_indirect(self._buffer("state"), 4 * word)
-
-    def counted(self, word: int) -> Counted:
-        """Return the draw commands with the word of `state` that holds their number."""
-        return Counted(self._buffer("commands"), self._buffer("state"), 4 * word, self.counts_draws)
-
-    def mesh_draw(self, slot: int, constants: NDArray[np.uint32], word: int) -> MeshDraw:
-        """Raise AssertionError: OpenGL has no mesh shaders."""
-        raise AssertionError("OpenGL has no mesh shaders")
-
-    def target(self, slot: int) -> Buffer:
-        """Return the draw commands of blended objects."""
-        return self._buffer("target", slot)
+    def draw_overlay(self, commands: Commands, slot: int, draw: OverlayDraw) -> None:
+        """Record a draw of the overlay; the frame and the instances are bound for the whole frame."""
+        commands.bind_pipeline(draw.pipeline)
+        bind_buffer(self._context, "uniform", 1, self._buffer("view", slot))
+        for binding, name in enumerate(OVERLAY[3:], OVERLAY_BINDING):
+            bind_buffer(self._context, "storage", binding, self._buffer(name, slot))
+        commands.push(draw.pipeline, draw.constants)
+        self._context.fn.glBindVertexArray(self._backend.pipelines.no_vertices)
+        self._context.fn.glDrawArraysInstanced(gl.GL_TRIANGLES, 0, draw.vertices, draw.instances)
+        commands.work["draws"] += 1
+        commands.work["draw_calls"] += 1
 
     def finish(self, commands: Commands, slot: int) -> None:
         """Make the counters visible to the CPU, and bind the scene's buffers again, which the kernels replaced."""

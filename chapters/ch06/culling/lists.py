@@ -76,6 +76,9 @@ COUNTER_WORDS = 16
 MOST_UNITS = 1 << 24
 """The most units of a scene that get a place: 2^24 commands take 320 MiB for each phase."""
 
+PLACE_BYTES = 8
+"""Bytes of the place of a unit (`lists.glsl`)."""
+
 
 @dataclass(frozen=True)
 class StateLayout:
@@ -156,7 +159,18 @@ class CullingLists:
     commands: int
     bits: int
     dropped: int
-    """Units without a place for a command if all of them were visible: beyond MOST_UNITS."""
+    """Units that would not be drawn if all of them were visible, for lack of places."""
+
+    @property
+    def warning(self) -> str:
+        """A sentence about units without places, or ""."""
+        if not self.dropped:
+            return ""
+        return (
+            f"Culling has places for {min(self.units, self.commands):,} meshlets and small meshes of this scene, and "
+            f"{self.dropped:,} fewer than it has: where more are visible, some are not drawn (units_dropped); take "
+            "fewer instances, or larger meshes."
+        )
 
     @property
     def state(self) -> StateLayout:
@@ -171,7 +185,7 @@ def plan_lists(
     always: NDArray[np.bool_],
     two_sided: NDArray[np.bool_],
     mesh_shaders: bool = False,
-    most: int = MOST_UNITS,
+    buffer_bytes: int = 1 << 30,
 ) -> CullingLists:
     """Return the tables for the solid draws of `lists`.
 
@@ -180,7 +194,7 @@ def plan_lists(
         always: (M,) meshes without valid bounds, which are never culled.
         two_sided: (materials,) materials whose back faces are seen.
         mesh_shaders: draw meshlets, so that only whole meshes need commands.
-        most: places of commands; a batch gets its share of them.
+        buffer_bytes: the largest buffer that shaders see; with more units than places each batch gets its share.
     """
     count = sum(batch.count for batch in lists.solid)
     commands = lists.commands[:count]
@@ -207,9 +221,10 @@ def plan_lists(
     listed = draws["units"].astype(np.int64)
     if mesh_shaders:
         listed = np.where(number[mesh] == 0, listed, 0)
-    batches, room = _batches(listed, counts, most)
-    units = int(listed.sum())
-    return CullingLists(draws, batches, units, room, bits, max(0, units - room))
+    batches, room = _batches(listed, counts, min(MOST_UNITS, buffer_bytes // (PHASES * COMMAND.itemsize)))
+    total = int(listed.sum())
+    units = min(total, MOST_UNITS, buffer_bytes // PLACE_BYTES)
+    return CullingLists(draws, batches, units, room, bits, max(0, total - min(units, room)))
 
 
 def _ranges(scene: Scene, meshlets: SceneMeshlets | None) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -12,14 +12,17 @@ from common import layouts
 
 from ..frames.commands import Commands, Counted, MeshDraw
 from ..meshlets.model import SceneMeshlets
+from ..meshlets.unit_code import unit_defines
 from ..pipelines.compute_description import ComputeDescription
 from ..pipelines.description import Built
 from ..scene.draw_lists import DrawLists
 from ..scene.pass_parts import PassParts
 from .choice import Choice
-from .kernels import Kernels, describe
+from .freeze import CullingView, without_history
+from .kernels import PYRAMIDS, Kernels, OverlayDraw, describe, first_words, sizes_of, tables_of
 from .lists import COUNTER_WORDS, COUNTERS, GROUP, WHOLE, CullingLists, folded, plan_lists
 from .pyramid import PyramidLayout
+from .spheres import SPHERE, sphere_records
 
 
 class CullingMemory:
@@ -41,6 +44,15 @@ class CullingMemory:
         self.samples = 1
         self.mesh_pipeline: Callable[[], Built | None] = lambda: None
         """Returns some pipeline with mesh shaders, if there are any."""
+        self.overlay, self.level = "off", 1
+        """What is shown over the picture, and the level of the pyramid."""
+        self.overlay_pipeline: Callable[[], Built | None] = lambda: None
+        """Returns some pipeline of the overlay, if there are any."""
+        self.spheres = 0
+        """The spheres that the overlay shows."""
+        self.two_pyramids = False
+        """Whether blended objects have a pyramid of their own."""
+        self.view = CullingView()
         self.first_blended = self.blended = 0
         self._slot = 0
         self._layout = PyramidLayout.of((1, 1))
@@ -57,10 +69,9 @@ class CullingMemory:
 
     def create(self) -> None:
         """Build the pipelines."""
-        described: dict[str, Any] = dict(describe(self.choice, self.samples))
-        level = ("CULLING", self.choice.level)
+        described: dict[str, Any] = dict(describe(self.choice, unit_defines(self._parts.settings)))
         described["transparent"] = ComputeDescription(
-            "culling/transparent.comp", (level,), name="cull transparent"
+            "culling/transparent.comp", self.choice.defines, name="cull transparent"
         )
         if self.depth:
             many = (("SAMPLES", self.samples),) if self.samples > 1 else ()
@@ -72,22 +83,29 @@ class CullingMemory:
         """Follow the draw lists, the graph and the size; write the view of a slot, and return the bytes written."""
         self._slot = slot
         executor, lists = self._backend.executor, self._parts.draws.lists
+        frame = self._parts.data.slots[slot].frame
+        constants = frame.view(np.uint8)[: layouts.dtype("FrameConstants").itemsize]
         if (executor, size) != self._bound or lists is not self._lists_seen:
             self._follow(lists, size)
             self._bound, self._lists_seen = (executor, size), lists
-        if frozen:
+            self.view.release()
+            constants = without_history(constants)  # the flags of the last frame are gone with its buffers
+        written = self.view.advance(slot, constants, frozen)
+        if written is None:
             return 0
-        frame = self._parts.data.slots[slot].frame
-        constants = frame.view(np.uint8)[: layouts.dtype("FrameConstants").itemsize]
-        self._kernels.write_view(slot, constants)
-        return int(constants.nbytes)
+        self._kernels.write_view(slot, written)
+        return int(written.nbytes)
 
     def _follow(self, lists: DrawLists, size: tuple[int, int]) -> None:
         parts, meshlets = self._parts, self._meshlets
         scene, data = parts.scene, parts.data
         two_sided = np.array([variant.double_sided for variant in data.variants], bool)
         mesh_shaders = self.choice.geometry == "mesh"
-        self.lists = plan_lists(lists, scene, meshlets, self._always, two_sided, mesh_shaders)
+        self.lists = plan_lists(
+            lists, scene, meshlets, self._always, two_sided, mesh_shaders, self._kernels.buffer_bytes
+        )
+        if self.lists.warning and self.lists.warning not in scene.warnings:
+            scene.warnings.append(self.lists.warning)
         whole = (self.lists.draws["flags"] & WHOLE) != 0
         self._meshed = np.zeros(len(self.lists.batches), bool)
         self._meshed[self.lists.draws["batch"][~whole]] = True
@@ -95,10 +113,19 @@ class CullingMemory:
         self.blended = len(lists.transparent)
         self.first_blended = len(lists.commands) - self.blended
         copied = len(lists.commands) if self.blended else 0  # blended draws keep their places
-        self._kernels.make_lists(self.lists, meshlets, len(scene.instances), copied, self._layout.words)
+        spheres = np.zeros(0, SPHERE)
+        if self.overlay == "spheres":
+            spheres = sphere_records(self.lists, meshlets)
+        self.spheres = len(spheres)
+        tables = tables_of(self.lists, meshlets, spheres)
+        words, instances = self._layout.words, len(scene.instances)
+        sizes = sizes_of(self.lists, tables, words, instances, copied, self.two_pyramids)
+        self._kernels.make_buffers(sizes, tables | first_words(sizes, lists.transparent))
         kinds = {"lists": "scan draws", "transparent": "transparent", "pyramid": "pyramid"}
         kernels = {kind: self._pipelines[name] for kind, name in kinds.items() if name in self._pipelines}
-        self._kernels.make_bindings(kernels, self.mesh_pipeline(), self._depth_name())
+        self._kernels.make_bindings(
+            kernels, self.mesh_pipeline(), self.overlay_pipeline(), self._depth_name()
+        )
         self._backend.frames.forget()
         self.revision += 1
 
@@ -163,21 +190,27 @@ class CullingMemory:
         self.bind(commands, "lists", name)
         commands.compute_barrier()
         instances = len(self._parts.scene.instances)
-        more = np.array([[phase, lists.commands, instances, 0]], np.uint32)
+        more = np.array([[phase, lists.commands, instances, lists.units]], np.uint32)
         self.push(commands, name, np.concatenate([state.pushed(), more]))
         if word is None:
             commands.dispatch(*folded(-(-max(1, over) // GROUP)))
         else:
             self._kernels.dispatch(commands, state.arguments + phase * state.ARGUMENTS + word)
 
-    def build_pyramid(self, commands: Commands) -> None:
-        """Record the dispatches that build the pyramid."""
-        self.bind(commands, "pyramid", "pyramid")
+    def build_pyramid(self, commands: Commands, number: int) -> None:
+        """Record the dispatches that build a pyramid."""
+        self.bind(commands, PYRAMIDS[number], "pyramid")
         for number, reduction in enumerate(self._layout.reductions):
             if number:
                 commands.compute_barrier()
             self.push(commands, "pyramid", self._layout.constants(reduction))
             commands.dispatch(*reduction.groups)
+
+    def draw_overlay(self, commands: Commands, pipeline: Built, vertices: int, instances: int) -> None:
+        """Record a draw of the overlay, with the level of the pyramid as constants."""
+        constants = np.array([[self.level, 0, 0, 0]], np.uint32)
+        draw = OverlayDraw(pipeline, vertices, instances, constants)
+        self._kernels.draw_overlay(commands, self._slot, draw)
 
     def finish(self, commands: Commands) -> None:
         """Make results visible to the CPU, and bind again what the kernels replaced."""

@@ -33,14 +33,18 @@ TRANSPARENT = "draws_transparent"
 STATE = "culling_state"
 """What the frame sees, for the next one, and the counters."""
 
+SHOWN = ("vertex", "fragment")
+"""The stages in which the overlay reads what the kernels found out."""
+
 _READ = Touch("", frozenset({"indirect", "compute"}), frozenset({"indirect", "storage_read"}))
 _STORED = Touch("", frozenset({"compute"}), frozenset({"storage_read", "storage_write"}), writes=True)
 
 
 def _left(touch: Touch, memory: CullingMemory) -> Touch:
-    """Return the last touch of the frame before, also by task shaders if there are any."""
+    """Return the last touch of the frame before, also by task shaders and the overlay if there are any."""
     tasks = {"task"} if memory.choice.geometry == "mesh" else set()
-    return replace(touch, stages=touch.stages | tasks)
+    shown = {*SHOWN} if memory.overlay != "off" else set()
+    return replace(touch, stages=touch.stages | tasks | shown)
 
 
 class CullingPass(Pass):
@@ -102,16 +106,18 @@ class CullCountersPass(CullingPass):
         self._memory.finish(commands)
 
 
-def in_turn(passes: Sequence[tuple[Pass, tuple[str, ...]]]) -> None:
+def in_turn(passes: Sequence[tuple[Pass, tuple[str, ...]]], overlay: Pass) -> None:
     """Let these passes write the state of culling in this order, each by its shader stages.
 
-    The state is what the frame sees, and its counters. Task shaders write it while they draw.
+    The state is what the frame sees, and its counters. Task shaders write it while they draw. The overlay reads it
+    before the last of the passes, which tells the counters.
     """
-    name = ""
+    name = before = ""
     for number, (gpu_pass, stages) in enumerate(passes):
         before, name = name, f"{STATE}_{number}" if number else STATE
         access = Access(name, "storage", bytes=4, of=before, stages=stages)
         gpu_pass.writes = (*gpu_pass.writes, access)
+    overlay.reads = (*overlay.reads, Access(before, "storage", stages=SHOWN))
 
 
 class DepthPyramidPass(CullingPass):
@@ -119,18 +125,24 @@ class DepthPyramidPass(CullingPass):
 
     def __init__(self, memory: CullingMemory, number: int, depth: str, needed: bool) -> None:
         super().__init__(memory, needed)
-        self.name = ("depth_pyramid", "depth_pyramid_last")[number]
+        self._number, self.name = number, ("depth_pyramid", "depth_pyramid_last")[number]
         self.reads = (Access(depth, "sampled"),)
-        before = {"of": PYRAMIDS[0]} if number else {}
-        self.writes = (Access(PYRAMIDS[number], "storage", bytes=4, **before),)  # type: ignore[arg-type]
-        self.externals = (
-            {} if number else {PYRAMIDS[0]: External(None, None, _left(_STORED, memory), bytes=4)}
-        )
+        self.writes = (Access(PYRAMIDS[number], "storage", bytes=4),)
+        self.externals = {PYRAMIDS[number]: External(None, None, _left(_STORED, memory), bytes=4)}
 
     def record(self, commands: Commands) -> None:
-        """Record one dispatch for every six levels."""
-        self._memory.build_pyramid(commands)
+        """Record one dispatch for every six levels.
+
+        A frozen pyramid stays what it was: the depth is that of another camera. It is frozen by the user and not by the
+        frame, so that recording the pass anew costs less than a test in the kernel of every frame.
+        """
+        if not self._memory.view.is_frozen:
+            self._memory.build_pyramid(commands, self._number)
         self._memory.finish(commands)
+
+    def key(self, slot: int) -> Any:
+        """Return the revision of the tables, and whether the pyramid is frozen."""
+        return self._memory.revision, self._memory.view.is_frozen
 
 
 class CullTransparentPass(CullingPass):

@@ -12,10 +12,11 @@ uint pyramid_levels(uvec2 picture) { return uint(max(findMSB(max(picture.x, pict
 
 uvec2 pyramid_size(uint level, uvec2 picture) { return (picture + ((1u << level) - 1u)) >> level; }
 
-// The first word of a level: the texels of the levels before it.
+// The first word of a level: the texels of the levels before it. The constant bound is for a compiler: NVIDIA's for
+// OpenGL, of driver 580, makes a loop of this that never ends where the level is computed and not pushed.
 uint pyramid_offset(uint level, uvec2 picture) {
     uint words = 0u;
-    for (uint before = 1u; before < level; ++before) {
+    for (uint before = 1u; before < min(level, 16u); ++before) {
         uvec2 size = pyramid_size(before, picture);
         words += size.x * size.y;
     }

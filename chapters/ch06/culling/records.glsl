@@ -25,13 +25,14 @@ struct Meshlet {
 struct Sizes {
     uvec4 counts;  // draws, batches, whether it counts, first word of the counts of commands
     uvec4 firsts;  // first word of the arguments of mesh draws, of the sums of draws, of the sums of units; blocks of draws
-    uvec4 more;    // phase; commands of a phase, or first draw of a batch; instances; first draw of the next batch
+    uvec4 more;    // phase; commands of a phase; instances; places of units. Of task shaders: y, w the first draw of the
+                   // batch and of the next one
 };
 
-// What views know of a unit, in 7 bits: 0 for a whole mesh, and 1 to 63 for a meshlet, by its number; 64 more in the late
-// phase. A draw command has them as bits 24 to 30 of its vertex offset, above the number of a vertex: a page of 128 MiB
-// has at most 11.2 million positions of 12 bytes, less than 2^24. Bit 31 stays 0, since OpenGL leaves open what a number
-// of a vertex below 0 is.
+// What views know of a unit, in 7 bits: 0 for a whole mesh, and 1 to 63 for a meshlet, by its number; 64 more in the
+// late phase. A draw command has them as bits 24 to 30 of its vertex offset, above the number of a vertex: a page of
+// 128 MiB has at most 11.2 million positions of 12 bytes, less than 2^24. Bit 31 stays 0, since OpenGL leaves open what
+// a number of a vertex below 0 is.
 uint unit_code(uint phase, uint meshlet) { return phase * 64u + 1u + meshlet % 63u; }
 
 const uint PHASES = 2u, COUNTER_WORDS = 16u, ARGUMENT_WORDS = 16u, DRAWN = 0x80000000u;

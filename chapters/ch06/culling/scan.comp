@@ -42,9 +42,11 @@ void main() {
         // The next kernel counts the commands of each batch as well.
         write_dispatch(word + 4u, groups_of(max(state[word + 3u], sizes.counts.y)));
 #else
-        state[word + 3u] = total.y;
+        uint kept = min(total.y, sizes.more.w);  // there are places for so many
+        state[word + 3u] = kept;
         state[word + 8u] = total.x;
-        write_dispatch(word, groups_of(total.y));
+        state[phase() * COUNTER_WORDS + UNITS_DROPPED] += total.y - kept;
+        write_dispatch(word, groups_of(kept));
 #endif
     }
 }

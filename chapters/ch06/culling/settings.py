@@ -14,6 +14,10 @@ Geometry = Literal["mesh", "compute", "classic"]
 """What draws solid objects: mesh shaders, the meshlets that compute shaders select, or whole meshes."""
 
 
+Shown = Literal["boxes", "spheres", "pyramid"]
+"""What the overlay shows."""
+
+
 @dataclass
 class CullingSettings:
     """Which objects and meshlets a frame leaves out, and what draws the others."""
@@ -32,4 +36,19 @@ class CullingSettings:
     )
     frozen: bool = knob(
         False, "whether culling keeps the view that it has now", live=True, flat="culling_frozen"
+    )
+    overlay: str = knob(
+        "off",
+        "what is drawn over the picture: boxes of objects (green: seen, red: left out), spheres of seen objects' "
+        "meshlets (green: drawn, red: outside, violet: facing away, orange: hidden), or a level of the depth pyramid",
+        choices=("off", *get_args(Shown)),
+        flat="culling_overlay",
+    )
+    level: int = knob(
+        4,
+        "level of the depth pyramid that the overlay shows, each half the size of the one before; at most the last",
+        minimum=1,
+        maximum=14,
+        live=True,
+        flat="culling_level",
     )

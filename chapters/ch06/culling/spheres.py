@@ -7,8 +7,8 @@ import numpy as np
 from ..meshlets.model import SceneMeshlets
 from .lists import WHOLE, CullingLists
 
-MOST_SPHERES = 4096
-"""The most spheres that are shown: each takes 288 vertices, and more than these could not be told apart."""
+MOST_SPHERES = 8192
+"""The most spheres that are shown: each takes 864 vertices, and more than these could not be told apart."""
 
 SPHERE = np.dtype(
     [

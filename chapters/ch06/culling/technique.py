@@ -13,7 +13,7 @@ from ..frames.backend.backend import Backend
 from ..frames.commands import DrawGroup, SceneBinding
 from ..graph.file import graph_path, read_graph
 from ..graph.plan import graph_name
-from ..meshlets.model import MAX_TRIANGLES, MAX_VERTICES
+from ..meshlets.model import SceneMeshlets
 from ..meshlets.scene import meshlets_of
 from ..pipelines.description import PipelineDescription
 from ..scene.pass_parts import PassParts
@@ -22,9 +22,11 @@ from ..shading.depth_prepass import DepthPrepass
 from ..shading.forward import ForwardPass
 from ..shading.gbuffer import GBufferPass
 from ..shading.objects import ObjectsPass
-from .choice import Choice, choose, wants_meshlets
+from .choice import Choice, choose, overlay_of, wants_meshlets
+from .freeze import CUTS
 from .lists import EARLY, LATE, PHASES
 from .memory import CullingMemory
+from .overlay import OverlayPass
 from .passes import (
     DRAWS,
     PYRAMIDS,
@@ -47,8 +49,10 @@ FIRST: dict[str, type[ObjectsPass]] = {
 class CulledDraws:
     """The draw commands that culling fills; see `scene_draws.CulledDraws`."""
 
-    def __init__(self, memory: CullingMemory, phases: int, blended: bool) -> None:
-        self._memory, self._phases, self._blended = memory, phases, blended
+    def __init__(
+        self, memory: CullingMemory, meshlets: SceneMeshlets | None, phases: int, blended: bool
+    ) -> None:
+        self._memory, self._meshlets, self._phases, self._blended = memory, meshlets, phases, blended
 
     def groups(self, groups: Sequence[DrawGroup], phase: int, tells: bool) -> Sequence[DrawGroup]:
         """Return the groups of all solid batches, in their order, with the commands of a phase."""
@@ -70,14 +74,14 @@ class CulledDraws:
 
     def with_meshlets(self, described: PipelineDescription, phase: int) -> PipelineDescription | None:
         """Return a pipeline with task and mesh shaders in place of its vertex shader; None if these are not used."""
-        if self._memory.choice.geometry != "mesh":
+        if self._memory.choice.geometry != "mesh" or self._meshlets is None:
             return None
-        level = min(self._memory.choice.level, 3)
+        vertices, triangles = self._meshlets.limits
         defines = (
-            ("CULLING", level),
+            *self._memory.choice.defines,
             ("PHASE", phase),
-            ("MAX_VERTICES", MAX_VERTICES),
-            ("MAX_TRIANGLES", MAX_TRIANGLES),
+            ("MAX_VERTICES", vertices),
+            ("MAX_TRIANGLES", triangles),
         )
         return replace(
             described,
@@ -109,6 +113,7 @@ class CullingTechnique(Technique):
         """What a frame does, from `create` on."""
         self.memory: CullingMemory | None = None
         """Tables and pipelines, from `create` on."""
+        self._prepared = self._live
 
     def create(self, parts: PassParts, backend: Backend, passes: Mapping[str, Pass]) -> None:
         """Choose the path of the device, make the passes, and let the passes that draw objects read the lists."""
@@ -116,7 +121,7 @@ class CullingTechnique(Technique):
         self.choice = choice = choose(self.scene, settings, backend.plan, backend.device.capabilities)
         kernels = backend.part(__package__).CullingKernels(backend)
         self.memory = memory = CullingMemory(parts, kernels, choice, self.meshlets, backend)
-        memory.samples = settings.shading.msaa
+        memory.samples, memory.overlay = settings.shading.msaa, overlay_of(settings)
         file = {*read_graph(graph_path(graph_name(settings))).passes.values()}
         drawn = [name for name in FIRST if name in file]
         late: dict[str, ObjectsPass] = {name: FIRST[name](parts) for name in drawn}
@@ -133,7 +138,7 @@ class CullingTechnique(Technique):
             late[first].tells = True
         blended = choice.mode != "off" and backend.plan.native("multi-draw") and _is_blended(scene)
         # The forward pass draws blended objects right after the last solid ones: no pyramid of all of these is there.
-        last = two_phases and blended and first != "forward"
+        last = memory.two_pyramids = two_phases and blended and first != "forward"
         ordered: list[Pass] = [
             CullPass(memory, EARLY, choice.runs),
             DepthPyramidPass(memory, 0, depths[0], two_phases),
@@ -147,14 +152,21 @@ class CullingTechnique(Technique):
             if name != first or not two_phases:
                 late_pass.needed = _unneeded  # type: ignore[method-assign]
             ordered.append(late_pass)
+        drawn_last = late[first] if two_phases and first == "forward" else passes["forward"]
+        overlay = OverlayPass(parts, memory, drawn_last, two_phases)
+        ordered.append(overlay)
         if choice.runs:
             tasks = choice.geometry == "mesh" and bool(first)
+            drawing: list[tuple[Pass, tuple[str, ...]]] = [(passes[first], ("task",))] if tasks else []
+            transparent: list[tuple[Pass, tuple[str, ...]]] = [(ordered[4], ())] if blended else []
             writers: list[tuple[Pass, tuple[str, ...]]] = [(ordered[0], ())]
-            writers += [(passes[first], ("task",))] if tasks else []
-            writers += [(ordered[2], ())] if two_phases else []
-            writers += [(late[first], ("task",))] if two_phases and tasks else []
-            in_turn([*writers, (ordered[5], ())])
-            parts.draws.culled = CulledDraws(memory, PHASES if two_phases else 1, blended)
+            if two_phases:
+                writers += [*drawing, (ordered[2], ())]
+                drawing = [(late[first], ("task",))] if tasks else []
+            # What is blended is tested before the pass that draws it, and that may be the one with these tasks.
+            writers += [*drawing, *transparent] if last else [*transparent, *drawing]
+            in_turn([*writers, (ordered[5], ())], overlay)
+            parts.draws.culled = CulledDraws(memory, self.meshlets, PHASES if two_phases else 1, blended)
             _read_lists([*passes.values(), *late.values()], PHASES if two_phases else 1, blended, tasks)
         objects = [it for it in (*passes.values(), *late.values()) if isinstance(it, ObjectsPass)]
         memory.mesh_pipeline = lambda: next((built for it in objects for built in it.mesh_pipelines), None)
@@ -162,9 +174,26 @@ class CullingTechnique(Technique):
 
     def prepare(self, frame: FrameInfo) -> int:
         """Write the view of culling; return the bytes written."""
-        if self.memory is None or not self.choice.runs:
+        memory, knobs = self.memory, self._settings.culling
+        self._prepared = self._live
+        if memory is None or not (self.choice.runs or memory.overlay != "off"):
             return 0
-        return self.memory.prepare(frame.slot, frame.size, self._settings.culling.frozen)
+        memory.level = knobs.level
+        return memory.prepare(frame.slot, frame.size, knobs.frozen)
+
+    @property
+    def _live(self) -> tuple[bool, int]:
+        """The knobs that may change from frame to frame."""
+        return self._settings.culling.frozen, self._settings.culling.level
+
+    def resting(self, time: float) -> bool:
+        """Whether the knobs are as they were in the last frame."""
+        return self._prepared == self._live
+
+    def reset(self, reason: str) -> None:
+        """Let go of a frozen view, unless only the camera jumped: it may look at what is frozen from anywhere."""
+        if self.memory is not None and reason not in CUTS:
+            self.memory.view.release()
 
     @property
     def tells(self) -> bool:

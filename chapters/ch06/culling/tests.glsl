@@ -66,6 +66,41 @@ bool faces_away(mat3x4 world_from_object, Bounds bounds, uint cone, vec4 sphere)
     );
 }
 
+// Whether any of the texels low..high of a level is as far as `nearest`, or farther. Level 0 is the picture.
+bool any_farther(uint level, uvec2 low, uvec2 high, float nearest, uvec2 picture) {
+    uint start = level == 0u ? picture_offset(picture) : pyramid_offset(level, picture);
+    uint width = pyramid_size(level, picture).x, columns = high.x - low.x + 1u;
+    uint count = columns * (high.y - low.y + 1u);
+    bool found = false;
+    for (uint number = 0u; number < count && !found; ++number) {
+        uvec2 at = low + uvec2(number % columns, number / columns);
+        found = nearest >= pyramid[start + at.y * width + at.x];
+    }
+    return found;
+}
+
+// Whether something in a rectangle of pixels may be visible, more exactly than by the 2x2 texels of `farthest_depth`, which
+// reach up to twice as far as the rectangle. Two levels below, the rectangle has at most 5x5 texels. Where one of these
+// is not nearer, its texels three levels further down are asked, of which 33x33 at most fit the rectangle within a 32nd.
+// In a street half of what the first test leaves is hidden by this one.
+bool seen_in(uvec2 first, uvec2 last, float nearest, uvec2 picture) {
+    uint level = occlusion_level(first, last), coarse = max(level, 2u) - 2u, fine = max(level, 5u) - 5u;
+    uint start = coarse == 0u ? picture_offset(picture) : pyramid_offset(coarse, picture);
+    uint width = pyramid_size(coarse, picture).x, deeper = coarse - fine;
+    uvec2 low = first >> coarse, high = last >> coarse;
+    uint columns = high.x - low.x + 1u, count = columns * (high.y - low.y + 1u);
+    bool seen = false;
+    for (uint number = 0u; number < count && !seen; ++number) {
+        uvec2 at = low + uvec2(number % columns, number / columns);
+        if (nearest >= pyramid[start + at.y * width + at.x]) {
+            uvec2 begin = max(first >> fine, at << deeper);
+            uvec2 end = min(last >> fine, (at << deeper) + ((1u << deeper) - 1u));
+            seen = deeper == 0u || any_farther(fine, begin, end, nearest, picture);
+        }
+    }
+    return seen;
+}
+
 // Two-phase occlusion (Haar and Aaltonen 2015, "GPU-Driven Rendering Pipelines"): the pyramid is that of what the early
 // phase drew. What is hidden behind it is hidden in this frame, however wrong the guess of the early phase was.
 bool hidden(Bounds bounds) {
@@ -85,22 +120,5 @@ bool hidden(Bounds bounds) {
         return true;
     }
 #endif
-    if (both.nearest < farthest_depth(first, last, picture)) {
-        return true;
-    }
-    // 2x2 texels reach up to twice as far as the rectangle. Five levels below, 33x33 texels at most fit it within a
-    // 32nd: in a street half of what the first test leaves is hidden by the second one. Most of what is visible has
-    // a visible texel among the first ones. Below level 1 is the picture itself.
-    uint level = max(occlusion_level(first, last), 5u) - 5u;
-    uint start = level == 0u ? picture_offset(picture) : pyramid_offset(level, picture);
-    uint width = pyramid_size(level, picture).x;
-    uvec2 low = first >> level, high = last >> level;
-    for (uint y = low.y; y <= high.y; ++y) {
-        for (uint x = low.x; x <= high.x; ++x) {
-            if (both.nearest >= pyramid[start + y * width + x]) {
-                return false;
-            }
-        }
-    }
-    return true;
+    return both.nearest < farthest_depth(first, last, picture) || !seen_in(first, last, both.nearest, picture);
 }

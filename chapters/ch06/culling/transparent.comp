@@ -14,12 +14,13 @@ struct Instance {
 };
 layout(BIND(0, 1, 0), std430) readonly buffer Instances_ { Instance instances[]; };
 #ifdef INSTANCES_PER_PAGE
-layout(BIND(0, 5, 4), std430) readonly buffer More_instances_ { Instance more_instances[]; };
+layout(BIND(0, 6, 5), std430) readonly buffer More_instances_ { Instance more_instances[]; };
 #endif
 #include "scene/instance_of.glsl"
 layout(BIND(0, 2, 1), std430) readonly buffer Source_ { uint source[]; };
 layout(BIND(0, 3, 2), std430) writeonly buffer Target_ { uint target[]; };
 layout(BIND(0, 4, 3), std430) readonly buffer Pyramid_ { float pyramid[]; };
+layout(BIND(0, 5, 4), std430) writeonly buffer Visible_ { uint visible[]; };
 
 struct Range {
     uvec4 range;  // first command, commands
@@ -45,11 +46,12 @@ void main() {
     if (number >= of.range.y) {
         return;
     }
-    uint word = 5u * (of.range.x + number);
-    bool drawn = is_seen(instance_of(source[word + 4u]));
+    uint word = 5u * (of.range.x + number), instance = source[word + 4u];
+    bool drawn = is_seen(instance_of(instance));
+    visible[instance] = drawn ? 1u : 0u;
     target[word] = source[word];
     target[word + 1u] = drawn ? source[word + 1u] : 0u;
     target[word + 2u] = source[word + 2u];
     target[word + 3u] = source[word + 3u];
-    target[word + 4u] = source[word + 4u];
+    target[word + 4u] = instance;
 }

@@ -6,7 +6,7 @@ Every struct that a frame needs is built once and reused. The GPU reads the argu
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from backends.vulkan import api as vk
@@ -169,6 +169,10 @@ class Commands(Dispatches):
         self.work["draws"] += 1
         self.work["draw_calls"] += 1
         self.work["triangles"] += 1
+
+    def draw_by(self, record: Callable[[Commands], None]) -> None:
+        """Record draws that are none of the above."""
+        record(self)
 
     def draw_groups(self, groups: Sequence[DrawGroup], scene: SceneBinding) -> None:
         """Record all draws of `groups` in order, with the frame's set as set 0.

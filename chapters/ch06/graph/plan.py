@@ -19,6 +19,7 @@ from backends.contract import Access, Pass
 from common.errors import UserError
 from common.names import suggest
 
+from ..culling.choice import overlay_of
 from ..frames.frame import OUTPUTS
 from ..shading.views import PICTURE
 from .checks import check_name, check_output, check_pass, check_readers
@@ -41,6 +42,8 @@ def graph_name(settings: Any) -> str:
     forward because a G-buffer holds one surface per pixel.
     """
     if settings.shading.view != PICTURE or (settings.graph.name == "auto" and settings.shading.msaa > 1):
+        return "forward"
+    if overlay_of(settings) != "off":  # drawn over the forward pass
         return "forward"
     return "deferred" if settings.graph.name == "auto" else str(settings.graph.name)
 

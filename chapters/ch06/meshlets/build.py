@@ -50,7 +50,8 @@ def build_meshlets(
     meshes, ranges = scene.meshes, np.zeros((len(scene.meshes), 2), np.uint32)
     taking = np.flatnonzero(takes_meshlets(scene, max_vertices, max_triangles))
     if not len(taking):
-        return SceneMeshlets(np.zeros(0, MESHLET), np.zeros(0, np.uint32), ranges, scene.indices)
+        none = np.zeros(0, MESHLET), np.zeros(0, np.uint32)
+        return SceneMeshlets(*none, ranges, scene.indices, (max_vertices, max_triangles))
     total = int(meshes["index_count"][taking].sum(dtype=np.int64))
     if total > MOST_INDICES:
         raise SceneError(
@@ -74,7 +75,7 @@ def build_meshlets(
     records["mesh"] = np.repeat(taking, counts[shape_of])
     for some in batches(cut.counts[kept] >> 8, AT_ONCE):
         _set_bounds(scene, cut.indices, records[some])
-    return SceneMeshlets(records, cut.words, ranges, cut.indices)
+    return SceneMeshlets(records, cut.words, ranges, cut.indices, (max_vertices, max_triangles))
 
 
 @dataclass(frozen=True)

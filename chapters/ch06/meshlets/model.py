@@ -44,13 +44,15 @@ class SceneMeshlets:
 
     `records` (K,) MESHLET are sorted by mesh, and `words` (W,) uint32 hold their data. `ranges` (M, 2) uint32 are the
     first record and the number of records by mesh; a mesh with 0 records takes the classic path. `indices` (N,) uint32
-    are the scene's, with the triangles of each mesh that has meshlets in the order of these.
+    are the scene's, with the triangles of each mesh that has meshlets in the order of these. `limits` are the most
+    vertices and triangles of a meshlet.
     """
 
     records: np.ndarray
     words: UInt32
     ranges: UInt32
     indices: UInt32
+    limits: tuple[int, int] = (MAX_VERTICES, MAX_TRIANGLES)
 
 
 def takes_meshlets(

@@ -12,6 +12,8 @@ from common.environment import ENERGIES
 from common.errors import SceneError
 from common.scene import Light, Material, Pose, Scene
 
+from ..meshlets.unit_code import UNIT_CODE
+
 MATERIAL = np.dtype(
     [
         ("base_color", np.float32, 4),
@@ -90,14 +92,14 @@ def material_variant(
     return Variant(defines, material.alpha_mode, material.double_sided, roles)
 
 
-_OF_THE_SHAPE = ("ALPHA_MASK", "BASE_COLOR_MAP", "TEXTURED", "UV1", "VERTEX_COLOR")
+_OF_THE_SHAPE = ("ALPHA_MASK", "BASE_COLOR_MAP", "TEXTURED", "UV1", "VERTEX_COLOR", UNIT_CODE)
 """What decides where a masked surface is; where an opaque one is, its positions say alone."""
 
 
 def shape_alone(variant: Variant) -> Variant:
     """Return the variant that draws the same pixels without colour: nothing is shaded here."""
     if variant.alpha_mode != "mask":
-        return replace(variant, defines=(), roles=())
+        return replace(variant, defines=tuple(it for it in variant.defines if it[0] == UNIT_CODE), roles=())
     textured = variant.has("BASE_COLOR_MAP")
     needed = [
         (name, value)

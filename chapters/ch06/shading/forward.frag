@@ -31,6 +31,9 @@ const vec2 in_uv1 = vec2(0.0);
 layout(location = 5) in vec4 in_color;
 #endif
 layout(location = 6) flat in uint in_instance;
+#ifdef UNIT_CODE
+layout(location = 7) flat in uint in_code;
+#endif
 
 #ifdef GBUFFER
 #include "gbuffer.glsl"
@@ -69,7 +72,7 @@ vec3 shading_normal(Material material, vec3 view) {
 #endif
 
 void main() {
-    Instance instance = instances[in_instance];
+    Instance instance = instance_of(in_instance);
     Material material = materials[instance.material];
 
     vec4 base = material.base_color;

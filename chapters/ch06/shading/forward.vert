@@ -22,14 +22,21 @@ layout(location = 5) out vec4 out_color;
 
 layout(location = 0) out vec3 out_position;
 layout(location = 6) flat out uint out_instance;
+#ifdef UNIT_CODE
+layout(location = 7) flat out uint out_code;  // see unit_code in culling/records.glsl
+#endif
 invariant gl_Position;
 
 void main() {
     // Every draw of an indirect buffer names its instance as its first one, and draws it once.
     uint number = uint(INSTANCE_ID);
     uint vertex = uint(VERTEX_ID);
+#ifdef UNIT_CODE
+    out_code = vertex >> 24;
+    vertex &= 0xFFFFFFu;
+#endif
     out_instance = number;
-    Instance instance = instances[number];
+    Instance instance = instance_of(number);
     uvec4 streams[2] = meshes[instance.mesh].streams;
     vec3 world = transform_point(instance.world_from_object, fetch3(streams[0].x, vertex));
     out_position = world;

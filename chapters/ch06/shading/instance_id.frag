@@ -22,7 +22,7 @@ layout(location = 0) out uint out_id;
 
 void main() {
 #ifdef ALPHA_MASK
-    Material material = materials[instances[in_instance].material];
+    Material material = materials[instance_of(in_instance).material];
     float alpha = material.base_color.a;
 #ifdef VERTEX_COLOR
     alpha *= in_color.a;

@@ -16,6 +16,8 @@
 #define VIEW_OVERDRAW 10
 #define VIEW_LIGHT_COUNT 11
 #define VIEW_NON_FINITE 12
+#define VIEW_MESHLETS 13
+#define VIEW_SURVIVORS 14
 
 #if VIEW != VIEW_NON_FINITE
 #define VIEW_OF_SURFACE  // nothing is lit
@@ -90,6 +92,32 @@ float shown_light_count() {
 }
 #endif
 
+#if VIEW == VIEW_MESHLETS || VIEW == VIEW_SURVIVORS
+// Differs a little between neighbours of one colour, so that they can be told apart: 0.75 to 1.
+float own_brightness(uint meshlet) {
+    return 0.75 + 0.25 * float(scrambled(part_id(in_instance, meshlet)) >> 24) / 255.0;
+}
+#endif
+
+#if VIEW == VIEW_MESHLETS
+vec3 shown_meshlet() {
+    uint meshlet = in_code & 63u;
+    return meshlet == 0u ? vec3(0.4 * own_brightness(0u)) : id_color(part_id(in_instance, meshlet));
+}
+#endif
+
+#if VIEW == VIEW_SURVIVORS
+vec3 shown_survivor() {
+    uint meshlet = in_code & 63u;
+#ifdef ALPHA_BLEND
+    return vec3(0.4 * own_brightness(0u));  // drawn after both phases
+#else
+    vec3 color = (in_code & 64u) == 0u ? vec3(0.3, 0.6, 1.0) : vec3(1.0, 0.6, 0.1);
+    return color * own_brightness(meshlet) * (meshlet == 0u ? 0.5 : 1.0);
+#endif
+}
+#endif
+
 #if VIEW == VIEW_NON_FINITE
 // Magenta where something of the surface or its `light` is no number, else the picture at a quarter of its light.
 vec3 shown_non_finite(Material material, vec4 base, vec3 light) {
@@ -126,11 +154,16 @@ vec3 shown(Material material, vec3 base, vec3 to_eye) {
 #elif VIEW == VIEW_MIP_LEVEL
     return vec3(shown_level(material));
 #elif VIEW == VIEW_TRIANGLE_ID
-    return id_color(part_id(in_instance, uint(gl_PrimitiveID)));
+    // A meshlet numbers its triangles from 0 on, and has at most 124 of them.
+    return id_color(part_id(in_instance, uint(gl_PrimitiveID) + ((in_code & 63u) << 7)));
 #elif VIEW == VIEW_OVERDRAW
     return vec3(1.0);
 #elif VIEW == VIEW_LIGHT_COUNT
     return vec3(shown_light_count());
+#elif VIEW == VIEW_MESHLETS
+    return shown_meshlet();
+#elif VIEW == VIEW_SURVIVORS
+    return shown_survivor();
 #else
 #error an unknown view
 #endif

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Literal, Protocol
 from common.scene import Material, Scene
 from common.view.camera import View, exposure
 
+from ..meshlets.unit_code import unit_defines
 from ..post.settings import PostSettings
 from ..scene.packing import Variant, material_variant, shape_alone
 from .prepass import has_prepass
@@ -118,6 +119,17 @@ VIEWS = (
         "Magenta where material, normal or light is NaN or infinite, over the picture at a quarter of its light.",
         "light",
     ),
+    Quantity(
+        "meshlets",
+        "Each meshlet in a colour of its own, the same in every frame; what is drawn as a whole mesh is grey.",
+        "value",
+    ),
+    Quantity(
+        "survivors",
+        "Blue: drawn by the early phase, orange: added by the late one; whole meshes are darker, blended ones grey.",
+        "value",
+        ("ALPHA_BLEND",),
+    ),
 )
 """The quantities that a view can show. A new view goes to the end: numbers are part of compiled shaders."""
 
@@ -164,7 +176,7 @@ def variant_of(material: Material, scene: Scene, settings: Settings, energy: str
         kept["SHADED"] = 1
     if "UNLIT" in view.defines and material.unlit:
         kept["UNLIT"] = 1
-    defines = {**dict(shape.defines), **kept, **dict([numbered])}
+    defines = {**dict(shape.defines), **kept, **dict([numbered]), **unit_defines(settings)}
     return replace(whole, defines=tuple(sorted(defines.items())), roles=roles)
 
 

@@ -94,6 +94,10 @@ class DrawList:
 
         self._add(numbered_groups.end, record)
 
+    def draw_by(self, record: Callable[[Any], None]) -> None:
+        """Store other draws, as one call."""
+        self._add(self.calls + 1, lambda commands, first, last: record(commands))
+
     def _add(self, end: int, record: Callable[[Commands, int, int], None]) -> None:
         self._steps.append((self.calls, end, record))
         self.calls = end

@@ -12,7 +12,7 @@ calls help more: `vkCmdDrawIndexedIndirect` is one call for any number of object
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from backends.vulkan import api as vk
@@ -78,6 +78,10 @@ class ParallelCommands(Commands):
     def draw_groups(self, groups: Sequence[DrawGroup], scene: SceneBinding) -> None:
         """Store groups of draws."""
         self._draws.draw_groups(groups, scene)
+
+    def draw_by(self, record: Callable[[Commands], None]) -> None:
+        """Store other draws."""
+        self._draws.draw_by(record)
 
     def end_rendering(self) -> None:
         """Record the stored draws: into this buffer, or with enough calls by all threads into secondaries.
