@@ -25,7 +25,7 @@ EMPTY = {"made", "one", "ones", "found", "given"}
 """Names that say nothing of what a variable holds."""
 
 OUTSIDE = {"benches", "exercises"}
-SHADERS = {".glsl", ".vert", ".frag", ".comp"}
+SHADERS = {".glsl", ".vert", ".tesc", ".tese", ".geom", ".task", ".mesh", ".frag", ".comp"}
 
 
 def texts_of(path: Path) -> Iterator[tuple[int, str]]:
@@ -87,7 +87,7 @@ def test_such_words_are_found(tmp_path: Path) -> None:
 
 # --- lessons ----------------------------------------------------------------------------------------------------------
 
-PLAIN = ("ch01", "ch02", "ch03", "ch04", "ch05")
+PLAIN = ("ch01", "ch02", "ch03", "ch04", "ch05", "ch06")
 """Chapters whose README is in plain technical English already."""
 
 MEAN_WORDS = 16.0

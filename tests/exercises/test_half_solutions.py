@@ -45,6 +45,13 @@ BEFORE = ("graph/execute/batches.py", "frame = self._before if wait.before else 
 TAKEN = ("cloth/model.py", "        taken[a] |= bit\n        taken[b] |= bit")
 CHANGED = ("scene_cache/sources.py", "(current != state or racy)")
 SKY = ("shading/lighting.frag", "        sky();\n        return;")
+STRETCH = ("culling/tests.glsl", "sphere.w * stretch_bound(world)")
+LEVEL = ("culling/pyramid.glsl", "uint level = occlusion_level(first, last);")
+SEEN = ("culling/unit.glsl", "        atomicAnd(visible[word], ~mask);\n")
+SCAN = ("culling/sums.glsl", "        sums[me] += other;\n        barrier();\n")
+GUARD = ("meshlets/select.task", "unit < first_unit(sizes.more.w)")
+AXES = ("meshlets/facing.py", 'axes, cutoffs = unpack_cones(records["cone"])')
+SMALL = ("culling/draws.comp", "footprint.known && max(pixels.x, pixels.y)")
 
 CASES = {
     "normalised, and still by the matrix of positions": (
@@ -336,6 +343,58 @@ CASES = {
         ("post/grain.comp", "/ 8388607.5 - 1.0", "/ 16777215.0"),
         "has the mean 0",
     ),
+    "the longest column": (
+        (6, "first-column"),
+        (
+            *STRETCH,
+            "sphere.w * 1.00001 * max(max(length(transpose(world)[0]), length(transpose(world)[1])), "
+            "length(transpose(world)[2]))",
+        ),
+        "a matrix with a shear",
+    ),
+    "all scales together": (
+        (6, "first-column"),
+        (*STRETCH, "sphere.w * (length(world[0].xyz) + length(world[1].xyz) + length(world[2].xyz))"),
+        "far too much",
+    ),
+    "four texels of the level below": (
+        (6, "one-tap"),
+        (*LEVEL, "uint level = uint(max(findMSB(max(last.x - first.x, last.y - first.y)), 1));"),
+        "something behind is lost",
+    ),
+    "a level higher than needed": (
+        (6, "one-tap"),
+        (*LEVEL, "uint level = min(occlusion_level(first, last) + 1u, pyramid_levels(picture));"),
+        "hidden things are kept",
+    ),
+    "in Python alone": (
+        (6, "rounded-down"),
+        ("culling/pyramid.comp", "(size[above - 1u] + 1u) / 2u", "max(size[above - 1u] / 2u, uvec2(1u))"),
+        "and the least depth below it is",
+    ),
+    "seen once is seen for ever": ((6, "two-frames-ago"), (*SEEN, ""), "is what is hidden written down"),
+    "before the write alone": ((6, "half-a-scan"), (*SCAN, "        sums[me] += other;\n"), "The total"),
+    "a whole group less": ((6, "next-batch"), (*GUARD, f"{GUARD[1]} - 1u"), "meshlets are tested"),
+    "the axis normalised": (
+        (6, "facing"),
+        (*AXES, f"{AXES[1]}\n    axes /= np.maximum(np.linalg.norm(axes, axis=1, keepdims=True), 1e-9)"),
+        "the bytes of a cone prove nothing",
+    ),
+    "without the radius": (
+        (6, "facing"),
+        ("meshlets/facing.py", ' + records["radius"]', ""),
+        "the bytes of a cone prove nothing",
+    ),
+    "not for what is no number": (
+        (6, "facing"),
+        (
+            "meshlets/facing.py",
+            '>= cutoffs * distance + records["radius"]',
+            '- cutoffs * distance - records["radius"]\n    away = ~(away < 0)',
+        ),
+        "may face any eye",
+    ),
+    "the shorter side": ((6, "tiny"), (*SMALL, "footprint.known && min(pixels.x, pixels.y)"), "is not drawn"),
     "by the peak": (
         (1, "reinhard"),
         (
@@ -445,6 +504,34 @@ RIGHT = {
     "one after the other": (
         (5, "cpu-has-waited"),
         (*BEFORE, "frame = self._now\n            if wait.before:\n                frame = self._before"),
+    ),
+    "the length of all three columns": (
+        (6, "first-column"),
+        (
+            *STRETCH,
+            "sphere.w * 1.00001 * sqrt(dot(world[0].xyz, world[0].xyz) + dot(world[1].xyz, world[1].xyz) + "
+            "dot(world[2].xyz, world[2].xyz))",
+        ),
+    ),
+    "the level by trying": (
+        (6, "one-tap"),
+        (
+            *LEVEL,
+            "uint level = 1u;\n    while (any(greaterThan((last >> level) - (first >> level), uvec2(1u)))) { "
+            "++level; }",
+        ),
+    ),
+    "set and cleared by a choice": (
+        (6, "two-frames-ago"),
+        (
+            "culling/unit.glsl",
+            "bool drawn_early =",
+            "if (PHASE == 1) { atomicAnd(visible[word], ~mask); }\n    bool drawn_early =",
+        ),
+    ),
+    "by the units that are left": (
+        (6, "next-batch"),
+        (*GUARD, "unit - first_unit(sizes.more.y) < first_unit(sizes.more.w) - first_unit(sizes.more.y)"),
     ),
     "deferred by another call": (
         (2, "reused-slot"),

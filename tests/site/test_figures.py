@@ -8,13 +8,14 @@ import re
 import xml.etree.ElementTree as ElementTree
 from itertools import combinations, pairwise
 
+import numpy as np
 import pytest
 
 import chapters
 from common.paths import ROOT
 from tools.site.chapter import with_figures
 from tools.site.draft import Draft
-from tools.site.figures import ch01, ch02, ch03, ch04, ch05, figures, inputs_of, measured
+from tools.site.figures import ch01, ch02, ch03, ch04, ch05, ch06, culling, figures, inputs_of, measured
 from tools.site.figures.canvas import DARK, KINDS, LIGHT, Canvas, variables
 from tools.site.figures.charts import Axis, Curve, bars, curves, number
 
@@ -148,6 +149,53 @@ def test_the_marked_particle_has_twelve_springs():
     ]
 
 
+def test_the_ball_is_cut_into_whole_meshlets_in_colours_that_differ_at_edges():
+    triangles, of, colors, _ = ch06.cut_ball()
+    counts = np.bincount(of)
+    assert len(triangles) == 2 * ch06.AROUND * (ch06.RINGS - 1) and counts.max() <= 124
+    owners: dict[tuple[tuple[float, ...], ...], set[int]] = {}
+    for corners, meshlet in zip(triangles.tolist(), of.tolist(), strict=True):
+        for first, second in combinations(sorted(map(tuple, corners)), 2):
+            owners.setdefault((first, second), set()).add(meshlet)
+    pairs = [two for two in owners.values() if len(two) == 2]
+    assert len(pairs) > 100 and all(len({colors[meshlet] for meshlet in two}) == 2 for two in pairs)
+
+
+def test_from_the_region_of_the_cone_no_normal_faces_the_eye_for_any_vertex_in_the_sphere():
+    """At its edge, dot(c - e, a) = sin(alpha) |c - e| + r; y counts downwards and the axis points upwards."""
+    bound = 50.0
+    sine = math.sin(ch06.HALF_ANGLE)
+    for x, y in ch06.back_region(bound)[1:-1]:
+        assert y == pytest.approx(sine * math.hypot(x, y) + bound)
+        for angle in np.linspace(-ch06.HALF_ANGLE, ch06.HALF_ANGLE, 9):
+            normal = np.array((math.sin(angle), -math.cos(angle)))
+            assert normal @ (-x, -y) >= bound - 1e-9, "as far behind the plane as a vertex can be before it"
+
+
+def test_each_texel_of_the_figure_is_the_minimum_of_its_pixels():
+    depth, *levels = ch06.levels()
+    height, width = depth.shape
+    for power, level in enumerate(levels, 1):
+        side = 2**power
+        assert level.shape == (-(-height // side), -(-width // side))
+        for (row, column), value in np.ndenumerate(level):
+            assert value == depth[row * side : (row + 1) * side, column * side : (column + 1) * side].min()
+    assert levels[-1].shape == (1, 1) and ch06.level_of((4, 2), (8, 5)) == 2
+    assert [ch06.level_of((first, 0), (first + 31, 0)) for first in (96, 100)] == [4, 5]
+
+
+def test_blocks_of_the_street_hide_what_a_ray_says():
+    """A block in front of another, one beside it, and one behind the eye."""
+    eye = culling.Eye(0.0, 0.0, 0.0, 0.4)
+    blocks = [
+        culling.Block(2.0, -0.5, 0.5, 1.0),
+        culling.Block(4.0, -0.3, 1.0, 0.6),
+        culling.Block(4.0, 1.2, 1.0, 0.3),
+        culling.Block(-4.0, -0.5, 1.0, 1.0),
+    ]
+    assert culling.seen_from(eye, blocks) == ({0, 1, 2}, {0, 2})
+
+
 def test_a_chart_puts_points_where_their_numbers_are():
     """On a logarithmic axis equal ratios are equal lengths, on a linear one equal differences are."""
     shown = curves(
@@ -250,7 +298,7 @@ def test_what_the_titles_of_measured_figures_claim_is_so():
 
 
 def test_every_chapter_has_figures():
-    for module in (ch01, ch02, ch03, ch04, ch05):
+    for module in (ch01, ch02, ch03, ch04, ch05, ch06):
         assert len(module.FIGURES) >= 3
 
 

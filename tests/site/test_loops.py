@@ -12,6 +12,7 @@ import chapters
 from common.paths import ROOT
 from tests.site.test_figures import contrast, faults
 from tools.site.draft import Draft
+from tools.site.figures import culling
 from tools.site.figures.canvas import DARK, LIGHT
 from tools.site.figures.ch01 import timeline
 from tools.site.figures.film import LARGEST, SCHEMES, Loop, Picture, animated, markup, pictures_of
@@ -141,3 +142,17 @@ def test_a_film_has_its_pictures_and_their_times():
         assert np.argwhere(red)[:, 1].mean() == pytest.approx(10 + 4 * number - 0.5, abs=0.6)
     still = animated([loop.picture(0).image(LIGHT)] * 4, 10)
     assert len(pictures_of(still)) == 1, "a picture that stays is stored once"
+
+
+def test_the_scan_sums_and_the_survivors_find_their_places():
+    values = culling.scan()
+    assert values[-1] == tuple(np.cumsum(culling.FLAGS).tolist())
+    assert len(values) == culling.STEPS + 1 == 5
+
+
+def test_the_two_phases_draw_what_is_visible_and_nothing_twice():
+    for number in range(culling.TURNS):
+        inside, visible = culling.turn()[number]
+        early, late, hidden = culling.phases(number)
+        assert visible <= early | late <= inside and not early & late and not hidden & visible
+    assert any(culling.phases(number)[1] for number in range(culling.TURNS))

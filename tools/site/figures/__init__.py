@@ -3,6 +3,7 @@
     canvas    boxes, arrows and words in SVG, in the colours of the reader's scheme
     graphs    compiled frames of chapters 4 and 5
     ch01 ...  the figures of a chapter, `FIGURES` by name
+    culling   streets from above, and the loops of chapter 6
     charts    curves over two axes, and bars
     measured  charts of what was measured, from the records
 
@@ -23,6 +24,8 @@ from tools.site.figures.canvas import Canvas
 HERE = Path(__file__).parent
 DATA = {"ch04": (4,), "ch05": (5,)}
 """The chapters whose data a module's figures show."""
+PARTS = {"ch06": (6, ("meshlets/*.py", "culling/pyramid.py"))}
+"""The same where figures show data of a few files."""
 
 
 def figures() -> dict[str, Callable[[], Canvas]]:
@@ -44,6 +47,11 @@ def inputs_of(name: str) -> list[Path]:
     files = [HERE / "canvas.py", HERE / f"{chapter}.py"]
     for number in DATA.get(chapter, ()):
         files += [HERE / "graphs.py", *inputs.chapter(number)]
+    if name == "ch06-tests":
+        files.append(HERE / "culling.py")
+    for number, patterns in [PARTS[chapter]] if chapter in PARTS else []:
+        folder = chapters.FOLDER / chapters.folder_name(number)
+        files += sorted(path for pattern in patterns for path in folder.glob(pattern))
     if chapter == "ch04":
         files += inputs.study(4, "glow")
     return files

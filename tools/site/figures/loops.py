@@ -1,4 +1,4 @@
-"""The loops of the lessons: frames in flight, the staging ring, a graph that is compiled, and cloth."""
+"""The loops of the lessons: frames in flight, the staging ring, a graph that is compiled, cloth, and culling."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from chapters.ch04.graph.order import order
 from chapters.ch04.studies.glow import declared
 from tools.site import inputs
 from tools.site.figures.ch01 import timeline
+from tools.site.figures.culling import CULLING
 from tools.site.figures.film import SCHEMES, Loop, Picture, animated
 
 HERE = Path(__file__).parent
@@ -267,6 +268,7 @@ LOOPS: Mapping[str, Loop] = {
         5 * HOLD + MOVE + 10,
         graph_compiles,
     ),
+    **CULLING,
 }
 """The loops that are drawn; their stills are figures of the lessons."""
 CLOTH = Loop(
@@ -282,6 +284,7 @@ def files() -> dict[str, tuple[Callable[[], bytes], list[Path]]]:
         "ch01-frames-in-flight-loop": [HERE / "ch01.py"],
         "ch03-staging-ring-loop": [],
         "ch04-graph-compiles-loop": [*inputs.chapter(4), *inputs.study(4, "glow")],
+        **{name: [HERE / "culling.py"] for name in CULLING},
     }
     found: dict[str, tuple[Callable[[], bytes], list[Path]]] = {}
     for name, loop in LOOPS.items():
