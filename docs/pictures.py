@@ -64,7 +64,11 @@ STUDY_TIMES = {
 """Seconds at which a study shows what it is about; 1 for the others."""
 STUDIES_OF_PIXELS = {"dithered-alpha", "random-textures", "fragment-order", "dispatch-size"}
 """Those about single pixels, which are not to be averaged."""
-STUDY_SETTINGS = {"texture-handles": {"way": "units"}, "dispatch-size": {"guard": False}}
+STUDY_SETTINGS = {
+    "texture-handles": {"way": "units"},
+    "dispatch-size": {"guard": False},
+    "compacted-indices": {"turned": 110},
+}
 """Settings with which every driver can draw a study's picture, or it says more."""
 WITH_STUDIES = (1, 2, 3, 4, 5, 6)
 """The chapters that have studies."""
