@@ -130,6 +130,37 @@ def test_ratios_hold_the_chapter_to_others_at_their_most_and_to_itself_at_its_le
     }
 
 
+def test_a_side_can_be_the_chapter_with_other_knobs(subject, monkeypatch):
+    side = Side(knobs=(("anisotropy", 1.0), ("color_format", "rgba32f")))
+    assert side.name == "anisotropy=1.0, color_format=rgba32f"
+    opened = []
+    monkeypatch.setattr(bench_scale, "SLOW_S", 0.0)  # every point is slow
+    monkeypatch.setattr(
+        bench_scale._Run, "time_recording", lambda run: opened.append(run.renderer.settings.scene.anisotropy)
+    )
+    scale = Scale("draws", partial(crowd, materials=2), (), (3,), (Side(chapter=2), side))
+    made = measured(subject, scale)
+    assert opened == [4.0, 1.0] and made["frames"] == 1
+    assert [point["side"] for point in made["points"]] == ["chapter 2", side.name]
+
+
+def test_a_slow_point_gets_the_least_frames(subject, monkeypatch):
+    taken = []
+    frame = bench_scale._Run.frame
+    monkeypatch.setattr(
+        bench_scale._Run, "frame", lambda run, view: (taken.append(run.count), frame(run, view))[1]
+    )
+    monkeypatch.setattr(bench_scale, "LEAST_FRAMES", 2)
+    monkeypatch.setattr(
+        Settings, "SCALES", (Scale("draws", partial(crowd, materials=2), (), (3,), (Side(),)),)
+    )
+    for slow, frames in ((0.0, 2), (1e9, 5)):
+        taken.clear()
+        monkeypatch.setattr(bench_scale, "SLOW_S", slow)
+        bench_scale.scales(subject, replace(SMALL, frames=5), lambda what, part: None)
+        assert len(taken) == 2 + frames, "two before the measured ones"
+
+
 def test_what_is_sent_again_as_it_was_takes_no_time_to_record():
     points = [point("old", 10, 8.0, record=6.0), point("new", 10, 2.0, record=0.0)]
     found = bench_scale.ratios(points, "new", 10)
@@ -146,6 +177,21 @@ def test_figures_become_sentences():
     assert first.startswith("At 10 draws, old takes 4 times the Python time of new for a frame")
     assert "From 10 to 1,000 draws" in second and "-50.0%" in second
     assert third == "The pictures differ: new at 1,000 draws by up to 1.5 in 3 pixels."
+
+
+def test_a_chapter_that_is_measured_at_every_count_is_compared_at_every_count():
+    points = []
+    for count, more in ((10, 0.02), (100, 0.01), (1000, -0.5)):
+        least = {"python_least_ms": 1.0}
+        points += [point("chapter 5", count, 2.0) | least, point("new", count, 2.0 + more) | least]
+    made = {"name": "draws", "points": points, "ratios": bench_scale.ratios(points, "new", 10)}
+    (said,) = [line for line in bench_scale.sentences(made) if "more Python time" in line]
+    assert said.startswith(
+        "From 10 to 1,000 draws, a frame with new takes +0.010 ms more Python time than with chapter 5"
+    )
+    assert "at most +0.020 ms (at 10; of the quickest frames +0.000 ms)" in said
+    made["points"] = points[1:]
+    assert not [line for line in bench_scale.sentences(made) if "more Python time" in line]
 
 
 def test_a_difference_of_the_last_bit_is_seen():
@@ -226,7 +272,7 @@ def test_a_part_that_cannot_be_measured_is_one_sentence(words, said, strata, mon
 
 def test_opengl_has_no_pipelines_to_build():
     assert "pipelines" not in bench.parts_of(2, "gl")
-    assert bench.parts_of(5, "vulkan") == tuple(bench.PARTS)
+    assert bench.parts_of(6, "vulkan") == tuple(bench.PARTS)
     with pytest.raises(UserError, match="no pipeline objects"):
         bench.parts_of(2, "gl", ["pipelines"])
 

@@ -55,6 +55,9 @@ PARTS = {
     "drift": "energy and length of cloth that is left alone",
     "async": "frames with compute work on a queue of its own",
     "pacing": "the processor's time for waiting and submitting",
+    "culling": "what each test leaves, and what it costs",
+    "ideal": "triangles drawn against those of visible meshlets",
+    "meshlets": "how large meshlets should be",
 }
 """What a bench measures; a chapter may lack any of those that come after `stability`, and `prepared`."""
 
@@ -63,6 +66,9 @@ DRAWN = {
     "drift",
     "async",
     "pacing",
+    "culling",
+    "ideal",
+    "meshlets",
     "settings",
     "prepared",
     "scales",
@@ -227,6 +233,9 @@ def parts_of(which: chapters.Whole, api: str, only: Sequence[str] = ()) -> tuple
         ("drift", "cloth_method"),
         ("async", "async_compute"),
         ("pacing", "async_compute"),
+        ("culling", "culling"),
+        ("ideal", "culling"),
+        ("meshlets", "geometry"),
     ):
         if not hasattr(settings_class, names) and names not in knobs(settings_class):
             missing[part] = f"{spoken} names none in its settings ({names})"
@@ -304,8 +313,14 @@ def measure(
             framed["async"] = bench("async_compute").measure(subject, effort, within(0.9, 0.92, "queues,"))
         if "pacing" in parts:
             framed["pacing"] = bench("pacing").measure(subject, effort, within(0.92, 0.93))
+        if "culling" in parts:
+            framed["culling"] = bench("stages").measure(subject, effort, within(0.93, 0.95, "culling,"))
+        if "ideal" in parts:
+            framed["ideal"] = bench("visible_set").measure(subject, effort, within(0.95, 0.97))
+        if "meshlets" in parts:
+            framed["meshlets"] = bench("meshlet_sizes").measure(subject, effort, within(0.97, 0.98))
         if "stability" in parts:
-            steps("stability", 0.93)
+            steps("stability", 0.98)
             cases = bench_points.stability_cases(subject, effort)
     defaults = flat(chapters.settings_class(which)())
     points = [point.record(defaults) for point in found]

@@ -28,7 +28,9 @@ FACTS = frozenset(
             "transient_bytes_bound",
             "cloths_at_rest",
         ),
-        *("cloth_particles", "bytes", "decoded_bytes"),
+        *("cloth_particles", "bytes", "decoded_bytes", "visible"),
+        *("instances_tested", "instances_outside", "instances_hidden"),
+        *("meshlets_outside", "meshlets_away", "meshlets_hidden"),
     }
 )
 """Counters of which more is neither better nor worse."""
@@ -270,6 +272,27 @@ def _pacing(made: dict[str, Any]) -> Iterator[Row]:
         yield one["way"], figure
 
 
+def _culling(made: dict[str, Any]) -> Iterator[Row]:
+    held = made.get("culling") or {"ways": (), "pyramid": ()}
+    for one in held["ways"]:
+        times = _times(one, "gpu_ms", "frame_ms", "python_ms", within="passes_ms")
+        yield one["way"], times | _work(one["work"])
+    for one in held["pyramid"]:
+        yield "pyramid, {}x{}".format(*one["size"]), _times(one, "gpu_ms")
+
+
+def _ideal(made: dict[str, Any]) -> Iterator[Row]:
+    held = made.get("ideal") or {"views": ()}
+    for one in held["views"]:
+        yield one["view"], _work(one, "meshlets", "whole", "visible") | _errors({"late": one["late"]})
+
+
+def _meshlets(made: dict[str, Any]) -> Iterator[Row]:
+    for one in made.get("meshlets") or ():
+        figure = _times(one, "gpu_ms") | _times(one, "build_s") | _work(one, "meshlets", "bytes")
+        yield _point(f"{one['vertices']} vertices", one["path"]), figure | _work(one["work"])
+
+
 PARTS = {
     "settings": _settings,
     "prepared": _prepared,
@@ -287,5 +310,8 @@ PARTS = {
     "drift": _drift,
     "async": _async,
     "pacing": _pacing,
+    "culling": _culling,
+    "ideal": _ideal,
+    "meshlets": _meshlets,
 }
 """How the points of each part of a bench are found in its record."""

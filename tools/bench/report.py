@@ -29,6 +29,9 @@ FRAME_PARTS = {
     "drift": "drift",
     "async": "async_compute",
     "pacing": "pacing",
+    "culling": "stages",
+    "ideal": "visible_set",
+    "meshlets": "meshlet_sizes",
 }
 """The parts of chapters whose frame is a graph, and the benches of lessons that show and draw them."""
 

@@ -28,7 +28,7 @@ from backends.contract import Frame, Renderer
 from common.reports.benches import Effort, difference, moved_view
 from common.reports.tables import table
 from common.scene import Scene
-from common.settings import Scale, Side, preset
+from common.settings import Scale, Side, preset, replaced
 from common.view.camera import View
 from tools.bench.points import Subject, forward_path
 from tools.run.run import open_device
@@ -44,6 +44,9 @@ TIMES = ("cpu", "python", "record", "gpu")
 LEAST_FRAMES = 9
 """Of a point, also in a quick look: the median of fewer moves with every interruption."""
 
+SLOW_S = 1.0
+"""A point whose frames take longer gets no more than LEAST_FRAMES of them."""
+
 
 @dataclass
 class _Run:
@@ -54,6 +57,7 @@ class _Run:
     renderer: Renderer
     open_s: float
     recording: float = 0.0
+    frame_s: float = 0.0  # from the call to the end on the GPU, of the last frame
     samples: list[tuple[float, ...]] = field(default_factory=list)  # in the order of TIMES
     error: dict[str, float] = field(default_factory=dict)
     work: dict[str, int] = field(default_factory=dict)
@@ -62,9 +66,11 @@ class _Run:
         """Return a frame that is over, and keep what it took."""
         self.recording = 0.0
         began = _processor()
+        on_the_clock = clock.perf_counter()
         frame = self.renderer.render(view)
         python = _processor() - began
         self.samples.append((frame.cpu_ms, python * 1e3, self.recording * 1e3, sum(frame.timings.values())))
+        self.frame_s = clock.perf_counter() - on_the_clock
         self.work = dict(frame.work)
         return frame
 
@@ -82,6 +88,7 @@ class _Run:
     def point(self) -> dict[str, Any]:
         """Return what the record holds: medians, half the distance of the quartiles, the least."""
         found: dict[str, Any] = {"side": self.side.name, "count": self.count, "open_s": round(self.open_s, 3)}
+        found["frames"] = len(self.samples)
         for name, values in zip(TIMES, zip(*self.samples, strict=True), strict=True):
             low, high = np.percentile(values, (25, 75))
             found[f"{name}_ms"] = statistics.median(values)
@@ -133,6 +140,8 @@ def _scale(
         for turn in range(rounds):
             step(f"frames with more and more {scale.name}", 0.6 + 0.4 * turn / rounds)
             for one in random.permutation(len(runs)):
+                if turn >= LEAST_FRAMES and runs[one].frame_s > SLOW_S:
+                    continue
                 runs[one].frame(_view(runs[one].renderer, turn + one / len(runs)))
     points = [run.point() for run in runs]
     made = {"name": scale.name, "frames": rounds, "skipped": skipped, "points": points}
@@ -156,7 +165,9 @@ def _open(stack: ExitStack, subject: Subject, side: Side, count: int, scene: Sce
             subject.backend,
             scene=scene,
             size=subject.size,
-            settings=forward_path(preset(chapters.settings_class(which), "medium")),
+            settings=replaced(
+                forward_path(preset(chapters.settings_class(which), "medium")), **dict(side.knobs)
+            ),
             without=side.without,
             outputs={"color", "color_linear"},
             device=device,
@@ -239,6 +250,7 @@ def sentences(made: dict[str, Any]) -> list[str]:
             f"From {found['from']:,} to {int(most):,} {name}, the Python time of a frame with {side} changes by "
             f"{furthest - 1:+.1%} at most; half of all frames lie within {noise:.1%} of the median."
         )
+    said += _against_others(points, side, name)
     worst = max(points, key=lambda point: (point["error"]["pixels_differ"], point["error"]["max_abs"]))
     if worst["error"]["pixels_differ"]:
         said.append(
@@ -247,6 +259,26 @@ def sentences(made: dict[str, Any]) -> list[str]:
         )
     else:
         said.append(f"At every number of {name}, all pictures are the same to the bit.")
+    return said
+
+
+def _against_others(points: list[dict[str, Any]], side: str, name: str) -> list[str]:
+    """Return how much more Python time `side` takes than other chapters that are measured at all of its counts."""
+    own, said = {point["count"]: point for point in points if point["side"] == side}, []
+    for other in dict.fromkeys(point["side"] for point in points):
+        found = {point["count"]: point for point in points if point["side"] == other}
+        if other == side or not other.startswith("chapter") or found.keys() != own.keys() or len(own) < 2:
+            continue
+        more = {count: own[count]["python_ms"] - found[count]["python_ms"] for count in own}
+        best = {count: own[count]["python_least_ms"] - found[count]["python_least_ms"] for count in own}
+        most = max(more, key=lambda count: more[count])
+        noise = max(np.hypot(own[count]["python_noise_ms"], found[count]["python_noise_ms"]) for count in own)
+        said.append(
+            f"From {min(own):,} to {max(own):,} {name}, a frame with {side} takes "
+            f"{statistics.median(more.values()):+.3f} ms more Python time than with {other} in the median of the "
+            f"counts, at most {more[most]:+.3f} ms (at {most:,}; of the quickest frames {max(best.values()):+.3f} ms); "
+            f"the noise of a difference is {noise:.3f} ms."
+        )
     return said
 
 

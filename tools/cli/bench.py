@@ -57,7 +57,7 @@ def bench(
         typer.Option(
             metavar="PART",
             help="That part alone, repeatable: settings, prepared, start, stability, scales, pipelines, threads, "
-            "loads, readback, graph, prepass, gbuffer, cloth, drift, async, pacing.",
+            "loads, readback, graph, prepass, gbuffer, cloth, drift, async, pacing, culling, ideal, meshlets.",
             show_default=False,
         ),
     ] = None,

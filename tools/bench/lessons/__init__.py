@@ -15,6 +15,9 @@ CHAPTERS = {
     "drift": 5,
     "async_compute": 5,
     "pacing": 5,
+    "stages": 6,
+    "visible_set": 6,
+    "meshlet_sizes": 6,
 }
 """The chapter whose `benches/` has the module."""
 
