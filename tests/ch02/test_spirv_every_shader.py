@@ -54,6 +54,17 @@ GIVEN = {
     "RESET": "1u",
     "WRITE": "2u",
     "NOWHERE": 0xFFFFFFFF,
+    "CULLING": 3,
+    "PHASE": 1,
+    "SEGMENTS": 16,
+    "SHAPE": 0,
+    "MAX_VERTICES": 64,
+    "MAX_TRIANGLES": 124,
+    "AT_ONCE": 64,
+    "COLORS": 1,
+    "WAY": 0,
+    "SHOW": 0,
+    "OPACITY": 1.0,
 }
 VIEWS = 13
 OWN = ("GL_", "INCLUDED_", "VIEW_OF")  # macros that are not the host's
@@ -69,13 +80,14 @@ def files():
 def built(path, defines):
     """Return a shader with the extension that some of them need; it changes nothing where nobody uses it."""
     own = path.relative_to(ROOT).parts
+    mesh = ["GL_EXT_mesh_shader"] if path.suffix in (".task", ".mesh") else []
     return shader_text.build(
         path,
         "vulkan",
         roots=[ROOT.joinpath(*own[:2])] if own[0] == "chapters" else (),
-        defines=defines,
+        defines={name: value for name, value in defines.items() if f"#define {name} " not in path.read_text("utf-8")},
         snippets=SNIPPETS,
-        extensions=["GL_EXT_nonuniform_qualifier"],
+        extensions=["GL_EXT_nonuniform_qualifier", *mesh],
     )
 
 
