@@ -61,7 +61,11 @@ class Settings(Grouped):
             "msaa": AtMost(8),
         },
     }
-    SWEEP: ClassVar[dict[str, tuple[Any, ...]]] = {"msaa": (1, 4)}  # the sample counts that every device has
+    SWEEP: ClassVar[dict[str, tuple[Any, ...]]] = {
+        "msaa": (1, 4),  # the sample counts that every device has
+        "culling": ("off",),
+        "geometry": ("classic",),
+    }
     PREPARED: ClassVar[tuple[Sweep, ...]] = (
         Sweep(
             "environment",

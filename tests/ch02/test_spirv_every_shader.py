@@ -54,6 +54,9 @@ GIVEN = {
     "RESET": "1u",
     "WRITE": "2u",
     "NOWHERE": 0xFFFFFFFF,
+}
+# The same from chapter 6 on; earlier chapters have other things of these names.
+GIVEN_FROM_6 = {
     "CULLING": 3,
     "PHASE": 1,
     "SEGMENTS": 16,
@@ -80,12 +83,14 @@ def files():
 def built(path, defines):
     """Return a shader with the extension that some of them need; it changes nothing where nobody uses it."""
     own = path.relative_to(ROOT).parts
+    given = (GIVEN_FROM_6 if own[0] == "chapters" and own[1] >= "ch06" else {}) | defines
+    own_text = path.read_text("utf-8")
     mesh = ["GL_EXT_mesh_shader"] if path.suffix in (".task", ".mesh") else []
     return shader_text.build(
         path,
         "vulkan",
         roots=[ROOT.joinpath(*own[:2])] if own[0] == "chapters" else (),
-        defines={name: value for name, value in defines.items() if f"#define {name} " not in path.read_text("utf-8")},
+        defines={name: value for name, value in given.items() if f"#define {name} " not in own_text},
         snippets=SNIPPETS,
         extensions=["GL_EXT_nonuniform_qualifier", *mesh],
     )

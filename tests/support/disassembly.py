@@ -187,8 +187,11 @@ class Disassembly:
         if name == "OpTypeVector":
             return {"float": "", "int": "i", "uint": "u"}[self._glsl(words[0])] + "vec" + words[1]
         return {
+            ("OpTypeFloat", "16"): "float16_t",
             ("OpTypeFloat", "32"): "float",
             ("OpTypeFloat", "64"): "double",
+            ("OpTypeInt", "16 0"): "uint16_t",
+            ("OpTypeInt", "16 1"): "int16_t",
             ("OpTypeInt", "32 0"): "uint",
             ("OpTypeInt", "32 1"): "int",
             ("OpTypeInt", "64 0"): "uint64_t",
