@@ -49,6 +49,7 @@ def ways(chapter):
     return [way for way, there in (("classic", True), ("compute", several), ("mesh", tasks)) if there]
 
 
+@pytest.mark.core
 @pytest.mark.feature("culling/two-phase-occlusion", "meshlets/compute-fallback")
 @pytest.mark.parametrize("turned", [{}, {"graph": "forward"}, {"depth_prepass": True}], ids=str)
 def test_a_walk_and_a_jump_look_as_without_culling(chapter, scene, turned):
@@ -90,6 +91,7 @@ def test_each_test_alone_leaves_the_picture_as_it_is(chapter, scene, mode):
         assert work["units_late"] == 0 == work["meshlets_hidden"], "there is one phase"
 
 
+@pytest.mark.core
 @pytest.mark.feature("culling/two-phase-occlusion", "meshlets/cone-and-frustum-culling")
 def test_what_the_late_phase_draws_is_missed_without_it(chapter, scene):
     """After a jump the early phase alone leaves holes: its guess is that of the frame before."""
@@ -108,6 +110,7 @@ def test_what_the_late_phase_draws_is_missed_without_it(chapter, scene):
     assert (holes <= whole[0]["depth"]).all(), "something is missing, and nothing is added"
 
 
+@pytest.mark.core
 @pytest.mark.feature("culling/two-phase-occlusion")
 def test_early_and_late_lists_never_overlap_and_are_complete_together(chapter, scene):
     """What the late phase finds visible is drawn by one of the two, and nothing is drawn by both."""

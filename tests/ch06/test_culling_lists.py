@@ -41,6 +41,7 @@ def several(chapter):
         pytest.skip("the device draws one command with each call")
 
 
+@pytest.mark.core
 @pytest.mark.feature("culling/gpu-frustum", "culling/statistics")
 def test_instances_outside_are_those_of_double_precision(chapter, scene):
     """But for boxes within a rounding of a plane; the counters are the sums, and nothing is listed twice."""

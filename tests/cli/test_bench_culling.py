@@ -92,13 +92,13 @@ def test_every_stage_has_its_time_and_leaves_less_than_the_one_before(subject):
     assert counts[0] >= counts[1] and counts[2] >= counts[3] >= counts[4] >= counts[5] > 0
     for row in ways.values():
         assert row["frame_ms"] >= row["gpu_ms"] > 0 and row["python_ms"] > 0
-        assert row["gpu_ms"] <= row["frame_ms"] and row["times_faster"] >= row["times_faster_least"] > 0
+        assert row["wall_ms"] > 0 and row["times_faster"] >= row["times_faster_least"] > 0
         assert row["views"].keys() == {*record["views"]}
     assert whole["times_faster"] == 1.0
     if "mesh, occlusion" in ways:
         assert ways["mesh, occlusion"]["work"]["triangles_drawn"] == drawn[2]
     assert [point["size"] for point in record["pyramid"]] == [[33, 17]]
-    assert all(point["gpu_ms"] >= point["least_ms"] > 0 for point in record["pyramid"])
+    assert all(point["noise_ms"] >= 0 for point in record["pyramid"])
 
 
 @pytest.mark.feature("tools/bench", "culling/two-phase-occlusion")
@@ -190,8 +190,8 @@ def test_views_are_spread_over_the_streets():
 def way(geometry, culling, ms, triangles, **work):
     """Return the row of a way."""
     name = stages.name_of(geometry, culling)
-    times = {f"{kind}_ms": ms + more for kind, more in (("gpu", 0), ("frame", 1), ("python", 0))}
-    noise = {f"{kind}_noise_ms": 0.1 for kind in ("gpu", "frame", "python")}
+    times = {f"{kind}_ms": ms + more for kind, more in (("gpu", 0), ("frame", 1), ("wall", 2), ("python", 0))}
+    noise = {f"{kind}_noise_ms": 0.1 for kind in ("gpu", "frame", "wall", "python")}
     passes = (
         {"gbuffer": ms} if culling == "off" else {"cull": ms / 4, "gbuffer": ms / 2, "depth_pyramid": ms / 4}
     )
@@ -215,7 +215,7 @@ def culling():
         way(path, "occlusion", ms, 250, **{**work, "triangles_drawn": 250})
         for path, ms in (("compute", 2.0), ("mesh", 1.0))
     ]
-    pyramid_ms = {"gpu_ms": 0.5, "noise_ms": 0.01, "least_ms": 0.4}
+    pyramid_ms = {"gpu_ms": 0.5, "noise_ms": 0.01}
     record = {
         "scene": "a",
         "instances": 10,

@@ -15,8 +15,12 @@ MACHINES = {"gl": ("gl",), "vulkan": ("vulkan", "gl")}
 """The machines that README names, and the backends that each of them has."""
 
 
-REFUSED = {"gl": {"2/texture-handles"}, "vulkan": {"2/texture-handles", "2/random-textures"}}
-"""Studies of what these drivers lack, which are refused in a sentence: bindless textures of OpenGL, and of Vulkan."""
+REFUSED = {
+    "gl": {"2/texture-handles"},
+    "vulkan": {"2/texture-handles", "2/random-textures", "6/cluster-list"},
+}
+"""Studies of what these drivers lack, which are refused in a sentence: bindless textures of OpenGL, and of Vulkan, and
+mesh shaders."""
 
 
 @pytest.fixture(scope="module")

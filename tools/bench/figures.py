@@ -275,7 +275,7 @@ def _pacing(made: dict[str, Any]) -> Iterator[Row]:
 def _culling(made: dict[str, Any]) -> Iterator[Row]:
     held = made.get("culling") or {"ways": (), "pyramid": ()}
     for one in held["ways"]:
-        times = _times(one, "gpu_ms", "frame_ms", "python_ms", within="passes_ms")
+        times = _times(one, "gpu_ms", "frame_ms", "wall_ms", "python_ms", within="passes_ms")
         yield one["way"], times | _work(one["work"])
     for one in held["pyramid"]:
         yield "pyramid, {}x{}".format(*one["size"]), _times(one, "gpu_ms")

@@ -97,7 +97,7 @@ def _row(way: tuple[str, str], walker: Walker, scene: Any) -> dict[str, Any]:
     """Return the figures of a way; `views` holds the ms of culling and geometry, and the triangles, of each view."""
     work = {"triangles_drawn": solid_triangles(scene), **walker.counts(COUNTERS)}
     row: dict[str, Any] = {"way": name_of(*way), "geometry": way[0], "culling": way[1]}
-    for name in ("gpu", "frame", "python"):
+    for name in ("gpu", "frame", "wall", "python"):
         row[f"{name}_ms"], row[f"{name}_noise_ms"] = walker.time(name)
     triangles = {
         view: work.get("triangles_drawn", solid_triangles(scene)) for view, (*_, work) in walker.work.items()
@@ -129,7 +129,17 @@ def show(record: dict[str, Any], to: Console) -> None:
     where = f"{record['scene']}, {len(record['views'])} street views, {width}x{height}"
     shown = table(
         f"Geometry and culling in {where}",
-        *("way", ">select ms", ">draw ms", ">±", ">times", ">frame ms", ">Python ms", ">triangles"),
+        *(
+            "way",
+            ">select ms",
+            ">draw ms",
+            ">±",
+            ">times",
+            ">frame ms",
+            ">wall ms",
+            ">Python ms",
+            ">triangles",
+        ),
     )
     for row in record["ways"]:
         selecting = part(row["passes_ms"], CULLING)
@@ -140,6 +150,7 @@ def show(record: dict[str, Any], to: Console) -> None:
             f"{row['gpu_noise_ms']:.3f}",
             f"{row['times_faster']:.2f}",
             f"{row['frame_ms']:.3f}",
+            f"{row['wall_ms']:.3f}",
             f"{row['python_ms']:.3f}",
             f"{row['work']['triangles_drawn']:,}",
         )

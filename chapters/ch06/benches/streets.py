@@ -101,7 +101,8 @@ class Walker:
 
     renderer: Any
     frames: dict[str, list[dict[str, float]]] = field(default_factory=dict)
-    """By view the frames: times of passes in ms, with "gpu", "frame" and "python", the processor time of its thread."""
+    """By view the frames: times of passes in ms, and "gpu" (passes that select and draw), "frame" (all passes), "wall"
+    (until the GPU is done) and "python" (processor time of its thread)."""
     work: dict[str, list[dict[str, int]]] = field(default_factory=dict)
 
     def walk(self, view: str, warm_up: int, frames: int) -> None:
@@ -117,7 +118,7 @@ class Walker:
                 # A device without timestamps leaves the wall clock.
                 gpu = part(passes, CULLING) + part(passes, GEOMETRY) if passes else wall
                 whole = sum(passes.values()) if passes else wall
-                times = {**passes, "gpu": gpu, "frame": whole, "python": python}
+                times = {**passes, "gpu": gpu, "frame": whole, "wall": wall, "python": python}
                 self.frames.setdefault(view, []).append(times)
                 self.work.setdefault(view, []).append(dict(frame.work))
 
