@@ -265,10 +265,10 @@ def test_stages_become_sentences():
     compute, mesh, both, share = stages.sentences(record)
     assert (
         "compute, occlusion" in compute
-        and "4.00 times faster" in compute
+        and "4.00 times as fast" in compute
         and "3.50 times in the worst" in compute
     )
-    assert "8.00 times faster" in mesh and "noise" not in mesh
+    assert "8.00 times as fast" in mesh and "noise" not in mesh
     assert "0.50 times the time of the compute path" in both
     assert "25.00% of the triangles" in share and "-6.000 ms more" in share
     record["ways"][1]["gpu_ms"] = 7.9

@@ -179,7 +179,7 @@ def sentences(record: dict[str, Any]) -> list[str]:
         noisy = abs(first["gpu_ms"] - row["gpu_ms"]) <= first["gpu_noise_ms"] + row["gpu_noise_ms"]
         lines.append(
             f"{row['way']}: selecting and drawing takes {row['gpu_ms']:.3f} ms, chapter 5's draws "
-            f"{first['gpu_ms']:.3f} ms: {row['times_faster']:.2f} times faster in the median of the views, "
+            f"{first['gpu_ms']:.3f} ms: {row['times_faster']:.2f} times as fast in the median of the views, "
             f"{row['times_faster_least']:.2f} times in the worst" + (", within the noise." if noisy else ".")
         )
     mesh, compute = (rows.get(name_of(path, "occlusion")) for path in ("mesh", "compute"))
