@@ -110,7 +110,7 @@ class Settings(Grouped):
     LOADS: ClassVar[tuple[str, ...]] = ("FlightHelmet", "ToyCar", "atrium:large", "generated")
 
     ORDER: ClassVar[str] = (
-        "culling geometry culling_frozen culling_overlay culling_level "
+        "culling geometry lod_pixels culling_frozen culling_overlay culling_level "
         "anisotropy color_format "
         "graph alias resubmit async_compute poison "
         "depth_prepass gbuffer_format aperture focus_distance bokeh_taps "

@@ -59,6 +59,7 @@ GIVEN = {
 GIVEN_FROM_6 = {
     "CULLING": 3,
     "PHASE": 1,
+    "LEVELS": 1,
     "SEGMENTS": 16,
     "SHAPE": 0,
     "MAX_VERTICES": 64,

@@ -215,10 +215,10 @@ def test_meshlets_go_with_their_scene():
     scene = scene_of(sphere(12))
     kept = weakref.ref(meshlets_of(scene))
     number = id(scene)
-    assert number in kept_meshlets._ENTRIES and kept() is not None
+    assert number in kept_meshlets._MESHLETS._entries and kept() is not None
     del scene
     gc.collect()
-    assert number not in kept_meshlets._ENTRIES and kept() is None
+    assert number not in kept_meshlets._MESHLETS._entries and kept() is None
 
 
 def test_an_error_in_the_thread_reaches_the_one_who_asks(monkeypatch):

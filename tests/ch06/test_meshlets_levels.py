@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from chapters.ch06.meshlets.build import build_meshlets
+from chapters.ch06.meshlets.chains import kept_chains
 from chapters.ch06.meshlets.lods import MAX_LEVELS, with_levels
 from common.errors import UserError
 from common.mesh.lods import Level
@@ -30,7 +31,9 @@ def test_levels_are_further_meshes_over_the_same_vertices():
     before = scene.indices.tobytes()
     levels = with_levels(scene)
     view, number = levels.scene, int(levels.counts[1])
-    assert scene.indices.tobytes() == before == view.indices[: len(scene.indices)].tobytes()
+    assert (
+        scene.indices.tobytes() == before == view.indices[: len(scene.indices)].tobytes()
+    )  # the last mesh has them
     assert (view.meshes[:2] == scene.meshes).all() and view.instances is scene.instances
     assert view.positions is scene.positions and (view.origin == scene.origin).all()
     assert levels.counts.tolist() == [1, number] and 2 < number < MAX_LEVELS
@@ -78,7 +81,8 @@ def test_meshes_with_level_0_alone(monkeypatch):
         own = triangles_of(scene, mesh, scene.indices).reshape(-1)
         return [Level(own, 0, 0), Level(own[:600], 0, 0.02), Level(own[:90], 0, 0.01)]
 
-    monkeypatch.setattr("chapters.ch06.meshlets.lods.lod_chain", chain)
+    monkeypatch.setattr("chapters.ch06.meshlets.chains.lod_chain", chain)
+    monkeypatch.setattr("chapters.ch06.meshlets.chains.cache_dir", lambda name: None)
     monkeypatch.setattr("chapters.ch06.meshlets.lods.meshoptimizer", lambda use: None)
     kinds = (Material(), Material(alpha_mode="blend"))
     scene = scene_of(GRID, GRID, GRID, grid(9, 9), GRID, kinds=kinds, materials=(0, 1, 0, 0, 0))
@@ -101,3 +105,57 @@ def test_without_the_package_it_is_one_sentence(monkeypatch):
     monkeypatch.setitem(sys.modules, "meshoptimizer", None)
     with pytest.raises(UserError, match=r"^making levels of detail needs the package meshoptimizer"):
         with_levels(scene_of(grid(2, 2)))
+
+
+@pytest.fixture
+def made(monkeypatch, tmp_path):
+    """Count the chains that are made; they are kept in a folder of the test's own."""
+    asked = []
+
+    def chain(scene, mesh, further):
+        asked.append(mesh)
+        own = triangles_of(scene, mesh, scene.indices).reshape(-1)
+        return [Level(own, 0, 0), *(Level(own[: 90 * (3 - n)], 0, 0.01 * n) for n in range(1, 1 + mesh))]
+
+    monkeypatch.setenv("STRATA_CACHE", str(tmp_path))
+    monkeypatch.setattr("chapters.ch06.meshlets.chains.lod_chain", chain)
+    return asked
+
+
+def same_chains(one, other):
+    return len(one) == len(other) and all(
+        len(a) == len(b)
+        and all(x.tobytes() == y.tobytes() and d == e for (x, d), (y, e) in zip(a, b, strict=True))
+        for a, b in zip(one, other, strict=True)
+    )
+
+
+def test_chains_are_read_the_second_time(made, tmp_path):
+    scene = scene_of(GRID, GRID, GRID)
+    first = kept_chains(scene, [0, 1, 2])
+    assert [len(chain) for chain in first] == [0, 1, 2] and made == [0, 1, 2]
+    assert same_chains(kept_chains(scene, [0, 1, 2]), first) and made == [0, 1, 2]
+    assert kept_chains(scene, []) == []
+    (file,) = (tmp_path / "levels").glob("*.blob")
+    file.write_bytes(file.read_bytes()[:-40])  # damaged: made again, and kept again
+    assert same_chains(kept_chains(scene, [0, 1, 2]), first) and made == [0, 1, 2] * 2
+    assert same_chains(kept_chains(scene, [0, 1, 2]), first) and made == [0, 1, 2] * 2
+
+
+def test_chains_of_another_geometry_are_not_those_that_are_kept(made):
+    scene = scene_of(GRID, GRID)
+    kept_chains(scene, [1])
+    for name in ("positions", "uv0", "indices"):
+        other = scene_of(GRID, GRID)
+        changed = getattr(other, name).copy()
+        changed[:3] = changed[[1, 2, 0]]
+        setattr(other, name, changed)
+        before = len(made)
+        kept_chains(other, [1])
+        assert len(made) == before + 1, name
+
+
+def test_without_a_place_to_keep_them_chains_are_made_each_time(made, monkeypatch):
+    scene = scene_of(GRID, GRID)
+    monkeypatch.setattr("chapters.ch06.meshlets.chains.cache_dir", lambda name: None)
+    assert same_chains(kept_chains(scene, [1]), kept_chains(scene, [1])) and made == [1, 1]

@@ -37,6 +37,8 @@ class Choice:
     geometry: Geometry
     samples: int = 1
     """Samples of a pixel in the depth that the pyramid is built from."""
+    levels: bool = False
+    """Whether any mesh has levels of detail to choose from."""
 
     @property
     def level(self) -> int:
@@ -46,12 +48,18 @@ class Choice:
     @property
     def defines(self) -> tuple[tuple[str, int], ...]:
         """The defines of the tests in shaders (`tests.glsl`)."""
-        return (("CULLING", self.level), *((("SAMPLES", self.samples),) if self.samples > 1 else ()))
+        samples = (("SAMPLES", self.samples),) if self.samples > 1 else ()
+        return (("CULLING", self.level), *samples, *self.level_defines)
+
+    @property
+    def level_defines(self) -> tuple[tuple[str, int], ...]:
+        """The define of shaders that read the level of a draw (`levels.glsl`)."""
+        return (("LEVELS", 1),) if self.levels else ()
 
     @property
     def runs(self) -> bool:
         """Whether any kernel runs."""
-        return (self.mode, self.geometry) != ("off", "classic")
+        return self.levels or (self.mode, self.geometry) != ("off", "classic")
 
     @property
     def two_phases(self) -> bool:

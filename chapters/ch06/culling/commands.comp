@@ -8,7 +8,7 @@ void main() {
     if (number < state[argument_word() + 3u]) {
         uvec2 place = places[number];
         if ((place.x & DRAWN) != 0u) {
-            Draw draw = draws[place.y];
+            Draw draw = drawn_as(place.y);
             uvec4 batch = batches[draw.batch];
             uint position = drawn_before(number) - drawn_before(first_unit(batch.x));
             if (position < batch.z) {

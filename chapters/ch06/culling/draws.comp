@@ -6,6 +6,7 @@
 #include "culling/counters.glsl"
 #include "culling/sums.glsl"
 #include "culling/tests.glsl"
+#include "culling/levels.glsl"
 
 // Returns whether the draw is left, and counts why not.
 bool is_left(Draw draw, Instance instance) {
@@ -14,7 +15,7 @@ bool is_left(Draw draw, Instance instance) {
         return true;
     }
 #if CULLING >= 3 && PHASE == 0
-    if ((view.valid_histories & HISTORY_FRAME) != 0u && seen[draw.instance] == 0u) {
+    if ((view.valid_histories & HISTORY_FRAME) != 0u && (seen[draw.instance] & SEEN) == 0u) {
         count(DRAWS_HIDDEN, 1u);
         return false;
     }
@@ -41,8 +42,20 @@ void main() {
         Draw draw = draws[number];
         Instance instance = instance_of(draw.instance);
         bool left = is_left(draw, instance);
+        uint level = 0u;
+#ifdef LEVELS
+#if PHASE == 0
+        level = level_in_view(draw, instance);
+#else
+        level = visible[draw.instance] >> LEVEL_SHIFT;  // the early phase chose it
+#endif
+        draw = at_level(draw, level);
+#endif
 #if CULLING < 3 || PHASE == 1
-        visible[draw.instance] = left ? 1u : 0u;
+        visible[draw.instance] = (left ? SEEN : 0u) | level << LEVEL_SHIFT;
+        count(DRAWS_COARSER, left && level > 0u ? 1u : 0u);
+#elif defined(LEVELS)
+        visible[draw.instance] = level << LEVEL_SHIFT;
 #endif
         units.y = left ? draw.units : 0u;
 #ifdef MESH_SHADERS

@@ -50,7 +50,7 @@ def tables_of(
     """Return the contents of the buffers that never change while the draw lists stay the same."""
     return {
         "spheres": spheres,
-        "draws": lists.draws,
+        "draws": np.concatenate([lists.draws, lists.levels]),
         "batches": lists.batches,
         "meshlets": np.zeros(0, MESHLET) if meshlets is None else meshlets.records,
         "words": np.zeros(0, np.uint32) if meshlets is None else meshlets.words,
@@ -105,7 +105,7 @@ def describe(choice: Choice, code: Mapping[str, int]) -> dict[str, ComputeDescri
     kernels["scan draws"] = ComputeDescription("culling/scan.comp", name="sums of draws")
     kernels["scan units"] = ComputeDescription("culling/scan.comp", (("UNITS", 1),), name="sums of units")
     kernels["commands"] = ComputeDescription(
-        "culling/commands.comp", (*mesh, *code.items()), name="draw commands"
+        "culling/commands.comp", (*mesh, *choice.level_defines, *code.items()), name="draw commands"
     )
     kernels["clear"] = ComputeDescription("culling/clear.comp", name="no draw commands")
     kernels["begin"] = ComputeDescription("culling/counters.comp", name="counters at 0")

@@ -32,7 +32,7 @@ layout(BIND(0, 6, 5), std430) buffer Places_ {
 layout(BIND(0, 7, 6), std430) buffer Commands_ { uint commands[]; };  // 5 words each
 layout(BIND(0, 8, 7), std430) buffer State_ { uint state[]; };
 layout(BIND(0, 9, 8), std430) readonly buffer Seen_ {
-    uint seen[];  // what the last frame saw: a word for each instance, then a bit for each unit
+    uint seen[];  // what the last frame saw: a word for each instance (drawn.glsl), then a bit for each unit
 };
 layout(BIND(0, 10, 9), std430) buffer Visible_ { uint visible[]; };  // the same of this frame
 layout(BIND(0, 11, 10), std430) readonly buffer Pyramid_ { float pyramid[]; };
@@ -40,6 +40,8 @@ layout(BIND(0, 12, 11), std430) buffer Told_ { uint told[]; };  // the counters,
 PUSH(Sizes, sizes)
 
 #include "culling/words.glsl"
+
+#include "culling/drawn.glsl"
 
 uint first_unit(uint draw) { return first_units(draw).y; }
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from common.scene import Scene
 
+from ..meshlets.lods import SceneLevels
 from ..meshlets.model import SceneMeshlets
 from ..scene.draw_lists import COMMAND, DrawLists
 
@@ -40,10 +41,20 @@ DRAW = np.dtype(
         ("flags", np.uint32),
     ]
 )
-"""The record of a draw (`lists.glsl`). `first_bit` is the place of its units among the bits of visibility."""
+"""The record of a draw (`lists.glsl`). `first_bit` is the place of its units among the bits of visibility.
+
+The records of coarser levels of detail follow those of the draws. Of these `first_meshlet`, `units`, `first_index`,
+`index_count` and the flag WHOLE take the place of the draw's own; `first_bit` has the bits of a float, the error.
+"""
 
 WHOLE, ALWAYS, TWO_SIDED = 1, 2, 4
 """Flags of a draw: its only unit is the whole mesh; it is never culled; its back faces are seen."""
+
+LEVELS_SHIFT, LEVELS_FIRST = 4, 8
+"""Flags from here on: the number of coarser levels (4 bits), and the number of the first one's record (24 bits)."""
+
+MOST_LEVELS = 1 << 24
+"""The most records of levels."""
 
 BATCH = np.dtype(
     [
@@ -67,6 +78,7 @@ COUNTERS = (
     "triangles_drawn",
     "units_dropped",
     "meshlets_drawn",
+    "draws_coarser",
 )
 """The counters of a phase, in the order of their words."""
 
@@ -145,15 +157,40 @@ class StateLayout:
         )
 
 
+@dataclass(frozen=True, eq=False)
+class Levels:
+    """The levels of detail that a scene may be drawn with.
+
+    `first_index` (M,) and `page_of` (M,) are those of the view's meshes in their pages; `pixels` is how far a level may
+    be off in the picture.
+    """
+
+    of_scene: SceneLevels
+    first_index: NDArray[np.integer]
+    page_of: NDArray[np.integer]
+    pixels: float
+
+    @property
+    def counts(self) -> NDArray[np.int64]:
+        """(M,) The coarser levels of each mesh that lie in its page: the batch of a draw has one page."""
+        meshes, counts = self.of_scene.meshes, self.of_scene.counts
+        near = self.page_of[meshes] == self.page_of[meshes[:, :1]]
+        within = np.minimum.accumulate(near, axis=1).sum(axis=1)
+        usable: NDArray[np.int64] = np.minimum(within, counts).astype(np.int64) - 1
+        return usable if usable.sum() <= MOST_LEVELS else np.zeros_like(usable)
+
+
 @dataclass(frozen=True)
 class CullingLists:
     """What the kernels read of a scene's draw lists.
 
-    `draws` (D,) DRAW, `batches` (B,) BATCH in the order of `DrawLists.solid`. `commands` is the number of commands of a
-    phase, `units` that of the units. `bits` is the number of bits of visibility of the whole scene.
+    `draws` (D,) DRAW, `levels` (L,) DRAW of coarser levels, `batches` (B,) BATCH in the order of `DrawLists.solid`.
+    `commands` is the number of commands of a phase, `units` that of the units. `bits` is the number of bits of
+    visibility of the whole scene.
     """
 
     draws: np.ndarray
+    levels: np.ndarray
     batches: np.ndarray
     units: int
     commands: int
@@ -173,6 +210,17 @@ class CullingLists:
         )
 
     @property
+    def meshed(self) -> NDArray[np.bool_]:
+        """(B,) Whether any draw of a batch has meshlets, at any of its levels."""
+        flags = self.draws["flags"].astype(np.int64)
+        cut = np.r_[0, np.cumsum((self.levels["flags"] & WHOLE) == 0)]
+        first, further = flags >> LEVELS_FIRST, flags >> LEVELS_SHIFT & 15
+        cut_levels = cut[np.where(further > 0, first + further, 0)] > cut[np.where(further > 0, first, 0)]
+        meshed = np.zeros(len(self.batches), bool)
+        meshed[self.draws["batch"][((flags & WHOLE) == 0) | cut_levels]] = True
+        return meshed
+
+    @property
     def state(self) -> StateLayout:
         """The layout of the buffer `state`."""
         return StateLayout(len(self.draws), len(self.batches), self.units)
@@ -186,6 +234,7 @@ def plan_lists(
     two_sided: NDArray[np.bool_],
     mesh_shaders: bool = False,
     buffer_bytes: int = 1 << 30,
+    levels: Levels | None = None,
 ) -> CullingLists:
     """Return the tables for the solid draws of `lists`.
 
@@ -195,17 +244,23 @@ def plan_lists(
         two_sided: (materials,) materials whose back faces are seen.
         mesh_shaders: draw meshlets, so that only whole meshes need commands.
         buffer_bytes: the largest buffer that shaders see; with more units than places each batch gets its share.
+        levels: None draws every mesh in full.
     """
     count = sum(batch.count for batch in lists.solid)
     commands = lists.commands[:count]
     instance = commands["first_instance"]
     mesh = scene.instances.mesh[instance]
     first, number = _ranges(scene, meshlets)
-    units_of_mesh = np.maximum(number, 1)
+    further, first_level, records = _levels(scene, levels, first, number)
+    # A mesh has places for that one of its levels which has the most units, and commands.
+    units_of_mesh = _most(np.maximum(number, 1), further, records["units"])
+    by_kernels = np.maximum(number, 1) if not mesh_shaders else (number == 0).astype(np.int64)
+    whole = (records["flags"] & WHOLE) != 0
+    listed_of_mesh = _most(by_kernels, further, np.where(whole | (not mesh_shaders), records["units"], 0))
     draws = np.zeros(count, DRAW)
     draws["instance"], draws["index_count"] = instance, commands["index_count"]
     draws["first_index"], draws["first_meshlet"] = commands["first_index"], first[mesh]
-    draws["units"] = units_of_mesh[mesh]
+    draws["units"] = np.maximum(number, 1)[mesh]
     counts = [batch.count for batch in lists.solid]
     draws["batch"] = np.repeat(np.arange(len(counts)), counts)
     # By instance, so that bits stay where they are when instances are hidden or shown.
@@ -217,14 +272,45 @@ def plan_lists(
         WHOLE * (number[mesh] == 0)
         + ALWAYS * always[mesh]
         + TWO_SIDED * two_sided[scene.meshes["material"][mesh]]
+        + (further[mesh] << LEVELS_SHIFT)
+        + (first_level[mesh] << LEVELS_FIRST)
     )
-    listed = draws["units"].astype(np.int64)
-    if mesh_shaders:
-        listed = np.where(number[mesh] == 0, listed, 0)
+    listed = listed_of_mesh[mesh]
     batches, room = _batches(listed, counts, min(MOST_UNITS, buffer_bytes // (PHASES * COMMAND.itemsize)))
     total = int(listed.sum())
     units = min(total, MOST_UNITS, buffer_bytes // PLACE_BYTES)
-    return CullingLists(draws, batches, units, room, bits, max(0, total - min(units, room)))
+    return CullingLists(draws, records, batches, units, room, bits, max(0, total - min(units, room)))
+
+
+def _levels(
+    scene: Scene, levels: Levels | None, first: NDArray[np.int64], number: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64], np.ndarray]:
+    """Return (M,) how many coarser levels each mesh has, (M,) the first one's record, and (L,) the records.
+
+    Errors are divided by the pixels that they may have, so that 1 is what is allowed.
+    """
+    further = np.zeros(len(scene.meshes), np.int64)
+    if levels is None:
+        return further, further, np.zeros(0, DRAW)
+    of_scene, usable = levels.of_scene, levels.counts
+    further[: len(usable)] = usable
+    mesh = np.repeat(np.arange(len(usable)), usable)
+    level = np.arange(len(mesh)) - np.repeat(np.cumsum(usable) - usable, usable) + 1
+    coarser = of_scene.meshes[mesh, level]
+    records = np.zeros(len(mesh), DRAW)
+    records["first_meshlet"], records["units"] = first[coarser], np.maximum(number[coarser], 1)
+    records["first_index"] = levels.first_index[coarser]
+    records["index_count"] = scene.meshes["index_count"][coarser]
+    records["flags"] = WHOLE * (number[coarser] == 0)
+    records["first_bit"] = (of_scene.errors[mesh, level] / np.float32(levels.pixels)).view(np.uint32)
+    return further, np.cumsum(further) - further, records
+
+
+def _most(own: NDArray[np.int64], further: NDArray[np.int64], of_levels: np.ndarray) -> NDArray[np.int64]:
+    """Return (M,) the largest of each mesh's own number and those of its levels, which are in the order of meshes."""
+    most = own.copy()
+    np.maximum.at(most, np.repeat(np.arange(len(own)), further), of_levels.astype(np.int64))
+    return most
 
 
 def _ranges(scene: Scene, meshlets: SceneMeshlets | None) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

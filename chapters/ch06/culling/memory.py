@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from common import layouts
 
 from ..frames.commands import Commands, Counted, MeshDraw
+from ..meshlets.lods import SceneLevels
 from ..meshlets.model import SceneMeshlets
 from ..meshlets.unit_code import unit_defines
 from ..pipelines.compute_description import ComputeDescription
@@ -20,7 +21,7 @@ from ..scene.pass_parts import PassParts
 from .choice import Choice
 from .freeze import CullingView, without_history
 from .kernels import PYRAMIDS, Kernels, OverlayDraw, describe, first_words, sizes_of, tables_of
-from .lists import COUNTER_WORDS, COUNTERS, GROUP, WHOLE, CullingLists, folded, plan_lists
+from .lists import COUNTER_WORDS, COUNTERS, GROUP, CullingLists, Levels, folded, plan_lists
 from .pyramid import PyramidLayout
 from .spheres import SPHERE, sphere_records
 
@@ -29,10 +30,17 @@ class CullingMemory:
     """What the passes of culling share."""
 
     def __init__(
-        self, parts: PassParts, kernels: Kernels, choice: Choice, meshlets: SceneMeshlets | None, backend: Any
+        self,
+        parts: PassParts,
+        kernels: Kernels,
+        choice: Choice,
+        meshlets: SceneMeshlets | None,
+        levels: SceneLevels | None,
+        backend: Any,
     ) -> None:
         self._parts, self._kernels, self.choice, self._backend = parts, kernels, choice, backend
         self._meshlets = meshlets if choice.geometry != "classic" else None
+        self._levels = levels
         self._lists_seen: DrawLists | None = None
         self._bound: Any = None  # the executor and the layout that the bindings were made for
         self._pipelines: dict[str, Built] = {}
@@ -101,14 +109,17 @@ class CullingMemory:
         scene, data = parts.scene, parts.data
         two_sided = np.array([variant.double_sided for variant in data.variants], bool)
         mesh_shaders = self.choice.geometry == "mesh"
+        levels = None
+        if self._levels is not None:
+            pixels = parts.settings.culling.lod_pixels
+            levels = Levels(self._levels, data.first_index, data.page_of, pixels)
+        largest = self._kernels.buffer_bytes
         self.lists = plan_lists(
-            lists, scene, meshlets, self._always, two_sided, mesh_shaders, self._kernels.buffer_bytes
+            lists, scene, meshlets, self._always, two_sided, mesh_shaders, largest, levels
         )
         if self.lists.warning and self.lists.warning not in scene.warnings:
             scene.warnings.append(self.lists.warning)
-        whole = (self.lists.draws["flags"] & WHOLE) != 0
-        self._meshed = np.zeros(len(self.lists.batches), bool)
-        self._meshed[self.lists.draws["batch"][~whole]] = True
+        self._meshed = self.lists.meshed
         self._layout = PyramidLayout.of(size)
         self.blended = len(lists.transparent)
         self.first_blended = len(lists.commands) - self.blended
@@ -230,6 +241,7 @@ class CullingMemory:
             "instances_tested": final["draws_tested"],
             "instances_outside": final["draws_outside"],
             "instances_hidden": final["draws_hidden"],
+            "instances_coarser": final["draws_coarser"],
             "meshlets_tested": final["units_tested"],
             "meshlets_outside": final["units_outside"],
             "meshlets_away": final["units_away"],

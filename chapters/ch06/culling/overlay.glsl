@@ -19,7 +19,7 @@ layout(BIND(3, 6, 12), std430) readonly buffer More_instances_ { Instance more_i
 #include "scene/instance_of.glsl"
 
 layout(BIND(3, 3, 5), std430) readonly buffer Visible_ {
-    uint visible[];  // a word for each instance, not 0 if the frame sees it
+    uint visible[];  // a word for each instance, odd if the frame sees it
 };
 layout(BIND(3, 4, 6), std430) readonly buffer Pyramid_ { float pyramid[]; };
 

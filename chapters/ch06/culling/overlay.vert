@@ -50,7 +50,7 @@ vec3 circle_point(uint line, uint end) {
 // Whether the frame sees an instance: the flag that the kernels wrote.
 bool is_seen(uint number) {
 #ifdef TESTED
-    return visible[number] != 0u;
+    return (visible[number] & 1u) != 0u;
 #else
     return true;
 #endif

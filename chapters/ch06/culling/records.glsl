@@ -11,6 +11,8 @@ struct Draw {
     uint flags;
 };
 const uint WHOLE = 1u, ALWAYS = 2u, TWO_SIDED = 4u;
+uint coarser_levels(Draw draw) { return draw.flags >> 4u & 15u; }
+uint first_level(Draw draw) { return draw.flags >> 8u; }
 
 struct Meshlet {
     vec4 sphere;  // middle of the box, radius
@@ -38,4 +40,4 @@ uint unit_code(uint phase, uint meshlet) { return phase * 64u + 1u + meshlet % 6
 const uint PHASES = 2u, COUNTER_WORDS = 16u, ARGUMENT_WORDS = 16u, DRAWN = 0x80000000u;
 const uint DRAWS_TESTED = 0u, DRAWS_OUTSIDE = 1u, DRAWS_HIDDEN = 2u, UNITS_TESTED = 3u, UNITS_OUTSIDE = 4u,
            UNITS_AWAY = 5u, UNITS_HIDDEN = 6u, UNITS_DRAWN = 7u, TRIANGLES_DRAWN = 8u, UNITS_DROPPED = 9u,
-           MESHLETS_DRAWN = 10u, COUNTERS = 11u;
+           MESHLETS_DRAWN = 10u, DRAWS_COARSER = 11u, COUNTERS = 12u;

@@ -34,6 +34,14 @@ class CullingSettings:
         choices=("auto", *get_args(Geometry)),
         flat="geometry",
     )
+    lod_pixels: float = knob(
+        0.0,
+        "how far a coarser level of a mesh may be off in the picture, at most; 0: every mesh is drawn in full",
+        unit="pixels",
+        minimum=0,
+        maximum=100,
+        flat="lod_pixels",
+    )
     frozen: bool = knob(
         False, "whether culling keeps the view that it has now", live=True, flat="culling_frozen"
     )

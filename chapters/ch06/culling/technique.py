@@ -14,7 +14,7 @@ from ..frames.commands import DrawGroup, SceneBinding
 from ..graph.file import graph_path, read_graph
 from ..graph.plan import graph_name
 from ..meshlets.model import SceneMeshlets
-from ..meshlets.scene import meshlets_of
+from ..meshlets.scene import levels_of, meshlets_of
 from ..pipelines.description import PipelineDescription
 from ..scene.pass_parts import PassParts
 from ..settings import Settings
@@ -104,9 +104,14 @@ class CullingTechnique(Technique):
     def __init__(self, scene: Scene, settings: Settings) -> None:
         super().__init__(scene, settings)
         self._settings = settings  # the user's object: culling may be frozen in any frame
-        self.meshlets = meshlets_of(scene) if wants_meshlets(scene, settings) else None
-        if self.meshlets is not None:
-            self.scene = replace(scene, indices=self.meshlets.indices)
+        levels = levels_of(scene) if settings.culling.lod_pixels > 0 else None
+        self.levels = levels if levels is not None and levels.coarser else None
+        geometry = scene if self.levels is None else self.levels.scene
+        self.meshlets = meshlets_of(geometry) if wants_meshlets(scene, settings) else None
+        if self.meshlets is not None or self.levels is not None:
+            indices = geometry.indices if self.meshlets is None else self.meshlets.indices
+            meshes, names = geometry.meshes, geometry.mesh_names
+            self.scene = replace(scene, indices=indices, meshes=meshes, mesh_names=names)
             self.scene.revision, self.scene.bounds = scene.revision, scene.bounds
             self.scene.origin = scene.origin
         self.choice = Choice("off", "classic")
@@ -118,9 +123,10 @@ class CullingTechnique(Technique):
     def create(self, parts: PassParts, backend: Backend, passes: Mapping[str, Pass]) -> None:
         """Choose the path of the device, make the passes, and let the passes that draw objects read the lists."""
         scene, settings = parts.scene, parts.settings
-        self.choice = choice = choose(self.scene, settings, backend.plan, backend.device.capabilities)
+        choice = choose(self.scene, settings, backend.plan, backend.device.capabilities)
+        self.choice = choice = replace(choice, levels=self.levels is not None)
         kernels = backend.part(__package__).CullingKernels(backend)
-        self.memory = memory = CullingMemory(parts, kernels, choice, self.meshlets, backend)
+        self.memory = memory = CullingMemory(parts, kernels, choice, self.meshlets, self.levels, backend)
         memory.samples, memory.overlay = settings.shading.msaa, overlay_of(settings)
         file = {*read_graph(graph_path(graph_name(settings))).passes.values()}
         drawn = [name for name in FIRST if name in file]

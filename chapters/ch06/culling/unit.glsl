@@ -43,7 +43,10 @@ uint why_not(Draw draw, Instance instance, uint unit) {
 #if CULLING >= 3
     bool history = (view.valid_histories & HISTORY_FRAME) != 0u, always = (draw.flags & ALWAYS) != 0u;
     uint bit = draw.first_bit + unit, word = sizes.more.z + bit / 32u, mask = 1u << (bit & 31u);
-    bool drawn_early = !history || always || (seen[draw.instance] != 0u && (seen[word] & mask) != 0u);
+    uint last = seen[draw.instance];
+    bool other_level = last >> LEVEL_SHIFT != visible[draw.instance] >> LEVEL_SHIFT;  // its bits say nothing
+    bool was_seen = (last & SEEN) != 0u && (other_level || (seen[word] & mask) != 0u);
+    bool drawn_early = !history || always || was_seen;
 #if PHASE == 0
     return drawn_early ? COUNTERS : UNITS_HIDDEN;
 #else

@@ -15,7 +15,7 @@ void main() {
     uint owner = 0u;
     if (number < state[argument_word() + 3u]) {
         owner = draw_of(number);
-        Draw draw = draws[owner];
+        Draw draw = drawn_as(owner);
         drawn = draws_unit(draw, instance_of(draw.instance), number - first_unit(owner));
     }
     uvec2 total;

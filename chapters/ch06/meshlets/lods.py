@@ -1,7 +1,7 @@
 """Levels of detail as meshes: a view of a scene that has the coarser levels of each mesh as further meshes.
 
-The levels are those of `common.mesh.lods`. They use the vertices of their mesh, so a level costs indices alone. Off by
-default: proving their errors takes minutes for a large scene.
+The levels are those of `common.mesh.lods`. They use the vertices of their mesh, so a level costs indices alone, and the
+bounds of the mesh are bounds of its levels. Off by default: making levels takes minutes for a large scene.
 """
 
 from __future__ import annotations
@@ -9,12 +9,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from common.mesh.lods import FEW_INDICES, MAX_FURTHER_LEVELS, Level, lod_chain
+from common.mesh.lods import FEW_INDICES, MAX_FURTHER_LEVELS
 from common.mesh.optimize import meshoptimizer
 from common.mesh.pools import mesh_indices, mesh_positions
+from common.reports import waiting
 from common.scene import Float32, Scene, UInt32
 
+from .chains import Chain, kept_chains
 from .model import rigid_and_solid
 
 MAX_LEVELS = 1 + MAX_FURTHER_LEVELS
@@ -34,41 +37,80 @@ class SceneLevels:
     errors: Float32
     counts: UInt32
 
+    @property
+    def coarser(self) -> bool:
+        """Whether any mesh has a level besides itself."""
+        return bool((self.counts > 1).any())
+
 
 def with_levels(scene: Scene) -> SceneLevels:
     """Return the levels of the meshes of a scene. Deforming, blended and small meshes, and cloth, have level 0 alone.
 
-    Distances are the sampled ones of `lod_chain`.
+    Distances are the sampled ones of `lod_chain`. The indices of levels lie behind those of their mesh, so that a page
+    of geometry that holds the mesh has them close by. Levels are kept in the user's cache.
 
     Raises:
         UserError: the package `meshoptimizer` is not installed.
     """
     meshoptimizer("making levels of detail")
-    rows = scene.meshes
-    count = len(rows)
+    rows, count = scene.meshes, len(scene.meshes)
+    having = np.flatnonzero(rigid_and_solid(scene) & (rows["index_count"] > FEW_INDICES)).tolist()
+    keys = {
+        mesh: tuple(rows[mesh][["first_index", "index_count", "first_vertex"]].tolist()) for mesh in having
+    }
+    once = {key: mesh for mesh, key in reversed(keys.items())}  # meshes of equal geometry have one chain
+    with waiting.told(
+        lambda: f"making levels of detail of {len(once):,} meshes, which are kept for the next time"
+    ):
+        chains = dict(zip(once, kept_chains(scene, [*once.values()]), strict=True))
     meshes = np.repeat(np.arange(count, dtype=np.uint32)[:, None], MAX_LEVELS, axis=1)
     errors, counts = np.zeros((count, MAX_LEVELS), np.float32), np.ones(count, np.uint32)
-    chains: dict[tuple[int, ...], list[tuple[int, Level]]] = {}
-    """The coarser levels with their first indices, by the geometry of meshes."""
-    added, names, pool, end = [rows], list(scene.mesh_names), [scene.indices], len(scene.indices)
-    for mesh in np.flatnonzero(rigid_and_solid(scene) & (rows["index_count"] > FEW_INDICES)).tolist():
-        key = tuple(rows[mesh][["first_index", "index_count", "first_vertex"]].tolist())
-        if key not in chains:
-            levels = lod_chain(scene, mesh, MAX_FURTHER_LEVELS)[1:]
-            starts = end + np.cumsum([0, *(len(level.indices) for level in levels)])
-            chains[key] = list(zip(starts[:-1].tolist(), levels, strict=True))
-            pool += [level.indices for level in levels]
-            end = int(starts[-1])
+    pool, shifted, places = _inserted(scene, once, chains)
+    moved = rows.copy()
+    moved["first_index"] = shifted
+    added, names = [moved], list(scene.mesh_names)
+    for mesh, key in keys.items():
         used = mesh_positions(scene, mesh)[mesh_indices(scene, mesh)]
         extent = float((used.max(axis=0) - used.min(axis=0)).max())
-        for number, (first, level) in enumerate(chains[key], 1):
+        first = places[key]
+        for number, (indices, distance) in enumerate(chains[key], 1):
             row = rows[mesh : mesh + 1].copy()
-            row["first_index"], row["index_count"] = first, len(level.indices)
+            row["first_index"], row["index_count"] = first, len(indices)
+            first += len(indices)
             meshes[mesh, number:] = len(names)
-            errors[mesh, number:] = max(errors[mesh, number - 1], level.distance * extent)
+            errors[mesh, number:] = max(errors[mesh, number - 1], distance * extent)
             counts[mesh] += 1
             added.append(row)
             names.append(f"{scene.mesh_names[mesh]} level {number}")
-    view = replace(scene, indices=np.concatenate(pool), meshes=np.concatenate(added), mesh_names=names)
+    view = replace(scene, indices=pool, meshes=np.concatenate(added), mesh_names=names)
     view.revision, view.bounds, view.origin = scene.revision, scene.bounds, scene.origin
     return SceneLevels(view, meshes, errors, counts)
+
+
+_Key = tuple[int, ...]
+
+
+def _inserted(
+    scene: Scene, once: dict[_Key, int], chains: dict[_Key, Chain]
+) -> tuple[UInt32, NDArray[np.int64], dict[_Key, int]]:
+    """Return the scene's indices with those of levels, where each mesh begins in them, and each chain by its key.
+
+    A chain is inserted where the range of its mesh ends, or of ranges that overlap with it.
+    """
+    starts = scene.meshes["first_index"].astype(np.int64)
+    ends = starts + scene.meshes["index_count"]
+    order = np.argsort(starts, kind="stable")
+    reached = np.maximum.accumulate(ends[order])
+    last = np.append(starts[order][1:] >= reached[:-1], True)  # of the ranges that overlap with one another
+    cuts = reached[last]
+    where = cuts[np.searchsorted(cuts, [ends[mesh] for mesh in once.values()])]
+    sizes = np.array([sum(len(indices) for indices, _ in chains[key]) for key in once], np.int64)
+    parts = [indices for key in once for indices, _ in chains[key]]
+    new = np.concatenate(parts) if parts else np.zeros(0, np.uint32)
+    pool = np.insert(scene.indices, np.repeat(where, sizes), new)
+    by_place = np.argsort(where, kind="stable")
+    before = np.r_[0, np.cumsum(sizes[by_place])]
+    shifted = starts + before[np.searchsorted(where[by_place], starts, side="right")]
+    keys = [*once]
+    places = {keys[chain]: int(where[chain] + before[at]) for at, chain in enumerate(by_place.tolist())}
+    return pool, shifted, places

@@ -1,37 +1,57 @@
-"""The meshlets of an opened scene: built once, or read from its cache, and shared by all renderers of the scene."""
+"""The meshlets and levels of an opened scene: made once, or read from a cache, and shared by all its renderers."""
 
 from __future__ import annotations
 
 import threading
 import weakref
+from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
+from typing import Generic, TypeVar
 
 from common.errors import StrataError
 from common.scene import Scene
 
 from .build import build_meshlets
+from .lods import SceneLevels, with_levels
 from .model import SceneMeshlets
 
+T = TypeVar("T")
 
-class _Entry:
-    """The meshlets of one scene. The first thread that asks builds them, and others wait for it."""
+
+class _Entry(Generic[T]):
+    """What belongs to one scene. The first thread that asks makes it, and others wait for it."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self.meshlets: SceneMeshlets | None = None
+        self.made: T | None = None
 
-    def get(self, scene: Scene) -> SceneMeshlets:
-        """Return the meshlets. Raises as `build_meshlets` does."""
+    def get(self, make: Callable[[Scene], T], scene: Scene) -> T:
+        """Return what `make` returns for the scene, made once. Raises as `make` does."""
         with self._lock:
-            if self.meshlets is None:
-                self.meshlets = build_meshlets(scene)
-            return self.meshlets
+            if self.made is None:
+                self.made = make(scene)
+            return self.made
 
 
-_ENTRIES: dict[int, _Entry] = {}
-"""By the identity of the scene, since scenes that are equal are not the same; an entry goes with its scene."""
-_ENTRIES_LOCK = threading.Lock()
+class _ByScene(Generic[T]):
+    """Entries by the identity of scenes, since scenes that are equal are not the same; an entry goes with its scene."""
+
+    def __init__(self) -> None:
+        self._entries: dict[int, _Entry[T]] = {}
+        self._lock = threading.Lock()
+
+    def __getitem__(self, scene: Scene) -> _Entry[T]:
+        with self._lock:
+            entry = self._entries.get(id(scene))
+            if entry is None:
+                entry = self._entries[id(scene)] = _Entry()
+                weakref.finalize(scene, partial(self._entries.pop, id(scene), None)).atexit = False
+            return entry
+
+
+_MESHLETS: _ByScene[SceneMeshlets] = _ByScene()
+_LEVELS: _ByScene[SceneLevels] = _ByScene()
 
 
 def meshlets_of(scene: Scene) -> SceneMeshlets:
@@ -40,28 +60,28 @@ def meshlets_of(scene: Scene) -> SceneMeshlets:
     Raises:
         SceneError: the scene is too large, see `build_meshlets`.
     """
-    return _entry(scene).get(scene)
+    return _MESHLETS[scene].get(build_meshlets, scene)
+
+
+def levels_of(scene: Scene) -> SceneLevels:
+    """Return the levels of detail of a scene's meshes.
+
+    Raises:
+        UserError: the package `meshoptimizer` is not installed.
+    """
+    return _LEVELS[scene].get(with_levels, scene)
 
 
 def begin_meshlets(scene: Scene) -> None:
     """Let a thread build the meshlets of a scene, beside whatever else is loaded."""
-    threading.Thread(target=_build, args=(_entry(scene), scene), name="meshlets", daemon=True).start()
+    threading.Thread(target=_build, args=(scene,), name="meshlets", daemon=True).start()
 
 
 def keep_meshlets(scene: Scene, meshlets: SceneMeshlets) -> None:
     """Set the meshlets of a scene: those of its cache, or of other limits than the usual ones."""
-    _entry(scene).meshlets = meshlets
+    _MESHLETS[scene].made = meshlets
 
 
-def _build(entry: _Entry, scene: Scene) -> None:
+def _build(scene: Scene) -> None:
     with suppress(StrataError, MemoryError):  # raised again by `meshlets_of`
-        entry.get(scene)
-
-
-def _entry(scene: Scene) -> _Entry:
-    with _ENTRIES_LOCK:
-        entry = _ENTRIES.get(id(scene))
-        if entry is None:
-            entry = _ENTRIES[id(scene)] = _Entry()
-            weakref.finalize(scene, partial(_ENTRIES.pop, id(scene), None)).atexit = False
-        return entry
+        meshlets_of(scene)

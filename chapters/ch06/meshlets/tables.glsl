@@ -17,6 +17,8 @@ PUSH(Sizes, sizes)
 
 #include "culling/words.glsl"
 
+#include "culling/drawn.glsl"
+
 uint first_unit(uint draw) { return first_units(draw).x; }
 
 // The meshlets that a task shader hands to its mesh shaders: for each of them the instance, and the meshlet.
