@@ -235,14 +235,20 @@ def survivors_sheet(cell: tuple[int, int] = (240, 135), degrees: float = 40.0) -
     return np.concatenate(cells, axis=1)
 
 
-def pyramid_sheet(cell: tuple[int, int] = (330, 186), shown: Sequence[int] = (0, 3, 4, 5)) -> NDArray[Any]:
-    """Return (H, W, 3): depth of a street, and levels of its pyramid, each texel over the pixels below it."""
+def pyramid_sheet(cell: tuple[int, int] = (330, 186), shown: Sequence[int] = (0, 3, 5)) -> NDArray[Any]:
+    """Return (H, W, 3): a street, and levels of its depth pyramid, each texel over the pixels below it."""
     settings: Any = preset(chapters.settings_class(CULLING), "medium")
     with chapters.open(
-        CULLING, "auto", scene=load_scene(locate("city")), size=cell, settings=settings, outputs={"depth"}
+        CULLING,
+        "auto",
+        scene=load_scene(locate("city")),
+        size=cell,
+        settings=settings,
+        outputs={"color", "depth"},
     ) as renderer:
-        depth = renderer.render(chapters.view_of(renderer, "street-5")).image("depth")
-    cells = []
+        frame = renderer.render(chapters.view_of(renderer, "street-5"))
+        depth = frame.image("depth")
+        cells = [frame.image("color")[..., :3]]
     for level in shown:
         side = 2**level
         height, width = (-(-edge // side) for edge in depth.shape)

@@ -28,9 +28,7 @@ def test_every_scene_has_its_picture(name):
 def test_every_sheet_is_there(name):
     path = ROOT / "docs" / "pictures" / f"{name}.png"
     assert path.stat().st_size < 250_000
-    colors = np.unique(read_image(path).reshape(-1, 3), axis=0)
-    are_grey = (colors == colors[:, :1]).all()  # of which there are 256
-    assert len(colors) > (100 if are_grey else 200)
+    assert len(np.unique(read_image(path).reshape(-1, 3), axis=0)) > 200
 
 
 def test_averaging_keeps_light():
