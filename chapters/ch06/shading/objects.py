@@ -33,6 +33,9 @@ class ObjectsPass(Pass):
     phases: tuple[int, ...] = (0, 1)
     """The phases of culling whose solid draws the pass records (culling/lists.py)."""
 
+    mesh_pipelines: Sequence[Built] = ()
+    """The pipelines with mesh shaders."""
+
     def __init__(self, parts: PassParts) -> None:
         self._scene, self._settings = parts.scene, parts.settings
         self._data, self._draws, self._pipelines = parts.data, parts.draws, parts.pipelines
@@ -69,14 +72,9 @@ class ObjectsPass(Pass):
         keys = [(variant, phase) for variant in solid for phase in self.phases]
         described = [culled.with_meshlets(self.describe(it), phase) for it, phase in keys] if culled else []
         pairs = [(key, it) for key, it in zip(keys, described, strict=False) if it is not None]
-        built = self._pipelines.get([it for _, it in pairs])
+        self.mesh_pipelines = built = self._pipelines.get([it for _, it in pairs])
         self._with_meshlets = {key: pipeline for (key, _), pipeline in zip(pairs, built, strict=True)}
         self.pipelines = [*self.pipelines, *built]
-
-    @property
-    def mesh_pipelines(self) -> list[Built]:
-        """The pipelines with mesh shaders."""
-        return [*self._with_meshlets.values()]
 
     def groups(self, batches: Sequence[Batch]) -> list[DrawGroup]:
         """Return batches of the scene's lists with this pass's pipelines, and with all that they bind."""
@@ -112,10 +110,8 @@ class ObjectsPass(Pass):
 
     def record_solid(self, commands: Commands) -> None:
         """Record the solid draws of the pass's phases."""
-        draws = self._draws
-        commands.draw_groups(
-            draws.in_phases(self.groups(draws.solid), self.phases, self.tells), draws.binding
-        )
+        groups = self._draws.in_phases(self.groups(self._draws.solid), self.phases, self.tells)
+        commands.draw_groups(groups, self._draws.binding)
 
     def record(self, commands: Commands) -> None:
         """Record the draws of this frame."""
