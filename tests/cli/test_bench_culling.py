@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import sys
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -12,7 +13,8 @@ import pytest
 from rich.console import Console
 
 from chapters import scenes
-from chapters.ch06.benches import meshlet_sizes, pyramid, stages, streets, visible_set
+from chapters.ch06.benches import levels, meshlet_sizes, pyramid, stages, streets, visible_set
+from chapters.ch06.meshlets import chains
 from chapters.ch06.meshlets.build import build_meshlets
 from chapters.ch06.settings import Settings
 from common.errors import UserError
@@ -28,7 +30,7 @@ from tools.bench.points import Subject
 
 SMALL = Effort(1, 2, 1, 1, 1, everything=False)
 SIZE = (48, 27)
-PARTS = ("culling", "ideal", "meshlets")
+PARTS = ("culling", "ideal", "meshlets", "lods")
 EYES = ((-9.0, 1.2, 8.0), (0.5, 1.0, 9.0), (0.0, 14.0, 9.0))
 
 
@@ -56,6 +58,7 @@ def subject(request):
         patch.setattr(visible_set, "QUICK_VIEWS", 2)
         patch.setattr(pyramid, "QUICK_SIZES", ((33, 17),))
         patch.setattr(stages, "WAYS", (stages.WAYS[0], *stages.WAYS[3:]))
+        patch.setattr(levels, "QUICK_PIXELS", (0.0, 0.1, 1.0))
         patch.setattr(meshlet_sizes, "SIZES", (meshlet_sizes.SIZES[0], meshlet_sizes.SIZES[2]))
         yield Subject(6, request.param, scene, SIZE, device)
 
@@ -148,13 +151,56 @@ def test_larger_meshlets_are_fewer_and_draw_more(subject):
         )
 
 
+@pytest.mark.needs("meshoptimizer")
+@pytest.mark.feature("tools/bench")
+def test_coarser_levels_draw_less_and_are_a_little_off(subject, tmp_path, monkeypatch):
+    """The time of making the levels is that of the first run alone."""
+    for module in (chains, levels):
+        monkeypatch.setattr(module, "cache_dir", lambda name: tmp_path)
+    record = measured(levels, subject)
+    assert record["views"] == ["street-1", "roof"] and record["skipped"] == ""
+    assert record["build_s"] > 0 and record["frames"] == 2 * levels.TURNS
+    rows = record["rows"]
+    assert [row["pixels"] for row in rows] == [0, 0.1, 1]
+    full, *coarser = rows
+    assert full["work"]["instances_coarser"] == 0 and full["error"]["ids_differ"] == 0
+    assert full["time_ratio"] == full["triangles_ratio"] == 1 and full["time_ratio_noise"] == 0
+    assert full["error"]["flip"] in (0, None)
+    for row in coarser:
+        assert row["work"]["instances_coarser"] > 0 and row["triangles_ratio"] < 1
+        assert row["gpu_ms"] > 0 and row["time_ratio"] > 0 and row["time_ratio_noise"] >= 0
+        assert row["views"].keys() == {*record["views"]}
+        assert 0 <= row["error"]["ids_differ"] < 0.1
+    assert coarser[1]["work"]["triangles_drawn"] < coarser[0]["work"]["triangles_drawn"]
+    if (flip := coarser[1]["error"]["flip"]) is not None:
+        assert 0 < flip < 0.1 and 0 <= coarser[0]["error"]["flip"] < 0.1
+    assert levels.made_in(subject, copy.copy(subject.scene)) is None  # the cache has them
+
+
+def test_errors_are_parts_of_the_pixels():
+    shown, ids = np.zeros((4, 5, 3), np.uint8), np.arange(20, dtype=np.uint32).reshape(4, 5)
+    other = np.where(ids == 7, np.uint32(99), ids)
+    same, off = levels.errors_between([(shown, ids), (shown + 255, other)], [(shown, ids)] * 2)
+    assert same["ids_differ"] == 0 and off["ids_differ"] == 1 / 20
+    assert (same["flip"], off["flip"]) in ((0, pytest.approx(0.967, abs=1e-3)), (None, None))
+
+
+def test_without_the_package_levels_are_one_sentence(subject, monkeypatch):
+    monkeypatch.setitem(sys.modules, "meshoptimizer", None)
+    monkeypatch.setattr(scenes, "load", lambda name, around: copy.copy(subject.scene))
+    record = measured(levels, subject)
+    (line,) = levels.sentences(record)
+    assert record["rows"] == [] and line.endswith("`pip install meshoptimizer==0.2.30a0`.")
+    assert line.startswith("Levels of detail were not measured: making levels of detail needs the package")
+
+
 def test_a_chapter_without_culling_has_none_of_these_parts(subject):
     for api in ("vulkan", "gl"):
         assert set(PARTS) <= set(bench.parts_of(6, api)) and not set(PARTS) & set(bench.parts_of(5, api))
     with pytest.raises(UserError, match=r"chapter 5 names none in its settings \(culling\)"):
         bench.parts_of(5, "vulkan", ["ideal"])
     older = Subject(5, subject.backend, subject.scene, SIZE, subject.device)
-    for module in (stages, visible_set, meshlet_sizes):
+    for module in (stages, visible_set, meshlet_sizes, levels):
         assert module.measure(older, SMALL, lambda what, part: None) is None
 
 
@@ -173,8 +219,11 @@ def test_views_are_spread_over_the_streets():
 
     scene = seen_town()
     scene.cameras = [SceneCamera(f"street-{number}", 0) for number in range(16)] + scene.cameras
+    scene.cameras += [SceneCamera("bird-1", 0)]
     subject = Subject(6, "vulkan", scene, (64, 36), Device)
     full = replace(SMALL, everything=True)
+    assert levels.chosen_views(subject, full, scene) == ["street-0", "street-6", "bird-1", "roof"]
+    assert levels.chosen_views(subject, SMALL, scene) == ["street-0", "bird-1"]
     assert len(streets.street_views(subject, full, scene)) == streets.STREETS
     assert streets.picture_size(subject, full) == streets.LARGE
     assert streets.picture_size(subject, SMALL) == (64, 36)
@@ -182,6 +231,7 @@ def test_views_are_spread_over_the_streets():
     Device.capabilities.kind = "software"
     assert streets.street_views(subject, full, scene) == [f"street-{number}" for number in (0, 3, 6, 9)]
     assert streets.picture_size(subject, full) == (64, 36)
+    assert levels.chosen_views(subject, full, scene) == ["street-0", "street-6", "bird-1", "roof"]
 
 
 # --- what is said -----------------------------------------------------------------------------------------------------
@@ -260,6 +310,21 @@ def sizes():
     return rows
 
 
+def lods(flip=0.002):
+    """Return the part `lods`."""
+    rows = []
+    for pixels, ms, triangles, coarser in ((0.0, 4.0, 1000, 0), (1.0, 2.0, 500, 7)):
+        ratios = {"time_ratio": ms / 4, "time_ratio_noise": 0.0 if pixels == 0 else 0.1}
+        ratios["triangles_ratio"] = triangles / 1000
+        error = {"flip": flip and flip * pixels, "ids_differ": 0.00125 * pixels}
+        view = {"ms": ms, "noise_ms": 0.1, **ratios, "triangles": triangles, "coarser": coarser, **error}
+        work = {"instances_coarser": coarser, "triangles_drawn": triangles}
+        row = {"pixels": pixels, "gpu_ms": ms, "noise_ms": 0.1, **ratios, "work": work, "error": error}
+        rows.append({**row, "views": {"bird-1": view}})
+    record = {"scene": "a", "skipped": "", "size": [64, 36], "views": ["bird-1"], "frames": 3}
+    return {**record, "build_s": 21.4, "rows": rows}
+
+
 def test_stages_become_sentences():
     record = culling()
     compute, mesh, both, share = stages.sentences(record)
@@ -290,12 +355,30 @@ def test_sizes_become_sentences():
     assert "1.50 times the triangles" in ratio and "0.25 times as many" in ratio
 
 
+def test_levels_become_sentences():
+    record = lods()
+    line, build = levels.sentences(record)
+    assert line == (
+        "lod_pixels=1: selecting and drawing takes 0.50 times the time of lod_pixels=0 in the median of the views; "
+        "0.50 times the triangles are drawn (0.50 to 0.50); mean FLIP is 0.0020; 0.125% of the pixels show another "
+        "instance."
+    )
+    assert build == "Making the levels of detail took 21.4 s; the cache keeps them."
+    record["rows"][1]["time_ratio"] = 1.05
+    line = levels.sentences(record)[0]
+    assert "1.05 times the time of lod_pixels=0 in the median of the views, within the noise;" in line
+    without = {**lods(flip=None), "build_s": None}
+    line, flip = levels.sentences(without)
+    assert "FLIP" not in line and flip == "FLIP was not measured: it needs the package flip-evaluator."
+
+
 def test_tables_and_panels_show_every_part(capsys):
-    record = {"culling": culling(), "ideal": ideal(), "meshlets": sizes()}
+    record = {"culling": culling(), "ideal": ideal(), "meshlets": sizes(), "lods": lods()}
     for part in PARTS:
         report.shows(part).show(record[part], Console(width=100))
     said = capsys.readouterr().out
-    for word in ("compute, occlusion", "Python ms", "64x36", "whole meshes", "128/250", "90/50"):
+    words = ("compute, occlusion", "Python ms", "64x36", "whole meshes", "128/250", "90/50", "0.50 / 0.50")
+    for word in words:
         assert word in said
     if report.can_plot():
         from matplotlib.figure import Figure
@@ -304,13 +387,22 @@ def test_tables_and_panels_show_every_part(capsys):
             axes = Figure().add_subplot()
             report.shows(part).plot(axes, record[part])
             assert axes.get_title() and axes.get_ylabel() and axes.get_legend() is not None
+        axes = Figure().add_subplot()
+        report.shows("lods").plot(axes, {"scene": "a", "skipped": "No package.", "rows": []})
+        assert axes.get_title() and [text.get_text() for text in axes.texts] == ["No package."]
 
 
 def test_every_part_has_figures_to_compare():
     empty = {"points": [], "prepared": [], "start_s": {}, "stability": None}
-    found = figures({**empty, "culling": culling(), "ideal": ideal(), "meshlets": sizes()})
+    held = {"culling": culling(), "ideal": ideal(), "meshlets": sizes(), "lods": lods()}
+    found = figures({**empty, **held})
     assert {part for part, _, _ in found} == {*PARTS}
     assert found["culling", "mesh, occlusion", "gpu_ms"].noise == 0.1
     assert found["culling", "mesh, occlusion", "instances_hidden"].kind == "fact"
     assert found["ideal", "a", "meshlets"].value == 150 and found["ideal", "a", "late"].kind == "error"
     assert found["meshlets", "32 vertices, compute", "triangles_drawn"].kind == "work"
+    kinds = {"flip": "error", "triangles_drawn": "work", "instances_coarser": "fact"}
+    assert all(found["lods", "1 pixels", name].kind == kind for name, kind in kinds.items())
+    assert found["lods", "1 pixels", "gpu_ms"].noise == 0.1
+    assert found["lods", "all", "build_s"].value == 21.4
+    assert not figures({**empty, "lods": {"scene": "a", "skipped": "No package.", "rows": []}})

@@ -58,6 +58,7 @@ PARTS = {
     "culling": "what each test leaves, and what it costs",
     "ideal": "triangles drawn against those of visible meshlets",
     "meshlets": "how large meshlets should be",
+    "lods": "what levels of detail save, and their error",
 }
 """What a bench measures; a chapter may lack any of those that come after `stability`, and `prepared`."""
 
@@ -69,6 +70,7 @@ DRAWN = {
     "culling",
     "ideal",
     "meshlets",
+    "lods",
     "settings",
     "prepared",
     "scales",
@@ -236,6 +238,7 @@ def parts_of(which: chapters.Whole, api: str, only: Sequence[str] = ()) -> tuple
         ("culling", "culling"),
         ("ideal", "culling"),
         ("meshlets", "geometry"),
+        ("lods", "lod_pixels"),
     ):
         if not hasattr(settings_class, names) and names not in knobs(settings_class):
             missing[part] = f"{spoken} names none in its settings ({names})"
@@ -316,9 +319,11 @@ def measure(
         if "culling" in parts:
             framed["culling"] = bench("stages").measure(subject, effort, within(0.93, 0.95, "culling,"))
         if "ideal" in parts:
-            framed["ideal"] = bench("visible_set").measure(subject, effort, within(0.95, 0.97))
+            framed["ideal"] = bench("visible_set").measure(subject, effort, within(0.95, 0.96))
         if "meshlets" in parts:
-            framed["meshlets"] = bench("meshlet_sizes").measure(subject, effort, within(0.97, 0.98))
+            framed["meshlets"] = bench("meshlet_sizes").measure(subject, effort, within(0.96, 0.97))
+        if "lods" in parts:
+            framed["lods"] = bench("levels").measure(subject, effort, within(0.97, 0.98))
         if "stability" in parts:
             steps("stability", 0.98)
             cases = bench_points.stability_cases(subject, effort)

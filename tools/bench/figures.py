@@ -29,7 +29,7 @@ FACTS = frozenset(
             "cloths_at_rest",
         ),
         *("cloth_particles", "bytes", "decoded_bytes", "visible"),
-        *("instances_tested", "instances_outside", "instances_hidden"),
+        *("instances_tested", "instances_outside", "instances_hidden", "instances_coarser"),
         *("meshlets_outside", "meshlets_away", "meshlets_hidden"),
     }
 )
@@ -293,6 +293,14 @@ def _meshlets(made: dict[str, Any]) -> Iterator[Row]:
         yield _point(f"{one['vertices']} vertices", one["path"]), figure | _work(one["work"])
 
 
+def _lods(made: dict[str, Any]) -> Iterator[Row]:
+    held = made.get("lods") or {"rows": ()}
+    if held["rows"]:
+        yield "all", _times(held, "build_s")
+    for one in held["rows"]:
+        yield f"{one['pixels']:g} pixels", _times(one, "gpu_ms") | _errors(one["error"]) | _work(one["work"])
+
+
 PARTS = {
     "settings": _settings,
     "prepared": _prepared,
@@ -313,5 +321,6 @@ PARTS = {
     "culling": _culling,
     "ideal": _ideal,
     "meshlets": _meshlets,
+    "lods": _lods,
 }
 """How the points of each part of a bench are found in its record."""

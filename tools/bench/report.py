@@ -32,6 +32,7 @@ FRAME_PARTS = {
     "culling": "stages",
     "ideal": "visible_set",
     "meshlets": "meshlet_sizes",
+    "lods": "levels",
 }
 """The parts of chapters whose frame is a graph, and the benches of lessons that show and draw them."""
 

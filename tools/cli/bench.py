@@ -57,7 +57,7 @@ def bench(
         typer.Option(
             metavar="PART",
             help="That part alone, repeatable: settings, prepared, start, stability, scales, pipelines, threads, "
-            "loads, readback, graph, prepass, gbuffer, cloth, drift, async, pacing, culling, ideal, meshlets.",
+            "loads, readback, graph, prepass, gbuffer, cloth, drift, async, pacing, culling, ideal, meshlets, lods.",
             show_default=False,
         ),
     ] = None,

@@ -18,6 +18,7 @@ CHAPTERS = {
     "stages": 6,
     "visible_set": 6,
     "meshlet_sizes": 6,
+    "levels": 6,
 }
 """The chapter whose `benches/` has the module."""
 
