@@ -54,7 +54,6 @@ CHAIN = chain_of_balls()
 def hand_made(monkeypatch):
     """Let every mesh that may have levels have those of a ball, without the package that makes them."""
     monkeypatch.setattr(lods, "kept_chains", lambda scene, meshes: [CHAIN for _ in meshes])
-    monkeypatch.setattr(lods, "meshoptimizer", lambda use: None)
 
 
 def balls(count=40, seed=3):

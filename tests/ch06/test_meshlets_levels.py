@@ -83,7 +83,6 @@ def test_meshes_with_level_0_alone(monkeypatch):
 
     monkeypatch.setattr("chapters.ch06.meshlets.chains.lod_chain", chain)
     monkeypatch.setattr("chapters.ch06.meshlets.chains.cache_dir", lambda name: None)
-    monkeypatch.setattr("chapters.ch06.meshlets.lods.meshoptimizer", lambda use: None)
     kinds = (Material(), Material(alpha_mode="blend"))
     scene = scene_of(GRID, GRID, GRID, grid(9, 9), GRID, kinds=kinds, materials=(0, 1, 0, 0, 0))
     for name in ("first_vertex", "first_index"):
@@ -103,8 +102,10 @@ def test_meshes_with_level_0_alone(monkeypatch):
 
 def test_without_the_package_it_is_one_sentence(monkeypatch):
     monkeypatch.setitem(sys.modules, "meshoptimizer", None)
+    monkeypatch.setattr("chapters.ch06.meshlets.chains.cache_dir", lambda name: None)
     with pytest.raises(UserError, match=r"^making levels of detail needs the package meshoptimizer"):
-        with_levels(scene_of(grid(2, 2)))
+        with_levels(scene_of(GRID))
+    assert not with_levels(scene_of(grid(2, 2))).coarser  # nothing has to be made
 
 
 @pytest.fixture

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.mesh.lods import FEW_INDICES, MAX_FURTHER_LEVELS
-from common.mesh.optimize import meshoptimizer
 from common.mesh.pools import mesh_indices, mesh_positions
 from common.reports import waiting
 from common.scene import Float32, Scene, UInt32
@@ -50,9 +49,8 @@ def with_levels(scene: Scene) -> SceneLevels:
     of geometry that holds the mesh has them close by. Levels are kept in the user's cache.
 
     Raises:
-        UserError: the package `meshoptimizer` is not installed.
+        UserError: levels are not in the cache, and the package `meshoptimizer` is not installed.
     """
-    meshoptimizer("making levels of detail")
     rows, count = scene.meshes, len(scene.meshes)
     having = np.flatnonzero(rigid_and_solid(scene) & (rows["index_count"] > FEW_INDICES)).tolist()
     keys = {

@@ -67,7 +67,7 @@ def levels_of(scene: Scene) -> SceneLevels:
     """Return the levels of detail of a scene's meshes.
 
     Raises:
-        UserError: the package `meshoptimizer` is not installed.
+        UserError: levels are not in the cache, and the package `meshoptimizer` is not installed.
     """
     return _LEVELS[scene].get(with_levels, scene)
 
