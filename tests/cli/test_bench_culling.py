@@ -187,6 +187,7 @@ def test_errors_are_parts_of_the_pixels():
 
 def test_without_the_package_levels_are_one_sentence(subject, monkeypatch):
     monkeypatch.setitem(sys.modules, "meshoptimizer", None)
+    monkeypatch.setattr("chapters.ch06.meshlets.chains.cache_dir", lambda name: None)
     monkeypatch.setattr(scenes, "load", lambda name, around: copy.copy(subject.scene))
     record = measured(levels, subject)
     (line,) = levels.sentences(record)

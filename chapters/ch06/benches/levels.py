@@ -124,7 +124,7 @@ def made_in(subject: Subject, scene: Scene) -> float | None:
     """Make the levels of a scene and return the seconds that took; None where they were in the cache.
 
     Raises:
-        UserError: the package `meshoptimizer` is not installed.
+        UserError: levels are not in the cache, and the package `meshoptimizer` is not installed.
     """
     folder = cache_dir(subject.module("meshlets.chains").FOLDER)
     kept, began = _names(folder), clock.perf_counter()
