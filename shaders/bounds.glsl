@@ -238,10 +238,11 @@ bool centre_rect(Footprint footprint, vec2 size, out uvec2 first, out uvec2 last
 // The lowest level, from 1 on, at which pixels first..last are in at most 2x2 texels; those of level k have an edge of
 // 2^k pixels. From one pixel to another, s pixels on, there is at most one edge of texels if s <= 2^k, and there are
 // at least two if s >= 2^(k+1). In between it depends on where the first pixel is. (The logarithm of the size, rounded
-// down, with one texel is not enough: parts of the rectangle are in other texels.)
+// down, with one texel is not enough: parts of the rectangle are in other texels.) `findMSB` gets no 0, whose result is
+// -1: NVIDIA's compiler for OpenGL (driver 580) compares it as unsigned in max(findMSB(span), 1).
 uint occlusion_level(uvec2 first, uvec2 last) {
     uvec2 span = last - first;
-    uint level = uint(max(findMSB(max(span.x, span.y)), 1));
+    uint level = uint(findMSB(max(max(span.x, span.y), 2u)));
     uvec2 edges = (last >> level) - (first >> level);
     return max(edges.x, edges.y) > 1u ? level + 1u : level;
 }

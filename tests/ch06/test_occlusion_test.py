@@ -38,7 +38,7 @@ bool is_hidden(Footprint footprint) {
     pixel_rect(footprint, vec2(picture), first, last);
 #ifdef ONE_TEXEL
     uvec2 size = last - first + 1u;
-    uint level = uint(max(findMSB(max(size.x, size.y)), 1));
+    uint level = uint(findMSB(max(max(size.x, size.y), 2u)));
     return footprint.nearest < pyramid_texel(level, (first + last) / 2u >> level, picture);
 #else
     return footprint.nearest < farthest_depth(first, last, picture);

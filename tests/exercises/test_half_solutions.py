@@ -359,7 +359,7 @@ CASES = {
     ),
     "four texels of the level below": (
         (6, "one-tap"),
-        (*LEVEL, "uint level = uint(max(findMSB(max(last.x - first.x, last.y - first.y)), 1));"),
+        (*LEVEL, "uint level = uint(findMSB(max(max(last.x - first.x, last.y - first.y), 2u)));"),
         "something behind is lost",
     ),
     "a level higher than needed": (

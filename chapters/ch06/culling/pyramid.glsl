@@ -8,15 +8,15 @@
 
 #include "bounds.glsl"
 
-uint pyramid_levels(uvec2 picture) { return uint(max(findMSB(max(picture.x, picture.y) - 1u) + 1, 1)); }
+// `findMSB` gets no 0; see `occlusion_level`.
+uint pyramid_levels(uvec2 picture) { return uint(findMSB(max(max(picture.x, picture.y) - 1u, 1u))) + 1u; }
 
 uvec2 pyramid_size(uint level, uvec2 picture) { return (picture + ((1u << level) - 1u)) >> level; }
 
-// The first word of a level: the texels of the levels before it. The constant bound is for a compiler: NVIDIA's for
-// OpenGL, of driver 580, makes a loop of this that never ends where the level is computed and not pushed.
+// The first word of a level: the texels of the levels before it.
 uint pyramid_offset(uint level, uvec2 picture) {
     uint words = 0u;
-    for (uint before = 1u; before < min(level, 16u); ++before) {
+    for (uint before = 1u; before < level; ++before) {
         uvec2 size = pyramid_size(before, picture);
         words += size.x * size.y;
     }
