@@ -209,6 +209,50 @@ Footprint box_footprint(vec4 centre_clip, vec4 x_clip, vec4 y_clip, vec4 z_clip)
     return box_footprint(centre_clip, x_clip, y_clip, z_clip, vec4(0.0));
 }
 
+// The depth of the front of a box in a perspective view, as three planes over the picture: at (u, v) in ndc nothing in
+// the box is nearer than q.x u + q.y v + q.z, for each column q. Of a wall that leads away from the eye this is far
+// tighter than one nearest depth for all of it. Pieces of a wall along a street hide one another in this way alone.
+//
+// Between two opposite faces, c +- x with edges y and z, a ray is behind the one that is nearer to the eye. With
+// p' = (x, y, w) of a point in clip space the faces are n . p' = n . (c' +- x'), where n = y' cross z', and the eye is
+// 0. The nearer one has the distance D = |n . c'| - |n . x'|; if that is negative, the eye is between them, and they
+// bound nothing. Divided by w, n . (u, v, 1) = D / w, and depth is near / w. A vertex that is off by `rounding` may be
+// nearer to the eye by |n| . rounding. N has the absolute values of the terms of n: all roundings are below 16 u of sums
+// of those. A rasteriser's own errors are those of `nearest_drawn`, but for snapped corners: widen the rectangle.
+const vec3 NO_PLANE = vec3(0.0, 0.0, 2.0);
+
+vec3 front_plane(vec3 centre, vec3 x, vec3 y, vec3 z, vec3 rounding, float near, float drawn) {
+    vec3 normal = cross(y, z), terms = abs(y.yzx * z.zxy) + abs(y.zxy * z.yzx);
+    float side = dot(normal, centre);
+    float distance = abs(side) - abs(dot(normal, x))
+                   - dot(terms, rounding + ROUNDINGS * (abs(centre) + abs(x)));
+    vec3 plane = normal * (side < 0.0 ? -near : near) / distance;
+    plane.z += drawn + ROUNDINGS * (near * dot(terms, vec3(1.0)) / distance + dot(abs(plane), vec3(1.0)));
+    return distance > 0.0 && are_moderate(plane) ? plane : NO_PLANE;
+}
+
+mat3 front_planes(vec4 centre_clip, vec4 x_clip, vec4 y_clip, vec4 z_clip, vec4 rounding) {
+    vec3 centre = centre_clip.xyw, x = x_clip.xyw, y = y_clip.xyw, z = z_clip.xyw, off = rounding.xyw;
+    float near = centre_clip.z, around = abs(x.z) + abs(y.z) + abs(z.z) + rounding.w + ROUNDINGS * abs(centre.z);
+    if (x.z == 0.0 && y.z == 0.0 && z.z == 0.0) {  // orthographic: one of the terms is w = 1
+        return mat3(NO_PLANE, NO_PLANE, NO_PLANE);
+    }
+    float nearest = near / (centre.z - around), farthest = near / (centre.z + around);
+    float drawn = nearest_drawn(nearest, farthest) - nearest;
+    return mat3(
+        front_plane(centre, x, y, z, off, near, drawn), front_plane(centre, y, z, x, off, near, drawn),
+        front_plane(centre, z, x, y, off, near, drawn)
+    );
+}
+
+// The nearest depth that such planes allow in the rectangle low..high of ndc.
+float front_depth(mat3 planes, vec2 low, vec2 high) {
+    vec3 depth = vec3(planes[0].z, planes[1].z, planes[2].z);
+    depth += max(low.x * vec3(planes[0].x, planes[1].x, planes[2].x), high.x * vec3(planes[0].x, planes[1].x, planes[2].x));
+    depth += max(low.y * vec3(planes[0].y, planes[1].y, planes[2].y), high.y * vec3(planes[0].y, planes[1].y, planes[2].y));
+    return min(min(depth.x, depth.y), depth.z);
+}
+
 // The pixels first..last, both inclusive, that a footprint touches in a picture of `size`; those at the edge for one
 // that is beyond it. A pixel counts as soon as any of its area is touched, since samples may lie anywhere in it.
 //
