@@ -1,4 +1,4 @@
-"""The front of a box as planes (`front_planes` of `shaders/bounds.glsl`), on both backends: never too far, and tight."""
+"""The front of a box as planes, `front_planes` of `shaders/bounds.glsl`, on both backends: never too far, and tight."""
 
 from __future__ import annotations
 
