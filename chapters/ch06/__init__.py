@@ -138,6 +138,7 @@ LESSON = Lesson(
     replaces=("pipelines/vulkan.py:BINDLESS",),
     plumbing={
         "settings.py": "has a group of knobs for culling",
+        "shading/instance_id.py": "draws all objects where it has a depth of its own",
         "graph/deferred.json": "names the passes of culling, and the late ones that draw",
         "graph/forward.json": "names the passes of culling, and the late one that draws",
         "graph/compute.json": "names the passes of culling, and the late ones that draw",

@@ -60,6 +60,7 @@ GIVEN_FROM_6 = {
     "CULLING": 3,
     "PHASE": 1,
     "LEVELS": 1,
+    "MOST_TASKS": 64,
     "SEGMENTS": 16,
     "SHAPE": 0,
     "MAX_VERTICES": 64,

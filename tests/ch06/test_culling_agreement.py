@@ -12,9 +12,9 @@ from chapters.ch06.settings import Settings
 from common.errors import UnsupportedError
 from common.numerics.transforms import pose_looking_at
 from common.settings import replaced
-from common.view.camera import Orthographic, View
+from common.view.camera import Orthographic, Perspective, View
 from tests.support.scenes import moved, scaled
-from tests.support.towns import town, walk
+from tests.support.towns import OPAQUE, TWO_SIDED, ball, cube, of_shapes, town, walk
 
 SIZE = (120, 72)
 EXACT = Settings(color_format="rgba32f", gbuffer_format="full", anisotropy=1.0, ambient=0.3)
@@ -26,10 +26,10 @@ def scene():
     return town()
 
 
-def frames(chapter, scene, views, **turned):
+def frames(chapter, scene, views, size=SIZE, **turned):
     """Return the outputs of a frame for each view, and its counters."""
     settings = replaced(EXACT, **turned)
-    with chapter.open(scene, SIZE, settings, outputs=OUTPUTS) as renderer:
+    with chapter.open(scene, size, settings, outputs=OUTPUTS) as renderer:
         drawn = []
         for view in views:
             frame = renderer.render(view)
@@ -233,6 +233,7 @@ def test_transforms_that_are_broken_are_never_culled_wrongly(chapter):
     matrices[10, :3, :3] = 0.0
     matrices[11, :3, :3] = np.diag((1.0, 1e-30, 1.0))
     matrices[12, :3, :3] = np.diag((1.0, 1.0, 1e-6))
+    matrices[13, :3, :3] = np.nan
     broken = town()
     broken = replace(broken, nodes=replace(broken.nodes, matrix=matrices))
     geometry = ways(chapter)[min(1, len(ways(chapter)) - 1)]
@@ -257,3 +258,72 @@ def test_a_scene_too_small_to_gain_from_culling_is_drawn_as_in_chapter_5(chapter
         assert not any(gpu_pass.name.startswith("cull") for gpu_pass in renderer.passes)
     with closing(chapter.open(town(count=80), SIZE, EXACT)) as renderer:
         assert any(gpu_pass.name == "cull_late" for gpu_pass in renderer.passes)
+
+
+def test_with_several_samples_ids_and_depth_are_those_of_the_centres(chapter):
+    """A gap of 0.06 pixels, through the centres of a column: no sample is in it, and what is behind it has the id."""
+    pixel = 2.0 / 33
+    places = [(2.0 + 0.03 * pixel, 2.0, 0.0), (-2.0 - 0.03 * pixel, 2.0, 0.0), (0.0, 0.3 * pixel, -1.0)]
+    matrices = np.zeros((3, 4, 4))
+    for matrix, (x, half, z) in zip(matrices, places, strict=True):
+        matrix[:] = np.diag((half, half, 0.05, 1.0))
+        matrix[:3, 3] = (x, 0.0, z)
+    gap = of_shapes([cube()], [OPAQUE], np.zeros(3, np.int32), matrices)
+    views = [View(pose_looking_at((0.0, 0.0, 5.0), (0.0, 0.0, 0.0)), Orthographic(1.0, 0.1, 20.0))] * 3
+    for samples in (1, 4):
+        turned = {"geometry": "classic", "graph": "forward", "msaa": samples}
+        wanted = frames(chapter, gap, views, (33, 33), culling="off", **turned)
+        drawn = frames(chapter, gap, views, (33, 33), culling="occlusion", **turned)
+        assert wanted[0][0]["instance_id"][16, 16] == 3
+        for (pictures, _), (others, _) in zip(drawn, wanted, strict=True):
+            assert np.array_equal(pictures["instance_id"], others["instance_id"])
+            assert np.array_equal(pictures["depth"], others["depth"])
+
+
+def layers(count=200):
+    """Return squares one before the other in a random order, and balls; both meshes have several meshlets."""
+    rng = np.random.default_rng(5)
+    corners, triangles = [], []
+    for number, z in enumerate(rng.permutation(np.linspace(-1, 1, count))):
+        x, y = rng.uniform(-0.6, 0.6, 2)
+        corners += [
+            (x - 0.4, y - 0.4, z),
+            (x + 0.4, y - 0.4, z),
+            (x + 0.4, y + 0.4, z),
+            (x - 0.4, y + 0.4, z),
+        ]
+        triangles += [
+            (4 * number, 4 * number + 1, 4 * number + 2),
+            (4 * number, 4 * number + 2, 4 * number + 3),
+        ]
+    shapes = [(np.array(corners, np.float32), np.array(triangles, np.uint32)), ball()]
+    matrices = np.stack([np.eye(4)] * 70)
+    matrices[:, :3, 3] = rng.uniform(-5, 5, (70, 3))
+    return of_shapes(shapes, [OPAQUE, TWO_SIDED], np.array([0] * 10 + [1] * 60, np.int32), matrices)
+
+
+def test_what_becomes_blended_has_its_triangles_in_the_order_of_the_file(chapter):
+    """While the renderer is open, in a renderer that is opened after it, and when the material is solid again."""
+    view = View(pose_looking_at((0.0, 1.0, 14.0), (0.0, 0.0, 0.0)), Perspective(0.9, 0.05))
+    geometry = ways(chapter)[min(1, len(ways(chapter)) - 1)]
+    taken = []
+    for culling, way in (("off", "classic"), ("occlusion", geometry)):
+        scene, pictures = layers(), []
+        solid = scene.materials[0]
+        clear = replace(solid, alpha_mode="blend", base_color=(0.8, 0.5, 0.3, 0.4))
+
+        def shown(renderer, material, scene=scene):
+            with scene.edit() as edit:
+                edit.set_material(0, material)
+            renderer.render(view)
+            return renderer.render(view).image("color_linear").copy()
+
+        settings = replaced(EXACT, culling=culling, geometry=way)
+        with chapter.open(scene, SIZE, settings, outputs=OUTPUTS) as renderer:
+            pictures += [shown(renderer, material) for material in (solid, clear, solid, clear)]
+        with chapter.open(scene, SIZE, settings, outputs=OUTPUTS) as renderer:
+            pictures += [shown(renderer, material) for material in (clear, solid)]
+        taken.append(pictures)
+    for number, (one, other) in enumerate(zip(*taken, strict=True)):
+        assert np.array_equal(one, other), f"picture {number}"
+    assert not np.array_equal(taken[0][0], taken[0][1])

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from chapters.ch06.culling import kernels as culling_kernels
+from chapters.ch06.culling import lists as culling_lists
 from chapters.ch06.culling.lists import (
     ALWAYS,
     BATCH,
@@ -188,7 +190,7 @@ def test_more_units_than_places_are_shared_out_and_counted(scene):
     _, tables = lists_of(scene, meshlets, buffer_bytes=40 * (whole.units // 3))
     assert tables.dropped >= whole.units // 2 and (tables.batches["capacity"] >= 1).all()
     assert tables.commands == tables.batches["capacity"].sum() <= whole.units // 3 + len(tables.batches)
-    assert f"{tables.dropped:,} fewer" in tables.warning and "units_dropped" in tables.warning
+    assert f"no places for {tables.dropped:,} of" in tables.warning and "units_dropped" in tables.warning
 
 
 @pytest.mark.parametrize("share", [6, 60])
@@ -223,3 +225,32 @@ def test_words_of_the_state_do_not_overlap():
     assert layout.tasks - layout.counts == 14 and layout.words - layout.unit_sums == 2 * 20 + 1
     assert folded(1) == (1, 1) and folded(65535) == (65535, 1) and folded(65536) == (65535, 2)
     assert np.prod(folded(MOST_UNITS // 256)) >= MOST_UNITS // 256
+
+
+def test_counters_of_a_frame_stay_when_an_edit_makes_the_tables_anew(chapter):
+    scene = town(count=300)
+    with chapter.open(scene, SIZE, replaced(EXACT, culling="occlusion", geometry="classic")) as made:
+        made.render(walk()[0])
+        before = made.render(walk()[0])
+        with scene.edit() as edit:
+            edit.set_visible(0, False)
+        after = made.render(walk()[0])
+        told = {name: before.work[name] for name in ("instances_tested", "units_drawn", "triangles_drawn")}
+        assert all(told.values()) and told["instances_tested"] == after.work["instances_tested"] + 1
+
+
+@pytest.mark.variants("vulkan")
+def test_more_task_groups_than_a_draw_has_are_left_out_with_a_sentence_and_a_counter(chapter, monkeypatch):
+    if not chapter.device.has("mesh-shader"):
+        pytest.skip("the device has no mesh shaders")
+    scene, settings = town(count=300), replaced(EXACT, culling="frustum", geometry="mesh")
+    with chapter.open(scene, SIZE, settings) as made:
+        every = made.render(walk()[-1]).work
+        assert not any("units_dropped" in warning for warning in made.scene.warnings)
+    for module in (culling_kernels, culling_lists):
+        monkeypatch.setattr(module, "MOST_TASKS", 2)
+    with chapter.open(scene, SIZE, settings) as made:
+        work = made.render(walk()[-1]).work
+        assert any("units_dropped" in warning for warning in made.scene.warnings)
+    assert work["units_dropped"] % 32 == 0 and work["units_dropped"] > 0
+    assert 0 < work["meshlets_drawn"] < every["meshlets_drawn"]

@@ -43,7 +43,9 @@ def chain_of_balls():
     place, triangles = ball(RINGS, AROUND)
     parts = [coarser_ball(step) for step in STEPS]
     extent = (place.max(axis=0) - place.min(axis=0)).max()
-    found = [hausdorff(place, triangles.reshape(-1), place, part, 4000) / extent for part in parts]
+    found = [
+        hausdorff(place, triangles.reshape(-1), place, part, 4000) / extent / lods.SURE for part in parts
+    ]
     return list(zip(parts, found, strict=True))
 
 
@@ -53,7 +55,7 @@ CHAIN = chain_of_balls()
 @pytest.fixture(autouse=True)
 def hand_made(monkeypatch):
     """Let every mesh that may have levels have those of a ball, without the package that makes them."""
-    monkeypatch.setattr(lods, "kept_chains", lambda scene, meshes: [CHAIN for _ in meshes])
+    monkeypatch.setattr(lods, "kept_chains", lambda scene, meshes, kept: [CHAIN for _ in meshes])
 
 
 def balls(count=40, seed=3):
@@ -307,7 +309,7 @@ def test_records_of_levels():
     assert planned.levels["index_count"].tolist() == [len(part) for part, _ in CHAIN] * 3
     errors = planned.levels["first_bit"].copy().view(np.float32)
     assert errors == pytest.approx(
-        [2 * distance / 2.0 for _, distance in CHAIN] * 3, rel=1e-5
+        [lods.SURE * distance * 2 / 2.0 for _, distance in CHAIN] * 3, rel=1e-5
     )  # extent 2, 2 pixels
     number = (planned.draws["flags"] >> 4) & 15
     assert set(number) == {0, 3}

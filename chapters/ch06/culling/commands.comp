@@ -43,7 +43,11 @@ void main() {
         }
 #ifdef MESH_SHADERS
         // VkDrawMeshTasksIndirectCommandEXT: groups of 32 meshlets, at most 65535 along an axis
-        uint groups = (first_units(next).x - first_units(batch.x).x + 31u) / 32u, rows = (groups + 65534u) / 65535u;
+        uint wanted = (first_units(next).x - first_units(batch.x).x + 31u) / 32u, groups = min(wanted, uint(MOST_TASKS));
+        uint rows = (groups + 65534u) / 65535u;
+        if (wanted > groups) {
+            atomicAdd(state[phase() * COUNTER_WORDS + UNITS_DROPPED], 32u * (wanted - groups));
+        }
         uint word = sizes.firsts.x + 4u * (phase() * sizes.counts.y + number);
         state[word] = rows > 1u ? 65535u : groups;
         state[word + 1u] = max(rows, 1u);

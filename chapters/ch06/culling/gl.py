@@ -23,7 +23,7 @@ from ..frames.backend.gl import GlBackend
 from ..frames.frame import SLOTS
 from ..frames.gl_commands import Commands
 from ..pipelines.description import Built
-from .kernels import IN_SLOT, LISTS, OVERLAY, PYRAMIDS, TRANSPARENT, Kernels, OverlayDraw
+from .kernels import COUNTERS, IN_SLOT, LISTS, OVERLAY, PYRAMIDS, TRANSPARENT, Kernels, OverlayDraw
 
 OVERLAY_BINDING = 5
 """The first storage block of overlay.glsl that no draw of the scene uses."""
@@ -42,14 +42,14 @@ class CullingKernels(Kernels):
 
     def make_buffers(self, sizes: Mapping[str, int], contents: Mapping[str, np.ndarray]) -> None:
         """Create new buffers of these sizes in bytes; OpenGL itself frees earlier ones after their last use."""
-        self.close()
+        self._free(but=COUNTERS)
         for name, size in sizes.items():
             if name not in IN_SLOT:
                 self._buffers[name] = create_buffer(self._context, size, "device", f"culling {name}")
                 continue
             for slot in range(SLOTS):
-                buffer = create_buffer(self._context, size, IN_SLOT[name], f"culling {name}, slot {slot}")
-                self._buffers[f"{name} {slot}"] = buffer
+                if (key := f"{name} {slot}") not in self._buffers:
+                    self._buffers[key] = create_buffer(self._context, size, IN_SLOT[name], f"culling {key}")
         for name, table in contents.items():
             write_buffer(self._context, self._buffers[name], table)
 
@@ -102,8 +102,10 @@ class CullingKernels(Kernels):
         self._context.fn.glMemoryBarrier(gl.GL_CLIENT_MAPPED_BUFFER_BARRIER_BIT)
         self._backend.data.bind_frame(slot)
 
+    def _free(self, but: str = "-") -> None:
+        for name in [name for name in self._buffers if not name.startswith(but)]:
+            destroy_buffer(self._context, self._buffers.pop(name))
+
     def close(self) -> None:
         """Free the buffers."""
-        for buffer in self._buffers.values():
-            destroy_buffer(self._context, buffer)
-        self._buffers = {}
+        self._free()

@@ -15,7 +15,7 @@ from ..meshlets.model import MESHLET, SceneMeshlets
 from ..pipelines.compute_description import ComputeDescription
 from ..pipelines.description import Built
 from .choice import Choice
-from .lists import EARLY, LATE, PHASES, CullingLists, command_bytes
+from .lists import EARLY, LATE, MOST_TASKS, PHASES, CullingLists, command_bytes
 
 LISTS = (
     *("view", "instances", "draws", "batches", "meshlets", "offsets"),
@@ -31,6 +31,9 @@ TRANSPARENT = ("view", "instances", "source", "target", "pyramid last", "visible
 
 OVERLAY = ("frame", "view", "instances", "visible", "pyramid", "spheres")
 """The buffers of `overlay.glsl`, in the order of their bindings; the first two are uniform blocks."""
+
+COUNTERS = "told"
+"""The buffers that are never made anew, since the counters of frames that were drawn can still be read."""
 
 PYRAMIDS = ("pyramid", "pyramid last")
 """The buffers of the pyramids by number. Each keeps its content while culling is frozen."""
@@ -94,7 +97,7 @@ def first_words(sizes: Mapping[str, int], blended: NDArray[np.int64]) -> dict[st
 
 def describe(choice: Choice, code: Mapping[str, int]) -> dict[str, ComputeDescription]:
     """Return the kernels by name; those of a phase end in its number. `code` is the define of commands with a code."""
-    mesh = (("MESH_SHADERS", 1),) if choice.geometry == "mesh" else ()
+    mesh = (("MESH_SHADERS", 1), ("MOST_TASKS", MOST_TASKS)) if choice.geometry == "mesh" else ()
     kernels = {}
     for phase in (EARLY, LATE) if choice.two_phases else (EARLY,):
         defines = (*choice.defines, ("PHASE", phase), *mesh)

@@ -53,6 +53,9 @@ WHOLE, ALWAYS, TWO_SIDED = 1, 2, 4
 LEVELS_SHIFT, LEVELS_FIRST = 4, 8
 """Flags from here on: the number of coarser levels (4 bits), and the number of the first one's record (24 bits)."""
 
+MOST_TASKS = 64 * 65535
+"""The most task work groups of a draw, each of 32 meshlets: devices have at least 2^22, in rows of 65535."""
+
 MOST_LEVELS = 1 << 24
 """The most records of levels."""
 
@@ -61,7 +64,7 @@ BATCH = np.dtype(
         ("first_draw", np.uint32),
         ("first_command", np.uint32),
         ("capacity", np.uint32),
-        ("first_whole", np.uint32),
+        ("unused", np.uint32),
     ]
 )
 """The record of a batch. Its commands have the places [first_command, first_command + capacity) of a phase."""
@@ -204,9 +207,9 @@ class CullingLists:
         if not self.dropped:
             return ""
         return (
-            f"Culling has places for {min(self.units, self.commands):,} meshlets and small meshes of this scene, and "
-            f"{self.dropped:,} fewer than it has: where more are visible, some are not drawn (units_dropped); take "
-            "fewer instances, or larger meshes."
+            f"Culling has no places for {self.dropped:,} of the meshlets and small meshes of this scene. Where more "
+            "have to be tested than there are places, some are not drawn (units_dropped): take fewer instances, or "
+            "larger meshes."
         )
 
     @property
@@ -279,7 +282,12 @@ def plan_lists(
     batches, room = _batches(listed, counts, min(MOST_UNITS, buffer_bytes // (PHASES * COMMAND.itemsize)))
     total = int(listed.sum())
     units = min(total, MOST_UNITS, buffer_bytes // PLACE_BYTES)
-    return CullingLists(draws, records, batches, units, room, bits, max(0, total - min(units, room)))
+    dropped = max(0, total - min(units, room))
+    if mesh_shaders:
+        cut = _most(number, further, np.where(whole, 0, records["units"]))[mesh]
+        tasks = np.bincount(draws["batch"], cut, len(counts)).astype(np.int64)
+        dropped += int(np.maximum(tasks - 32 * MOST_TASKS, 0).sum())
+    return CullingLists(draws, records, batches, units, room, bits, dropped)
 
 
 def _levels(

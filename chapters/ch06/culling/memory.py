@@ -39,8 +39,8 @@ class CullingMemory:
         backend: Any,
     ) -> None:
         self._parts, self._kernels, self.choice, self._backend = parts, kernels, choice, backend
-        self._meshlets = meshlets if choice.geometry != "classic" else None
-        self._levels = levels
+        self.meshlets, self._levels = meshlets, levels
+        """The meshlets of the scene, if it is cut."""
         self._lists_seen: DrawLists | None = None
         self._bound: Any = None  # the executor and the layout that the bindings were made for
         self._pipelines: dict[str, Built] = {}
@@ -105,7 +105,7 @@ class CullingMemory:
         return int(written.nbytes)
 
     def _follow(self, lists: DrawLists, size: tuple[int, int]) -> None:
-        parts, meshlets = self._parts, self._meshlets
+        parts, meshlets = self._parts, self.meshlets if self.choice.geometry != "classic" else None
         scene, data = parts.scene, parts.data
         two_sided = np.array([variant.double_sided for variant in data.variants], bool)
         mesh_shaders = self.choice.geometry == "mesh"
@@ -170,6 +170,11 @@ class CullingMemory:
         """Return (first command, capacity) of a batch in a phase."""
         row = self.lists.batches[batch]
         return phase * self.lists.commands + int(row["first_command"]), int(row["capacity"])
+
+    def number_draws(self) -> None:
+        """Give the draws of this frame that culling leaves as they are the number that they need."""
+        draws = self._parts.draws
+        draws.binding = draws.binding._replace(counted=self.unlimited(draws.binding.records))
 
     def unlimited(self, records: Any) -> Counted | None:
         """Return `records` with a number that is never reached; None where draws need no number.
@@ -249,7 +254,7 @@ class CullingMemory:
             "meshlets_drawn": early["meshlets_drawn"] + late["meshlets_drawn"],
             "units_drawn": early["units_drawn"] + late["units_drawn"],
             "units_late": late["units_drawn"],
-            "units_dropped": early["units_dropped"] + late["units_dropped"],
+            "units_dropped": max(early["units_dropped"], late["units_dropped"]),
             "triangles_drawn": early["triangles_drawn"] + late["triangles_drawn"],
             "triangles_late": late["triangles_drawn"],
         }

@@ -6,6 +6,8 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from backends.contract import Access, FrameInfo, Pass, Technique
 from common.scene import Scene
 
@@ -13,6 +15,7 @@ from ..frames.backend.backend import Backend
 from ..frames.commands import DrawGroup, SceneBinding
 from ..graph.file import graph_path, read_graph
 from ..graph.plan import graph_name
+from ..meshlets.groups import spans
 from ..meshlets.model import SceneMeshlets
 from ..meshlets.scene import levels_of, meshlets_of
 from ..pipelines.description import PipelineDescription
@@ -119,6 +122,8 @@ class CullingTechnique(Technique):
         self.memory: CullingMemory | None = None
         """Tables and pipelines, from `create` on."""
         self._prepared = self._live
+        self._in_order = geometry.indices
+        self._restore_order()
 
     def create(self, parts: PassParts, backend: Backend, passes: Mapping[str, Pass]) -> None:
         """Choose the path of the device, make the passes, and let the passes that draw objects read the lists."""
@@ -127,6 +132,7 @@ class CullingTechnique(Technique):
         self.choice = choice = replace(choice, levels=self.levels is not None)
         kernels = backend.part(__package__).CullingKernels(backend)
         self.memory = memory = CullingMemory(parts, kernels, choice, self.meshlets, self.levels, backend)
+        parts.data.reordered = lambda: self._restore_order(parts.scene)
         memory.samples, memory.overlay = settings.shading.msaa, overlay_of(settings)
         file = {*read_graph(graph_path(graph_name(settings))).passes.values()}
         drawn = [name for name in FIRST if name in file]
@@ -178,6 +184,29 @@ class CullingTechnique(Technique):
         memory.mesh_pipeline = lambda: next((built for it in objects for built in it.mesh_pipelines), None)
         self.passes = {it.name: it for it in ordered if it.name in file or it.needed(scene, settings)}
 
+    def _restore_order(self, *scenes: Scene) -> bool:
+        """Put the triangles of meshes that became blended back into the order of the file.
+
+        These meshes have no meshlets from then on. Returns whether there are any. `scenes` are views of `scene`.
+        """
+        if self.meshlets is None:
+            return False
+        meshes, ranges = self.scene.meshes, self.meshlets.ranges
+        blended = np.array([material.alpha_mode == "blend" for material in self.scene.materials], bool)
+        cut = ranges[:, 1] > 0
+        back = cut & np.isin(meshes["first_index"], meshes["first_index"][cut & blended[meshes["material"]]])
+        if not back.any():
+            return False
+        rows, indices = meshes[back], self.scene.indices.copy()
+        moved = spans(rows["first_index"], rows["index_count"])
+        indices[moved] = self._in_order[moved]
+        self.meshlets = replace(self.meshlets, indices=indices, ranges=np.where(back[:, None], 0, ranges))
+        for view in (self.scene, *scenes):
+            view.indices = indices
+        if self.memory is not None:
+            self.memory.meshlets = self.meshlets
+        return True
+
     def prepare(self, frame: FrameInfo) -> int:
         """Write the view of culling; return the bytes written."""
         memory, knobs = self.memory, self._settings.culling
@@ -185,7 +214,9 @@ class CullingTechnique(Technique):
         if memory is None or not (self.choice.runs or memory.overlay != "off"):
             return 0
         memory.level = knobs.level
-        return memory.prepare(frame.slot, frame.size, knobs.frozen)
+        written = memory.prepare(frame.slot, frame.size, knobs.frozen)
+        memory.number_draws()
+        return written
 
     @property
     def _live(self) -> tuple[bool, int]:

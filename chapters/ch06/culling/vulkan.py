@@ -24,7 +24,7 @@ from ..frames.vulkan_commands import Commands
 from ..graph.sync.vulkan import layout_of
 from ..pipelines.description import Built
 from ..pipelines.vulkan_descriptors import Held, Texture
-from .kernels import IN_SLOT, LISTS, OVERLAY, PYRAMIDS, TABLES, TRANSPARENT, Kernels, OverlayDraw
+from .kernels import COUNTERS, IN_SLOT, LISTS, OVERLAY, PYRAMIDS, TABLES, TRANSPARENT, Kernels, OverlayDraw
 
 _STORED = (vk.VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT, vk.VK_ACCESS_2_SHADER_STORAGE_WRITE_BIT)
 _TO_THE_CPU = barriers(memory=(*_STORED, vk.VK_PIPELINE_STAGE_2_HOST_BIT, vk.VK_ACCESS_2_HOST_READ_BIT))
@@ -50,7 +50,7 @@ class CullingKernels(Kernels):
 
     def make_buffers(self, sizes: Mapping[str, int], contents: Mapping[str, np.ndarray]) -> None:
         """Create new buffers of these sizes in bytes; earlier ones are freed after the last frame that uses them."""
-        self._free()
+        self._free(but=COUNTERS)
         resources = self._backend.resources
         for name, size in sizes.items():
             if name not in IN_SLOT:
@@ -58,8 +58,8 @@ class CullingKernels(Kernels):
                 continue
             usage = vk.VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT if name == "view" else _STORAGE
             for slot in range(SLOTS):
-                handle = resources.buffer(size, usage, IN_SLOT[name], f"culling {name}, slot {slot}")
-                self._handles[f"{name} {slot}"] = handle
+                if (key := f"{name} {slot}") not in self._handles:
+                    self._handles[key] = resources.buffer(size, usage, IN_SLOT[name], f"culling {key}")
         with Uploader(self._device) as uploader:
             for name, table in contents.items():
                 if len(table):
@@ -147,10 +147,9 @@ class CullingKernels(Kernels):
         """Make the counters visible to the CPU."""
         commands.barrier(_TO_THE_CPU)
 
-    def _free(self) -> None:
-        for handle in self._handles.values():
-            self._backend.resources.destroy_buffer(handle)
-        self._handles = {}
+    def _free(self, but: str = "-") -> None:
+        for name in [name for name in self._handles if not name.startswith(but)]:
+            self._backend.resources.destroy_buffer(self._handles.pop(name))
 
     def close(self) -> None:
         """Give the buffers up; frames in flight may still use them."""

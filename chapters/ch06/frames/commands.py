@@ -16,10 +16,7 @@ from ..scene.draw_lists import Batch
 
 
 class Counted(NamedTuple):
-    """Draw commands whose number is on the GPU: a buffer of commands, a buffer with the number, and its byte offset.
-
-    Without `is_native` the device reads no number: commands behind the last one draw nothing.
-    """
+    """Draw commands, a buffer with their number, and its byte offset; unless `is_native`, further ones draw nothing."""
 
     records: Any
     numbers: Any

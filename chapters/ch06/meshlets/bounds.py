@@ -14,6 +14,10 @@ from .groups import Int64, sizes_of
 
 _UP = np.float32(np.inf)
 
+LINE, PLACE = 1e-6, 1e-9
+"""Three corners count as on a line if the height of their triangle is at most LINE of its longest edge, and two as at
+one place if they are PLACE of it apart: moved in float32, they end at one place."""
+
 
 def boxes_and_radii(corners: Float32, starts: Int64) -> tuple[Float32, Float32, Float32]:
     """Return centres (K, 3), half edges (K, 3) and radii (K,) of `corners` (C, 3), for groups that begin at `starts`.
@@ -47,8 +51,10 @@ def _rounded_up(values: Float64) -> Float32:
 def normal_cones(triangles: Float32, starts: Int64) -> tuple[Float64, Float64]:
     """Return axes (K, 3) of length 1 and sines (K,) of the half angles of cones around the normals of meshlets.
 
-    `triangles` (T, 3, 3) are the corners, and a meshlet begins at each of `starts`. Triangles without area are left
-    out. A cone of 90 degrees or more, of normals that are not finite, or of no normal at all has the sine 1.
+    `triangles` (T, 3, 3) are the corners, and a meshlet begins at each of `starts`. Triangles with two corners at one
+    place cover no pixel and are left out. Three corners on a line can: each is rounded on its own, and then the
+    triangle may face either way. A meshlet with one of those has the sine 1, as a cone of 90 degrees or more has, one
+    of normals that are not finite, and one of no normal at all.
 
     Two axes are tried, the mean of the normals and the middle of their box, and the narrower cone is taken. The
     smallest cone (Barequet and Elber 2005, "Optimal bounding cones of vectors in three dimensions") is hardly narrower.
@@ -59,8 +65,12 @@ def normal_cones(triangles: Float32, starts: Int64) -> tuple[Float64, Float64]:
     with np.errstate(invalid="ignore"):  # places that are not finite
         normals = _cross(b - a, c - a)
         lengths = np.sqrt((normals**2).sum(axis=0))
-        flat = lengths == 0
-        normals /= np.where(flat, 1.0, lengths)
+        edges = np.sqrt([((p - q) ** 2).sum(axis=0) for p, q in ((a, b), (b, c), (c, a))])
+        longest = edges.max(axis=0)
+        flat = edges.min(axis=0) <= PLACE * longest
+        on_a_line = ~flat & (lengths <= LINE * longest**2)
+        normals /= np.where(lengths == 0, 1.0, lengths)
+        lines = np.maximum.reduceat(on_a_line, starts)
         mean = np.add.reduceat(normals, starts, axis=1)
         box = np.minimum.reduceat(normals, starts, axis=1) + np.maximum.reduceat(normals, starts, axis=1)
         for candidate in (mean, box):
@@ -70,7 +80,7 @@ def normal_cones(triangles: Float32, starts: Int64) -> tuple[Float64, Float64]:
             cosines = np.where(flat, 1.0, (normals * around).sum(axis=0))
             sine = np.sqrt(np.maximum.reduceat((_cross(normals, around) ** 2).sum(axis=0), starts))
             better = (
-                (np.minimum.reduceat(cosines, starts) > 0) & (length > 0) & (sine < sines)
+                (np.minimum.reduceat(cosines, starts) > 0) & (length > 0) & (sine < sines) & ~lines
             )  # not with NaN
             axes[:, better], sines[better] = axis[:, better], sine[better]
     return axes.T, sines

@@ -24,15 +24,15 @@ Chain = list[tuple[UInt32, float]]
 """The further levels of a mesh: indices (3 T,) of its own vertices, and the distance as a fraction of the extent."""
 
 
-def kept_chains(scene: Scene, meshes: Sequence[int]) -> list[Chain]:
-    """Return the chain of each of these meshes: from the cache, or made and then kept.
+def kept_chains(scene: Scene, meshes: Sequence[int], kept: bool = True) -> list[Chain]:
+    """Return the chain of each of these meshes: from the cache, or made and then kept; without a cache unless `kept`.
 
     A cache that cannot be read or written costs time and nothing else.
 
     Raises:
         UserError: the package `meshoptimizer` is not installed.
     """
-    folder, key = cache_dir(FOLDER), _key(scene, meshes)
+    folder, key = (cache_dir(FOLDER), _key(scene, meshes)) if kept else (None, "")
     if folder is not None and (chains := _read(folder / f"{key}.blob")) is not None:
         return chains
     chains = [
@@ -45,7 +45,7 @@ def kept_chains(scene: Scene, meshes: Sequence[int]) -> list[Chain]:
 
 
 def _key(scene: Scene, meshes: Sequence[int]) -> str:
-    """Return a hash of all that a chain follows from: vertices, triangles, deformations, and the code that makes it."""
+    """Return a hash of what a chain follows from: vertices, triangles, and the code here that makes it."""
     digest = hashlib.sha256(str(VERSION).encode())
     for module in (lods, metrics, optimize):
         digest.update(Path(str(module.__file__)).read_bytes())

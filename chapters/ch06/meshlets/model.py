@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from common.scene import Scene, UInt32
 
 from ..cloth.fields import properties
+from ..scene.pages import PAGE_BYTES
 from .groups import group_starts, sorting_order, spans
 
 MAX_VERTICES = 64
@@ -60,23 +61,25 @@ def takes_meshlets(
 ) -> NDArray[np.bool_]:
     """Return (M,) whether a mesh of the scene is cut into meshlets. The others take the classic path:
 
+    - meshes that are too large to be drawn, which is said when they are uploaded;
     - meshes that deform, and meshes of cloth, since the bounds of their meshlets would change in every frame;
     - meshes of blended materials, whose triangles are drawn in the order of the file;
     - meshes that fit into one meshlet, and those without triangles;
     - meshes that share indices with one of those, or a part of their indices with any other mesh.
     """
-    taking = rigid_and_solid(scene) & ~_fits_one(scene, max_vertices, max_triangles)
+    taking = may_be_cut(scene) & ~_fits_one(scene, max_vertices, max_triangles)
     return taking & _may_be_permuted(scene, taking)
 
 
-def rigid_and_solid(scene: Scene) -> NDArray[np.bool_]:
-    """Return (M,) whether a mesh neither deforms, nor is cloth, nor has a blended material."""
+def may_be_cut(scene: Scene) -> NDArray[np.bool_]:
+    """Return (M,) whether a mesh fits a page of geometry, and neither deforms, nor is cloth, nor is blended."""
     blended = np.array([material.alpha_mode == _BLENDED for material in scene.materials], bool)
     solid = ~blended[scene.meshes["material"]] if len(scene.meshes) else np.zeros(0, bool)
     solid[[deformation.mesh for deformation in scene.deformations]] = False
     cloths = list(properties(scene.nodes, "cloth"))
     solid[scene.instances.mesh[np.isin(scene.instances.node, cloths)]] = False
-    return solid
+    fits: NDArray[np.bool_] = scene.meshes["index_count"] <= PAGE_BYTES // 4
+    return solid & fits
 
 
 def _fits_one(scene: Scene, max_vertices: int, max_triangles: int) -> NDArray[np.bool_]:

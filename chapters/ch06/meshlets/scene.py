@@ -52,6 +52,7 @@ class _ByScene(Generic[T]):
 
 _MESHLETS: _ByScene[SceneMeshlets] = _ByScene()
 _LEVELS: _ByScene[SceneLevels] = _ByScene()
+_UNKEPT: _ByScene[bool] = _ByScene()
 
 
 def meshlets_of(scene: Scene) -> SceneMeshlets:
@@ -69,7 +70,12 @@ def levels_of(scene: Scene) -> SceneLevels:
     Raises:
         UserError: levels are not in the cache, and the package `meshoptimizer` is not installed.
     """
-    return _LEVELS[scene].get(with_levels, scene)
+    return _LEVELS[scene].get(partial(with_levels, kept=not _UNKEPT[scene].made), scene)
+
+
+def keep_no_levels(scene: Scene) -> None:
+    """Let the levels of a scene be neither read from the user's cache nor kept there."""
+    _UNKEPT[scene].made = True
 
 
 def begin_meshlets(scene: Scene) -> None:

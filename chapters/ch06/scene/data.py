@@ -62,6 +62,8 @@ class SceneData:
         self._seen_from: View | None = None
         self.texture_work: dict[str, int] = {}
         self._kinds: Any = None
+        self.reordered: Callable[[], bool] = lambda: False
+        """Puts triangles into the order that materials ask for by now; returns whether any was in another one."""
         self._materials_seen = -1
         self.instance_parts = instance_parts(len(scene.instances), limits[1])
         # These two refuse what cannot be drawn, before anything is made that would be left behind.
@@ -120,8 +122,8 @@ class SceneData:
             self._materials_seen = revision
             return False
         # Until `followed`: what is refused halfway is done anew by the next frame, from the start.
-        self._kinds = None
-        streams_changed = geometry.used_streams(self.variants) != self.streams
+        again, self._kinds = self._kinds is None, None
+        streams_changed = self.reordered() or again or geometry.used_streams(self.variants) != self.streams
         if streams_changed:
             self._plan_geometry()
         self._replace(streams_changed)

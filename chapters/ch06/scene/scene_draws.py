@@ -36,10 +36,7 @@ class CulledDraws(Protocol):
         """Return a pipeline with task and mesh shaders in place of its vertex shader; None if these are not used."""
 
     def groups(self, groups: Sequence[DrawGroup], phase: int, tells: bool) -> Sequence[DrawGroup]:
-        """Return the groups of all solid batches, in their order, with the commands of a phase.
-
-        `tells` is true for one pass of a phase: task shaders count for it.
-        """
+        """Return the groups of all solid batches with the commands of a phase; task shaders count if it `tells`."""
 
     def transparent(self, slot: int, binding: SceneBinding) -> SceneBinding:
         """Return the bindings of transparent draws, from those without culling."""
@@ -116,11 +113,9 @@ class SceneDrawLists:
         """The draws of the scene; another object after every change."""
         return self._lists
 
-    def in_phases(
-        self, groups: Sequence[DrawGroup], phases: Sequence[int], tells: bool
-    ) -> Sequence[DrawGroup]:
-        """Return groups of solid draws with the commands that culling has left in these phases."""
-        if self.culled is None:
+    def in_phases(self, phases: Sequence[int], groups: list[DrawGroup], tells: bool) -> list[DrawGroup]:
+        """Return groups of solid draws with the commands that culling has left in these phases; without any all."""
+        if self.culled is None or not phases:
             return groups
         return [group for phase in phases for group in self.culled.groups(groups, phase, tells)]
 

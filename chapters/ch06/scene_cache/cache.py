@@ -34,7 +34,7 @@ from common.scene import EncodedImage, Image, Scene
 from common.scene.images import Pixels
 
 from ..loading.loading import beside_geometry, threads_at_most
-from ..meshlets.scene import begin_meshlets
+from ..meshlets.scene import begin_meshlets, keep_no_levels
 from ..scene.material_types import index_offsets, material_ranges, mesh_ranges
 from . import sources as scene_sources
 from .images import CachedImage, Source, chain_record, compress, image_uses, is_compressible
@@ -96,6 +96,7 @@ def open_scene(
     if not cached:
         scene = load_scene(path, progress, decode=False, ahead=beside_geometry())
         begin_meshlets(scene)
+        keep_no_levels(scene)
         return Opened(scene, f"loaded {path.name} {_since(began)}, without a cache")
     target = cache_file(path, compressed)
     try:

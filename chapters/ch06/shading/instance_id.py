@@ -20,7 +20,8 @@ class InstanceIdPass(ObjectsPass):
 
     Transparent objects are left out: at their pixels the id is that of what shines through. Where the forward pass has
     several samples a pixel, none of them in its centre, or no depth since it counts, this pass finds out by a depth of
-    its own which object is the nearest there. So ids and depth are the same to the bit, whatever the picture is.
+    its own which object is the nearest there, of all objects: culling looked at the samples. So ids and depth are the
+    same to the bit, whatever the picture is.
     """
 
     name = "instance_id"
@@ -34,6 +35,7 @@ class InstanceIdPass(ObjectsPass):
         self.reads = () if own_depth else (Access("depth", "depth"),)
         self.writes = (ids, depth) if own_depth else (ids,)
         self._depth: Literal["write", "equal"] = "write" if own_depth else "equal"
+        self.phases = () if own_depth else self.phases
 
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:

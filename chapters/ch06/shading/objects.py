@@ -110,7 +110,7 @@ class ObjectsPass(Pass):
 
     def record_solid(self, commands: Commands) -> None:
         """Record the solid draws of the pass's phases."""
-        groups = self._draws.in_phases(self.groups(self._draws.solid), self.phases, self.tells)
+        groups = self._draws.in_phases(self.phases, self.groups(self._draws.solid), self.tells)
         commands.draw_groups(groups, self._draws.binding)
 
     def record(self, commands: Commands) -> None:
