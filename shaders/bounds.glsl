@@ -223,12 +223,12 @@ const vec3 NO_PLANE = vec3(0.0, 0.0, 2.0);
 
 vec3 front_plane(vec3 centre, vec3 x, vec3 y, vec3 z, vec3 rounding, float near, float drawn) {
     vec3 normal = cross(y, z), terms = abs(y.yzx * z.zxy) + abs(y.zxy * z.yzx);
-    float side = dot(normal, centre);
-    float distance = abs(side) - abs(dot(normal, x))
-                   - dot(terms, rounding + ROUNDINGS * (abs(centre) + abs(x)));
+    float side = dot(normal, centre), sizes = dot(terms, abs(centre) + abs(x));
+    float distance = abs(side) - abs(dot(normal, x)) - dot(terms, rounding) - ROUNDINGS * sizes;
     vec3 plane = normal * (side < 0.0 ? -near : near) / distance;
     plane.z += drawn + ROUNDINGS * (near * dot(terms, vec3(1.0)) / distance + dot(abs(plane), vec3(1.0)));
-    return distance > 0.0 && are_moderate(plane) ? plane : NO_PLANE;
+    // A flat box has an edge of 0, or of the smallest number there is: products with it are no numbers to rely on.
+    return distance > 0.0 && sizes > 1e-30 && are_moderate(plane) ? plane : NO_PLANE;
 }
 
 mat3 front_planes(vec4 centre_clip, vec4 x_clip, vec4 y_clip, vec4 z_clip, vec4 rounding) {
