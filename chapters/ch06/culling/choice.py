@@ -135,6 +135,6 @@ def _with_meshlets(plan: Plan, capabilities: Capabilities) -> Geometry:
     """Return the path with meshlets: mesh shaders on a GPU that has them.
 
     A software driver runs a mesh shader for each meshlet at four times the cost of its vertices. On an NVIDIA H100
-    mesh shaders take 1.06 times the time of the compute path (1.13 at most), for less memory: no command is written.
+    mesh shaders take 1.09 times the time of the compute path, for less memory: no command is written.
     """
     return "mesh" if plan.native("mesh-shader") and not capabilities.is_software else "compute"

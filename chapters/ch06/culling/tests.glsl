@@ -66,45 +66,43 @@ bool faces_away(mat3x4 world_from_object, Bounds bounds, uint cone, vec4 sphere)
     );
 }
 
-// The nearest depth that something may have in a texel of a level: its own, or that of the front of its box there.
-float depth_in(uint level, uvec2 at, float nearest, mat3 front, uvec2 picture) {
-    vec2 to_ndc = 2.0 / vec2(picture), edge = 1.0 / 256.0 + ROUNDINGS * vec2(picture);  // as in `pixel_rect`
-    vec2 begin = vec2(at << level) - edge, end = vec2((at + 1u) << level) + edge;
-    return min(nearest, front_depth(front, begin * to_ndc - 1.0, end * to_ndc - 1.0));
-}
-
-// Whether something may be nearer than the picture in any of the texels low..high of a level. Level 0 is the picture.
-bool any_farther(uint level, uvec2 low, uvec2 high, float nearest, mat3 front, uvec2 picture) {
+// Whether any of the texels low..high of a level is as far as `nearest`, or farther. Level 0 is the picture.
+bool any_farther(uint level, uvec2 low, uvec2 high, float nearest, uvec2 picture) {
     uint start = level == 0u ? picture_offset(picture) : pyramid_offset(level, picture);
     uint width = pyramid_size(level, picture).x, columns = high.x - low.x + 1u;
     uint count = columns * (high.y - low.y + 1u);
     bool found = false;
     for (uint number = 0u; number < count && !found; ++number) {
         uvec2 at = low + uvec2(number % columns, number / columns);
-        float farthest = pyramid[start + at.y * width + at.x];
-        found = nearest >= farthest && depth_in(level, at, nearest, front, picture) >= farthest;
+        found = nearest >= pyramid[start + at.y * width + at.x];
     }
     return found;
 }
 
+// The nearest depth that something may have in pixels begin..end: its own, or that of the front of its box there.
+float depth_in(uvec2 begin, uvec2 end, float nearest, mat3 front, uvec2 picture) {
+    vec2 to_ndc = 2.0 / vec2(picture), edge = 1.0 / 256.0 + ROUNDINGS * vec2(picture);  // as in `pixel_rect`
+    vec2 low = (vec2(begin) - edge) * to_ndc - 1.0, high = (vec2(end + 1u) + edge) * to_ndc - 1.0;
+    return min(nearest, front_depth(front, low, high));
+}
+
 // Whether something in a rectangle of pixels may be visible, more exactly than by the 2x2 texels of `farthest_depth`, which
-// reach up to twice as far as the rectangle. Two levels below, the rectangle has at most 5x5 texels. Where one of these
-// is not nearer, its texels three levels further down are asked, of which 33x33 at most fit the rectangle within a 32nd.
-// In a street half of what the first test leaves is hidden by this one.
+// reach up to twice as far as the rectangle. Two levels below, the rectangle has at most 5x5 texels, and each bounds the
+// front of the box anew. Where one of these is not nearer, its texels three levels further down are asked, of which
+// 33x33 at most fit the rectangle within a 32nd. In a street half of what the first test leaves is hidden by this one.
 bool seen_in(uvec2 first, uvec2 last, float nearest, mat3 front, uvec2 picture) {
     uint level = occlusion_level(first, last), coarse = max(level, 2u) - 2u, fine = max(level, 5u) - 5u;
     uint start = coarse == 0u ? picture_offset(picture) : pyramid_offset(coarse, picture);
-    uint width = pyramid_size(coarse, picture).x, deeper = coarse - fine;
+    uint width = pyramid_size(coarse, picture).x;
     uvec2 low = first >> coarse, high = last >> coarse;
     uint columns = high.x - low.x + 1u, count = columns * (high.y - low.y + 1u);
     bool seen = false;
     for (uint number = 0u; number < count && !seen; ++number) {
         uvec2 at = low + uvec2(number % columns, number / columns);
-        float farthest = pyramid[start + at.y * width + at.x];
-        if (nearest >= farthest && depth_in(coarse, at, nearest, front, picture) >= farthest) {
-            uvec2 begin = max(first >> fine, at << deeper);
-            uvec2 end = min(last >> fine, (at << deeper) + ((1u << deeper) - 1u));
-            seen = deeper == 0u || any_farther(fine, begin, end, nearest, front, picture);
+        uvec2 begin = max(first, at << coarse), end = min(last, (at << coarse) + ((1u << coarse) - 1u));
+        float depth = depth_in(begin, end, nearest, front, picture);
+        if (depth >= pyramid[start + at.y * width + at.x]) {
+            seen = coarse == fine || any_farther(fine, begin >> fine, end >> fine, depth, picture);
         }
     }
     return seen;
