@@ -154,8 +154,9 @@ def _lines(process: subprocess.Popen[bytes]) -> queue.Queue[bytes]:
     assert stream is not None
 
     def read() -> None:
-        for line in stream:
-            lines.put(line)
+        with contextlib.suppress(ValueError):  # the stream is closed when the process has been killed
+            for line in stream:
+                lines.put(line)
         lines.put(b"")
 
     threading.Thread(target=read, daemon=True).start()

@@ -54,7 +54,7 @@ def drawn(renderer):
 
 
 @pytest.mark.feature("culling/freeze-and-debug-boxes")
-@pytest.mark.parametrize("graph", ["deferred", "forward"])
+@pytest.mark.parametrize("graph", ["deferred", pytest.param("forward", marks=pytest.mark.long)])
 def test_while_frozen_the_same_units_are_drawn_wherever_the_camera_is(chapter, scene, graph):
     """The flags stay, and so do the counters and the lists; what is seen is what was drawn, from another side."""
     views = walk()
@@ -80,7 +80,7 @@ def test_while_frozen_the_same_units_are_drawn_wherever_the_camera_is(chapter, s
 
 
 @pytest.mark.variants("vulkan", "gl")
-@pytest.mark.parametrize("mode", ["frustum", "occlusion"])
+@pytest.mark.parametrize("mode", [pytest.param("frustum", marks=pytest.mark.long), "occlusion"])
 def test_the_view_that_is_frozen_is_that_of_the_frame_before(chapter, scene, mode):
     """Also in the second slot, which held the view of an older frame; and the frozen camera sees its own picture."""
     first, second, third = walk()[0], walk()[4], walk()[-1]

@@ -33,7 +33,7 @@ TIES = {"atrium": 0, "atrium:small": 0, "city:10K": 0, "cloth:small": 0, "cornel
 """The pixels of all views whose two nearest surfaces are equally near, by scene of the project."""
 
 MODELS = sorted(path.name for path in (folder / "models").iterdir()) if (folder := asset_dir()) else []
-QUICK = {"atrium:small", "cornell", "TwoSidedPlane", "SimpleMeshes"}
+QUICK = {"cornell", "TwoSidedPlane", "SimpleMeshes"}
 EVERY = [pytest.param(name, marks=[pytest.mark.long] * (name not in QUICK)) for name in (*TIES, *MODELS)]
 
 

@@ -58,7 +58,9 @@ def places_of(depth, view, size=SIZE):
 
 
 @pytest.mark.variants("vulkan", "gl")
-@pytest.mark.parametrize("view", ["depth", "triangle-id", "overdraw", "light-count"])
+@pytest.mark.parametrize(
+    "view", [pytest.param("depth", marks=pytest.mark.long), "triangle-id", "overdraw", "light-count"]
+)
 def test_other_views_show_with_culling_what_they_show_without(chapter, scene, view):
     way = ways(chapter)[0]
     uncut = look(chapter, scene, walk()[:2], view=view, culling="off", geometry=way)
@@ -237,7 +239,7 @@ def tiles(mask):
 
 
 @pytest.mark.feature("culling/freeze-and-debug-boxes")
-@pytest.mark.parametrize("mode", ["frustum", "occlusion", "off"])
+@pytest.mark.parametrize("mode", [pytest.param("frustum", marks=pytest.mark.long), "occlusion", "off"])
 def test_boxes_have_the_colours_of_their_flags(chapter, mode):
     scene = yard()
     for way in ways(chapter) if mode == "occlusion" else ["classic"] if mode == "off" else ways(chapter)[:1]:
@@ -321,7 +323,7 @@ def test_spheres_are_those_of_all_units_or_of_some_that_are_evenly_spread(chapte
 
 
 @pytest.mark.variants("vulkan", "gl")
-@pytest.mark.parametrize("level", [1, 3, 14])
+@pytest.mark.parametrize("level", [pytest.param(1, marks=pytest.mark.long), 3, 14])
 def test_the_overlay_shows_a_level_of_the_pyramid_as_grey(chapter, scene, level):
     """A view that stands still draws nothing late: the depth of the early phase is that of the frame."""
     views = [walk()[0], View(walk()[0].world_from_view, Orthographic(4.0, 0.1, 60.0))]

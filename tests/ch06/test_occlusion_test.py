@@ -216,12 +216,19 @@ def gaps():
 
 
 every_lens = pytest.mark.parametrize("name", LENSES)
-every_size = pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size[0]}x{size[1]}")
 
 
 @occlusion_test
-@every_size
-@every_lens
+@pytest.mark.parametrize(
+    ("name", "size"),
+    [
+        pytest.param(
+            name, size, id=f"{name}-{size[0]}x{size[1]}", marks=[pytest.mark.long] * (place == other)
+        )
+        for place, name in enumerate(LENSES)
+        for other, size in enumerate(SIZES)
+    ],
+)
 def test_nothing_that_is_seen_is_rejected_and_what_is_well_hidden_is(rejected, name, size):
     rejections = 0
     for seed in range(2):

@@ -41,6 +41,7 @@ class CullingMemory:
         self._parts, self._kernels, self.choice, self._backend = parts, kernels, choice, backend
         self.meshlets, self._levels = meshlets, levels
         """The meshlets of the scene, if it is cut."""
+        self._confused = kernels.counts_draws and backend.device.capabilities.is_software  # see `unlimited`
         self._lists_seen: DrawLists | None = None
         self._bound: Any = None  # the executor and the layout that the bindings were made for
         self._pipelines: dict[str, Built] = {}
@@ -173,8 +174,9 @@ class CullingMemory:
 
     def number_draws(self) -> None:
         """Give the draws of this frame that culling leaves as they are the number that they need."""
-        draws = self._parts.draws
-        draws.binding = draws.binding._replace(counted=self.unlimited(draws.binding.records))
+        if self._confused:
+            draws = self._parts.draws
+            draws.binding = draws.binding._replace(counted=self.unlimited(draws.binding.records))
 
     def unlimited(self, records: Any) -> Counted | None:
         """Return `records` with a number that is never reached; None where draws need no number.
@@ -182,9 +184,9 @@ class CullingMemory:
         Mesa's software driver (25.0.7) takes the number of the last counted draw for later draws without one. So where
         solid draws are counted, blended ones have a number there, too.
         """
-        counted = self._kernels.counted(self.lists.state.words - 1)
-        confused = counted.is_native and self._backend.device.capabilities.is_software
-        return counted._replace(records=records) if confused else None
+        if not self._confused:
+            return None
+        return self._kernels.counted(self.lists.state.words - 1)._replace(records=records)
 
     def target(self, slot: int) -> Any:
         """Return the draw commands of blended objects."""
