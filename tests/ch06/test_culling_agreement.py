@@ -8,45 +8,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from chapters.ch06.settings import Settings
 from common.errors import UnsupportedError
 from common.numerics.transforms import pose_looking_at
 from common.settings import replaced
 from common.view.camera import Orthographic, Perspective, View
+from tests.support.culled_frames import EXACT, OUTPUTS, SIZE, assert_same, frames, ways
 from tests.support.scenes import moved, scaled
 from tests.support.towns import OPAQUE, TWO_SIDED, ball, cube, of_shapes, town, walk
-
-SIZE = (120, 72)
-EXACT = Settings(color_format="rgba32f", gbuffer_format="full", anisotropy=1.0, ambient=0.3)
-OUTPUTS = ("color_linear", "depth", "instance_id")
 
 
 @pytest.fixture(scope="module")
 def scene():
     return town()
-
-
-def frames(chapter, scene, views, size=SIZE, **turned):
-    """Return the outputs of a frame for each view, and its counters."""
-    settings = replaced(EXACT, **turned)
-    with chapter.open(scene, size, settings, outputs=OUTPUTS) as renderer:
-        drawn = []
-        for view in views:
-            frame = renderer.render(view)
-            drawn.append(({name: frame.image(name).copy() for name in OUTPUTS}, dict(frame.work)))
-    return drawn
-
-
-def assert_same(drawn, wanted):
-    for number, ((pictures, _), (others, _)) in enumerate(zip(drawn, wanted, strict=True)):
-        for name in OUTPUTS:
-            assert np.array_equal(pictures[name], others[name]), f"{name} of frame {number}"
-
-
-def ways(chapter):
-    """Return the geometries that the device has."""
-    several, tasks = (chapter.device.has(name) for name in ("multi-draw", "mesh-shader"))
-    return [way for way, there in (("classic", True), ("compute", several), ("mesh", tasks)) if there]
 
 
 @pytest.mark.core

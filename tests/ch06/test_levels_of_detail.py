@@ -15,17 +15,14 @@ from chapters.ch06.meshlets.scene import meshlets_of
 from chapters.ch06.scene import pages as scene_pages
 from chapters.ch06.scene.draw_lists import build_draw_lists
 from chapters.ch06.scene.packing import material_variant
-from chapters.ch06.settings import Settings
 from common.mesh.metrics import hausdorff
 from common.numerics.transforms import pose_looking_at
 from common.settings import replaced
 from common.view.camera import Orthographic, Perspective, View
 from tests.support.culled import commands
+from tests.support.culled_frames import EXACT, OUTPUTS, SIZE, assert_same, frames, ways
 from tests.support.towns import BLENDED, MASKED, OPAQUE, TWO_SIDED, ball, cube, of_shapes
 
-SIZE = (120, 72)
-EXACT = Settings(color_format="rgba32f", gbuffer_format="full", anisotropy=1.0, ambient=0.3)
-OUTPUTS = ("color_linear", "depth", "instance_id")
 RINGS, AROUND = 24, 32
 STEPS = (2, 4, 8)
 """A coarser ball has every second, fourth and eighth of the vertices along both directions."""
@@ -84,28 +81,6 @@ def steps(count=5):
         views.append(View(pose_looking_at(eye, (0.0, 0.0, -30.0)), Perspective(0.9, 0.05)))
     views.append(View(pose_looking_at((4.0, 2.0, -30.0), (0.0, 0.0, 0.0)), Perspective(0.9, 0.05)))
     return views
-
-
-def frames(chapter, scene, views, **turned):
-    """Return the outputs of a frame for each view, and its counters."""
-    drawn = []
-    with chapter.open(scene, SIZE, replaced(EXACT, **turned), outputs=OUTPUTS) as renderer:
-        for view in views:
-            frame = renderer.render(view)
-            drawn.append(({name: frame.image(name).copy() for name in OUTPUTS}, dict(frame.work)))
-    return drawn
-
-
-def assert_same(drawn, wanted):
-    for number, ((pictures, _), (others, _)) in enumerate(zip(drawn, wanted, strict=True)):
-        for name in OUTPUTS:
-            assert np.array_equal(pictures[name], others[name]), f"{name} of frame {number}"
-
-
-def ways(chapter):
-    """Return the geometries that the device has."""
-    several, tasks = (chapter.device.has(name) for name in ("multi-draw", "mesh-shader"))
-    return [way for way, there in (("classic", True), ("compute", several), ("mesh", tasks)) if there]
 
 
 # --- the level in double precision ------------------------------------------------------------------------------------
