@@ -73,7 +73,7 @@ def test_errors_are_lengths_of_the_object_and_never_fall():
         surfaces = (triangles_of(view, row, view.indices).reshape(-1) for row in (0, mesh))
         a, b = (part for part in surfaces)
         apart = hausdorff(view.positions, a, view.positions, b, 300, 99)
-        assert 0.5 * errors[level] <= apart * 1.3 and apart <= errors[level]  # by other samples than its own
+        assert 1.5 * apart <= errors[level] <= 2.6 * apart  # other samples than its own, and twice as far
 
 
 def test_meshes_with_level_0_alone(monkeypatch):
