@@ -8,13 +8,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from chapters.ch06.settings import Settings
 from common.errors import UnsupportedError
 from common.numerics.transforms import pose_looking_at
 from common.settings import replaced
 from common.view.camera import Orthographic, Perspective, View
-from tests.support.culled_frames import EXACT, OUTPUTS, SIZE, assert_same, frames, ways
+from tests.support.culled_frames import EXACT_KNOBS, OUTPUTS, SIZE, assert_same, frames, ways
 from tests.support.scenes import moved, scaled
 from tests.support.towns import OPAQUE, TWO_SIDED, ball, cube, of_shapes, town, walk
+
+EXACT = Settings(**EXACT_KNOBS)
 
 
 @pytest.fixture(scope="module")

@@ -15,13 +15,16 @@ from chapters.ch06.meshlets.scene import meshlets_of
 from chapters.ch06.scene import pages as scene_pages
 from chapters.ch06.scene.draw_lists import build_draw_lists
 from chapters.ch06.scene.packing import material_variant
+from chapters.ch06.settings import Settings
 from common.mesh.metrics import hausdorff
 from common.numerics.transforms import pose_looking_at
 from common.settings import replaced
 from common.view.camera import Orthographic, Perspective, View
 from tests.support.culled import commands
-from tests.support.culled_frames import EXACT, OUTPUTS, SIZE, assert_same, frames, ways
+from tests.support.culled_frames import EXACT_KNOBS, OUTPUTS, SIZE, assert_same, frames, ways
 from tests.support.towns import BLENDED, MASKED, OPAQUE, TWO_SIDED, ball, cube, of_shapes
+
+EXACT = Settings(**EXACT_KNOBS)
 
 RINGS, AROUND = 24, 32
 STEPS = (2, 4, 8)

@@ -1,4 +1,4 @@
-"""Frames of chapter 6 with exact formats, and whether two runs of them show the same."""
+"""Frames with exact formats, and whether two runs of them show the same."""
 
 from __future__ import annotations
 
@@ -7,13 +7,19 @@ from typing import Any
 
 import numpy as np
 
-from chapters.ch06.settings import Settings
+import chapters
 from common.scene import Scene
 from common.settings import replaced
 from common.view.camera import View
 
 SIZE = (120, 72)
-EXACT = Settings(color_format="rgba32f", gbuffer_format="full", anisotropy=1.0, ambient=0.3)
+EXACT_KNOBS: dict[str, Any] = {
+    "color_format": "rgba32f",
+    "gbuffer_format": "full",
+    "anisotropy": 1.0,
+    "ambient": 0.3,
+}
+"""Knobs with which no format and no filter hides a difference."""
 OUTPUTS = ("color_linear", "depth", "instance_id")
 
 Frames = list[tuple[dict[str, np.ndarray], dict[str, int]]]
@@ -22,9 +28,10 @@ Frames = list[tuple[dict[str, np.ndarray], dict[str, int]]]
 def frames(
     chapter: Any, scene: Scene, views: Iterable[View], size: tuple[int, int] = SIZE, **turned: Any
 ) -> Frames:
-    """Return the outputs of a frame for each view, and its counters; `turned` are knobs that differ from EXACT."""
+    """Return the outputs of a frame for each view, and its counters; `turned` replaces some of EXACT_KNOBS."""
     drawn = []
-    with chapter.open(scene, size, replaced(EXACT, **turned), outputs=OUTPUTS) as renderer:
+    settings = replaced(chapters.settings_class(chapter.which)(), **{**EXACT_KNOBS, **turned})
+    with chapter.open(scene, size, settings, outputs=OUTPUTS) as renderer:
         for view in views:
             frame = renderer.render(view)
             drawn.append(({name: frame.image(name).copy() for name in OUTPUTS}, dict(frame.work)))
