@@ -29,6 +29,7 @@ from common.settings import replaced
 from common.view.camera import View
 
 from .cloth.technique import ClothTechnique
+from .clusters.technique import ClusterTechnique
 from .culling.technique import CullingTechnique
 from .frames.frame import SOURCES, Frame, reset_by
 from .graph.file import graph_path, read_graph
@@ -43,7 +44,7 @@ from .shading.views import shown_exposure
 class Renderer(GraphStream):
     """The renderer of the chapter: one stream of frames of one view of one scene."""
 
-    TECHNIQUES = (CullingTechnique, ClothTechnique)
+    TECHNIQUES = (ClusterTechnique, CullingTechnique, ClothTechnique)
     """The work of each subject outside its passes. A lesson adds a folder, and one line here."""
 
     # --- creation ---

@@ -12,6 +12,7 @@ from common.scene.crowds import crowd, kinds
 from common.settings import AtMost, Grouped, Scale, Side, Sweep, group
 
 from .cloth.settings import ClothSettings
+from .clusters.settings import ClusterSettings
 from .culling.settings import CullingSettings
 from .environment.settings import EnvironmentSettings
 from .frames.queues.settings import QueueSettings
@@ -115,6 +116,7 @@ class Settings(Grouped):
         "graph alias resubmit async_compute poison "
         "depth_prepass gbuffer_format aperture focus_distance bokeh_taps "
         "msaa resolve mask_coverage tone_curve "
+        "light_lists most_lights "
         "ambient default_light light_cutoff background sky "
         "energy environment_intensity environment_turn environment_size environment_detail "
         "irradiance_source table_size table_samples view "
@@ -132,3 +134,4 @@ class Settings(Grouped):
     loading: LoadingSettings = group(LoadingSettings)
     cloth: ClothSettings = group(ClothSettings)
     culling: CullingSettings = group(CullingSettings)
+    clusters: ClusterSettings = group(ClusterSettings)

@@ -27,7 +27,7 @@ from backends.contract import (
 from common.errors import StaleFrameError
 from common.scene import Pose, Scene
 from common.scene.pose import evaluate_pose
-from common.view.camera import View, exposure
+from common.view.camera import View
 
 from .. import LESSON
 from ..environment.model import files_at_start
@@ -177,7 +177,7 @@ class FrameStream:
         )
         constants["valid_histories"] = self._valid_histories(slot, reset)
         data.write_frame(slot.index, constants)
-        written = constants.nbytes + data.records.write(data.slots[slot.index], pose, exposure(view.ev100))
+        written = constants.nbytes + data.records.write(data.slots[slot.index], pose)
         written += self._api.deform(slot, pose)
         written += self._draws.prepare(slot.index, view)
         if self.techniques:

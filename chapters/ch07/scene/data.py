@@ -14,6 +14,7 @@ from backends.contract import Sources
 from common.scene import Change, Scene
 from common.view.camera import View
 
+from ..clusters.model import list_defines
 from ..environment import model
 from ..frames.commands import SceneBinding
 from ..loading.importance import material_sizes
@@ -54,7 +55,7 @@ class SceneData:
         self._scene, self._settings, self._anisotropy = scene, settings, anisotropy
         self._largest_image, self._largest_page = limits
         self._energy = settings.environment.energy if model.needed(scene, settings) else None
-        self.records = Records(scene, settings.scene.light_cutoff)
+        self.records = Records(scene, settings.scene.light_cutoff, settings.clusters.most)
         self.environment = model.NO_ENVIRONMENT
         """The environment in the constants of every frame."""
         self.prepared_ms: dict[str, float] = {}
@@ -66,15 +67,18 @@ class SceneData:
         """Puts triangles into the order that materials ask for by now; returns whether any was in another one."""
         self._materials_seen = -1
         self.instance_parts = instance_parts(len(scene.instances), limits[1])
+        self.light_lists: Any = None
+        """The buffer of the light lists, once the size of the picture is known."""
         # These two refuse what cannot be drawn, before anything is made that would be left behind.
         self._choose_variants()
         self._plan_geometry()
 
     @property
     def defines(self) -> tuple[tuple[str, int], ...]:
-        """The defines of all shaders: how many records of instances are in the first binding, if there are two."""
+        """The defines of all shaders: those of the light lists, and how many instances are in the first of two bindings."""
         (_, first), *more = self.instance_parts
-        return (("INSTANCES_PER_PAGE", first // RECORD_BYTES),) if more else ()
+        lists = list_defines(self._scene, self._settings)
+        return (("INSTANCES_PER_PAGE", first // RECORD_BYTES), *lists) if more else lists
 
     def _choose_variants(self) -> None:
         # First: an edit that cannot be followed says so until another one mends it.

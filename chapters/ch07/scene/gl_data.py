@@ -48,8 +48,8 @@ from .textures import texels
 from .textures.arrays import ArrayTexture
 from .textures.reads import image_roles, uses
 
-MORE_INSTANCES = 12
-"""The storage block of the rest of the instances (scene.glsl)."""
+MORE_INSTANCES, LIGHT_LISTS = 12, 13
+"""The storage blocks of the rest of the instances and of the light lists (scene.glsl)."""
 
 
 @dataclass(kw_only=True)
@@ -263,6 +263,8 @@ class GlSceneData(SceneData):
         bind_buffer(context, "storage", 2, held.materials)  # type: ignore[arg-type]
         if held.lights is not None:
             bind_buffer(context, "storage", 3, held.lights)  # type: ignore[arg-type]
+        if self.light_lists is not None:
+            bind_buffer(context, "storage", LIGHT_LISTS, self.light_lists)
         if self._environment is not None:
             sampler = self.sampler(model.SMOOTH, 1.0)
             maps = self._environment

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from common import layouts
 from common.environment import ENERGIES
 from common.errors import SceneError
-from common.scene import Light, Material, Pose, Scene
+from common.scene import Material, Pose, Scene
 
 from ..meshlets.unit_code import UNIT_CODE
 
@@ -161,36 +160,6 @@ def pack_instances(scene: Scene, pose: Pose, previous: Pose | None) -> np.ndarra
             visible=scene.instances.visible,
             deforming=np.isin(mesh, [deformation.mesh for deformation in scene.deformations]),
         )
-    return records
-
-
-def cutoff_distance(light: Light, exposure: float, cutoff: float) -> float:
-    """Return the distance at which the exposed illuminance I x exposure / d^2 falls to `cutoff`; infinite for 0."""
-    if cutoff <= 0.0 or light.kind == "directional":
-        return math.inf
-    return math.sqrt(light.intensity * max(light.color) * exposure / cutoff)
-
-
-def pack_lights(scene: Scene, pose: Pose, exposure: float, cutoff: float) -> np.ndarray:
-    """Return (L,) LIGHT records at `pose`, intensity times `exposure`, positions relative to the scene's origin.
-
-    A light shines along the -z axis of its node; only the rotation of the node counts, not its scale.
-    """
-    records = np.zeros(len(scene.lights), LIGHT)
-    for record, light in zip(records, scene.lights, strict=True):
-        world = pose.world_from_node[light.node]
-        axis = -world[:3, 2]
-        length = float(np.linalg.norm(axis))
-        record["position"] = world[:3, 3] - scene.origin
-        record["kind"] = LIGHT_KINDS[light.kind]
-        record["direction"] = axis / length if length > 0 else (0.0, 0.0, -1.0)
-        record["color"] = np.clip(np.array(light.color) * light.intensity * exposure, 0.0, LARGEST)
-        reach = light.range if light.kind != "directional" else math.inf
-        record["inverse_range2"] = min(1.0 / reach, NEAREST_END) ** 2 if reach > 0 else NEAREST_END**2
-        record["end_distance2"] = min(cutoff_distance(light, exposure, cutoff), FARTHEST) ** 2
-        # glTF: the squared, clamped line through the cosines of the two cone angles.
-        scale = 1.0 / max(0.001, math.cos(light.inner_cone) - math.cos(light.outer_cone))
-        record["cone"][:2] = scale, -math.cos(light.outer_cone) * scale
     return records
 
 

@@ -11,6 +11,7 @@ from common import layouts
 from common.errors import SceneError
 from common.scene import Change, Pose, Scene
 
+from ..clusters.lights import LightRecords
 from . import packing
 
 
@@ -62,16 +63,15 @@ def buffer_sizes(scene: Scene) -> dict[str, int]:
         "frame": layouts.dtype("FrameConstants").itemsize,
         "instances": max(1, len(scene.instances)) * layouts.dtype("Instance").itemsize,
         "materials": max(1, len(scene.materials)) * packing.MATERIAL.itemsize,
-        "lights": 16 + max(1, len(scene.lights)) * packing.LIGHT.itemsize,
+        "lights": 16 + max(1, len(scene.lights)) * packing.LIGHT.itemsize,  # also if fewer are kept
     }
 
 
 class Records:
-    """Packs the scene at a pose and writes it into slots. `light_cutoff` is the setting of that name."""
+    """Packs the scene at a pose and writes it into slots. `light_cutoff` and `most_lights` are settings."""
 
-    def __init__(self, scene: Scene, light_cutoff: float) -> None:
-        self._scene, self._light_cutoff = scene, light_cutoff
-        self._light_nodes: tuple[int, Any] = (-1, None)
+    def __init__(self, scene: Scene, light_cutoff: float, most_lights: int) -> None:
+        self._scene, self._lights = scene, LightRecords(scene, light_cutoff, most_lights)
         self._previous_pose: Pose | None = None
         self.instances = np.zeros(0, layouts.dtype("Instance"))
         """The records that were written last."""
@@ -88,7 +88,7 @@ class Records:
         """Return what the places of nodes and vertices follow from."""
         return self._scene.revision[Change.TRANSFORMS], pose.time if self._scene.animations else None
 
-    def write(self, slot: Slot, pose: Pose, exposure: float) -> int:
+    def write(self, slot: Slot, pose: Pose) -> int:
         """Write what changed since this slot was used last; return the bytes written."""
         scene, written = self._scene, 0
         revisions = scene.revision
@@ -108,15 +108,13 @@ class Records:
             slot.materials.view(records.dtype)[: len(records)] = records
             written += records.nbytes
             slot.written["materials"] = revisions[Change.MATERIALS]
-        if self._light_nodes[0] != revisions[Change.LIGHTS]:
-            numbers = np.array([light.node for light in scene.lights], np.intp)
-            self._light_nodes = revisions[Change.LIGHTS], numbers
+        self._lights.follow()
         # The default light moves with the camera, so its place says more than the revision of transforms.
-        places = pose.world_from_node[self._light_nodes[1]].tobytes()
-        light_key = (places, revisions[Change.LIGHTS], exposure)
+        places = pose.world_from_node[self._lights.nodes].tobytes()
+        light_key = (places, revisions[Change.LIGHTS])
         if slot.lights is not None and slot.written.get("lights") != light_key:
-            records = packing.pack_lights(scene, pose, exposure, self._light_cutoff)
-            slot.lights.view(np.uint32)[:4] = (len(records), 0, 0, 0)
+            records = self._lights.at(pose)
+            slot.lights.view(np.uint32)[:4] = (len(records), self._lights.directional, 0, 0)
             slot.lights.mapped[16:].view(packing.LIGHT)[: len(records)] = records
             written += records.nbytes + 16
             slot.written["lights"] = light_key

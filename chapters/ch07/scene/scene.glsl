@@ -32,9 +32,14 @@ struct Material {
 layout(BIND(0, 3, 2), std430) readonly buffer Materials_ { Material materials[]; };
 
 layout(BIND(0, 4, 3), std430) readonly buffer Lights_ {
-    uvec4 light_count;  // x
+    uvec4 light_count;  // x: all, y: directional ones, which come first
     Light lights[];
 };
+#ifdef LISTS_WRITTEN
+layout(BIND(0, 9, 13), std430) buffer Light_lists_ { uint light_lists[]; };
+#else
+layout(BIND(0, 9, 13), std430) readonly buffer Light_lists_ { uint light_lists[]; };
+#endif
 
 layout(BIND(0, 5, 0)) uniform samplerCube environment_radiance;
 layout(BIND(0, 6, 1)) uniform samplerCube environment_irradiance;

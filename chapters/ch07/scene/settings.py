@@ -25,9 +25,9 @@ class SceneSettings:
         True, "whether a scene without lights gets one that shines from behind the camera"
     )
     light_cutoff: float = knob(
-        0.0,
-        "exposed illuminance below which a light without range ends; 0: it reaches everything",
-        unit="lux x exposure",
+        0.001,
+        "illuminance below which a light ends, if its range is not shorter; 0: it reaches everything",
+        unit="lux",
         minimum=0,
-        maximum=1,
+        maximum=1000,
     )

@@ -47,8 +47,8 @@ FRAME, PAGE, TEXTURES = 0, 1, 2
 COMPUTED = 4  # set 0 as compute has it: a set fits only layouts that are open to the same stages
 """Numbers of the sets: what a frame reads, a page of geometry, the textures (scene, vertices and textures.glsl)."""
 
-ENVIRONMENT_BINDING, MORE_INSTANCES = 5, 8
-"""In the frame's set (scene.glsl): the first of the three bindings of the environment, the rest of the instances."""
+ENVIRONMENT_BINDING, MORE_INSTANCES, LIGHT_LISTS = 5, 8, 9
+"""In the frame's set (scene.glsl): the first of the three bindings of the environment, the rest of the instances, ..."""
 
 
 @dataclass(kw_only=True)
@@ -204,6 +204,8 @@ class VulkanSceneData(SceneData):
                 }
                 if slot.lights is not None:
                     held[4] = slot.lights
+                if self.light_lists is not None:
+                    held[LIGHT_LISTS] = buffers.get(self.light_lists)
                 frames.append((layouts[number], held, f"frame, slot {index}"))
         paged = [
             (layouts[PAGE], {0: buffers.get(handle)}, f"page {number}")

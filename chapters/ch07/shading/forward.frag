@@ -1,6 +1,7 @@
 // Forward pass, fragments: glTF 2.0's metallic-roughness material under every punctual light of the scene.
 
 #include "scene/scene.glsl"
+#include "clusters/walk.glsl"
 #include "material.glsl"
 #include "finite.glsl"
 #ifdef SHADED
@@ -126,11 +127,10 @@ void main() {
 
     vec3 color = vec3(0.0);
 #ifdef LIT
-    float smallest = 1e-6 * frame.eye.w;  // of the scene's length scale: nearer lights are not told apart
-    float smallest2 = smallest * smallest;
-    for (uint i = 0u; i < light_count.x; ++i) {
+    LightWalk walk = first_light(in_position, gl_FragCoord.xy);
+    for (uint i; next_light(walk, i);) {
         vec3 to_light;
-        vec3 received = illuminance(lights[i], in_position, smallest2, to_light);
+        vec3 received = exposed_illuminance(i, in_position, to_light);
         if (max(received.r, max(received.g, received.b)) > 0.0) {
             color += received * metallic_roughness(n, to_light, view, base.rgb, metallic, alpha);
         }

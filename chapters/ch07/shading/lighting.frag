@@ -4,6 +4,7 @@
 // paths differ by the rounding of a position that is found again from its depth.
 
 #include "scene/scene.glsl"
+#include "clusters/walk.glsl"
 #include "brdf.glsl"
 #include "finite.glsl"
 #include "normal_code.glsl"
@@ -69,10 +70,10 @@ void main() {
 #endif
         vec3 n = normalize(stored);
 #ifdef LIT
-        float smallest = 1e-6 * frame.eye.w;
-        for (uint i = 0u; i < light_count.x; ++i) {
+        LightWalk walk = first_light(position, vec2(pixel));
+        for (uint i; next_light(walk, i);) {
             vec3 to_light;
-            vec3 received = illuminance(lights[i], position, smallest * smallest, to_light);
+            vec3 received = exposed_illuminance(i, position, to_light);
             if (max(received.r, max(received.g, received.b)) > 0.0) {
                 color += received * metallic_roughness(n, to_light, view, base_color, metallic, alpha);
             }

@@ -81,10 +81,10 @@ float shown_level(Material material) {
 float shown_light_count() {
     float count = 0.0;
 #ifdef LIT
-    float smallest = 1e-6 * frame.eye.w;
-    for (uint i = 0u; i < light_count.x; ++i) {
+    LightWalk walk = first_light(in_position, gl_FragCoord.xy);
+    for (uint i; next_light(walk, i);) {
         vec3 to_light;
-        vec3 received = illuminance(lights[i], in_position, smallest * smallest, to_light);
+        vec3 received = exposed_illuminance(i, in_position, to_light);
         count += max(received.r, max(received.g, received.b)) > 0.0 ? 1.0 : 0.0;
     }
 #endif

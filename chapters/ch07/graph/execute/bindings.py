@@ -7,6 +7,7 @@ through bindings: binding i is the i-th bound access, reads first.
     storage of an image           an image that is loaded and stored
     storage, uniform of a buffer  a block
     indirect, copy                no binding: no shader accesses them
+    of an external resource       no binding: its owner binds it
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ def bindings_of(step: Step, gpu_pass: Pass, graph: Graph) -> list[Bound]:
                 kind = "texture"
             elif access.use == "uniform":
                 kind = "uniform"
-            elif access.use == "storage":
+            elif access.use == "storage" and graph.resources[name.removesuffix(PREVIOUS)].life != "external":
                 buffer = graph.resources[name.removesuffix(PREVIOUS)].kind == "buffer"
                 kind = "storage" if buffer else "image"
             if kind is not None:

@@ -31,6 +31,9 @@ _PLACES = {
 _PUSH = _PLACES["uniform"] + "14"
 """The block of push constants (`backends.shader_text`)."""
 
+_SCENE = [_PLACES["storage"] + number for number in ("12", "13")]
+"""Blocks of the scene behind the first ones of all others: more instances, and the light lists (scene/scene.glsl)."""
+
 
 @dataclass(frozen=True)
 class BoundSources:
@@ -68,7 +71,7 @@ def check_sources(context: Context, step: Step, gpu_pass: Pass, graph: Graph) ->
     first, (pipeline,) = gpu_pass.sources.first if gpu_pass.sources else {}, gpu_pass.pipelines
     for place, slot in interface_of(context, pipeline.handle).items():
         for kind, prefix in _PLACES.items():
-            if not place.startswith(prefix) or place in bound or place == _PUSH:
+            if not place.startswith(prefix) or place in bound or place in (_PUSH, *_SCENE):
                 continue
             if int(place.removeprefix(prefix)) >= first.get(kind, 0):
                 raise GraphError(
