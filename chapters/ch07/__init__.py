@@ -6,6 +6,20 @@ LESSON = Lesson(
     number=7,
     title="Chapter 7",
     adds=(),
-    needs=Needs(required=frozenset(), optional=frozenset({"anisotropy", "async-compute", "async-transfer", "bindless", "block-compression", "draw-indirect-count", "mesh-shader", "multi-draw"})),
+    needs=Needs(
+        required=frozenset(),
+        optional=frozenset(
+            {
+                "anisotropy",
+                "async-compute",
+                "async-transfer",
+                "bindless",
+                "block-compression",
+                "draw-indirect-count",
+                "mesh-shader",
+                "multi-draw",
+            }
+        ),
+    ),
     reading=("renderer.py",),
 )

@@ -2,8 +2,7 @@
 
     bounds -> order -> bins, tiles
 
-Lists are built anew in every frame that is drawn: lights and camera move, and the kernels take less time than to find out
-whether any did.
+Lists are built anew in every frame that is drawn, since lights and camera may move.
 """
 
 from __future__ import annotations

@@ -29,8 +29,9 @@ class ClusterTechnique(Technique):
 
     def prepare(self, frame: FrameInfo) -> int:
         """Make the buffer anew if the picture has another size."""
-        kept = min(len(self._parts.scene.lights), self._parts.settings.clusters.most)
-        self.work = {"lights_left_out": len(self._parts.scene.lights) - kept}
+        count = len(self._parts.scene.lights)
+        kept = min(count, self._parts.settings.clusters.most)
+        self.work = {"lights": kept, "lights_left_out": count - kept} if kept < count else {}
         if self._buffer is None or (self._pass.layout and self._pass.layout.size == frame.size):
             return 0
         self._pass.layout = layout = ListLayout.of(kept, frame.size, self._buffer.most_bytes)

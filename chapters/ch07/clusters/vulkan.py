@@ -17,7 +17,7 @@ class Buffer:
     def make(self, size: int) -> None:
         """Create the buffer with `size` bytes; an earlier one is freed after its last use."""
         self.close()
-        usage = vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT
+        usage = vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | vk.VK_BUFFER_USAGE_TRANSFER_SRC_BIT
         data = self._backend.data
         data.light_lists = self._backend.resources.buffer(size, usage, "device", "light lists")
 

@@ -32,4 +32,4 @@ def rehearse(
         vk.check(device.fn.vkEndCommandBuffer(slot.commands), "vkEndCommandBuffer")
     if len(pose.world_from_object):
         for written in data.slots:
-            data.records.write(written, pose, 1.0)
+            data.records.write(written, pose)

@@ -75,7 +75,7 @@ class SceneData:
 
     @property
     def defines(self) -> tuple[tuple[str, int], ...]:
-        """The defines of all shaders: those of the light lists, and how many instances are in the first of two bindings."""
+        """The defines of all shaders: of light lists, and how many instances are in the first of two bindings."""
         (_, first), *more = self.instance_parts
         lists = list_defines(self._scene, self._settings)
         return (("INSTANCES_PER_PAGE", first // RECORD_BYTES), *lists) if more else lists

@@ -48,7 +48,7 @@ COMPUTED = 4  # set 0 as compute has it: a set fits only layouts that are open t
 """Numbers of the sets: what a frame reads, a page of geometry, the textures (scene, vertices and textures.glsl)."""
 
 ENVIRONMENT_BINDING, MORE_INSTANCES, LIGHT_LISTS = 5, 8, 9
-"""In the frame's set (scene.glsl): the first of the three bindings of the environment, the rest of the instances, ..."""
+"""In the frame's set (scene.glsl): the first of three bindings of the environment, more instances, light lists."""
 
 
 @dataclass(kw_only=True)

@@ -18,6 +18,7 @@
 #define VIEW_NON_FINITE 12
 #define VIEW_MESHLETS 13
 #define VIEW_SURVIVORS 14
+#define VIEW_LIGHTS_EVALUATED 15
 
 #if VIEW != VIEW_NON_FINITE
 #define VIEW_OF_SURFACE  // nothing is lit
@@ -77,7 +78,7 @@ float shown_level(Material material) {
 }
 #endif
 
-#if VIEW == VIEW_LIGHT_COUNT
+#if VIEW == VIEW_LIGHT_COUNT || VIEW == VIEW_LIGHTS_EVALUATED
 float shown_light_count() {
     float count = 0.0;
 #ifdef LIT
@@ -85,6 +86,9 @@ float shown_light_count() {
     for (uint i; next_light(walk, i);) {
         vec3 to_light;
         vec3 received = exposed_illuminance(i, in_position, to_light);
+#if VIEW == VIEW_LIGHTS_EVALUATED
+        received = vec3(1.0);
+#endif
         count += max(received.r, max(received.g, received.b)) > 0.0 ? 1.0 : 0.0;
     }
 #endif
@@ -158,7 +162,7 @@ vec3 shown(Material material, vec3 base, vec3 to_eye) {
     return id_color(part_id(in_instance, uint(gl_PrimitiveID) + ((in_code & 63u) << 7)));
 #elif VIEW == VIEW_OVERDRAW
     return vec3(1.0);
-#elif VIEW == VIEW_LIGHT_COUNT
+#elif VIEW == VIEW_LIGHT_COUNT || VIEW == VIEW_LIGHTS_EVALUATED
     return vec3(shown_light_count());
 #elif VIEW == VIEW_MESHLETS
     return shown_meshlet();

@@ -130,6 +130,12 @@ VIEWS = (
         "value",
         ("ALPHA_BLEND",),
     ),
+    Quantity(
+        "lights-evaluated",
+        "How many lights a pixel's lists name, those that do not reach it included: blue is 2, red 10, white 12 and more.",
+        "count",
+        ("SHADED", "LIT"),
+    ),
 )
 """The quantities that a view can show. A new view goes to the end: numbers are part of compiled shaders."""
 

@@ -1,0 +1,185 @@
+"""The light lists hold every light that may reach a pixel, in one order, and few others."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from chapters.ch07.clusters.model import BINS, HEADER, LEAST_LIGHTS, STEPS_LOG2, ListLayout
+from chapters.ch07.settings import Settings
+from common.errors import UnsupportedError
+from common.numerics.transforms import pose_looking_at
+from common.settings import replaced
+from common.view.camera import Orthographic, Perspective, View
+from tests.support.buffers import read_words
+from tests.support.lamps import lit_town
+from tests.twins.light_lists import reaches, seen_at
+
+SIZE = (123, 77)
+LIT = Settings(color_format="rgba32f", gbuffer_format="full", anisotropy=1.0, ambient=0.0)
+VIEWS = {
+    "inside": View(pose_looking_at((-9.0, 1.2, 8.0), (1.0, 0.5, -2.0)), Perspective(0.9, 0.05)),
+    "above": View(pose_looking_at((0.0, 14.0, 1.0), (0.0, 0.0, 0.0)), Perspective(0.9, 0.05)),
+    "wide": View(pose_looking_at((3.0, 1.0, 3.0), (0.0, 1.0, 0.0)), Perspective(2.4, 0.01)),
+    "flat": View(pose_looking_at((9.0, 6.0, 9.0), (0.0, 0.0, 0.0)), Orthographic(5.0, 0.1, 40.0)),
+}
+
+
+class Lists:
+    """The lists of one frame, read back."""
+
+    def __init__(self, renderer):
+        data, device = renderer._data, renderer.device
+        buffer = data.light_lists
+        if hasattr(renderer._api, "resources"):
+            buffer = renderer._api.resources.buffers.get(buffer)
+        self.words = read_words(device, buffer)
+        self.layout: ListLayout = renderer.techniques["clusters"]._pass.layout
+        self.local = sum(light.kind != "directional" for light in renderer.scene.lights)
+        self.order = self.words[HEADER : HEADER + self.local].astype(int)
+        self.first_code = int(self.words[4])
+        places = self.words[self.layout.first_bin :][:BINS]
+        self.bins = np.stack([places & 0xFFFF, places >> 16], axis=1).astype(int)
+        across, down = self.layout.tiles
+        bits = self.words[self.layout.first_tile :].reshape(down, across, -1)
+        self.tiles = (bits[..., None] >> np.arange(32, dtype=np.uint32) & 1).reshape(down, across, -1)
+
+    def bin_of(self, depths):
+        codes = np.maximum(depths, 0.0).astype(np.float32).view(np.uint32).astype(int) >> (23 - STEPS_LOG2)
+        return np.clip(codes - self.first_code, 0, BINS - 1)
+
+
+def lists_of(chapter, scene, view, size=SIZE, **turned):
+    with chapter.open(scene, size, replaced(LIT, **turned)) as renderer:
+        renderer.render(view).image("color")
+        return Lists(renderer)
+
+
+@pytest.mark.feature("clustered/light-sort")
+@pytest.mark.parametrize("view", VIEWS)
+def test_the_order_is_one_of_ascending_depth(chapter, view):
+    scene = lit_town(100, directional=3)
+    found = lists_of(chapter, scene, VIEWS[view])
+    assert sorted(found.order) == list(range(3, 100)), "directional lights come first, without a place"
+    bounds = found.words[found.layout.first_bound :][: 8 * found.local].reshape(-1, 8)
+    intervals = bounds[:, 5:7].copy().view(np.float32)
+    middles = 0.5 * (intervals[:, 0] + intervals[:, 1])
+    assert (np.diff(middles) >= 0).all()
+    # A point light's middle is its own depth, in double precision; what is added to both ends cancels.
+    world_from_node = scene.nodes.matrix
+    depths = []
+    for record in found.order:
+        light = scene.lights[record]
+        if light.kind == "point":
+            position = world_from_node[light.node][:3, 3]
+            depths.append(seen_at(position[None], VIEWS[view], SIZE)[1][0])
+    kinds = np.array([scene.lights[record].kind for record in found.order])
+    finite = intervals[kinds == "point", 1] < 1e4
+    np.testing.assert_allclose(middles[kinds == "point"][finite], np.array(depths)[finite], atol=2e-3)
+
+
+def test_equal_depths_keep_the_order_of_the_scene(chapter):
+    scene = lit_town(40)
+    scene.nodes.matrix[-40:] = scene.nodes.matrix[-40]
+    lights = [
+        replace(light, kind="point", range=3.0, intensity=1.0, color=(1, 1, 1)) for light in scene.lights
+    ]
+    found = lists_of(chapter, replace(scene, lights=lights), VIEWS["inside"])
+    assert found.order.tolist() == list(range(40))
+
+
+@pytest.mark.feature("clustered/depth-bins", "clustered/tile-bitfields")
+@pytest.mark.parametrize("view", VIEWS)
+@pytest.mark.parametrize(("lights", "size"), [(33, SIZE), (100, (64, 41))])
+def test_every_point_that_a_light_reaches_finds_it(chapter, lights, size, view):
+    """The truth is brute force in double precision: points within range and cone, projected one by one."""
+    scene = lit_town(lights)
+    found = lists_of(chapter, scene, VIEWS[view], size)
+    place_of = {record: place for place, record in enumerate(found.order)}
+    random = np.random.default_rng(3)
+    tested = 0
+    for record, reach in enumerate(reaches(scene, 0.001)):
+        pixels, depths = seen_at(reach.points(random, 500), VIEWS[view], size)
+        inside = ~np.isnan(pixels[:, 0])
+        place = place_of[record]
+        low, high = found.bins[found.bin_of(depths[inside])].T
+        assert ((low <= place + 1) & (place + 1 <= high)).all(), f"light {record} is missing in a bin"
+        tile = pixels[inside].astype(int) >> found.layout.tile_log2
+        assert found.tiles[tile[:, 1], tile[:, 0], place].all(), f"light {record} is missing in a tile"
+        tested += inside.sum()
+    assert tested > 1000
+
+
+@pytest.mark.parametrize("view", VIEWS)
+def test_what_cannot_be_seen_is_in_no_list(chapter, view):
+    """A light has no bit if its sphere is behind the eye, or beside the picture by more than two tiles.
+
+    A sphere is outside of a plane through the eye if its centre is farther from it than its radius. The planes here are
+    those of the sides of the picture, moved outward by two tiles: a cone around a tile is wider than the tile.
+    """
+    scene = lit_town(100)
+    shown = VIEWS[view]
+    found = lists_of(chapter, scene, shown)
+    projection = shown.projection.clip_from_view(SIZE[0] / SIZE[1])
+    view_from_world = np.linalg.inv(shown.world_from_view)
+    margin = 1.0 + 2 * 24.0 / np.array(SIZE)
+    hidden = 0
+    for place, record in enumerate(found.order):
+        reach = reaches(scene, 0.001)[record]
+        centre = view_from_world @ np.append(reach.position, 1.0)
+        radius = reach.radius * 1.001 + 1e-3
+        if projection[3, 3] == 0:  # perspective: the side planes go through the eye
+            planes = [
+                np.array([sign * projection[axis, axis], -margin[axis]])
+                / np.hypot(projection[axis, axis], margin[axis])
+                for axis in (0, 1)
+                for sign in (1, -1)
+            ]
+            sides = [plane[0] * centre[i // 2] - plane[1] * centre[2] for i, plane in enumerate(planes)]
+            outside = max(side for side in sides) > radius or centre[2] > radius
+        else:
+            away = np.abs(centre[:2]) - margin / np.abs(np.diag(projection)[:2])
+            outside = away.max() > radius or centre[2] > radius
+        if outside:
+            hidden += 1
+            assert not found.tiles[:, :, place].any(), f"light {record} covers nothing of the picture"
+    assert hidden > 0 or view == "above"
+
+
+@pytest.mark.feature("clustered/depth-bins")
+def test_bins_without_a_light_are_flagged(chapter):
+    """All lights are within half a metre of one depth: other bins are empty, and say so by 0 as their last place."""
+    scene = lit_town(40)
+    eye = np.array((0.0, 30.0, 0.0))
+    scene.nodes.matrix[-40:, :3, 3] = (0.0, 0.0, 0.0)
+    lights = [replace(light, kind="point", range=0.5) for light in scene.lights]
+    view = View(pose_looking_at(eye, (0.0, 0.0, 0.0), (0, 0, 1)), Perspective(0.9, 0.05))
+    found = lists_of(chapter, replace(scene, lights=lights), view)
+    full = found.bins[:, 1] > 0
+    assert full[found.bin_of(np.array([29.6, 30.0, 30.4]))].all()
+    assert not full[found.bin_of(np.array([0.2, 5.0, 20.0, 28.9]))].any()
+
+
+def test_tiles_grow_until_the_device_holds_them():
+    size, lights = (7680, 4320), 4096
+    assert ListLayout.of(lights, size, 1 << 30).tile_log2 == 3
+    assert ListLayout.of(lights, size, 1 << 27).tile_log2 == 4
+    with pytest.raises(UnsupportedError, match="most_lights"):
+        ListLayout.of(lights, size, 1 << 18)
+
+
+@pytest.mark.feature("clustered/lighting-loop")
+def test_few_lights_have_no_lists(chapter):
+    """The pair of the skip: nothing is there for them, and the picture is that of brute force."""
+    pictures = []
+    for lists in ("clusters", "brute"):
+        settings = replaced(LIT, light_lists=lists)
+        with chapter.open(lit_town(LEAST_LIGHTS - 1), SIZE, settings, outputs=("color_linear",)) as renderer:
+            frame = renderer.render(VIEWS["inside"])
+            pictures.append(frame.image("color_linear").copy())
+            assert "light_lists" not in frame.timings
+            assert renderer._data.light_lists is None
+            assert renderer.techniques["clusters"]._pass.pipelines == ()
+    assert np.array_equal(*pictures) and pictures[0].max() > 0
