@@ -116,7 +116,7 @@ class Settings(Grouped):
         "graph alias resubmit async_compute poison "
         "depth_prepass gbuffer_format aperture focus_distance bokeh_taps "
         "msaa resolve mask_coverage tone_curve "
-        "light_lists most_lights "
+        "light_lists light_loop most_lights "
         "ambient default_light light_cutoff background sky "
         "energy environment_intensity environment_turn environment_size environment_detail "
         "irradiance_source table_size table_samples view "

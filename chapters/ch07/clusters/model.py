@@ -72,6 +72,11 @@ def list_defines(scene: Scene, settings: Settings) -> tuple[tuple[str, int], ...
     )
 
 
+def loop_defines(settings: Settings, subgroups: bool) -> tuple[tuple[str, int], ...]:
+    """Return the define of the scalarised loop, where the device has arithmetic in subgroups."""
+    return (("SCALARISED", 1),) if subgroups and settings.clusters.loop == "scalarised" else ()
+
+
 @dataclass(frozen=True)
 class ListLayout:
     """The places of the parts in the buffer, in words, for `lights` and a picture of `size` pixels."""

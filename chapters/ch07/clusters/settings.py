@@ -24,6 +24,12 @@ class ClusterSettings:
         choices=get_args(Lists),
         flat="light_lists",
     )
+    loop: str = knob(
+        "plain",
+        "how invocations that run together loop: each over its own lights, or all over the lights of any of them",
+        choices=("plain", "scalarised"),
+        flat="light_loop",
+    )
     most: int = knob(
         MOST_LIGHTS,
         "lights that are kept, the brightest of the scene",

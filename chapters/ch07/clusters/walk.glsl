@@ -9,6 +9,12 @@
 
 #ifdef LIGHT_LISTS
 #include "clusters/layout.glsl"
+#ifdef SCALARISED
+#include "clusters/subgroups.glsl"
+#else
+uvec2 joined_words(uint first, uint end) { return uvec2(first, end); }
+uint joined_bits(uint bits) { return bits; }
+#endif
 #endif
 
 struct LightWalk {
@@ -36,21 +42,30 @@ LightWalk first_light(vec3 position, vec2 pixel) {
     float depth = -(frame.view_from_world * vec4(position, 1.0)).z;
     uint bin = bin_of(depth, light_lists[LIST_FIRST_BIN_CODE]);
     uint places = light_lists[first_bin(light_lists[LIST_LIGHTS]) + bin];
-    walk.range = uvec2(places & 0xffffu, places >> 16);  // from 1 on; 0 as the last one: the bin is empty
-    walk.end = walk.range.y == 0u ? 0u : ((walk.range.y - 1u) >> 5) + 1u;
-    walk.range -= min(walk.range, uvec2(1u));
-    walk.word = min(walk.range.x >> 5, walk.end);
+    bool any = places >> 16 != 0u;
+    walk.range = any ? uvec2(places & 0xffffu, places >> 16) - 1u : uvec2(1u, 0u);  // stored from 1 on
+    walk.word = any ? walk.range.x >> 5 : 0u;
+    walk.end = any ? (walk.range.y >> 5) + 1u : 0u;
 #endif
 #if (LIGHT_LISTS & 2) != 0
     uvec2 tile = uvec2(pixel) >> light_lists[LIST_TILE_LOG2];
     walk.tile = first_tile(light_lists[LIST_LIGHTS])
         + (tile.y * light_lists[LIST_TILES_X] + tile.x) * light_lists[LIST_TILE_WORDS];
 #endif
+    uvec2 words = joined_words(walk.word, walk.end);
+    walk.word = words.x;
+    walk.end = words.y;
 #endif
     return walk;
 }
 
 #ifdef LIGHT_LISTS
+// The places first to first + 31 that are in a range, a bit each.
+uint places_in(uvec2 range, uint first) {
+    uint low = max(range.x, first), high = min(range.y, first + 31u);
+    return low <= high ? (~0u << (low - first)) & (~0u >> (first + 31u - high)) : 0u;
+}
+
 bool next_light(inout LightWalk walk, out uint light) {
     light = walk.next;
     if (walk.next < light_count.y) {
@@ -61,12 +76,11 @@ bool next_light(inout LightWalk walk, out uint light) {
         if (walk.word == walk.end) {
             return false;
         }
-        uint first = walk.word << 5;
-        uint low = max(walk.range.x, first) - first, high = min(walk.range.y, first + 31u) - first;
-        walk.bits = (~0u << low) & (~0u >> (31u - high));
+        walk.bits = places_in(walk.range, walk.word << 5);
 #if (LIGHT_LISTS & 2) != 0
         walk.bits &= light_lists[walk.tile + walk.word];
 #endif
+        walk.bits = joined_bits(walk.bits);
         walk.word += 1u;
     }
     uint bit = uint(findLSB(walk.bits));

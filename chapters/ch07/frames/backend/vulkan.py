@@ -15,6 +15,7 @@ from backends.vulkan.resources import FORMATS, Image
 from common.errors import ShaderError
 from common.scene import Pose, Scene
 
+from ...clusters.model import loop_defines
 from ...graph.execute.vulkan import GraphExecutor
 from ...graph.memory.vulkan_images import GraphMemory
 from ...graph.plan import FramePlan
@@ -80,7 +81,8 @@ class VulkanBackend(Backend):
         )
         rehearse(loading, device, self.frames.slots, self.data, pose)
         self._cache = PipelineCache.on_disk(device)
-        self.pipelines = Pipelines(device, self._cache, self.data.slot_count or CAPACITY, self.data.defines)
+        defines = (*self.data.defines, *loop_defines(settings, plan.native("subgroups")))
+        self.pipelines = Pipelines(device, self._cache, self.data.slot_count or CAPACITY, defines)
         poisoned = ["copy_target"] * (settings.graph.poison != "off")
         self.memory = GraphMemory(device, poisoned, self._queues.families)
         self.requirement = self.memory.requirement
