@@ -1,10 +1,9 @@
-"""The cost of lighting a market at night, by what selects the lights of a pixel: `strata bench 7 --only lights`.
+"""The cost of lighting a market, by what selects the lights of a pixel: `strata bench 7 --only lights`.
 
-The market is drawn with several numbers of lamps, with each kind of light list, with both loops where the device has them,
-and lit by a full-screen triangle and by compute. Renderers of one number of lamps are open at once and take turns in
-each view. Two views of the chapter count the lights that reach each pixel, and those that it evaluates. Pictures are
-compared with brute force to the bit.
-"""
+The market is drawn with several numbers of lamps, with each kind of light list, with both loops where the device adds in
+subgroups, and lit by a full-screen triangle and by compute. Renderers of one number of lamps are open at once and take
+turns in each view. Two views of the chapter count the lights that reach each pixel, and those that it evaluates. Pictures
+are compared with brute force to the bit.
 
 from __future__ import annotations
 
