@@ -4,6 +4,7 @@ The market is drawn with several numbers of lamps, with each kind of light list,
 subgroups, and lit by a full-screen triangle and by compute. Renderers of one number of lamps are open at once and take
 turns in each view. Two views of the chapter count the lights that reach each pixel, and those that it evaluates. Pictures
 are compared with brute force to the bit.
+"""
 
 from __future__ import annotations
 
