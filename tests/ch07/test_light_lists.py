@@ -43,8 +43,12 @@ class Lists:
         places = self.words[self.layout.first_bin :][:BINS]
         self.bins = np.stack([places & 0xFFFF, places >> 16], axis=1).astype(int)
         across, down = self.layout.tiles
+        depths = self.words[self.layout.first_depth : self.layout.first_tile].reshape(BINS, -1)
         bits = self.words[self.layout.first_tile :].reshape(down, across, -1)
-        self.tiles = (bits[..., None] >> np.arange(32, dtype=np.uint32) & 1).reshape(down, across, -1)
+        self.depths, self.tiles = (
+            (words[..., None] >> np.arange(32, dtype=np.uint32) & 1).reshape(*words.shape[:-1], -1)
+            for words in (depths, bits)
+        )
 
     def bin_of(self, depths):
         codes = np.maximum(depths, 0.0).astype(np.float32).view(np.uint32).astype(int) >> (23 - STEPS_LOG2)
@@ -115,6 +119,9 @@ def assert_every_point_finds_its_light(scene, found, view, size, directional=0):
         place = place_of[directional + number]
         low, high = found.bins[found.bin_of(depths[inside])].T
         assert ((low <= place + 1) & (place + 1 <= high)).all(), f"light {number} is missing in a bin"
+        assert found.depths[found.bin_of(depths[inside]), place].all(), (
+            f"light {number} is missing in a bin's bits"
+        )
         tile = pixels[inside].astype(int) >> found.layout.tile_log2
         assert found.tiles[tile[:, 1], tile[:, 0], place].all(), f"light {number} is missing in a tile"
         tested += inside.sum()
@@ -132,7 +139,7 @@ def test_33_lights_and_sizes_that_are_no_multiple_of_8(chapter):
     """The second word of a tile is not the first word of the next one."""
     scene, size = lit_town(33), (65, 41)
     (found,) = lists_of(chapter, scene, VIEWS["inside"], size=size)
-    assert found.layout.words_of_tile == 2 and found.layout.tiles == (9, 6)
+    assert found.layout.words_of_set == 2 and found.layout.tiles == (9, 6)
     assert_every_point_finds_its_light(scene, found, VIEWS["inside"], size)
 
 

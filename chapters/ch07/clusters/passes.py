@@ -81,7 +81,7 @@ class LightListsPass(Pass):
             "light bounds": over_lights,
             "light order": over_lights,
             "light bins": (BINS, 1, 1),
-            "light tiles": (-(-across // 8), -(-down // 8), layout.words_of_tile),
+            "light tiles": (-(-across // 8), -(-down // 8), layout.words_of_set),
         }
         for number, pipeline in enumerate(self.pipelines):
             if number in (1, 2):

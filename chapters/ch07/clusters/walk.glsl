@@ -20,11 +20,11 @@ uint joined_bits(uint bits) { return bits; }
 struct LightWalk {
     uint next;   // the next light of those that come without a list
 #ifdef LIGHT_LISTS
-    uvec2 range;  // first and last place in the order
     uint word;   // the next word of bits, and the one behind the last
     uint end;
     uint bits;   // lights of the word before that are still to come
-    uint tile;   // the first word of the tile's bits
+    uint depth;  // the first words of the bits of the bin and of the tile
+    uint tile;
 #endif
 };
 
@@ -32,38 +32,45 @@ LightWalk first_light(vec3 position, vec2 pixel) {
     LightWalk walk;
     walk.next = 0u;
 #ifdef LIGHT_LISTS
-    uint count = light_count.x - light_count.y;
-    walk.range = uvec2(0u, max(count, 1u) - 1u);
+    uint lights = light_lists[LIST_LIGHTS], words = light_lists[LIST_SET_WORDS];
     walk.word = 0u;
-    walk.end = (count + 31u) >> 5;
-    walk.bits = 0u;
-    walk.tile = 0u;
+    walk.end = (light_count.x - light_count.y + 31u) >> 5;
+    walk.bits = walk.depth = walk.tile = 0u;
 #if (LIGHT_LISTS & 1) != 0
     float depth = -(frame.view_from_world * vec4(position, 1.0)).z;
     uint bin = bin_of(depth, light_lists[LIST_FIRST_BIN_CODE]);
-    uint places = light_lists[first_bin(light_lists[LIST_LIGHTS]) + bin];
-    bool any = places >> 16 != 0u;
-    walk.range = any ? uvec2(places & 0xffffu, places >> 16) - 1u : uvec2(1u, 0u);  // stored from 1 on
-    walk.word = any ? walk.range.x >> 5 : 0u;
-    walk.end = any ? (walk.range.y >> 5) + 1u : 0u;
+    uint places = light_lists[first_bin(lights) + bin], last = places >> 16;  // from 1 on; 0: the bin is empty
+    walk.word = last == 0u ? 0u : ((places & 0xffffu) - 1u) >> 5;
+    walk.end = (last + 31u) >> 5;
+    walk.depth = first_depth(lights) + bin * words;
 #endif
 #if (LIGHT_LISTS & 2) != 0
     uvec2 tile = uvec2(pixel) >> light_lists[LIST_TILE_LOG2];
-    walk.tile = first_tile(light_lists[LIST_LIGHTS])
-        + (tile.y * light_lists[LIST_TILES_X] + tile.x) * light_lists[LIST_TILE_WORDS];
+    walk.tile = first_tile(lights, words) + (tile.y * light_lists[LIST_TILES_X] + tile.x) * words;
 #endif
-    uvec2 words = joined_words(walk.word, walk.end);
-    walk.word = words.x;
-    walk.end = words.y;
+    uvec2 joined = joined_words(walk.word, walk.end);
+    walk.word = joined.x;
+    walk.end = joined.y;
 #endif
     return walk;
 }
 
 #ifdef LIGHT_LISTS
-// The places first to first + 31 that are in a range, a bit each.
-uint places_in(uvec2 range, uint first) {
-    uint low = max(range.x, first), high = min(range.y, first + 31u);
-    return low <= high ? (~0u << (low - first)) & (~0u >> (first + 31u - high)) : 0u;
+// The lights of a word that the lists leave.
+uint bits_of(LightWalk walk) {
+#if LIGHT_LISTS == 0
+    uint behind = light_count.x - light_count.y - (walk.word << 5);  // lights in this word and in later ones
+    uint bits = behind >= 32u ? ~0u : (1u << behind) - 1u;
+#else
+    uint bits = ~0u;
+#endif
+#if (LIGHT_LISTS & 1) != 0
+    bits &= light_lists[walk.depth + walk.word];
+#endif
+#if (LIGHT_LISTS & 2) != 0
+    bits &= light_lists[walk.tile + walk.word];
+#endif
+    return joined_bits(bits);
 }
 
 bool next_light(inout LightWalk walk, out uint light) {
@@ -76,11 +83,7 @@ bool next_light(inout LightWalk walk, out uint light) {
         if (walk.word == walk.end) {
             return false;
         }
-        walk.bits = places_in(walk.range, walk.word << 5);
-#if (LIGHT_LISTS & 2) != 0
-        walk.bits &= light_lists[walk.tile + walk.word];
-#endif
-        walk.bits = joined_bits(walk.bits);
+        walk.bits = bits_of(walk);
         walk.word += 1u;
     }
     uint bit = uint(findLSB(walk.bits));
