@@ -31,12 +31,12 @@ LEAST_LIGHTS = 8
 HEADER, BOUND = 16, 8
 """Words of the header, and of the bounds of a light."""
 
-OCTAVES, STEPS_LOG2 = 8, 5
+OCTAVES, STEPS_LOG2 = 8, 6
 BINS = OCTAVES << STEPS_LOG2
-"""Bins of depth: each factor of two in distance, counted from the farthest light, has 32 equal ones.
+"""Bins of depth: each factor of two in distance, counted from the farthest light, has 64 equal ones.
 
 A float32 is an exponent and a mantissa, so its bits, read as an integer, are a piecewise linear logarithm. The highest
-14 bits without the sign number exactly these bins, and no logarithm is computed. At 10 m a bin is 0.25 m deep.
+15 bits number exactly these bins, and no logarithm is computed. At 10 m a bin is 0.125 m deep.
 """
 
 TILE_LOG2 = 3
