@@ -21,7 +21,8 @@ class ComputeLightingPass(LightingPass):
 
     def create(self) -> None:
         """Build the pipeline; again when a material became another kind."""
-        defines = (*self.describe().defines, ("FORMAT", self._settings.shading.color_format))
+        bound = ("LIT_BINDING", len(self.reads))  # reads come first
+        defines = (*self.describe().defines, ("FORMAT", self._settings.shading.color_format), bound)
         described = ComputeDescription("shading/lighting.comp", defines, name=self.name)
         self.pipelines = self._pipelines.get([described])
 
