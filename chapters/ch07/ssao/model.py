@@ -17,7 +17,7 @@ RAW = "ambient_occlusion_raw"
 FORMAT = "r8"
 """Of both, and of the picture between the two passes of the blur: steps of 1/255, which is what a screen shows."""
 
-BLUR_TOLERANCE = 0.25
+BLUR_TOLERANCE = 0.1
 """How far a distance may be from the plane of the pixel's surface for the blur to take it in full, in radii."""
 
 
@@ -30,8 +30,18 @@ def wanted(settings: Any) -> bool:
 
 def needed(scene: Scene, settings: Any) -> bool:
     """Whether a frame computes occlusion: it is wanted, and there are surfaces and light from everywhere."""
-    surrounds = scene.environment is not None and settings.environment.intensity > 0
-    return wanted(settings) and len(scene.instances) > 0 and (settings.scene.ambient != 0 or surrounds)
+    return wanted(settings) and len(scene.instances) > 0 and _is_surrounded(scene, settings)
+
+
+def _is_surrounded(scene: Scene, settings: Any) -> bool:
+    """Whether any light comes from everywhere: of an environment, of a setting, of the scene, or a default."""
+    if scene.environment is not None and settings.environment.intensity > 0:
+        return True
+    if settings.scene.ambient >= 0:
+        return bool(settings.scene.ambient > 0)
+    if scene.ambient is not None:
+        return scene.ambient > 0
+    return any(light.name == "default light" for light in scene.lights)  # which brings some (scene/default_light.py)
 
 
 def trace_defines(settings: Any) -> Defines:

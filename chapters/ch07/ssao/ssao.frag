@@ -19,15 +19,13 @@ const uint STEPS = 4u;
 // together near the pixel, where a small thing hides much, and elsewhere in each pixel of a block.
 float visible_part(ivec2 pixel, vec3 place, float radius) {
     vec3 stored = texelFetch(gbuffer_normal, pixel, 0).xyz;
+    if (stored == vec3(0.0)) {  // unlit: it has no normal, and takes no light from anywhere
+        return 1.0;
+    }
 #ifdef NORMAL_CODED
     stored = decoded_normal(stored);
 #endif
-    vec3 n = transpose(mat3(frame.world_from_view)) * stored;
-    float length2 = dot(n, n);
-    if (!(length2 > 0.25)) {  // unlit: it has no normal, and takes no light from anywhere
-        return 1.0;
-    }
-    n *= inversesqrt(length2);
+    vec3 n = normalize(transpose(mat3(frame.world_from_view)) * stored);
     uint index = pattern_index(uvec2(pixel));
     float turn = 6.2831853 * float(index) / 16.0;
     uint hidden = 0u;
@@ -36,7 +34,7 @@ float visible_part(ivec2 pixel, vec3 place, float radius) {
         float shift = (float((index * 5u + ray * 11u) & 15u) + 0.5) / 16.0;
         for (uint number = 0u; number < STEPS; ++number) {
             float part = (float(number) + shift) / float(STEPS);
-            vec3 at = place + radius * part * part * direction;
+            vec3 at = place + radius * part * sqrt(part) * direction;
             vec2 seen = floor(seen_at(at));
             if (any(lessThan(seen, vec2(0.0))) || any(greaterThanEqual(seen, frame.size.xy))) {
                 break;  // outside of the picture nothing is known
