@@ -32,6 +32,8 @@ def test_every_block_of_4x4_pixels_uses_all_sixteen_unit_vectors(vulkan_device, 
     truth = twin.rotation_vectors()
     index = got["index"].reshape(19, 23)
     assert np.abs(vectors - truth[index]).max() < 2.0**-18
+    if first == 0:
+        assert np.array_equal(index[:4, :4], twin.bayer(4))
     for y in range(16):
         for x in range(20):
             assert sorted(index[y : y + 4, x : x + 4].ravel().tolist()) == list(range(16))

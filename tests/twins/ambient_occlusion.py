@@ -38,7 +38,7 @@ def offsets(about: Float64) -> Float64:
 
 
 def visibility(nearer: ArrayLike) -> Float64:
-    """Return 1 / (1 + occlusion^2) of samples (8) that are `nearer` by so many radii, summed and mapped to 0.45 .. 1."""
+    """Return 0.45 to 1: 1 / (1 + occlusion^2) of samples (8) `nearer` by so many radii, summed and mapped."""
     dist = np.maximum(np.asarray(nearer, np.float64), 0)
     occlusion = 15 * np.maximum(dist * (2 - dist), 0)
     return np.clip((1 / (1 + occlusion**2)).sum(axis=-1) ** 2 / 64 + 0.45, 0, 1)
@@ -72,7 +72,9 @@ def from_depth(depth: ArrayLike, clip_from_view: Float64, radius: float) -> Floa
     return found
 
 
-def blurred(values: Float64, depth: ArrayLike, clip_from_view: Float64, tolerance: float, axis: int) -> Float64:
+def blurred(
+    values: Float64, depth: ArrayLike, clip_from_view: Float64, tolerance: float, axis: int
+) -> Float64:
     """Return values (H, W) blurred along an axis within surfaces.
 
     A tap of a pixel counts in full if its distance is within `tolerance` metres of the plane through the pixel and its

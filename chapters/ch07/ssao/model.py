@@ -41,7 +41,9 @@ def _is_surrounded(scene: Scene, settings: Any) -> bool:
         return bool(settings.scene.ambient > 0)
     if scene.ambient is not None:
         return scene.ambient > 0
-    return any(light.name == "default light" for light in scene.lights)  # which brings some (scene/default_light.py)
+    return any(
+        light.name == "default light" for light in scene.lights
+    )  # which brings some (scene/default_light.py)
 
 
 def trace_defines(settings: Any) -> Defines:

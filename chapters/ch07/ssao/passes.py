@@ -58,7 +58,7 @@ class SsaoBlurPass(FullscreenPass):
         self.name = "ssao_blur_x" if across else "ssao_blur"
         source, target = (model.RAW, _ACROSS) if across else (_ACROSS, model.RESULT)
         self.reads = (Access(source, "sampled"), _DEPTH)
-        self.writes = (Access(target, "color", format=model.FORMAT, instead=source),)
+        self.writes = (Access(target, "color", format=model.FORMAT, instead=model.RAW),)
 
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:
