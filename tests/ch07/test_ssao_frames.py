@@ -270,6 +270,7 @@ def test_without_the_blur_light_reads_the_estimate(open_):
     assert len(blurred.graph.steps) == len(raw.graph.steps), "half a blur is none"
 
 
+@pytest.mark.feature("ssao/depth-only")
 def test_a_graph_that_lights_while_it_draws_says_so(open_):
     for turned in (
         {"graph": "forward"},

@@ -7,7 +7,7 @@ own normal finds what occludes it.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,10 +70,10 @@ class RayCaster:
     """The triangles of a scene, to be hit by rays. They are as solid as a mask without holes."""
 
     def __init__(self, scene: Scene) -> None:
-        import mitsuba
+        import mitsuba as package
 
+        mitsuba = self._mitsuba = cast(Any, package)  # its stubs name types of another variant
         mitsuba.set_variant("scalar_rgb")
-        self._mitsuba = mitsuba
         corners, materials = world_triangles(scene)
         compared = [it.alpha_mode == "opaque" and not it.unlit for it in scene.materials]
         self._compared = np.array(compared, bool)[materials]

@@ -57,7 +57,7 @@ def check_samples(file: GraphFile, settings: Any) -> None:
         )
     if occludes(settings) and "ssao" not in file.passes.values():
         raise UserError(
-            f"{file.path.name} lights objects while their depth is drawn, and ssao={settings.ssao.method} needs the "
+            f"{file.path.name} lights objects while their depth is drawn, and ssao={settings.ssao.mode} needs the "
             "depth of all before: set graph=deferred and msaa=1, or ssao=off."
         )
 

@@ -25,7 +25,7 @@ def wanted(settings: Any) -> bool:
     """Whether the settings ask for occlusion that can be seen; a view shows a quantity of a surface, and no light."""
     knobs = settings.ssao
     shown = settings.shading.view == "picture"
-    return bool(knobs.method != "off" and knobs.scale > 0 and knobs.radius > 0 and shown)
+    return bool(knobs.mode != "off" and knobs.scale > 0 and knobs.radius > 0 and shown)
 
 
 def needed(scene: Scene, settings: Any) -> bool:
@@ -48,7 +48,7 @@ def _is_surrounded(scene: Scene, settings: Any) -> bool:
 
 def trace_defines(settings: Any) -> Defines:
     """Return what ssao.frag is built with."""
-    normals: Defines = (("NORMALS", 1),) if settings.ssao.method == "normals" else ()
+    normals: Defines = (("NORMALS", 1),) if settings.ssao.mode == "normals" else ()
     return (*normals, ("RADIUS", settings.ssao.radius))
 
 
@@ -67,5 +67,5 @@ def light_defines(scene: Scene, settings: Any) -> Defines:
     """
     if not needed(scene, settings):
         return ()
-    bias = settings.ssao.bias if settings.ssao.method == "depth" else 0.0
+    bias = settings.ssao.bias if settings.ssao.mode == "depth" else 0.0
     return (("OCCLUSION_BIAS", bias), ("OCCLUSION_SCALE", settings.ssao.scale))

@@ -11,7 +11,7 @@ from common.settings import knob
 class SsaoSettings:
     """How the surroundings of a pixel dim the light that comes from everywhere."""
 
-    method: str = knob(
+    mode: str = knob(
         "off",
         "ambient occlusion from the depth around a pixel, or along rays of the hemisphere around its normal; "
         "needs a graph with a G-buffer",
