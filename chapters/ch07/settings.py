@@ -22,6 +22,7 @@ from .loading.settings import LoadingSettings
 from .post.settings import PostSettings
 from .scene.settings import SceneSettings
 from .shading.settings import ShadingSettings
+from .ssao.settings import SsaoSettings
 
 SIDES = (
     Side(chapter=5),
@@ -121,6 +122,7 @@ class Settings(Grouped):
         "energy environment_intensity environment_turn environment_size environment_detail "
         "irradiance_source table_size table_samples view "
         "recording_threads draws_per_secondary "
+        "ssao ssao_radius ssao_scale ssao_bias ssao_blur "
         "skip_unused"
     )
 
@@ -135,3 +137,4 @@ class Settings(Grouped):
     cloth: ClothSettings = group(ClothSettings)
     culling: CullingSettings = group(CullingSettings)
     clusters: ClusterSettings = group(ClusterSettings)
+    ssao: SsaoSettings = group(SsaoSettings)

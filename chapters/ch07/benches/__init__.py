@@ -1,1 +1,1 @@
-"""The benches of this lesson, for `strata bench`: lights."""
+"""The benches of this lesson, for `strata bench`."""

@@ -22,6 +22,7 @@ from common.names import suggest
 from ..culling.choice import overlay_of
 from ..frames.frame import OUTPUTS
 from ..shading.views import PICTURE
+from ..ssao.model import wanted as occludes
 from .checks import check_name, check_output, check_pass, check_readers
 from .file import GraphFile
 from .frame_graph import bytes_of, compile_graph
@@ -49,10 +50,15 @@ def graph_name(settings: Any) -> str:
 
 
 def check_samples(file: GraphFile, settings: Any) -> None:
-    """Raise UserError for a graph with a G-buffer if the settings have several samples per pixel."""
+    """Raise UserError for a graph with a G-buffer if the settings have several samples per pixel, or none for SSAO."""
     if "gbuffer" in file.passes.values() and settings.shading.msaa > 1:
         raise UserError(
             f"{file.path.name} has a G-buffer, which holds one sample a pixel: set msaa=1, or graph=forward."
+        )
+    if occludes(settings) and "ssao" not in file.passes.values():
+        raise UserError(
+            f"{file.path.name} lights objects while their depth is drawn, and ssao={settings.ssao.mode} needs the "
+            "depth of all before: set graph=deferred and msaa=1, or ssao=off."
         )
 
 

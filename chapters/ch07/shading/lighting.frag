@@ -17,6 +17,10 @@ layout(BIND(1, 1, 4)) uniform sampler2D gbuffer_normal;
 layout(BIND(1, 2, 5)) uniform sampler2D gbuffer_material;
 layout(BIND(1, 3, 6)) uniform sampler2D gbuffer_emissive;
 layout(BIND(1, 4, 7)) uniform sampler2D depth;
+#ifdef OCCLUSION_SCALE
+#include "ambient_occlusion.glsl"
+layout(BIND(1, 5, 8)) uniform sampler2D ambient_occlusion;
+#endif
 
 #ifdef SKY
 // The sky's own shader, called as a function where nothing was drawn; in_uv and out_color are declared there.
@@ -59,6 +63,10 @@ void main() {
     if (material.a > 0.5) {
         vec3 position = position_of(pixel, d);
         float occlusion = material.r;
+#ifdef OCCLUSION_SCALE
+        float visible = texelFetch(ambient_occlusion, pixel, 0).r;
+        occlusion *= ambient_factor(visible, OCCLUSION_BIAS, OCCLUSION_SCALE);
+#endif
         float roughness = material.g;
         float metallic = material.b;
         float alpha = max(roughness * roughness, ALPHA_MIN);

@@ -9,6 +9,7 @@ from ..pipelines.description import PipelineDescription
 from ..post.fullscreen import FullscreenPass
 from ..scene.pass_parts import PassParts
 from ..settings import Settings
+from ..ssao import model as ssao
 from .deferred import TARGETS, light_defines
 from .sky import Sky
 
@@ -21,7 +22,9 @@ class LightingPass(FullscreenPass):
     def __init__(self, parts: PassParts) -> None:
         super().__init__(parts)
         self._has_sky = Sky.needed(parts.scene, parts.settings)
-        self.reads = tuple(Access(name, "sampled") for name in (*TARGETS, "depth"))
+        self._occlusion = ssao.light_defines(parts.scene, parts.settings)
+        occlusion = (ssao.RESULT,) if self._occlusion else ()
+        self.reads = tuple(Access(name, "sampled") for name in (*TARGETS, "depth", *occlusion))
         self.writes = (Access("color_lit", "color", format=parts.settings.shading.color_format),)
 
     @staticmethod
@@ -34,7 +37,7 @@ class LightingPass(FullscreenPass):
         variants = [self._data.variants[material] for material in self._draws.used]
         return PipelineDescription(
             shaders=("post/fullscreen.vert", "shading/lighting.frag"),
-            defines=light_defines(variants, self._has_sky, self._settings),
+            defines=(*light_defines(variants, self._has_sky, self._settings), *self._occlusion),
             color=self._settings.shading.color_format,
             depth=None,
             name="lighting",
