@@ -138,9 +138,9 @@ def glassware(rng: np.random.Generator) -> Parts:
     parts = Parts()
     bottle = lathe([[(0.018, 0.33), (0.02, 0.23), (0.055, 0.17), (0.055, 0.0)]], 7)
     flask = lathe([[(0.02, 0.24), (0.018, 0.17), (0.085, 0.08), (0.05, 0.0)]], 7)
-    goblet = lathe([[(0.05, 0.2), (0.045, 0.12), (0.008, 0.09), (0.045, 0.0)]], 7)
+    goblet = lathe([[(0.05, 0.2), (0.045, 0.12), (0.009, 0.09), (0.009, 0.02), (0.045, 0.0)]], 7)
     for y, ends, count, meshes, front in (
-        (COUNTER_TOP, COUNTER, 6, [goblet, flask], 0.18), (COUNTER_TOP, COUNTER, 6, [bottle, flask], -0.16),
+        (COUNTER_TOP, COUNTER, 7, [flask, goblet, bottle], 0.16), (COUNTER_TOP, COUNTER, 7, [bottle, goblet], -0.18),
         (STEP_TOP, STEP, 8, [bottle, goblet, flask], 0.0), (SHELVES[0], SHELF, 6, [flask, bottle], 0.0),
         (SHELVES[1], SHELF, 9, [bottle, flask], 0.0), (SHELVES[2], SHELF, 9, [bottle, goblet, bottle], 0.0),
     ):  # fmt: skip

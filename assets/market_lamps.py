@@ -57,7 +57,16 @@ class Lamps:
         shade = material["shade_0"]
         self._bodies = {kind: scene.add_geometry(body(kind), shade) for kind in PROFILES}
         painted, glass = material["painted"], material["glass"]
-        path = np.array([(0.0, 0.02, -0.43), (0.0, 0.24, -0.3), (0.0, 0.26, 0.0), (0.0, 0.19, 0.0)])
+        path = np.array(
+            [
+                (0.0, 0.05, -0.43),
+                (0.0, 0.2, -0.36),
+                (0.0, 0.28, -0.24),
+                (0.0, 0.3, -0.1),
+                (0.0, 0.27, -0.03),
+                (0.0, 0.19, 0.0),
+            ]
+        )
         bracket = tube(path, 0.013, 4).painted(IRON)
         shell = lathe([[(0.02, 0.13), (0.105, 0.055), (0.105, -0.055), (0.03, -0.115)]], 6)
         self._more = {

@@ -92,7 +92,7 @@ _ALL = (
     SceneInfo(
         "market",
         "assets.market",
-        {"lights=2400": 0, "lights=400": 0},
+        {"lights=2400": 336706, "lights=400": 263306},
         "A night market: awnings, glass, and 2,400 lamps that are lights, of which eight and more reach most of what "
         "is seen. market:lights=400, market:lights=0 ... have so many.",
         binary=True,

@@ -42,6 +42,9 @@ def seen(
     local = (triangles - eye) @ axes  # view space: -z is ahead
     ahead = -local[..., 2]
     keep = (ahead > 0.05).any(axis=1)
+    for axis in (0, 1):  # all corners beyond one edge of the picture
+        for sign in (-1.0, 1.0):
+            keep &= (sign * local[..., axis] * scale[axis] <= ahead).any(axis=1)
     local, ahead, owner = local[keep], ahead[keep], owners[keep]
     whole = (ahead > 0.05).all(axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
