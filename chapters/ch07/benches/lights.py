@@ -1,9 +1,9 @@
 """The cost of lighting a market, by what selects the lights of a pixel: `strata bench 7 --only lights`.
 
-The market is drawn with several numbers of lamps, with each kind of light list, with both loops where the device adds in
-subgroups, and lit by a full-screen triangle and by compute. Renderers of one number of lamps are open at once and take
-turns in each view. Two views of the chapter count the lights that reach each pixel, and those that it evaluates. Pictures
-are compared with brute force to the bit.
+The market is drawn with several numbers of lamps, with each kind of light list, with both loops where the device adds
+in subgroups, and lit by a full-screen triangle and by compute. Renderers of one number of lamps are open at once and
+take turns in each view. Two views of the chapter count the lights that reach each pixel, and those that it evaluates.
+Pictures are compared with brute force to the bit.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from common.view.camera import View, view_of_scene
 KNOB = "light_lists"
 """The setting; a chapter without it evaluates all lights."""
 
-COUNTS, QUICK_COUNTS = (33, 256, 1000, 2400, 4096), (33, 256)
-"""Lamps of the market. Of the last counts a software driver draws only up to SOFTWARE_MOST."""
+COUNTS, QUICK_COUNTS = (33, 256, 1000, 2400, 4095), (33, 256)
+"""Lamps of the market, which has a moon as well; a software driver draws those up to SOFTWARE_MOST."""
 
 SOFTWARE_MOST = 2400
 

@@ -21,6 +21,7 @@ from common.names import suggest
 
 from ..culling.choice import overlay_of
 from ..frames.frame import OUTPUTS
+from ..shading.deferred import EMISSION, emits
 from ..shading.views import PICTURE
 from ..ssao.model import wanted as occludes
 from .checks import check_name, check_output, check_pass, check_readers
@@ -188,8 +189,11 @@ class FramePlan:
     # --- compilation ---
 
     def needs(self, scene: Any, settings: Any) -> dict[str, bool]:
-        """Return for each pass whether the scene and the settings need it."""
-        return {name: pass_.needed(scene, settings) for name, pass_ in (self.passes | self._inserted).items()}
+        """Return for each pass whether the scene and the settings need it, and whether the scene has emission."""
+        needs = {
+            name: pass_.needed(scene, settings) for name, pass_ in (self.passes | self._inserted).items()
+        }
+        return needs | {EMISSION: emits(scene, settings)}
 
     def compile(
         self,
@@ -212,6 +216,8 @@ class FramePlan:
     def _compile(
         self, size: tuple[int, int], scene: Any, settings: Any, requirements: Requirements | None, alias: bool
     ) -> tuple[list[Node], Graph]:
+        for pass_ in (self.passes | self._inserted).values():
+            pass_.declare()
         declared = {
             name: Declared(name, pass_.reads, pass_.writes, _why_not(pass_, scene, settings), pass_.queue)
             for name, pass_ in self.passes.items()

@@ -13,13 +13,18 @@
 #endif
 
 layout(BIND(1, 0, 3)) uniform sampler2D gbuffer_base_color;
-layout(BIND(1, 1, 4)) uniform sampler2D gbuffer_normal;
+layout(BIND(1, 1, 4)) uniform NORMAL_SAMPLER gbuffer_normal;
 layout(BIND(1, 2, 5)) uniform sampler2D gbuffer_material;
-layout(BIND(1, 3, 6)) uniform sampler2D gbuffer_emissive;
-layout(BIND(1, 4, 7)) uniform sampler2D depth;
+layout(BIND(1, 3, 6)) uniform sampler2D depth;
+#ifdef EMISSION
+layout(BIND(1, 4, 7)) uniform sampler2D gbuffer_emissive;
+#define FREE_BINDING 5
+#else
+#define FREE_BINDING 4
+#endif
 #ifdef OCCLUSION_SCALE
 #include "ambient_occlusion.glsl"
-layout(BIND(1, 5, 8)) uniform sampler2D ambient_occlusion;
+layout(BIND(1, FREE_BINDING, FREE_BINDING + 3)) uniform sampler2D ambient_occlusion;
 #endif
 
 #ifdef SKY
@@ -72,11 +77,7 @@ void main() {
         float alpha = max(roughness * roughness, ALPHA_MIN);
         vec3 to_eye = frame.orthographic != 0u ? frame.world_from_view[2].xyz : frame.eye.xyz - position;
         vec3 view = to_eye * inversesqrt(max(dot(to_eye, to_eye), 1e-30));
-        vec3 stored = texelFetch(gbuffer_normal, pixel, 0).xyz;
-#ifdef NORMAL_CODED
-        stored = decoded_normal(stored);
-#endif
-        vec3 n = normalize(stored);
+        vec3 n = normalize(found_normal(gbuffer_normal, pixel));
 #ifdef LIT
         LightWalk walk = first_light(position, vec2(pixel));
         for (uint i; next_light(walk, i);) {
@@ -95,6 +96,8 @@ void main() {
         );
 #endif
     }
+#ifdef EMISSION
     color += texelFetch(gbuffer_emissive, pixel, 0).rgb;
+#endif
     out_color = vec4(finite_color(color), 1.0);
 }

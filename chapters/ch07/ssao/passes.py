@@ -14,7 +14,7 @@ from ..pipelines.description import PipelineDescription
 from ..post.fullscreen import FullscreenPass
 from ..scene.pass_parts import PassParts
 from ..settings import Settings
-from ..shading.deferred import normal_defines
+from ..shading.deferred import normal_defines, sampled
 from . import model
 
 _DEPTH = Access("depth", "sampled")
@@ -52,7 +52,7 @@ class SsaoPass(OcclusionPass):
     def __init__(self, parts: PassParts) -> None:
         super().__init__(parts)
         normals = parts.settings.ssao.mode == "normals"
-        self.reads = (_DEPTH, Access("gbuffer_normal", "sampled")) if normals else (_DEPTH,)
+        self.reads = (_DEPTH, sampled(parts.settings)[1]) if normals else (_DEPTH,)
 
     def defines(self) -> model.Defines:
         """Return the mode, the radius, and how normals are stored."""

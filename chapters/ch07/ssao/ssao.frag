@@ -7,7 +7,7 @@
 layout(BIND(1, 0, 3)) uniform sampler2D depth;
 #ifdef NORMALS
 #include "shading/normal_code.glsl"
-layout(BIND(1, 1, 4)) uniform sampler2D gbuffer_normal;
+layout(BIND(1, 1, 4)) uniform NORMAL_SAMPLER gbuffer_normal;
 #endif
 
 layout(location = 0) out float out_visibility;
@@ -18,13 +18,10 @@ const uint STEPS = 4u;
 // The part of eight rays that end behind no surface that is seen, to be tested at STEPS points each. These lie closer
 // together near the pixel, where a small thing hides much, and elsewhere in each pixel of a block.
 float visible_part(ivec2 pixel, vec3 place, float radius) {
-    vec3 stored = texelFetch(gbuffer_normal, pixel, 0).xyz;
+    vec3 stored = found_normal(gbuffer_normal, pixel);
     if (stored == vec3(0.0)) {  // unlit: it has no normal, and takes no light from anywhere
         return 1.0;
     }
-#ifdef NORMAL_CODED
-    stored = decoded_normal(stored);
-#endif
     vec3 n = normalize(transpose(mat3(frame.world_from_view)) * stored);
     uint index = pattern_index(uvec2(pixel));
     float turn = 6.2831853 * float(index) / 16.0;
