@@ -54,7 +54,7 @@ class Settings(Protocol):
 
 def needed(scene: Scene, settings: Settings) -> bool:
     """Whether the scene has lights enough for an order; brute force sums them in that order, too."""
-    return min(len(scene.lights), settings.clusters.most) >= LEAST_LIGHTS
+    return min(len(scene.lights), settings.clusters.most_lights) >= LEAST_LIGHTS
 
 
 def list_defines(scene: Scene, settings: Settings) -> tuple[tuple[str, int], ...]:
@@ -65,7 +65,7 @@ def list_defines(scene: Scene, settings: Settings) -> tuple[tuple[str, int], ...
     if not needed(scene, settings):
         return ()
     return (
-        ("LIGHT_LISTS", get_args(Lists).index(settings.clusters.lists)),
+        ("LIGHT_LISTS", get_args(Lists).index(settings.clusters.light_lists)),
         ("LIST_HEADER", HEADER),
         ("LIST_BOUND", BOUND),
         ("LIST_BINS", BINS),
@@ -76,7 +76,7 @@ def list_defines(scene: Scene, settings: Settings) -> tuple[tuple[str, int], ...
 
 def loop_defines(settings: Settings, subgroups: bool) -> tuple[tuple[str, int], ...]:
     """Return the define of the scalarised loop, where the device has arithmetic in subgroups."""
-    return (("SCALARISED", 1),) if subgroups and settings.clusters.loop == "scalarised" else ()
+    return (("SCALARISED", 1),) if subgroups and settings.clusters.light_loop == "scalarised" else ()
 
 
 @dataclass(frozen=True)
