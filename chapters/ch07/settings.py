@@ -21,6 +21,7 @@ from .loading.settings import LoadingSettings
 from .post.settings import PostSettings
 from .scene.settings import SceneSettings
 from .shading.settings import ShadingSettings
+from .transparency.settings import TransparencySettings
 
 SIDES = (
     Side(chapter=5),
@@ -119,6 +120,7 @@ class Settings(Grouped):
         "energy environment_intensity environment_turn environment_size environment_detail "
         "irradiance_source table_size table_samples view "
         "recording_threads draws_per_secondary "
+        "transparency transparency_nodes "
         "skip_unused"
     )
 
@@ -132,3 +134,4 @@ class Settings(Grouped):
     loading: LoadingSettings = group(LoadingSettings)
     cloth: ClothSettings = group(ClothSettings)
     culling: CullingSettings = group(CullingSettings)
+    transparency: TransparencySettings = group(TransparencySettings)
