@@ -6,8 +6,8 @@
 #include "transparency/blocks.glsl"
 #include "culling/sums.glsl"
 
-layout(BIND(0, 1, 10), std430) buffer Sums_ { uint block_sums[]; };
-layout(BIND(0, 2, 11), std430) writeonly buffer Told_ { uint told[]; };
+layout(BIND(0, 1, 10), std430) buffer Block_sums_ { uint block_sums[]; };
+layout(BIND(0, 2, 11), std430) writeonly buffer Layers_told_ { uint told[]; };
 
 void main() {
     uint me = gl_LocalInvocationIndex;
