@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +18,7 @@ from backends.gl.resources import (
 )
 
 from ..frames.backend.gl import GlBackend
+from ..frames.commands import DrawGroup, SceneBinding
 from ..frames.frame import SLOTS
 from ..frames.gl_commands import Commands
 from ..pipelines.description import Built
@@ -63,14 +63,18 @@ class LayerKernels(Kernels):
         """Bind a program with the buffers and images of its kind."""
         commands.bind_compute(pipeline)
         slot = commands.slot.index
-        self.bind_draws(kind, slot)
+        self._bind_buffers(kind, slot)
         for unit, name in enumerate(self._images if kind == "resolve" else ()):
             image = self._backend.executor.images.image(slot, name)
             assert isinstance(image, Image), name
             bind_storage_image(self._context, unit, image, access="both" if unit == 0 else "read")
 
-    def bind_draws(self, kind: str, slot: int) -> Any:
-        """Bind the buffers of a kind; the scene's draws have other numbers."""
+    def draw(self, commands: Commands, kind: str, groups: Sequence[DrawGroup], scene: SceneBinding) -> None:
+        """Record draws of the scene after the buffers of a kind, which have numbers of their own."""
+        self._bind_buffers(kind, commands.slot.index)
+        commands.draw_groups(groups, scene)
+
+    def _bind_buffers(self, kind: str, slot: int) -> None:
         for binding, name in enumerate(KINDS[kind] if self._lists else (), FIRST_BINDING):
             key = f"{name} {slot}" if name in IN_SLOT else name
             bind_buffer(self._context, "storage", binding, self._buffers[key])

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..frames.commands import DrawGroup, SceneBinding
 from ..pipelines.description import Built
 
 KINDS: Mapping[str, tuple[str, ...]] = {
@@ -63,8 +64,8 @@ class Kernels:
         """Bind a compute pipeline with what its kind reads and writes."""
         raise NotImplementedError
 
-    def bind_draws(self, kind: str, slot: int) -> Any:
-        """Bind the buffers of a kind that draws; return the set that draws bind themselves, None if there is none."""
+    def draw(self, commands: Any, kind: str, groups: Sequence[DrawGroup], scene: SceneBinding) -> None:
+        """Record draws of the scene that also bind the buffers of a kind."""
         raise NotImplementedError
 
     def finish(self, commands: Any, slot: int) -> None:

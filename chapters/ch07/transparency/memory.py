@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..culling.lists import folded
-from ..frames.commands import Commands, SceneBinding
+from ..frames.commands import Commands
 from ..pipelines.compute_description import ComputeDescription
 from ..pipelines.description import Built
 from ..scene.pass_parts import PassParts
@@ -71,12 +71,6 @@ class LayerMemory:
         self.kernels.bind(commands, kind, pipeline)
         commands.push(pipeline, np.array([[width * height, width, self.capacity, all_blocks]], np.uint32))
         commands.dispatch(*folded(all_blocks if blocks is None else blocks))
-
-    def binding(self, kind: str) -> SceneBinding:
-        """Return the bindings of transparent draws, with the buffers of a kind."""
-        draws = self._parts.draws
-        layers = self.kernels.bind_draws(kind, draws.slot) if self.lists else None
-        return draws.transparent_binding._replace(layers=layers)
 
     # --- counters and life ---
 

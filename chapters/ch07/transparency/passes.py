@@ -131,11 +131,13 @@ class LayerDrawsPass(TransparentPass):
     def create(self) -> None:
         """Build the pipelines."""
         super().create()
-        self._memory.set_pipeline(self.kind, self.pipelines[0])
+        for pipeline in self.pipelines[:1]:  # none while a material that became blended is not followed yet
+            self._memory.set_pipeline(self.kind, pipeline)
 
     def record(self, commands: Commands) -> None:
         """Record the draws of this frame."""
-        commands.draw_groups(self.groups(self._draws.transparent), self._memory.binding(self.kind))
+        groups = self.groups(self._draws.transparent)
+        self._memory.kernels.draw(commands, self.kind, groups, self._draws.transparent_binding)
 
     def key(self, slot: int) -> Any:
         """Return what the recorded draws depend on."""

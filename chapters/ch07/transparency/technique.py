@@ -38,14 +38,14 @@ class TransparencyTechnique(Technique):
                 f"{why}: set transparency=weighted or sorted."
             )
         self._resolve = ResolvePass(parts, memory)
-        made: tuple[Pass, ...] = (
+        own: tuple[Pass, ...] = (
             ClearPass(memory),
             CountPass(parts, memory),
             SumsPass(memory),
             FillPass(parts, memory),
             self._resolve,
         )
-        self.passes = {it.name: it for it in made}
+        self.passes = {it.name: it for it in own}
         self.memory = memory if layered(settings) else None
 
     def prepare(self, frame: FrameInfo) -> int:

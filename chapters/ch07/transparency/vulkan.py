@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -16,6 +16,7 @@ from backends.vulkan.resources import Buffer, Image
 from common.numerics.pools import Handle
 
 from ..frames.backend.vulkan import VulkanBackend
+from ..frames.commands import DrawGroup, SceneBinding
 from ..frames.frame import SLOTS
 from ..frames.vulkan_commands import TABLES, Commands
 from ..graph.sync.vulkan import layout_of
@@ -90,9 +91,14 @@ class LayerKernels(Kernels):
         commands.bind_compute(pipeline)
         commands.bind_compute_set(pipeline, 0, self._bound[kind, commands.slot.index])
 
-    def bind_draws(self, kind: str, slot: int) -> Any:
-        """Return the set of a kind that draws."""
-        return self._bound.get((kind, slot))
+    def draw(self, commands: Commands, kind: str, groups: Sequence[DrawGroup], scene: SceneBinding) -> None:
+        """Record draws of the scene that also bind the set of a kind.
+
+        One thread records all of them. Atomics give each fragment a place of its own, which synchronization validation
+        does not know: it takes the stores of two secondary command buffers for a hazard.
+        """
+        layered = scene._replace(layers=self._bound.get((kind, commands.slot.index)))
+        commands.draw_by(lambda commands: commands.draw_groups(groups, layered))
 
     def finish(self, commands: Commands, slot: int) -> None:
         """Make the counters visible to the CPU."""
