@@ -1,4 +1,4 @@
-"""Frames with layers: what is off creates nothing, a pool that is too small, and everything that changes between frames."""
+"""Frames with layers: what is off creates nothing, a pool that is too small, and what changes between frames."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def layer_passes(renderer):
     return [name for name in (it.name for it in renderer.passes) if name.startswith("transparent")]
 
 
-# --- off ----------------------------------------------------------------------------------------------------------------
+# --- off -------------------------------------------------------------------------------------------------------------
 
 
 def test_a_scene_without_blended_material_creates_nothing_and_is_the_same_picture(open_):
@@ -101,7 +101,7 @@ def test_a_view_shows_surfaces_as_they_are_drawn(open_, crossing):
     assert np.array_equal(shown[0], shown[1]) and np.array_equal(shown[0], shown[2]) and np.ptp(shown[0]) > 1
 
 
-# --- a pool that is too small -------------------------------------------------------------------------------------------
+# --- a pool that is too small ----------------------------------------------------------------------------------------
 
 
 def test_a_pool_that_is_too_small_gives_the_weighted_frame_and_reports_the_demand(open_, crossing):
@@ -114,7 +114,9 @@ def test_a_pool_that_is_too_small_gives_the_weighted_frame_and_reports_the_deman
     assert [work["transparent_capacity"] for work in works] == [16 * pixels, pixels // 2]
     assert [work["transparent_overflow"] for work in works] == [0, 1]
     sorted_layers, fallback, wanted = (color(it.render(view())) for it in (plenty, few, weighted))
-    if few.capabilities.is_software:  # what compilers make of one function in two shaders is each device's own
+    if (
+        few.capabilities.is_software
+    ):  # what compilers make of one function in two shaders is each device's own
         assert np.array_equal(fallback, wanted)
     np.testing.assert_allclose(fallback, wanted, rtol=1e-5, atol=1e-6)
     assert np.abs(fallback - sorted_layers).max() > 0.01
@@ -146,7 +148,7 @@ def test_the_gpu_decides_and_the_recording_stays(chapter, open_, crossing):
     assert np.array_equal(pictures[0], color(open_(crossing).render(far)))
 
 
-# --- what changes between frames ----------------------------------------------------------------------------------------
+# --- what changes between frames -------------------------------------------------------------------------------------
 
 
 def test_the_pool_follows_the_size_of_the_picture(open_, crossing):
@@ -194,5 +196,7 @@ def test_culling_threads_and_poison_change_no_bit(open_, crossing, graph):
 
 @pytest.mark.variants("vulkan", "gl")
 def test_several_samples_a_pixel_are_refused_in_a_sentence(open_, crossing):
-    with pytest.raises(SettingError, match=r"transparency=lists composites one sample a pixel, and msaa is 4: set"):
+    with pytest.raises(
+        SettingError, match=r"transparency=lists composites one sample a pixel, and msaa is 4: set"
+    ):
         open_(crossing, msaa=4, graph="forward")

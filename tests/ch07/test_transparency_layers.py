@@ -119,7 +119,7 @@ def test_the_order_of_triangles_changes_no_bit(chapter):
 
 
 def test_equal_depths_are_composited_by_instance_whatever_is_drawn_first(chapter):
-    """The box of the first object reaches towards the camera, so it is drawn last, and lies on top if objects are sorted."""
+    """The box of the first object reaches towards the camera: a sort of objects draws it last, and so on top."""
     colors = np.array([(0.0, 0.0, 1.0, 0.5), (1.0, 0.0, 0.0, 0.5)])  # in the order of panes' materials
     scene = panes(stack(np.zeros(2)), colors)
     meshes = scene.meshes.copy()

@@ -66,7 +66,7 @@ def test_thousands_of_layers_of_extreme_colours_stay_finite(chapter):
 
 
 def test_the_error_of_weights_is_that_of_an_order_that_is_not_known(chapter):
-    """A near layer hides more than its share: weighted blending is within a sixth of the range here, and is not exact."""
+    """The weights guess how much a layer is hidden: within a sixth of the range here, and not exactly."""
     matrices, colors = tilted(5, 24)
     truth = Layers(matrices, colors, SIZE, DISTANCE)
     sure = ~(truth.near_edge | truth.close)

@@ -11,6 +11,7 @@ from backends.gl import api as gl
 from backends.gl.resources import (
     Buffer,
     Image,
+    MemoryUse,
     bind_buffer,
     bind_storage_image,
     create_buffer,
@@ -50,7 +51,7 @@ class LayerKernels(Kernels):
         for name, size in sizes.items():
             for key in [f"{name} {slot}" for slot in range(SLOTS)] if name in IN_SLOT else [name]:
                 if key not in self._buffers:
-                    use = IN_SLOT.get(name, "device")
+                    use: MemoryUse = IN_SLOT.get(name, "device")
                     self._buffers[key] = create_buffer(self._context, size, use, f"layers {key}")
 
     def make_bindings(self, bound: Bound) -> None:

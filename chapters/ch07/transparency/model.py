@@ -1,9 +1,9 @@
 """The plan of the layers' memory: how many of them fit, and how the counts of pixels are summed.
 
-    words     one for each pixel: its number of layers; after the prefix sum where they begin; after the fill where
-              they end, which is where those of the next pixel begin
-    keys      16 bytes a layer: depth, instance, triangle, and the place of its colour
-    colors    16 bytes a layer: linear colour and opacity
+words     one for each pixel: its number of layers; after the prefix sum where they begin; after the fill where
+          they end, which is where those of the next pixel begin
+keys      16 bytes a layer: depth, instance, triangle, and the place of its colour
+colors    16 bytes a layer: linear colour and opacity
 """
 
 from __future__ import annotations
