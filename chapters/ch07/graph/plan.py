@@ -241,18 +241,14 @@ class FramePlan:
 
     def drawn(self, graph: Graph) -> list[Node]:
         """Return the passes of a frame in their order; reads of a pass that is left out are rerouted."""
-        written = {
-            access.resource
-            for step in graph.steps
-            if step.name != COPY
-            for access in self.nodes[step.name].writes
-        }
         instead = {
             access.resource: access.instead or access.of
             for name in graph.left_out
             for access in self.nodes[name].writes
-            if access.resource not in written
         }
+        for step in graph.steps:
+            for access in self.nodes[step.name].writes if step.name != COPY else ():
+                instead.pop(access.resource, None)
 
         def rerouted(access: Access) -> Access:
             name = access.resource
