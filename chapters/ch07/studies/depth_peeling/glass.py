@@ -14,13 +14,21 @@ OPACITY = 0.5
 
 
 def glass() -> Scene:
-    """Return the scene: panes and a floor, all squares from -1 to 1 that face +z before they are placed."""
+    """Return the scene of the study."""
+    turns = [rotation((0, 1, 0), np.pi * number / len(COLORS)) for number in range(len(COLORS))]
+    return panes_on_floor(np.stack(turns), np.array([(*color, OPACITY) for color in COLORS]))
+
+
+def panes_on_floor(turns: np.ndarray, colors: np.ndarray) -> Scene:
+    """Return panes with (N, 4, 4) matrices and (N, 4) colours above a floor.
+
+    All are squares from -1 to 1 that face +z before they are placed.
+    """
     materials = [
-        Material(f"glass {number}", (*color, OPACITY), alpha_mode="blend", unlit=True, double_sided=True)
-        for number, color in enumerate(COLORS)
+        Material(f"glass {number}", tuple(color), alpha_mode="blend", unlit=True, double_sided=True)
+        for number, color in enumerate(colors.tolist())
     ]
     materials.append(Material("floor", (0.6, 0.6, 0.58, 1.0), 0.0, 0.9, double_sided=True))
-    turns = [rotation((0, 1, 0), np.pi * number / len(COLORS)) for number in range(len(COLORS))]
     floor = rotation((1, 0, 0), -np.pi / 2) @ np.diag((3.0, 3.0, 1.0, 1.0))
     floor[1, 3] = -1.05
     camera, sun = pose_looking_at((1.0, 1.4, 3.6), (0.0, -0.1, 0.0)), rotation((1, 0.4, 0), -0.9)
