@@ -85,7 +85,7 @@ def test_memory_is_sized_by_the_picture_and_by_what_a_buffer_holds(chapter):
     assert sizes["keys"] + sizes["colors"] == 32 * 10 and sizes["words"] == 4 * (4 + 6)
 
 
-@pytest.mark.parametrize("size", [(1, 1), (2048, 1), (2049, 1), (64, 65)])
+@pytest.mark.parametrize("size", [(1, 1), (GROUP * RUN, 1), (GROUP * RUN + 1, 1), (64, 65)])
 def test_every_pixel_has_its_own_range_at_any_size(chapter, size):
     """Around the blocks of the prefix sum: a pixel that took a layer of another one would have its colour."""
     colors = random_colors(np.random.default_rng(4), 3)

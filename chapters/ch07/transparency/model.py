@@ -19,7 +19,7 @@ from .settings import TransparencySettings
 GROUP = 256
 """Invocations of a work group of the prefix sum."""
 
-RUN = 8
+RUN = 16
 """Pixels that one invocation of the prefix sum adds up."""
 
 HEAD = 4
