@@ -7,6 +7,7 @@ import pytest
 
 from chapters.ch07.settings import Settings
 from chapters.ch07.transparency.model import GROUP, RUN, blocks_of, capacity_of, sizes_of
+from common.scene.stability import cases
 from common.settings import replaced
 from tests.support.panes import BEHIND, DISTANCE, panes, random_colors, stack, tilted, view
 from tests.twins.layers import Layers, U
@@ -95,3 +96,19 @@ def test_every_pixel_has_its_own_range_at_any_size(chapter, size):
     truth = Layers(matrices, colors, size, DISTANCE)
     error = np.abs(picture - truth.sorted_over(BEHIND)).max(axis=-1)
     assert (error <= 14 * U)[~truth.near_edge].all()
+
+
+@pytest.mark.variants("vulkan", "gl")
+@pytest.mark.parametrize("mode", ["weighted", "lists"])
+def test_pictures_depend_neither_on_the_scale_nor_on_the_place_of_the_scene(chapter, mode):
+    """Weights are those of distances in the scene's length scale; a constant in metres would change them."""
+    matrices, colors = tilted(11, 10)
+    scene, camera = panes(matrices, colors), view()
+    wanted = draw(chapter, scene, transparency=mode, transparency_nodes=10)
+    for name, other, seen in cases(scene, camera):
+        settings = replaced(EXACT, transparency=mode, transparency_nodes=10)
+        with chapter.open(other, SIZE, settings, outputs={"color_linear"}) as renderer:
+            picture = renderer.render(seen).image("color_linear").astype(np.float64)
+        # Vertices moved by a rounding move an edge over a few pixel centres at most.
+        far = np.abs(picture - wanted).max(axis=-1) > 1e-4
+        assert far.mean() < 0.01, name
