@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from backends.vulkan.driver.features import CORE
 from chapters.ch07.settings import Settings
-from common.errors import SettingError
+from common.errors import SettingError, UnsupportedError
 from common.numerics.transforms import translation
 from common.scene import Material
 from common.settings import replaced
@@ -200,3 +201,22 @@ def test_several_samples_a_pixel_are_refused_in_a_sentence(open_, crossing):
         SettingError, match=r"transparency=lists composites one sample a pixel, and msaa is 4: set"
     ):
         open_(crossing, msaa=4, graph="forward")
+
+
+@pytest.mark.variants("vulkan")
+@pytest.mark.parametrize(
+    ("bit", "why"),
+    [
+        ("fragmentStoresAndAtomics", "lets fragments store nothing"),
+        ("geometryShader", "gives fragments no number of their triangle"),
+    ],
+)
+def test_a_device_that_lacks_what_lists_need_says_so_and_can_take_weights(
+    chapter, open_, crossing, bit, why, monkeypatch
+):
+    physical = chapter.device.physical
+    lacking = replace(physical, bits=physical.bits - {(CORE, bit)})
+    monkeypatch.setattr(chapter.device, "physical", lacking)
+    with pytest.raises(UnsupportedError, match=f"{why}: set transparency=weighted or sorted"):
+        open_(crossing)
+    assert np.ptp(color(open_(crossing, "weighted").render(view()))) > 0
