@@ -33,7 +33,7 @@ class LayerMemory:
     @property
     def is_made(self) -> bool:
         """Whether there are buffers or bindings."""
-        return self._bound is not None
+        return self._bound is not None or self._size is not None
 
     def set_pipeline(self, kind: str, pipeline: Built) -> None:
         """Take note of a pipeline: all of a kind have one layout of the set that this memory fills."""
