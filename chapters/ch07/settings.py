@@ -23,6 +23,7 @@ from .post.settings import PostSettings
 from .scene.settings import SceneSettings
 from .shading.settings import ShadingSettings
 from .ssao.settings import SsaoSettings
+from .transparency.settings import TransparencySettings
 
 SIDES = (
     Side(chapter=5),
@@ -123,6 +124,7 @@ class Settings(Grouped):
         "irradiance_source table_size table_samples view "
         "recording_threads draws_per_secondary "
         "ssao ssao_radius ssao_scale ssao_bias ssao_blur "
+        "transparency transparency_nodes "
         "skip_unused"
     )
 
@@ -138,3 +140,4 @@ class Settings(Grouped):
     culling: CullingSettings = group(CullingSettings)
     clusters: ClusterSettings = group(ClusterSettings)
     ssao: SsaoSettings = group(SsaoSettings)
+    transparency: TransparencySettings = group(TransparencySettings)

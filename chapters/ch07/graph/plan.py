@@ -258,6 +258,9 @@ class FramePlan:
             for name in graph.left_out
             for access in self.nodes[name].writes
         }
+        for step in graph.steps:
+            for access in self.nodes[step.name].writes if step.name != COPY else ():
+                instead.pop(access.resource, None)
 
         def rerouted(access: Access) -> Access:
             name = access.resource

@@ -230,6 +230,9 @@ class Pipelines:
                 "dstAlphaBlendFactor": kept,
                 "alphaBlendOp": vk.VK_BLEND_OP_ADD,
             }
+        if described.blend == "weighted":  # colours are added, the light that is left is multiplied
+            attachment["srcAlphaBlendFactor"] = vk.VK_BLEND_FACTOR_ZERO
+            attachment["dstAlphaBlendFactor"] = vk.VK_BLEND_FACTOR_ONE_MINUS_SRC_ALPHA
         attachments = [attachment] * len(described.colors)
         return vk.new("VkPipelineColorBlendStateCreateInfo", pAttachments=attachments)
 

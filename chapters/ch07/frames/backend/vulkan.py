@@ -35,6 +35,7 @@ from ..queues.vulkan_queues import Queues
 from ..queues.vulkan_submission import QueueFrames
 from ..recording.vulkan_recordings import RecordedSlot
 from ..recording.vulkan_secondaries import open_commands
+from ..vulkan_commands import TABLES
 from ..vulkan_profiler import Profiler
 from ..vulkan_resources import Resources, offered_samples
 from .backend import Backend
@@ -95,7 +96,7 @@ class VulkanBackend(Backend):
             own = gpu_pass.sources.set if gpu_pass.sources else None
             for pipeline in gpu_pass.pipelines:
                 for number, layout in enumerate(pipeline.sets):
-                    if layout is None or number == own:
+                    if layout is None or number in (own, TABLES):  # what is there is not the scene's
                         continue
                     if isinstance(pipeline.described, ComputeDescription):
                         number += COMPUTED
