@@ -35,6 +35,7 @@ from .graph.file import graph_path, read_graph
 from .graph.passes import make_passes
 from .graph.plan import FramePlan, check_samples, graph_name
 from .graph.stream import GraphStream
+from .hdr.technique import HdrTechnique
 from .scene.pass_parts import PassParts
 from .scene.scene_draws import SceneDrawLists
 from .shading.views import shown_exposure
@@ -43,7 +44,7 @@ from .shading.views import shown_exposure
 class Renderer(GraphStream):
     """The renderer of the chapter: one stream of frames of one view of one scene."""
 
-    TECHNIQUES = (CullingTechnique, ClothTechnique)
+    TECHNIQUES = (CullingTechnique, ClothTechnique, HdrTechnique)
     """The work of each subject outside its passes. A lesson adds a folder, and one line here."""
 
     # --- creation ---

@@ -17,6 +17,7 @@ from .environment.settings import EnvironmentSettings
 from .frames.queues.settings import QueueSettings
 from .frames.settings import FrameSettings
 from .graph.settings import GraphSettings
+from .hdr.settings import HdrSettings
 from .loading.settings import LoadingSettings
 from .post.settings import PostSettings
 from .scene.settings import SceneSettings
@@ -114,7 +115,9 @@ class Settings(Grouped):
         "anisotropy color_format "
         "graph alias resubmit async_compute poison "
         "depth_prepass gbuffer_format aperture focus_distance bokeh_taps "
-        "msaa resolve mask_coverage tone_curve "
+        "msaa resolve mask_coverage tone_curve tone_white "
+        "exposure exposure_key exposure_low exposure_high exposure_min_ev exposure_max_ev "
+        "adapt_dark_s adapt_bright_s adapt_speed bloom bloom_threshold bloom_levels "
         "ambient default_light light_cutoff background sky "
         "energy environment_intensity environment_turn environment_size environment_detail "
         "irradiance_source table_size table_samples view "
@@ -132,3 +135,4 @@ class Settings(Grouped):
     loading: LoadingSettings = group(LoadingSettings)
     cloth: ClothSettings = group(ClothSettings)
     culling: CullingSettings = group(CullingSettings)
+    hdr: HdrSettings = group(HdrSettings)

@@ -16,6 +16,7 @@ from common.view.camera import View
 
 from ..environment import model
 from ..frames.commands import SceneBinding
+from ..hdr.memory import ExposureMemory
 from ..loading.importance import material_sizes
 from ..loading.loading import Loading, report_failures
 from ..settings import Settings
@@ -62,6 +63,7 @@ class SceneData:
         self._seen_from: View | None = None
         self.texture_work: dict[str, int] = {}
         self._kinds: Any = None
+        self.exposures: ExposureMemory | None = None
         self.reordered: Callable[[], bool] = lambda: False
         """Puts triangles into the order that materials ask for by now; returns whether any was in another one."""
         self._materials_seen = -1

@@ -204,6 +204,8 @@ class VulkanSceneData(SceneData):
                 }
                 if slot.lights is not None:
                     held[4] = slot.lights
+                if self.exposures is not None:
+                    held[10] = self.exposures.blocks[index]
                 frames.append((layouts[number], held, f"frame, slot {index}"))
         paged = [
             (layouts[PAGE], {0: buffers.get(handle)}, f"page {number}")
