@@ -31,7 +31,7 @@ from .textures.reads import uses
 ENVIRONMENT_UNIT, ARRAY_UNIT = 0, 3
 """The first texture unit of the environment's three maps, and the first behind them."""
 
-BEHIND_SCENE = Sources(set=1, first={"texture": ARRAY_UNIT, "storage": 4, "uniform": 1})
+BEHIND_SCENE = Sources(set=1, first={"texture": ARRAY_UNIT, "storage": 4, "uniform": 3})
 """The sources of a pass that reads the scene: set 0, and the first bindings of OpenGL, are the scene's (scene.glsl)."""
 
 
