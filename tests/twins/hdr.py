@@ -54,10 +54,10 @@ def _along(image: Float64, axis: int, count: int, taps: ArrayLike, first: int, s
     return np.asarray(total)
 
 
-def halved(image: Float64) -> Float64:
-    """Return an image (H, W, C) at half the size, by weights 1, 3, 3, 1 of 8 along each axis."""
+def halved(image: Float64, shape: tuple[int, int]) -> Float64:
+    """Return an image (H, W, C) at `shape`, about half the size, by weights 1, 3, 3, 1 of 8 along each axis."""
     for axis in (0, 1):
-        image = _along(image, axis, max(1, round(image.shape[axis] * 0.5)), np.array([1, 3, 3, 1]) / 8, -1, 2)
+        image = _along(image, axis, shape[axis], np.array([1, 3, 3, 1]) / 8, -1, 2)
     return image
 
 
@@ -77,11 +77,12 @@ def enlarged(image: Float64, shape: tuple[int, int]) -> Float64:
 def bloomed(image: Float64, strength: float, threshold: float, levels: int) -> Float64:
     """Return a picture (H, W, 3) in which a part of the bright light is the mean of `levels` wider pictures of it."""
     bright = bright_part(image, threshold)
-    pyramid = [halved(bright)]
-    while len(pyramid) < levels:
-        pyramid.append(halved(pyramid[-1]))
+    pyramid = [bright]
+    for level in range(1, levels + 1):
+        rows, columns = (max(1, round(size * 0.5**level)) for size in image.shape[:2])
+        pyramid.append(halved(pyramid[-1], (rows, columns)))
     wide = pyramid[-1]
-    for number, level in enumerate(reversed(pyramid[:-1]), start=1):
+    for number, level in enumerate(reversed(pyramid[1:-1]), start=1):
         larger = enlarged(wide, level.shape[:2])
         wide = (larger * number + level) / (number + 1)
     return image + strength * (enlarged(wide, image.shape[:2]) - bright)
