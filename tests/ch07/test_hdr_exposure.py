@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import chapters
 from chapters.ch07.hdr import model
 from chapters.ch07.settings import Settings
 from common.environment import constant
@@ -59,9 +60,9 @@ def test_a_constant_picture_has_the_exposure_of_the_closed_form(chapter, mode, n
             np.testing.assert_allclose(frame.image("color_linear"), nits, rtol=1e-5)
 
 
-@pytest.mark.parametrize("low, high", [(0.0, 100.0), (50.0, 95.0), (10.0, 10.5)])
+@pytest.mark.parametrize(("low", "high"), [(0.0, 100.0), (50.0, 95.0), (10.0, 10.5)])
 def test_the_histogram_averages_between_percentiles(chapter, low, high):
-    """Against a sort of all pixels. Part of a bin is taken at the bin's mean, so a narrow cut is off by part of a bin."""
+    """Against a sort of all pixels. A part of a bin counts at the bin's mean: a narrow cut is off by part of a bin."""
     nits = some_nits()
     knobs = settings("histogram", exposure_low=low, exposure_high=high)
     with closing(chapter.open(glowing(nits), nits.shape[1::-1], knobs, outputs=LINEAR)) as renderer:
@@ -163,7 +164,7 @@ def walk(renderer, scene, levels, step_s):
     return np.array(exposures), finite
 
 
-@pytest.mark.parametrize("dark, bright", [(1.2, 0.3), (0.4, 0.0)])
+@pytest.mark.parametrize(("dark", "bright"), [(1.2, 0.3), (0.4, 0.0)])
 def test_exposure_follows_in_seconds(chapter, dark, bright):
     """log2 of the exposure goes towards the target by 1 - exp(-dt / tau), with a tau for each direction."""
     levels = [1.0, 1.0, *[200.0] * 5, *[3.0] * 6]
@@ -252,7 +253,7 @@ def test_equal_calls_give_equal_bits(chapter, mode):
 
 
 def test_a_frame_without_automatic_exposure_has_nothing_of_it(chapter):
-    """No pass, buffer or pipeline; the picture is that of the first frame with it, which has the view's exposure too."""
+    """No pass, buffer or pipeline; the picture is that of the first frame with it, which has the same exposure."""
     scene, view = glowing(some_nits()), facing(ev100=5.0)
     pictures, names, counts = [], [], []
     for mode in ("view", *MODES):
@@ -272,6 +273,24 @@ def test_a_frame_without_automatic_exposure_has_nothing_of_it(chapter):
     for shown in pictures[1:]:
         for name in LINEAR:
             assert np.array_equal(shown[name], pictures[0][name])
+
+
+@pytest.mark.parametrize("graph", ["forward", "deferred"])
+def test_with_the_views_exposure_a_picture_is_that_of_pre_exposed_light(chapter, graph):
+    """Chapter 6 multiplies environment, ambient light and emission on the CPU: at most a step of half precision."""
+    scene = replace(glowing(some_nits((9, 16))), environment=constant((900.0, 300.0, 50.0)))
+    small = {"environment_size": 16, "irradiance_source": 4, "table_size": 8, "table_samples": 16}
+    pose = pose_looking_at((0.5, 0.2, 4.0), (0.0, 0.0, 0.0))
+    view = View(pose, Perspective(1.0, 0.1), ev100=7.3)
+    pictures = []
+    for which in (chapter.which, 6):
+        module, of = chapters.renderer_module(which, chapter.backend), chapters.settings_class(which)
+        knobs = replaced(of(), ambient=3.0, graph=graph, color_format="rgba16f", msaa=1, **small)
+        with module.Renderer(
+            scene, (16, 9), knobs, device=chapter.device, outputs={"color_linear"}
+        ) as renderer:
+            pictures.append(renderer.render(view).image("color_linear"))
+    np.testing.assert_allclose(pictures[0], pictures[1], rtol=2.0**-10)
 
 
 def test_a_window_draws_until_adaptation_rests(chapter):

@@ -41,7 +41,11 @@ def test_reinhards_curve_reaches_white_where_it_is_told(vulkan_device, white):
         {"color": colors},
         {"shown": "vec3"},
     )["shown"][:, 0]
-    assert got[0] == 0.0 and got[1] == pytest.approx(1.0, abs=1.2e-7) and got[2] == pytest.approx(1.0, abs=1.2e-7)
+    assert (
+        got[0] == 0.0
+        and got[1] == pytest.approx(1.0, abs=1.2e-7)
+        and got[2] == pytest.approx(1.0, abs=1.2e-7)
+    )
     np.testing.assert_allclose(got, tone_reinhard(numbers, white), rtol=1e-6)
     assert (np.diff(got[3:]) >= -1.2e-7).all() and got.max() <= 1.0
 

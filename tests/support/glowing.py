@@ -32,8 +32,6 @@ def glow_of(nits: float) -> Material:
     return Material(base_color=BLACK, metallic=1.0, emissive=(nits,) * 3)
 
 
-
-
 def exposure_of(renderer: Any, frame: Any) -> float:
     """Return the exposure of a frame whose slot was not used again, after waiting for it."""
     _ = frame.timings

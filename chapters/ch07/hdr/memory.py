@@ -21,8 +21,8 @@ NEXT, TOLD = "exposure_next", "exposure_told"
 class ExposureMemory:
     """The exposure of each slot. `blocks` are part of the scene's set of bindings.
 
-    Without automatic exposure a slot has 32 bytes that the CPU writes. With it the kernel writes half of the block of the
-    other slot, and 16 bytes that the CPU reads if an output asks for luminance in nits.
+    Without automatic exposure a slot has 32 bytes, and the CPU writes half of them. With it the kernel writes the other
+    half for the other slot, and 16 bytes that the CPU reads if an output asks for luminance in nits.
     """
 
     def __init__(self, backend: Any, mode: str) -> None:

@@ -1,19 +1,18 @@
 """Exposure and bloom without a device: the histogram's range, the limits, and how long adaptation goes on.
 
 A picture value is luminance times exposure. The view gives the exposure as EV100: E = 1 / (1.2 * 2^EV100). An automatic
-exposure maps an average luminance L to a key value k: E = k / L, so log2 E = log2 k - log2 L. Limits are given as EV100.
+exposure maps an average luminance L to a key value k: E = k / L, so log2 E = log2 k - log2 L. Its limits are EV100s.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Protocol
 
 from common.errors import UserError
 from common.scene import Scene
 
 from ..environment import model as environment
-from ..shading.settings import ShadingSettings
+from ..settings import Settings
 from ..shading.views import PICTURE
 from .settings import HISTOGRAM, MIPS, VIEW, HdrSettings
 
@@ -38,23 +37,14 @@ REST_STOPS = 1.0 / 256.0
 """Adaptation rests where at most this many stops are left: a step of 0.3 %, which no 8-bit picture shows."""
 
 
-class Settings(Protocol):
-    """The settings that exposure and bloom depend on."""
-
-    shading: ShadingSettings
-    hdr: HdrSettings
-
-
 def check(hdr: HdrSettings) -> None:
     """Raise UserError if limits of the exposure contradict each other."""
-    if hdr.low >= hdr.high:
-        raise UserError(
-            f"exposure_low={hdr.low:g} leaves nothing below exposure_high={hdr.high:g}: set a lower one."
-        )
-    if hdr.min_ev > hdr.max_ev:
-        raise UserError(
-            f"exposure_min_ev={hdr.min_ev:g} is above exposure_max_ev={hdr.max_ev:g}: set a lower one."
-        )
+    low, high = hdr.exposure_low, hdr.exposure_high
+    if low >= high:
+        raise UserError(f"exposure_low={low:g} leaves nothing below exposure_high={high:g}: set a lower one.")
+    low, high = hdr.exposure_min_ev, hdr.exposure_max_ev
+    if low > high:
+        raise UserError(f"exposure_min_ev={low:g} is above exposure_max_ev={high:g}: set a lower one.")
 
 
 def automatic(settings: Settings) -> str:
@@ -91,11 +81,11 @@ def exposure_defines(settings: Settings) -> Defines:
         ("BIN_WIDTH", (highest - lowest) / BINS),
         ("SIDE", SIDE),
         ("MIP_FLOATS", MIP_FLOATS),
-        ("KEY", hdr.key),
-        ("LOW", hdr.low / 100.0),
-        ("HIGH", hdr.high / 100.0),
-        ("LOG2_LEAST", log2_exposure(hdr.max_ev)),
-        ("LOG2_MOST", log2_exposure(hdr.min_ev)),
+        ("KEY", hdr.exposure_key),
+        ("LOW", hdr.exposure_low / 100.0),
+        ("HIGH", hdr.exposure_high / 100.0),
+        ("LOG2_LEAST", log2_exposure(hdr.exposure_max_ev)),
+        ("LOG2_MOST", log2_exposure(hdr.exposure_min_ev)),
         ("ADAPT_DARK_S", hdr.adapt_dark_s),
         ("ADAPT_BRIGHT_S", hdr.adapt_bright_s),
         ("ADAPT_SPEED", hdr.adapt_speed),
@@ -111,7 +101,7 @@ def rest_after_s(settings: Settings) -> float:
     brightest picture to the darkest one: the error has to fall below a part of the *target*.
     """
     hdr, mode = settings.hdr, automatic(settings)
-    span = hdr.max_ev - hdr.min_ev
+    span = hdr.exposure_max_ev - hdr.exposure_min_ev
     if mode == HISTOGRAM:
         return max(hdr.adapt_dark_s, hdr.adapt_bright_s) * max(0.0, math.log(max(span, 1.0) / REST_STOPS))
     if mode == MIPS:

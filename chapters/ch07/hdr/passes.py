@@ -2,9 +2,9 @@
 
     color_focused -> histogram -> adapt -> the exposure of the next frame
 
-With the setting `mips` the pass `luminance` is in the place of `histogram`. What `adapt` writes is the block of the other
-slot: the graph knows it as an external, which shaders of the next frame read as a uniform block. So the exposure goes
-from frame to frame on the GPU, and a frame waits for no other one.
+With the setting `mips` the pass `luminance` takes the place of `histogram`. The pass `adapt` writes the block of the
+other slot. For the graph it is an external; shaders of the next frame read it as a uniform block. So the exposure goes
+from frame to frame on the GPU, and the CPU waits for no frame.
 """
 
 from __future__ import annotations
@@ -105,7 +105,9 @@ class AdaptPass(ExposurePass):
     def __init__(self, parts: PassParts, mode: str, finish: Callable[[], None]) -> None:
         super().__init__(parts)
         self.mode, self.name = mode, f"adapt_{mode}"
-        measured, bytes_ = ("histogram", HISTOGRAM_BYTES) if mode == HISTOGRAM else ("luminance", LUMINANCE_BYTES)
+        measured, bytes_ = (
+            ("histogram", HISTOGRAM_BYTES) if mode == HISTOGRAM else ("luminance", LUMINANCE_BYTES)
+        )
         self.writes = (
             Access(f"{measured}_read", "storage", bytes=bytes_, of=measured),
             Access(NEXT, "storage", bytes=32),

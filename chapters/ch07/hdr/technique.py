@@ -65,10 +65,10 @@ class HdrTechnique(Technique):
         return self._memory.write(frame.slot, of_view, before, bool(self._memory.mode) and not first)
 
     def resting(self, time: float) -> bool:
-        """Whether adaptation has reached its target as closely as a display shows, by the time since the last change.
+        """Whether adaptation is as close to its target as a display shows, by the time since the last change.
 
-        The time says so and no value, since no value is read from the GPU. After a reset the target itself is shown from
-        the second frame on; a picture that was clipped needs some more.
+        Time decides, since no value is read from the GPU. After a reset the second frame has the target itself; a
+        picture that was clipped needs a few frames more.
         """
         return self._rest_after_s == 0.0 or time >= self._changed_at + self._rest_after_s
 

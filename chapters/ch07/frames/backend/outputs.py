@@ -34,8 +34,10 @@ class OutputCopies(Pass):
             }
             for slot in range(SLOTS)
         ]
-        copied = [{on_cpu(output): copy.buffer for output, copy in copies.items()} for copies in self.readbacks]
-        return [own | also for own, also in zip(copied, self.also, strict=True)]
+        return [
+            {on_cpu(output): copy.buffer for output, copy in copies.items()} | self.also[slot]
+            for slot, copies in enumerate(self.readbacks)
+        ]
 
     def _readback(self, image: Any, name: str) -> Any:
         """Return the copy of an image, with a buffer of its own."""
