@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import chapters
+from chapters.ch07.studies import separable_bloom as study
 from chapters.ch07.studies.separable_bloom import SIDE, TAPS, Settings
 from tests.twins.hdr import tone_reinhard
 
@@ -58,6 +59,16 @@ def test_constants_are_preserved(stage, monkeypatch):
     picture = np.full((SIDE, SIDE, 3), (1.0, 7.5, 60_000.0))
     found, _ = blurred(stage, monkeypatch, picture, threshold=0.0)
     np.testing.assert_allclose(found, picture, rtol=8 * 1e-6)
+
+
+@pytest.mark.feature("postprocess/separable-blur")
+def test_a_wrong_weight_is_noticed(stage, monkeypatch):
+    """With one weight of another size, constants change, and an impulse has another sum and variance."""
+    monkeypatch.setattr(study, "TAPS", (*TAPS[:-1], 0))
+    found, _ = blurred(stage, monkeypatch, np.ones((SIDE, SIDE, 3)), threshold=0.0, repeats=1)
+    np.testing.assert_allclose(found, (130 / 133) ** 2, rtol=1e-5)
+    found, _ = blurred(stage, monkeypatch, impulse(), repeats=1)
+    assert abs(variance(found[..., 0].sum(0)) - VARIANCE) > 0.2
 
 
 @pytest.mark.feature("hdr/bloom")
