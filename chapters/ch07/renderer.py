@@ -4,7 +4,7 @@
                upload textures that are decoded (`frames/stream.py`)
     passes     record the passes of the graph, in its order (graph/*.json). Deferred: gbuffer, lighting, transparent
                -> color_hdr, depth. Forward: one pass of that name, and resolve with several samples a pixel. Then three
-               passes of a lens -> color_focused; tonemap -> color; and instance_id, if requested
+               passes of a lens, exposure and bloom -> color_focused; tonemap -> color; instance_id, if requested
     copy       copy the requested outputs to the CPU
 
 The frame is a graph (graph/frame_graph.py), compiled when its structure changes. The passes, their order and the

@@ -20,7 +20,7 @@ EV = -0.2630344058337938
 PLAIN = Settings(
     ambient=0.0, default_light=False, color_format="rgba32f", msaa=1, bloom=0.5, bloom_threshold=0.0
 )
-LEVELS = (1, 3, 6)
+LEVELS = (1, 6)
 
 
 def shown(chapter, picture, **knobs):
@@ -63,8 +63,7 @@ def test_an_impulse_keeps_its_energy_and_spreads(chapter, levels):
     assert found[29, 34, 0] < 800.0 / 6 and np.count_nonzero(found[..., 0]) > 30
 
 
-@pytest.mark.parametrize("threshold", [0.0, 1.0])
-@pytest.mark.parametrize("value", [0.25, 1.0, 7.5, 60_000.0])
+@pytest.mark.parametrize(("value", "threshold"), [(0.25, 0.0), (7.5, 1.0), (60_000.0, 1.0)])
 def test_constants_are_preserved(chapter, value, threshold):
     picture = np.full((13, 22, 3), value, np.float32) * np.float32((1.0, 0.5, 0.125))
     for levels in (1, 6):

@@ -300,6 +300,25 @@ def test_with_the_views_exposure_a_picture_is_that_of_pre_exposed_light(chapter,
     np.testing.assert_allclose(pictures[0], pictures[1], rtol=2.0**-10)
 
 
+@pytest.mark.parametrize("mode", MODES)
+def test_without_its_pass_a_frame_has_the_views_exposure(chapter, mode):
+    """A user may switch the pass off and on again between frames; outputs in nits are right in each."""
+    nits, view = some_nits((8, 8)), facing(ev100=5.0)
+    with closing(chapter.open(glowing(nits), (8, 8), settings(mode), outputs=LINEAR)) as renderer:
+        found, linear = [], []
+        for on in (True, True, False, False, True, True):
+            if renderer.switches[f"adapt_{mode}"] != on:
+                renderer.switch_pass(f"adapt_{mode}", on)
+            frame = renderer.render(view)
+            linear.append(frame.image("color_linear"))
+            found.append(renderer._data.exposures.of_frame(frame._slot.index, exposure(5.0)))
+    found = np.array(found)
+    np.testing.assert_allclose(found[[0, 2, 3, 4]], exposure(5.0), rtol=1e-6)
+    assert found[1] == found[5] != found[0]
+    for each in linear[1:]:
+        np.testing.assert_allclose(each, linear[0], rtol=1e-5)
+
+
 def test_a_window_draws_until_adaptation_rests(chapter):
     """By the time since the last change of the picture, which is what bounds the distance that is left."""
     view = facing(ev100=5.0)

@@ -1,10 +1,11 @@
 """Bloom: light that a lens spreads widely, by a pyramid of halved pictures.
 
-    color_focused -> bloom_1 -> bloom_2 -> ... -> bloom_K      each half as large; the first one keeps what is bright
-    bloom_up_K-1 <- ... <- bloom_K                              each level and the wider ones, averaged
-    color_bloomed                                               the picture, with a part of its bright light spread
+    color_lensed -> bloom_1 -> bloom_2 -> ... -> bloom_K    each half as large; the first one keeps what is bright
+    bloom_K -> bloom_up_K-1 -> ... -> bloom_up_1            each level and the wider ones, averaged
+    color_lensed, bloom_up_1 -> color_focused               the picture, with a part of its bright light spread
 
-A level is left out by its number: readers then read what the pass would have continued, so the file names all of them.
+The graph's file names the passes of all levels. A frame leaves out those beyond `bloom_levels`: the first pass on the
+way up then reads the widest level instead of what a further pass would write.
 """
 
 from __future__ import annotations

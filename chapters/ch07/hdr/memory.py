@@ -30,6 +30,8 @@ class ExposureMemory:
         self.blocks = [self._create(BLOCK_BYTES, "upload", f"exposure, slot {slot}") for slot in range(SLOTS)]
         self._written: list[tuple[float, float, bool] | None] = [None] * SLOTS
         self.told: list[Any] = []
+        self.tells = [False] * SLOTS
+        """Whether the last frame of each slot tells its exposure."""
         if not mode:
             return
         self.told = [self._create(16, "readback", f"exposure told, slot {slot}") for slot in range(SLOTS)]
@@ -52,7 +54,7 @@ class ExposureMemory:
 
     def of_frame(self, slot: int, of_view: float) -> float:
         """Return the exposure of the last frame of a slot, which is over; `of_view` is that of its view."""
-        return float(self._read(self.told[slot])[0]) if self.mode else of_view
+        return float(self._read(self.told[slot])[0]) if self.tells[slot] else of_view
 
     def _create(self, size: int, use: Any, name: str) -> Any:
         """Return a buffer for shaders."""

@@ -1,6 +1,6 @@
 """The passes of automatic exposure, after the lens and before the tone curve.
 
-    color_focused -> histogram -> adapt -> the exposure of the next frame
+    color_lensed -> histogram -> adapt -> the exposure of the next frame
 
 With the setting `mips` the pass `luminance` takes the place of `histogram`. The pass `adapt` writes the block of the
 other slot. For the graph it is an external; shaders of the next frame read it as a uniform block. So the exposure goes

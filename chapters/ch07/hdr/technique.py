@@ -34,6 +34,8 @@ class HdrTechnique(Technique):
         self._memory: ExposureMemory | None = None
         self._rest_after_s = model.rest_after_s(settings)
         self._before: float | None = None
+        self._adapt: Pass | None = None
+        self._adapts = False
         self._shown: Any = None
         self._changed_at = 0.0
         self._size = (1, 1)
@@ -50,19 +52,23 @@ class HdrTechnique(Technique):
             *bloom_passes(parts),
         )
         self.passes = {gpu_pass.name: gpu_pass for gpu_pass in own}
+        self._adapt = self.passes.get(f"adapt_{mode}")
 
     def prepare(self, frame: FrameInfo) -> int:
         """Write the exposure of the frame's view; return the bytes written."""
         assert self._memory is not None, "frames come after `create`"
         of_view = exposure(frame.view.ev100)
-        first = self._before is None
+        # Its value counts if the pass ran in the frame before, and the frame tells it if the pass runs in this one.
+        adapts = self._adapt in frame.passes
+        first = self._before is None or not (adapts and self._adapts)
+        self._adapts = self._memory.tells[frame.slot] = adapts
         before = of_view if self._before is None else self._before
         self._before, self._size = of_view, frame.size
         if self._rest_after_s > 0.0:
             shown = frame.view, dict(self.scene.revision), frame.time if self.scene.animations else 0.0
             if first or shown != self._shown:
                 self._shown, self._changed_at = shown, frame.time
-        return self._memory.write(frame.slot, of_view, before, bool(self._memory.mode) and not first)
+        return self._memory.write(frame.slot, of_view, before, not first)
 
     def resting(self, time: float) -> bool:
         """Whether adaptation is as close to its target as a display shows, by the time since the last change.
