@@ -367,3 +367,17 @@ def test_both_backends_find_the_same_exposure(vulkan_device, gl_context, mode):
     if vulkan_device.capabilities.is_software and gl_context.capabilities.is_software:
         assert found[0] == found[1]
     np.testing.assert_allclose(found[0], found[1], **CLOSE)
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_several_samples_and_poisoned_memory_change_nothing(chapter, mode):
+    """With several samples the depth is that of another pass; what the frame before left in memory never counts."""
+    nits, found = some_nits((16, 16)), []
+    ways = ({}, {"poison": "depth 1"}, {"msaa": 4, "poison": "depth 1"})
+    for way in ways:
+        knobs = settings(mode, bloom=0.2, bloom_levels=2, color_format="rgba16f", **way)
+        with closing(chapter.open(glowing(nits), (16, 16), knobs)) as renderer:
+            frames = [renderer.render(facing(ev100=5.0), 0.1 * number) for number in range(3)]
+            found.append((exposure_of(renderer, frames[2]), frames[2].image("color")))
+    assert found[0][0] == found[1][0] and np.array_equal(found[0][1], found[1][1])
+    np.testing.assert_allclose(found[2][0], found[0][0], rtol=1e-3)
