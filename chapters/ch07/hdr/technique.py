@@ -45,8 +45,13 @@ class HdrTechnique(Technique):
         mode = model.automatic(parts.settings)
         self._memory = memory = backend.part(__package__).ExposureMemory(backend, mode)
         parts.data.exposures = memory
+
+        def counted() -> tuple[int, int]:
+            """Return the pixels to count: none if no pass reads the counts, and sets them to zero."""
+            return self._size if self._adapts else (0, 0)
+
         own: tuple[Pass, ...] = (
-            HistogramPass(parts, lambda: self._size),
+            HistogramPass(parts, counted),
             LuminancePass(parts),
             *(AdaptPass(parts, each, memory.finish) for each in (HISTOGRAM, MIPS)),
             *bloom_passes(parts),
