@@ -9,6 +9,7 @@ import pytest
 
 from chapters.ch07.clusters.lights import LightRecords, brightest
 from chapters.ch07.settings import Settings
+from common.errors import SettingError
 from common.numerics.transforms import pose_looking_at
 from common.scene import Light
 from common.settings import replaced
@@ -75,6 +76,12 @@ def test_a_loop_in_step_gives_the_bits_of_the_plain_one(chapter, graph):
             assert (("SCALARISED", 1) in renderer._pipelines._defines) == renderer.plan.native("subgroups")
             for view, wanted in zip(views, plain, strict=True):
                 assert np.array_equal(renderer.render(view).image("color_linear"), wanted)
+
+
+@pytest.mark.feature("clustered/scalarised-loop")
+def test_a_loop_that_is_not_there_is_refused():
+    with pytest.raises(SettingError, match="light_loop"):
+        replaced(EXACT, light_loop="unrolled")
 
 
 @pytest.mark.parametrize("size", [(1, 1), (7, 9), (65, 33)])

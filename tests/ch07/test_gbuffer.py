@@ -130,6 +130,7 @@ def test_a_position_is_found_again_from_its_depth(chapter, distance):
             )
     np.testing.assert_allclose(lit[0], lit[1], rtol=2e-3)
     assert lit[1].min() > 0
+    assert not np.allclose(1.01 * lit[0], lit[1], rtol=2e-3), "half a percent of the distance would show"
 
 
 # --- emission only where a material emits ---
