@@ -12,7 +12,7 @@ from chapters.ch07.settings import Settings
 from common.errors import SettingError
 from common.numerics.transforms import pose_looking_at
 from common.scene import Light
-from common.settings import replaced
+from common.settings import apply_overrides, replaced
 from common.view.camera import Orthographic, Perspective, View
 from tests.support.lamps import lamps, lit, lit_town
 from tests.support.scenes import nodes_at, quad_scene
@@ -81,7 +81,7 @@ def test_a_loop_in_step_gives_the_bits_of_the_plain_one(chapter, graph):
 @pytest.mark.feature("clustered/scalarised-loop")
 def test_a_loop_that_is_not_there_is_refused():
     with pytest.raises(SettingError, match="light_loop"):
-        replaced(EXACT, light_loop="unrolled")
+        apply_overrides(Settings(), ["light_loop=unrolled"])
 
 
 @pytest.mark.parametrize("size", [(1, 1), (7, 9), (65, 33)])
