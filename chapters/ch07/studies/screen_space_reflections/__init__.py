@@ -39,13 +39,19 @@ class ReflectionSettings:
     """The knobs of the study."""
 
     strength: float = knob(
-        1.0, "part of a reflection that is shown; 0: no pass", minimum=0, maximum=1, flat="reflection_strength"
+        1.0,
+        "part of a reflection that is shown; 0: no pass",
+        minimum=0,
+        maximum=1,
+        flat="reflection_strength",
     )
-    steps: int = knob(
-        64, "steps of a ray over the picture", minimum=1, maximum=4096, flat="reflection_steps"
-    )
+    steps: int = knob(64, "steps of a ray over the picture", minimum=1, maximum=4096, flat="reflection_steps")
     refinements: int = knob(
-        5, "halvings of the step that ends behind a surface", minimum=0, maximum=16, flat="reflection_refinements"
+        5,
+        "halvings of the step that ends behind a surface",
+        minimum=0,
+        maximum=16,
+        flat="reflection_refinements",
     )
     thickness: float = knob(
         0.05,
@@ -55,13 +61,21 @@ class ReflectionSettings:
         flat="reflection_thickness",
     )
     roughest: float = knob(
-        0.6, "roughness from which a surface reflects nothing", minimum=0.001, maximum=1, flat="reflection_roughest"
+        0.6,
+        "roughness from which a surface reflects nothing",
+        minimum=0.001,
+        maximum=1,
+        flat="reflection_roughest",
     )
     blur: float = knob(
         10.0, "radius of the box at roughness 1", "pixels", minimum=0, maximum=64, flat="reflection_blur"
     )
     edge: float = knob(
-        0.1, "border in which reflections fade, as a part of the picture", minimum=0, maximum=0.5, flat="reflection_edge"
+        0.1,
+        "border in which reflections fade, as a part of the picture",
+        minimum=0,
+        maximum=0.5,
+        flat="reflection_edge",
     )
 
 

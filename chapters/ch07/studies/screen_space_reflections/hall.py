@@ -30,12 +30,12 @@ def hall() -> Scene:
     paint = [Material(f"column {i}", (*color, 1.0), 0.0, 0.8) for i, color in enumerate(COLORS)]
     lamp = Material("lamp", (0.0, 0.0, 0.0, 1.0), 0.0, 1.0, emissive=(9e3, 6e3, 2e3))
     # (positions, normals, triangles) of each mesh, its material, and the places where it stands, (x, y, z) and a scale.
-    parts = [
-        (_tile(), i, [((-4.5 + 3 * i, 0, 0), (1.5, 1, 6))]) for i, _ in enumerate(floor)
-    ]
+    parts = [(_tile(), i, [((-4.5 + 3 * i, 0, 0), (1.5, 1, 6))]) for i, _ in enumerate(floor)]
     places = [(-4.6, -1.0), (-3.1, -3.2), (-1.5, 0.6), (-0.2, -2.2), (1.4, -0.4), (2.8, -3.0), (4.5, 0.2)]
     for i in range(4):
-        stand = [((x, 0, z), (0.35, 1.4 + 0.3 * (k % 3), 0.35)) for k, (x, z) in enumerate(places) if k % 4 == i]
+        stand = [
+            ((x, 0, z), (0.35, 1.4 + 0.3 * (k % 3), 0.35)) for k, (x, z) in enumerate(places) if k % 4 == i
+        ]
         parts.append((_column(), len(floor) + i, stand))
     parts.append((_box(), len(floor) + 4, [((0, 0, -6), (6, 2.4, 0.15))]))
     parts.append((_box(), len(floor) + 5, [((x, 1.3, -5.8), (0.25, 0.3, 0.05)) for x in (-4, -1.4, 1.4, 4)]))
@@ -94,7 +94,9 @@ def _scene(parts: list, materials: list[Material]) -> Scene:  # type: ignore[typ
             drawn.append(number)
     count = vertices
     far = sky()
-    places = np.stack([np.eye(4), pose_looking_at((0.6, 1.5, 6.4), (0.0, 0.75, -1.0)), rotation((1, 0.6, 0), -0.9)])
+    places = np.stack(
+        [np.eye(4), pose_looking_at((0.6, 1.5, 6.4), (0.0, 0.75, -1.0)), rotation((1, 0.6, 0), -0.9)]
+    )
     return Scene(
         name="hall of mirrors",
         path=None,
