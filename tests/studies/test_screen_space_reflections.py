@@ -32,6 +32,9 @@ EXACT = {
     "culling": "off",
     "ambient": 0.0,
     "default_light": False,
+    "environment_size": 16,
+    "irradiance_source": 4,
+    "table_samples": 256,
 }
 """Nothing is rounded to fewer than 32 bits, and nothing is lit but by the scene."""
 
@@ -91,7 +94,7 @@ def study_color(stage, scene, view, size=SIZE, **more):
 
 
 def mirror_of(view, scene_size, place):
-    """Return for pixels that show the floor: their rays, the place (N, 2) of what they mirror, and its wall coordinates."""
+    """Return pixels that look down on the floor, their rays, and what they mirror: pixels, wall coordinates (N, 2)."""
     width, height = scene_size
     rows, columns = np.mgrid[:height, :width].reshape(2, -1)
     pixels = np.column_stack([columns, rows]) + 0.5
@@ -226,7 +229,7 @@ def test_a_miss_is_the_environment_and_a_hit_takes_its_place(stage):
 
 @march
 def test_a_metal_without_environment_reflects_by_schlick(stage):
-    """The mirror adds f0 + (1 - f0) (1 - n.v)^5 times the wall's light where it meets it, and no ambient light is left."""
+    """The mirror adds f0 + (1 - f0) (1 - n.v)^5 times the wall's light, and no ambient light is left where it does."""
     color = np.array((0.9, 0.5, 0.2))
     light = np.array((0.5, 0.25, 0.75))
     scene, _ = mirror_and_wall(0.0, Material("gold", (*color, 1.0), roughness=0.0))
@@ -245,11 +248,11 @@ def test_a_metal_without_environment_reflects_by_schlick(stage):
 
 @march
 def test_strength_0_and_rough_surfaces_cost_no_pass_and_change_no_bit(stage):
-    """Nothing to reflect: no pass, and the bits of the chapter. The same pixels keep them where another surface reflects."""
+    """Nothing to reflect: no pass, and the chapter's bits. Rough pixels keep them where another surface reflects."""
     rough = Material("rough", (0.7, 0.7, 0.7, 1.0), roughness=0.6)
     scene, _ = mirror_and_wall(floor=rough, environment=constant(0.3))
     plain = chapter_color(stage, scene, PITCHED, EXACT)
-    shown, passes, work = study_color(stage, scene, PITCHED)
+    shown, passes, _ = study_color(stage, scene, PITCHED)
     assert (shown == plain).all() and "reflection_trace" not in passes and "reflections" not in passes
     mirror, _ = mirror_and_wall(environment=constant(0.3))
     unchanged, passes, skipped = study_color(stage, mirror, PITCHED, strength=0.0)
@@ -319,7 +322,7 @@ def test_roughness_0_is_the_identity_whatever_the_blur(stage):
 
 @march
 def test_both_backends_march_alike(vulkan_device, gl_context):
-    """Of the hall's rays at most one in a thousand decides otherwise at an outline; the others end at the same place."""
+    """Of the hall's rays at most one in a thousand decides otherwise, at an outline; all others end alike."""
     hits = {}
     for backend, device in (("vulkan", vulkan_device), ("gl", gl_context)):
         more = {"scene": hall(), "size": (160, 90), "device": device, "inspect": True}

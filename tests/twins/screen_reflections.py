@@ -1,4 +1,4 @@
-"""Reflections in screen space in double precision: rays on the screen, their march through depth, and the box of blur."""
+"""Reflections in screen space in double precision: rays on the screen, their march, and the box of blur."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Float64 = NDArray[np.float64]
 
 
 class Rays(NamedTuple):
-    """Mirrored rays (N,) on the screen: `first` and `last` (N, 3) are column, row and depth; `direction` (N, 3) world."""
+    """Mirrored rays (N,) on the screen: `first`, `last` (N, 3) are column, row, depth; `direction` (N, 3) world."""
 
     first: Float64
     last: Float64
@@ -77,7 +77,7 @@ def distances(depth: Float64, view: View) -> Float64:
 
 
 def depth_at(depth: Float64, places: Float64, view: View, thickness: float) -> Float64:
-    """Return depth (N,) of a picture (H, W) at places (N, 2): linear within a surface, else that of the nearest pixel."""
+    """Return depth (N,) of a picture (H, W) at places (N, 2): linear within a surface, else the nearest pixel's."""
     height, width = depth.shape
     corner = np.floor(places - 0.5)
     f = places - 0.5 - corner
@@ -136,7 +136,7 @@ def march(
 
 
 def boxed(hits: Float64, color: Float64, sizes: NDArray[np.int64]) -> Float64:
-    """Return the mean light (H, W, 4) over the box of each pixel: rgb times weight, and the weight; 0 if it is no mirror.
+    """Return the mean light (H, W, 4) over the box of each pixel: rgb times weight, and the weight.
 
     `hits` (H, W, 4): column, row, weight, and 1 where the surface reflects. `sizes` (H, W) are edges of boxes.
     """

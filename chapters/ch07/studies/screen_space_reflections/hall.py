@@ -10,6 +10,11 @@ from common.numerics.transforms import pose_looking_at, rotation
 from common.scene import MESH_DTYPE, Instances, Light, Material, Nodes, Scene, SceneCamera
 
 Float64 = NDArray[np.float64]
+Shape = tuple[Float64, Float64, NDArray[np.int64]]
+"""Positions and normals (V, 3), and triangles (T, 3)."""
+
+Place = tuple[tuple[float, float, float], tuple[float, float, float]]
+"""Where a mesh stands, and its scale along x, y and z."""
 
 ROUGHNESS = (0.0, 0.12, 0.25, 0.45)
 """Of the four parts of the floor, from left to right."""
@@ -22,19 +27,21 @@ SIDES = 24
 
 
 def hall() -> Scene:
-    """Return the scene, with the sun in a `common.environment.sky` of its own light."""
+    """Return the scene; the sun is a light of its own, apart from the sky's."""
     floor = [
         Material(f"floor {roughness:g}", base_color=(0.75, 0.77, 0.8, 1.0), roughness=roughness)
         for roughness in ROUGHNESS
     ]
     paint = [Material(f"column {i}", (*color, 1.0), 0.0, 0.8) for i, color in enumerate(COLORS)]
-    lamp = Material("lamp", (0.0, 0.0, 0.0, 1.0), 0.0, 1.0, emissive=(9e3, 6e3, 2e3))
-    # (positions, normals, triangles) of each mesh, its material, and the places where it stands, (x, y, z) and a scale.
-    parts = [(_tile(), i, [((-4.5 + 3 * i, 0, 0), (1.5, 1, 6))]) for i, _ in enumerate(floor)]
-    places = [(-4.6, -1.0), (-3.1, -3.2), (-1.5, 0.6), (-0.2, -2.2), (1.4, -0.4), (2.8, -3.0), (4.5, 0.2)]
+    lamp = Material("lamp", (0.0, 0.0, 0.0, 1.0), 0.0, 1.0, emissive=(4e4, 2e4, 5e3))
+    # Each mesh, its material, and the places where it stands.
+    parts: list[tuple[Shape, int, list[Place]]] = [
+        (_tile(), i, [((-4.5 + 3 * i, 0, 0), (1.5, 1, 6))]) for i, _ in enumerate(floor)
+    ]
+    columns = [(-4.6, -1.0), (-3.1, -3.2), (-1.5, 0.6), (-0.2, -2.2), (1.4, -0.4), (2.8, -3.0), (4.5, 0.2)]
     for i in range(4):
-        stand = [
-            ((x, 0, z), (0.35, 1.4 + 0.3 * (k % 3), 0.35)) for k, (x, z) in enumerate(places) if k % 4 == i
+        stand: list[Place] = [
+            ((x, 0, z), (0.35, 1.4 + 0.3 * (k % 3), 0.35)) for k, (x, z) in enumerate(columns) if k % 4 == i
         ]
         parts.append((_column(), len(floor) + i, stand))
     parts.append((_box(), len(floor) + 4, [((0, 0, -6), (6, 2.4, 0.15))]))
@@ -42,13 +49,13 @@ def hall() -> Scene:
     return _scene(parts, [*floor, *paint, lamp])
 
 
-def _tile() -> tuple[Float64, Float64, NDArray[np.int64]]:
+def _tile() -> Shape:
     """Return a square from -1 to 1 in x and z that faces up."""
     corners = np.array([(-1, 0, 1), (1, 0, 1), (1, 0, -1), (-1, 0, -1)], np.float64)
     return corners, np.tile((0.0, 1.0, 0.0), (4, 1)), np.array([(0, 1, 2), (0, 2, 3)])
 
 
-def _column() -> tuple[Float64, Float64, NDArray[np.int64]]:
+def _column() -> Shape:
     """Return a cylinder of radius 1 from y = 0 to 1, closed at the top."""
     turn = 2 * np.pi * np.arange(SIDES + 1) / SIDES
     ring = np.stack([np.cos(turn), 0 * turn, -np.sin(turn)], axis=1)
@@ -60,7 +67,7 @@ def _column() -> tuple[Float64, Float64, NDArray[np.int64]]:
     return positions, normals, np.concatenate([np.stack(side, axis=1) for side in sides])
 
 
-def _box() -> tuple[Float64, Float64, NDArray[np.int64]]:
+def _box() -> Shape:
     """Return a box from -1 to 1 in x and z, and from 0 to 1 in y."""
     corner = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)], np.float64)
     positions, normals = [], []
@@ -74,7 +81,7 @@ def _box() -> tuple[Float64, Float64, NDArray[np.int64]]:
     return np.concatenate(positions) * (1, 0.5, 1) + (0, 0.5, 0), np.concatenate(normals), triangles
 
 
-def _scene(parts: list, materials: list[Material]) -> Scene:  # type: ignore[type-arg]
+def _scene(parts: list[tuple[Shape, int, list[Place]]], materials: list[Material]) -> Scene:
     meshes = np.zeros(len(parts), MESH_DTYPE)
     positions, normals, indices, local, drawn = [], [], [], [], []
     vertices = triangles = 0
@@ -94,7 +101,7 @@ def _scene(parts: list, materials: list[Material]) -> Scene:  # type: ignore[typ
             drawn.append(number)
     count = vertices
     far = sky()
-    places = np.stack(
+    poses = np.stack(
         [np.eye(4), pose_looking_at((0.6, 1.5, 6.4), (0.0, 0.75, -1.0)), rotation((1, 0.6, 0), -0.9)]
     )
     return Scene(
@@ -102,7 +109,7 @@ def _scene(parts: list, materials: list[Material]) -> Scene:  # type: ignore[typ
         path=None,
         positions=np.concatenate(positions).astype(np.float32),
         normals=np.concatenate(normals).astype(np.float32),
-        tangents=np.tile(np.float32((1, 0, 0, 1)), (count, 1)),
+        tangents=np.tile((1.0, 0.0, 0.0, 1.0), (count, 1)).astype(np.float32),
         uv0=np.zeros((count, 2), np.float32),
         uv1=None,
         colors=None,
@@ -116,7 +123,7 @@ def _scene(parts: list, materials: list[Material]) -> Scene:  # type: ignore[typ
             translation=np.zeros((3, 3)),
             rotation=np.tile((0.0, 0.0, 0.0, 1.0), (3, 1)),
             scale=np.ones((3, 3)),
-            matrix=places,
+            matrix=poses,
             has_matrix=np.ones(3, bool),
             names=["hall", "camera", "sun"],
         ),

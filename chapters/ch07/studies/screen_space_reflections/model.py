@@ -15,7 +15,7 @@ Defines = tuple[tuple[str, int | float | str], ...]
 
 
 def mask(roughness: float, settings: Settings) -> float:
-    """Return how much of a reflection a surface shows: all up to three quarters of `roughest`, nothing from there on."""
+    """Return how much of a reflection a surface shows: all of it up to 3/4 of `roughest`, and none from that on."""
     roughest = settings.reflections.roughest
     fade = (roughest - roughness) / (0.25 * roughest)
     return settings.reflections.strength * min(max(fade, 0.0), 1.0)

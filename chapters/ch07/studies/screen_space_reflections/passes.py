@@ -62,7 +62,7 @@ class TracePass(ReflectionPass):
 
 
 class ResolvePass(ReflectionPass):
-    """Replaces what the environment gave by the light at the places of a box. Without it `color_lit` is read instead."""
+    """Replaces the environment's light by that at the places of a box; without it, `color_lit` is the picture."""
 
     name, shader = "reflections", "resolve.frag"
 

@@ -27,7 +27,7 @@ vec3 normal_at(ivec2 pixel) {
     return n * inversesqrt(max(dot(n, n), 1e-30));
 }
 
-// How much of its reflection a surface shows: all up to three quarters of ROUGHEST, nothing from there on. What is unlit
+// How much of its reflection a surface shows: all of it up to 3/4 of ROUGHEST, then less, and from it on none. What is unlit
 // has an alpha of 0, and reflects nothing.
 float mask_of(vec4 material) {
     float fade = clamp((ROUGHEST - material.g) / (0.25 * ROUGHEST), 0.0, 1.0);
