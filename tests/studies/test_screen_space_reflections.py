@@ -15,7 +15,7 @@ from chapters.ch07.studies.screen_space_reflections.model import box_size, mask
 from common.environment import constant
 from common.errors import SettingError, UserError
 from common.numerics.transforms import pose_looking_at, rotation
-from common.scene import Material
+from common.scene import Image, Material, TextureRef
 from common.settings import replaced
 from common.view.camera import Orthographic, Perspective, View
 from tests.support.scenes import facing, quad_scene, scaled, translated
@@ -182,9 +182,19 @@ def test_the_march_is_that_of_float64(stage, thickness):
     settings = settings_of(steps=48, refinements=5, thickness=thickness, edge=0.0)
     names = (HITS, "gbuffer/depth", "gbuffer/gbuffer_normal", "gbuffer/gbuffer_material")
     with stage.open(WHICH, SIZE, scene=scene) as renderer:
-        view = chapters.view_of(renderer)
-    found = images(stage, scene, view, settings, names)
-    hits, depth, normals, material = (found[name] for name in names)
+        front = chapters.view_of(renderer)
+    # Rolled, or all of its rays would go along columns of pixels. Some end at its far plane.
+    flat = View(
+        pose_looking_at((0.6, 2.5, 5.0), (0.0, 0.5, -1.0), (0.2, 1.0, 0.0)), Orthographic(2.4, 0.1, 9.0)
+    )
+    for view, found in zip(
+        (front, flat), images_of(stage, scene, (front, flat), settings, names), strict=True
+    ):
+        _hold_to_the_twin([found[name] for name in names], view, thickness)
+
+
+def _hold_to_the_twin(found, view, thickness):
+    hits, depth, normals, material = found
     smooth = hits[..., 3] > 0
     assert (smooth == ((depth > 0) & (material[..., 1] < 0.6))).all()
     rows, columns = np.nonzero(smooth)
@@ -223,8 +233,26 @@ def test_a_miss_is_the_environment_and_a_hit_takes_its_place(stage):
         after, _, _ = study_color(stage, scene, PITCHED)
         assert np.abs(after - before).max() < 1e-5
         dark = replace(scene, materials=[floor, replace(same_light, base_color=(0.0, 0.0, 0.0, 1.0))])
-        after, _, _ = study_color(stage, dark, PITCHED)
-        assert (after < before - 0.01).any(), "a black wall is seen"
+        found = images(stage, dark, PITCHED, settings_of(), (HITS, LIT, REFLECTED))
+        darker = (found[REFLECTED] < found[LIT] - 0.01).any(axis=-1)
+        assert darker.sum() > 200 and (found[HITS][darker, 3] == 1).all(), "the floor shows a black wall"
+        unlit = (found[LIT][..., :3] == 0.0).all(axis=-1)
+        assert unlit.sum() > 100 and not found[HITS][unlit].any(), "what is unlit reflects nothing"
+
+
+@march
+def test_occlusion_dims_what_comes_from_afar_and_not_what_is_met(stage):
+    """A mirror whose material hides half of the environment shows half of it, and all of the wall's light."""
+    texel = np.full((1, 1, 4), 127.5 / 255.0, np.float32)
+    floor = replace(MIRROR, occlusion_texture=TextureRef(0))
+    wall = Material("wall", (0.5, 0.5, 0.5, 1.0), unlit=True)
+    scene, _ = mirror_and_wall(0.0, floor, wall, constant(0.5))
+    scene = replace(scene, images=[Image("half", texel)])
+    found = images(stage, scene, PITCHED, settings_of(edge=0.0), (HITS, REFLECTED))
+    met, missed = found[HITS][..., 2] == 1, (found[HITS][..., 2] == 0) & (found[HITS][..., 3] == 1)
+    assert met.sum() > 200 and missed.sum() > 200
+    assert np.abs(found[REFLECTED][met][:, :3] - 0.5).max() < 0.5 * 2**-9
+    assert np.abs(found[REFLECTED][missed][:, :3] - 0.25).max() < 0.5 * 2**-8
 
 
 @march
@@ -291,10 +319,22 @@ def test_reflections_are_drawn_before_what_is_transparent(stage):
 
 @blur
 def test_boxes_grow_with_roughness_as_tabulated(stage):
-    table = {0.0: 1, 0.04: 1, 0.05: 3, 0.12: 3, 0.15: 5, 0.25: 7, 0.3: 7, 0.35: 9, 0.45: 11, 0.59: 13}
+    table = {
+        0.0: 1,
+        0.04: 1,
+        0.05: 3,
+        0.06: 3,
+        0.12: 3,
+        0.15: 5,
+        0.25: 7,
+        0.3: 7,
+        0.35: 9,
+        0.45: 11,
+        0.59: 13,
+    }
     assert {roughness: box_size(roughness, 10.0) for roughness in table} == table
     assert [round(mask(r, Settings()), 3) for r in (0.0, 0.45, 0.525, 0.6, 1.0)] == [1, 1, 0.5, 0, 0]
-    for roughness in (0.0, 0.12, 0.3):
+    for roughness in (0.0, 0.06, 0.25):
         scene, _ = mirror_and_wall(0.3, replace(MIRROR, roughness=roughness))
         found = images(stage, scene, PITCHED, settings_of(blur=10.0), (HITS, LIT, REFLECTED))
         lit, change = found[LIT], found[REFLECTED][..., :3] - found[LIT][..., :3]
@@ -354,6 +394,10 @@ def test_odd_views_are_finite_and_a_plane_does_not_mirror_itself(stage, compact)
     for found in images_of(stage, alone, views, settings_of(**formats), names):
         assert all(np.isfinite(image).all() for image in found.values())
         assert not found[HITS][..., 2].any(), "a plane met itself"
+    # Normals that look away from the eye, as interpolated ones may at an outline.
+    bent = replace(alone, normals=np.tile(np.float32((0.0, 0.6, 0.8)), (4, 1)))
+    for found in images_of(stage, bent, views[:1], settings_of(**formats), names):
+        assert found[HITS][..., 3].any() and not found[HITS][..., 2].any()
     scene, _ = mirror_and_wall(0.2, double, replace(double, roughness=0.3), constant(1.0))
     for found in images_of(stage, scene, views, settings_of(**formats), names):
         assert all(np.isfinite(image).all() and image.min() >= 0.0 for image in found.values())

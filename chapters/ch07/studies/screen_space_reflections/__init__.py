@@ -88,4 +88,4 @@ class Settings(ChapterSettings):
         f"reflection_blur reflection_edge {ChapterSettings.ORDER}"
     )
 
-    reflections: ReflectionSettings = group(ReflectionSettings)
+    reflection: ReflectionSettings = group(ReflectionSettings)

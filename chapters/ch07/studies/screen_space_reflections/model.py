@@ -16,9 +16,9 @@ Defines = tuple[tuple[str, int | float | str], ...]
 
 def mask(roughness: float, settings: Settings) -> float:
     """Return how much of a reflection a surface shows: all of it up to 3/4 of `roughest`, and none from that on."""
-    roughest = settings.reflections.roughest
+    roughest = settings.reflection.roughest
     fade = (roughest - roughness) / (0.25 * roughest)
-    return settings.reflections.strength * min(max(fade, 0.0), 1.0)
+    return settings.reflection.strength * min(max(fade, 0.0), 1.0)
 
 
 def box_size(roughness: float, blur: float) -> int:
@@ -30,14 +30,14 @@ def reflects(material: Material, settings: Settings) -> bool:
     """Whether a material can reflect anywhere; a texture of roughness may have smooth texels."""
     if material.unlit or material.alpha_mode == "blend":  # blended surfaces are not in the G-buffer
         return False
-    return material.roughness < settings.reflections.roughest or (
+    return material.roughness < settings.reflection.roughest or (
         material.metallic_roughness_texture is not None
     )
 
 
 def needed(scene: Scene, settings: Settings) -> bool:
     """Whether any pass of reflections has work: a G-buffer, some strength, and a material that reflects."""
-    if settings.reflections.strength == 0.0 or graph_name(settings) == "forward":
+    if settings.reflection.strength == 0.0 or graph_name(settings) == "forward":
         return False
     used = np.unique(scene.meshes["material"][scene.instances.mesh]).tolist()
     return any(reflects(scene.materials[number], settings) for number in used)
@@ -45,7 +45,7 @@ def needed(scene: Scene, settings: Settings) -> bool:
 
 def defines(settings: Settings) -> Defines:
     """Return the knobs as both shaders have them."""
-    knobs = settings.reflections
+    knobs = settings.reflection
     return (
         ("STRENGTH", knobs.strength),
         ("STEPS", knobs.steps),
