@@ -22,6 +22,8 @@ from .loading.settings import LoadingSettings
 from .post.settings import PostSettings
 from .scene.settings import SceneSettings
 from .shading.settings import ShadingSettings
+from .ssao.settings import SsaoSettings
+from .transparency.settings import TransparencySettings
 
 SIDES = (
     Side(chapter=5),
@@ -116,11 +118,13 @@ class Settings(Grouped):
         "graph alias resubmit async_compute poison "
         "depth_prepass gbuffer_format aperture focus_distance bokeh_taps "
         "msaa resolve mask_coverage tone_curve "
-        "light_lists most_lights "
+        "light_lists light_loop most_lights "
         "ambient default_light light_cutoff background sky "
         "energy environment_intensity environment_turn environment_size environment_detail "
         "irradiance_source table_size table_samples view "
         "recording_threads draws_per_secondary "
+        "ssao ssao_radius ssao_scale ssao_bias ssao_blur "
+        "transparency transparency_nodes "
         "skip_unused"
     )
 
@@ -135,3 +139,5 @@ class Settings(Grouped):
     cloth: ClothSettings = group(ClothSettings)
     culling: CullingSettings = group(CullingSettings)
     clusters: ClusterSettings = group(ClusterSettings)
+    ssao: SsaoSettings = group(SsaoSettings)
+    transparency: TransparencySettings = group(TransparencySettings)

@@ -17,6 +17,7 @@ from ..shading.instance_id import InstanceIdPass
 from ..shading.lighting import LightingPass
 from ..shading.lighting_compute import ComputeLightingPass
 from ..shading.transparent import TransparentPass
+from ..ssao.passes import SsaoBlurPass, SsaoPass
 
 
 def make_passes(parts: PassParts) -> dict[str, Pass]:
@@ -25,6 +26,9 @@ def make_passes(parts: PassParts) -> dict[str, Pass]:
         ForwardPass(parts),
         DepthPrepass(parts),
         GBufferPass(parts),
+        SsaoPass(parts),
+        SsaoBlurPass(parts, (1, 0)),
+        SsaoBlurPass(parts, (0, 1)),
         LightingPass(parts),
         ComputeLightingPass(parts),
         TransparentPass(parts),

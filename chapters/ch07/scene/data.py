@@ -55,7 +55,7 @@ class SceneData:
         self._scene, self._settings, self._anisotropy = scene, settings, anisotropy
         self._largest_image, self._largest_page = limits
         self._energy = settings.environment.energy if model.needed(scene, settings) else None
-        self.records = Records(scene, settings.scene.light_cutoff, settings.clusters.most)
+        self.records = Records(scene, settings.scene.light_cutoff, settings.clusters.most_lights)
         self.environment = model.NO_ENVIRONMENT
         """The environment in the constants of every frame."""
         self.prepared_ms: dict[str, float] = {}

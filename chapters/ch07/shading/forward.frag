@@ -38,6 +38,8 @@ layout(location = 7) flat in uint in_code;
 
 #ifdef GBUFFER
 #include "gbuffer.glsl"
+#elif defined(LAYERS)
+#include "transparency/layers.glsl"
 #elif !defined(DEPTH_ALONE)
 layout(location = 0) out vec4 out_color;
 #endif
@@ -166,6 +168,8 @@ void main() {
     store_surface(base.rgb, n, occlusion, roughness, metallic, emissive * frame.exposure);
 #elif defined(GBUFFER)
     store_unlit(base.rgb);
+#elif defined(LAYERS)
+    store_layer(finite_color(color), base.a);
 #else
     out_color = vec4(finite_color(color), base.a);
 #endif

@@ -132,7 +132,7 @@ VIEWS = (
     ),
     Quantity(
         "lights-evaluated",
-        "How many lights the lists of a pixel name, whether they reach it or not: blue is 2, red 10, white 12 and more.",
+        "How many lights the lists name for a pixel: blue is 2, red 10, white 12 and more.",
         "count",
         ("SHADED", "LIT"),
     ),
