@@ -66,8 +66,8 @@ bool ends_inside(vec3 low, vec3 high) {
 
 // A ray meets a surface from its front. The surface that the ray leaves does not face it: no offset at the start is needed.
 bool is_met(ivec2 pixel, vec3 direction) {
-    bool lit = texelFetch(gbuffer_material, pixel, 0).a > 0.5;  // what is unlit has no normal
-    return !lit || dot(normal_at(pixel), direction) < 0.0;
+    vec3 n = normal_at(pixel);
+    return n == vec3(0.0) || dot(n, direction) < 0.0;  // what is unlit has no normal
 }
 
 // March from `first` to `last` (column, row, depth); `direction` is the ray's in the world. Returns whether the ray meets

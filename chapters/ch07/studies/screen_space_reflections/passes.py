@@ -13,26 +13,32 @@ from backends.contract import Access, Pass
 from common.scene import Scene
 
 from ...pipelines.description import PipelineDescription
+from ...post.fullscreen import FullscreenPass
 from ...scene.pass_parts import PassParts
+from ...shading.deferred import sampled
 from ...shading.lighting import LightingPass
+from ...ssao import model as ssao
 from . import model
 
 LIT, REFLECTED = "color_lit", "color_reflected"
 HITS = "reflection_hits"
 """Of each pixel: column and row at which its ray ends, the weight of the light there, and 1 if the surface reflects."""
 
-SURFACE = ("depth", "gbuffer_normal", "gbuffer_material")
-"""What both shaders read, in the order of surface.glsl."""
 
+class ReflectionPass(FullscreenPass):
+    """A triangle over the picture, whose shader is built with the lights' defines and those of reflections.
 
-class ReflectionPass(LightingPass):
-    """A triangle over the picture, whose shader is built with the lights' defines and those of reflections."""
+    It reads depth, normals and materials, in the order of surface.glsl, and what a pass names besides.
+    """
 
     shader: str
 
     def __init__(self, parts: PassParts, reads: tuple[str, ...], write: Access) -> None:
         super().__init__(parts)
-        self.reads = tuple(Access(name, "sampled") for name in (*SURFACE, *reads))
+        self._lighting = LightingPass(parts)
+        _, *surface = sampled(parts.settings)
+        others = tuple(Access(name, "sampled") for name in reads)
+        self.reads = (Access("depth", "sampled"), *surface, *others)
         self.writes = (write,)
 
     @staticmethod
@@ -42,7 +48,7 @@ class ReflectionPass(LightingPass):
 
     def describe(self) -> PipelineDescription:
         """Return the pipeline."""
-        lighting = super().describe()
+        lighting = self._lighting.describe()
         return replace(
             lighting,
             shaders=(lighting.shaders[0], f"studies/screen_space_reflections/{self.shader}"),
@@ -69,7 +75,8 @@ class ResolvePass(ReflectionPass):
     def __init__(self, parts: PassParts) -> None:
         color = parts.settings.shading.color_format
         write = Access(REFLECTED, "color", format=color, instead=LIT)
-        super().__init__(parts, ("gbuffer_base_color", LIT, HITS), write)
+        occlusion = (ssao.RESULT,) if ssao.needed(parts.scene, parts.settings) else ()
+        super().__init__(parts, ("gbuffer_base_color", LIT, HITS, *occlusion), write)
 
 
 def readers_of(passes: dict[str, Pass]) -> dict[str, dict[str, str]]:

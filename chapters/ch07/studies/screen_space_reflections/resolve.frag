@@ -6,6 +6,10 @@
 layout(BIND(1, 3, 6)) uniform sampler2D gbuffer_base_color;
 layout(BIND(1, 4, 7)) uniform sampler2D color_lit;
 layout(BIND(1, 5, 8)) uniform sampler2D reflection_hits;
+#ifdef OCCLUSION_SCALE
+#include "ambient_occlusion.glsl"
+layout(BIND(1, 6, 9)) uniform sampler2D ambient_occlusion;
+#endif
 
 layout(location = 0) in vec2 in_uv;
 layout(location = 0) out vec4 out_color;
@@ -39,6 +43,9 @@ void main() {
     }
     vec4 material = texelFetch(gbuffer_material, pixel, 0);
     float occlusion = material.r, roughness = material.g, metallic = material.b;
+#ifdef OCCLUSION_SCALE
+    occlusion *= ambient_factor(texelFetch(ambient_occlusion, pixel, 0).r, OCCLUSION_BIAS, OCCLUSION_SCALE);
+#endif
     vec4 mean = mean_light(pixel, roughness);
     if (mean.a == 0.0) {  // nothing was met: the environment stays, to the bit
         return;

@@ -6,7 +6,7 @@
 #include "shading/normal_code.glsl"
 
 layout(BIND(1, 0, 3)) uniform sampler2D depth;
-layout(BIND(1, 1, 4)) uniform sampler2D gbuffer_normal;
+layout(BIND(1, 1, 4)) uniform NORMAL_SAMPLER gbuffer_normal;
 layout(BIND(1, 2, 5)) uniform sampler2D gbuffer_material;
 
 // The direction in which the eye sees `ndc`, in the space of the view. Of a homogeneous point only w's sign counts: w > 0.
@@ -19,11 +19,9 @@ vec2 ndc_of(ivec2 pixel) {
     return (vec2(pixel) + 0.5) * (2.0 * frame.size.zw) - 1.0;
 }
 
+// Unit length, in the world; what is unlit has none, and (0, 0, 0).
 vec3 normal_at(ivec2 pixel) {
-    vec3 n = texelFetch(gbuffer_normal, pixel, 0).xyz;
-#ifdef NORMAL_CODED
-    n = decoded_normal(n);
-#endif
+    vec3 n = found_normal(gbuffer_normal, pixel);
     return n * inversesqrt(max(dot(n, n), 1e-30));
 }
 
