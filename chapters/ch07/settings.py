@@ -18,6 +18,7 @@ from .environment.settings import EnvironmentSettings
 from .frames.queues.settings import QueueSettings
 from .frames.settings import FrameSettings
 from .graph.settings import GraphSettings
+from .hdr.settings import HdrSettings
 from .loading.settings import LoadingSettings
 from .post.settings import PostSettings
 from .scene.settings import SceneSettings
@@ -119,6 +120,9 @@ class Settings(Grouped):
         "depth_prepass gbuffer_format aperture focus_distance bokeh_taps "
         "msaa resolve mask_coverage tone_curve "
         "light_lists light_loop most_lights "
+        "msaa resolve mask_coverage tone_curve tone_white "
+        "exposure exposure_key exposure_low exposure_high exposure_min_ev exposure_max_ev "
+        "adapt_dark_s adapt_bright_s adapt_speed bloom bloom_threshold bloom_levels "
         "ambient default_light light_cutoff background sky "
         "energy environment_intensity environment_turn environment_size environment_detail "
         "irradiance_source table_size table_samples view "
@@ -141,3 +145,4 @@ class Settings(Grouped):
     clusters: ClusterSettings = group(ClusterSettings)
     ssao: SsaoSettings = group(SsaoSettings)
     transparency: TransparencySettings = group(TransparencySettings)
+    hdr: HdrSettings = group(HdrSettings)

@@ -104,6 +104,6 @@ bool next_light(inout LightWalk walk, out uint light) {
 vec3 exposed_illuminance(uint number, vec3 position, out vec3 to_light) {
     float smallest = 1e-6 * frame.eye.w;  // of the scene's length scale: nearer lights are not told apart
     Light light = lights[number];
-    light.color *= frame.exposure;
+    light.color *= exposure();
     return illuminance(light, position, smallest * smallest, to_light);
 }

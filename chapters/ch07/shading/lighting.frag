@@ -88,9 +88,9 @@ void main() {
             }
         }
 #endif
-        color += frame.ambient.rgb * occlusion * mix(0.96 * base_color + 0.04, base_color, metallic);
+        color += frame.ambient.rgb * exposure() * occlusion * mix(0.96 * base_color + 0.04, base_color, metallic);
 #ifdef ENVIRONMENT
-        color += frame.environment.x * occlusion * environment_light(
+        color += frame.environment.x * exposure() * occlusion * environment_light(
             environment_radiance, environment_irradiance, environment_table, n, view, base_color, metallic, roughness,
             ENERGY, frame.environment.w, frame.environment.yz
         );
