@@ -316,11 +316,12 @@ def test_reflections_are_drawn_before_what_is_transparent(stage):
     scene = quad_scene(
         materials=(MIRROR, emitting(), glass), matrices=(FLOOR, wall, pane), instance_materials=(0, 1, 2)
     )
-    shown, passes, _ = study_color(stage, scene, PITCHED)
-    drawn = [passes.index(name) for name in ("lighting", "reflections", "transparent")]
-    assert drawn == sorted(drawn)
-    without, _, _ = study_color(stage, scene, PITCHED, strength=0.0)
-    assert (shown != without).any()
+    for mode, last in (("sorted", "transparent"), ("lists", "transparent_resolve")):
+        shown, passes, _ = study_color(stage, scene, PITCHED, transparency=mode)
+        drawn = [passes.index(name) for name in ("lighting", "reflections", last)]
+        assert drawn == sorted(drawn)
+        without, _, _ = study_color(stage, scene, PITCHED, transparency=mode, strength=0.0)
+        assert (shown != without).any()
 
 
 @blur

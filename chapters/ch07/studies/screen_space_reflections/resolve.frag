@@ -55,7 +55,7 @@ void main() {
     vec3 f0 = mix(vec3(DIELECTRIC), base_color, metallic);
     float n_dot_v = min(abs(dot(n, v)), 1.0);
     // What lighting.frag added for the mirrored direction: a surface between reflects in its place.
-    vec3 from_afar = f0 * frame.ambient.rgb;
+    vec3 from_afar = f0 * frame.ambient.rgb * exposure();
 #ifdef ENVIRONMENT
     vec3 reflected, scattered;
     vec2 uv = table_uv(n_dot_v, roughness, float(textureSize(environment_table, 0).y));
@@ -63,7 +63,7 @@ void main() {
     environment_weights(base_color, metallic, table, ENERGY, reflected, scattered);
     vec3 mirrored = turned_back(reflect(-v, n), frame.environment.yz);
     vec3 radiance = textureLod(environment_radiance, mirrored, roughness * frame.environment.w).rgb;
-    from_afar += reflected * frame.environment.x * radiance;
+    from_afar += reflected * frame.environment.x * exposure() * radiance;
 #else
     vec3 reflected = f0 + (1.0 - f0) * schlick_weight(n_dot_v);  // a scene without environment has no table
 #endif
