@@ -268,14 +268,14 @@ def test_a_metal_without_environment_reflects_by_schlick(stage):
     light = np.array((0.5, 0.25, 0.75))
     scene, _ = mirror_and_wall(0.0, Material("gold", (*color, 1.0), roughness=0.0))
     settings = replaced(settings_of(edge=0.0), ambient=0.7)
-    found = images(stage, scene, PITCHED, settings, (HITS, REFLECTED, "gbuffer/depth"))
+    found = images(stage, scene, DIM, settings, (HITS, REFLECTED, "gbuffer/depth"))
     rows, columns = np.nonzero(found[HITS][..., 2] > 0)
     depth = found["gbuffer/depth"][rows, columns]
-    points = twin.world_at(np.column_stack([columns, rows]) + 0.5, depth, PITCHED, SIZE)
-    seen = np.asarray(PITCHED.world_from_view)[:3, 3] - points
+    points = twin.world_at(np.column_stack([columns, rows]) + 0.5, depth, DIM, SIZE)
+    seen = np.asarray(DIM.world_from_view)[:3, 3] - points
     cosine = (seen[:, 1] / np.linalg.norm(seen, axis=1))[:, None]
-    # The wall has a base colour of 0: of ambient light it gives 0.04 as much.
-    expected = (color + (1 - color) * (1 - cosine) ** 5) * (light + 0.04 * 0.7)
+    # Exposure is a half. The wall has a base colour of 0: of ambient light it gives 0.04 as much.
+    expected = (color + (1 - color) * (1 - cosine) ** 5) * (light + 0.04 * 0.7) / 2
     assert len(rows) > 200
     assert np.abs(found[REFLECTED][rows, columns, :3] - expected).max() < 2e-6
 
