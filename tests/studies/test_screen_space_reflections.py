@@ -18,6 +18,19 @@ from common.numerics.transforms import pose_looking_at, rotation
 from common.scene import Image, Material, TextureRef
 from common.settings import replaced
 from common.view.camera import Orthographic, Perspective, View
+from tests.support.mirrors import (
+    DIM,
+    FLAT,
+    FLOOR,
+    LEVEL,
+    MIRROR,
+    ODD,
+    PITCHED,
+    emitting,
+    mirror_and_wall,
+    mirror_of,
+    on_wall,
+)
 from tests.support.scenes import facing, quad_scene, scaled, translated
 from tests.twins import screen_reflections as twin
 
@@ -38,32 +51,11 @@ EXACT = {
 }
 """Nothing is rounded to fewer than 32 bits, and nothing is lit but by the scene."""
 
-MIRROR = Material("mirror", roughness=0.0)
-FLOOR = rotation((1, 0, 0), -np.pi / 2) @ np.diag((8.0, 8.0, 1.0, 1.0))
-LEVEL = View(pose_looking_at((0.3, 1.1, 4.0), (0.3, 1.1, 0.0)), Perspective(0.9, 0.05))
-PITCHED = View(pose_looking_at((-0.8, 1.6, 4.0), (0.4, 0.5, 0.0)), Perspective(0.9, 0.05))
-DIM = replace(PITCHED, ev100=PITCHED.ev100 + 1.0)
-FLAT = View(pose_looking_at((0.0, 2.0, 5.0), (0.0, 0.6, 0.0)), Orthographic(2.2, 0.1, 20.0))
-
 
 def settings_of(**more):
     """Return settings by the names of the study's knobs, or of the chapter's."""
     known = ("strength", "steps", "refinements", "thickness", "roughest", "blur", "edge")
     return Settings(**EXACT | {f"reflection_{k}" if k in known else k: v for k, v in more.items()})
-
-
-def emitting(color=(0.5, 0.25, 0.75)):
-    """Return a surface of this light that nothing lights; exposure is 1 in these views."""
-    return Material("lamp", (0.0, 0.0, 0.0, 1.0), 0.0, 1.0, emissive=color)
-
-
-def mirror_and_wall(turn=0.0, floor=MIRROR, wall=None, environment=None):
-    """Return a square floor at y = 0, and a wall 3 m wide and 1.6 m high, turned about the vertical, at z = -1."""
-    place = translated(0.2, 0.8, -1.0) @ rotation((0, 1, 0), turn) @ np.diag((1.5, 0.8, 1.0, 1.0))
-    scene = quad_scene(
-        materials=(floor, wall or emitting()), matrices=(FLOOR, place), instance_materials=(0, 1)
-    )
-    return replace(scene, environment=environment), place
 
 
 def images_of(stage, scene, views, settings, names=(HITS,), size=SIZE):
@@ -92,28 +84,6 @@ def study_color(stage, scene, view, size=SIZE, **more):
     with stage.open(WHICH, size, scene=scene, settings=settings_of(**more), outputs=outputs) as renderer:
         frame = renderer.render(view)
         return frame.image("color_linear"), [each.name for each in renderer.passes], frame.work
-
-
-def mirror_of(view, scene_size, place):
-    """Return pixels that look down on the floor, their rays, and what they mirror: pixels, wall coordinates (N, 2)."""
-    width, height = scene_size
-    rows, columns = np.mgrid[:height, :width].reshape(2, -1)
-    pixels = np.column_stack([columns, rows]) + 0.5
-    near, far = (twin.world_at(pixels, np.full(len(pixels), d), view, scene_size) for d in (1.0, 0.02))
-    down = (far - near) / np.linalg.norm(far - near, axis=1, keepdims=True)
-    seen = down[:, 1] < -1e-6
-    t = -near[seen, 1] / down[seen, 1]
-    points, down, pixels = near[seen] + t[:, None] * down[seen], down[seen], pixels[seen]
-    up = down * (1.0, -1.0, 1.0)
-    normal, middle = place[:3, 2] / np.linalg.norm(place[:3, 2]), place[:3, 3]
-    ahead = up @ normal
-    t = np.where(ahead < -1e-6, ((middle - points) @ normal) / np.where(ahead < -1e-6, ahead, 1.0), -1.0)
-    met = points + t[:, None] * up
-    inside = np.column_stack([met, np.ones(len(met))]) @ np.linalg.inv(place).T
-    wall = np.where((t > 0)[:, None], inside[:, :2], np.inf)
-    depth = twin.seen_at(points, view, scene_size)[:, 2]
-    rays = twin.mirrored(pixels, depth, np.tile((0.0, 1.0, 0.0), (len(pixels), 1)), view, scene_size)
-    return pixels.astype(int), rays, twin.seen_at(met, view, scene_size)[:, :2], wall
 
 
 @march
@@ -154,7 +124,7 @@ def _hold_to_the_mirror(found, view, place, steps, refinements):
     for i in np.flatnonzero(usable & inside):
         u, v = points[i].astype(int)
         around = surface[max(v - 1, 0) : v + 2, max(u - 1, 0) : u + 2]
-        later[i] = _on_wall(around, u, v, view, place).all()
+        later[i] = on_wall(around, u, v, view, SIZE, place).all()
     tested = floor & inner[0] & inner[1] & usable & inside & later
     assert tested.sum() > 60
     assert (hits[tested, 3] == 1).all() and (hits[tested, 2] == 1).all(), "every ray ends"
@@ -164,15 +134,6 @@ def _hold_to_the_mirror(found, view, place, steps, refinements):
     assert beside.max() < 0.02
     assert off.min() > -0.02 and (off - step[tested] / 2**refinements).max() < 0.02
     assert off.max() > 0.4 * step[tested].max() / 2**refinements - 0.02, "the bound is not far off"
-
-
-def _on_wall(depth, u, v, view, place):
-    """Whether depths around pixel (u, v) are those of the wall's plane."""
-    rows, columns = np.mgrid[: depth.shape[0], : depth.shape[1]].reshape(2, -1)
-    pixels = np.column_stack([columns + max(u - 1, 0), rows + max(v - 1, 0)]) + 0.5
-    points = twin.world_at(pixels, np.maximum(depth.ravel(), 1e-9), view, SIZE)
-    normal = place[:3, 2] / np.linalg.norm(place[:3, 2])
-    return np.abs((points - place[:3, 3]) @ normal) < 1e-2
 
 
 @march
@@ -378,15 +339,6 @@ def test_both_backends_march_alike(vulkan_device, gl_context):
     assert (hits["vulkan"][..., 3] == hits["gl"][..., 3]).all()
     off = np.abs(hits["vulkan"] - hits["gl"]).max(axis=-1)
     assert (off > 1e-3).mean() < 1e-3 and (hits["vulkan"][..., 2] > 0).sum() > 2000
-
-
-ODD = {
-    "along the floor": ((0.0, 1e-3, 3.0), (0.0, 0.0, -3.0)),
-    "straight down, back to the eye": ((0.0, 2.0, 0.5), (0.0, 0.0, 0.5)),
-    "nothing but sky": ((0.0, 1.0, 3.0), (0.0, 9.0, 3.1)),
-    "the wall at the near plane": ((0.2, 0.8, -0.93), (0.2, 0.8, -1.0)),
-    "from below": ((0.0, -1.0, 3.0), (0.0, 0.5, 0.0)),
-}
 
 
 @march
