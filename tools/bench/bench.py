@@ -60,6 +60,8 @@ PARTS = {
     "meshlets": "how large meshlets should be",
     "lods": "what levels of detail save, and their error",
     "lights": "what selects the lights of a pixel, and what that costs",
+    "occlusion": "ambient occlusion in screen space against cast rays",
+    "transparency": "blended surfaces: sorted, weighted, or as lists of layers",
 }
 """What a bench measures; a chapter may lack any of those that come after `stability`, and `prepared`."""
 
@@ -73,6 +75,8 @@ DRAWN = {
     "meshlets",
     "lods",
     "lights",
+    "occlusion",
+    "transparency",
     "settings",
     "prepared",
     "scales",
@@ -242,6 +246,8 @@ def parts_of(which: chapters.Whole, api: str, only: Sequence[str] = ()) -> tuple
         ("meshlets", "geometry"),
         ("lods", "lod_pixels"),
         ("lights", "light_lists"),
+        ("occlusion", "ssao"),
+        ("transparency", "transparency"),
     ):
         if not hasattr(settings_class, names) and names not in knobs(settings_class):
             missing[part] = f"{spoken} names none in its settings ({names})"
@@ -328,7 +334,11 @@ def measure(
         if "lods" in parts:
             framed["lods"] = bench("levels").measure(subject, effort, within(0.97, 0.975))
         if "lights" in parts:
-            framed["lights"] = bench("lights").measure(subject, effort, within(0.975, 0.98))
+            framed["lights"] = bench("lights").measure(subject, effort, within(0.975, 0.977))
+        if "occlusion" in parts:
+            framed["occlusion"] = bench("occlusion").measure(subject, effort, within(0.977, 0.978))
+        if "transparency" in parts:
+            framed["transparency"] = bench("transparency").measure(subject, effort, within(0.978, 0.98))
         if "stability" in parts:
             steps("stability", 0.98)
             cases = bench_points.stability_cases(subject, effort)

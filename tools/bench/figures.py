@@ -245,7 +245,7 @@ def _cloth(made: dict[str, Any]) -> Iterator[Row]:
     for one in held["points"]:
         words = (one["kind"], f"{one['substeps']} substeps", f"{one['iterations']} iterations")
         errors = _errors({name: one[name] for name in ("rms_m", "greatest_m", "stretch")})
-        yield _point(*words), _times(one, "gpu_ms") | errors
+        yield _point(*words), _times(one, "ms") | errors
     for one in held["executions"]["points"]:
         yield _point(one["execution"], f"{one['particles']} particles"), _times(one, "gpu_ms")
 
@@ -310,6 +310,17 @@ def _lights(made: dict[str, Any]) -> Iterator[Row]:
             yield _point(f"{one['lights']} lamps", way["way"]), times | _work(way, "pixels_differ")
 
 
+def _occlusion(made: dict[str, Any]) -> Iterator[Row]:
+    for one in (made.get("occlusion") or {"points": ()})["points"]:
+        errors = _errors({"rmse": one["rmse"], "bias": abs(one["bias"])})
+        yield _point(one["way"], f"radius {one['radius']:g}"), _times(one, "ms") | errors
+
+
+def _transparency(made: dict[str, Any]) -> Iterator[Row]:
+    for one in (made.get("transparency") or {"rows": ()})["rows"]:
+        yield _point(f"{one['panes']} panes", one["way"]), _times(one, "ms") | _errors(one["error"])
+
+
 PARTS = {
     "settings": _settings,
     "prepared": _prepared,
@@ -332,5 +343,7 @@ PARTS = {
     "meshlets": _meshlets,
     "lods": _lods,
     "lights": _lights,
+    "occlusion": _occlusion,
+    "transparency": _transparency,
 }
 """How the points of each part of a bench are found in its record."""

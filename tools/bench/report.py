@@ -34,6 +34,8 @@ FRAME_PARTS = {
     "meshlets": "meshlet_sizes",
     "lods": "levels",
     "lights": "lights",
+    "occlusion": "occlusion",
+    "transparency": "transparency",
 }
 """The parts of chapters whose frame is a graph, and the benches of lessons that show and draw them."""
 

@@ -20,6 +20,8 @@ CHAPTERS = {
     "meshlet_sizes": 6,
     "levels": 6,
     "lights": 7,
+    "occlusion": 7,
+    "transparency": 7,
 }
 """The chapter whose `benches/` has the module."""
 
