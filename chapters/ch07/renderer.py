@@ -39,12 +39,13 @@ from .graph.stream import GraphStream
 from .scene.pass_parts import PassParts
 from .scene.scene_draws import SceneDrawLists
 from .shading.views import shown_exposure
+from .visibility.technique import VisibilityTechnique
 
 
 class Renderer(GraphStream):
     """The renderer of the chapter: one stream of frames of one view of one scene."""
 
-    TECHNIQUES = (ClusterTechnique, CullingTechnique, ClothTechnique)
+    TECHNIQUES = (ClusterTechnique, CullingTechnique, ClothTechnique, VisibilityTechnique)
     """The work of each subject outside its passes. A lesson adds a folder, and one line here."""
 
     # --- creation ---

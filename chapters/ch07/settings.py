@@ -22,6 +22,7 @@ from .loading.settings import LoadingSettings
 from .post.settings import PostSettings
 from .scene.settings import SceneSettings
 from .shading.settings import ShadingSettings
+from .visibility.settings import VisibilitySettings
 
 SIDES = (
     Side(chapter=5),
@@ -117,6 +118,7 @@ class Settings(Grouped):
         "depth_prepass gbuffer_format aperture focus_distance bokeh_taps "
         "msaa resolve mask_coverage tone_curve "
         "light_lists most_lights "
+        "surfaces tangents "
         "ambient default_light light_cutoff background sky "
         "energy environment_intensity environment_turn environment_size environment_detail "
         "irradiance_source table_size table_samples view "
@@ -135,3 +137,4 @@ class Settings(Grouped):
     cloth: ClothSettings = group(ClothSettings)
     culling: CullingSettings = group(CullingSettings)
     clusters: ClusterSettings = group(ClusterSettings)
+    visibility: VisibilitySettings = group(VisibilitySettings)

@@ -17,6 +17,8 @@ from ..shading.instance_id import InstanceIdPass
 from ..shading.lighting import LightingPass
 from ..shading.lighting_compute import ComputeLightingPass
 from ..shading.transparent import TransparentPass
+from ..visibility.passes import VisibilityPass
+from ..visibility.resolve import ResolveSurfacesPass
 
 
 def make_passes(parts: PassParts) -> dict[str, Pass]:
@@ -25,6 +27,8 @@ def make_passes(parts: PassParts) -> dict[str, Pass]:
         ForwardPass(parts),
         DepthPrepass(parts),
         GBufferPass(parts),
+        VisibilityPass(parts),
+        ResolveSurfacesPass(parts),
         LightingPass(parts),
         ComputeLightingPass(parts),
         TransparentPass(parts),
