@@ -53,9 +53,10 @@ vec4 mixed4(uint stream, uvec3 v, vec3 at) {
 }
 
 #ifdef TEXTURED
-vec2 uv[2];  // both sets at this pixel, and their changes to the next pixel along x and y
-vec2 uv_x[2];
-vec2 uv_y[2];
+const vec2 NONE[2] = vec2[2](vec2(0.0), vec2(0.0));
+vec2 uv[2] = NONE;  // both sets at this pixel, and their changes to the next pixel along x and y
+vec2 uv_x[2] = NONE;
+vec2 uv_y[2] = NONE;
 
 // A role's uv, or a change of it, in its image; see image_uv.
 vec2 turned_uv(Material material, int role, vec2 change) {
@@ -100,8 +101,6 @@ void main() {
     uv[1] = mixed2(mesh.streams[1].x, v, here.at);
     uv_x[1] = changed2(mesh.streams[1].x, v, here.dx);
     uv_y[1] = changed2(mesh.streams[1].x, v, here.dy);
-#else
-    uv[1] = uv_x[1] = uv_y[1] = vec2(0.0);
 #endif
 #endif
 
@@ -115,7 +114,7 @@ void main() {
     }
 #endif
 #ifdef SHADED
-    if ((flags & UNLIT_FLAG) == 0u) {
+    if ((flags & uint(UNLIT_FLAG)) == 0u) {
         float metallic = material.factors.x, roughness = material.factors.y, occlusion = 1.0;
 #ifdef METALLIC_ROUGHNESS_MAP
         if ((flags & 2u) != 0u) {
@@ -170,7 +169,7 @@ void main() {
         // Rows grow downwards in both APIs' pictures here, so a front face, which is counter-clockwise to the eye, has
         // a negative area; a mirrored instance turns it around.
         bool front = here.side < 0.0 != ((instance.flags & INSTANCE_MIRRORED) != 0u);
-        n = (flags & DOUBLE_SIDED_FLAG) != 0u && !front ? -n : n;
+        n = (flags & uint(DOUBLE_SIDED_FLAG)) != 0u && !front ? -n : n;
         store_surface(
             base.rgb, n, occlusion, clamp(roughness, 0.0, 1.0), clamp(metallic, 0.0, 1.0), emissive * frame.exposure
         );
