@@ -35,5 +35,5 @@ void main() {
         discard;
     }
 #endif
-    out_ids = uvec2(in_instance + 1u, in_index + 3u * uint(gl_PrimitiveID));
+    out_ids = uvec2(in_instance + 1u, (in_index + 3u * uint(gl_PrimitiveID)) | (gl_FrontFacing ? 0u : BACK));
 }

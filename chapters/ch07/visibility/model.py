@@ -31,6 +31,9 @@ INDEX_CODE = "INDEX_CODE"
 UNLIT, DOUBLE_SIDED = 32, 64
 """Bits of a material's flags; the lower five are the roles that have a texture."""
 
+BACK = 1 << 31
+"""The bit of the second word of a triangle that is seen from behind."""
+
 NO_TRIANGLES = "{} gives fragments no number of their triangle: set surfaces=gbuffer."
 
 
@@ -47,9 +50,9 @@ def index_defines(settings: Any) -> tuple[tuple[str, int], ...]:
     return ((INDEX_CODE, 1),) if in_use(settings) else ()
 
 
-def flag_defines() -> tuple[tuple[str, int], ...]:
-    """Return the bits of flags for resolve.frag."""
-    return ("UNLIT_FLAG", UNLIT), ("DOUBLE_SIDED_FLAG", DOUBLE_SIDED)
+def flag_defines() -> tuple[tuple[str, int | str], ...]:
+    """Return the bits that shaders read and write."""
+    return ("UNLIT_FLAG", UNLIT), ("DOUBLE_SIDED_FLAG", DOUBLE_SIDED), ("BACK", f"{BACK}u")
 
 
 def material_flags(material: Material, roles: Sequence[str]) -> int:

@@ -12,7 +12,7 @@ from ..settings import Settings
 from ..shading import views
 from ..shading.forward import depth_accesses
 from ..shading.objects import ObjectsPass
-from .model import FORMAT, VISIBILITY, in_use
+from .model import FORMAT, VISIBILITY, flag_defines, in_use
 
 
 class VisibilityPass(ObjectsPass):
@@ -43,7 +43,7 @@ class VisibilityPass(ObjectsPass):
         textures = self._data.texture_defines(shape, shape_alone)
         return PipelineDescription(
             shaders=("shading/forward.vert", "visibility/ids.frag"),
-            defines=(*shape.defines, *textures, ("TRIANGLE_ID", 1)),
+            defines=(*shape.defines, *textures, ("TRIANGLE_ID", 1), *flag_defines()),
             color=FORMAT,
             depth=views.depth_use(self._settings, variant),
             name="visibility masked" if shape.has("ALPHA_MASK") else "visibility",

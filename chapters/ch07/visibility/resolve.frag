@@ -86,7 +86,7 @@ void main() {
     if (mesh.streams[1].w != part.which.x || material.maps[1].y != part.which.y) {
         discard;
     }
-    uint first = mesh.streams[1].z + ids.y;
+    uint first = mesh.streams[1].z + (ids.y & ~BACK);
     uvec3 v = uvec3(words[first], words[first + 1u], words[first + 2u]);
     Vertex a = vertex_of(instance, mesh, v.x), b = vertex_of(instance, mesh, v.y), c = vertex_of(instance, mesh, v.z);
     vec2 size = 2.0 * frame.size.zw;
@@ -166,10 +166,7 @@ void main() {
             n = m2 > 0.0 ? mapped * inversesqrt(m2) : n;
         }
 #endif
-        // Rows grow downwards in both APIs' pictures here, so a front face, which is counter-clockwise to the eye, has
-        // a negative area; a mirrored instance turns it around.
-        bool front = here.side < 0.0 != ((instance.flags & INSTANCE_MIRRORED) != 0u);
-        n = (flags & uint(DOUBLE_SIDED_FLAG)) != 0u && !front ? -n : n;
+        n = (flags & uint(DOUBLE_SIDED_FLAG)) != 0u && (ids.y & BACK) != 0u ? -n : n;
         store_surface(
             base.rgb, n, occlusion, clamp(roughness, 0.0, 1.0), clamp(metallic, 0.0, 1.0), emissive * frame.exposure
         );
