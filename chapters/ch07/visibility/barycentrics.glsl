@@ -9,10 +9,9 @@
 // one pixel would be the small difference of products of numbers near 1, and lose half of its digits in 32 bits.
 
 struct Barycentrics {
-    vec3 at;     // weights of the vertices, sum 1
-    vec3 dx;     // their change from this pixel to the next one in a row
-    vec3 dy;     // and to the next row
-    float side;  // the sign of the triangle's area in (X, Y): 0 for a triangle without area
+    vec3 at;  // weights of the vertices, sum 1
+    vec3 dx;  // their change from this pixel to the next one in a row
+    vec3 dy;  // and to the next row
 };
 
 // `size` is that of a pixel in (X, Y), 2 divided by the number of pixels.
@@ -30,12 +29,11 @@ Barycentrics barycentrics_of(vec4 a, vec4 b, vec4 c, vec2 ndc, vec2 size) {
     precise vec3 along_x = w.zxy * y.yzx - w.yzx * y.zxy;
     precise vec3 along_y = w.yzx * x.zxy - w.zxy * x.yzx;
     float sum = e.x + e.y + e.z, sizes = abs(e.x) + abs(e.y) + abs(e.z);
-    Barycentrics result = Barycentrics(vec3(1.0 / 3.0), vec3(0.0), vec3(0.0), 0.0);
+    Barycentrics result = Barycentrics(vec3(1.0 / 3.0), vec3(0.0), vec3(0.0));
     if (abs(sum) <= 1e-6 * sizes) {
         // An edge-on triangle: its weights have no meaning at a pixel beside it.
         return result;
     }
-    result.side = sign(sum);
     result.at = e / sum;
     vec3 least = min(result.at, 0.0);
     if (least.x + least.y + least.z < -1.0) {

@@ -149,7 +149,7 @@ void main() {
             vec3 dp_x = a.world * here.dx.x + b.world * here.dx.y + c.world * here.dx.z;
             vec3 dp_y = a.world * here.dy.x + b.world * here.dy.y + c.world * here.dy.z;
             Frame3 derived = cotangent_frame(n, dp_x, dp_y, uv_x[own], uv_y[own]);
-            vec3 t = derived.tangent, bitangent = derived.bitangent;
+            vec3 t = derived.tangent, bitangent = -derived.bitangent;  // glTF's green points up, and its v down
 #else
             vec4 tangent = mixed4(mesh.streams[0].z, v, here.at);
             float handedness = (instance.flags & INSTANCE_MIRRORED) != 0u ? -tangent.w : tangent.w;
