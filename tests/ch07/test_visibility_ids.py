@@ -74,7 +74,9 @@ def test_a_page_of_geometry_has_places_of_its_own(chapter, scene, truths, monkey
     settings = replaced(IDS, culling="off", geometry="classic")
     with chapter.open(scene, SIZE, settings, outputs=("color",), inspect=True) as renderer:
         assert len(renderer._data.pages) > 1
-        assert len({batch.page for batch in renderer._draws.solid}) <= 1, "before the first frame nothing is listed"
+        assert len({batch.page for batch in renderer._draws.solid}) <= 1, (
+            "before the first frame nothing is listed"
+        )
         instance, triangle, _ = ids_of(renderer, VIEWS[0])
         used = {batch.page for batch in renderer._draws.solid}
         assert len(used) > 1

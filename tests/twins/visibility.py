@@ -38,12 +38,13 @@ def differences(clip: Float64, ndc: Float64, size: tuple[int, int], step: float 
     return found
 
 
-def level(du: Float64, dv: Float64, texels: tuple[int, int]) -> Float64:
-    """Return the level of a texture whose uv change by `du`, `dv` (..., 2) along x and y: Vulkan 1.3, 16.5.7."""
-    rho = np.maximum(
-        *(np.hypot(du[..., axis] * texels[0], dv[..., axis] * texels[1]) for axis in (0, 1))
-    )
-    levels: Float64 = np.log2(np.maximum(rho, 1e-12))
+def level(dx: Float64, dy: Float64, texels: tuple[int, int]) -> Float64:
+    """Return the level of a texture whose uv change by `dx` and `dy` (..., 2) from pixel to pixel: Vulkan 1.3, 16.5.7.
+
+    The longer one of both changes counts, in texels: the level of an isotropic filter.
+    """
+    longer = np.maximum(*(np.linalg.norm(change * np.array(texels), axis=-1) for change in (dx, dy)))
+    levels: Float64 = np.log2(np.maximum(longer, 1e-12))
     return levels
 
 
@@ -69,10 +70,10 @@ def triangles_of(scene: Scene, view: View, size: tuple[int, int]) -> tuple[NDArr
         if scene.materials[row["material"]].alpha_mode == "blend":
             continue
         first, count = int(row["first_index"]), int(row["index_count"]) // 3
-        indices = scene.indices[first : first + 3 * count].reshape(-1, 3).astype(int) + int(row["first_vertex"])
-        places = np.concatenate(
-            [scene.positions[indices].astype(float), np.ones((count, 3, 1))], axis=2
+        indices = scene.indices[first : first + 3 * count].reshape(-1, 3).astype(int) + int(
+            row["first_vertex"]
         )
+        places = np.concatenate([scene.positions[indices].astype(float), np.ones((count, 3, 1))], axis=2)
         clip = places @ (clip_from_world @ world[instance]).T
         if not scene.materials[row["material"]].double_sided:
             # Rows of the picture grow downwards: what winds counter-clockwise to the eye has a negative area.

@@ -139,7 +139,10 @@ class ClothPass(Pass):
         """Let the passes that draw objects read the vertices; without cloth, none of them does."""
         for name in READERS if self.externals else ():
             reader = passes[name]
-            reader.reads = (*reader.reads, Access(VERTICES, "storage", stages=("fragment" if name == RESOLVE else "vertex",)))
+            reader.reads = (
+                *reader.reads,
+                Access(VERTICES, "storage", stages=("fragment" if name == RESOLVE else "vertex",)),
+            )
 
     # --- created once ---
 

@@ -106,7 +106,9 @@ def mesh_records(scene: Scene, pages: Sequence[Page]) -> tuple[np.ndarray, np.nd
         page_of[page.meshes] = number
         first = rows["first_index"].astype(np.int64) - page.indices[0]
         first_index[page.meshes] = page.offsets["indices"] // _WORD + first
-        records["streams"][page.meshes, 6:] = np.stack([first_index[page.meshes], page_of[page.meshes]], axis=1)
+        records["streams"][page.meshes, 6:] = np.stack(
+            [first_index[page.meshes], page_of[page.meshes]], axis=1
+        )
     return records, page_of, first_index
 
 

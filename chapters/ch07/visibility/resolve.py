@@ -81,11 +81,11 @@ class ResolveSurfacesPass(FullscreenPass):
         """Record a draw for each page of geometry, with each set of textures, that solid objects use."""
         draws, data, textured = self._draws, self._data, bool(self._all.roles)
         (pipeline,) = self.pipelines
-        parts: dict[tuple[int, int], int] = {}
-        for batch in draws.solid:
-            parts.setdefault((batch.page, batch.textures), batch.material)
-        for (page, textures), material in parts.items():
-            number = int(data.records.maps[material, len(ROLES)])  # that of the set, as the material's record has it
+        for page, textures in dict.fromkeys((batch.page, batch.textures) for batch in draws.solid):
+            material = int(np.flatnonzero(data.textures_of == textures)[0])
+            number = int(
+                data.records.maps[material, len(ROLES)]
+            )  # that of the set, as the material's record has it
             self.draw(
                 commands,
                 pipeline,
