@@ -87,7 +87,7 @@ def true_surfaces(scene, wanted, shown):
 
 
 def heights(clip):
-    """Return (H, W) the smallest heights in pixels of triangles (H, W, 3, 4); infinite for one that is cut by the eye."""
+    """Return (H, W) the smallest heights in pixels of triangles (H, W, 3, 4); infinite if the eye cuts one."""
     with np.errstate(divide="ignore", invalid="ignore"):
         place = clip[..., :2] / clip[..., 3:] * np.array(SIZE) / 2
     edges = np.roll(place, -1, axis=-2) - place
@@ -107,8 +107,8 @@ def test_attributes_equal_those_of_the_gbuffer_and_of_double_precision(chapter, 
     """Colours of vertices, normals of both faces and of mirrored and sheared objects, factors, emission.
 
     A vertex 10 m from the origin is off by some 2^-24 of that in the eye's space, and 1e-4 pixels on the screen. Over a
-    triangle of h pixels an attribute is off by 1e-4 / h of its range: 1e-5 from 8 pixels on, in either path. The software
-    driver's interpolation is off by 1.5e-5 in smaller ones, where the rebuilt ones are right.
+    triangle of h pixels an attribute is off by 1e-4 / h of its range: 1e-5 from 8 pixels on, in either path. The
+    software driver's interpolation is off by 1.5e-5 in smaller ones, where the rebuilt ones are right.
     """
     scene = colored_town()
     found = surfaces(chapter, scene, view)

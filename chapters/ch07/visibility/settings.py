@@ -20,7 +20,7 @@ class VisibilitySettings:
 
     surfaces: str = knob(
         "gbuffer",
-        "what evaluates materials: each triangle while it is drawn, or each pixel once, from the number of its triangle",
+        "what evaluates materials: each triangle while it is drawn, or each pixel once, by its triangle's number",
         choices=get_args(Surfaces),
     )
     tangents: str = knob(
