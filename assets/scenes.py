@@ -32,7 +32,8 @@ class SceneInfo:
     `sizes` maps the name of each size to the triangles drawn at it; the first is the default and is committed if
     `in_clone`, as a single .glb file if `binary`. `generator` is the module whose `build(size)` (or `build()` where
     there is one size) returns the scene. `exercises` is one sentence. Where `counted` is given, any number of triangles
-    in the scene's meshes from its first to its second is a size as well, such as "250K" or "2M".
+    in the scene's meshes from its first to its second is a size as well, such as "250K" or "2M". Where `lamps` is
+    given, so is any number of lamps from its first to its second, such as "lights=400".
     """
 
     name: str
@@ -42,6 +43,7 @@ class SceneInfo:
     binary: bool = False
     in_clone: bool = True
     counted: tuple[int, int] | None = None
+    lamps: tuple[int, int] | None = None
 
     @property
     def default_size(self) -> str:
@@ -88,6 +90,16 @@ _ALL = (
         "Light that bounces between coloured walls, from one emissive square.",
     ),
     SceneInfo(
+        "market",
+        "assets.market",
+        {"lights=2400": 336706, "lights=400": 263306},
+        "A night market: awnings, glass, and 2,400 lamps that are lights, of which eight and more reach most of what "
+        "is seen. market:lights=400, market:lights=0 ... have so many.",
+        binary=True,
+        in_clone=False,
+        lamps=(0, 4096),
+    ),
+    SceneInfo(
         "spheres",
         "assets.spheres",
         {"medium": 42844},
@@ -110,6 +122,8 @@ def find(name: str) -> tuple[SceneInfo, str]:
         return info, size or info.default_size
     if info.counted is not None:
         return info, _counted_size(info, size)
+    if info.lamps is not None:
+        return info, _lamps_size(info, size)
     near = difflib.get_close_matches(size, info.sizes, 1, 0.4)
     hint = f'did you mean "{scene}:{near[0]}"?' if near else f"choose one of {', '.join(info.sizes)}."
     raise UserError(f'The scene "{scene}" has no size "{size}"; {hint}')
@@ -132,6 +146,19 @@ def _counted_size(info: SceneInfo, text: str) -> str:
     if rest or count % 1000:
         raise UserError(f'"{info.name}:{text}" is no whole number of thousands; {advice}')
     return _in_letters(count)
+
+
+def _lamps_size(info: SceneInfo, text: str) -> str:
+    """Return a number of lamps such as "lights=400" without leading zeros: one name for each size."""
+    assert info.lamps is not None
+    least, most = info.lamps
+    match = re.fullmatch(r"lights=([0-9]{1,9})", text)
+    advice = f"write lights= and a whole number from {least} to {most:,}, such as {', '.join(info.sizes)}."
+    if match is None:
+        raise UserError(f'The scene "{info.name}" has no size "{text}"; {advice}')
+    if not least <= int(match[1]) <= most:
+        raise UserError(f'"{info.name}:{text}" has too many lamps; {advice}')
+    return f"lights={int(match[1])}"
 
 
 def _in_letters(count: int) -> str:

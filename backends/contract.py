@@ -335,6 +335,9 @@ class Pass:
         """Whether the scene and the settings need this pass; a pass that is not needed is never created."""
         return True
 
+    def declare(self) -> None:
+        """Bring `reads` and `writes` up to date with the scene; called before a frame graph is compiled."""
+
     def create(self) -> None:
         """Build the pipelines and other objects of the pass; called again when a material changes its variant."""
 

@@ -27,6 +27,7 @@ FEATURES: dict[str, tuple[str, str]] = {
     "sampler-minmax": ("minimum and maximum filters", "four fetches in the shader"),
     "shading-rate": ("variable rate shading", "the lighting function in compute, one sample a block"),
     "sparse": ("sparse residency of images", "a software page table over an atlas"),
+    "subgroups": ("arithmetic over invocations that run together", "arithmetic of each invocation alone"),
     "types-16bit": ("16-bit types in shaders and buffers", "packed 32-bit words"),
     "wireframe": ("lines in place of filled triangles", "edges from barycentric coordinates"),
 }
@@ -50,6 +51,7 @@ MAIN_USES: dict[str, tuple[str, ...]] = {
     "sampler-minmax": ("sampled",),
     "shading-rate": ("attachment",),
     "sparse": ("sampled",),
+    "subgroups": ("arithmetic",),
     "types-16bit": ("arithmetic",),
     "wireframe": ("draw",),
 }

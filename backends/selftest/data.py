@@ -142,6 +142,35 @@ def int64() -> Computation:
     return Computation(_INT64, x, expected.ravel())
 
 
+_SUBGROUPS = """
+layout(local_size_x = 64) in;
+layout(std430, BIND(0, 0, 0)) readonly buffer A { uint a[]; };
+layout(std430, BIND(0, 1, 1)) writeonly buffer B { uint b[]; };
+void main() {
+    uint i = gl_GlobalInvocationID.x, own = a[i], fine = 0u;
+    if (i % 3u != 0u) {
+        uint low = subgroupMin(own), high = subgroupMax(own), bits = subgroupOr(own);
+        fine = low <= own && own <= high && (bits & own) == own ? 1u : 0u;
+        // Words of invocations that do not take part are multiples of 4.
+        fine *= low % 4u != 0u && high % 4u != 0u && bits % 4u == 3u ? 1u : 0u;
+    }
+    b[2 * i] = fine;
+    b[2 * i + 1] = subgroupMin(gl_WorkGroupID.x) == subgroupMax(gl_WorkGroupID.x) ? 1u : 0u;
+}
+"""
+
+
+def subgroups() -> Computation:
+    """Return what holds for any size of a subgroup, from 4 invocations on; a third of them sits out.
+
+    Words are multiples of 4, and those that take part have 1 or 2 added in turn.
+    """
+    number = np.arange(256, dtype=np.uint32)
+    words = number * np.uint32(2654435761) // np.uint32(4) * np.uint32(4) + number % 3
+    expected = np.stack([number % 3 != 0, np.ones(256)], axis=1).astype(np.uint32)
+    return Computation(_SUBGROUPS, words.astype(np.uint32), expected.ravel(), groups=4)
+
+
 COUNTED_GROUPS = 5
 COUNTED_INVOCATIONS = 48 * COUNTED_GROUPS
 COUNTED_COMPUTE = """

@@ -147,7 +147,10 @@ class QueueFamily:
 
 @dataclass(frozen=True)
 class PhysicalDevice:
-    """A device as its driver describes it. `bits` are the supported (struct, member) feature bits."""
+    """A device as its driver describes it.
+
+    `bits` are the supported (struct, member) feature bits, `properties` those of `driver.features.Requirement`.
+    """
 
     handle: Any
     index: int
@@ -160,6 +163,7 @@ class PhysicalDevice:
     families: tuple[QueueFamily, ...]
     limits: Any
     cache_uuid: str
+    properties: frozenset[str] = frozenset()
 
     def lacks(self, requirement: vf.Requirement) -> str | None:
         """Return what is missing for `requirement` in a few words, or None if nothing is."""
@@ -169,6 +173,9 @@ class PhysicalDevice:
         for struct, member in requirement.bits:
             if (struct, member) not in self.bits:
                 return f"the driver lacks the feature {member}"
+        for name in requirement.properties:
+            if name not in self.properties:
+                return f"the driver lacks {name}"
         return None
 
     @property
@@ -227,8 +234,9 @@ def describe(instance: Instance, handle: Any) -> PhysicalDevice:
     properties = vk.new("VkPhysicalDeviceProperties2")
     fn.vkGetPhysicalDeviceProperties(handle, vk.ffi.addressof(properties, "properties"))
     version = _version(properties.properties.apiVersion)
+    of_version_1_1 = vk.new("VkPhysicalDeviceVulkan11Properties", pNext=driver)
     if version >= (1, 2, 0):
-        properties.pNext = vk.ffi.cast("void *", driver)
+        properties.pNext = vk.ffi.cast("void *", of_version_1_1)
         fn.vkGetPhysicalDeviceProperties2(handle, properties)
     extensions = frozenset(
         vk.text(item.extensionName)
@@ -240,6 +248,9 @@ def describe(instance: Instance, handle: Any) -> PhysicalDevice:
             vk.NULL,
         )
     )
+    stages = vk.VK_SHADER_STAGE_FRAGMENT_BIT | vk.VK_SHADER_STAGE_COMPUTE_BIT
+    adds_up = of_version_1_1.subgroupSupportedOperations & vk.VK_SUBGROUP_FEATURE_ARITHMETIC_BIT
+    everywhere = of_version_1_1.subgroupSupportedStages & stages == stages
     bits: set[tuple[str, str]] = set()
     if version >= (1, 3, 0):
         chain = feature_chain(vf.CORE, vf.V11, vf.V12, vf.V13, *_structs_of(extensions))
@@ -270,6 +281,7 @@ def describe(instance: Instance, handle: Any) -> PhysicalDevice:
         families=families,
         limits=vk.keep(vk.ffi.addressof(plain, "limits"), properties, driver),
         cache_uuid=bytes(plain.pipelineCacheUUID).hex(),
+        properties=frozenset({vf.SUBGROUPS} if adds_up and everywhere else ()),
     )
 
 

@@ -18,6 +18,7 @@ LESSON = Lesson(
                 "draw-indirect-count",
                 "mesh-shader",
                 "multi-draw",
+                "subgroups",
             }
         ),
     ),

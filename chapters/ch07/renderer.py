@@ -4,7 +4,7 @@
                upload textures that are decoded (`frames/stream.py`)
     passes     record the passes of the graph, in its order (graph/*.json). Deferred: gbuffer, lighting, transparent
                -> color_hdr, depth. Forward: one pass of that name, and resolve with several samples a pixel. Then three
-               passes of a lens -> color_focused; tonemap -> color; and instance_id, if requested
+               passes of a lens, exposure and bloom -> color_focused; tonemap -> color; instance_id, if requested
     copy       copy the requested outputs to the CPU
 
 The frame is a graph (graph/frame_graph.py), compiled when its structure changes. The passes, their order and the
@@ -36,16 +36,21 @@ from .graph.file import graph_path, read_graph
 from .graph.passes import make_passes
 from .graph.plan import FramePlan, check_samples, graph_name
 from .graph.stream import GraphStream
+from .hdr.technique import HdrTechnique
 from .scene.pass_parts import PassParts
 from .scene.scene_draws import SceneDrawLists
 from .shading.views import shown_exposure
+from .transparency.technique import TransparencyTechnique
 from .visibility.technique import VisibilityTechnique
 
 
 class Renderer(GraphStream):
     """The renderer of the chapter: one stream of frames of one view of one scene."""
 
-    TECHNIQUES = (ClusterTechnique, CullingTechnique, ClothTechnique, VisibilityTechnique)
+    TECHNIQUES = (
+        *(TransparencyTechnique, ClusterTechnique, CullingTechnique, ClothTechnique),
+        *(HdrTechnique, VisibilityTechnique),
+    )
     """The work of each subject outside its passes. A lesson adds a folder, and one line here."""
 
     # --- creation ---

@@ -18,10 +18,13 @@ from .environment.settings import EnvironmentSettings
 from .frames.queues.settings import QueueSettings
 from .frames.settings import FrameSettings
 from .graph.settings import GraphSettings
+from .hdr.settings import HdrSettings
 from .loading.settings import LoadingSettings
 from .post.settings import PostSettings
 from .scene.settings import SceneSettings
 from .shading.settings import ShadingSettings
+from .ssao.settings import SsaoSettings
+from .transparency.settings import TransparencySettings
 from .visibility.settings import VisibilitySettings
 
 SIDES = (
@@ -117,12 +120,17 @@ class Settings(Grouped):
         "graph alias resubmit async_compute poison "
         "depth_prepass gbuffer_format aperture focus_distance bokeh_taps "
         "msaa resolve mask_coverage tone_curve "
-        "light_lists most_lights "
-        "surfaces tangents "
+        "light_lists light_loop most_lights "
+        "msaa resolve mask_coverage tone_curve tone_white "
+        "exposure exposure_key exposure_low exposure_high exposure_min_ev exposure_max_ev "
+        "adapt_dark_s adapt_bright_s adapt_speed bloom bloom_threshold bloom_levels "
         "ambient default_light light_cutoff background sky "
         "energy environment_intensity environment_turn environment_size environment_detail "
         "irradiance_source table_size table_samples view "
         "recording_threads draws_per_secondary "
+        "ssao ssao_radius ssao_scale ssao_bias ssao_blur "
+        "transparency transparency_nodes "
+        "surfaces tangents "
         "skip_unused"
     )
 
@@ -137,4 +145,7 @@ class Settings(Grouped):
     cloth: ClothSettings = group(ClothSettings)
     culling: CullingSettings = group(CullingSettings)
     clusters: ClusterSettings = group(ClusterSettings)
+    ssao: SsaoSettings = group(SsaoSettings)
+    transparency: TransparencySettings = group(TransparencySettings)
     visibility: VisibilitySettings = group(VisibilitySettings)
+    hdr: HdrSettings = group(HdrSettings)

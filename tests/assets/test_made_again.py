@@ -134,7 +134,7 @@ def test_the_comparison_finds_what_differs(tmp_path):
             compare(plain, scene(str(wrong), **wrong))
 
 
-@pytest.mark.parametrize(("name", "size"), [("atrium", "small"), ("city", "10K")])
+@pytest.mark.parametrize(("name", "size"), [("atrium", "small"), ("city", "10K"), ("market", "lights=33")])
 def test_a_plainer_processor_makes_the_same_scene(name, size, tmp_path):
     """numpy takes other code for sines and powers without the wider instructions; the files stay the same."""
     from numpy._core._multiarray_umath import __cpu_dispatch__, __cpu_features__

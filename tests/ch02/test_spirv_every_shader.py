@@ -71,6 +71,19 @@ GIVEN_FROM_6 = {
     "SHOW": 0,
     "OPACITY": 1.0,
 }
+GIVEN_FROM_7 = {
+    "LIST_HEADER": 16,
+    "LIST_BOUND": 8,
+    "LIST_BINS": 512,
+    "LIST_STEPS_LOG2": 6,
+    "LIST_GROUP": 64,
+    "LIT_BINDING": 6,
+    "RADIUS": 0.03,
+    "OCCLUSION_SCALE": 1.0,
+    "OCCLUSION_BIAS": 0.2,
+    "STEP": "ivec2(1, 0)",
+    "TOLERANCE": 0.003,
+}
 VIEWS = 13
 OWN = ("GL_", "INCLUDED_", "VIEW_OF")  # macros that are not the host's
 
@@ -85,7 +98,13 @@ def files():
 def built(path, defines):
     """Return a shader with the extension that some of them need; it changes nothing where nobody uses it."""
     own = path.relative_to(ROOT).parts
-    given = (GIVEN_FROM_6 if own[0] == "chapters" and own[1] >= "ch06" else {}) | defines
+    later = [(GIVEN_FROM_6, "ch06"), (GIVEN_FROM_7, "ch07")]
+    given = {
+        name: value
+        for more, first in later
+        if own[0] == "chapters" and own[1] >= first
+        for name, value in more.items()
+    } | defines
     own_text = path.read_text("utf-8")
     mesh = ["GL_EXT_mesh_shader"] if path.suffix in (".task", ".mesh") else []
     return shader_text.build(

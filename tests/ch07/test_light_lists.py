@@ -15,7 +15,7 @@ from common.settings import replaced
 from common.view.camera import Orthographic, Perspective, View
 from tests.support.buffers import read_words
 from tests.support.lamps import lit_town
-from tests.twins.light_lists import reaches, seen_at
+from tests.twins.light_lists import built, reaches, seen_at
 
 SIZE = (123, 77)
 LIT = Settings(color_format="rgba32f", gbuffer_format="full", anisotropy=1.0, ambient=0.0)
@@ -43,25 +43,43 @@ class Lists:
         places = self.words[self.layout.first_bin :][:BINS]
         self.bins = np.stack([places & 0xFFFF, places >> 16], axis=1).astype(int)
         across, down = self.layout.tiles
+        depths = self.words[self.layout.first_depth : self.layout.first_tile].reshape(BINS, -1)
         bits = self.words[self.layout.first_tile :].reshape(down, across, -1)
-        self.tiles = (bits[..., None] >> np.arange(32, dtype=np.uint32) & 1).reshape(down, across, -1)
+        self.depths, self.tiles = (
+            (words[..., None] >> np.arange(32, dtype=np.uint32) & 1).reshape(*words.shape[:-1], -1)
+            for words in (depths, bits)
+        )
 
     def bin_of(self, depths):
         codes = np.maximum(depths, 0.0).astype(np.float32).view(np.uint32).astype(int) >> (23 - STEPS_LOG2)
         return np.clip(codes - self.first_code, 0, BINS - 1)
 
 
-def lists_of(chapter, scene, view, size=SIZE, **turned):
-    with chapter.open(scene, size, replaced(LIT, **turned)) as renderer:
-        renderer.render(view).image("color")
-        return Lists(renderer)
+def lists_of(chapter, scene, *views, size=SIZE):
+    """Return the lists of a frame of each view."""
+    found = []
+    with chapter.open(scene, size, LIT) as renderer:
+        for view in views:
+            renderer.render(view).image("color")
+            found.append(Lists(renderer))
+    return found
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return lit_town(100, directional=3)
+
+
+@pytest.fixture(scope="module")
+def lists(chapter, scene):
+    """The lists of each view, by its name."""
+    return dict(zip(VIEWS, lists_of(chapter, scene, *VIEWS.values()), strict=True))
 
 
 @pytest.mark.feature("clustered/light-sort")
 @pytest.mark.parametrize("view", VIEWS)
-def test_the_order_is_one_of_ascending_depth(chapter, view):
-    scene = lit_town(100, directional=3)
-    found = lists_of(chapter, scene, VIEWS[view])
+def test_the_order_is_one_of_ascending_depth(scene, lists, view):
+    found = lists[view]
     assert sorted(found.order) == list(range(3, 100)), "directional lights come first, without a place"
     bounds = found.words[found.layout.first_bound :][: 8 * found.local].reshape(-1, 8)
     intervals = bounds[:, 5:7].copy().view(np.float32)
@@ -86,48 +104,83 @@ def test_equal_depths_keep_the_order_of_the_scene(chapter):
     lights = [
         replace(light, kind="point", range=3.0, intensity=1.0, color=(1, 1, 1)) for light in scene.lights
     ]
-    found = lists_of(chapter, replace(scene, lights=lights), VIEWS["inside"])
+    (found,) = lists_of(chapter, replace(scene, lights=lights), VIEWS["inside"])
     assert found.order.tolist() == list(range(40))
 
 
-@pytest.mark.feature("clustered/depth-bins", "clustered/tile-bitfields")
-@pytest.mark.parametrize("view", VIEWS)
-@pytest.mark.parametrize(("lights", "size"), [(33, SIZE), (100, (64, 41))])
-def test_every_point_that_a_light_reaches_finds_it(chapter, lights, size, view):
-    """The truth is brute force in double precision: points within range and cone, projected one by one."""
-    scene = lit_town(lights)
-    found = lists_of(chapter, scene, VIEWS[view], size)
+def assert_every_point_finds_its_light(scene, found, view, size, directional=0):
+    """Hold lists to brute force in double precision: points within range and cone, projected one by one."""
     place_of = {record: place for place, record in enumerate(found.order)}
     random = np.random.default_rng(3)
     tested = 0
-    for record, reach in enumerate(reaches(scene, 0.001)):
-        pixels, depths = seen_at(reach.points(random, 500), VIEWS[view], size)
+    for number, reach in enumerate(reaches(scene, 0.001)):
+        pixels, depths = seen_at(reach.points(random, 500), view, size)
         inside = ~np.isnan(pixels[:, 0])
-        place = place_of[record]
+        place = place_of[directional + number]
         low, high = found.bins[found.bin_of(depths[inside])].T
-        assert ((low <= place + 1) & (place + 1 <= high)).all(), f"light {record} is missing in a bin"
+        assert ((low <= place + 1) & (place + 1 <= high)).all(), f"light {number} is missing in a bin"
+        assert found.depths[found.bin_of(depths[inside]), place].all(), (
+            f"light {number} is missing in a bin's bits"
+        )
         tile = pixels[inside].astype(int) >> found.layout.tile_log2
-        assert found.tiles[tile[:, 1], tile[:, 0], place].all(), f"light {record} is missing in a tile"
+        assert found.tiles[tile[:, 1], tile[:, 0], place].all(), f"light {number} is missing in a tile"
         tested += inside.sum()
     assert tested > 1000
 
 
+@pytest.mark.feature("clustered/depth-bins", "clustered/tile-bitfields")
 @pytest.mark.parametrize("view", VIEWS)
-def test_what_cannot_be_seen_is_in_no_list(chapter, view):
+def test_every_point_that_a_light_reaches_finds_it(scene, lists, view):
+    assert_every_point_finds_its_light(scene, lists[view], VIEWS[view], SIZE, directional=3)
+
+
+@pytest.mark.feature("clustered/tile-bitfields")
+def test_33_lights_and_sizes_that_are_no_multiple_of_8(chapter):
+    """The second word of a tile is not the first word of the next one."""
+    scene, size = lit_town(33), (65, 41)
+    (found,) = lists_of(chapter, scene, VIEWS["inside"], size=size)
+    assert found.layout.words_of_set == 2 and found.layout.tiles == (9, 6)
+    assert_every_point_finds_its_light(scene, found, VIEWS["inside"], size)
+
+
+@pytest.mark.feature("clustered/light-sort", "clustered/depth-bins", "clustered/tile-bitfields")
+@pytest.mark.parametrize("view", ["inside", "above"])
+def test_the_lists_are_those_of_numpy(scene, lists, view):
+    """Between the lists in double precision and those with all radii longer by a thousandth.
+
+    The kernels lengthen a radius by 1e-4 of itself and 4e-6 of the distances, which are up to 30 radii here.
+    """
+    found = lists[view]
+    least, most = (built(scene, VIEWS[view], SIZE, 0.001, wider) for wider in (0.0, 1e-3))
+    order = found.order - 3
+    assert (np.diff(least.middles[order]) > -1e-4).all()
+    tiles = found.tiles[:, :, : len(order)] > 0
+    assert (tiles >= least.tiles[:, :, order]).all() and (tiles <= most.tiles[:, :, order]).all()
+    for numpy_lists, narrower in ((least, 1), (most, -1)):
+        first, last = (found.bin_of(numpy_lists.intervals[order, end]) for end in (0, 1))
+        for number, (low, high) in enumerate(found.bins):
+            places = (
+                np.flatnonzero((first <= number) & (number <= last) & (numpy_lists.intervals[order, 1] >= 0))
+                + 1
+            )
+            wanted = (places.min(), places.max()) if len(places) else (0xFFFF, 0)
+            assert narrower * low <= narrower * wanted[0] and narrower * high >= narrower * wanted[1]
+
+
+@pytest.mark.parametrize("view", VIEWS)
+def test_what_cannot_be_seen_is_in_no_list(scene, lists, view):
     """A light has no bit if its sphere is behind the eye, or beside the picture by more than two tiles.
 
     A sphere is outside of a plane through the eye if its centre is farther from it than its radius. The planes here are
     those of the sides of the picture, moved outward by two tiles: a cone around a tile is wider than the tile.
     """
-    scene = lit_town(100)
-    shown = VIEWS[view]
-    found = lists_of(chapter, scene, shown)
+    shown, found = VIEWS[view], lists[view]
     projection = shown.projection.clip_from_view(SIZE[0] / SIZE[1])
     view_from_world = np.linalg.inv(shown.world_from_view)
     margin = 1.0 + 2 * 24.0 / np.array(SIZE)
-    hidden = 0
+    hidden, reached = 0, reaches(scene, 0.001)
     for place, record in enumerate(found.order):
-        reach = reaches(scene, 0.001)[record]
+        reach = reached[record - 3]
         centre = view_from_world @ np.append(reach.position, 1.0)
         radius = reach.radius * 1.001 + 1e-3
         if projection[3, 3] == 0:  # perspective: the side planes go through the eye
@@ -156,7 +209,7 @@ def test_bins_without_a_light_are_flagged(chapter):
     scene.nodes.matrix[-40:, :3, 3] = (0.0, 0.0, 0.0)
     lights = [replace(light, kind="point", range=0.5) for light in scene.lights]
     view = View(pose_looking_at(eye, (0.0, 0.0, 0.0), (0, 0, 1)), Perspective(0.9, 0.05))
-    found = lists_of(chapter, replace(scene, lights=lights), view)
+    (found,) = lists_of(chapter, replace(scene, lights=lights), view)
     full = found.bins[:, 1] > 0
     assert full[found.bin_of(np.array([29.6, 30.0, 30.4]))].all()
     assert not full[found.bin_of(np.array([0.2, 5.0, 20.0, 28.9]))].any()

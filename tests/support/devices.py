@@ -15,6 +15,7 @@ GRAPHICS, COMPUTE, TRANSFER, SPARSE = (
     vk.VK_QUEUE_SPARSE_BINDING_BIT,
 )
 ALL_BITS = frozenset(bit for requirement in (vf.FLOOR, *vf.OPTIONAL.values()) for bit in requirement.bits)
+ALL_PROPERTIES = frozenset(name for requirement in vf.OPTIONAL.values() for name in requirement.properties)
 ALL_EXTENSIONS = frozenset(name for requirement in vf.OPTIONAL.values() for name in requirement.extensions)
 
 
@@ -35,6 +36,7 @@ def described(name: str = "card", kind: Any = "discrete", **changes: Any) -> Phy
         "version": (1, 3, 0),
         "extensions": ALL_EXTENSIONS,
         "bits": ALL_BITS,
+        "properties": ALL_PROPERTIES,
         "families": families(GRAPHICS | COMPUTE | SPARSE),
         "limits": limits,
         "cache_uuid": "",

@@ -59,6 +59,7 @@ PARTS = {
     "ideal": "triangles drawn against those of visible meshlets",
     "meshlets": "how large meshlets should be",
     "lods": "what levels of detail save, and their error",
+    "lights": "what selects the lights of a pixel, and what that costs",
 }
 """What a bench measures; a chapter may lack any of those that come after `stability`, and `prepared`."""
 
@@ -71,6 +72,7 @@ DRAWN = {
     "ideal",
     "meshlets",
     "lods",
+    "lights",
     "settings",
     "prepared",
     "scales",
@@ -239,6 +241,7 @@ def parts_of(which: chapters.Whole, api: str, only: Sequence[str] = ()) -> tuple
         ("ideal", "culling"),
         ("meshlets", "geometry"),
         ("lods", "lod_pixels"),
+        ("lights", "light_lists"),
     ):
         if not hasattr(settings_class, names) and names not in knobs(settings_class):
             missing[part] = f"{spoken} names none in its settings ({names})"
@@ -323,7 +326,9 @@ def measure(
         if "meshlets" in parts:
             framed["meshlets"] = bench("meshlet_sizes").measure(subject, effort, within(0.96, 0.97))
         if "lods" in parts:
-            framed["lods"] = bench("levels").measure(subject, effort, within(0.97, 0.98))
+            framed["lods"] = bench("levels").measure(subject, effort, within(0.97, 0.975))
+        if "lights" in parts:
+            framed["lights"] = bench("lights").measure(subject, effort, within(0.975, 0.98))
         if "stability" in parts:
             steps("stability", 0.98)
             cases = bench_points.stability_cases(subject, effort)

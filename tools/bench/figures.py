@@ -301,6 +301,15 @@ def _lods(made: dict[str, Any]) -> Iterator[Row]:
         yield f"{one['pixels']:g} pixels", _times(one, "gpu_ms") | _errors(one["error"]) | _work(one["work"])
 
 
+def _lights(made: dict[str, Any]) -> Iterator[Row]:
+    held = made.get("lights") or {"rows": ()}
+    for one in held["rows"]:
+        yield f"{one['lights']} lamps", _work(one["work"])
+        for way in one["ways"]:
+            times = _times(way, "build_ms") | _times(way, "light_ms")
+            yield _point(f"{one['lights']} lamps", way["way"]), times | _work(way, "pixels_differ")
+
+
 PARTS = {
     "settings": _settings,
     "prepared": _prepared,
@@ -322,5 +331,6 @@ PARTS = {
     "ideal": _ideal,
     "meshlets": _meshlets,
     "lods": _lods,
+    "lights": _lights,
 }
 """How the points of each part of a bench are found in its record."""

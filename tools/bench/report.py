@@ -33,6 +33,7 @@ FRAME_PARTS = {
     "ideal": "visible_set",
     "meshlets": "meshlet_sizes",
     "lods": "levels",
+    "lights": "lights",
 }
 """The parts of chapters whose frame is a graph, and the benches of lessons that show and draw them."""
 

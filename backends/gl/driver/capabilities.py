@@ -49,6 +49,7 @@ ABSENT: dict[str, str] = {
     "ray-tracing": "OpenGL has no rays",
     "shading-rate": "OpenGL has no variable rate shading",
     "sparse": "on OpenGL the page table is software on every driver",
+    "subgroups": "on OpenGL each invocation works alone on every driver",
     "types-16bit": "OpenGL has no 16-bit types in buffers",
 }
 """The features that no OpenGL driver has here, and why. Paths that the software driver cannot run are not taken."""

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Requirement:
-    """Device extensions and (struct, member) feature bits that all must be there."""
+    """Device extensions, (struct, member) feature bits and properties in words that all must be there."""
 
     extensions: tuple[str, ...] = ()
     bits: tuple[tuple[str, str], ...] = ()
+    properties: tuple[str, ...] = ()
 
 
 CORE = "VkPhysicalDeviceFeatures2"
@@ -22,6 +23,9 @@ ACCELERATION = "VkPhysicalDeviceAccelerationStructureFeaturesKHR"
 RAY_PIPELINE = "VkPhysicalDeviceRayTracingPipelineFeaturesKHR"
 RAY_QUERY = "VkPhysicalDeviceRayQueryFeaturesKHR"
 SHADING_RATE = "VkPhysicalDeviceFragmentShadingRateFeaturesKHR"
+
+SUBGROUPS = "subgroup arithmetic in fragment and compute shaders"
+"""What no feature bit tells, but VkPhysicalDeviceVulkan11Properties."""
 
 FLOOR = Requirement(
     bits=(
@@ -75,6 +79,7 @@ OPTIONAL: dict[str, Requirement] = {
     "sparse": Requirement(
         bits=((CORE, "sparseBinding"), (CORE, "sparseResidencyImage2D"), (CORE, "shaderResourceResidency"))
     ),
+    "subgroups": Requirement(properties=(SUBGROUPS,)),
     "types-16bit": Requirement(
         bits=((V11, "storageBuffer16BitAccess"), (V12, "shaderFloat16"), (CORE, "shaderInt16"))
     ),

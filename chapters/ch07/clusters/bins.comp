@@ -1,4 +1,4 @@
-// A work group a bin of depth: the first and the last place in the order of the lights that reach into it.
+// A work group a bin of depth: the lights that reach into it, a bit each, and the first and the last of them.
 //
 // A light belongs to a bin if the two intervals overlap. To ask only for the ends and the middle of the light's interval
 // would miss bins that lie between them.
@@ -12,15 +12,20 @@ shared uint highest[LIST_GROUP];
 
 void main() {
     uint bin = gl_WorkGroupID.x, lane = gl_LocalInvocationID.x;
-    uint count = local_lights(), lights = pushed.header.x;
+    uint count = local_lights(), lights = pushed.header.x, words = pushed.header.y;
     uint first_code = light_lists[LIST_FIRST_BIN_CODE];
     uint low = 0xffffu, high = 0u;  // places from 1 on
-    for (uint place = lane; place < count; place += uint(LIST_GROUP)) {
-        vec2 interval = interval_at(first_bound(lights) + uint(LIST_BOUND) * place);
-        if (interval.y >= 0.0 && bin_of(interval.x, first_code) <= bin && bin <= bin_of(interval.y, first_code)) {
-            low = min(low, place + 1u);
-            high = place + 1u;
+    for (uint word = lane; word < words; word += uint(LIST_GROUP)) {
+        uint bits = 0u, first = 32u * word;
+        for (uint place = first; place < min(count, first + 32u); ++place) {
+            vec2 interval = interval_at(first_bound(lights) + uint(LIST_BOUND) * place);
+            if (interval.y >= 0.0 && bin_of(interval.x, first_code) <= bin && bin <= bin_of(interval.y, first_code)) {
+                bits |= 1u << (place - first);
+                low = min(low, place + 1u);
+                high = place + 1u;
+            }
         }
+        light_lists[first_depth(lights) + bin * words + word] = bits;
     }
     lowest[lane] = low;
     highest[lane] = high;

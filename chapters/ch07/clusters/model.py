@@ -7,10 +7,12 @@ One buffer holds everything, in words of 32 bits:
     bounds   BOUND words a light, in that order: the circle that the light covers in the picture, its interval of depth
     found    the same, in the order of the records; the first kernel writes them, and the second one sorts them
     bins     a word a bin: first and last place in the order of the lights that reach into its interval of depth
-    tiles    a word for each 32 lights of each tile: a bit a light, in the order
+    depths   a word for each 32 lights of each bin: a bit a light, in the order
+    tiles    the same of each tile
 
 Sources: Persson and Olsson, "Practical Clustered Deferred and Forward Shading", SIGGRAPH 2013, for lists by place and
 depth; Drobot, "Improved Culling for Tiled and Clustered Rendering", SIGGRAPH 2017, for bins and bits instead of lists.
+There a bin has its two places only. Where ranges differ, half of the lights between them do not reach into the bin.
 """
 
 from __future__ import annotations
@@ -29,12 +31,12 @@ LEAST_LIGHTS = 8
 HEADER, BOUND = 16, 8
 """Words of the header, and of the bounds of a light."""
 
-OCTAVES, STEPS_LOG2 = 8, 5
+OCTAVES, STEPS_LOG2 = 8, 6
 BINS = OCTAVES << STEPS_LOG2
-"""Bins of depth: each factor of two in distance, counted from the farthest light, has 32 equal ones.
+"""Bins of depth: each factor of two in distance, counted from the farthest light, has 64 equal ones.
 
 A float32 is an exponent and a mantissa, so its bits, read as an integer, are a piecewise linear logarithm. The highest
-14 bits without the sign number exactly these bins, and no logarithm is computed. At 10 m a bin is 0.25 m deep.
+15 bits number exactly these bins, and no logarithm is computed. At 10 m a bin is 0.125 m deep.
 """
 
 TILE_LOG2 = 3
@@ -52,7 +54,7 @@ class Settings(Protocol):
 
 def needed(scene: Scene, settings: Settings) -> bool:
     """Whether the scene has lights enough for an order; brute force sums them in that order, too."""
-    return min(len(scene.lights), settings.clusters.most) >= LEAST_LIGHTS
+    return min(len(scene.lights), settings.clusters.most_lights) >= LEAST_LIGHTS
 
 
 def list_defines(scene: Scene, settings: Settings) -> tuple[tuple[str, int], ...]:
@@ -63,13 +65,18 @@ def list_defines(scene: Scene, settings: Settings) -> tuple[tuple[str, int], ...
     if not needed(scene, settings):
         return ()
     return (
-        ("LIGHT_LISTS", get_args(Lists).index(settings.clusters.lists)),
+        ("LIGHT_LISTS", get_args(Lists).index(settings.clusters.light_lists)),
         ("LIST_HEADER", HEADER),
         ("LIST_BOUND", BOUND),
         ("LIST_BINS", BINS),
         ("LIST_STEPS_LOG2", STEPS_LOG2),
         ("LIST_GROUP", GROUP),
     )
+
+
+def loop_defines(settings: Settings, subgroups: bool) -> tuple[tuple[str, int], ...]:
+    """Return the define of the scalarised loop, where the device has arithmetic in subgroups."""
+    return (("SCALARISED", 1),) if subgroups and settings.clusters.light_loop == "scalarised" else ()
 
 
 @dataclass(frozen=True)
@@ -96,8 +103,8 @@ class ListLayout:
         )
 
     @property
-    def words_of_tile(self) -> int:
-        """Words of the bits of one tile."""
+    def words_of_set(self) -> int:
+        """Words of the bits of one tile, or of one bin."""
         return -(-self.lights // 32)
 
     @property
@@ -122,17 +129,22 @@ class ListLayout:
         return self.first_found + BOUND * self.lights
 
     @property
-    def first_tile(self) -> int:
-        """The first word of the tiles."""
+    def first_depth(self) -> int:
+        """The first word of the bits of the bins."""
         return self.first_bin + BINS
+
+    @property
+    def first_tile(self) -> int:
+        """The first word of the bits of the tiles."""
+        return self.first_depth + BINS * self.words_of_set
 
     @property
     def words(self) -> int:
         """Words of the whole buffer."""
         width, height = self.tiles
-        return self.first_tile + width * height * self.words_of_tile
+        return self.first_tile + width * height * self.words_of_set
 
     @property
     def pushed(self) -> tuple[int, ...]:
         """The words with which the header begins, as the kernels get them (clusters/layout.glsl)."""
-        return self.lights, self.words_of_tile, self.tiles[0], self.tile_log2
+        return self.lights, self.words_of_set, self.tiles[0], self.tile_log2

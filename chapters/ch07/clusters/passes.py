@@ -8,13 +8,14 @@ Lists are built anew in every frame that is drawn, since lights and camera may m
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from backends.contract import Access, Pass
 from common.scene import Scene
 
+from ..frames.backend.backend import Backend
 from ..frames.commands import Commands
 from ..graph.types import External, Touch
 from ..pipelines.compute_description import ComputeDescription
@@ -26,24 +27,39 @@ from .model import BINS, GROUP, ListLayout
 LISTS = "light_lists"
 """The resource in the graph: the buffer of the lists."""
 
-LIT = ("forward", "forward_late", "lighting", "lighting_compute", "transparent")
+LIT = ("forward", "forward_late", "lighting", "lighting_compute", "transparent", "transparent_fill")
 """The passes that loop over lights."""
 
 _READ = Touch("", frozenset({"fragment", "compute"}), frozenset({"storage_read"}))
 """The last use in the frame before."""
 
 
-class ListBuffer(Protocol):
-    """The buffer of the lists on a backend."""
+class ListBuffer:
+    """The buffer of the lists, which the scene's data binds for all shaders."""
 
-    most_bytes: int
-    """The largest buffer that shaders see."""
+    def __init__(self, backend: Backend) -> None:
+        self._backend: Any = backend
+        limit = int(backend.device.capabilities.limits["maxStorageBufferRange"])
+        self.most_bytes = min(limit, 1 << 30)
+        """The largest buffer that shaders see."""
 
     def make(self, size: int) -> None:
         """Create the buffer with `size` bytes; an earlier one is freed after its last use."""
+        self.close()
+        self._backend.data.light_lists = self._created(size)
 
     def close(self) -> None:
         """Free the buffer."""
+        data = self._backend.data
+        if data.light_lists is not None:
+            self._destroy(data.light_lists)
+        data.light_lists = None
+
+    def _created(self, size: int) -> Any:
+        raise NotImplementedError
+
+    def _destroy(self, buffer: Any) -> None:
+        raise NotImplementedError
 
 
 class LightListsPass(Pass):
@@ -65,7 +81,7 @@ class LightListsPass(Pass):
 
     def create(self) -> None:
         """Build the kernels that the setting `light_lists` needs."""
-        lists = self._settings.clusters.lists
+        lists = self._settings.clusters.light_lists
         names = ["bounds", "order"]
         names += ["bins"] * (lists in ("bins", "clusters")) + ["tiles"] * (lists in ("tiles", "clusters"))
         described = [ComputeDescription(f"clusters/{name}.comp", name=f"light {name}") for name in names]
@@ -81,7 +97,7 @@ class LightListsPass(Pass):
             "light bounds": over_lights,
             "light order": over_lights,
             "light bins": (BINS, 1, 1),
-            "light tiles": (-(-across // 8), -(-down // 8), layout.words_of_tile),
+            "light tiles": (-(-across // 8), -(-down // 8), layout.words_of_set),
         }
         for number, pipeline in enumerate(self.pipelines):
             if number in (1, 2):

@@ -18,16 +18,19 @@ MOST_LIGHTS = 4096
 class ClusterSettings:
     """How a pixel finds the lights that it evaluates."""
 
-    lists: str = knob(
+    light_lists: str = knob(
         "clusters",
         "the lights that a pixel evaluates: all, those near its depth, those over its tile, or those of both",
         choices=get_args(Lists),
-        flat="light_lists",
     )
-    most: int = knob(
+    light_loop: str = knob(
+        "plain",
+        "how invocations that run together loop: each over its own lights, or all over the lights of any of them",
+        choices=("plain", "scalarised"),
+    )
+    most_lights: int = knob(
         MOST_LIGHTS,
         "lights that are kept, the brightest of the scene",
         minimum=1,
         maximum=MOST_LIGHTS,
-        flat="most_lights",
     )

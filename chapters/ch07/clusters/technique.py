@@ -30,7 +30,7 @@ class ClusterTechnique(Technique):
     def prepare(self, frame: FrameInfo) -> int:
         """Make the buffer anew if the picture has another size."""
         count = len(self._parts.scene.lights)
-        kept = min(count, self._parts.settings.clusters.most)
+        kept = min(count, self._parts.settings.clusters.most_lights)
         self.work = {"lights": kept, "lights_left_out": count - kept} if kept < count else {}
         if self._buffer is None or (self._pass.layout and self._pass.layout.size == frame.size):
             return 0

@@ -68,5 +68,5 @@ void main() {
             bits |= meets && others[i].y >= 0.0 ? 1u << i : 0u;
         }
     }
-    light_lists[first_tile(lights) + (tile.y * across + tile.x) * pushed.header.y + word] = bits;
+    light_lists[first_tile(lights, pushed.header.y) + (tile.y * across + tile.x) * pushed.header.y + word] = bits;
 }

@@ -1,29 +1,20 @@
-"""The buffer of the light lists on Vulkan."""
+"""The buffer of the light lists on Vulkan, in device memory."""
 
 from __future__ import annotations
 
 from backends.vulkan import api as vk
+from common.numerics.pools import Handle
 
-from ..frames.backend.vulkan import VulkanBackend
+from .passes import ListBuffer
 
 
-class Buffer:
-    """One buffer in device memory, which the sets of the scene bind."""
+class Buffer(ListBuffer):
+    """A handle of the renderer's resources; the sets of the scene hold its buffer."""
 
-    def __init__(self, backend: VulkanBackend) -> None:
-        self._backend = backend
-        self.most_bytes = min(int(backend.device.limits.maxStorageBufferRange), 1 << 30)
-
-    def make(self, size: int) -> None:
-        """Create the buffer with `size` bytes; an earlier one is freed after its last use."""
-        self.close()
+    def _created(self, size: int) -> Handle:
         usage = vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | vk.VK_BUFFER_USAGE_TRANSFER_SRC_BIT
-        data = self._backend.data
-        data.light_lists = self._backend.resources.buffer(size, usage, "device", "light lists")
+        handle: Handle = self._backend.resources.buffer(size, usage, "device", "light lists")
+        return handle
 
-    def close(self) -> None:
-        """Free the buffer."""
-        data = self._backend.data
-        if data.light_lists is not None:
-            self._backend.resources.destroy_buffer(data.light_lists)
-            data.light_lists = None
+    def _destroy(self, buffer: Handle) -> None:
+        self._backend.resources.destroy_buffer(buffer)

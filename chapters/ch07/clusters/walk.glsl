@@ -9,16 +9,22 @@
 
 #ifdef LIGHT_LISTS
 #include "clusters/layout.glsl"
+#ifdef SCALARISED
+#include "clusters/subgroups.glsl"
+#else
+uvec2 joined_words(uint first, uint end) { return uvec2(first, end); }
+uint joined_bits(uint bits) { return bits; }
+#endif
 #endif
 
 struct LightWalk {
     uint next;   // the next light of those that come without a list
 #ifdef LIGHT_LISTS
-    uvec2 range;  // first and last place in the order
     uint word;   // the next word of bits, and the one behind the last
     uint end;
     uint bits;   // lights of the word before that are still to come
-    uint tile;   // the first word of the tile's bits
+    uint depth;  // the first words of the bits of the bin and of the tile
+    uint tile;
 #endif
 };
 
@@ -26,31 +32,47 @@ LightWalk first_light(vec3 position, vec2 pixel) {
     LightWalk walk;
     walk.next = 0u;
 #ifdef LIGHT_LISTS
-    uint count = light_count.x - light_count.y;
-    walk.range = uvec2(0u, max(count, 1u) - 1u);
+    uint lights = light_lists[LIST_LIGHTS], words = light_lists[LIST_SET_WORDS];
     walk.word = 0u;
-    walk.end = (count + 31u) >> 5;
-    walk.bits = 0u;
-    walk.tile = 0u;
+    walk.end = (light_count.x - light_count.y + 31u) >> 5;
+    walk.bits = walk.depth = walk.tile = 0u;
 #if (LIGHT_LISTS & 1) != 0
     float depth = -(frame.view_from_world * vec4(position, 1.0)).z;
     uint bin = bin_of(depth, light_lists[LIST_FIRST_BIN_CODE]);
-    uint places = light_lists[first_bin(light_lists[LIST_LIGHTS]) + bin];
-    walk.range = uvec2(places & 0xffffu, places >> 16);  // from 1 on; 0 as the last one: the bin is empty
-    walk.end = walk.range.y == 0u ? 0u : ((walk.range.y - 1u) >> 5) + 1u;
-    walk.range -= min(walk.range, uvec2(1u));
-    walk.word = min(walk.range.x >> 5, walk.end);
+    uint places = light_lists[first_bin(lights) + bin], last = places >> 16;  // from 1 on; 0: the bin is empty
+    walk.word = last == 0u ? 0u : ((places & 0xffffu) - 1u) >> 5;
+    walk.end = (last + 31u) >> 5;
+    walk.depth = first_depth(lights) + bin * words;
 #endif
 #if (LIGHT_LISTS & 2) != 0
     uvec2 tile = uvec2(pixel) >> light_lists[LIST_TILE_LOG2];
-    walk.tile = first_tile(light_lists[LIST_LIGHTS])
-        + (tile.y * light_lists[LIST_TILES_X] + tile.x) * light_lists[LIST_TILE_WORDS];
+    walk.tile = first_tile(lights, words) + (tile.y * light_lists[LIST_TILES_X] + tile.x) * words;
 #endif
+    uvec2 joined = joined_words(walk.word, walk.end);
+    walk.word = joined.x;
+    walk.end = joined.y;
 #endif
     return walk;
 }
 
 #ifdef LIGHT_LISTS
+// The lights of a word that the lists leave.
+uint bits_of(LightWalk walk) {
+#if LIGHT_LISTS == 0
+    uint behind = light_count.x - light_count.y - (walk.word << 5);  // lights in this word and in later ones
+    uint bits = behind >= 32u ? ~0u : (1u << behind) - 1u;
+#else
+    uint bits = ~0u;
+#endif
+#if (LIGHT_LISTS & 1) != 0
+    bits &= light_lists[walk.depth + walk.word];
+#endif
+#if (LIGHT_LISTS & 2) != 0
+    bits &= light_lists[walk.tile + walk.word];
+#endif
+    return joined_bits(bits);
+}
+
 bool next_light(inout LightWalk walk, out uint light) {
     light = walk.next;
     if (walk.next < light_count.y) {
@@ -61,12 +83,7 @@ bool next_light(inout LightWalk walk, out uint light) {
         if (walk.word == walk.end) {
             return false;
         }
-        uint first = walk.word << 5;
-        uint low = max(walk.range.x, first) - first, high = min(walk.range.y, first + 31u) - first;
-        walk.bits = (~0u << low) & (~0u >> (31u - high));
-#if (LIGHT_LISTS & 2) != 0
-        walk.bits &= light_lists[walk.tile + walk.word];
-#endif
+        walk.bits = bits_of(walk);
         walk.word += 1u;
     }
     uint bit = uint(findLSB(walk.bits));
@@ -87,6 +104,6 @@ bool next_light(inout LightWalk walk, out uint light) {
 vec3 exposed_illuminance(uint number, vec3 position, out vec3 to_light) {
     float smallest = 1e-6 * frame.eye.w;  // of the scene's length scale: nearer lights are not told apart
     Light light = lights[number];
-    light.color *= frame.exposure;
+    light.color *= exposure();
     return illuminance(light, position, smallest * smallest, to_light);
 }

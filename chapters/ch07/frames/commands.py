@@ -36,6 +36,8 @@ class SceneBinding(NamedTuple):
     computed: Any = None
     counted: Counted | None = None
     """A number of records that is never reached, where other draws of the frame have their number on the GPU."""
+    layers: Any = None
+    """The set behind those of the scene that draws of layers bind, if the backend has sets."""
 
 
 class MeshDraw(NamedTuple):

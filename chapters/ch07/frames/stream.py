@@ -275,6 +275,8 @@ class FrameStream:
         readback = (dict(self._api.readbacks(slot)) | inspected).get(name)
         if readback is None:  # an empty scene has no instances, and no pass that draws them
             return np.zeros(self.size[::-1], np.uint32 if name == "instance_id" else np.float32)
+        if name == "color_linear" and self._data.exposures is not None:
+            exposed = self._data.exposures.of_frame(slot.index, exposed)
         return output_of(name, readback.read(), exposed)
 
     def resize(self, size: tuple[int, int]) -> None:

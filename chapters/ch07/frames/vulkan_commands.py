@@ -182,7 +182,7 @@ class Commands(Dispatches):
         fn, handle = self._fn, self.handle
         bound: tuple[Any, bool, Front] | None = None
         layout: Any = None
-        sets: tuple[Any, Any] = (None, None)
+        sets: tuple[Any, ...] = (None, None, None)
         index_buffer: Any = None
         for group in groups:
             batch, pipeline = group.batch, group.pipeline
@@ -192,15 +192,16 @@ class Commands(Dispatches):
                 bound = state
             if pipeline.layout != layout:
                 # Sets stay bound while the layout stays the same.
-                layout, sets = pipeline.layout, (None, None)
+                layout, sets = pipeline.layout, (None, None, None)
                 self.bind_set(pipeline, 0, scene.frame)
             page_set, indices = group.page
             if group.meshlets is not None:
                 indices = index_buffer  # mesh shaders read no index buffer
-            for number, (before, now) in enumerate(zip(sets, (page_set, group.textures), strict=True), 1):
+            wanted = (page_set, group.textures, scene.layers)
+            for number, (before, now) in enumerate(zip(sets, wanted, strict=True), 1):
                 if now is not None and now is not before:
                     self.bind_set(pipeline, number, now)
-            sets = (page_set, group.textures)
+            sets = wanted
             if indices != index_buffer:
                 index_buffer = indices
                 fn.vkCmdBindIndexBuffer(handle, index_buffer, 0, vk.VK_INDEX_TYPE_UINT32)

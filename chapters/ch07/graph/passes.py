@@ -17,6 +17,7 @@ from ..shading.instance_id import InstanceIdPass
 from ..shading.lighting import LightingPass
 from ..shading.lighting_compute import ComputeLightingPass
 from ..shading.transparent import TransparentPass
+from ..ssao.passes import SsaoBlurPass, SsaoPass
 from ..visibility.passes import VisibilityPass
 from ..visibility.resolve import ResolveSurfacesPass
 
@@ -29,6 +30,9 @@ def make_passes(parts: PassParts) -> dict[str, Pass]:
         GBufferPass(parts),
         VisibilityPass(parts),
         ResolveSurfacesPass(parts),
+        SsaoPass(parts),
+        SsaoBlurPass(parts, (1, 0)),
+        SsaoBlurPass(parts, (0, 1)),
         LightingPass(parts),
         ComputeLightingPass(parts),
         TransparentPass(parts),

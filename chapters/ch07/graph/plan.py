@@ -21,7 +21,9 @@ from common.names import suggest
 
 from ..culling.choice import overlay_of
 from ..frames.frame import OUTPUTS
+from ..shading.deferred import EMISSION, emits
 from ..shading.views import PICTURE
+from ..ssao.model import wanted as occludes
 from .checks import check_name, check_output, check_pass, check_readers
 from .file import GraphFile
 from .frame_graph import bytes_of, compile_graph
@@ -49,10 +51,15 @@ def graph_name(settings: Any) -> str:
 
 
 def check_samples(file: GraphFile, settings: Any) -> None:
-    """Raise UserError for a graph with a G-buffer if the settings have several samples per pixel."""
+    """Raise UserError for a graph with a G-buffer if the settings have several samples per pixel, or none for SSAO."""
     if "gbuffer" in file.passes.values() and settings.shading.msaa > 1:
         raise UserError(
             f"{file.path.name} has a G-buffer, which holds one sample a pixel: set msaa=1, or graph=forward."
+        )
+    if occludes(settings) and "ssao" not in file.passes.values():
+        raise UserError(
+            f"{file.path.name} lights objects while their depth is drawn, and ssao={settings.ssao.mode} needs the "
+            "depth of all before: set graph=deferred and msaa=1, or ssao=off."
         )
 
 
@@ -182,8 +189,11 @@ class FramePlan:
     # --- compilation ---
 
     def needs(self, scene: Any, settings: Any) -> dict[str, bool]:
-        """Return for each pass whether the scene and the settings need it."""
-        return {name: pass_.needed(scene, settings) for name, pass_ in (self.passes | self._inserted).items()}
+        """Return for each pass whether the scene and the settings need it, and whether the scene has emission."""
+        needs = {
+            name: pass_.needed(scene, settings) for name, pass_ in (self.passes | self._inserted).items()
+        }
+        return needs | {EMISSION: emits(scene, settings)}
 
     def compile(
         self,
@@ -206,6 +216,8 @@ class FramePlan:
     def _compile(
         self, size: tuple[int, int], scene: Any, settings: Any, requirements: Requirements | None, alias: bool
     ) -> tuple[list[Node], Graph]:
+        for pass_ in (self.passes | self._inserted).values():
+            pass_.declare()
         declared = {
             name: Declared(name, pass_.reads, pass_.writes, _why_not(pass_, scene, settings), pass_.queue)
             for name, pass_ in self.passes.items()
@@ -246,6 +258,9 @@ class FramePlan:
             for name in graph.left_out
             for access in self.nodes[name].writes
         }
+        for step in graph.steps:
+            for access in self.nodes[step.name].writes if step.name != COPY else ():
+                instead.pop(access.resource, None)
 
         def rerouted(access: Access) -> Access:
             name = access.resource

@@ -97,6 +97,7 @@ class GraphStream(FrameStream):
             return
         needs = self._plan.needs(self.scene, self.settings)
         if needs != self._needs:
+            self._created = []  # targets may be others, and pipelines follow them
             self._rebuild()
         self._materials_seen, self._needs = revision, needs
 

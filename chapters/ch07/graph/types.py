@@ -46,9 +46,9 @@ class Node:
     def kind(self) -> Literal["graphics", "compute", "copy"]:
         """The kind of work, from the uses of its accesses: draw to attachments, run compute shaders, or only copy."""
         writes = {access.use for access in self.writes}
-        if writes & {"color", "depth"}:
-            return "graphics"
         uses = writes | {access.use for access in self.reads}
+        if writes & {"color", "depth"} or "depth" in uses:  # a depth test needs draws
+            return "graphics"
         return "copy" if uses == {"copy"} else "compute"
 
 

@@ -31,7 +31,7 @@ class PipelineDescription:
     dynamic: tuple[str, ...] = ()
     color: str | tuple[str, ...] | None = "rgba16f"
     depth: Literal["write", "test", "equal"] | None = "write"
-    blend: Literal["over", "add"] | None = None
+    blend: Literal["over", "add", "weighted"] | None = None
     samples: int = 1
     name: str = ""
 

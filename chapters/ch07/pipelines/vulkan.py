@@ -27,8 +27,12 @@ from .vulkan_reflection import STAGES, Stage, check_pulled, chosen, merge
 
 CHAPTER = Path(__file__).resolve().parents[1]
 
-EXTENSIONS = {"bindless.glsl": "GL_EXT_nonuniform_qualifier", "tables.glsl": "GL_EXT_mesh_shader"}
-"""The includes that need an extension: the array of all textures, and the tables of task and mesh shaders."""
+EXTENSIONS = {
+    "bindless.glsl": "GL_EXT_nonuniform_qualifier",
+    "tables.glsl": "GL_EXT_mesh_shader",
+    "subgroups.glsl": "GL_KHR_shader_subgroup_arithmetic",
+}
+"""The includes that need an extension: all textures, the tables of task and mesh shaders, a loop over lights."""
 
 _ALL_CHANNELS = (
     vk.VK_COLOR_COMPONENT_R_BIT
@@ -226,6 +230,9 @@ class Pipelines:
                 "dstAlphaBlendFactor": kept,
                 "alphaBlendOp": vk.VK_BLEND_OP_ADD,
             }
+        if described.blend == "weighted":  # colours are added, the light that is left is multiplied
+            attachment["srcAlphaBlendFactor"] = vk.VK_BLEND_FACTOR_ZERO
+            attachment["dstAlphaBlendFactor"] = vk.VK_BLEND_FACTOR_ONE_MINUS_SRC_ALPHA
         attachments = [attachment] * len(described.colors)
         return vk.new("VkPipelineColorBlendStateCreateInfo", pAttachments=attachments)
 

@@ -20,5 +20,8 @@ class PostSettings:
         choices=("tone-weighted", "linear"),
     )
     tone_curve: str = knob(
-        "neutral", "how bright colours are rolled off to white", choices=("neutral", "none")
+        "neutral",
+        "how bright colours are rolled off to white",
+        choices=("neutral", "reinhard", "aces", "none"),
     )
+    tone_white: float = knob(4.0, "value that Reinhard's curve shows as white", minimum=0.1, maximum=65504)

@@ -1,6 +1,7 @@
 // From linear, pre-exposed light to what a display shows: tone curve, then the sRGB code.
 
 #include "tone.glsl"
+#include "tone_curves.glsl"
 #include "srgb.glsl"
 #ifdef VIEW_COUNT
 #include "palette.glsl"
@@ -15,6 +16,10 @@ void main() {
     vec3 color = texelFetch(color_hdr, ivec2(gl_FragCoord.xy), 0).rgb;
 #ifdef NEUTRAL
     color = tone_neutral(color);
+#elif defined(REINHARD)
+    color = tone_reinhard(color, WHITE);
+#elif defined(ACES)
+    color = tone_aces(color);
 #endif
 #if !defined(VIEW_COUNT) && !defined(VIEW_VALUE)
     out_color = vec4(srgb_from_linear(clamp(color, 0.0, 1.0)), 1.0);

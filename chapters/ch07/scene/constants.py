@@ -35,6 +35,7 @@ def frame_constants(
         frame_index=index,
         instance_count=len(scene.instances),
         light_count=len(scene.lights),
+        exposure_now=1.0,  # shaders multiply light by the exposure of hdr/exposure.glsl
         ambient=ambient,
         environment=environment,
     )

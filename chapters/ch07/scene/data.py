@@ -17,6 +17,7 @@ from common.view.camera import View
 from ..clusters.model import list_defines
 from ..environment import model
 from ..frames.commands import SceneBinding
+from ..hdr.memory import ExposureMemory
 from ..loading.importance import material_sizes
 from ..loading.loading import Loading, report_failures
 from ..settings import Settings
@@ -32,7 +33,7 @@ from .textures.reads import uses
 ENVIRONMENT_UNIT, ARRAY_UNIT = 0, 3
 """The first texture unit of the environment's three maps, and the first behind them."""
 
-BEHIND_SCENE = Sources(set=1, first={"texture": ARRAY_UNIT, "storage": 4, "uniform": 1})
+BEHIND_SCENE = Sources(set=1, first={"texture": ARRAY_UNIT, "storage": 4, "uniform": 3})
 """The sources of a pass that reads the scene: set 0, and the first bindings of OpenGL, are the scene's (scene.glsl)."""
 
 
@@ -56,7 +57,7 @@ class SceneData:
         self._scene, self._settings, self._anisotropy = scene, settings, anisotropy
         self._largest_image, self._largest_page = limits
         self._energy = settings.environment.energy if model.needed(scene, settings) else None
-        self.records = Records(scene, settings.scene.light_cutoff, settings.clusters.most)
+        self.records = Records(scene, settings.scene.light_cutoff, settings.clusters.most_lights)
         self.environment = model.NO_ENVIRONMENT
         """The environment in the constants of every frame."""
         self.prepared_ms: dict[str, float] = {}
@@ -64,6 +65,7 @@ class SceneData:
         self._seen_from: View | None = None
         self.texture_work: dict[str, int] = {}
         self._kinds: Any = None
+        self.exposures: ExposureMemory | None = None
         self.reordered: Callable[[], bool] = lambda: False
         """Puts triangles into the order that materials ask for by now; returns whether any was in another one."""
         self._materials_seen = -1

@@ -265,6 +265,8 @@ class GlSceneData(SceneData):
             bind_buffer(context, "storage", 3, held.lights)  # type: ignore[arg-type]
         if self.light_lists is not None:
             bind_buffer(context, "storage", LIGHT_LISTS, self.light_lists)
+        if self.exposures is not None:
+            bind_buffer(context, "uniform", 2, self.exposures.blocks[slot])
         if self._environment is not None:
             sampler = self.sampler(model.SMOOTH, 1.0)
             maps = self._environment

@@ -46,3 +46,5 @@ layout(BIND(0, 9, 13), std430) readonly buffer Light_lists_ { uint light_lists[]
 layout(BIND(0, 5, 0)) uniform samplerCube environment_radiance;
 layout(BIND(0, 6, 1)) uniform samplerCube environment_irradiance;
 layout(BIND(0, 7, 2)) uniform sampler2D environment_table;
+
+#include "hdr/exposure.glsl"

@@ -209,6 +209,8 @@ class VulkanSceneData(SceneData):
                     held[4] = slot.lights
                 if self.light_lists is not None:
                     held[LIGHT_LISTS] = buffers.get(self.light_lists)
+                if self.exposures is not None:
+                    held[10] = self.exposures.blocks[index]
                 frames.append((layouts[number], held, f"frame, slot {index}"))
         paged = [
             (layouts[PAGE], {0: buffers.get(handle)}, f"page {number}")

@@ -18,13 +18,17 @@ from .views import PICTURE, background
 
 Defines = tuple[tuple[str, int | float | str], ...]
 
-TARGETS = ("gbuffer_base_color", "gbuffer_normal", "gbuffer_material", "gbuffer_emissive")
+TARGETS = ("gbuffer_base_color", "gbuffer_normal", "gbuffer_material")
 """The G-buffer, in the order of its locations in shading/gbuffer.glsl, which says what is in which channel."""
 
+EMISSION = "gbuffer_emissive"
+"""The last target, which only a scene with emission has."""
+
 FORMATS: dict[str, tuple[str, ...]] = {
+    "octahedral": ("rgba8_srgb", "r32ui", "rgba8", "rgba16f"),
     "compact": ("rgba8_srgb", "rgb10a2", "rgba8", "rgba16f"),
     "half": ("rgba8_srgb", "rgba16f", "rgba8", "rgba16f"),
-    "full": ("rgba32f",) * len(TARGETS),
+    "full": ("rgba32f",) * 4,
 }
 """Formats of the targets by the setting `gbuffer_format`.
 
@@ -32,7 +36,8 @@ Base colour: 8 bits in the code of sRGB, as its textures have them. Eight bits o
 which is a fifth of a dark wood's 0.02; those of the code are 1 to 2 % of a colour anywhere above 0.02.
 Normal: a mirror shows a turn of its normal doubled. Ten bits keep a component within 1/1022, at most 0.1 degrees of
 turn, and an upright normal exactly; halves within 2^-12 of its value, 0.014 degrees, in twice the memory. 8 bits would
-be off by 0.4 degrees, and a highlight's edge would show the steps.
+be off by 0.4 degrees, and a highlight's edge would show the steps. An octahedral code of twice 16 bits takes the
+memory of the ten bits and is off by 0.004 degrees. It is packed into a whole number: all devices draw to such a target.
 Material: occlusion, roughness and metalness come from textures of 8 bits, which stay exact.
 Emission: has no upper end, and arrives exposed: halves, as in the picture itself.
 """
@@ -57,22 +62,55 @@ def possible(settings: Settings) -> bool:
     return settings.shading.view == PICTURE and settings.shading.msaa == 1
 
 
+def emits(scene: Scene, settings: Settings) -> bool:
+    """Whether any solid material sends out light of its own; what is unlit shows its colour as if it did."""
+    used = np.unique(scene.meshes["material"][scene.instances.mesh]).tolist()
+    solid = [scene.materials[number] for number in used if scene.materials[number].alpha_mode != "blend"]
+    sources = any(material.unlit or max(material.emissive) > 0.0 for material in solid)
+    return sources or not settings.shading.skip_unused
+
+
 def written(settings: Settings) -> tuple[Access, ...]:
-    """Return the G-buffer as the pass declares it that writes it.
+    """Return the G-buffer as the pass declares it that writes it; the last one is EMISSION.
 
     They are cleared, so the driver loads no old contents; pixels of depth 0 are not read.
     """
     formats = FORMATS[settings.shading.gbuffer_format]
-    nothing = (0.0, 0.0, 0.0, 0.0)
     return tuple(
-        Access(name, "color", format=format, clear=nothing)
-        for name, format in zip(TARGETS, formats, strict=True)
+        Access(
+            name,
+            "color",
+            format=format,
+            clear=(0, 0, 0, 0) if format.endswith("ui") else (0.0, 0.0, 0.0, 0.0),
+        )
+        for name, format in zip((*TARGETS, EMISSION), formats, strict=True)
     )
+
+
+def sampled(settings: Settings) -> tuple[Access, ...]:
+    """Return the reads of a pass that samples TARGETS; those that hold whole numbers say so."""
+    formats = FORMATS[settings.shading.gbuffer_format]
+    return tuple(
+        Access(name, "sampled", format=format if format.endswith("ui") else None)
+        for name, format in zip(TARGETS, formats, strict=False)
+    )
+
+
+def formats(scene: Scene, settings: Settings) -> tuple[str, ...]:
+    """Return the formats of the targets that the scene has."""
+    return FORMATS[settings.shading.gbuffer_format][: len(TARGETS) + emits(scene, settings)]
+
+
+def emission_defines(scene: Scene, settings: Settings) -> Defines:
+    """Return the define of shaders that write or read the emission."""
+    return (("EMISSION", 1),) if emits(scene, settings) else ()
 
 
 def normal_defines(settings: Settings) -> Defines:
     """Return the defines that tell shaders how normals are stored."""
-    return (("NORMAL_CODED", 1),) if FORMATS[settings.shading.gbuffer_format][1] == "rgb10a2" else ()
+    stored = {"rgb10a2": "NORMAL_CODED", "r32ui": "NORMAL_OCTAHEDRAL"}
+    format = FORMATS[settings.shading.gbuffer_format][1]
+    return ((stored[format], 1),) if format in stored else ()
 
 
 def surface_alone(variant: Variant) -> Variant:

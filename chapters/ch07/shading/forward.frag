@@ -38,6 +38,8 @@ layout(location = 7) flat in uint in_code;
 
 #ifdef GBUFFER
 #include "gbuffer.glsl"
+#elif defined(LAYERS)
+#include "transparency/layers.glsl"
 #elif !defined(DEPTH_ALONE)
 layout(location = 0) out vec4 out_color;
 #endif
@@ -145,9 +147,9 @@ void main() {
     occlusion += material.factors.w * (sampled - 1.0);
 #endif
     vec3 albedo = mix(0.96 * base.rgb + 0.04, base.rgb, metallic);
-    color += frame.ambient.rgb * occlusion * albedo;
+    color += frame.ambient.rgb * exposure() * occlusion * albedo;
 #ifdef ENVIRONMENT
-    color += frame.environment.x * occlusion * environment_light(
+    color += frame.environment.x * exposure() * occlusion * environment_light(
         environment_radiance, environment_irradiance, environment_table, n, view, base.rgb, metallic, roughness, ENERGY,
         frame.environment.w, frame.environment.yz
     );
@@ -157,15 +159,17 @@ void main() {
 #ifdef EMISSIVE_MAP
     emissive *= sample_map(emissive_map, image_uv(material, 4, in_uv0, in_uv1)).rgb;
 #endif
-    color += emissive * frame.exposure;
+    color += emissive * exposure();
 #endif
 #ifdef VIEW
     color = shown_non_finite(material, base, color);
 #endif
 #if defined(GBUFFER) && defined(SHADED)
-    store_surface(base.rgb, n, occlusion, roughness, metallic, emissive * frame.exposure);
+    store_surface(base.rgb, n, occlusion, roughness, metallic, emissive * exposure());
 #elif defined(GBUFFER)
     store_unlit(base.rgb);
+#elif defined(LAYERS)
+    store_layer(finite_color(color), base.a);
 #else
     out_color = vec4(finite_color(color), base.a);
 #endif

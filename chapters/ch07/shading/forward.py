@@ -10,6 +10,7 @@ from ..scene.data import SceneData
 from ..scene.packing import Variant
 from ..scene.pass_parts import PassParts
 from ..settings import Settings
+from ..transparency.model import layered
 from . import views
 from .objects import ObjectsPass
 from .prepass import has_prepass
@@ -56,6 +57,8 @@ class ForwardPass(ObjectsPass):
         grey = views.background(settings, settings.shading.background)
         samples = settings.shading.msaa
         color, clear = "color_hdr" if samples == 1 else "color_msaa", (grey, grey, grey, 1.0)
+        if layered(settings):  # layers are composited over it
+            color = "color_lit"
         self.reads, written = depth_accesses(settings)
         self.writes = (
             Access(color, "color", format=settings.shading.color_format, clear=clear, samples=samples),
@@ -89,5 +92,5 @@ class ForwardPass(ObjectsPass):
         self.record_solid(commands)
         if self._sky is not None and self.draws_blended:
             self._sky.record(commands)
-        if self.draws_blended:
+        if self.draws_blended and not layered(self._settings):
             commands.draw_groups(self.groups(draws.transparent), draws.transparent_binding)

@@ -11,24 +11,30 @@
 #include "normal_code.glsl"
 
 layout(location = 0) out vec4 out_base_color;
+#ifdef NORMAL_OCTAHEDRAL
+layout(location = 1) out uint out_normal;
+#else
 layout(location = 1) out vec4 out_normal;
+#endif
 layout(location = 2) out vec4 out_material;
+#ifdef EMISSION
 layout(location = 3) out vec4 out_emission;
+#endif
 
 void store_surface(vec3 base_color, vec3 n, float occlusion, float roughness, float metallic, vec3 emission) {
     out_base_color = vec4(finite_color(base_color), 1.0);
-#ifdef NORMAL_CODED
-    out_normal = vec4(coded_normal(n), 0.0);
-#else
-    out_normal = vec4(n, 0.0);
-#endif
+    out_normal = kept_normal(n);
     out_material = vec4(occlusion, roughness, metallic, 1.0);
+#ifdef EMISSION
     out_emission = vec4(finite_color(emission), 0.0);
+#endif
 }
 
 void store_unlit(vec3 color) {
     out_base_color = vec4(finite_color(color), 1.0);
-    out_normal = vec4(0.0);
+    out_normal = NO_NORMAL;
     out_material = vec4(0.0);
+#ifdef EMISSION
     out_emission = vec4(finite_color(color), 0.0);
+#endif
 }

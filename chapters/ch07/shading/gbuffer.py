@@ -29,7 +29,21 @@ class GBufferPass(ObjectsPass):
     def __init__(self, parts: PassParts) -> None:
         super().__init__(parts)
         self.reads, depth = depth_accesses(parts.settings)
-        self.writes = (*deferred.written(parts.settings), *depth)
+        *targets, self._emission = deferred.written(parts.settings)
+        self.writes = (*targets, *depth)
+
+    def declare(self) -> None:
+        """Write the emission only while a material emits."""
+        kept = [access for access in self.writes if not access.resource.startswith(deferred.EMISSION)]
+        self.writes = (*kept, *[self._emission] * deferred.emits(self._scene, self._settings))
+
+    def split(self, late: ObjectsPass) -> str:
+        """Draw the early phase alone; see ObjectsPass. The emission is split like the other targets."""
+        assert isinstance(late, GBufferPass), late
+        early = f"{deferred.EMISSION}_early"
+        self._emission = replace(self._emission, resource=early)
+        late._emission = replace(late._emission, of=early, clear=None)
+        return super().split(late)
 
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:
@@ -46,7 +60,10 @@ class GBufferPass(ObjectsPass):
         textures = self._data.texture_defines(surface, deferred.surface_alone)
         return replace(
             describe_lit(self._data, self._settings, variant),
-            defines=(*surface.defines, *textures, ("GBUFFER", 1), *deferred.normal_defines(self._settings)),
-            color=deferred.FORMATS[self._settings.shading.gbuffer_format],
+            defines=(
+                *(*surface.defines, *textures, ("GBUFFER", 1), *deferred.normal_defines(self._settings)),
+                *deferred.emission_defines(self._scene, self._settings),
+            ),
+            color=deferred.formats(self._scene, self._settings),
             name=f"G-buffer {' '.join(name.lower() for name, _ in surface.defines)}",
         )

@@ -13,7 +13,7 @@ vec4 out_color = vec4(0.0);
 #include "lighting.frag"
 #undef main
 
-layout(BIND(1, 5, 0), FORMAT) uniform writeonly image2D color_lit;
+layout(BIND(1, LIT_BINDING, 0), FORMAT) uniform writeonly image2D color_lit;
 
 void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy), size = imageSize(color_lit);

@@ -13,10 +13,19 @@
 #endif
 
 layout(BIND(1, 0, 3)) uniform sampler2D gbuffer_base_color;
-layout(BIND(1, 1, 4)) uniform sampler2D gbuffer_normal;
+layout(BIND(1, 1, 4)) uniform NORMAL_SAMPLER gbuffer_normal;
 layout(BIND(1, 2, 5)) uniform sampler2D gbuffer_material;
-layout(BIND(1, 3, 6)) uniform sampler2D gbuffer_emissive;
-layout(BIND(1, 4, 7)) uniform sampler2D depth;
+layout(BIND(1, 3, 6)) uniform sampler2D depth;
+#ifdef EMISSION
+layout(BIND(1, 4, 7)) uniform sampler2D gbuffer_emissive;
+#define FREE_BINDING 5
+#else
+#define FREE_BINDING 4
+#endif
+#ifdef OCCLUSION_SCALE
+#include "ambient_occlusion.glsl"
+layout(BIND(1, FREE_BINDING, FREE_BINDING + 3)) uniform sampler2D ambient_occlusion;
+#endif
 
 #ifdef SKY
 // The sky's own shader, called as a function where nothing was drawn; in_uv and out_color are declared there.
@@ -59,16 +68,16 @@ void main() {
     if (material.a > 0.5) {
         vec3 position = position_of(pixel, d);
         float occlusion = material.r;
+#ifdef OCCLUSION_SCALE
+        float visible = texelFetch(ambient_occlusion, pixel, 0).r;
+        occlusion *= ambient_factor(visible, OCCLUSION_BIAS, OCCLUSION_SCALE);
+#endif
         float roughness = material.g;
         float metallic = material.b;
         float alpha = max(roughness * roughness, ALPHA_MIN);
         vec3 to_eye = frame.orthographic != 0u ? frame.world_from_view[2].xyz : frame.eye.xyz - position;
         vec3 view = to_eye * inversesqrt(max(dot(to_eye, to_eye), 1e-30));
-        vec3 stored = texelFetch(gbuffer_normal, pixel, 0).xyz;
-#ifdef NORMAL_CODED
-        stored = decoded_normal(stored);
-#endif
-        vec3 n = normalize(stored);
+        vec3 n = normalize(found_normal(gbuffer_normal, pixel));
 #ifdef LIT
         LightWalk walk = first_light(position, vec2(pixel));
         for (uint i; next_light(walk, i);) {
@@ -79,14 +88,16 @@ void main() {
             }
         }
 #endif
-        color += frame.ambient.rgb * occlusion * mix(0.96 * base_color + 0.04, base_color, metallic);
+        color += frame.ambient.rgb * exposure() * occlusion * mix(0.96 * base_color + 0.04, base_color, metallic);
 #ifdef ENVIRONMENT
-        color += frame.environment.x * occlusion * environment_light(
+        color += frame.environment.x * exposure() * occlusion * environment_light(
             environment_radiance, environment_irradiance, environment_table, n, view, base_color, metallic, roughness,
             ENERGY, frame.environment.w, frame.environment.yz
         );
 #endif
     }
+#ifdef EMISSION
     color += texelFetch(gbuffer_emissive, pixel, 0).rgb;
+#endif
     out_color = vec4(finite_color(color), 1.0);
 }

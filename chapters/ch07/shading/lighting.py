@@ -9,7 +9,8 @@ from ..pipelines.description import PipelineDescription
 from ..post.fullscreen import FullscreenPass
 from ..scene.pass_parts import PassParts
 from ..settings import Settings
-from .deferred import TARGETS, light_defines
+from ..ssao import model as ssao
+from .deferred import EMISSION, TARGETS, emission_defines, emits, light_defines, sampled
 from .sky import Sky
 
 
@@ -21,8 +22,19 @@ class LightingPass(FullscreenPass):
     def __init__(self, parts: PassParts) -> None:
         super().__init__(parts)
         self._has_sky = Sky.needed(parts.scene, parts.settings)
-        self.reads = tuple(Access(name, "sampled") for name in (*TARGETS, "depth"))
+        self._occlusion = ssao.light_defines(parts.scene, parts.settings)
+        occlusion = (ssao.RESULT,) if self._occlusion else ()
+        others = tuple(Access(name, "sampled") for name in ("depth", *occlusion))
+        self.reads = (*sampled(parts.settings), *others)
         self.writes = (Access("color_lit", "color", format=parts.settings.shading.color_format),)
+        self._scene = parts.scene
+
+    def declare(self) -> None:
+        """Read the emission, behind the depth, only while a material emits."""
+        kept = [access for access in self.reads if access.resource != EMISSION]
+        behind = len(TARGETS) + 1
+        emission = [Access(EMISSION, "sampled")] * emits(self._scene, self._settings)
+        self.reads = (*kept[:behind], *emission, *kept[behind:])
 
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:
@@ -34,7 +46,10 @@ class LightingPass(FullscreenPass):
         variants = [self._data.variants[material] for material in self._draws.used]
         return PipelineDescription(
             shaders=("post/fullscreen.vert", "shading/lighting.frag"),
-            defines=light_defines(variants, self._has_sky, self._settings),
+            defines=(
+                *(*light_defines(variants, self._has_sky, self._settings), *self._occlusion),
+                *emission_defines(self._scene, self._settings),
+            ),
             color=self._settings.shading.color_format,
             depth=None,
             name="lighting",

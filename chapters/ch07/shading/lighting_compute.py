@@ -21,7 +21,9 @@ class ComputeLightingPass(LightingPass):
 
     def create(self) -> None:
         """Build the pipeline; again when a material became another kind."""
-        defines = (*self.describe().defines, ("FORMAT", self._settings.shading.color_format))
+        sampled = [access for access in self.reads if access.use == "sampled"]  # they are bound first
+        bound = ("LIT_BINDING", len(sampled))
+        defines = (*self.describe().defines, ("FORMAT", self._settings.shading.color_format), bound)
         described = ComputeDescription("shading/lighting.comp", defines, name=self.name)
         self.pipelines = self._pipelines.get([described])
 

@@ -15,7 +15,9 @@ class ShadingSettings:
 
     color_format: str = knob("rgba16f", "format of the linear colour target", choices=("rgba16f", "rgba32f"))
     depth_prepass: bool = knob(False, "whether depth is drawn first, and then only what is visible is shaded")
-    gbuffer_format: str = knob("compact", "how surfaces are kept", choices=("compact", "half", "full"))
+    gbuffer_format: str = knob(
+        "octahedral", "how surfaces are kept", choices=("octahedral", "compact", "half", "full")
+    )
     msaa: int = knob(
         1,
         "places in a pixel at which triangles cover it or not; not every device has each",

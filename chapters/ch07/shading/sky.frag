@@ -15,5 +15,6 @@ void main() {
     vec4 near = frame.view_from_clip * vec4(in_uv * 2.0 - 1.0, 1.0, 1.0);
     vec3 in_view = frame.orthographic != 0u ? vec3(0.0, 0.0, -1.0) : near.xyz / near.w;
     vec3 d = turned_back(mat3(frame.world_from_view) * in_view, frame.environment.yz);
-    out_color = vec4(finite_color(frame.environment.x * textureLod(environment_radiance, d, 0.0).rgb), 1.0);
+    vec3 color = frame.environment.x * exposure() * textureLod(environment_radiance, d, 0.0).rgb;
+    out_color = vec4(finite_color(color), 1.0);
 }

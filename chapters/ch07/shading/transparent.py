@@ -10,6 +10,7 @@ from ..pipelines.description import PipelineDescription
 from ..scene.packing import Variant
 from ..scene.pass_parts import PassParts
 from ..settings import Settings
+from ..transparency.model import layered
 from .deferred import has_transparent
 from .forward import describe_lit
 from .objects import ObjectsPass
@@ -30,11 +31,13 @@ class TransparentPass(ObjectsPass):
         self.writes = (
             Access("color_hdr", "color", format=parts.settings.shading.color_format, of="color_lit"),
         )
+        if layered(parts.settings):  # another pass writes it
+            self.writes = ()
 
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:
         """Whether any object is transparent; else what was lit is the picture."""
-        return has_transparent(scene)
+        return has_transparent(scene) and not layered(settings)
 
     def takes(self, variant: Variant) -> bool:
         """Whether light passes through."""

@@ -132,7 +132,7 @@ VIEWS = (
     ),
     Quantity(
         "lights-evaluated",
-        "How many lights the lists of a pixel name, whether they reach it or not: blue is 2, red 10, white 12 and more.",
+        "How many lights the lists name for a pixel: blue is 2, red 10, white 12 and more.",
         "count",
         ("SHADED", "LIT"),
     ),
@@ -234,7 +234,10 @@ def tonemap_defines(settings: Settings) -> tuple[tuple[str, int | float | str], 
     """Return what tonemap.frag is built with."""
     view = of(settings)
     if view is None:
-        return (("NEUTRAL", 1),) if settings.post.tone_curve == "neutral" else ()
+        curve, white = settings.post.tone_curve, settings.post.tone_white
+        if curve == "reinhard":
+            return (("REINHARD", 1), ("WHITE", white))
+        return ((curve.upper(), 1),) if curve != "none" else ()
     if view.shown == "count":
         return (("VIEW_COUNT", 1), ("COUNT_FULL", COUNT_FULL))
     return (("VIEW_VALUE", 1),) if view.shown == "value" else ()

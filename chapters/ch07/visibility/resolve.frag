@@ -168,7 +168,7 @@ void main() {
 #endif
         n = (flags & uint(DOUBLE_SIDED_FLAG)) != 0u && (ids.y & BACK) != 0u ? -n : n;
         store_surface(
-            base.rgb, n, occlusion, clamp(roughness, 0.0, 1.0), clamp(metallic, 0.0, 1.0), emissive * frame.exposure
+            base.rgb, n, occlusion, clamp(roughness, 0.0, 1.0), clamp(metallic, 0.0, 1.0), emissive * exposure()
         );
         return;
     }

@@ -19,6 +19,7 @@ CHAPTERS = {
     "visible_set": 6,
     "meshlet_sizes": 6,
     "levels": 6,
+    "lights": 7,
 }
 """The chapter whose `benches/` has the module."""
 

@@ -20,6 +20,8 @@ class OutputCopies(Pass):
     def __init__(self) -> None:
         self.readbacks: list[dict[str, Any]] = [{} for _ in range(SLOTS)]
         """The copy of each output, by slot."""
+        self.also: list[dict[str, Any]] = [{} for _ in range(SLOTS)]
+        """Buffers of techniques that passes declare, by slot and name."""
 
     def attach(self, graph: Graph, images: Any) -> list[Mapping[str, Any]]:
         """Create the buffers for a graph's outputs; return them by slot, under their names in the graph."""
@@ -32,7 +34,10 @@ class OutputCopies(Pass):
             }
             for slot in range(SLOTS)
         ]
-        return [{on_cpu(output): copy.buffer for output, copy in copies.items()} for copies in self.readbacks]
+        return [
+            {on_cpu(output): copy.buffer for output, copy in copies.items()} | self.also[slot]
+            for slot, copies in enumerate(self.readbacks)
+        ]
 
     def _readback(self, image: Any, name: str) -> Any:
         """Return the copy of an image, with a buffer of its own."""

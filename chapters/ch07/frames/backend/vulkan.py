@@ -15,6 +15,7 @@ from backends.vulkan.resources import FORMATS, Image
 from common.errors import ShaderError
 from common.scene import Pose, Scene
 
+from ...clusters.model import loop_defines
 from ...graph.execute.vulkan import GraphExecutor
 from ...graph.memory.vulkan_images import GraphMemory
 from ...graph.plan import FramePlan
@@ -34,6 +35,7 @@ from ..queues.vulkan_queues import Queues
 from ..queues.vulkan_submission import QueueFrames
 from ..recording.vulkan_recordings import RecordedSlot
 from ..recording.vulkan_secondaries import open_commands
+from ..vulkan_commands import TABLES
 from ..vulkan_profiler import Profiler
 from ..vulkan_resources import Resources, offered_samples
 from .backend import Backend
@@ -80,7 +82,8 @@ class VulkanBackend(Backend):
         )
         rehearse(loading, device, self.frames.slots, self.data, pose)
         self._cache = PipelineCache.on_disk(device)
-        self.pipelines = Pipelines(device, self._cache, self.data.slot_count or CAPACITY, self.data.defines)
+        defines = (*self.data.defines, *loop_defines(settings, plan.native("subgroups")))
+        self.pipelines = Pipelines(device, self._cache, self.data.slot_count or CAPACITY, defines)
         poisoned = ["copy_target"] * (settings.graph.poison != "off")
         self.memory = GraphMemory(device, poisoned, self._queues.families)
         self.requirement = self.memory.requirement
@@ -93,7 +96,7 @@ class VulkanBackend(Backend):
             own = gpu_pass.sources.set if gpu_pass.sources else None
             for pipeline in gpu_pass.pipelines:
                 for number, layout in enumerate(pipeline.sets):
-                    if layout is None or number == own:
+                    if layout is None or number in (own, TABLES):  # what is there is not the scene's
                         continue
                     if isinstance(pipeline.described, ComputeDescription):
                         number += COMPUTED

@@ -7,7 +7,7 @@ through bindings: binding i is the i-th bound access, reads first.
     storage of an image           an image that is loaded and stored
     storage, uniform of a buffer  a block
     indirect, copy                no binding: no shader accesses them
-    of an external resource       no binding: its owner binds it
+    storage of OWNED bytes        no binding: the owner of the memory binds it
 """
 
 from __future__ import annotations
@@ -19,6 +19,9 @@ from backends.contract import Pass
 
 from ...pipelines.spirv.declared import Kind
 from ..types import PREVIOUS, Graph, GraphError, Step
+
+OWNED = 4
+"""Bytes of a resource that only orders passes: it stands for memory that a technique binds by itself."""
 
 STORABLE = ("rgba8", "rgba16f", "rgba32f", "r32f", "r32ui")
 """Formats with shader stores on every device (Vulkan specification, "Required Format Support")."""
@@ -46,7 +49,7 @@ def bindings_of(step: Step, gpu_pass: Pass, graph: Graph) -> list[Bound]:
                 kind = "texture"
             elif access.use == "uniform":
                 kind = "uniform"
-            elif access.use == "storage" and graph.resources[name.removesuffix(PREVIOUS)].life != "external":
+            elif access.use == "storage" and graph.resources[name.removesuffix(PREVIOUS)].bytes != OWNED:
                 buffer = graph.resources[name.removesuffix(PREVIOUS)].kind == "buffer"
                 kind = "storage" if buffer else "image"
             if kind is not None:
