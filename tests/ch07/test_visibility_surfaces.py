@@ -9,7 +9,7 @@ import pytest
 
 from chapters.ch07.scene import pages
 from chapters.ch07.settings import Settings
-from chapters.ch07.shading.deferred import TARGETS
+from chapters.ch07.shading.deferred import EMISSION, TARGETS
 from common.errors import UserError
 from common.numerics.transforms import pose_looking_at
 from common.scene import Deformation, Image, Material, Sampler
@@ -44,7 +44,8 @@ def surfaces(chapter, scene, view, size=SIZE, time=0.0, **turned):
         with chapter.open(scene, size, settings, outputs=("color_linear",), inspect=True) as renderer:
             for _ in range(2):
                 frame = renderer.render(view, time)
-            images = {name: frame.image(f"{writer}/{name}").astype(float) for name in TARGETS}
+            targets = (*TARGETS, EMISSION) if EMISSION in renderer.graph.resources else TARGETS
+            images = {name: frame.image(f"{writer}/{name}").astype(float) for name in targets}
             found.append({**images, "picture": frame.image("color_linear").astype(float)})
     assert all(np.isfinite(image).all() for images in found for image in images.values())
     return found
@@ -202,7 +203,7 @@ def test_pictures_with_textures_and_masks_agree(chapter):
         assert found[0]["picture"].std() > 0.05
         covered = found[0]["gbuffer_base_color"][..., 3] == found[1]["gbuffer_base_color"][..., 3]
         assert covered.all(), "masks cut the same pixels"
-        for name in (*TARGETS, "picture"):
+        for name in (*TARGETS, EMISSION, "picture"):
             # What differs is the level: a sampler's differences within a quad reach over the edges of triangles.
             assert difference(found, name).mean() < 2e-3, name
             assert np.quantile(difference(found, name), 0.98) < 0.03, name

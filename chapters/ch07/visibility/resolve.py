@@ -43,7 +43,12 @@ class ResolveSurfacesPass(FullscreenPass):
     def __init__(self, parts: PassParts) -> None:
         super().__init__(parts)
         self.reads = (Access(VISIBILITY, "sampled", format=FORMAT),)
-        self.writes = deferred.written(parts.settings)
+        self._scene, self._targets = parts.scene, deferred.written(parts.settings)
+        self.writes = self._targets
+
+    def declare(self) -> None:
+        """Write the emission, which is the last target, only while a material emits."""
+        self.writes = self._targets[: len(deferred.formats(self._scene, self._settings))]
 
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:
@@ -70,9 +75,9 @@ class ResolveSurfacesPass(FullscreenPass):
                 *self._data.texture_defines(whole, lambda _: whole),
                 *flag_defines(),
                 *((("TANGENTS_DERIVED", 1),) if derived else ()),
-                *deferred.normal_defines(settings),
+                *(*deferred.normal_defines(settings), *deferred.emission_defines(self._scene, settings)),
             ),
-            color=deferred.FORMATS[settings.shading.gbuffer_format],
+            color=deferred.formats(self._scene, settings),
             depth=None,
             name="visibility resolve",
         )
