@@ -35,7 +35,7 @@ from ..pipelines.vulkan_descriptors import Descriptors, Held, Part, Texture
 from ..pipelines.vulkan_layouts import SetLayout
 from ..settings import Settings
 from ..shading import views
-from ..visibility.model import NO_TRIANGLES, in_use
+from ..visibility.model import NO_TRIANGLES, SET, in_use
 from . import geometry, pages, records
 from .data import SceneData
 from .draw_lists import COMMAND
@@ -95,6 +95,7 @@ class VulkanSceneData(SceneData):
             self._upload_geometry(uploader)
             self._textures.keep(uploader, self.variants)
         self.records.maps = self._textures.maps
+        self.records.maps[:, SET] = self.textures_of
         self.bytes_uploaded = uploader.bytes
         self._make_environment()
         self.slots: list[_Slot] = [self._make_slot(index) for index in range(SLOTS)]
@@ -236,6 +237,7 @@ class VulkanSceneData(SceneData):
                     slot.written.pop("deformed", None)
             self._textures.keep(uploader, self.variants)
         self.records.maps = self._textures.maps
+        self.records.maps[:, SET] = self.textures_of
         self.bytes_uploaded += uploader.bytes
         for index, slot in enumerate(self.slots):
             if self.lit and slot.lights is None:

@@ -34,6 +34,9 @@ UNLIT, DOUBLE_SIDED = 32, 64
 BACK = 1 << 31
 """The bit of the second word of a triangle that is seen from behind."""
 
+SET = 5
+"""The place of the set of textures in a material's numbers of textures, behind those of the five roles."""
+
 NO_TRIANGLES = "{} gives fragments no number of their triangle: set surfaces=gbuffer."
 
 

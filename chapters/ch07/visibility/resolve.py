@@ -87,17 +87,13 @@ class ResolveSurfacesPass(FullscreenPass):
         draws, data, textured = self._draws, self._data, bool(self._all.roles)
         (pipeline,) = self.pipelines
         for page, textures in dict.fromkeys((batch.page, batch.textures) for batch in draws.solid):
-            material = int(np.flatnonzero(data.textures_of == textures)[0])
-            number = int(
-                data.records.maps[material, len(ROLES)]
-            )  # that of the set, as the material's record has it
             self.draw(
                 commands,
                 pipeline,
                 draws.binding,
                 data.bound_page(draws.slot, page),
                 data.texture_set(textures) if textured else None,
-                np.array([page, number, 0, 0], np.uint32),
+                np.array([page, textures, 0, 0], np.uint32),
             )
 
     def key(self, slot: int) -> Any:

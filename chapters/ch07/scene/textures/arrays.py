@@ -100,5 +100,4 @@ def plan_arrays(
         unit = sets[set_of[use.material]].index(numbers[kind_part])
         maps[use.material, use.role] = unit | layer << LAYER_SHIFT
         reached[use.material, use.role] = 1 << unit
-    maps[:, len(ROLES)] = set_of
     return ArrayPlan(arrays, tuple(tuple(held) for held in sets), set_of, maps, reached)
