@@ -7,9 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from chapters import view_of
 from chapters.ch07.scene import pages
 from chapters.ch07.settings import Settings
 from chapters.ch07.shading.deferred import EMISSION, TARGETS
+from chapters.scenes import load
 from common.errors import UserError
 from common.numerics.transforms import pose_looking_at
 from common.scene import Deformation, Image, Material, Sampler
@@ -179,8 +181,11 @@ def test_the_level_of_a_texture_is_that_of_the_sampler(chapter):
 
 
 @pytest.mark.feature("visibility-buffer/analytic-derivatives")
-def test_pictures_with_textures_and_masks_agree(chapter):
-    """Masks, both faces, unlit and blended surfaces, seen by a perspective and by an orthographic camera."""
+@pytest.mark.parametrize(
+    "lens", [CAMERA.projection, pytest.param(Orthographic(1.6, 0.1, 10.0), marks=pytest.mark.long)]
+)
+def test_pictures_with_textures_and_masks_agree(chapter, lens):
+    """Masks, both faces, unlit and blended surfaces, seen by a perspective or by an orthographic camera."""
     random = np.random.default_rng(4)
     kinds = (
         Material(base_color_texture=texture(1, SMOOTH), normal_texture=texture(2, SMOOTH), double_sided=True),
@@ -198,15 +203,32 @@ def test_pictures_with_textures_and_masks_agree(chapter):
     smooth = np.kron(random.integers(0, 256, (8, 8, 4)), np.ones((8, 8, 1))).astype(np.uint8)
     images = (jumble(3).images[0], Image("squares", smooth), Image("more squares", smooth[::-1].copy()))
     scene = replace(jumble(3, kinds), images=list(images))
-    for view in (CAMERA, View(CAMERA.world_from_view, Orthographic(1.6, 0.1, 10.0))):
-        found = surfaces(chapter, scene, view)
-        assert found[0]["picture"].std() > 0.05
-        covered = found[0]["gbuffer_base_color"][..., 3] == found[1]["gbuffer_base_color"][..., 3]
-        assert covered.all(), "masks cut the same pixels"
-        for name in (*TARGETS, EMISSION, "picture"):
-            # What differs is the level: a sampler's differences within a quad reach over the edges of triangles.
-            assert difference(found, name).mean() < 2e-3, name
-            assert np.quantile(difference(found, name), 0.98) < 0.03, name
+    found = surfaces(chapter, scene, View(CAMERA.world_from_view, lens))
+    assert found[0]["picture"].std() > 0.05
+    covered = found[0]["gbuffer_base_color"][..., 3] == found[1]["gbuffer_base_color"][..., 3]
+    assert covered.all(), "masks cut the same pixels"
+    for name in (*TARGETS, EMISSION, "picture"):
+        # What differs is the level: a sampler's differences within a quad reach over the edges of triangles.
+        assert difference(found, name).mean() < 2e-3, name
+        assert np.quantile(difference(found, name), 0.98) < 0.03, name
+
+
+@pytest.mark.long
+@pytest.mark.feature("visibility-buffer/analytic-derivatives")
+@pytest.mark.variants("vulkan", "gl")
+@pytest.mark.parametrize("gbuffer_format", ["compact", "octahedral"])
+def test_pictures_of_the_atrium_agree(chapter, gbuffer_format):
+    """Measured at 320x180: 11 of 255 at most and 0.11 in the mean on Vulkan, 5 and 0.06 on OpenGL."""
+    scene, pictures = load("atrium"), []
+    for way in ("gbuffer", "visibility"):
+        settings = Settings(surfaces=way, graph="deferred", anisotropy=1.0, gbuffer_format=gbuffer_format)
+        with chapter.open(scene, (160, 90), settings) as renderer:
+            for _ in range(3):
+                frame = renderer.render(view_of(renderer))
+            pictures.append(frame.image("color").astype(int))
+    apart = np.abs(pictures[0] - pictures[1])
+    assert apart.max() <= 24 and apart.mean() <= 0.25
+    assert pictures[0].std() > 20
 
 
 @pytest.mark.feature("visibility-buffer/ids")
@@ -264,11 +286,7 @@ def test_slivers_and_triangles_without_area_give_numbers(chapter):
     scene = of_shapes(shapes, [0, 1], np.array([0, 1, 1]), matrices, kinds)
     noise = np.random.default_rng(6).integers(0, 256, (64, 64, 4), np.uint8)
     scene = replace(scene, images=[Image("noise", noise)])
-    for view in (
-        facing(ymag=1.2),
-        TILTED,
-        View(pose_looking_at((0, 3, 0.01), (0, 0, 0)), Perspective(0.8, 0.1)),
-    ):
+    for view in (facing(ymag=1.2), View(pose_looking_at((0, 3, 0.01), (0, 0, 0)), Perspective(0.8, 0.1))):
         found = surfaces(chapter, scene, view)
         assert np.median(difference(found, "gbuffer_normal")) <= 1e-5
 
