@@ -119,7 +119,6 @@ class Settings(Grouped):
         "anisotropy color_format "
         "graph alias resubmit async_compute poison "
         "depth_prepass gbuffer_format aperture focus_distance bokeh_taps "
-        "msaa resolve mask_coverage tone_curve "
         "light_lists light_loop most_lights "
         "msaa resolve mask_coverage tone_curve tone_white "
         "exposure exposure_key exposure_low exposure_high exposure_min_ev exposure_max_ev "

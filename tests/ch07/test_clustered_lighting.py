@@ -9,9 +9,10 @@ import pytest
 
 from chapters.ch07.clusters.lights import LightRecords, brightest
 from chapters.ch07.settings import Settings
+from common.errors import SettingError
 from common.numerics.transforms import pose_looking_at
 from common.scene import Light
-from common.settings import replaced
+from common.settings import apply_overrides, replaced
 from common.view.camera import Orthographic, Perspective, View
 from tests.support.lamps import lamps, lit, lit_town
 from tests.support.scenes import nodes_at, quad_scene
@@ -75,6 +76,12 @@ def test_a_loop_in_step_gives_the_bits_of_the_plain_one(chapter, graph):
             assert (("SCALARISED", 1) in renderer._pipelines._defines) == renderer.plan.native("subgroups")
             for view, wanted in zip(views, plain, strict=True):
                 assert np.array_equal(renderer.render(view).image("color_linear"), wanted)
+
+
+@pytest.mark.feature("clustered/scalarised-loop")
+def test_a_loop_that_is_not_there_is_refused():
+    with pytest.raises(SettingError, match="light_loop"):
+        apply_overrides(Settings(), ["light_loop=unrolled"])
 
 
 @pytest.mark.parametrize("size", [(1, 1), (7, 9), (65, 33)])

@@ -10,7 +10,7 @@ import pytest
 from chapters.ch07.settings import Settings
 from chapters.ch07.shading.deferred import EMISSION, FORMATS, TARGETS
 from common.numerics.transforms import pose_looking_at
-from common.scene import Light, Material
+from common.scene import Image, Light, Material, TextureRef
 from common.settings import replaced
 from common.view.camera import Orthographic, Perspective, View
 from tests.support.scenes import quad_scene
@@ -130,6 +130,7 @@ def test_a_position_is_found_again_from_its_depth(chapter, distance):
             )
     np.testing.assert_allclose(lit[0], lit[1], rtol=2e-3)
     assert lit[1].min() > 0
+    assert not np.allclose(1.01 * lit[0], lit[1], rtol=2e-3), "half a percent of the distance would show"
 
 
 # --- emission only where a material emits ---
@@ -184,3 +185,27 @@ def test_forward_and_deferred_give_one_picture(chapter):
     np.testing.assert_allclose(pictures["full"], pictures["forward"], rtol=1e-3, atol=1e-4)
     error = np.abs(pictures["octahedral"] - pictures["forward"])
     assert np.quantile(error, 0.99) < 0.01, "8 bits of base colour lose half a percent"
+
+
+@pytest.mark.feature("deferred/lighting")
+@pytest.mark.parametrize("graph", ["deferred", "compute"])
+def test_without_direct_light_a_pixel_keeps_ambient_times_occlusion(chapter, graph):
+    """A quad whose back is to the sun: L = ambient x occlusion x (0.96 base + 0.04), of a dielectric."""
+    map_ = Image("half", np.full((1, 1, 4), 102, np.uint8))
+    material = Material(base_color=(0.25, 0.5, 0.75, 1.0), metallic=0.0, occlusion_texture=TextureRef(0))
+    settings = Settings(
+        color_format="rgba32f", gbuffer_format="full", anisotropy=1.0, ambient=2.0, graph=graph
+    )
+    wanted = 2.0 * 102 / 255 * (0.96 * np.array(material.base_color[:3]) + 0.04)
+    for angle, behind in ((np.pi, True), (0.0, False)):
+        about_y = np.diag((np.cos(angle), 1.0, np.cos(angle), 1.0))
+        scene = quad_scene(
+            material, matrices=(np.eye(4), about_y), lights=(replace(SUN, node=1),), images=(map_,)
+        )
+        scene.instances.visible[1] = False
+        with chapter.open(scene, SIZE, settings, outputs=("color_linear",)) as renderer:
+            middle = renderer.render(AHEAD).image("color_linear")[SIZE[1] // 2, SIZE[0] // 2]
+        if behind:
+            np.testing.assert_allclose(middle, wanted, rtol=2e-6)
+        else:
+            assert (middle > 1.1 * wanted).all()

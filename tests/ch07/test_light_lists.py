@@ -85,6 +85,7 @@ def test_the_order_is_one_of_ascending_depth(scene, lists, view):
     intervals = bounds[:, 5:7].copy().view(np.float32)
     middles = 0.5 * (intervals[:, 0] + intervals[:, 1])
     assert (np.diff(middles) >= 0).all()
+    assert not (np.diff(middles[np.argsort(found.order)]) >= 0).all(), "the scene has them in another order"
     # A point light's middle is its own depth, in double precision; what is added to both ends cancels.
     world_from_node = scene.nodes.matrix
     depths = []
@@ -141,6 +142,11 @@ def test_33_lights_and_sizes_that_are_no_multiple_of_8(chapter):
     (found,) = lists_of(chapter, scene, VIEWS["inside"], size=size)
     assert found.layout.words_of_set == 2 and found.layout.tiles == (9, 6)
     assert_every_point_finds_its_light(scene, found, VIEWS["inside"], size)
+    # The printed address, y (tiles words) + x + word, takes the second word of a tile from the tile beside it.
+    words = np.packbits(found.tiles.astype(np.uint8), axis=-1, bitorder="little").view(np.uint32)
+    row = words.reshape(words.shape[0], -1)
+    printed = np.stack([row[:, x : x + 2] for x in range(words.shape[1])], axis=1)
+    assert not np.array_equal(printed, words)
 
 
 @pytest.mark.feature("clustered/light-sort", "clustered/depth-bins", "clustered/tile-bitfields")

@@ -133,7 +133,7 @@ def test_the_picture_is_that_of_all_squares_by_depth_in_every_frame(stage, way):
 
 
 @only_vulkan
-@flagged
+@pytest.mark.feature("device/render-pass-flags", "gbuffer/dynamic-rendering")
 @pytest.mark.parametrize("size", [(SIDE, SIDE), (61, 37), (1, 1)])
 def test_both_ways_draw_the_same_bits_also_after_a_resize(stage, size):
     pictures = []
@@ -147,7 +147,7 @@ def test_both_ways_draw_the_same_bits_also_after_a_resize(stage, size):
 
 
 @only_vulkan
-@flagged
+@pytest.mark.feature("device/render-pass-flags", "gbuffer/dynamic-rendering")
 @pytest.mark.parametrize("way", WAYS)
 def test_a_second_pass_that_clears_loses_what_the_first_has_drawn(stage, monkeypatch, way):
     """So loading is what keeps it, and the squares of both passes are told apart by depth only if that is loaded."""
