@@ -235,6 +235,22 @@ def survivors_sheet(cell: tuple[int, int] = (240, 135), degrees: float = 40.0) -
     return np.concatenate(cells, axis=1)
 
 
+LIGHTS = 7
+"""The chapter whose light lists the sheet shows."""
+
+
+def lights_sheet(cell: tuple[int, int] = (264, 148)) -> NDArray[Any]:
+    """Return (H, W, 3): the market; with 400 lamps, those that reach each pixel, and those that a pixel evaluates."""
+    cells = []
+    for lamps, shown in ((2400, "picture"), (400, "light-count"), (400, "lights-evaluated")):
+        scene = load_scene(locate(f"market:lights={lamps}"))
+        settings: Any = replaced(preset(chapters.settings_class(LIGHTS), "medium"), view=shown)
+        size = (2 * cell[0], 2 * cell[1])
+        with chapters.open(LIGHTS, "auto", scene=scene, size=size, settings=settings) as renderer:
+            cells.append(halved(renderer.render(chapters.view_of(renderer)).image("color")))
+    return np.concatenate(cells, axis=1)
+
+
 def pyramid_sheet(cell: tuple[int, int] = (330, 186), shown: Sequence[int] = (0, 3, 5)) -> NDArray[Any]:
     """Return (H, W, 3): a street, and levels of its depth pyramid, each texel over the pixels below it."""
     settings: Any = preset(chapters.settings_class(CULLING), "medium")
@@ -272,6 +288,7 @@ SHEETS = {
     "ch05-cloth": cloth_sheet,
     "ch06-survivors": survivors_sheet,
     "ch06-pyramid-levels": pyramid_sheet,
+    "ch07-market": lights_sheet,
 }
 
 
@@ -281,6 +298,7 @@ COVERS: dict[str, int] = {
     "ch03-loading": LOADING,
     "ch06-survivors": CULLING,
     "ch06-pyramid-levels": CULLING,
+    "ch07-market": LIGHTS,
 }
 """The chapter that draws a sheet; GRAPH for the others."""
 

@@ -26,7 +26,7 @@ from common.settings import knob
 STUDY = Study(
     title="separable bloom",
     idea="Two passes of 11 texels blur a square of 121; four blurs are as wide as one with twice the deviation.",
-    order=2,
+    order=3,
     features=("hdr/bloom", "postprocess/separable-blur"),
 )
 
