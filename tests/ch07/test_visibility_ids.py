@@ -20,7 +20,7 @@ VIEWS = (walk()[0], walk()[-1])
 
 @pytest.fixture(scope="module")
 def scene():
-    return town(count=26)
+    return town(count=20)
 
 
 @pytest.fixture(scope="module")
@@ -53,6 +53,8 @@ def ids_of(renderer, view, frames=2):
 def test_ids_are_those_of_a_rasteriser_away_from_edges(chapter, scene, truths, culling):
     """Triangles are numbered in the order of the drawn scene, whichever command or mesh shader drew them."""
     for geometry in ways(chapter):
+        if culling == "off" and geometry == "mesh":
+            continue  # its early phase is that of occlusion culling
         assert_named(chapter, scene, truths, replaced(IDS, culling=culling, geometry=geometry))
 
 
