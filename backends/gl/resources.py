@@ -42,6 +42,7 @@ FORMATS: dict[str, Format] = {
     "rgba8_srgb": Format(gl.GL_SRGB8_ALPHA8, gl.GL_RGBA, _BYTE, 4, np.uint8, 4),
     "rgb10a2": Format(gl.GL_RGB10_A2, gl.GL_RGBA, gl.GL_UNSIGNED_INT_2_10_10_10_REV, 4, np.uint32, 1),
     "r32ui": Format(gl.GL_R32UI, gl.GL_RED_INTEGER, _UINT, 4, np.uint32, 1),
+    "rg32ui": Format(gl.GL_RG32UI, gl.GL_RG_INTEGER, _UINT, 8, np.uint32, 2),
     "r32f": Format(gl.GL_R32F, gl.GL_RED, _FLOAT, 4, np.float32, 1),
     "rg16f": Format(gl.GL_RG16F, gl.GL_RG, _HALF, 4, np.float16, 2),
     "rgba16f": Format(gl.GL_RGBA16F, gl.GL_RGBA, _HALF, 8, np.float16, 4),

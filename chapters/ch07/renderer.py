@@ -41,12 +41,16 @@ from .scene.pass_parts import PassParts
 from .scene.scene_draws import SceneDrawLists
 from .shading.views import shown_exposure
 from .transparency.technique import TransparencyTechnique
+from .visibility.technique import VisibilityTechnique
 
 
 class Renderer(GraphStream):
     """The renderer of the chapter: one stream of frames of one view of one scene."""
 
-    TECHNIQUES = (TransparencyTechnique, ClusterTechnique, CullingTechnique, ClothTechnique, HdrTechnique)
+    TECHNIQUES = (
+        *(TransparencyTechnique, ClusterTechnique, CullingTechnique, ClothTechnique),
+        *(HdrTechnique, VisibilityTechnique),
+    )
     """The work of each subject outside its passes. A lesson adds a folder, and one line here."""
 
     # --- creation ---

@@ -25,6 +25,7 @@ from .scene.settings import SceneSettings
 from .shading.settings import ShadingSettings
 from .ssao.settings import SsaoSettings
 from .transparency.settings import TransparencySettings
+from .visibility.settings import VisibilitySettings
 
 SIDES = (
     Side(chapter=5),
@@ -128,6 +129,7 @@ class Settings(Grouped):
         "recording_threads draws_per_secondary "
         "ssao ssao_radius ssao_scale ssao_bias ssao_blur "
         "transparency transparency_nodes "
+        "surfaces tangents "
         "skip_unused"
     )
 
@@ -144,4 +146,5 @@ class Settings(Grouped):
     clusters: ClusterSettings = group(ClusterSettings)
     ssao: SsaoSettings = group(SsaoSettings)
     transparency: TransparencySettings = group(TransparencySettings)
+    visibility: VisibilitySettings = group(VisibilitySettings)
     hdr: HdrSettings = group(HdrSettings)

@@ -28,6 +28,7 @@ from ..pipelines.compute_description import ComputeDescription
 from ..pipelines.description import Built
 from ..scene.pass_parts import PassParts
 from ..settings import Settings
+from ..visibility.model import RESOLVE
 from .dispatches import Dispatch, Kernel, states_of
 from .frames import ClothFrames, Plan, drawn_from
 from .layout import Limits, Packed
@@ -38,7 +39,7 @@ from .types import State
 VERTICES = "cloth_vertices"
 """The name of the pass's resource in the graph: the vertices of all cloths."""
 
-READERS = ("depth_prepass", "gbuffer", "forward", "transparent", "instance_id")
+READERS = ("depth_prepass", "gbuffer", "forward", "transparent", "instance_id", "visibility", RESOLVE)
 """The passes that draw objects."""
 
 STATE = ("positions", "velocities")
@@ -138,7 +139,10 @@ class ClothPass(Pass):
         """Let the passes that draw objects read the vertices; without cloth, none of them does."""
         for name in READERS if self.externals else ():
             reader = passes[name]
-            reader.reads = (*reader.reads, Access(VERTICES, "storage", stages=("vertex",)))
+            reader.reads = (
+                *reader.reads,
+                Access(VERTICES, "storage", stages=("fragment" if name == RESOLVE else "vertex",)),
+            )
 
     # --- created once ---
 

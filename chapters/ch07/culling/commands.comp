@@ -24,6 +24,9 @@ void main() {
                     indices = 3u * (meshlet.counts >> 8u);
                 }
                 // VkDrawIndexedIndirectCommand: indices, instances, first index, vertex offset, first instance
+#ifdef INDEX_CODE
+                offset = first - draws[place.y].first_index;
+#endif
                 uint word = 5u * (phase() * sizes.more.y + batch.y + position);
                 commands[word] = indices;
                 commands[word + 1u] = 1u;

@@ -25,6 +25,7 @@ from ..shading.depth_prepass import DepthPrepass
 from ..shading.forward import ForwardPass
 from ..shading.gbuffer import GBufferPass
 from ..shading.objects import ObjectsPass
+from ..visibility.passes import VisibilityPass
 from .choice import Choice, choose, overlay_of, wants_meshlets
 from .freeze import CUTS
 from .lists import EARLY, LATE, PHASES
@@ -44,6 +45,7 @@ from .passes import (
 FIRST: dict[str, type[ObjectsPass]] = {
     "depth_prepass": DepthPrepass,
     "gbuffer": GBufferPass,
+    "visibility": VisibilityPass,
     "forward": ForwardPass,
 }
 """The passes that may draw solid objects first. In a frame with two phases, another pass of the class follows it."""

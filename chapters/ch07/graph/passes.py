@@ -18,6 +18,8 @@ from ..shading.lighting import LightingPass
 from ..shading.lighting_compute import ComputeLightingPass
 from ..shading.transparent import TransparentPass
 from ..ssao.passes import SsaoBlurPass, SsaoPass
+from ..visibility.passes import VisibilityPass
+from ..visibility.resolve import ResolveSurfacesPass
 
 
 def make_passes(parts: PassParts) -> dict[str, Pass]:
@@ -26,6 +28,8 @@ def make_passes(parts: PassParts) -> dict[str, Pass]:
         ForwardPass(parts),
         DepthPrepass(parts),
         GBufferPass(parts),
+        VisibilityPass(parts),
+        ResolveSurfacesPass(parts),
         SsaoPass(parts),
         SsaoBlurPass(parts, (1, 0)),
         SsaoBlurPass(parts, (0, 1)),

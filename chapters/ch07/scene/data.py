@@ -22,6 +22,7 @@ from ..loading.importance import material_sizes
 from ..loading.loading import Loading, report_failures
 from ..settings import Settings
 from ..shading import views
+from ..visibility.model import index_defines
 from . import geometry, packing, pages
 from .draw_lists import COMMAND
 from .packing import Variant
@@ -80,6 +81,7 @@ class SceneData:
         """The defines of all shaders: of light lists, and how many instances are in the first of two bindings."""
         (_, first), *more = self.instance_parts
         lists = list_defines(self._scene, self._settings)
+        lists = (*lists, *index_defines(self._settings))
         return (("INSTANCES_PER_PAGE", first // RECORD_BYTES), *lists) if more else lists
 
     def _choose_variants(self) -> None:

@@ -41,6 +41,7 @@ from ..loading.gl import Loader
 from ..loading.loading import Loading, Request
 from ..settings import Settings
 from ..shading import views
+from ..visibility.model import SET
 from . import pages, records
 from .data import ARRAY_UNIT, ENVIRONMENT_UNIT, SceneData
 from .draw_lists import COMMAND
@@ -153,6 +154,7 @@ class GlSceneData(SceneData):
         for array in self._images.keys() - set(self._plan.arrays):
             destroy_image(context, self._images.pop(array))  # OpenGL itself waits for the GPU's use
         self.records.maps = self._arrivals.begin(self._loading.resident)
+        self.records.maps[:, SET] = self.textures_of
         held = [
             (self._images[array].view, self.sampler(array.sampler, self._anisotropy))
             for array in self._plan.arrays

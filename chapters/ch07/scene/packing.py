@@ -12,6 +12,7 @@ from common.errors import SceneError
 from common.scene import Material, Pose, Scene
 
 from ..meshlets.unit_code import UNIT_CODE
+from ..visibility.model import material_flags
 
 MATERIAL = np.dtype(
     [
@@ -139,6 +140,7 @@ def pack_materials(materials: list[Material], maps: np.ndarray) -> np.ndarray:
             role = ROLES.index(name)
             rows[number, role, :, :3] = texture.matrix()
             rows[number, role, 0, 3] = texture.uv_set
+        rows[number, 0, 1, 3] = material_flags(material, ROLES)
     return records
 
 

@@ -23,7 +23,8 @@ from .geometry import STREAMS
 PAGE_BYTES = 128 << 20
 
 MESH = np.dtype([("streams", np.uint32, 8)])
-"""The record of a mesh in shaders: the first word of each stream in its page, in the order of STREAMS."""
+"""The record of a mesh in shaders: the first word of each stream in its page, in the order of STREAMS; then that of
+its indices, and the number of the page."""
 
 _WORD = 4
 
@@ -105,6 +106,9 @@ def mesh_records(scene: Scene, pages: Sequence[Page]) -> tuple[np.ndarray, np.nd
         page_of[page.meshes] = number
         first = rows["first_index"].astype(np.int64) - page.indices[0]
         first_index[page.meshes] = page.offsets["indices"] // _WORD + first
+        records["streams"][page.meshes, 6:] = np.stack(
+            [first_index[page.meshes], page_of[page.meshes]], axis=1
+        )
     return records, page_of, first_index
 
 

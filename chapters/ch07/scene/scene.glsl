@@ -18,7 +18,8 @@ layout(BIND(0, 8, 12), std430) readonly buffer More_instances_ { Instance more_i
 #include "scene/instance_of.glsl"
 
 struct Mesh {
-    uvec4 streams[2];  // the first word of each vertex stream in the mesh's page, in the order of scene/geometry.py
+    uvec4 streams[2];  // the first word of each vertex stream in the mesh's page, in the order of scene/geometry.py;
+                       // then that of its indices, and the number of the page
 };
 layout(BIND(0, 2, 1), std430) readonly buffer Meshes_ { Mesh meshes[]; };
 
@@ -26,7 +27,8 @@ struct Material {
     vec4 base_color;
     vec4 emissive;      // rgb in nits, a: alpha cutoff
     vec4 factors;       // metallic, roughness, normal scale, occlusion strength
-    vec4 uv_rows[10];   // two rows for each role: xyz of the 2x3 matrix image_from_uv; w of the first: uv set
+    vec4 uv_rows[10];   // two rows for each role: xyz of the 2x3 matrix image_from_uv; w of the first: uv set;
+                        // w of the second row of the first role: what visibility/model.py says of the material
     uvec4 maps[2];      // which texture each role samples; see textures.glsl
 };
 layout(BIND(0, 3, 2), std430) readonly buffer Materials_ { Material materials[]; };

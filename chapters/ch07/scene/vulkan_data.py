@@ -35,6 +35,7 @@ from ..pipelines.vulkan_descriptors import Descriptors, Held, Part, Texture
 from ..pipelines.vulkan_layouts import SetLayout
 from ..settings import Settings
 from ..shading import views
+from ..visibility.model import NO_TRIANGLES, SET, in_use
 from . import geometry, pages, records
 from .data import SceneData
 from .draw_lists import COMMAND
@@ -94,6 +95,7 @@ class VulkanSceneData(SceneData):
             self._upload_geometry(uploader)
             self._textures.keep(uploader, self.variants)
         self.records.maps = self._textures.maps
+        self.records.maps[:, SET] = self.textures_of
         self.bytes_uploaded = uploader.bytes
         self._make_environment()
         self.slots: list[_Slot] = [self._make_slot(index) for index in range(SLOTS)]
@@ -105,6 +107,8 @@ class VulkanSceneData(SceneData):
 
     def _choose_variants(self) -> None:
         super()._choose_variants()
+        if in_use(self._settings) and GEOMETRY not in self._device.physical.bits:
+            raise UnsupportedError(NO_TRIANGLES.format(self._device.capabilities.device))
         if self._settings.shading.view == "triangle-id" and GEOMETRY not in self._device.physical.bits:
             raise UnsupportedError(
                 f"{self._device.capabilities.device} gives fragments no number of their triangle: choose another view."
@@ -233,6 +237,7 @@ class VulkanSceneData(SceneData):
                     slot.written.pop("deformed", None)
             self._textures.keep(uploader, self.variants)
         self.records.maps = self._textures.maps
+        self.records.maps[:, SET] = self.textures_of
         self.bytes_uploaded += uploader.bytes
         for index, slot in enumerate(self.slots):
             if self.lit and slot.lights is None:
@@ -319,7 +324,7 @@ class VulkanSceneData(SceneData):
         write = (vk.VK_PIPELINE_STAGE_2_ALL_TRANSFER_BIT, vk.VK_ACCESS_2_TRANSFER_WRITE_BIT)
         # Indices are in the same buffer, and an indirect draw may read any of its bytes.
         read = (
-            vk.VK_PIPELINE_STAGE_2_VERTEX_SHADER_BIT | vk.VK_PIPELINE_STAGE_2_INDEX_INPUT_BIT,
+            vk.VK_PIPELINE_STAGE_2_ALL_GRAPHICS_BIT,
             vk.VK_ACCESS_2_SHADER_STORAGE_READ_BIT | vk.VK_ACCESS_2_INDEX_READ_BIT,
         )
         fn.vkCmdPipelineBarrier2(commands, barriers(memory=(*write, *read)))

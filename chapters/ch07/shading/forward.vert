@@ -25,6 +25,12 @@ layout(location = 6) flat out uint out_instance;
 #ifdef UNIT_CODE
 layout(location = 7) flat out uint out_code;  // see unit_code in culling/records.glsl
 #endif
+#ifdef INDEX_CODE
+#include "visibility/base_vertex.glsl"
+#endif
+#ifdef TRIANGLE_ID
+layout(location = 7) flat out uint out_index;
+#endif
 invariant gl_Position;
 
 void main() {
@@ -34,6 +40,12 @@ void main() {
 #ifdef UNIT_CODE
     out_code = vertex >> 24;
     vertex &= 0xFFFFFFu;
+#endif
+#ifdef INDEX_CODE  // the vertex offset of a draw says where in its mesh the draw's indices begin (visibility/model.py)
+    vertex -= uint(BASE_VERTEX);
+#ifdef TRIANGLE_ID
+    out_index = uint(BASE_VERTEX);
+#endif
 #endif
     out_instance = number;
     Instance instance = instance_of(number);

@@ -10,6 +10,7 @@ from ..pipelines.description import PipelineDescription
 from ..scene.packing import Variant
 from ..scene.pass_parts import PassParts
 from ..settings import Settings
+from ..visibility.model import in_use
 from . import deferred
 from .forward import depth_accesses, describe_lit
 from .objects import ObjectsPass
@@ -47,7 +48,7 @@ class GBufferPass(ObjectsPass):
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:
         """Even an empty scene has a background, where depth says that nothing was drawn."""
-        return deferred.possible(settings)
+        return deferred.possible(settings) and not in_use(settings)
 
     def part_of(self, variant: Variant) -> Variant:
         """Return what says what a surface is."""

@@ -189,7 +189,7 @@ def test_each_dispatch_sees_its_own_row_of_push_constants(gl_context, bench):
 
 # --- images -----------------------------------------------------------------------------------------------------------
 
-RED, RG, RGBA, RED_INTEGER, DEPTH = 0x1903, 0x8227, 0x1908, 0x8D94, 0x1902
+RED, RG, RGBA, RED_INTEGER, RG_INTEGER, DEPTH = 0x1903, 0x8227, 0x1908, 0x8D94, 0x8228, 0x1902
 BYTE, UINT, FLOAT, HALF, PACKED_10 = 0x1401, 0x1405, 0x1406, 0x140B, 0x8368
 NUMBERS = {
     "r8": (0x8229, RED, BYTE),
@@ -198,6 +198,7 @@ NUMBERS = {
     "rgba8_srgb": (0x8C43, RGBA, BYTE),
     "rgb10a2": (0x8059, RGBA, PACKED_10),
     "r32ui": (0x8236, RED_INTEGER, UINT),
+    "rg32ui": (0x823C, RG_INTEGER, UINT),
     "r32f": (0x822E, RED, FLOAT),
     "rg16f": (0x822F, RG, HALF),
     "rgba16f": (0x881A, RGBA, HALF),
