@@ -50,7 +50,8 @@ def check(given: Given) -> None:
         bits = found.tiles[:, :, place] > 0
         lost, more = least[..., lamp] & ~bits, bits & ~most[..., lamp]
         given.need(
-            not lost.any(), f"{name} reaches {least[..., lamp].sum()} tiles, and has no bit in {lost.sum()} of them."
+            not lost.any(),
+            f"{name} reaches {least[..., lamp].sum()} tiles, and has no bit in {lost.sum()} of them.",
         )
         given.need(
             not more.any(), f"{name} has a bit in {bits.sum()} tiles, and cannot reach {more.sum()} of them."

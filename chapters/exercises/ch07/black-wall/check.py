@@ -45,7 +45,8 @@ def check(given: Given) -> None:
             lit[graph] = float(picture[16, 16, 0])
         given.need(
             abs(lit["deferred"] - lit["forward"]) <= 0.02 * lit["forward"],
-            f"A wall that faces {name} has a luminance of {lit['deferred']:.3f}, and with graph=forward {lit['forward']:.3f}.",
+            f"A wall that faces {name} has a luminance of {lit['deferred']:.3f}, and with graph=forward "
+            f"{lit['forward']:.3f}.",
         )
     normals = np.random.default_rng(4).normal(size=(1 << 20, 4)).astype(np.float32)
     normals[: len(AXES), :3] = list(AXES.values())
@@ -61,10 +62,13 @@ def check(given: Given) -> None:
         marked = kernels.run(pipeline, [normals, np.zeros(len(normals), np.uint32)], (len(normals),))[1]
     given.silent()
     given.need(
-        not marked[0], "The mark of what has no normal is a code, too: a wall in that direction would have none."
+        not marked[0],
+        "The mark of what has no normal is a code, too: a wall in that direction would have none.",
     )
     for number in np.flatnonzero(marked)[:1].tolist():
-        given.need(False, f"The normal {np.round(normals[number, :3], 3).tolist()} is kept as if it were none.")
+        given.need(
+            False, f"The normal {np.round(normals[number, :3], 3).tolist()} is kept as if it were none."
+        )
 
 
 def _wall(given: Given, axis: np.ndarray, graph: str) -> np.ndarray:

@@ -54,7 +54,13 @@ def check(given: Given) -> None:
             ),
         ):
             for y, x in np.argwhere(where)[:1].tolist():
-                values = {"plain": plain, "dark": dark, "dimmed": dimmed, "ambient": plain - dark, "wanted": wanted}
+                values = {
+                    "plain": plain,
+                    "dark": dark,
+                    "dimmed": dimmed,
+                    "ambient": plain - dark,
+                    "wanted": wanted,
+                }
                 shown = {name: f"{image[y, x].mean():.3f}" for name, image in values.items()}
                 shown["factor"] = f"{factor[y, x, 0]:.2f}"
                 given.need(False, f"With ssao={method}, at pixel ({x}, {y}) {sentence.format(**shown)}.")

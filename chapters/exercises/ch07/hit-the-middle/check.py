@@ -25,14 +25,17 @@ def check(given: Given) -> None:
         near, far = least[lamp]
         first, last = found.bin_of(least[lamp])
         lowest, highest = found.bin_of(most[lamp])
-        reach = f"Lamp {lamp} reaches from {max(near, 0.0):.2f} m to {far:.2f} m, which is bin {first} to {last}"
+        reach = (
+            f"Lamp {lamp} reaches from {max(near, 0.0):.2f} m to {far:.2f} m, which is bin {first} to {last}"
+        )
         ahead = far >= 0
         for number in range(first, last + 1) if ahead else ():
             given.need(found.depths[number, place], f"{reach}, and has no bit in bin {number}.")
             low, high = found.bins[number]
             given.need(
                 low <= place + 1 <= high,
-                f"{reach}. It is number {place + 1} in the order, and bin {number} says that its lamps are {low} to {high}.",
+                f"{reach}. It is number {place + 1} in the order, and bin {number} says that its lamps are {low} to "
+                f"{high}.",
             )
         for number in range(len(found.bins)):
             outside = not lowest <= number <= highest or most[lamp, 1] < 0

@@ -92,7 +92,9 @@ def _judge(given: Given, scene: Scene, found: np.ndarray) -> None:
     """Hold the lamps of each pixel to those of its tile in double precision, and with radii of a thousandth more."""
     count = len(scene.lights)
     least, most = (
-        built(scene, walk()[0], SIZE, CUTOFF, wider).tiles.repeat(8, axis=0).repeat(8, axis=1)[: SIZE[1], : SIZE[0]]
+        built(scene, walk()[0], SIZE, CUTOFF, wider)
+        .tiles.repeat(8, axis=0)
+        .repeat(8, axis=1)[: SIZE[1], : SIZE[0]]
         for wider in (0.0, 1e-3)
     )
     for wrong, sentence in (
