@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from chapters.ch07.clusters.model import BINS, HEADER, LEAST_LIGHTS, STEPS_LOG2, ListLayout
+from chapters.ch07.clusters.model import LEAST_LIGHTS, ListLayout
 from chapters.ch07.settings import Settings
 from common.errors import UnsupportedError
 from common.numerics.transforms import pose_looking_at
 from common.settings import replaced
 from common.view.camera import Orthographic, Perspective, View
-from tests.support.buffers import read_words
 from tests.support.lamps import lit_town
+from tests.support.light_lists import Lists
 from tests.twins.light_lists import built, reaches, seen_at
 
 SIZE = (123, 77)
@@ -25,34 +25,6 @@ VIEWS = {
     "wide": View(pose_looking_at((3.0, 1.0, 3.0), (0.0, 1.0, 0.0)), Perspective(2.4, 0.01)),
     "flat": View(pose_looking_at((9.0, 6.0, 9.0), (0.0, 0.0, 0.0)), Orthographic(5.0, 0.1, 40.0)),
 }
-
-
-class Lists:
-    """The lists of one frame, read back."""
-
-    def __init__(self, renderer):
-        data, device = renderer._data, renderer.device
-        buffer = data.light_lists
-        if hasattr(renderer._api, "resources"):
-            buffer = renderer._api.resources.buffers.get(buffer)
-        self.words = read_words(device, buffer)
-        self.layout: ListLayout = renderer.techniques["clusters"]._pass.layout
-        self.local = sum(light.kind != "directional" for light in renderer.scene.lights)
-        self.order = self.words[HEADER : HEADER + self.local].astype(int)
-        self.first_code = int(self.words[4])
-        places = self.words[self.layout.first_bin :][:BINS]
-        self.bins = np.stack([places & 0xFFFF, places >> 16], axis=1).astype(int)
-        across, down = self.layout.tiles
-        depths = self.words[self.layout.first_depth : self.layout.first_tile].reshape(BINS, -1)
-        bits = self.words[self.layout.first_tile :].reshape(down, across, -1)
-        self.depths, self.tiles = (
-            (words[..., None] >> np.arange(32, dtype=np.uint32) & 1).reshape(*words.shape[:-1], -1)
-            for words in (depths, bits)
-        )
-
-    def bin_of(self, depths):
-        codes = np.maximum(depths, 0.0).astype(np.float32).view(np.uint32).astype(int) >> (23 - STEPS_LOG2)
-        return np.clip(codes - self.first_code, 0, BINS - 1)
 
 
 def lists_of(chapter, scene, *views, size=SIZE):

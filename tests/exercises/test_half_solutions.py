@@ -52,6 +52,15 @@ SCAN = ("culling/sums.glsl", "        sums[me] += other;\n        barrier();\n")
 GUARD = ("meshlets/select.task", "unit < first_unit(sizes.more.w)")
 AXES = ("meshlets/facing.py", 'axes, cutoffs = unpack_cones(records["cone"])')
 SMALL = ("culling/draws.comp", "footprint.known && max(pixels.x, pixels.y)")
+TILE = ("clusters/walk.glsl", "bits &= light_lists[walk.tile + walk.word];")
+OVERLAP = (
+    "clusters/bins.comp",
+    " && bin_of(interval.x, first_code) <= bin && bin <= bin_of(interval.y, first_code)",
+)
+AROUND = ("clusters/bounds.comp", "bool around = distance <= radius;")
+MARK = ("shading/normal_code.glsl", "0x80008000u")
+OCCLUDED = ("shading/lighting.frag", "occlusion *= ambient_factor(visible, OCCLUSION_BIAS, OCCLUSION_SCALE);")
+PLACES = ("clusters/which.py", "return [int(light) for light in words[HEADER + places]]")
 
 CASES = {
     "normalised, and still by the matrix of positions": (
@@ -395,6 +404,70 @@ CASES = {
         "may face any eye",
     ),
     "the shorter side": ((6, "tiny"), (*SMALL, "footprint.known && min(pixels.x, pixels.y)"), "is not drawn"),
+    "the first word alone": (
+        (7, "next-word"),
+        (*TILE, "bits &= walk.word == 0u ? light_lists[walk.tile] : ~0u;"),
+        "is evaluated twice there",
+    ),
+    "the first of each word for all": (
+        (7, "next-word"),
+        (*TILE, "bits &= light_lists[walk.tile + walk.word] | 1u;"),
+        "which cannot reach its tile",
+    ),
+    "always two words": (
+        (7, "next-word"),
+        ("clusters/walk.glsl", "LIST_TILES_X] + tile.x) * words;", "LIST_TILES_X] + tile.x) * 2u;"),
+        "With 32 lamps",
+    ),
+    "all but the last bin": (
+        (7, "hit-the-middle"),
+        (*OVERLAP, OVERLAP[1].replace("bin <= bin_of(interval.y", "bin < bin_of(interval.y")),
+        "and has no bit in bin",
+    ),
+    "in every bin": ((7, "hit-the-middle"), (*OVERLAP, ""), "and has a bit in bin"),
+    "from the first lamp of its word": (
+        (7, "hit-the-middle"),
+        ("clusters/bins.comp", "low = min(low, place + 1u);", "low = min(low, first + 1u);"),
+        "of the order, and says",
+    ),
+    "at the eye alone": ((7, "behind-you"), (*AROUND, "bool around = distance < 1e-3;"), "and has no bit in"),
+    "around the eye, wherever they are": (
+        (7, "behind-you"),
+        (*AROUND, "bool around = true;"),
+        "and cannot reach",
+    ),
+    "all bits set": ((7, "black-wall"), (*MARK, "0xFFFFFFFFu"), "is a code, too"),
+    "the largest of both": ((7, "black-wall"), (*MARK, "0x7FFF7FFFu"), "A wall that faces -z"),
+    "lamps as well": (
+        (7, "dark-lamps"),
+        ("shading/lighting.frag", "color += received *", "color += received * occlusion *"),
+        "is left of all light",
+    ),
+    "in place of the material's own": (
+        (7, "dark-lamps"),
+        (*OCCLUDED, OCCLUDED[1].replace("*=", "=")),
+        "the light without occlusion is",
+    ),
+    "without the bias": (
+        (7, "dark-lamps"),
+        (*OCCLUDED, OCCLUDED[1].replace("OCCLUSION_BIAS", "0.0")),
+        "should give",
+    ),
+    "places for lights": (
+        (7, "whose-light"),
+        (*PLACES, "return [int(place) for place in places]"),
+        "is missing",
+    ),
+    "by number": (
+        (7, "whose-light"),
+        (*PLACES, "return sorted(int(light) for light in words[HEADER + places])"),
+        "not in the order",
+    ),
+    "of the tile alone": (
+        (7, "whose-light"),
+        ("clusters/which.py", "_bits(words, layout.first_depth, depth_bin, layout) & ", ""),
+        "is too much",
+    ),
     "by the peak": (
         (1, "reinhard"),
         (
@@ -533,6 +606,28 @@ RIGHT = {
         (6, "next-batch"),
         (*GUARD, "unit - first_unit(sizes.more.y) < first_unit(sizes.more.w) - first_unit(sizes.more.y)"),
     ),
+    "before the addition": (
+        (7, "next-word"),
+        (
+            "clusters/walk.glsl",
+            "LIST_TILES_X] + tile.x) * words;",
+            "LIST_TILES_X] * words + tile.x * words);",
+        ),
+    ),
+    "neither before nor behind": (
+        (7, "hit-the-middle"),
+        (*OVERLAP, " && !(bin < bin_of(interval.x, first_code) || bin > bin_of(interval.y, first_code))"),
+    ),
+    "half of all directions, towards nothing": (
+        (7, "behind-you"),
+        ("clusters/bounds.comp", "vec2(-8.0, 8.0)", "vec2(0.0, 1.0)"),
+    ),
+    "in one half": ((7, "black-wall"), (*MARK, "0x00008000u")),
+    "the other factor first": (
+        (7, "dark-lamps"),
+        (*OCCLUDED, "occlusion = ambient_factor(visible, OCCLUSION_BIAS, OCCLUSION_SCALE) * occlusion;"),
+    ),
+    "one by one": ((7, "whose-light"), (*PLACES, "return [int(words[HEADER + place]) for place in places]")),
     "deferred by another call": (
         (2, "reused-slot"),
         (*DEFERRED, "self._resources.defer(lambda kind=kind, slot=slot: self._give_back(kind, slot))"),
