@@ -5,9 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.support.gpu_functions import evaluate
+from tests.support import gl_functions, gpu_functions
 
 COUNT = 200_000
+
+
+@pytest.fixture(params=["vulkan", "gl"])
+def evaluate(request):
+    """Return what runs functions on a backend."""
+    vulkan = request.param == "vulkan"
+    device = request.getfixturevalue("vulkan_device" if vulkan else "gl_context")
+    module = gpu_functions if vulkan else gl_functions
+    return lambda *arguments: module.evaluate(device, *arguments)
+
 
 STORED = {
     "float": ("code", 1e-6),
@@ -27,18 +37,18 @@ def vectors():
     return (n / np.linalg.norm(n, axis=1, keepdims=True)).astype(np.float32)
 
 
-def decoded(device, n, stored):
+def decoded(evaluate, n, stored):
     body = f"vec2 code = octahedral_from_unit(n); code = {stored}; back = unit_from_octahedral(code); kept = code;"
-    got = evaluate(device, ["octahedral.glsl"], body, {"n": n}, {"back": "vec3", "kept": "vec2"})
+    got = evaluate(["octahedral.glsl"], body, {"n": n}, {"back": "vec3", "kept": "vec2"})
     return got["back"].astype(np.float64), got["kept"]
 
 
 @pytest.mark.feature("gbuffer/octahedral-normals")
 @pytest.mark.parametrize("name", STORED)
-def test_a_round_trip_turns_a_vector_by_little(vulkan_device, name):
+def test_a_round_trip_turns_a_vector_by_little(evaluate, name):
     stored, bound = STORED[name]
     n = vectors()
-    back, code = decoded(vulkan_device, n, stored)
+    back, code = decoded(evaluate, n, stored)
     exact = n.astype(np.float64)
     angle = np.arctan2(np.linalg.norm(np.cross(exact, back), axis=1), (exact * back).sum(axis=1))
     assert angle.max() <= bound
@@ -48,27 +58,27 @@ def test_a_round_trip_turns_a_vector_by_little(vulkan_device, name):
 
 @pytest.mark.feature("gbuffer/octahedral-normals")
 @pytest.mark.parametrize("name", STORED)
-def test_axes_come_back_exactly_and_so_does_the_equator(vulkan_device, name):
+def test_axes_come_back_exactly_and_so_does_the_equator(evaluate, name):
     axes = np.float32([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)])
     axes = np.concatenate([axes, np.where(axes == 0, np.float32(-0.0), axes)])
-    back, _ = decoded(vulkan_device, axes, STORED[name][0])
+    back, _ = decoded(evaluate, axes, STORED[name][0])
     assert np.array_equal(back, axes)
     angles = np.linspace(0, 2 * np.pi, 720, dtype=np.float64)
     around = np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)], axis=1).astype(np.float32)
-    back, _ = decoded(vulkan_device, around, STORED["float"][0])
+    back, _ = decoded(evaluate, around, STORED["float"][0])
     # Two quotients below 1 are off by 2^-25 each, the sum that divides by 2^-24; the norm divides by at least 0.7.
     assert np.abs(back[:, 2]).max() <= (2 * 2**-25 + 2**-24) / 0.7
 
 
-def test_a_vector_without_length_becomes_one(vulkan_device):
-    back, code = decoded(vulkan_device, np.zeros((4, 3), np.float32), STORED["float"][0])
+def test_a_vector_without_length_becomes_one(evaluate):
+    back, code = decoded(evaluate, np.zeros((4, 3), np.float32), STORED["float"][0])
     assert np.array_equal(back, np.tile((0.0, 0.0, 1.0), (4, 1))) and not code.any()
 
 
 @pytest.mark.feature("gbuffer/octahedral-normals")
-def test_the_printed_fold_is_another_one(vulkan_device):
+def test_the_printed_fold_is_another_one(evaluate):
     """With sign(0) = 0 in place of 1, a vector straight down would decode to one straight up: the code is (0, 0)."""
     body = "vec2 p = (1.0 - abs(n.yx)) * sign(n.xy); back = unit_from_octahedral(p);"
     down = np.float32([(0, 0, -1)])
-    got = evaluate(vulkan_device, ["octahedral.glsl"], body, {"n": down}, {"back": "vec3"})
+    got = evaluate(["octahedral.glsl"], body, {"n": down}, {"back": "vec3"})
     assert not np.array_equal(got["back"], down)

@@ -60,6 +60,7 @@ PARTS = {
     "meshlets": "how large meshlets should be",
     "lods": "what levels of detail save, and their error",
     "lights": "what selects the lights of a pixel, and what that costs",
+    "surfaces": "a visibility buffer beside a G-buffer",
     "occlusion": "ambient occlusion in screen space against cast rays",
     "transparency": "blended surfaces: sorted, weighted, or as lists of layers",
 }
@@ -75,6 +76,7 @@ DRAWN = {
     "meshlets",
     "lods",
     "lights",
+    "surfaces",
     "occlusion",
     "transparency",
     "settings",
@@ -246,6 +248,7 @@ def parts_of(which: chapters.Whole, api: str, only: Sequence[str] = ()) -> tuple
         ("meshlets", "geometry"),
         ("lods", "lod_pixels"),
         ("lights", "light_lists"),
+        ("surfaces", "surfaces"),
         ("occlusion", "ssao"),
         ("transparency", "transparency"),
     ):
@@ -334,7 +337,9 @@ def measure(
         if "lods" in parts:
             framed["lods"] = bench("levels").measure(subject, effort, within(0.97, 0.975))
         if "lights" in parts:
-            framed["lights"] = bench("lights").measure(subject, effort, within(0.975, 0.977))
+            framed["lights"] = bench("lights").measure(subject, effort, within(0.975, 0.976))
+        if "surfaces" in parts:
+            framed["surfaces"] = bench("visibility").measure(subject, effort, within(0.976, 0.977))
         if "occlusion" in parts:
             framed["occlusion"] = bench("occlusion").measure(subject, effort, within(0.977, 0.978))
         if "transparency" in parts:

@@ -316,6 +316,11 @@ def _occlusion(made: dict[str, Any]) -> Iterator[Row]:
         yield _point(one["way"], f"radius {one['radius']:g}"), _times(one, "ms") | errors
 
 
+def _surfaces(made: dict[str, Any]) -> Iterator[Row]:
+    for one in (made.get("surfaces") or {"rows": ()})["rows"]:
+        yield _point(one["view"], one["way"]), _times(one, "ms") | _errors(one["error"]) | _work(one, "triangles")
+
+
 def _transparency(made: dict[str, Any]) -> Iterator[Row]:
     for one in (made.get("transparency") or {"rows": ()})["rows"]:
         yield _point(f"{one['panes']} panes", one["way"]), _times(one, "ms") | _errors(one["error"])
@@ -343,6 +348,7 @@ PARTS = {
     "meshlets": _meshlets,
     "lods": _lods,
     "lights": _lights,
+    "surfaces": _surfaces,
     "occlusion": _occlusion,
     "transparency": _transparency,
 }

@@ -34,6 +34,7 @@ FRAME_PARTS = {
     "meshlets": "meshlet_sizes",
     "lods": "levels",
     "lights": "lights",
+    "surfaces": "visibility",
     "occlusion": "occlusion",
     "transparency": "transparency",
 }

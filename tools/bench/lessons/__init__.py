@@ -20,6 +20,7 @@ CHAPTERS = {
     "meshlet_sizes": 6,
     "levels": 6,
     "lights": 7,
+    "visibility": 7,
     "occlusion": 7,
     "transparency": 7,
 }
