@@ -4,6 +4,7 @@
     graphs    compiled frames of chapters 4 and 5
     ch01 ...  the figures of a chapter, `FIGURES` by name
     culling   streets from above, and the loops of chapter 6
+    lights    lights in bins and tiles; `walk` is the loop of chapter 7, `exposure` its histogram
     charts    curves over two axes, and bars
     measured  charts of what was measured, from the records
 
@@ -24,8 +25,19 @@ from tools.site.figures.canvas import Canvas
 HERE = Path(__file__).parent
 DATA = {"ch04": (4,), "ch05": (5,)}
 """The chapters whose data a module's figures show."""
-PARTS = {"ch06": (6, ("meshlets/*.py", "culling/pyramid.py"))}
-"""The same where figures show data of a few files."""
+PARTS = {
+    "ch06": (6, ("meshlets/*.py", "culling/pyramid.py")),
+    "ch07-bins": (7, ("clusters/model.py",)),
+    "ch07-tiles": (7, ("clusters/model.py",)),
+}
+"""The same where figures show data of a few files, of all figures of a chapter or of one."""
+BESIDE = {
+    "ch06-tests": "culling.py",
+    "ch07-bins": "lights.py",
+    "ch07-tiles": "lights.py",
+    "ch07-histogram": "exposure.py",
+}
+"""The modules that draw a figure and are not its chapter's own."""
 
 
 def figures() -> dict[str, Callable[[], Canvas]]:
@@ -47,9 +59,9 @@ def inputs_of(name: str) -> list[Path]:
     files = [HERE / "canvas.py", HERE / f"{chapter}.py"]
     for number in DATA.get(chapter, ()):
         files += [HERE / "graphs.py", *inputs.chapter(number)]
-    if name == "ch06-tests":
-        files.append(HERE / "culling.py")
-    for number, patterns in [PARTS[chapter]] if chapter in PARTS else []:
+    if name in BESIDE:
+        files.append(HERE / BESIDE[name])
+    for number, patterns in [PARTS[key] for key in (chapter, name) if key in PARTS]:
         folder = chapters.FOLDER / chapters.folder_name(number)
         files += sorted(path for pattern in patterns for path in folder.glob(pattern))
     if chapter == "ch04":
