@@ -11,8 +11,8 @@ import pytest
 from chapters.ch07.clusters.model import BINS, STEPS_LOG2
 from chapters.ch07.clusters.model import OCTAVES as CHAPTER_OCTAVES
 from tests.twins.ambient_occlusion import visibility
-from tools.site.figures import ch07, exposure, lights, walk
 from tools.site.figures.canvas import Canvas
+from tools.site.figures.ch07 import exposure, layers, lights, normals, occlusion, walk
 
 
 def words_of(canvas: Canvas) -> str:
@@ -25,7 +25,7 @@ def words_of(canvas: Canvas) -> str:
 def test_cells_of_the_sphere_fill_the_square_without_gap_or_overlap():
     """The areas of all cells add up to that of the square, and all turn the same way round."""
     areas = []
-    for n, code, fill in ch07.cells():
+    for n, code, fill in normals.cells():
         x, y = code.T
         areas.append(0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
         inner = np.abs(code).sum(axis=1) <= 1 + 1e-6
@@ -36,9 +36,9 @@ def test_cells_of_the_sphere_fill_the_square_without_gap_or_overlap():
 def test_a_code_gives_its_direction_back():
     n = np.random.default_rng(1).normal(size=(1000, 3))
     n /= np.linalg.norm(n, axis=1, keepdims=True)
-    code = ch07.octahedral(n)
+    code = normals.octahedral(n)
     assert np.abs(code).max() <= 1
-    np.testing.assert_allclose(ch07.direction(code), n, atol=1e-12)
+    np.testing.assert_allclose(normals.direction(code), n, atol=1e-12)
 
 
 def test_the_errors_of_normals_are_near_the_bounds_of_their_steps():
@@ -48,7 +48,7 @@ def test_the_errors_of_normals_are_near_the_bounds_of_their_steps():
     its faces, a length on the sphere is 3 times one of the square across the face, and sqrt(3) times it along an edge.
     """
     ten, half, short = (
-        ch07.errors()[name] for name in ("3 x 10 bits", "3 halves", "2 x 16 bits, octahedral")
+        normals.errors()[name] for name in ("3 x 10 bits", "3 halves", "2 x 16 bits, octahedral")
     )
     bounds = [math.degrees(one) for one in (math.sqrt(3) / 1022, 2.0**-11, 3 * math.sqrt(2) / 65534)]
     for (largest, mean, _), bound in zip((ten, half, short), bounds, strict=True):
@@ -127,19 +127,19 @@ def test_both_sets_of_bits_keep_the_lights_that_reach_the_pixel_and_drop_others(
 
 
 def test_a_ray_is_hidden_if_one_of_its_points_is_inside_of_a_wall():
-    (left, low), (right, high) = ch07.LEFT_WALL, ch07.RIGHT_WALL
+    (left, low), (right, high) = occlusion.LEFT_WALL, occlusion.RIGHT_WALL
     count = 0
-    for points, hidden in ch07.rays():
+    for points, hidden in occlusion.rays():
         inside = [(x < left and 0 < y < low) or (x > right and 0 < y < high) for x, y in points]
-        assert inside == [False] * (len(points) - 1) + [hidden] and len(points) <= ch07.STEPS
-        assert hidden or len(points) == ch07.STEPS
+        assert inside == [False] * (len(points) - 1) + [hidden] and len(points) <= occlusion.STEPS
+        assert hidden or len(points) == occlusion.STEPS
         count += hidden
-    assert 0 < count < ch07.RAYS and f"visible is 1 - {count}/8" in words_of(ch07.occlusion())
-    assert not ch07.hides(1.5, (0.3, 2.0)), "what is farther in front than the radius stands apart"
+    assert 0 < count < occlusion.RAYS and f"visible is 1 - {count}/8" in words_of(occlusion.rays_over_depth())
+    assert not occlusion.hides(1.5, (0.3, 2.0)), "what is farther in front than the radius stands apart"
 
 
 def test_the_curve_of_the_estimate_is_that_of_the_twin():
-    values = [ch07.estimate(k) for k in range(9)]
+    values = [occlusion.estimate(k) for k in range(9)]
     expected = [float(visibility(np.r_[np.ones(k), np.zeros(8 - k)])) for k in range(9)]
     assert values == pytest.approx(expected, abs=1e-12)
     assert values[2] == 1 > values[3] and values[8] == pytest.approx(0.45, abs=1e-4)
@@ -176,27 +176,27 @@ def test_the_lamp_of_the_picture_does_not_change_its_exposure():
 
 
 def test_each_layer_has_a_place_in_the_list_of_its_pixel():
-    counts, begins, ends, places = ch07.lists()
-    assert sorted(places) == list(range(len(ch07.ARRIVED))) and sum(counts) == len(places)
+    counts, begins, ends, places = layers.lists()
+    assert sorted(places) == list(range(len(layers.ARRIVED))) and sum(counts) == len(places)
     assert begins == [0, *np.cumsum(counts)[:-1].tolist()]
     assert ends == np.cumsum(counts).tolist(), "after the fill a word is the beginning of the next pixel"
-    for pixel in range(ch07.PIXELS):
+    for pixel in range(layers.PIXELS):
         own = places[begins[pixel] : ends[pixel]]
-        assert [number for number, one in enumerate(ch07.ARRIVED) if one[0] == pixel] == own
+        assert [number for number, one in enumerate(layers.ARRIVED) if one[0] == pixel] == own
 
 
 def test_the_pixel_is_composited_farthest_first_and_its_order_of_arrival_would_be_wrong():
     def over(order):
-        color = np.array(ch07.UNDER)
+        color = np.array(layers.UNDER)
         for number in order:
-            *_, layer, opacity = ch07.ARRIVED[number]
+            *_, layer, opacity = layers.ARRIVED[number]
             color = opacity * np.array(layer) + (1 - opacity) * color
         return color
 
-    shown = [number for number, _ in ch07.composited()]
-    depths = [ch07.ARRIVED[number][2] for number in shown]
+    shown = [number for number, _ in layers.composited()]
+    depths = [layers.ARRIVED[number][2] for number in shown]
     assert depths == sorted(depths) and len(shown) >= 3
-    np.testing.assert_allclose(ch07.composited()[-1][1], over(shown))
+    np.testing.assert_allclose(layers.composited()[-1][1], over(shown))
     assert np.abs(over(sorted(shown)) - over(shown)).max() > 0.05
 
 

@@ -2,9 +2,8 @@
 
     canvas    boxes, arrows and words in SVG, in the colours of the reader's scheme
     graphs    compiled frames of chapters 4 and 5
-    ch01 ...  the figures of a chapter, `FIGURES` by name
+    ch01 ...  the figures of a chapter, `FIGURES` by name; from chapter 7 on a folder
     culling   streets from above, and the loops of chapter 6
-    lights    lights in bins and tiles; `walk` is the loop of chapter 7, `exposure` its histogram
     charts    curves over two axes, and bars
     measured  charts of what was measured, from the records
 
@@ -31,13 +30,6 @@ PARTS = {
     "ch07-tiles": (7, ("clusters/model.py",)),
 }
 """The same where figures show data of a few files, of all figures of a chapter or of one."""
-BESIDE = {
-    "ch06-tests": "culling.py",
-    "ch07-bins": "lights.py",
-    "ch07-tiles": "lights.py",
-    "ch07-histogram": "exposure.py",
-}
-"""The modules that draw a figure and are not its chapter's own."""
 
 
 def figures() -> dict[str, Callable[[], Canvas]]:
@@ -45,7 +37,7 @@ def figures() -> dict[str, Callable[[], Canvas]]:
     found: dict[str, Callable[[], Canvas]] = {}
     for number in chapters.available():
         name = chapters.folder_name(number)
-        if (HERE / f"{name}.py").is_file():
+        if (HERE / f"{name}.py").is_file() or (HERE / name).is_dir():
             found |= import_module(f"{__name__}.{name}").FIGURES
         found |= {key: draw for key, draw in measured.FIGURES.items() if key.startswith(name)}
     return found
@@ -56,11 +48,16 @@ def inputs_of(name: str) -> list[Path]:
     if name in measured.FIGURES:
         return [HERE / "canvas.py", HERE / "charts.py", HERE / "measured.py", measured.path_of(name)]
     chapter = name.partition("-")[0]
-    files = [HERE / "canvas.py", HERE / f"{chapter}.py"]
+    files = [HERE / "canvas.py"]
+    if (HERE / chapter).is_dir():
+        module = figures()[name].__module__.rpartition(".")[2]
+        files.append(HERE / chapter / f"{module}.py")
+    else:
+        files.append(HERE / f"{chapter}.py")
     for number in DATA.get(chapter, ()):
         files += [HERE / "graphs.py", *inputs.chapter(number)]
-    if name in BESIDE:
-        files.append(HERE / BESIDE[name])
+    if name == "ch06-tests":
+        files.append(HERE / "culling.py")
     for number, patterns in [PARTS[key] for key in (chapter, name) if key in PARTS]:
         folder = chapters.FOLDER / chapters.folder_name(number)
         files += sorted(path for pattern in patterns for path in folder.glob(pattern))

@@ -20,9 +20,9 @@ from chapters.ch04.graph.order import order
 from chapters.ch04.studies.glow import declared
 from tools.site import inputs
 from tools.site.figures.ch01 import timeline
+from tools.site.figures.ch07.walk import WALK
 from tools.site.figures.culling import CULLING
 from tools.site.figures.film import SCHEMES, Loop, Picture, animated
-from tools.site.figures.walk import WALK
 
 HERE = Path(__file__).parent
 
@@ -282,13 +282,13 @@ CLOTH = Loop(
 def files() -> dict[str, tuple[Callable[[], bytes], list[Path]]]:
     """Return what makes each file of docs/pictures, and the files that it is made from."""
     mine = [HERE / name for name in ("canvas.py", "film.py", "loops.py")]
-    lists = [HERE / "lights.py", chapters.folder_of(7) / "clusters" / "model.py"]
+    lists = [HERE / "ch07" / "lights.py", chapters.folder_of(7) / "clusters" / "model.py"]
     more = {
         "ch01-frames-in-flight-loop": [HERE / "ch01.py"],
         "ch03-staging-ring-loop": [],
         "ch04-graph-compiles-loop": [*inputs.chapter(4), *inputs.study(4, "glow")],
         **{name: [HERE / "culling.py"] for name in CULLING},
-        **{name: [*lists, HERE / "walk.py"] for name in WALK},
+        **{name: [*lists, HERE / "ch07" / "walk.py"] for name in WALK},
     }
     found: dict[str, tuple[Callable[[], bytes], list[Path]]] = {}
     for name, loop in LOOPS.items():

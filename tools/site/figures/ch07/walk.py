@@ -8,8 +8,8 @@ from functools import cache
 import numpy as np
 
 from chapters.ch07.clusters.model import STEPS_LOG2
+from tools.site.figures.ch07.lights import Bits, Light, depth_code, meets
 from tools.site.figures.film import Loop, Picture
-from tools.site.figures.lights import Bits, Light, depth_code, meets
 
 WORD = 32
 STREET_LIGHTS, STREET_SEED = 128, 13
