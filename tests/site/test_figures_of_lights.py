@@ -1,4 +1,4 @@
-"""The figures and the loop of chapter 7 are true: normals, bins, tiles, rays, exposure, layers and the walk."""
+"""The figures and the loops of chapter 7 are true: normals, bins, tiles, rays, exposure, layers and the walk."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from chapters.ch07.clusters.model import BINS, STEPS_LOG2
 from chapters.ch07.clusters.model import OCTAVES as CHAPTER_OCTAVES
 from tests.twins.ambient_occlusion import visibility
 from tools.site.figures.canvas import Canvas
-from tools.site.figures.ch07 import exposure, layers, lights, normals, occlusion, walk
+from tools.site.figures.ch07 import exposure, fill, layers, lights, normals, occlusion, walk
 
 
 def words_of(canvas: Canvas) -> str:
@@ -25,11 +25,11 @@ def words_of(canvas: Canvas) -> str:
 def test_cells_of_the_sphere_fill_the_square_without_gap_or_overlap():
     """The areas of all cells add up to that of the square, and all turn the same way round."""
     areas = []
-    for n, code, fill in normals.cells():
+    for n, code, color in normals.cells():
         x, y = code.T
         areas.append(0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
         inner = np.abs(code).sum(axis=1) <= 1 + 1e-6
-        assert inner.all() == (fill in "abcd") == bool((n[:, 2] >= -1e-12).all())
+        assert inner.all() == (color in "abcd") == bool((n[:, 2] >= -1e-12).all())
     assert min(areas) >= 0 and sum(areas) == pytest.approx(4.0, abs=1e-6)
 
 
@@ -198,6 +198,18 @@ def test_the_pixel_is_composited_farthest_first_and_its_order_of_arrival_would_b
     assert depths == sorted(depths) and len(shown) >= 3
     np.testing.assert_allclose(layers.composited()[-1][1], over(shown))
     assert np.abs(over(sorted(shown)) - over(shown)).max() > 0.05
+
+
+def test_the_film_of_the_lists_ends_with_the_lists_of_the_figure():
+    film = fill.moments()
+    counts, begins, ends, places = layers.lists()
+    assert film[-1].words == tuple(ends) and film[-1].pool == tuple(places)
+    assert tuple(counts) in {moment.words for moment in film if moment.step.startswith("1.")}
+    assert tuple(begins) in {moment.words for moment in film if moment.step.startswith("2.")}
+    assert list(film[-1].done) == [number for number, _ in layers.composited()]
+    for before, after in pairwise(film):
+        assert sum(a != b for a, b in zip(before.pool, after.pool, strict=True)) <= 1
+        assert all(a in (fill.FREE, b) for a, b in zip(before.pool, after.pool, strict=True))
 
 
 # --- the walk ---------------------------------------------------------------------------------------------------------

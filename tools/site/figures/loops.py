@@ -20,6 +20,7 @@ from chapters.ch04.graph.order import order
 from chapters.ch04.studies.glow import declared
 from tools.site import inputs
 from tools.site.figures.ch01 import timeline
+from tools.site.figures.ch07.fill import FILL
 from tools.site.figures.ch07.walk import WALK
 from tools.site.figures.culling import CULLING
 from tools.site.figures.film import SCHEMES, Loop, Picture, animated
@@ -271,6 +272,7 @@ LOOPS: Mapping[str, Loop] = {
     ),
     **CULLING,
     **WALK,
+    **FILL,
 }
 """The loops that are drawn; their stills are figures of the lessons."""
 CLOTH = Loop(
@@ -289,6 +291,7 @@ def files() -> dict[str, tuple[Callable[[], bytes], list[Path]]]:
         "ch04-graph-compiles-loop": [*inputs.chapter(4), *inputs.study(4, "glow")],
         **{name: [HERE / "culling.py"] for name in CULLING},
         **{name: [*lists, HERE / "ch07" / "walk.py"] for name in WALK},
+        **{name: [HERE / "ch07" / "layers.py", HERE / "ch07" / "fill.py"] for name in FILL},
     }
     found: dict[str, tuple[Callable[[], bytes], list[Path]]] = {}
     for name, loop in LOOPS.items():

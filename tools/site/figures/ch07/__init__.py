@@ -1,4 +1,4 @@
-"""Figures of chapter 7: normals, light lists, ambient occlusion, automatic exposure, layers; `walk` is its loop."""
+"""Figures of chapter 7: normals, light lists, ambient occlusion, exposure, layers; `walk` and `fill` are loops."""
 
 from __future__ import annotations
 
