@@ -46,7 +46,8 @@ def moments() -> tuple[Moment, ...]:
         words[pixel] += 1
         film += [Moment(step, tuple(words), tuple(pool), number)] * PER_LAYER
     film += [Moment(step, tuple(words), tuple(pool), None)] * HOLD
-    step, done = f"4. composite pixel {SHOWN}: the farthest layer first", tuple[int, ...]()
+    step = f"4. composite pixel {SHOWN}: the farthest layer first"
+    done: tuple[int, ...] = ()
     for number, _ in composited():
         done = (*done, number)
         film += [Moment(step, tuple(words), tuple(pool), number, done)] * PER_LAYER
