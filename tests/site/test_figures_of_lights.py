@@ -10,6 +10,7 @@ import pytest
 
 from chapters.ch07.clusters.model import BINS, STEPS_LOG2
 from chapters.ch07.clusters.model import OCTAVES as CHAPTER_OCTAVES
+from tests.support.gpu_functions import evaluate
 from tests.twins.ambient_occlusion import visibility
 from tools.site.figures.canvas import Canvas
 from tools.site.figures.ch07 import exposure, fill, layers, lights, normals, occlusion, walk
@@ -240,3 +241,38 @@ def test_the_walk_drops_no_light_that_reaches_its_pixel():
         if np.linalg.norm(place - (one.x, one.y, one.ahead)) <= one.radius
     ]
     assert reaching and {*reaching} <= {*walk.steps()[-1].found}
+
+
+# --- the same as the shaders ------------------------------------------------------------------------------------------
+
+
+def test_the_code_of_the_figure_is_that_of_the_shader(vulkan_device):
+    n = np.random.default_rng(3).normal(size=(4096, 3))
+    n = (n / np.linalg.norm(n, axis=1, keepdims=True)).astype(np.float32)
+    got = evaluate(
+        vulkan_device,
+        ["octahedral.glsl"],
+        "code = octahedral_from_unit(n); back = unit_from_octahedral(code);",
+        {"n": n},
+        {"code": "vec2", "back": "vec3"},
+    )
+    code = normals.octahedral(n.astype(np.float64))
+    np.testing.assert_allclose(got["code"], code, atol=1e-6)
+    np.testing.assert_allclose(got["back"], normals.direction(code), atol=1e-6)
+
+
+def test_the_rays_and_the_curve_of_the_figure_are_those_of_the_shader(vulkan_device):
+    random = np.random.default_rng(4)
+    behind, x, above = random.uniform(-1.5, 1.5, (3, 4096)).astype(np.float32)
+    above[::3] *= 0.1  # near the plane of the ray's origin
+    shader = ["ambient_occlusion.glsl"]
+    body = "found = hides(behind, vec3(x, 0.0, above), vec3(0.0, 0.0, 1.0)) ? 1u : 0u;"
+    inputs = {"behind": behind, "x": x, "above": above}
+    got = evaluate(vulkan_device, shader, body, inputs, {"found": "uint"})["found"]
+    cases = zip(behind.tolist(), x.tolist(), above.tolist(), strict=True)
+    expected = [occlusion.hides(one, (across, up)) for one, across, up in cases]
+    assert got.astype(bool).tolist() == expected and 0 < sum(expected) < len(expected)
+    body = "found = visibility_of_sum(8.0 - k + k * sample_visibility(1.0));"
+    k = np.arange(9, dtype=np.float32)
+    curve = evaluate(vulkan_device, shader, body, {"k": k}, {"found": "float"})["found"]
+    np.testing.assert_allclose(curve, [occlusion.estimate(one) for one in range(9)], atol=1e-6)
