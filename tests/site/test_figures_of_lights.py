@@ -134,6 +134,10 @@ def test_a_ray_is_hidden_if_one_of_its_points_is_inside_of_a_wall():
         inside = [(x < left and 0 < y < low) or (x > right and 0 < y < high) for x, y in points]
         assert inside == [False] * (len(points) - 1) + [hidden] and len(points) <= occlusion.STEPS
         assert hidden or len(points) == occlusion.STEPS
+        # In steps of length^(2/3) they are evenly spaced, so they are closer together near the pixel.
+        even = np.hypot(*np.array(points).T) ** (2 / 3) * occlusion.STEPS
+        np.testing.assert_allclose(np.diff(even), 1.0, atol=1e-9)
+        assert 0 < even[0] < 1
         count += hidden
     assert 0 < count < occlusion.RAYS and f"visible is 1 - {count}/8" in words_of(occlusion.rays_over_depth())
     assert not occlusion.hides(1.5, (0.3, 2.0)), "what is farther in front than the radius stands apart"
