@@ -2,7 +2,7 @@
 
     canvas    boxes, arrows and words in SVG, in the colours of the reader's scheme
     graphs    compiled frames of chapters 4 and 5
-    ch01 ...  the figures of a chapter, `FIGURES` by name
+    ch01 ...  the figures of a chapter, `FIGURES` by name; from chapter 7 on a folder
     culling   streets from above, and the loops of chapter 6
     charts    curves over two axes, and bars
     measured  charts of what was measured, from the records
@@ -24,8 +24,12 @@ from tools.site.figures.canvas import Canvas
 HERE = Path(__file__).parent
 DATA = {"ch04": (4,), "ch05": (5,)}
 """The chapters whose data a module's figures show."""
-PARTS = {"ch06": (6, ("meshlets/*.py", "culling/pyramid.py"))}
-"""The same where figures show data of a few files."""
+PARTS = {
+    "ch06": (6, ("meshlets/*.py", "culling/pyramid.py")),
+    "ch07-bins": (7, ("clusters/model.py",)),
+    "ch07-tiles": (7, ("clusters/model.py",)),
+}
+"""The same where figures show data of a few files, of all figures of a chapter or of one."""
 
 
 def figures() -> dict[str, Callable[[], Canvas]]:
@@ -33,7 +37,7 @@ def figures() -> dict[str, Callable[[], Canvas]]:
     found: dict[str, Callable[[], Canvas]] = {}
     for number in chapters.available():
         name = chapters.folder_name(number)
-        if (HERE / f"{name}.py").is_file():
+        if (HERE / f"{name}.py").is_file() or (HERE / name).is_dir():
             found |= import_module(f"{__name__}.{name}").FIGURES
         found |= {key: draw for key, draw in measured.FIGURES.items() if key.startswith(name)}
     return found
@@ -44,12 +48,17 @@ def inputs_of(name: str) -> list[Path]:
     if name in measured.FIGURES:
         return [HERE / "canvas.py", HERE / "charts.py", HERE / "measured.py", measured.path_of(name)]
     chapter = name.partition("-")[0]
-    files = [HERE / "canvas.py", HERE / f"{chapter}.py"]
+    files = [HERE / "canvas.py"]
+    if (HERE / chapter).is_dir():
+        module = figures()[name].__module__.rpartition(".")[2]
+        files.append(HERE / chapter / f"{module}.py")
+    else:
+        files.append(HERE / f"{chapter}.py")
     for number in DATA.get(chapter, ()):
         files += [HERE / "graphs.py", *inputs.chapter(number)]
     if name == "ch06-tests":
         files.append(HERE / "culling.py")
-    for number, patterns in [PARTS[chapter]] if chapter in PARTS else []:
+    for number, patterns in [PARTS[key] for key in (chapter, name) if key in PARTS]:
         folder = chapters.FOLDER / chapters.folder_name(number)
         files += sorted(path for pattern in patterns for path in folder.glob(pattern))
     if chapter == "ch04":

@@ -1,4 +1,4 @@
-"""The loops of the lessons: frames in flight, the staging ring, a graph that is compiled, cloth, and culling."""
+"""The loops of the lessons: frames in flight, the staging ring, a graph that is compiled, cloth, culling, lights."""
 
 from __future__ import annotations
 
@@ -20,6 +20,8 @@ from chapters.ch04.graph.order import order
 from chapters.ch04.studies.glow import declared
 from tools.site import inputs
 from tools.site.figures.ch01 import timeline
+from tools.site.figures.ch07.fill import FILL
+from tools.site.figures.ch07.walk import WALK
 from tools.site.figures.culling import CULLING
 from tools.site.figures.film import SCHEMES, Loop, Picture, animated
 
@@ -269,6 +271,8 @@ LOOPS: Mapping[str, Loop] = {
         graph_compiles,
     ),
     **CULLING,
+    **WALK,
+    **FILL,
 }
 """The loops that are drawn; their stills are figures of the lessons."""
 CLOTH = Loop(
@@ -280,11 +284,14 @@ CLOTH = Loop(
 def files() -> dict[str, tuple[Callable[[], bytes], list[Path]]]:
     """Return what makes each file of docs/pictures, and the files that it is made from."""
     mine = [HERE / name for name in ("canvas.py", "film.py", "loops.py")]
+    lists = [HERE / "ch07" / "lights.py", chapters.folder_of(7) / "clusters" / "model.py"]
     more = {
         "ch01-frames-in-flight-loop": [HERE / "ch01.py"],
         "ch03-staging-ring-loop": [],
         "ch04-graph-compiles-loop": [*inputs.chapter(4), *inputs.study(4, "glow")],
         **{name: [HERE / "culling.py"] for name in CULLING},
+        **{name: [*lists, HERE / "ch07" / "walk.py"] for name in WALK},
+        **{name: [HERE / "ch07" / "layers.py", HERE / "ch07" / "fill.py"] for name in FILL},
     }
     found: dict[str, tuple[Callable[[], bytes], list[Path]]] = {}
     for name, loop in LOOPS.items():
