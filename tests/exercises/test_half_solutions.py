@@ -52,6 +52,8 @@ SCAN = ("culling/sums.glsl", "        sums[me] += other;\n        barrier();\n")
 GUARD = ("meshlets/select.task", "unit < first_unit(sizes.more.w)")
 AXES = ("meshlets/facing.py", 'axes, cutoffs = unpack_cones(records["cone"])')
 SMALL = ("culling/draws.comp", "footprint.known && max(pixels.x, pixels.y)")
+KEPT = ("hdr/adapt.comp", "vec4(later, now, state, mean)")
+LAYERS = ("transparency/sort.glsl", "    uint count = end - begin;\n")
 
 CASES = {
     "normalised, and still by the matrix of positions": (
@@ -395,6 +397,37 @@ CASES = {
         "may face any eye",
     ),
     "the shorter side": ((6, "tiny"), (*SMALL, "footprint.known && min(pixels.x, pixels.y)"), "is not drawn"),
+    "an array of 64": (
+        (7, "sixteen-of-forty"),
+        (*LAYERS, f"    end = min(end, begin + 64u);\n{LAYERS[1]}"),
+        "as of 64.0",
+    ),
+    "longer lists as they come": (
+        (7, "sixteen-of-forty"),
+        (
+            *LAYERS,
+            "    for (; begin + SHORT < end; ++begin) { under = over(keys[begin].w, under); }\n" + LAYERS[1],
+        ),
+        "layers of different colours",
+    ),
+    "its logarithm in half precision": (
+        (7, "half-adaptation"),
+        (
+            *KEPT,
+            "vec4(later, now, MODE_MIPS == 1 ? exp2(unpackHalf2x16(packHalf2x16(vec2(log2(state)))).x) : state, mean)",
+        ),
+        "has come to rest",
+    ),
+    "with the histogram alone": (
+        (7, "half-adaptation"),
+        (*KEPT, "vec4(later, now, MODE_MIPS == 1 ? unpackHalf2x16(packHalf2x16(vec2(state))).x : state, mean)"),
+        "With exposure=mips",
+    ),
+    "at once where it would stand still": (
+        (7, "half-adaptation"),
+        (*KEPT, "vec4(later, now, abs(state - target) < 0.3 ? target : state, mean)"),
+        "on its way",
+    ),
     "by the peak": (
         (1, "reinhard"),
         (

@@ -27,7 +27,7 @@ def check(given: Given) -> None:
         given.need(
             abs(through - wanted) < 1e-4,
             f"{panes_of} {1 - alpha:.2%} of the light through, should let {wanted:.2%} through together, and in the "
-            f"picture it is {through:.2%}, as of {seen:.1f}.",
+            f"picture it is {through:.2%}, as of {abs(seen):.1f}.",
         )
         given.need(
             np.abs(picture - (COLOR * (1 - wanted) + BEHIND * wanted)).max() < _bound(count),
