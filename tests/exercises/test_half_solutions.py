@@ -54,6 +54,7 @@ AXES = ("meshlets/facing.py", 'axes, cutoffs = unpack_cones(records["cone"])')
 SMALL = ("culling/draws.comp", "footprint.known && max(pixels.x, pixels.y)")
 KEPT = ("hdr/adapt.comp", "vec4(later, now, state, mean)")
 LAYERS = ("transparency/sort.glsl", "    uint count = end - begin;\n")
+TIES = ("transparency/sort.glsl", "a.y > b.y;\n    }\n    return a.z != b.z ? a.z > b.z : a.w > b.w;")
 
 CASES = {
     "normalised, and still by the matrix of positions": (
@@ -410,6 +411,35 @@ CASES = {
         ),
         "layers of different colours",
     ),
+    "equal depths as before": (
+        (7, "from-the-front"),
+        (*TIES, TIES[1].replace(">", "<")),
+        "of equal depths",
+    ),
+    "at the limit, not below it": (
+        (7, "from-the-front"),
+        ("transparency/sort.glsl", "count > 0u && through >= FAINT", "count > 0u && through > FAINT"),
+        "exactly 1/1024",
+    ),
+    "at the limit in short lists": (
+        (7, "from-the-front"),
+        ("transparency/sort.glsl", "done < count && through >= FAINT", "done < count && through > FAINT"),
+        "exactly 1/1024",
+    ),
+    "short lists alone end early": (
+        (7, "from-the-front"),
+        ("transparency/sort.glsl", "count > 0u && through >= FAINT", "count > 0u"),
+        "is composited to its end",
+    ),
+    "the light behind short lists forgotten": (
+        (7, "from-the-front"),
+        (
+            "transparency/sort.glsl",
+            "return seen + through * under;\n    }",
+            "return seen;\n    }",
+        ),
+        "the light behind it",
+    ),
     "its logarithm in half precision": (
         (7, "half-adaptation"),
         (
@@ -420,7 +450,10 @@ CASES = {
     ),
     "with the histogram alone": (
         (7, "half-adaptation"),
-        (*KEPT, "vec4(later, now, MODE_MIPS == 1 ? unpackHalf2x16(packHalf2x16(vec2(state))).x : state, mean)"),
+        (
+            *KEPT,
+            "vec4(later, now, MODE_MIPS == 1 ? unpackHalf2x16(packHalf2x16(vec2(state))).x : state, mean)",
+        ),
         "With exposure=mips",
     ),
     "at once where it would stand still": (
@@ -565,6 +598,14 @@ RIGHT = {
     "by the units that are left": (
         (6, "next-batch"),
         (*GUARD, "unit - first_unit(sizes.more.y) < first_unit(sizes.more.w) - first_unit(sizes.more.y)"),
+    ),
+    "the heap for every list": (
+        (7, "sixteen-of-forty"),
+        ("transparency/sort.glsl", "if (count <= SHORT)", "if (count <= 1u)"),
+    ),
+    "bit by bit": (
+        (7, "half-adaptation"),
+        (*KEPT, "vec4(later, now, uintBitsToFloat(floatBitsToUint(state)), 0.0)"),
     ),
     "deferred by another call": (
         (2, "reused-slot"),

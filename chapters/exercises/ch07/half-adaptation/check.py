@@ -1,4 +1,4 @@
-"""The exposure of frames after the light changed: at each frame where it should be on its way, and at the end its target."""
+"""The exposure of frames after the light changed: at each of them its place on the way, and at the end its target."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def _exposures(given: Given, walk: Walk) -> np.ndarray:
 
 
 def _wanted(given: Given, walk: Walk) -> np.ndarray:
-    """Return the same from the formulas of both modes, in double precision: a frame shows what those before it measured."""
+    """Return the same in double precision: a frame shows what those before it measured."""
     known = knobs(type(given.settings()))
     value = {**{name: one.default for name, one in known.items()}, **dict(walk.knobs)}
     key, nits, path = value["exposure_key"], walk.start, []

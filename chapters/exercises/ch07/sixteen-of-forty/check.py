@@ -38,14 +38,14 @@ def check(given: Given) -> None:
     colors[:, 3] *= 0.25
     picture = _drawn(given, matrices, colors, SIZE)
     truth = Layers(matrices, colors, SIZE, DISTANCE)
-    wanted = truth.sorted_over(BEHIND)
-    wrong = np.abs(picture - wanted).max(axis=-1)
+    ordered = truth.sorted_over(BEHIND)
+    wrong = np.abs(picture - ordered).max(axis=-1)
     wrong[truth.near_edge | truth.close | (wrong <= _bound(truth.count))] = 0.0
     y, x = np.unravel_index(wrong.argmax(), wrong.shape)
     given.need(
         not wrong.any(),
         f"Pixel ({x}, {y}) has {truth.count[y, x]} layers of different colours and is {_text(picture[y, x])}; sorted "
-        f"layers give {_text(wanted[y, x])}.",
+        f"layers give {_text(ordered[y, x])}.",
     )
 
 
