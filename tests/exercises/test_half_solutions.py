@@ -61,6 +61,9 @@ AROUND = ("clusters/bounds.comp", "bool around = distance <= radius;")
 MARK = ("shading/normal_code.glsl", "0x80008000u")
 OCCLUDED = ("shading/lighting.frag", "occlusion *= ambient_factor(visible, OCCLUSION_BIAS, OCCLUSION_SCALE);")
 PLACES = ("clusters/which.py", "return [int(light) for light in words[HEADER + places]]")
+KEPT = ("hdr/adapt.comp", "vec4(later, now, state, mean)")
+LAYERS = ("transparency/sort.glsl", "    uint count = end - begin;\n")
+TIES = ("transparency/sort.glsl", "a.y > b.y;\n    }\n    return a.z != b.z ? a.z > b.z : a.w > b.w;")
 
 CASES = {
     "normalised, and still by the matrix of positions": (
@@ -467,6 +470,68 @@ CASES = {
         (7, "whose-light"),
         ("clusters/which.py", "_bits(words, layout.first_depth, depth_bin, layout) & ", ""),
         "is too much",
+    "an array of 64": (
+        (7, "sixteen-of-forty"),
+        (*LAYERS, f"    end = min(end, begin + 64u);\n{LAYERS[1]}"),
+        "as of 64.0",
+    ),
+    "longer lists as they come": (
+        (7, "sixteen-of-forty"),
+        (
+            *LAYERS,
+            "    for (; begin + SHORT < end; ++begin) { under = over(keys[begin].w, under); }\n" + LAYERS[1],
+        ),
+        "layers of different colours",
+    ),
+    "equal depths as before": (
+        (7, "from-the-front"),
+        (*TIES, TIES[1].replace(">", "<")),
+        "of equal depths",
+    ),
+    "at the limit, not below it": (
+        (7, "from-the-front"),
+        ("transparency/sort.glsl", "count > 0u && through >= FAINT", "count > 0u && through > FAINT"),
+        "exactly 1/1024",
+    ),
+    "at the limit in short lists": (
+        (7, "from-the-front"),
+        ("transparency/sort.glsl", "done < count && through >= FAINT", "done < count && through > FAINT"),
+        "exactly 1/1024",
+    ),
+    "short lists alone end early": (
+        (7, "from-the-front"),
+        ("transparency/sort.glsl", "count > 0u && through >= FAINT", "count > 0u"),
+        "is composited to its end",
+    ),
+    "the light behind short lists forgotten": (
+        (7, "from-the-front"),
+        (
+            "transparency/sort.glsl",
+            "return seen + through * under;\n    }",
+            "return seen;\n    }",
+        ),
+        "the light behind it",
+    ),
+    "its logarithm in half precision": (
+        (7, "half-adaptation"),
+        (
+            *KEPT,
+            "vec4(later, now, MODE_MIPS == 1 ? exp2(unpackHalf2x16(packHalf2x16(vec2(log2(state)))).x) : state, mean)",
+        ),
+        "has come to rest",
+    ),
+    "with the histogram alone": (
+        (7, "half-adaptation"),
+        (
+            *KEPT,
+            "vec4(later, now, MODE_MIPS == 1 ? unpackHalf2x16(packHalf2x16(vec2(state))).x : state, mean)",
+        ),
+        "With exposure=mips",
+    ),
+    "at once where it would stand still": (
+        (7, "half-adaptation"),
+        (*KEPT, "vec4(later, now, abs(state - target) < 0.3 ? target : state, mean)"),
+        "on its way",
     ),
     "by the peak": (
         (1, "reinhard"),
@@ -628,6 +693,14 @@ RIGHT = {
         (*OCCLUDED, "occlusion = ambient_factor(visible, OCCLUSION_BIAS, OCCLUSION_SCALE) * occlusion;"),
     ),
     "one by one": ((7, "whose-light"), (*PLACES, "return [int(words[HEADER + place]) for place in places]")),
+    "the heap for every list": (
+        (7, "sixteen-of-forty"),
+        ("transparency/sort.glsl", "if (count <= SHORT)", "if (count <= 1u)"),
+    ),
+    "bit by bit": (
+        (7, "half-adaptation"),
+        (*KEPT, "vec4(later, now, uintBitsToFloat(floatBitsToUint(state)), 0.0)"),
+    ),
     "deferred by another call": (
         (2, "reused-slot"),
         (*DEFERRED, "self._resources.defer(lambda kind=kind, slot=slot: self._give_back(kind, slot))"),
