@@ -470,6 +470,7 @@ CASES = {
         (7, "whose-light"),
         ("clusters/which.py", "_bits(words, layout.first_depth, depth_bin, layout) & ", ""),
         "is too much",
+    ),
     "an array of 64": (
         (7, "sixteen-of-forty"),
         (*LAYERS, f"    end = min(end, begin + 64u);\n{LAYERS[1]}"),
