@@ -31,7 +31,7 @@ FORMATS: dict[str, tuple[str, ...]] = {
 Base colour: 8 bits in the code of sRGB, as its textures have them. Eight bits of linear light have steps of 1/255,
 which is a fifth of a dark wood's 0.02; those of the code are 1 to 2 % of a colour anywhere above 0.02.
 Normal: a mirror shows a turn of its normal doubled. Ten bits keep a component within 1/1022, at most 0.1 degrees of
-turn, and an upright normal exactly; halves within 2^-12 of its value, 0.014 degrees, in twice the memory. 8 bits would
+turn, and an upright normal exactly; halves within 2^-12 of its value, 0.03 degrees, in twice the memory. 8 bits would
 be off by 0.4 degrees, and a highlight's edge would show the steps.
 Material: occlusion, roughness and metalness come from textures of 8 bits, which stay exact.
 Emission: has no upper end, and arrives exposed: halves, as in the picture itself.
