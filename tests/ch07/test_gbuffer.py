@@ -73,7 +73,12 @@ def normal_of(stored_normal: np.ndarray, format: str) -> np.ndarray:
 @pytest.mark.parametrize(
     ("format", "color", "degrees"),
     # sRGB of 8 bits: half a step of the code is 0.0046 at 0.75; ten bits and halves by their steps.
-    [("octahedral", 0.005, 0.004), ("compact", 0.005, 0.11), ("half", 0.005, 0.06), ("full", 1e-6, 1e-4)],
+    [
+        pytest.param("octahedral", 0.005, 0.004, marks=pytest.mark.core),
+        ("compact", 0.005, 0.11),
+        ("half", 0.005, 0.06),
+        ("full", 1e-6, 1e-4),
+    ],
 )
 def test_a_quad_is_kept_as_its_formats_say(chapter, format, color, degrees):
     """Base colour, normal and material of a turned quad; its normal is a column of the matrix that turns it."""
@@ -150,8 +155,7 @@ def test_a_scene_without_emission_has_no_target_for_it(chapter, graph):
 
 
 @pytest.mark.feature("gbuffer/layout")
-@pytest.mark.parametrize("graph", ["deferred", "compute"])
-@pytest.mark.parametrize("culling", ["off", "occlusion"])
+@pytest.mark.parametrize(("graph", "culling"), [("deferred", "occlusion"), ("compute", "off")])
 def test_an_edit_lights_a_lamp_and_puts_it_out(chapter, graph, culling):
     """Each frame after an edit is that of a renderer which was opened with the edited scene."""
     settings = Settings(graph=graph, culling=culling, ambient=0.2)

@@ -46,7 +46,9 @@ def some_nits(shape=(24, 40), low=1e-2, high=1e4, seed=3):
 
 
 @pytest.mark.parametrize("mode", MODES)
-@pytest.mark.parametrize("nits", [1e-3, 0.7, 40.0, 1e6])
+@pytest.mark.parametrize(
+    "nits", [1e-3, pytest.param(0.7, marks=pytest.mark.long), pytest.param(40.0, marks=pytest.mark.long), 1e6]
+)
 def test_a_constant_picture_has_the_exposure_of_the_closed_form(chapter, mode, nits):
     """The first frame has the view's exposure, the second k / L; linear outputs are nits in both."""
     with closing(
@@ -60,7 +62,9 @@ def test_a_constant_picture_has_the_exposure_of_the_closed_form(chapter, mode, n
             np.testing.assert_allclose(frame.image("color_linear"), nits, rtol=1e-5)
 
 
-@pytest.mark.parametrize(("low", "high"), [(0.0, 100.0), (50.0, 95.0), (10.0, 10.5)])
+@pytest.mark.parametrize(
+    ("low", "high"), [(0.0, 100.0), pytest.param(50.0, 95.0, marks=pytest.mark.core), (10.0, 10.5)]
+)
 def test_the_histogram_averages_between_percentiles(chapter, low, high):
     """Against a sort of all pixels. A part of a bin counts at the bin's mean: a narrow cut is off by part of a bin."""
     nits = some_nits()
@@ -369,7 +373,9 @@ def test_both_backends_find_the_same_exposure(vulkan_device, gl_context, mode):
     np.testing.assert_allclose(found[0], found[1], **CLOSE)
 
 
-@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize(
+    "mode", [MODES[0], *(pytest.param(mode, marks=pytest.mark.long) for mode in MODES[1:])]
+)
 def test_several_samples_and_poisoned_memory_change_nothing(chapter, mode):
     """With several samples the depth is that of another pass; what the frame before left in memory never counts."""
     nits, found = some_nits((16, 16)), []

@@ -147,15 +147,15 @@ def test_the_lists_are_those_of_numpy(scene, lists, view):
 
 @pytest.mark.parametrize("view", VIEWS)
 def test_what_cannot_be_seen_is_in_no_list(scene, lists, view):
-    """A light has no bit if its sphere is behind the eye, or beside the picture by more than two tiles.
+    """A light has no bit if its sphere is behind the eye, or beside the picture by more than four tiles.
 
     A sphere is outside of a plane through the eye if its centre is farther from it than its radius. The planes here are
-    those of the sides of the picture, moved outward by two tiles: a cone around a tile is wider than the tile.
+    those of the sides of the picture, moved outward by four tiles: a cone around a tile is wider than the tile.
     """
     shown, found = VIEWS[view], lists[view]
     projection = shown.projection.clip_from_view(SIZE[0] / SIZE[1])
     view_from_world = np.linalg.inv(shown.world_from_view)
-    margin = 1.0 + 2 * 24.0 / np.array(SIZE)
+    margin = 1.0 + 2 * 36.0 / np.array(SIZE)
     hidden, reached = 0, reaches(scene, 0.001)
     for place, record in enumerate(found.order):
         reach = reached[record - 3]

@@ -35,6 +35,7 @@ def test_both_backends_are_within_a_step(vulkan_device, gl_context, method):
         assert np.abs(raw - other_raw).max() <= 1 and np.abs(result - other_result).max() <= 1
 
 
+@pytest.mark.long
 @pytest.mark.needs("mitsuba")
 @pytest.mark.feature("ssao/depth-only")
 def test_rays_around_the_normal_are_nearer_to_cast_rays_than_depth_alone(vulkan_device):

@@ -130,8 +130,9 @@ def test_the_estimate_from_depth_is_that_of_its_twin(open_, view):
     assert (np.abs(found - truth) > STEP).mean() < 0.005
 
 
+@pytest.mark.long
 @pytest.mark.feature("postprocess/separable-blur")
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", [METHODS[0], pytest.param(METHODS[1], marks=pytest.mark.long)])
 @pytest.mark.parametrize("view", [EYE_VIEW, FLAT_VIEW], ids=["eye", "flat"])
 def test_the_blur_is_that_of_its_twin_at_edges_too(open_, method, view):
     scene = room(translated(0.5, 0.8, 1.2))
@@ -286,7 +287,7 @@ def test_a_graph_that_lights_while_it_draws_says_so(open_):
 # --- stability ---
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", [METHODS[0], pytest.param(METHODS[1], marks=pytest.mark.long)])
 def test_the_result_is_that_of_a_scene_of_any_size_anywhere(open_, method):
     """Lengths are parts of the scene's own. A rounding moves a sample to the next pixel in few places."""
     scene = jumble(3)
@@ -300,7 +301,7 @@ def test_the_result_is_that_of_a_scene_of_any_size_anywhere(open_, method):
         assert (np.abs(found - wanted) > 1).mean() < 0.01
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", [METHODS[0], pytest.param(METHODS[1], marks=pytest.mark.long)])
 def test_any_size_and_any_radius_give_numbers(open_, method):
     scene = jumble(3)
     for radius in (1e-6, 10.0):
@@ -313,7 +314,7 @@ def test_any_size_and_any_radius_give_numbers(open_, method):
                 assert np.isfinite(linear(frame)).all()
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", [METHODS[0], pytest.param(METHODS[1], marks=pytest.mark.long)])
 def test_culling_poison_and_submitting_again_change_no_bit(open_, method):
     scene = jumble(3)
     plain = open_(scene, inspect=False, ssao=method, culling="off")

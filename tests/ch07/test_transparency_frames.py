@@ -180,6 +180,7 @@ def test_a_material_that_becomes_blended_is_followed(open_):
         assert not renderer.techniques["transparency"].memory.is_made
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("graph", ["deferred", "forward"])
 def test_culling_threads_and_poison_change_no_bit(open_, crossing, graph):
     nodes = {"transparency_nodes": 12, "graph": graph}

@@ -138,7 +138,9 @@ def test_equal_depths_of_an_object_are_composited_by_triangle(chapter):
     assert np.abs(picture - truth).max() <= bound(5) + 5 * U
 
 
-@pytest.mark.parametrize(("layers", "alpha"), [(1, 0.5), (16, 0.25), (17, 0.25), (40, 0.0625)])
+@pytest.mark.parametrize(
+    ("layers", "alpha"), [(1, 0.5), (16, 0.25), pytest.param(17, 0.25, marks=pytest.mark.core), (40, 0.0625)]
+)
 def test_layers_of_one_colour_have_a_closed_form(chapter, layers, alpha):
     """c (1 - (1-a)^k) + b (1-a)^k, on both sides of the length from which a list is a heap."""
     color = np.array((0.75, 0.5, 0.25))

@@ -99,7 +99,7 @@ def test_every_pixel_has_its_own_range_at_any_size(chapter, size):
 
 
 @pytest.mark.variants("vulkan", "gl")
-@pytest.mark.parametrize("mode", ["weighted", "lists"])
+@pytest.mark.parametrize("mode", ["lists", pytest.param("weighted", marks=pytest.mark.long)])
 def test_pictures_depend_neither_on_the_scale_nor_on_the_place_of_the_scene(chapter, mode):
     """Weights are those of distances in the scene's length scale; a constant in metres would change them."""
     matrices, colors = tilted(11, 10)

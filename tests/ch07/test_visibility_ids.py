@@ -49,7 +49,7 @@ def ids_of(renderer, view, frames=2):
 
 
 @pytest.mark.feature("visibility-buffer/ids")
-@pytest.mark.parametrize("culling", ["off", "occlusion"])
+@pytest.mark.parametrize("culling", ["occlusion", pytest.param("off", marks=pytest.mark.long)])
 def test_ids_are_those_of_a_rasteriser_away_from_edges(chapter, scene, truths, culling):
     """Triangles are numbered in the order of the drawn scene, whichever command or mesh shader drew them."""
     for geometry in ways(chapter):

@@ -105,7 +105,9 @@ def ndc_of(x, y):
 
 
 @pytest.mark.feature("visibility-buffer/ids")
-@pytest.mark.parametrize("view", [walk()[0], walk()[-1]], ids=["street", "above"])
+@pytest.mark.parametrize(
+    "view", [walk()[0], pytest.param(walk()[-1], marks=pytest.mark.long)], ids=["street", "above"]
+)
 def test_attributes_equal_those_of_the_gbuffer_and_of_double_precision(chapter, view):
     """Colours of vertices, normals of both faces and of mirrored and sheared objects, factors, emission.
 
@@ -290,6 +292,7 @@ def test_slivers_and_triangles_without_area_give_numbers(chapter):
         assert np.median(difference(found, "gbuffer_normal")) <= 1e-5
 
 
+@pytest.mark.long
 @pytest.mark.feature("visibility-buffer/cotangent-frame")
 def test_derived_tangents_show_the_normal_map_of_stored_ones(chapter):
     """Both faces of a mirrored and of a plain square, whose stored tangents are along u."""
@@ -340,7 +343,15 @@ def test_what_is_off_creates_nothing(chapter):
 
 @pytest.mark.feature("visibility-buffer/ids")
 @pytest.mark.parametrize(
-    "turned", [{"graph": "forward"}, {"graph": "auto", "msaa": 4}, {"view": "normal"}], ids=str
+    "turned",
+    [
+        {"graph": "forward"},
+        *(
+            pytest.param(it, marks=pytest.mark.long)
+            for it in ({"graph": "auto", "msaa": 4}, {"view": "normal"})
+        ),
+    ],
+    ids=str,
 )
 def test_frames_without_a_gbuffer_are_as_without_the_knob(chapter, turned):
     pictures = []

@@ -28,7 +28,7 @@ def lamps(count: int, seed: int = 7, directional: int = 0) -> tuple[list[Light],
                 node=number,
                 color=tuple(random.uniform(0.1, 1.0, 3).tolist()),
                 intensity=float(random.uniform(0.2, 3.0)),
-                range=float(random.choice([np.inf, *random.uniform(0.5, 6.0, 9)])),
+                range=np.inf if number % 10 == 0 and number < 100 else float(random.uniform(0.5, 6.0)),
                 inner_cone=outer * float(random.uniform(0.0, 0.9)),
                 outer_cone=outer,
             )

@@ -22,8 +22,9 @@ layout(local_size_x = 64) in;
 layout(BIND(0, 0, 0), std430) readonly buffer Light_lists_ { uint light_lists[]; };
 layout(BIND(0, 1, 1), std430) buffer Found_ { uint found[]; };
 struct Light { vec3 color; };
-struct Frame { mat4 view_from_world; vec4 eye; float exposure; };
-const Frame frame = Frame(mat4(1.0), vec4(1.0), 1.0);
+struct Frame { mat4 view_from_world; vec4 eye; };
+const Frame frame = Frame(mat4(1.0), vec4(1.0));
+float exposure() { return 1.0; }
 const uvec2 light_count = uvec2(COUNT, 0u);
 Light lights[1];
 vec3 illuminance(Light light, vec3 position, float smallest2, out vec3 to_light) {
