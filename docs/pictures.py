@@ -314,6 +314,7 @@ def inputs_of(name: str) -> list[Path]:
     """Return the files that a picture of `picture_of` is made from."""
     if name in SHEETS:
         scene = "cornell" if name == "frame" else "city" if name.startswith("ch06") else "atrium"
+        scene = "market" if name.startswith("ch07") else scene
         return [*site_inputs.chapter(COVERS.get(name, GRAPH)), *site_inputs.scene(scene)]
     if "/" in name:
         return site_inputs.study(*studies.split(name))
