@@ -513,7 +513,7 @@ def test_presets_are_those_of_the_command_line(number):
     from tools.run.run import QUALITIES
 
     kind = chapters.settings_class(number)
-    assert tuple(kind.PRESETS) == QUALITIES[1:]
+    assert tuple(kind.PRESETS)[:4] == QUALITIES[1:], "a chapter's own presets come behind those of all"
     for name in kind.PRESETS:
         preset(kind, name)
 

@@ -189,7 +189,7 @@ def test_every_knob_is_explained_somewhere(number):
 @pytest.mark.parametrize("number", chapters.available())
 def test_presets_name_knobs_and_set_them(number):
     kind = chapters.settings_class(number)
-    assert [*kind.PRESETS] == ["low", "medium", "high", "reference"]
+    assert [*kind.PRESETS][:4] == ["low", "medium", "high", "reference"]
     for name, values in kind.PRESETS.items():
         assert values.keys() <= knobs(kind).keys()
         assert {key: flat(preset(kind, name))[key] for key in values} == values

@@ -65,6 +65,8 @@ class Settings(Grouped):
             "table_samples": 4096,
             "msaa": AtMost(8),
         },
+        # The limit of "Mastering Graphics Programming with Vulkan": light ids of 8 words a tile.
+        "book": {"anisotropy": 4.0, "color_format": "rgba16f", "msaa": 1, "most_lights": 256},
     }
     SWEEP: ClassVar[dict[str, tuple[Any, ...]]] = {
         "msaa": (1, 4),  # the sample counts that every device has

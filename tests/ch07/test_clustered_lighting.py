@@ -12,7 +12,7 @@ from chapters.ch07.settings import Settings
 from common.errors import SettingError
 from common.numerics.transforms import pose_looking_at
 from common.scene import Light
-from common.settings import apply_overrides, replaced
+from common.settings import apply_overrides, preset, replaced
 from common.view.camera import Orthographic, Perspective, View
 from tests.support.lamps import lamps, lit, lit_town
 from tests.support.scenes import nodes_at, quad_scene
@@ -201,6 +201,11 @@ def test_of_too_many_lights_the_brightest_are_kept(chapter):
         assert frame.work["lights"] == 20 and frame.work["lights_left_out"] == 30
         (sentence,) = [text for text in renderer.scene.warnings if "brightest" in text]
         assert "50 lights" in sentence and "30 are left out" in sentence and sentence.count(".") == 1
+
+
+def test_the_books_preset_has_the_books_limit():
+    assert preset(Settings, "book").clusters.most_lights == 256
+    assert preset(Settings, "medium").clusters.most_lights == 4096
 
 
 def test_equal_lights_keep_the_first():

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from common.scene import Scene
 
 QUALITIES = ("auto", "low", "medium", "high", "reference")
+"""What every chapter has; a chapter may have further presets."""
 DEFAULT_SIZE = (1280, 720)
 MAX_EV = 60
 PICTURES = (".png", ".exr")
@@ -81,6 +82,12 @@ def parse_size(text: str) -> tuple[int, int]:
     return check_size((int(match[1]), int(match[2])))
 
 
+def qualities_of(which: chapters.Which) -> tuple[str, ...]:
+    """Return what `--quality` may say of a chapter or a study."""
+    own = getattr(chapters.settings_class(which), "PRESETS", {})
+    return (*QUALITIES, *(name for name in own if name not in QUALITIES))
+
+
 def check(request: Request) -> None:
     """Raise UserError for what is wrong with a request before anything is opened."""
     from backends.contract import check_time, check_without
@@ -88,10 +95,11 @@ def check(request: Request) -> None:
     backend = chapters.choose_backend(request.backend, request.chapter)
     chapters.renderer_module(request.chapter, backend)
     check_without(request.without)
-    if request.quality not in QUALITIES:
+    known = qualities_of(request.chapter)
+    if request.quality not in known:
         from common.names import suggest
 
-        near = suggest(request.quality, QUALITIES)
+        near = suggest(request.quality, known)
         raise UserError(
             f"There is no quality {request.quality!r}{near}" + ("" if near.endswith("?") else ".")
         )
