@@ -318,7 +318,10 @@ def _occlusion(made: dict[str, Any]) -> Iterator[Row]:
 
 def _surfaces(made: dict[str, Any]) -> Iterator[Row]:
     for one in (made.get("surfaces") or {"rows": ()})["rows"]:
-        yield _point(one["view"], one["way"]), _times(one, "ms") | _errors(one["error"]) | _work(one, "triangles")
+        yield (
+            _point(one["view"], one["way"]),
+            _times(one, "ms") | _errors(one["error"]) | _work(one, "triangles"),
+        )
 
 
 def _transparency(made: dict[str, Any]) -> Iterator[Row]:

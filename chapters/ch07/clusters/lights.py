@@ -88,11 +88,12 @@ def packed(lights: list[Light], cutoff: float) -> np.ndarray:
     reach = np.array([light.range if light.kind != "directional" else math.inf for light in lights])
     records["kind"] = [LIGHT_KINDS[light.kind] for light in lights]
     records["color"] = np.clip(color, 0.0, LARGEST)
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", over="ignore"):
         records["inverse_range2"] = np.minimum(1.0 / np.maximum(reach, 0.0), NEAREST_END) ** 2
     end = np.full(len(lights), math.inf)
     if cutoff > 0.0:
-        end[local] = np.sqrt(color.max(axis=1)[local] / cutoff)
+        with np.errstate(over="ignore"):  # a light of 1e300 candela has no end
+            end[local] = np.sqrt(color.max(axis=1)[local] / cutoff)
     records["end_distance2"] = np.minimum(end, FARTHEST) ** 2
     # glTF: the squared, clamped line through the cosines of the two cone angles.
     scale = 1.0 / np.maximum(0.001, np.cos(inner) - np.cos(outer))
