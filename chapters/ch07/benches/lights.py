@@ -29,7 +29,7 @@ KNOB = "light_lists"
 COUNTS, QUICK_COUNTS = (33, 256, 1000, 2400, 4095), (33, 256)
 """Lamps of the market, which has a moon as well; a software driver draws those up to SOFTWARE_MOST."""
 
-SOFTWARE_MOST = 2400
+SOFTWARE_MOST, SOFTWARE_FRAMES = 2400, 3
 
 WAYS = (
     ("brute", "plain", "deferred"),
@@ -145,11 +145,14 @@ def _settings(subject: Subject, **values: Any) -> Any:
 
 def _draw(renderer: Any, view: View, effort: Effort, times: dict[str, list[float]]) -> None:
     """Draw frames of a view, and keep the times of building lists and of lighting."""
-    for number in range(effort.warm_up + effort.frames):
+    warm_up, frames = effort.warm_up, effort.frames
+    if renderer.capabilities.is_software:  # brute force takes seconds
+        warm_up, frames = 1, min(frames, SOFTWARE_FRAMES)
+    for number in range(warm_up + frames):
         began = clock.perf_counter()
         passes = renderer.render(view).timings
         wall = (clock.perf_counter() - began) * 1e3
-        if number >= effort.warm_up:
+        if number >= warm_up:
             # A device without timestamps leaves the wall clock.
             light = sum(passes.get(name, 0.0) for name in LIGHT) if passes else wall
             times.setdefault("build", []).append(passes.get(BUILD, 0.0))
