@@ -48,8 +48,12 @@ class Renderer(GraphStream):
     """The renderer of the chapter: one stream of frames of one view of one scene."""
 
     TECHNIQUES = (
-        *(TransparencyTechnique, ClusterTechnique, CullingTechnique, ClothTechnique),
-        *(HdrTechnique, VisibilityTechnique),
+        TransparencyTechnique,
+        ClusterTechnique,
+        CullingTechnique,
+        ClothTechnique,
+        HdrTechnique,
+        VisibilityTechnique,
     )
     """The work of each subject outside its passes. A lesson adds a folder, and one line here."""
 

@@ -81,9 +81,45 @@ GIVEN_FROM_7 = {
     "RADIUS": 0.03,
     "OCCLUSION_SCALE": 1.0,
     "OCCLUSION_BIAS": 0.2,
-    "STEP": "ivec2(1, 0)",
     "TOLERANCE": 0.003,
+    "BINS": 256,
+    "BIN_WIDTH": 0.140625,
+    "LOG2_LOWEST": -16.0,
+    "LOG2_LEAST": -16.0,
+    "LOG2_MOST": 16.0,
+    "LOW": 0.5,
+    "HIGH": 0.95,
+    "KEY": 0.18,
+    "SIDE": 64,
+    "MIP_FLOATS": 5461,
+    "MODE_MIPS": 0,
+    "ADAPT_DARK_S": 1.2,
+    "ADAPT_BRIGHT_S": 0.3,
+    "ADAPT_SPEED": 0.1,
+    "SKIP_EMPTY": 1,
+    "THRESHOLD": 1.0,
+    "STRENGTH": 0.3,
+    "LEVEL": 0,
+    "WHITE": 4.0,
+    "SHORT": 16,
+    "RUN": 16,
+    "POOL_SET": 3,
+    "STEPS": 64,
+    "REFINEMENTS": 5,
+    "THICKNESS": 0.1,
+    "ROUGHEST": 0.6,
+    "BLUR": 10.0,
+    "EDGE": 0.1,
+    "BACK": "0x80000000u",
+    "UNLIT_FLAG": "1u",
+    "DOUBLE_SIDED_FLAG": "2u",
 }
+GIVEN_IN = {
+    "ssao": {"STEP": "ivec2(1, 0)"},
+    "transparency": {"STEP": 1},
+    "separable_bloom": {"TAPS": ", ".join(["1.0"] * 11), "AXIS": 0},
+}
+"""The same in folders of chapter 7, where others have other things of these names."""
 VIEWS = 13
 OWN = ("GL_", "INCLUDED_", "VIEW_OF")  # macros that are not the host's
 
@@ -98,13 +134,15 @@ def files():
 def built(path, defines):
     """Return a shader with the extension that some of them need; it changes nothing where nobody uses it."""
     own = path.relative_to(ROOT).parts
-    later = [(GIVEN_FROM_6, "ch06"), (GIVEN_FROM_7, "ch07")]
-    given = {
-        name: value
-        for more, first in later
-        if own[0] == "chapters" and own[1] >= first
-        for name, value in more.items()
-    } | defines
+    later = [
+        (GIVEN_FROM_6, "ch06"),
+        (GIVEN_FROM_7, "ch07"),
+        *((it, "ch07") for folder, it in GIVEN_IN.items() if folder in own),
+    ]
+    given: dict[str, int | float | str] = {}
+    for more, first in later:
+        given |= more if own[0] == "chapters" and own[1] >= first else {}
+    given |= {name: value for name, value in defines.items() if own[-2] not in GIVEN_IN or name not in given}
     own_text = path.read_text("utf-8")
     mesh = ["GL_EXT_mesh_shader"] if path.suffix in (".task", ".mesh") else []
     return shader_text.build(

@@ -34,7 +34,9 @@ def buffers(chapter, scene, settings, view=None):
     """Return what the G-buffer pass left in each target, by the target's name, as it is stored."""
     with chapter.open(scene, SIZE, settings, outputs={"depth"}, inspect=True) as renderer:
         frame = renderer.render(facing(4.0) if view is None else view)
-        return {name: frame.image(f"gbuffer/{name}") for name in (*TARGETS, "depth")}
+        step = next(one for one in renderer.graph.steps if one.name == "gbuffer")
+        names = [target.resource for target in (*step.colors, step.depth)]
+        return {name: frame.image(f"gbuffer/{name}") for name in names}
 
 
 @pytest.mark.feature("gbuffer/layout")

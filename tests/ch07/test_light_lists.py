@@ -123,6 +123,25 @@ def test_33_lights_and_sizes_that_are_no_multiple_of_8(chapter):
 
 @pytest.mark.feature("clustered/light-sort", "clustered/depth-bins", "clustered/tile-bitfields")
 @pytest.mark.parametrize("view", ["inside", "above"])
+def test_the_lists_of_numpy_hold_every_point_that_a_light_reaches(view):
+    """Without a device: what the kernels are compared with holds what brute force finds, and not everything."""
+    scene, shown = lit_town(60), VIEWS[view]
+    lists_of_numpy = built(scene, shown, SIZE, 0.001, 1e-6)
+    order = np.argsort(lists_of_numpy.middles, kind="stable")
+    assert (np.diff(lists_of_numpy.middles[order]) >= 0).all() and sorted(order) == list(range(60))
+    random = np.random.default_rng(4)
+    for number, reach in enumerate(reaches(scene, 0.001)):
+        pixels, depths = seen_at(reach.points(random, 300), shown, SIZE)
+        inside = ~np.isnan(pixels[:, 0])
+        low, high = lists_of_numpy.intervals[number] + 1e-6 * np.array((-1.0, 1.0)) * reach.radius
+        assert ((low <= depths[inside]) & (depths[inside] <= high)).all()
+        tile = pixels[inside].astype(int) >> 3
+        assert lists_of_numpy.tiles[tile[:, 1], tile[:, 0], number].all()
+    assert not lists_of_numpy.tiles.all()
+
+
+@pytest.mark.feature("clustered/light-sort", "clustered/depth-bins", "clustered/tile-bitfields")
+@pytest.mark.parametrize("view", ["inside", "above"])
 def test_the_lists_are_those_of_numpy(scene, lists, view):
     """Between the lists in double precision and those with all radii longer by a thousandth.
 

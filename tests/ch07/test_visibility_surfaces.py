@@ -292,7 +292,7 @@ def test_slivers_and_triangles_without_area_give_numbers(chapter):
         assert np.median(difference(found, "gbuffer_normal")) <= 1e-5
 
 
-@pytest.mark.long
+@pytest.mark.variants("vulkan", "gl")
 @pytest.mark.feature("visibility-buffer/cotangent-frame")
 def test_derived_tangents_show_the_normal_map_of_stored_ones(chapter):
     """Both faces of a mirrored and of a plain square, whose stored tangents are along u."""

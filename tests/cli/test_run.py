@@ -223,7 +223,7 @@ def test_a_camera_and_a_time_change_the_picture(strata, tmp_path):
 
 
 WRONG_WORDS = {
-    "no such chapter": (("run", "7"), "chapter 7"),
+    "no such chapter": (("run", "16"), "chapter 16"),
     "a chapter that is a word": (("run", "helmet"), "no chapter 'helmet'"),
     "no chapter": (("run",), "Missing argument"),
     "empty size": (("run", "1", "--size", "0x5"), "0x5"),

@@ -90,7 +90,11 @@ def fork(tmp_path) -> Path:
     path = made / "renderer.py"
     lines = path.read_text("utf-8").splitlines(keepends=True)
     (number,) = (n for n, line in enumerate(lines) if line.strip().startswith("TECHNIQUES = ("))
-    lines[number] = lines[number].rstrip()[:-1].rstrip(",") + ", TintTechnique)\n"
+    number += next(n for n, line in enumerate(lines[number:]) if line.rstrip().endswith(")"))
+    if lines[number].strip() == ")":  # a technique a line
+        lines.insert(number, "        TintTechnique,\n")
+    else:
+        lines[number] = lines[number].rstrip()[:-1].rstrip(",") + ", TintTechnique)\n"
     first = next(n for n, line in enumerate(lines) if line.startswith("from .shading"))
     lines.insert(first, "from .tint.technique import TintTechnique\n")
     path.write_text("".join(lines), "utf-8")
