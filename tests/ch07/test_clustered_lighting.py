@@ -105,7 +105,8 @@ def test_the_same_lists_after_a_resize(chapter):
     with chapter.open(scene, SIZE, EXACT, outputs=("color_linear",)) as renderer:
         renderer.render(view)
         renderer.resize((64, 40))
-        assert np.array_equal(renderer.render(view).image("color_linear"), wanted)
+        for _ in range(5):  # sets of before are freed when both slots have been used again
+            assert np.array_equal(renderer.render(view).image("color_linear"), wanted)
 
 
 def test_edits_and_moving_lights_are_followed(chapter):

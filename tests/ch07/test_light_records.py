@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from chapters.ch07.clusters.lights import LightRecords
+from chapters.ch07.clusters.lights import LightRecords, brightest
 from chapters.ch07.scene.packing import LIGHT_KINDS
 from common.numerics.transforms import pose_looking_at
 from common.scene import Light
@@ -100,3 +100,16 @@ def test_directional_lights_come_first_and_nodes_go_with_them():
     assert records.directional == 2 and records.nodes.tolist() == [1, 3, 0, 2]
     assert found["color"][:, 0].tolist() == [2.0, 4.0, 1.0, 3.0]
     assert (found["position"][:, 0] + scene.origin[0]).tolist() == [1.0, 3.0, 0.0, 2.0]
+
+
+@pytest.mark.parametrize("bad", [math.nan, -3.0, -math.inf])
+def test_what_is_negative_or_no_number_gives_no_light(bad):
+    record = packed(Light("point", node=1, intensity=bad), cutoff=0.001)
+    assert not record["color"].any() and record["end_distance2"] == 0.0
+    channel = packed(Light("point", node=1, intensity=2.0, color=(1.0, bad, 0.5)), cutoff=0.5)
+    assert channel["color"].tolist() == [2.0, 0.0, 1.0] and channel["end_distance2"] == pytest.approx(4.0)
+
+
+def test_a_light_that_is_no_number_is_the_weakest():
+    lights = [Light("point", node=0, intensity=value) for value in (1.0, math.nan, 5.0, 2.0, 9.0)]
+    assert brightest(lights, 2) == [2, 4]

@@ -64,16 +64,32 @@ def brightest(lights: list[Light], most: int) -> list[int]:
     equal ones the first stay.
     """
     by_kind = sorted(range(len(lights)), key=lambda number: lights[number].kind != "directional")
-    strength = [(light.kind != "directional", -light.intensity * max(light.color)) for light in lights]
+    strength = [
+        (light.kind != "directional", -float(peak)) for light, peak in zip(lights, peaks(lights), strict=True)
+    ]
     kept = set(sorted(range(len(lights)), key=lambda number: strength[number])[:most])
     return [number for number in by_kind if number in kept]
+
+
+def peaks(lights: list[Light]) -> NDArray[np.float64]:
+    """Return (L,) intensity of the brightest channel."""
+    found: NDArray[np.float64] = colors(lights).max(axis=1, initial=0.0)
+    return found
+
+
+def colors(lights: list[Light]) -> NDArray[np.float64]:
+    """Return (L, 3) intensity of each channel; what is negative or no number gives no light."""
+    raw = np.array([light.color for light in lights]).reshape(-1, 3)
+    raw = raw * np.array([light.intensity for light in lights])[:, None]
+    found: NDArray[np.float64] = np.where(raw > 0.0, raw, 0.0)
+    return found
 
 
 def left_out(count: int, kept: int) -> str:
     """Return the sentence about lights that are not kept."""
     return (
-        f"The scene has {count} lights, and the brightest {kept} of them are used (most_lights); {count - kept} are "
-        "left out."
+        f"The scene has {count} lights, and the brightest {kept} of them are used (most_lights); {count - kept} "
+        f"{'is' if count - kept == 1 else 'are'} left out."
     )
 
 
@@ -82,7 +98,7 @@ def packed(lights: list[Light], cutoff: float) -> np.ndarray:
     records = np.zeros(len(lights), LIGHT)
     if not lights:
         return records
-    color = np.array([light.color for light in lights]) * np.array([[light.intensity] for light in lights])
+    color = colors(lights)
     inner, outer = np.array([(light.inner_cone, light.outer_cone) for light in lights]).T
     local = np.array([light.kind != "directional" for light in lights])
     reach = np.array([light.range if light.kind != "directional" else math.inf for light in lights])

@@ -39,6 +39,7 @@ class ClusterTechnique(Technique):
         self._backend.make_sets(frame.passes)
         self._backend.frames.forget()
         draws = self._parts.draws
+        draws.revision += 1  # groups of draws hold sets of pages and textures, which are other ones now
         binding = self._parts.data.binding(frame.slot)
         draws.binding = draws.binding._replace(frame=binding.frame, computed=binding.computed)
         return 0
