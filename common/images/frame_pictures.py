@@ -29,8 +29,10 @@ def picture_of(values: NDArray[Any], name: str, format: str, view: View, stored:
     """
     if format.startswith("d"):
         return of_depth(values, view)
+    if "normal" in name and format == "r32ui":
+        return of_directions(from_octahedral(values))
     if format.endswith("ui"):
-        return of_ids(values)
+        return of_ids(joined(values))
     if values.dtype == np.uint8:
         return _codes(_channels(values) / 255.0), "as stored: codes that a screen shows"
     if "normal" in name:
@@ -67,6 +69,29 @@ def distance(depth: NDArray[Any], view: View) -> NDArray[np.float64]:
         return projection.far - reversed_depth * (projection.far - projection.near)
     with np.errstate(divide="ignore"):
         return projection.near / reversed_depth
+
+
+def from_octahedral(words: NDArray[Any]) -> NDArray[np.float64]:
+    """Return unit vectors (H, W, 3) of octahedral codes (octahedral.glsl): two signed 16-bit numbers in a word."""
+    halves = np.stack([words & 0xFFFF, words >> 16], axis=-1).astype(np.uint16).view(np.int16)
+    code = np.maximum(halves / 32767.0, -1.0)
+    vectors = np.concatenate([code, 1.0 - np.abs(code).sum(axis=-1, keepdims=True)], axis=-1)
+    below = np.maximum(-vectors[..., 2:], 0.0)
+    vectors[..., :2] -= np.where(vectors[..., :2] >= 0.0, below, -below)
+    directions: NDArray[np.float64] = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return directions
+
+
+def joined(ids: NDArray[Any]) -> NDArray[Any]:
+    """Return one id (H, W) of each pixel: of several words, a number that depends on all; 0 where the first is 0."""
+    if ids.ndim == 2:
+        return ids
+    mixed = ids[..., 0].astype(np.uint32)
+    for word in range(1, ids.shape[-1]):
+        mixed = np.where(
+            ids[..., 0] == 0, 0, (mixed * np.uint32(2654435761)) ^ ids[..., word].astype(np.uint32)
+        )
+    return mixed
 
 
 def of_ids(ids: NDArray[Any]) -> Picture:

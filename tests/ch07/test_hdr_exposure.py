@@ -324,19 +324,39 @@ def test_without_its_pass_a_frame_has_the_views_exposure(chapter, mode):
 
 
 def test_a_window_draws_until_adaptation_rests(chapter):
-    """By the time since the last change of the picture, which is what bounds the distance that is left."""
+    """By the time since the last change of the picture, and not before two frames have followed it."""
     view = facing(ev100=5.0)
     for mode in ("view", *MODES):
         with closing(chapter.open(glowing(some_nits((4, 4))), (8, 8), settings(mode))) as renderer:
-            after = model.rest_after_s(renderer.settings)
-            renderer.render(view, 1.0)
-            assert renderer.idle(view, 1.0) == (mode == "view") and renderer.idle(view, 1.001 + after)
-            renderer.render(view, 2.0)
-            assert renderer.idle(view, 1.001 + after), "the same picture begins no new adaptation"
-            other = facing(2.0, 0.7, 5.0)
-            renderer.render(other, 3.0)
-            assert renderer.idle(other, 3.0) == (mode == "view")
-            assert renderer.idle(other, 3.001 + after)
+            after, still = model.rest_after_s(renderer.settings), mode == "view"
+            for number, shown in enumerate((view, facing(2.0, 0.7, 5.0))):
+                begin = 10.0 * after * number
+                renderer.render(shown, begin + 1.0)
+                assert renderer.idle(shown, begin + 1.0) == renderer.idle(shown, begin + 1.1 + after) == still
+                renderer.render(shown, begin + 1.1)
+                renderer.render(shown, begin + 1.2)
+                assert renderer.idle(shown, begin + 1.3) == still
+                assert renderer.idle(shown, begin + 1.2), "time stands still, and nothing adapts"
+                assert renderer.idle(shown, begin + 1.1 + after)
+            renderer.render(shown, begin + 2.0 + after)
+            assert renderer.idle(shown, begin + 2.1 + after) == still, (
+                "it was drawn since something has changed"
+            )
+
+
+def test_without_time_constants_the_exposure_is_that_of_the_picture_before(chapter):
+    """A window at rest shows what a further frame would show."""
+    view = facing(ev100=5.0)
+    at_once = settings("histogram", adapt_dark_s=0.0, adapt_bright_s=0.0)
+    with closing(chapter.open(glowing(some_nits((4, 4))), (8, 8), at_once)) as renderer:
+        frames = [renderer.render(view, 0.1 * number).image("color").copy() for number in range(2)]
+        assert not renderer.idle(view, 0.2) and not np.array_equal(*frames)
+        last = renderer.render(view, 0.2).image("color").copy()
+        assert renderer.idle(view, 0.3)
+        assert np.array_equal(renderer.render(view, 0.3).image("color"), last)
+
+
+def test_the_time_until_rest():
     span, tau = 32.0, 1.2
     assert model.rest_after_s(settings("histogram")) == pytest.approx(tau * math.log(span * 256.0))
 

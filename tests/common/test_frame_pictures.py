@@ -40,6 +40,21 @@ def test_ids_keep_their_hue_whatever_else_is_there():
     assert mapping.startswith("a hue for each id; 3 of them")
 
 
+def test_ids_of_two_words_are_told_apart_by_both():
+    words = np.uint32([[(0, 5), (1, 5), (1, 6), (2, 5), (1, 5)]])
+    shown, mapping = picture_of(words, "visibility", "rg32ui", FLAT)
+    assert not shown[0, 0].any() and (shown[0, 1] == shown[0, 4]).all()
+    assert len({tuple(color) for color in shown[0].tolist()}) == 4 and "3 of them" in mapping
+
+
+def test_octahedral_normals_are_directions():
+    """A code of two 16-bit numbers: straight up (0, 0), along +x (32767, 0), straight down (32767, 32767)."""
+    words = np.uint32([[0, 0x00007FFF, 0x7FFF7FFF]])
+    shown, _ = picture_of(words, "gbuffer_normal", "r32ui", FLAT)
+    wanted, _ = picture_of(np.float32([[(0, 0, 1), (1, 0, 0), (0, 0, -1)]]), "normal", "rgba16f", FLAT)
+    assert np.abs(shown.astype(int) - wanted).max() <= 1
+
+
 def test_light_is_cut_at_white_and_said_to_be():
     light = np.float16([[(0.0, 0.25, 1.0, 1.0), (3.0, 0.5, 0.0, 1.0)]])
     shown, mapping = picture_of(light, "color_hdr", "rgba16f", FLAT)

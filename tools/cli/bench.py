@@ -57,7 +57,8 @@ def bench(
         typer.Option(
             metavar="PART",
             help="That part alone, repeatable: settings, prepared, start, stability, scales, pipelines, threads, "
-            "loads, readback, graph, prepass, gbuffer, cloth, drift, async, pacing, culling, ideal, meshlets, lods.",
+            "loads, readback, graph, prepass, gbuffer, cloth, drift, async, pacing, culling, ideal, meshlets, lods, "
+            "lights, surfaces, occlusion, transparency.",
             show_default=False,
         ),
     ] = None,

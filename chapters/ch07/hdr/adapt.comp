@@ -71,7 +71,9 @@ void main() {
     float now = exposure(), state, later;
 #if MODE_MIPS
     float mean = mean_luminance();
-    float target = clamp(mean, KEY * exp2(-LOG2_MOST), KEY * exp2(-LOG2_LEAST));
+    // Without any light that counts, the view's exposure stays.
+    float wanted = mean > 0.0 ? mean : KEY / exposed.of_view.x;
+    float target = clamp(wanted, KEY * exp2(-LOG2_MOST), KEY * exp2(-LOG2_LEAST));
     state = first ? target : adapted(exposed.adapted.z, target, ADAPT_SPEED, 1e3 * frame.delta_time);
     later = KEY / state;
 #else

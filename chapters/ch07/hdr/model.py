@@ -37,11 +37,18 @@ REST_STOPS = 1.0 / 256.0
 """Adaptation rests where at most this many stops are left: a step of 0.3 %, which no 8-bit picture shows."""
 
 
+LEAST_SHARE = 0.01
+"""Percent between the two percentiles, at least: shares of a picture are 32-bit numbers."""
+
+
 def check(hdr: HdrSettings) -> None:
     """Raise UserError if limits of the exposure contradict each other."""
     low, high = hdr.exposure_low, hdr.exposure_high
-    if low >= high:
-        raise UserError(f"exposure_low={low:g} leaves nothing below exposure_high={high:g}: set a lower one.")
+    if high - low < LEAST_SHARE:
+        raise UserError(
+            f"exposure_low={low:g} leaves nothing below exposure_high={high:g}: set one that is lower by "
+            f"{LEAST_SHARE:g} at least."
+        )
     low, high = hdr.exposure_min_ev, hdr.exposure_max_ev
     if low > high:
         raise UserError(f"exposure_min_ev={low:g} is above exposure_max_ev={high:g}: set a lower one.")

@@ -18,6 +18,9 @@ from .memory import ExposureMemory
 from .passes import AdaptPass, HistogramPass, LuminancePass
 from .settings import HISTOGRAM, MIPS
 
+LEAST_FRAMES = 2
+"""Frames after a change: one measures the picture, and the next one shows the exposure that follows."""
+
 
 class HdrTechnique(Technique):
     """Exposure and bloom.
@@ -37,7 +40,7 @@ class HdrTechnique(Technique):
         self._adapt: Pass | None = None
         self._adapts = False
         self._shown: Any = None
-        self._changed_at = 0.0
+        self._changed_at, self._frames_since, self._time = 0.0, 0, 0.0
         self._size = (1, 1)
 
     def create(self, parts: PassParts, backend: Backend, passes: Mapping[str, Pass]) -> None:
@@ -69,19 +72,26 @@ class HdrTechnique(Technique):
         self._adapts = self._memory.tells[frame.slot] = adapts
         before = of_view if self._before is None else self._before
         self._before, self._size = of_view, frame.size
-        if self._rest_after_s > 0.0:
+        if adapts:
             shown = frame.view, dict(self.scene.revision), frame.time if self.scene.animations else 0.0
-            if first or shown != self._shown:
+            # A frame that is drawn at rest is drawn because something else has changed, such as a shader.
+            changed = first or shown != self._shown or self.resting(frame.time)
+            self._frames_since = 0 if changed else self._frames_since + 1
+            if changed:
                 self._shown, self._changed_at = shown, frame.time
+            self._time = frame.time
         return self._memory.write(frame.slot, of_view, before, not first)
 
     def resting(self, time: float) -> bool:
         """Whether adaptation is as close to its target as a display shows, by the time since the last change.
 
-        Time decides, since no value is read from the GPU. After a reset the second frame has the target itself; a
-        picture that was clipped needs a few frames more.
+        Time and frames decide, since no value is read from the GPU. The frame after a change measures it, and the next
+        one shows what was measured. While time stands still, nothing adapts any more.
         """
-        return self._rest_after_s == 0.0 or time >= self._changed_at + self._rest_after_s
+        if not self._adapts:
+            return True
+        over = time >= self._changed_at + self._rest_after_s or time == self._time
+        return self._frames_since >= LEAST_FRAMES and over
 
     def reset(self, reason: str) -> None:
         """Let the next frame have the exposure of its view."""
