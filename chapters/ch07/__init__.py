@@ -45,14 +45,14 @@ LESSON = Lesson(
         Section(
             "Lights by depth",
             25,
-            "run 7 --scene market --set light_lists=bins --view lights-evaluated",
+            "run 7 --scene market:lights=60 --camera square --set light_lists=bins --view lights-evaluated",
             ("clusters/bounds.comp", "clusters/bins.comp"),
             "hit-the-middle",
         ),
         Section(
             "Lights by place",
             30,
-            "run 7 --scene market --view lights-evaluated",
+            "run 7 --scene market:lights=60 --camera square --view lights-evaluated",
             ("clusters/tiles.comp", "clusters/walk.glsl"),
             "next-word",
         ),

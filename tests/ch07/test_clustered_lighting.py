@@ -151,6 +151,7 @@ def test_radii_from_a_thousandth_to_a_hundred_thousand(chapter, scale):
     assert wanted[0].max() > 0
 
 
+@pytest.mark.long
 def test_a_world_far_away_has_the_same_lists(chapter):
     away = np.eye(4)
     away[:3, 3] = (1e5, -3e4, 2e5)

@@ -14,6 +14,8 @@ from tests.support.gpu_functions import evaluate
 from tests.support.scenes import facing, quad_scene
 from tests.twins.hdr import bloomed, bright_part
 
+pytestmark = pytest.mark.variants("vulkan", "gl")
+
 EV = -0.2630344058337938
 """The EV100 of exposure 1: nits are picture values."""
 
@@ -141,6 +143,7 @@ def test_off_it_has_no_pass_image_or_pipeline(chapter):
     assert not np.array_equal(pictures[0], pictures[2])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("graph", ["deferred", "compute"])
 def test_every_path_has_it(chapter, graph):
     more = {"graph": graph, "gbuffer_format": "full", "bloom_levels": 2}

@@ -22,6 +22,8 @@ from tests.support.gpu_functions import evaluate
 from tests.support.scenes import facing, quad_scene
 from tests.twins.hdr import box_reduced, log_average, luminance
 
+pytestmark = pytest.mark.variants("vulkan", "gl")
+
 PLAIN = Settings(ambient=0.0, default_light=False, color_format="rgba32f", msaa=1)
 MODES = ("histogram", "mips")
 STEP = model.LOG2_RANGE[1] - model.LOG2_RANGE[0]
@@ -393,6 +395,7 @@ def test_both_backends_find_the_same_exposure(vulkan_device, gl_context, mode):
     np.testing.assert_allclose(found[0], found[1], **CLOSE)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "mode", [MODES[0], *(pytest.param(mode, marks=pytest.mark.long) for mode in MODES[1:])]
 )

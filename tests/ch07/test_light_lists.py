@@ -17,6 +17,8 @@ from tests.support.lamps import lit_town
 from tests.support.light_lists import Lists
 from tests.twins.light_lists import built, reaches, seen_at
 
+pytestmark = pytest.mark.variants("vulkan", "gl")
+
 SIZE = (123, 77)
 LIT = Settings(color_format="rgba32f", gbuffer_format="full", anisotropy=1.0, ambient=0.0)
 VIEWS = {

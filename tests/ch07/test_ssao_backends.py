@@ -12,6 +12,8 @@ from tests.support.chapter import Chapter
 from tests.support.occluded import EYE_VIEW, FLAT_VIEW, METHODS, RAW, RESULT, STEP, codes, room
 from tests.support.scenes import translated
 
+pytestmark = pytest.mark.variants("vulkan", "gl")
+
 SIZE = (48, 32)
 SETTINGS = Settings(ambient=0.5, anisotropy=1.0, graph="deferred", ssao_radius=0.15)
 

@@ -32,6 +32,8 @@ from tests.support.occluded import (
 from tests.support.scenes import facing, moved, quad_scene, scaled, translated
 from tests.twins import ambient_occlusion as twin
 
+pytestmark = pytest.mark.variants("vulkan", "gl")
+
 SIZE = (48, 32)
 BASE = Settings(ambient=0.5, anisotropy=1.0, graph="deferred", tone_curve="none", ssao_radius=0.15)
 OUTPUTS = {"color", "color_linear", "depth"}
@@ -260,6 +262,7 @@ def test_what_has_nothing_to_dim_makes_nothing_and_shows_the_same_bits(open_):
     assert np.array_equal(lit, with_occlusion)
 
 
+@pytest.mark.long
 def test_without_the_blur_light_reads_the_estimate(open_):
     scene = jumble(3)
     blurred, raw = (open_(scene, inspect=False, ssao="depth", ssao_blur=blur) for blur in (True, False))
@@ -301,6 +304,7 @@ def test_the_result_is_that_of_a_scene_of_any_size_anywhere(open_, method):
         assert (np.abs(found - wanted) > 1).mean() < 0.01
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", [METHODS[0], pytest.param(METHODS[1], marks=pytest.mark.long)])
 def test_any_size_and_any_radius_give_numbers(open_, method):
     scene = jumble(3)
@@ -314,6 +318,7 @@ def test_any_size_and_any_radius_give_numbers(open_, method):
                 assert np.isfinite(linear(frame)).all()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", [METHODS[0], pytest.param(METHODS[1], marks=pytest.mark.long)])
 def test_culling_poison_and_submitting_again_change_no_bit(open_, method):
     scene = jumble(3)

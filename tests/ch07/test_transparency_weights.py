@@ -98,6 +98,7 @@ def test_every_pixel_has_its_own_range_at_any_size(chapter, size):
     assert (error <= 14 * U)[~truth.near_edge].all()
 
 
+@pytest.mark.long
 @pytest.mark.variants("vulkan", "gl")
 @pytest.mark.parametrize("mode", ["lists", pytest.param("weighted", marks=pytest.mark.long)])
 def test_pictures_depend_neither_on_the_scale_nor_on_the_place_of_the_scene(chapter, mode):
