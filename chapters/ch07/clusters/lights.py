@@ -73,16 +73,16 @@ def brightest(lights: list[Light], most: int) -> list[int]:
 
 def peaks(lights: list[Light]) -> NDArray[np.float64]:
     """Return (L,) intensity of the brightest channel."""
-    found: NDArray[np.float64] = colors(lights).max(axis=1, initial=0.0)
-    return found
+    strongest: NDArray[np.float64] = colors(lights).max(axis=1, initial=0.0)
+    return strongest
 
 
 def colors(lights: list[Light]) -> NDArray[np.float64]:
     """Return (L, 3) intensity of each channel; what is negative or no number gives no light."""
     raw = np.array([light.color for light in lights]).reshape(-1, 3)
     raw = raw * np.array([light.intensity for light in lights])[:, None]
-    found: NDArray[np.float64] = np.where(raw > 0.0, raw, 0.0)
-    return found
+    candela: NDArray[np.float64] = np.where(raw > 0.0, raw, 0.0)
+    return candela
 
 
 def left_out(count: int, kept: int) -> str:
