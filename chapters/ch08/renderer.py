@@ -40,6 +40,7 @@ from .hdr.technique import HdrTechnique
 from .scene.pass_parts import PassParts
 from .scene.scene_draws import SceneDrawLists
 from .shading.views import shown_exposure
+from .shadows.technique import ShadowTechnique
 from .transparency.technique import TransparencyTechnique
 from .visibility.technique import VisibilityTechnique
 
@@ -54,6 +55,7 @@ class Renderer(GraphStream):
         ClothTechnique,
         HdrTechnique,
         VisibilityTechnique,
+        ShadowTechnique,
     )
     """The work of each subject outside its passes. A lesson adds a folder, and one line here."""
 

@@ -23,6 +23,7 @@ from .loading.settings import LoadingSettings
 from .post.settings import PostSettings
 from .scene.settings import SceneSettings
 from .shading.settings import ShadingSettings
+from .shadows.settings import ShadowSettings
 from .ssao.settings import SsaoSettings
 from .transparency.settings import TransparencySettings
 from .visibility.settings import VisibilitySettings
@@ -132,6 +133,8 @@ class Settings(Grouped):
         "ssao ssao_radius ssao_scale ssao_bias ssao_blur "
         "transparency transparency_nodes "
         "surfaces tangents "
+        "shadows shadow_lights shadow_size shadow_sun_size shadow_cascades shadow_kernel shadow_bias shadow_constant "
+        "shadow_slope shadow_near shadow_pool "
         "skip_unused"
     )
 
@@ -150,3 +153,4 @@ class Settings(Grouped):
     transparency: TransparencySettings = group(TransparencySettings)
     visibility: VisibilitySettings = group(VisibilitySettings)
     hdr: HdrSettings = group(HdrSettings)
+    shadows: ShadowSettings = group(ShadowSettings)

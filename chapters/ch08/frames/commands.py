@@ -38,6 +38,8 @@ class SceneBinding(NamedTuple):
     """A number of records that is never reached, where other draws of the frame have their number on the GPU."""
     layers: Any = None
     """The set behind those of the scene that draws of layers bind, if the backend has sets."""
+    pushed: Any = None
+    """The push constants of all draws, if they have any."""
 
 
 class MeshDraw(NamedTuple):

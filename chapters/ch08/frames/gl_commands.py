@@ -93,6 +93,8 @@ class Commands(Dispatches):
             if state != bound:
                 self.bind_pipeline(*state)
                 bound = state
+                if scene.pushed is not None:
+                    self.push(group.pipeline, scene.pushed)
             page, indices = group.page
             if indices != vertex_array:
                 vertex_array = indices

@@ -194,6 +194,8 @@ class Commands(Dispatches):
                 # Sets stay bound while the layout stays the same.
                 layout, sets = pipeline.layout, (None, None, None)
                 self.bind_set(pipeline, 0, scene.frame)
+                if scene.pushed is not None:
+                    self.push(pipeline, scene.pushed)
             page_set, indices = group.page
             if group.meshlets is not None:
                 indices = index_buffer  # mesh shaders read no index buffer

@@ -22,6 +22,7 @@ from ..loading.importance import material_sizes
 from ..loading.loading import Loading, report_failures
 from ..settings import Settings
 from ..shading import views
+from ..shadows.model import shadow_defines
 from ..visibility.model import index_defines
 from . import geometry, packing, pages
 from .draw_lists import COMMAND
@@ -66,6 +67,8 @@ class SceneData:
         self.texture_work: dict[str, int] = {}
         self._kinds: Any = None
         self.exposures: ExposureMemory | None = None
+        self.shadows: Any = None
+        """The memory of shadows, if lights cast any (shadows/memory.py)."""
         self.reordered: Callable[[], bool] = lambda: False
         """Puts triangles into the order that materials ask for by now; returns whether any was in another one."""
         self._materials_seen = -1
@@ -77,11 +80,11 @@ class SceneData:
         self._plan_geometry()
 
     @property
-    def defines(self) -> tuple[tuple[str, int], ...]:
+    def defines(self) -> tuple[tuple[str, int | float | str], ...]:
         """The defines of all shaders: of light lists, and how many instances are in the first of two bindings."""
         (_, first), *more = self.instance_parts
         lists = list_defines(self._scene, self._settings)
-        lists = (*lists, *index_defines(self._settings))
+        lists = (*lists, *index_defines(self._settings), *shadow_defines(self._scene, self._settings))
         return (("INSTANCES_PER_PAGE", first // RECORD_BYTES), *lists) if more else lists
 
     def _choose_variants(self) -> None:

@@ -18,6 +18,7 @@ from backends.gl.resources import (
     Buffer,
     Image,
     bind_buffer,
+    bind_storage_image,
     bind_texture,
     create_buffer,
     create_image,
@@ -269,6 +270,9 @@ class GlSceneData(SceneData):
             bind_buffer(context, "storage", LIGHT_LISTS, self.light_lists)
         if self.exposures is not None:
             bind_buffer(context, "uniform", 2, self.exposures.blocks[slot])
+        if self.shadows is not None:
+            bind_buffer(context, "storage", 14, self.shadows.blocks[slot])
+            bind_storage_image(context, 7, self.shadows.pages, access="both")
         if self._environment is not None:
             sampler = self.sampler(model.SMOOTH, 1.0)
             maps = self._environment

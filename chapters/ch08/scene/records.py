@@ -77,6 +77,8 @@ class Records:
         """The records that were written last."""
         self.revision = 0
         """Counts changes of `instances`, so that derived data need not compare all of them."""
+        self.lights = np.zeros(0, packing.LIGHT)
+        """The records of lights that were written last."""
         self.maps = np.zeros((len(scene.materials), 8), np.uint32)
         """Which texture each role of each material samples."""
 
@@ -117,6 +119,7 @@ class Records:
             slot.lights.view(np.uint32)[:4] = (len(records), self._lights.directional, 0, 0)
             slot.lights.mapped[16:].view(packing.LIGHT)[: len(records)] = records
             written += records.nbytes + 16
+            self.lights = records
             slot.written["lights"] = light_key
         return written
 

@@ -47,4 +47,5 @@ layout(BIND(0, 5, 0)) uniform samplerCube environment_radiance;
 layout(BIND(0, 6, 1)) uniform samplerCube environment_irradiance;
 layout(BIND(0, 7, 2)) uniform sampler2D environment_table;
 
+#include "shadows/scene.glsl"
 #include "hdr/exposure.glsl"

@@ -212,6 +212,8 @@ class VulkanSceneData(SceneData):
                     held[LIGHT_LISTS] = buffers.get(self.light_lists)
                 if self.exposures is not None:
                     held[10] = self.exposures.blocks[index]
+                if self.shadows is not None:
+                    held |= {11: self.shadows.blocks[index], 12: self.shadows.held_pages}
                 frames.append((layouts[number], held, f"frame, slot {index}"))
         paged = [
             (layouts[PAGE], {0: buffers.get(handle)}, f"page {number}")

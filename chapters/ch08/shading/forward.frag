@@ -2,6 +2,7 @@
 
 #include "scene/scene.glsl"
 #include "clusters/walk.glsl"
+#include "shadows/factor.glsl"
 #include "material.glsl"
 #include "finite.glsl"
 #ifdef SHADED
@@ -134,6 +135,7 @@ void main() {
         vec3 to_light;
         vec3 received = exposed_illuminance(i, in_position, to_light);
         if (max(received.r, max(received.g, received.b)) > 0.0) {
+            received *= shadow_factor(i, in_position, n);
             color += received * metallic_roughness(n, to_light, view, base.rgb, metallic, alpha);
         }
     }

@@ -5,6 +5,7 @@
 
 #include "scene/scene.glsl"
 #include "clusters/walk.glsl"
+#include "shadows/factor.glsl"
 #include "brdf.glsl"
 #include "finite.glsl"
 #include "normal_code.glsl"
@@ -84,6 +85,7 @@ void main() {
             vec3 to_light;
             vec3 received = exposed_illuminance(i, position, to_light);
             if (max(received.r, max(received.g, received.b)) > 0.0) {
+                received *= shadow_factor(i, position, n);
                 color += received * metallic_roughness(n, to_light, view, base_color, metallic, alpha);
             }
         }

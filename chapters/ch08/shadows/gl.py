@@ -1,0 +1,83 @@
+"""The memory of shadows on OpenGL; compare vulkan.py."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from backends.gl.resources import (
+    Buffer,
+    Image,
+    bind_texture,
+    create_buffer,
+    create_image,
+    destroy_buffer,
+    destroy_image,
+)
+from backends.gl.targets import Attachment, create_framebuffer, destroy_framebuffer
+from common.scene import Sampler
+
+from ..frames.frame import SLOTS
+from ..frames.gl_commands import Commands, Rendering
+from ..pipelines.description import Built
+from .memory import ShadowMemory as _ShadowMemory
+
+DRAWN_UNIT = 16
+"""The texture unit of the kernel, behind those of materials."""
+
+_NEAREST = Sampler("nearest", "nearest", None, "clamp", "clamp")
+
+
+@dataclass
+class _Target:
+    image: Image
+    layers: list[Rendering]
+
+
+class ShadowMemory(_ShadowMemory):
+    """Buffers, images and framebuffers that this object owns."""
+
+    def _create(self, size: tuple[int, int]) -> None:
+        context = self._backend.device
+        self.blocks: list[Buffer] = [
+            create_buffer(context, self.layout.size, "upload", f"shadows, slot {slot}") for slot in range(SLOTS)
+        ]
+        self.pages: Image = create_image(context, "r32f", size, "shadow pages")
+
+    def _create_target(self, size: int, layers: int) -> _Target:
+        context, name = self._backend.device, f"shadow faces of {size}"
+        image = create_image(context, "d32f", (size, size), name, shape="array", layers=layers)
+        framebuffers = [
+            create_framebuffer(context, [], Attachment(image, 0, layer), f"{name}, layer {layer}")
+            for layer in range(layers)
+        ]
+        return _Target(image, [Rendering(framebuffer, (), 0.0) for framebuffer in framebuffers])
+
+    # --- recording ---
+
+    def begin_face(self, commands: Commands, size: int, layer: int) -> None:
+        """Begin drawing to a layer of the target, after clearing it to the far plane."""
+        commands.begin_rendering(self._targets[size].layers[layer])
+
+    def store(self, commands: Any, kernel: Built, size: int, first: int, count: int) -> None:
+        """Copy layers into the pages; the buffer and the pages are bound for the whole frame."""
+        backend = self._backend
+        commands.bind_compute(kernel)
+        bind_texture(backend.device, DRAWN_UNIT, self._targets[size].image.view, backend.data.sampler(_NEAREST, 1.0))
+        commands.push(kernel, np.array([[first, 0, 0, 0]], np.uint32))
+        commands.dispatch_over(kernel, (size, size, count))
+
+    def close(self) -> None:
+        """Free everything; OpenGL itself waits for its last use."""
+        context = self._backend.device
+        for block in self.blocks:
+            destroy_buffer(context, block)
+        for target in self._targets.values():
+            for rendering in target.layers:
+                destroy_framebuffer(context, rendering.target)
+            destroy_image(context, target.image)
+        if self.blocks:
+            destroy_image(context, self.pages)
+        self.blocks, self._targets = [], {}
