@@ -1,11 +1,21 @@
-"""Chapter 8: Shadows."""
+"""Chapter 8: shadow maps of the sun and of 256 lamps, read through a table of pages; what did not change is not drawn."""
 
-from common.lessons import Lesson, Needs
+from common.lessons import Lesson, Needs, Section
 
 LESSON = Lesson(
     number=8,
     title="Shadows",
-    adds=(),
+    adds=(
+        "shadows of spot, point and directional lights",
+        "faces of lights that hold metres",
+        "cascades that move by whole texels",
+        "a bias by the plane of the receiver",
+        "percentage-closer filtering",
+        "a table of pages",
+        "a pool of memory for all shadow maps",
+        "faces drawn only when they change",
+        "casters culled by lights and faces on the GPU",
+    ),
     needs=Needs(
         required=frozenset(),
         optional=frozenset(
@@ -22,5 +32,87 @@ LESSON = Lesson(
             }
         ),
     ),
-    reading=("renderer.py",),
+    question="How does a surface know that something stands between it and a light?",
+    cover="ch08-atrium.png",
+    sections=(
+        Section(
+            "Faces of lights",
+            25,
+            "run 8 --scene atrium --view shadow-factor",
+            ("shadows/faces.py", "shadows/records.glsl"),
+            "floor-without-shadows",
+        ),
+        Section(
+            "A surface and its own shadow",
+            30,
+            "run 8 --scene atrium --set shadow_bias=none",
+            ("shadows/factor.glsl", "shadows/store.comp"),
+            "stripes-on-slopes",
+        ),
+        Section(
+            "Cascades of the sun",
+            25,
+            "run 8 --scene atrium --view cascade",
+            ("shadows/cascades.py", "shadows/caster.vert"),
+            "crawling-edge",
+        ),
+        Section(
+            "A table of pages",
+            25,
+            "run 8 --scene market:lights=100 --view shadow-factor",
+            ("shadows/layout.py", "shadows/block.glsl"),
+            "next-tile",
+        ),
+        Section(
+            "What is drawn again",
+            30,
+            "run 8 --scene market:lights=100 -v --frames 3",
+            ("shadows/technique.py", "shadows/cull.glsl"),
+            "half-a-shadow",
+        ),
+    ),
+    reading=(
+        "shadows/model.py",
+        "shadows/faces.py",
+        "shadows/cascades.py",
+        "shadows/layout.py",
+        "shadows/records.glsl",
+        "shadows/block.glsl",
+        "shadows/scene.glsl",
+        "shadows/caster.vert",
+        "shadows/store.comp",
+        "shadows/factor.glsl",
+        "shadows/views.glsl",
+        "shadows/passes.py",
+        "shadows/technique.py",
+        "shadows/lists.py",
+        "shadows/cull.glsl",
+        "shadows/lists.comp",
+        "shadows/commands.comp",
+        "shadows/memory.py",
+        "shadows/vulkan.py",
+        "shadows/gl.py",
+        "shadows/settings.py",
+        "shading/lighting.frag",
+        "scene/scene.glsl",
+        "renderer.py",
+    ),
+    plumbing={
+        "settings.py": "has one more group of knobs",
+        "culling/technique.py": "lends its meshlets to shadows",
+        "frames/commands.py": "lets draws push constants",
+        "frames/gl_commands.py": "pushes constants before draws",
+        "frames/vulkan_commands.py": "pushes constants before draws",
+        "graph/compute.json": "names the new pass",
+        "graph/deferred.json": "names the new pass",
+        "graph/forward.json": "names the new pass",
+        "graph/execute/gl_bindings.py": "knows another block and image",
+        "scene/data.py": "holds the memory of shadows",
+        "scene/gl_data.py": "binds shadows and their pages",
+        "scene/records.py": "keeps the records of lights",
+        "scene/vulkan_data.py": "binds shadows and their pages",
+        "shading/forward.frag": "multiplies light by its shadow",
+        "shading/views.glsl": "shows the views of shadows",
+        "shading/views.py": "has two views of shadows",
+    },
 )
