@@ -251,6 +251,23 @@ def lights_sheet(cell: tuple[int, int] = (264, 148)) -> NDArray[Any]:
     return np.concatenate(cells, axis=1)
 
 
+SHADOWS = 8
+"""The chapter whose shadows the sheet shows."""
+
+
+def shadows_sheet(cell: tuple[int, int] = (264, 148)) -> NDArray[Any]:
+    """Return (H, W, 3): the atrium without shadows, with them, and the part of the light that arrives."""
+    cells = []
+    for on, shown in (("off", "picture"), ("on", "picture"), ("on", "shadow-factor")):
+        settings: Any = replaced(preset(chapters.settings_class(SHADOWS), "medium"), view=shown, shadows=on)
+        size = (2 * cell[0], 2 * cell[1])
+        with chapters.open(
+            SHADOWS, "auto", scene=load_scene(locate("atrium")), size=size, settings=settings
+        ) as renderer:
+            cells.append(halved(renderer.render(chapters.view_of(renderer)).image("color")))
+    return np.concatenate(cells, axis=1)
+
+
 def pyramid_sheet(cell: tuple[int, int] = (330, 186), shown: Sequence[int] = (0, 3, 5)) -> NDArray[Any]:
     """Return (H, W, 3): a street, and levels of its depth pyramid, each texel over the pixels below it."""
     settings: Any = preset(chapters.settings_class(CULLING), "medium")
@@ -289,6 +306,7 @@ SHEETS = {
     "ch06-survivors": survivors_sheet,
     "ch06-pyramid-levels": pyramid_sheet,
     "ch07-market": lights_sheet,
+    "ch08-atrium": shadows_sheet,
 }
 
 
@@ -299,6 +317,7 @@ COVERS: dict[str, int] = {
     "ch06-survivors": CULLING,
     "ch06-pyramid-levels": CULLING,
     "ch07-market": LIGHTS,
+    "ch08-atrium": SHADOWS,
 }
 """The chapter that draws a sheet; GRAPH for the others."""
 

@@ -28,6 +28,10 @@ PARTS = {
     "ch06": (6, ("meshlets/*.py", "culling/pyramid.py")),
     "ch07-bins": (7, ("clusters/model.py",)),
     "ch07-tiles": (7, ("clusters/model.py",)),
+    "ch08-faces": (8, ("shadows/faces.py",)),
+    "ch08-cascades": (8, ("shadows/cascades.py",)),
+    "ch08-pages": (8, ("shadows/layout.py",)),
+    "ch08-casters": (8, ("shadows/faces.py",)),
 }
 """The same where figures show data of a few files, of all figures of a chapter or of one."""
 

@@ -22,6 +22,7 @@ from tools.site import inputs
 from tools.site.figures.ch01 import timeline
 from tools.site.figures.ch07.fill import FILL
 from tools.site.figures.ch07.walk import WALK
+from tools.site.figures.ch08.snapping import SNAPPING
 from tools.site.figures.culling import CULLING
 from tools.site.figures.film import SCHEMES, Loop, Picture, animated
 
@@ -273,6 +274,7 @@ LOOPS: Mapping[str, Loop] = {
     **CULLING,
     **WALK,
     **FILL,
+    **SNAPPING,
 }
 """The loops that are drawn; their stills are figures of the lessons."""
 CLOTH = Loop(
@@ -285,6 +287,7 @@ def files() -> dict[str, tuple[Callable[[], bytes], list[Path]]]:
     """Return what makes each file of docs/pictures, and the files that it is made from."""
     mine = [HERE / name for name in ("canvas.py", "film.py", "loops.py")]
     lists = [HERE / "ch07" / "lights.py", chapters.folder_of(7) / "clusters" / "model.py"]
+    sun = [HERE / "ch08" / "cascades.py", chapters.folder_of(8) / "shadows" / "cascades.py"]
     more = {
         "ch01-frames-in-flight-loop": [HERE / "ch01.py"],
         "ch03-staging-ring-loop": [],
@@ -292,6 +295,7 @@ def files() -> dict[str, tuple[Callable[[], bytes], list[Path]]]:
         **{name: [HERE / "culling.py"] for name in CULLING},
         **{name: [*lists, HERE / "ch07" / "walk.py"] for name in WALK},
         **{name: [HERE / "ch07" / "layers.py", HERE / "ch07" / "fill.py"] for name in FILL},
+        **{name: [*sun, HERE / "ch08" / "snapping.py"] for name in SNAPPING},
     }
     found: dict[str, tuple[Callable[[], bytes], list[Path]]] = {}
     for name, loop in LOOPS.items():

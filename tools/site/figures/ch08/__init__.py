@@ -1,0 +1,17 @@
+"""Figures of chapter 8: faces of lights, bias, cascades, pages and casters; `snapping` is a loop."""
+
+from __future__ import annotations
+
+from tools.site.figures.ch08.bias import bias
+from tools.site.figures.ch08.cascades import cascades_from_above
+from tools.site.figures.ch08.casters import casters_of_a_lamp
+from tools.site.figures.ch08.faces import faces_of_a_lamp
+from tools.site.figures.ch08.pages import table_of_pages
+
+FIGURES = {
+    "ch08-faces": faces_of_a_lamp,
+    "ch08-bias": bias,
+    "ch08-cascades": cascades_from_above,
+    "ch08-pages": table_of_pages,
+    "ch08-casters": casters_of_a_lamp,
+}
