@@ -1,0 +1,43 @@
+"""Faces, tiles, and places in the pages, as the chapter lays them out."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from tools.exercises import Answer
+from tools.exercises.checking import Given
+
+
+def measure(given: Given) -> dict[str, Answer]:
+    """Ask the chapter for its layout."""
+    layout: Any = given.module("shadows.layout")
+    faces: Any = given.module("shadows.faces")
+    packing: Any = given.module("scene.packing")
+    kinds = packing.LIGHT_KINDS
+    lights = np.zeros(8, packing.LIGHT)
+    lights["kind"] = [kinds["directional"], *[kinds["spot"]] * 3, *[kinds["point"]] * 4]
+    for number, degrees in ((1, 40.0), (2, 40.0), (3, 70.0)):
+        cosine = np.cos(np.radians(degrees))
+        lights["cone"][number, :2] = 1 / (1 - cosine), -cosine / (1 - cosine)
+    counts = np.where(faces.has_cube(lights), 6, 1)
+    counts[0] = 3
+    sizes = np.array([2048] + [256] * 7)
+    tiles = int((counts * layout.tiles_of(sizes)).sum())
+    cubes = np.full(20, 6), np.full(20, 256)
+    squeezed = layout.fitting_sizes(*cubes, (16 << 20) // layout.TILE_BYTES)
+    last = layout.fitting_sizes(*cubes, (1 << 20) // layout.TILE_BYTES)
+    table = layout.full_table(64, 7)
+    row, column = 130 // layout.TILE, 300 // layout.TILE
+    return {
+        "faces": int(counts.sum()),
+        "tiles": tiles,
+        "megabytes": tiles * layout.TILE_BYTES / 2**20,
+        "tile": row * (512 // layout.TILE) + column,
+        "x": int(table[23] & 0xFFFF),
+        "y": int(table[23] >> 16),
+        "whole": int((squeezed == 256).sum()),
+        "smallest": int(squeezed.min()),
+        "left": int((last > 0).sum()),
+    }

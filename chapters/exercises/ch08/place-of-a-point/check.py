@@ -1,0 +1,77 @@
+"""Places of random points in the pages, by a table in random order."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from common.numerics.transforms import pose_looking_at
+from common.view.camera import Perspective, View
+from tools.exercises.checking import Given
+
+BOX = np.array([(-8.0, 0.0, -8.0), (8.0, 6.0, 8.0)])
+
+
+def check(given: Given) -> None:
+    """Points in all faces of two lamps and a sun, behind a lamp, and outside of a face."""
+    function: Any = getattr(given.module("shadows.where"), "place_of", None)
+    given.need(callable(function), "shadows/where.py has no function place_of yet.")
+    faces, table = _faces(given)
+    random = np.random.default_rng(8)
+    hits = 0
+    for number, face in enumerate(faces):
+        points = random.uniform(BOX[0], BOX[1], (120, 3))
+        points[0] = face["origin"] - 0.5 * face["ahead"]
+        for position in points:
+            wanted = _place(face, table, position)
+            answer = function(faces.copy(), table.copy(), number, position.copy())
+            where = f"In face {number} the point ({position[0]:.2f}, {position[1]:.2f}, {position[2]:.2f})"
+            if wanted is None:
+                given.need(answer is None, f"{where} is outside of the face or behind its light, and has the place {answer}.")
+                continue
+            hits += 1
+            given.need(
+                isinstance(answer, tuple) and len(answer) == 2,
+                f"{where} is in the face, and the result is {answer}, no column and row.",
+            )
+            given.need(
+                tuple(int(one) for one in answer) == wanted,
+                f"{where} has its texel at {wanted} of the pages, and the result is {answer}.",
+            )
+    assert hits > 300, "too few points are inside"
+
+
+def _faces(given: Given) -> tuple[np.ndarray, np.ndarray]:
+    """Return faces of a point light, a spot and a sun, and a table whose tiles lie anywhere."""
+    faces: Any = given.module("shadows.faces")
+    cascades: Any = given.module("shadows.cascades")
+    layout: Any = given.module("shadows.layout")
+    packing: Any = given.module("scene.packing")
+    lights = np.zeros(2, packing.LIGHT)
+    lights["kind"] = packing.LIGHT_KINDS["point"], packing.LIGHT_KINDS["spot"]
+    lights["position"], lights["direction"] = ((0.5, 3.0, -1.0), (-6.0, 5.0, 6.0)), ((0, 0, -1), (0.6, -0.53, -0.6))
+    cosine = np.cos(np.radians(50.0))
+    lights["cone"][1, :2] = 1 / (1 - cosine), -cosine / (1 - cosine)
+    local = faces.local_faces(lights, np.arange(2), np.array([384, 512]), 0.01, np.full(2, 40.0), 3)
+    view = View(pose_looking_at((0, 1.7, 6), (0, 1.7, 0)), Perspective(1.0, 0.05))
+    sun = np.array([(0.4, -1.0, 0.3)]) / np.sqrt(1.25)
+    made = np.concatenate([cascades.directional_faces(sun, BOX, view, np.zeros(3), 1.5, 2, 512, 3), local])
+    layout.place_tiles(made)
+    tiles = int(layout.tiles_of(made["size"].astype(np.int64)).sum())
+    table = layout.full_table(tiles, 9)
+    return made, np.random.default_rng(3).permutation(table)
+
+
+def _place(face: np.ndarray, table: np.ndarray, position: np.ndarray) -> tuple[int, int] | None:
+    """Return column and row, in other words than a shader has."""
+    axes = np.stack([face["right"], face["down"], face["ahead"]]).astype(np.float64)
+    p = axes @ (position - face["origin"])
+    if p[2] <= face["near"]:
+        return None
+    texel = p[:2] * (face["scale_x"], face["scale_y"]) / (p[2] if face["perspective"] else 1.0) + face["size"] / 2
+    x, y = (int(one) for one in np.floor(texel))
+    if min(x, y) < 0 or max(x, y) >= face["size"]:
+        return None
+    word = int(table[face["first"] + y // 128 * face["tiles"] + x // 128])
+    return (word & 0xFFFF) * 128 + x % 128, (word >> 16) * 128 + y % 128
