@@ -14,6 +14,8 @@ def measure(given: Given) -> dict[str, Answer]:
     """Ask the chapter for its layout."""
     layout: Any = given.module("shadows.layout")
     faces: Any = given.module("shadows.faces")
+    lamps: Any = given.module("shadows.lamps")
+    model: Any = given.module("shadows.model")
     packing: Any = given.module("scene.packing")
     kinds = packing.LIGHT_KINDS
     lights = np.zeros(8, packing.LIGHT)
@@ -25,16 +27,18 @@ def measure(given: Given) -> dict[str, Answer]:
     counts[0] = 3
     sizes = np.array([2048] + [256] * 7)
     tiles = int((counts * layout.tiles_of(sizes)).sum())
-    cubes = np.full(20, 6), np.full(20, 256)
-    squeezed = layout.fitting_sizes(*cubes, (16 << 20) // layout.TILE_BYTES)
-    last = layout.fitting_sizes(*cubes, (1 << 20) // layout.TILE_BYTES)
-    table = layout.full_table(64, 7)
-    row, column = 130 // layout.TILE, 300 // layout.TILE
+    cubes = np.full(20, 256), np.full(20, 6), np.arange(20, 0, -1.0)
+    squeezed = lamps.fitted(*cubes, (16 << 20) // model.TILE_BYTES)
+    last = lamps.fitted(*cubes, (1 << 20) // model.TILE_BYTES)
+    pool = given.module("page_table.pool").TilePool(64, 7, 64)
+    pool.assign(np.arange(64))
+    table = pool.table
+    row, column = 130 // model.TILE, 300 // model.TILE
     return {
         "faces": int(counts.sum()),
         "tiles": tiles,
-        "megabytes": tiles * layout.TILE_BYTES / 2**20,
-        "tile": row * (512 // layout.TILE) + column,
+        "megabytes": tiles * model.TILE_BYTES / 2**20,
+        "tile": row * (512 // model.TILE) + column,
         "x": int(table[23] & 0xFFFF),
         "y": int(table[23] >> 16),
         "whole": int((squeezed == 256).sum()),

@@ -24,7 +24,7 @@ def measure(given: Given) -> dict[str, Answer]:
     lights["kind"], lights["direction"] = packing.LIGHT_KINDS["point"], (0, 0, -1)
     knobs = given.settings()
     guard = model.guard(knobs)
-    (face, *_) = faces.local_faces(lights, np.array([0]), np.array([256]), 0.01, np.array([50.0]), guard)
+    (face, *_), *_ = faces.local_faces(lights, np.array([0]), np.array([256]), 0.01, np.array([50.0]), guard)
     ahead = faces.cube_axes()[:, 2]
     slope = np.tan(np.radians(60.0))
     plane = knobs.shadows.shadow_constant + knobs.shadows.shadow_slope * slope

@@ -53,14 +53,18 @@ def _faces(given: Given) -> tuple[np.ndarray, np.ndarray]:
     lights["position"], lights["direction"] = ((0.5, 3.0, -1.0), (-6.0, 5.0, 6.0)), ((0, 0, -1), (0.6, -0.53, -0.6))
     cosine = np.cos(np.radians(50.0))
     lights["cone"][1, :2] = 1 / (1 - cosine), -cosine / (1 - cosine)
-    local = faces.local_faces(lights, np.arange(2), np.array([384, 512]), 0.01, np.full(2, 40.0), 3)
+    local, *_ = faces.local_faces(lights, np.arange(2), np.array([40, 512]), 0.01, np.full(2, 40.0), 3)
     view = View(pose_looking_at((0, 1.7, 6), (0, 1.7, 0)), Perspective(1.0, 0.05))
     sun = np.array([(0.4, -1.0, 0.3)]) / np.sqrt(1.25)
     made = np.concatenate([cascades.directional_faces(sun, BOX, view, np.zeros(3), 1.5, 2, 512, 3), local])
-    layout.place_tiles(made)
-    tiles = int(layout.tiles_of(made["size"].astype(np.int64)).sum())
-    table = layout.full_table(tiles, 9)
-    return made, np.random.default_rng(3).permutation(table)
+    sizes = made["size"].astype(np.int64)
+    tiles = np.where(sizes < 128, 0, layout.tiles_of(sizes))
+    made["tiles"], made["first"] = -(-sizes // 128), np.cumsum(tiles) - tiles
+    small = np.flatnonzero(sizes < 128)  # they share a tile, the last one
+    made["first"][small] = tiles.sum()
+    made["offset"][small] = np.stack([42 * (np.arange(len(small)) % 3), 42 * (np.arange(len(small)) // 3)], axis=1)
+    number = np.random.default_rng(3).permutation(int(tiles.sum()) + 1)
+    return made, (number % 9 | number // 9 << 16).astype(np.uint32)
 
 
 def _place(face: np.ndarray, table: np.ndarray, position: np.ndarray) -> tuple[int, int] | None:
@@ -73,5 +77,6 @@ def _place(face: np.ndarray, table: np.ndarray, position: np.ndarray) -> tuple[i
     x, y = (int(one) for one in np.floor(texel))
     if min(x, y) < 0 or max(x, y) >= face["size"]:
         return None
+    x, y = x + int(face["offset"][0]), y + int(face["offset"][1])
     word = int(table[face["first"] + y // 128 * face["tiles"] + x // 128])
     return (word & 0xFFFF) * 128 + x % 128, (word >> 16) * 128 + y % 128

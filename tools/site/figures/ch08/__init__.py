@@ -1,4 +1,4 @@
-"""Figures of chapter 8: faces of lights, bias, cascades, pages and casters; `snapping` is a loop."""
+"""Figures of chapter 8: faces of lights, bias, cascades, pages, texels by need and casters; `snapping` is a loop."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from tools.site.figures.ch08.bias import bias
 from tools.site.figures.ch08.cascades import cascades_from_above
 from tools.site.figures.ch08.casters import casters_of_a_lamp
 from tools.site.figures.ch08.faces import faces_of_a_lamp
+from tools.site.figures.ch08.need import texels_by_need
 from tools.site.figures.ch08.pages import table_of_pages
 
 FIGURES = {
@@ -13,5 +14,6 @@ FIGURES = {
     "ch08-bias": bias,
     "ch08-cascades": cascades_from_above,
     "ch08-pages": table_of_pages,
+    "ch08-need": texels_by_need,
     "ch08-casters": casters_of_a_lamp,
 }
