@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tools.site.figures.ch08.bias import bias
+from tools.site.figures.ch08.bias import bias_of_a_slope
 from tools.site.figures.ch08.cascades import cascades_from_above
 from tools.site.figures.ch08.casters import casters_of_a_lamp
 from tools.site.figures.ch08.faces import faces_of_a_lamp
@@ -11,7 +11,7 @@ from tools.site.figures.ch08.pages import table_of_pages
 
 FIGURES = {
     "ch08-faces": faces_of_a_lamp,
-    "ch08-bias": bias,
+    "ch08-bias": bias_of_a_slope,
     "ch08-cascades": cascades_from_above,
     "ch08-pages": table_of_pages,
     "ch08-need": texels_by_need,

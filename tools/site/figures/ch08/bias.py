@@ -48,7 +48,7 @@ def plane_bias() -> float:
     return CONSTANT + SLOPE * math.tan(TILT)
 
 
-def bias() -> Canvas:
+def bias_of_a_slope() -> Canvas:
     """Acne on a tilted surface; the offset that hides it; and a comparison with the plane at each tap."""
     c = Canvas(
         760,
