@@ -21,10 +21,10 @@ from backends.gl.resources import (
 from backends.gl.targets import Attachment, create_framebuffer, destroy_framebuffer
 
 from ..frames.frame import SLOTS
-from ..frames.gl_commands import Commands, Rendering
+from ..frames.gl_commands import Rendering
 from ..pipelines.description import Built
 from .lists import ShadowLists
-from .memory import NEAREST, TABLES
+from .memory import NEAREST, STORED_TEXELS, TABLES
 from .memory import ShadowMemory as _ShadowMemory
 
 DRAWN_UNIT = 16
@@ -65,12 +65,10 @@ class ShadowMemory(_ShadowMemory):
 
     def make_lists(self, lists: ShadowLists) -> None:
         """Create the buffers of other lists; OpenGL itself frees earlier ones after their last use."""
-        context = self._backend.device
         self._free_lists()
-        contents, sizes = lists.contents, lists.sizes
+        context, contents, sizes = self._backend.device, lists.contents, lists.sizes
         for name in TABLES:
-            size = lists.bytes_of(name)
-            self._tables[name] = create_buffer(context, size, "device", f"shadow {name}")
+            self._tables[name] = create_buffer(context, lists.bytes_of(name), "device", f"shadow {name}")
             if name in contents and contents[name].nbytes:
                 write_buffer(context, self._tables[name], contents[name])
         never = np.array([1 << 24], np.uint32)
@@ -92,10 +90,6 @@ class ShadowMemory(_ShadowMemory):
 
     # --- recording ---
 
-    def begin_face(self, commands: Commands, size: int, layer: int) -> None:
-        """Begin drawing to a layer of the target, after clearing it to the far plane."""
-        commands.begin_rendering(self._targets[size].layers[layer])
-
     def store(self, commands: Any, kernel: Built, size: int, first: int, count: int) -> None:
         """Copy layers into the pages; the buffer and the pages are bound for the whole frame."""
         backend = self._backend
@@ -104,7 +98,7 @@ class ShadowMemory(_ShadowMemory):
             backend.device, DRAWN_UNIT, self._targets[size].image.view, backend.data.sampler(NEAREST, 1.0)
         )
         commands.push(kernel, np.array([[first, 0, 0, 0]], np.uint32))
-        commands.dispatch_over(kernel, (size, size, count))
+        commands.dispatch_over(kernel, (size, size // STORED_TEXELS, count))
 
     def close(self) -> None:
         """Free everything; OpenGL itself waits for its last use."""

@@ -12,6 +12,9 @@ from .layout import BlockLayout
 from .lists import ShadowLists, layers_of
 from .model import TILE
 
+STORED_TEXELS = 8
+"""Texels of a column that an invocation of store.comp copies."""
+
 NEAREST = Sampler("nearest", "nearest", None, "clamp", "clamp")
 
 TABLES = ("draws", "batches", "meshlets", "lists", "numbers", "commands")
@@ -89,7 +92,7 @@ class ShadowMemory:
 
     def begin_face(self, commands: Any, size: int, layer: int) -> None:
         """Begin drawing to a layer of the target, after clearing it to the far plane."""
-        raise NotImplementedError
+        commands.begin_rendering(self._targets[size].layers[layer])
 
     def end_face(self, commands: Any) -> None:
         """End drawing."""

@@ -20,7 +20,7 @@ from ..graph.sync.vulkan import layout_of
 from ..pipelines.description import Built
 from ..pipelines.vulkan_descriptors import Texture
 from .lists import ShadowLists
-from .memory import NEAREST, TABLES
+from .memory import NEAREST, STORED_TEXELS, TABLES
 from .memory import ShadowMemory as _ShadowMemory
 
 _STORAGE = (
@@ -138,10 +138,6 @@ class ShadowMemory(_ShadowMemory):
         """Make the target of a size ready to be drawn to, after the last copy out of it."""
         commands.barrier(self._targets[size].to_draw)
 
-    def begin_face(self, commands: Commands, size: int, layer: int) -> None:
-        """Begin drawing to a layer of the target, after clearing it to the far plane."""
-        commands.begin_rendering(self._targets[size].layers[layer])
-
     def end_face(self, commands: Commands) -> None:
         """End drawing."""
         commands.end_rendering()
@@ -153,7 +149,7 @@ class ShadowMemory(_ShadowMemory):
         commands.bind_compute(kernel)
         commands.bind_compute_set(kernel, 0, self._set(kernel, size, commands.slot.index))
         commands.push(kernel, np.array([[first, 0, 0, 0]], np.uint32))
-        commands.dispatch_over(kernel, (size, size, count))
+        commands.dispatch_over(kernel, (size, size // STORED_TEXELS, count))
 
     def _set(self, kernel: Built, size: int, slot: int) -> Any:
         """Return the set of the kernel for a target, made for both slots at first use."""
