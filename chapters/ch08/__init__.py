@@ -68,7 +68,7 @@ LESSON = Lesson(
             "Texels by need",
             25,
             "run 8 --scene market:lights=100 -v --frames 3",
-            ("page_table/rule.py", "shadows/lamps.py"),
+            ("page_table/rule.py", "page_table/lamps.py"),
             "coarse-underfoot",
         ),
         Section(
@@ -82,11 +82,11 @@ LESSON = Lesson(
     reading=(
         "page_table/rule.py",
         "page_table/pool.py",
+        "page_table/lamps.py",
         "shadows/model.py",
         "shadows/faces.py",
         "shadows/cascades.py",
         "shadows/layout.py",
-        "shadows/lamps.py",
         "shadows/lights.py",
         "shadows/casters.py",
         "shadows/records.glsl",

@@ -31,7 +31,7 @@ PARTS = {
     "ch08-faces": (8, ("shadows/faces.py",)),
     "ch08-cascades": (8, ("shadows/cascades.py",)),
     "ch08-pages": (8, ("page_table/pool.py",)),
-    "ch08-need": (8, ("page_table/rule.py", "shadows/lamps.py")),
+    "ch08-need": (8, ("page_table/rule.py", "page_table/lamps.py")),
     "ch08-casters": (8, ("shadows/faces.py",)),
 }
 """The same where figures show data of a few files, of all figures of a chapter or of one."""

@@ -14,7 +14,7 @@ def measure(given: Given) -> dict[str, Answer]:
     """Ask the chapter for its layout."""
     layout: Any = given.module("shadows.layout")
     faces: Any = given.module("shadows.faces")
-    lamps: Any = given.module("shadows.lamps")
+    lamps: Any = given.module("page_table.lamps")
     model: Any = given.module("shadows.model")
     packing: Any = given.module("scene.packing")
     kinds = packing.LIGHT_KINDS

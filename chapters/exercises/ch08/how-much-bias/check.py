@@ -29,7 +29,7 @@ def measure(given: Given) -> dict[str, Answer]:
     slope = np.tan(np.radians(60.0))
     plane = knobs.shadows.shadow_constant + knobs.shadows.shadow_slope * slope
     view = View(pose_looking_at((0, 0, 0), (0, 0, -1)), Perspective(np.radians(60.0), 0.1))
-    centre, radius = cascades.slice_sphere(view, 2.0, 0.0, 10.0)
+    centre, radius = cascades.slice_sphere(view.projection, 2.0, 0.0, 10.0)
     return {
         "guard": model.guard(given.settings(shadow_kernel=7)),
         "factors": 3 * 3 + 1,

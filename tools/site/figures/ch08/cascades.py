@@ -115,7 +115,7 @@ def cascades_from_above() -> Canvas:
             f'fill="var(--f-{COLORS[number]})" fill-opacity="0.8" stroke="var(--f-ink)"/>'
         )
         c.text(x - wide / 2 + 6, y - high / 2 + 18, str(number + 1), 14, bold=True)
-        _, radius = slice_sphere(view(), ASPECT, ends[number], ends[number + 1])
+        _, radius = slice_sphere(view().projection, ASPECT, ends[number], ends[number + 1])
         c.raw(
             f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius * scale:.1f}" fill="none" stroke="var(--f-ink)" '
             f'stroke-dasharray="4 3"/>'
