@@ -28,7 +28,8 @@ def test_each_direction_is_seen_by_a_face_and_names_are_those_of_its_axes():
 def test_half_of_a_slope_shades_itself_and_the_plane_needs_no_offset():
     assert bias.shaded(0.0) == pytest.approx(0.5, abs=1e-3)
     assert bias.shaded(0.0, radius=1, plane=True) == 0.0
-    assert bias.shaded(bias.slope_bias(1), radius=1) == 0.0 < bias.shaded(0.5 * bias.slope_bias(1), radius=1)
+    assert bias.shaded(bias.slope_bias(1), radius=1) == 0.0 < bias.shaded(0.9 * bias.deepest(1), radius=1)
+    assert bias.slope_bias(1) > bias.deepest(1)
     across = bias.plane_bias() * math.cos(bias.TILT)
     assert across < math.hypot(bias.CONSTANT, bias.SLOPE) < bias.slope_bias(1) * math.cos(bias.TILT)
 

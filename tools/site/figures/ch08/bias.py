@@ -11,7 +11,7 @@ from tools.site.figures.canvas import Canvas, Point
 
 TILT = math.radians(50.0)
 TEXELS = 6
-CONSTANT, SLOPE = 0.5, 0.5
+CONSTANT, SLOPE = 1.0, 1.0
 """The defaults of `shadow_constant` and `shadow_slope`."""
 
 Float64 = NDArray[np.float64]
@@ -38,9 +38,14 @@ def shaded(bias: float, radius: int = 0, plane: bool = False, samples: int = 600
     return float(np.mean(taps))
 
 
+def deepest(radius: int) -> float:
+    """Return how much deeper than the depth of a tap the surface can be, along this axis, in texels."""
+    return (radius + 0.5) * math.tan(TILT)
+
+
 def slope_bias(radius: int) -> float:
-    """Return the bias of `shadow_bias=slope` without its constant, in texels."""
-    return (radius + 0.5) * math.sqrt(2.0) * math.tan(TILT)
+    """Return the bias of `shadow_bias=slope`, in texels; the map's other axis makes the factor sqrt 2."""
+    return plane_bias() + math.sqrt(2.0) * deepest(radius)
 
 
 def plane_bias() -> float:
@@ -75,7 +80,7 @@ def _ground(c: Canvas, at: Point, title: str) -> None:
     c.line([_at(at, 0.0), _at(at, float(TEXELS))], "ink", 2)
 
 
-SQUEEZE = 0.68
+SQUEEZE = 0.55
 """Depth is drawn shorter, so that six texels of 50 degrees fit."""
 
 
@@ -100,7 +105,7 @@ def _offset(c: Canvas, at: Point) -> None:
     radius = 1
     size = slope_bias(radius)
     _ground(c, at, "an offset for 3 taps")
-    x = 3.3
+    x = 4.3
     here = _at(at, x)
     for offset in (-1, 0, 1):
         middle = math.floor(x) + offset + 0.5
@@ -108,10 +113,10 @@ def _offset(c: Canvas, at: Point) -> None:
         c.line([(place[0] - UNIT / 2, place[1]), (place[0] + UNIT / 2, place[1])], "s1", 3)
         c.circle(*place, 3, "paper", "s1")
     lifted = here[1] - SQUEEZE * UNIT * size
-    c.line([(here[0] - 2 * UNIT, lifted), (here[0] + 2 * UNIT, lifted)], "mark", 2, dashed=True)
+    c.line([(here[0] - 2 * UNIT, lifted), (here[0] + 1.6 * UNIT, lifted)], "mark", 2, dashed=True)
     c.arrow(here[0], here[1], here[0], lifted + 2, "mark")
     c.circle(*here, 4, "ink", "ink")
-    c.text(here[0] + 14, lifted - 8, f"{size:.1f} t", 12, role="mark", bold=True)
+    c.text(here[0] - 44, lifted + 18, f"{size:.1f} t", 12, role="mark", bold=True)
     c.note(at[0], 278, "the point's own depth less an offset")
     c.note(at[0], 296, "is above all taps; casters closer")
     c.note(at[0], 314, "than the offset cast nothing")
@@ -120,7 +125,7 @@ def _offset(c: Canvas, at: Point) -> None:
 def _plane(c: Canvas, at: Point) -> None:
     size = plane_bias()
     _ground(c, at, "the plane at each tap")
-    x = 3.3
+    x = 4.3
     for offset in (-1, 0, 1):
         middle = math.floor(x) + offset + 0.5
         place = _at(at, middle)
@@ -130,7 +135,7 @@ def _plane(c: Canvas, at: Point) -> None:
         c.line([(above[0] - 7, above[1]), (above[0] + 7, above[1])], "mark", 3)
         c.circle(*place, 3, "paper", "s1")
     c.circle(*_at(at, x), 4, "ink", "ink")
-    c.text(at[0] + UNIT * 4.9, _at(at, 2.9)[1], f"{size:.1f} t", 12, role="mark", bold=True)
+    c.text(at[0] + UNIT * 2.4, _at(at, 2.9, -size)[1], f"{size:.1f} t", 12, role="mark", bold=True)
     c.note(at[0], 278, f"across the surface {size * math.cos(TILT):.2f} t remain,")
     c.note(at[0], 296, f"with the offset it is {slope_bias(1) * math.cos(TILT):.2f} t; t is")
     c.note(at[0], 314, "the footprint of a texel")
