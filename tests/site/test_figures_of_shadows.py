@@ -66,7 +66,10 @@ def test_tiles_of_the_figure_have_one_owner_and_lie_apart():
     word = pages.words_of(pages.CHOSEN)
     assert pages.tiles_of_kernel() == [5, 6, 9, 10]
     assert word[10] - word[6] not in (1, 1 << 16)
-    assert all(f"{tile}: {one & 0xFFFF}, {one >> 16}" in words_of(pages.table_of_pages()) for tile, one in enumerate(word))
+    assert all(
+        f"{tile}: {one & 0xFFFF}, {one >> 16}" in words_of(pages.table_of_pages())
+        for tile, one in enumerate(word)
+    )
 
 
 def test_the_texels_of_a_cluster_are_those_of_the_formula():

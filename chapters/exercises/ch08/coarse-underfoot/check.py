@@ -30,12 +30,13 @@ def check(given: Given) -> None:
         most = int(needed.argmax())
         given.need(
             found >= needed[most] * (1 - 1e-6),
-            f"A lamp {name} gets {found:.0f} texels along a face. A point {points[most]:.1f} m ahead, at the edge of its reach, needs "
-            f"{needed[most]:.0f} for one in each pixel.",
+            f"A lamp {name} gets {found:.0f} texels along a face. A point {points[most]:.1f} m ahead, at the "
+            f"edge of its reach, needs {needed[most]:.0f} for one in each pixel.",
         )
         given.need(
             found <= 1.5 * needed[most],
-            f"A lamp {name} gets {found:.0f} texels along a face, and no point in its light needs more than {needed[most]:.0f}.",
+            f"A lamp {name} gets {found:.0f} texels along a face, and no point in its light needs more than "
+            f"{needed[most]:.0f}.",
         )
 
 

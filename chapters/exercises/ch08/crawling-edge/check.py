@@ -25,7 +25,9 @@ def check(given: Given) -> None:
     first = None
     for step in range(STEPS):
         eye = np.array((-6.0, 1.7, 12.0)) + step * np.array((0.113, 0.004, -0.271))
-        view = View(pose_looking_at(eye, eye + random.normal(size=3), (0.1, 1.0, 0.0)), Perspective(YFOV, 0.05))
+        view = View(
+            pose_looking_at(eye, eye + random.normal(size=3), (0.1, 1.0, 0.0)), Perspective(YFOV, 0.05)
+        )
         faces = cascades.directional_faces(suns, BOX, view, np.zeros(3), ASPECT, CASCADES, SIZE, GUARD)
         first = faces if first is None else first
         for number, face in enumerate(faces):
@@ -44,8 +46,8 @@ def check(given: Given) -> None:
             texels = middle * scale
             given.need(
                 np.allclose(texels, np.round(texels), atol=4e-3),  # float32 of a few hundred texels
-                f"{where}: the middle of the map is at texel ({texels[0]:.2f}, {texels[1]:.2f}) of the world, which is no "
-                "whole one.",
+                f"{where}: the middle of the map is at texel ({texels[0]:.2f}, {texels[1]:.2f}) of the world, "
+                "which is no whole one.",
             )
             at = (_corners(view, ends[cascade], ends[cascade + 1]) @ axes.T - middle) * scale
             given.need(

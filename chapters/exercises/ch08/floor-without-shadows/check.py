@@ -36,7 +36,8 @@ def check(given: Given) -> None:
         )
         given.need(
             (factors[lit] == 1).all(),
-            f"Around the shadow on the side {name} of the lamp {(factors[lit] < 1).sum()} of {lit.sum()} pixels are dark.",
+            f"Around the shadow on the side {name} of the lamp {(factors[lit] < 1).sum()} of {lit.sum()} pixels are "
+            "dark.",
         )
 
 
@@ -58,6 +59,6 @@ def _screen(given: Given, side: np.ndarray) -> np.ndarray:
 
 def _square(at: np.ndarray, edge: float, side: np.ndarray) -> np.ndarray:
     """Return the matrix of a square around a place beside the lamp, which faces the lamp."""
-    x, y, z = (at + (0.0, 5.0, 0.0)).tolist()
+    x, y, z = (at + np.array((0.0, 5.0, 0.0))).tolist()
     nx, ny, nz = (-side).tolist()
     return placed((x, y, z), (edge, edge), (nx, ny, nz))

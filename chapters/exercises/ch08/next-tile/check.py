@@ -19,7 +19,9 @@ HIGHER = 0.1
 
 def check(given: Given) -> None:
     """A map of 4x4 tiles, a kernel of 5x5 texels."""
-    scene = yard(sun(DIRECTION), sun((0.0, -1.0, 0.0), lux=1e-6))  # the other one has tiles, and no light to speak of
+    scene = yard(
+        sun(DIRECTION), sun((0.0, -1.0, 0.0), lux=1e-6)
+    )  # the other one has tiles, and no light to speak of
     with given.open(
         scene,
         SIZE,
@@ -42,12 +44,14 @@ def check(given: Given) -> None:
     wrong = sure & (np.abs(factors - wanted) > 0.5 / KERNEL**2)
     for row, column in np.argwhere(wrong)[:1].tolist():
         taps = KERNEL**2
-        crossed = (np.floor(at[row, column] - KERNEL // 2) // 128 != np.floor(at[row, column] + KERNEL // 2) // 128).any()
+        crossed = (
+            np.floor(at[row, column] - KERNEL // 2) // 128 != np.floor(at[row, column] + KERNEL // 2) // 128
+        ).any()
         given.need(
             False,
             f"{wrong.sum()} pixels have a wrong factor. The kernel of pixel ({column}, {row}) lies "
-            f"{'over the edge of a tile' if crossed else 'in one tile'}: {wanted[row, column] * taps:.0f} of its {taps} texels are "
-            f"lit, and in the picture {factors[row, column] * taps:.0f}.",
+            f"{'over the edge of a tile' if crossed else 'in one tile'}: {wanted[row, column] * taps:.0f} of its "
+            f"{taps} texels are lit, and in the picture {factors[row, column] * taps:.0f}.",
         )
 
 
@@ -63,7 +67,7 @@ def _wanted(face: np.ndarray, depths: np.ndarray, origin: np.ndarray) -> tuple[n
     lit = np.zeros(at.shape[:2])
     for dy in range(-(KERNEL // 2), KERNEL // 2 + 1):
         for dx in range(-(KERNEL // 2), KERNEL // 2 + 1):
-            texel = middle + (dx, dy)
+            texel = middle + np.array((dx, dy))
             across = ((texel + 0.5 - half) / scale) @ axes[:2] + start
             plane = -across[..., 1] / axes[2, 1]  # how far along its axis the ground is there
             lit += depths[texel[..., 1], texel[..., 0]] >= plane - HIGHER

@@ -28,7 +28,10 @@ def check(given: Given) -> None:
             answer = function(faces.copy(), table.copy(), number, position.copy())
             where = f"In face {number} the point ({position[0]:.2f}, {position[1]:.2f}, {position[2]:.2f})"
             if wanted is None:
-                given.need(answer is None, f"{where} is outside of the face or behind its light, and has the place {answer}.")
+                given.need(
+                    answer is None,
+                    f"{where} is outside of the face or behind its light, and has the place {answer}.",
+                )
                 continue
             hits += 1
             given.need(
@@ -50,7 +53,10 @@ def _faces(given: Given) -> tuple[np.ndarray, np.ndarray]:
     packing: Any = given.module("scene.packing")
     lights = np.zeros(2, packing.LIGHT)
     lights["kind"] = packing.LIGHT_KINDS["point"], packing.LIGHT_KINDS["spot"]
-    lights["position"], lights["direction"] = ((0.5, 3.0, -1.0), (-6.0, 5.0, 6.0)), ((0, 0, -1), (0.6, -0.53, -0.6))
+    lights["position"], lights["direction"] = (
+        ((0.5, 3.0, -1.0), (-6.0, 5.0, 6.0)),
+        ((0, 0, -1), (0.6, -0.53, -0.6)),
+    )
     cosine = np.cos(np.radians(50.0))
     lights["cone"][1, :2] = 1 / (1 - cosine), -cosine / (1 - cosine)
     local, *_ = faces.local_faces(lights, np.arange(2), np.array([40, 512]), 0.01, np.full(2, 40.0), 3)
@@ -62,7 +68,9 @@ def _faces(given: Given) -> tuple[np.ndarray, np.ndarray]:
     made["tiles"], made["first"] = -(-sizes // 128), np.cumsum(tiles) - tiles
     small = np.flatnonzero(sizes < 128)  # they share a tile, the last one
     made["first"][small] = tiles.sum()
-    made["offset"][small] = np.stack([42 * (np.arange(len(small)) % 3), 42 * (np.arange(len(small)) // 3)], axis=1)
+    made["offset"][small] = np.stack(
+        [42 * (np.arange(len(small)) % 3), 42 * (np.arange(len(small)) // 3)], axis=1
+    )
     number = np.random.default_rng(3).permutation(int(tiles.sum()) + 1)
     return made, (number % 9 | number // 9 << 16).astype(np.uint32)
 
@@ -73,7 +81,9 @@ def _place(face: np.ndarray, table: np.ndarray, position: np.ndarray) -> tuple[i
     p = axes @ (position - face["origin"])
     if p[2] <= face["near"]:
         return None
-    texel = p[:2] * (face["scale_x"], face["scale_y"]) / (p[2] if face["perspective"] else 1.0) + face["size"] / 2
+    texel = (
+        p[:2] * (face["scale_x"], face["scale_y"]) / (p[2] if face["perspective"] else 1.0) + face["size"] / 2
+    )
     x, y = (int(one) for one in np.floor(texel))
     if min(x, y) < 0 or max(x, y) >= face["size"]:
         return None

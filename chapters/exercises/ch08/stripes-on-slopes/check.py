@@ -41,8 +41,8 @@ def check(given: Given) -> None:
             factors = _hovering(given, degrees, kernel, height)
             given.need(
                 (factors == 0).all(),
-                f"A plate hovers {100 * height:.0f} cm above the ground, {2 + kernel // 2} texels, under a sun at {degrees} "
-                f"degrees. It casts no shadow at {(factors > 0).mean():.0%} of the pixels below it.",
+                f"A plate hovers {100 * height:.0f} cm above the ground, {2 + kernel // 2} texels, under a sun at "
+                f"{degrees} degrees. It casts no shadow at {(factors > 0).mean():.0%} of the pixels below it.",
             )
 
 

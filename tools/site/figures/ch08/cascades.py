@@ -1,4 +1,4 @@
-"""The cascades of the sun as it sees them, as the chapter makes them for the atrium; and their texels against pixels."""
+"""The cascades of the sun as it sees them, made by the chapter for the atrium; and their texels against pixels."""
 
 from __future__ import annotations
 
@@ -129,7 +129,9 @@ def cascades_from_above() -> Canvas:
         c.line([*square, square[0]], "s1", 1.5)
     for sx, sy in signs:
         end = ends[2]
-        c.line([at(EYE), at((EYE[0] + sx * up * ASPECT * end, EYE[1] + sy * up * end, EYE[2] - end))], "s1", 1.5)
+        c.line(
+            [at(EYE), at((EYE[0] + sx * up * ASPECT * end, EYE[1] + sy * up * end, EYE[2] - end))], "s1", 1.5
+        )
     c.circle(*at(EYE), 5, "mark", "ink")
     _curves(c, (424.0, 46.0, 316.0, 232.0))
     return c

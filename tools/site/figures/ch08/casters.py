@@ -108,7 +108,16 @@ def casters_of_a_lamp() -> Canvas:
         py = top + 27 * row
         c.text(left + 14, py + 17, str(number), 13, "middle")
         for place, bit in enumerate(word):
-            c.box(left + 57 + 30 * place, py, 26, 22, bit, ("d" if word.count("1") > 1 else "a") if bit == "1" else "paper", 12, round=0)
+            c.box(
+                left + 57 + 30 * place,
+                py,
+                26,
+                22,
+                bit,
+                ("d" if word.count("1") > 1 else "a") if bit == "1" else "paper",
+                12,
+                round=0,
+            )
         row += 1
     left_out = [str(number) for number, word in enumerate(found) if not word]
     total = sum(word.count("1") for word in found)

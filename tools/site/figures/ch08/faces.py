@@ -46,7 +46,9 @@ def segments() -> Iterator[tuple[Float64, str]]:
         flat = np.full_like(along, at), np.full_like(along, FLOOR)
         yield np.stack([along, flat[1], flat[0]], axis=1), "line"
         yield np.stack([flat[0], flat[1], along], axis=1), "line"
-    corners = np.array([[CRATE[i, 0], CRATE[j, 1], CRATE[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+    corners = np.array(
+        [[CRATE[i, 0], CRATE[j, 1], CRATE[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)]
+    )
     step = np.linspace(0, 1, 201)[:, None]
     for one in range(8):
         for bit in (1, 2, 4):
@@ -78,7 +80,11 @@ def faces_of_a_lamp() -> Canvas:
             for first, last in ends.reshape(-1, 2).tolist():
                 if last - first > 1:
                     part = at[[first, last - 1]]  # straight lines stay straight
-                    c.line([(x + side * u, y + side * v) for u, v in part.tolist()], role, 2 if role == "s2" else 1)
+                    c.line(
+                        [(x + side * u, y + side * v) for u, v in part.tolist()],
+                        role,
+                        2 if role == "s2" else 1,
+                    )
         c.text(x + 6, y + 16, NAMES[number], 13, bold=True)
         c.arrow(x + 30, y + 10, x + side - 6, y + 10, "s1")
         c.arrow(x + 10, y + 26, x + 10, y + side - 6, "s3")

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from chapters.ch08.page_table.rule import cluster_resolution, solid_angle
 from chapters.ch08.page_table.lamps import size_above
+from chapters.ch08.page_table.rule import cluster_resolution, solid_angle
 from tools.site.figures.canvas import Canvas, Point
 
 RADIUS, PIXELS, LARGEST = 1.0, 4096.0, 1024

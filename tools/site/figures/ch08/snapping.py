@@ -52,7 +52,7 @@ def covered(number: int, snapped: bool) -> tuple[Texels, tuple[float, float]]:
     x, z, scale = origin(number, snapped)
     base = origin(0, True)
     moved = (x - base[0]) * scale, (z - base[1]) * scale
-    whole = tuple(int(round(one)) for one in moved)
+    whole = tuple(round(one) for one in moved)
     offset = moved[0] - whole[0], moved[1] - whole[1]
     around = np.arange(-AROUND, AROUND)
     px, pz = np.meshgrid(around + 0.5 + offset[0], around + 0.5 + offset[1])
@@ -82,7 +82,10 @@ def changed(number: int, snapped: bool) -> float:
 def snapping(c: Picture, number: int) -> None:
     """The shadow of a square in texels: on the left the map follows the camera, on the right in whole texels."""
     step = 14.0
-    for left, snapped, title in ((16.0, False, "the map follows the camera"), (336.0, True, "in whole texels")):
+    for left, snapped, title in (
+        (16.0, False, "the map follows the camera"),
+        (336.0, True, "in whole texels"),
+    ):
         c.text(left, 24, title, 13, bold=True)
         texels, offset = covered(number, snapped)
         middle = left + 144.0, 178.0
@@ -90,7 +93,10 @@ def snapping(c: Picture, number: int) -> None:
             place = middle[0] + step * (i + offset[0]), middle[1] + step * (j + offset[1])
             c.rectangle((*place, step, step), "a", "s1", False, 0)
         cos, sin, half = np.cos(LONG), np.sin(LONG), EDGES / 2
-        corners = [(cos * x - sin * y, sin * x + cos * y) for x, y in ((-half, -half), (half, -half), (half, half), (-half, half))]
+        corners = [
+            (cos * x - sin * y, sin * x + cos * y)
+            for x, y in ((-half, -half), (half, -half), (half, half), (-half, half))
+        ]
         outline = [(middle[0] + step * float(x), middle[1] + step * float(y)) for x, y in corners]
         c.line([*outline, outline[0]], "mark", 2)
         c.note(left, 326, f"changed since the frame before: {changed(number, snapped):.0f} texels")
@@ -98,7 +104,7 @@ def snapping(c: Picture, number: int) -> None:
 
 SNAPPING = {
     "ch08-snapping-loop": Loop(
-        "A shadow in the texels of a cascade while the camera moves: its edge crawls, and with whole texels it stands still",
+        "A shadow in texels while the camera moves: its edge crawls, and with whole texels it stands still",
         "ch08-cascades.svg",
         (640, 340),
         FRAMES,
