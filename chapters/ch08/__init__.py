@@ -11,6 +11,7 @@ LESSON = Lesson(
         "cascades that move by whole texels",
         "a bias by the plane of the receiver",
         "percentage-closer filtering",
+        "soft shadows by the size of a light",
         "a table of pages",
         "a pool of memory for all shadow maps",
         "resolution by need for each lamp",
@@ -126,6 +127,6 @@ LESSON = Lesson(
         "scene/vulkan_data.py": "binds shadows and their pages",
         "shading/forward.frag": "multiplies light by its shadow",
         "shading/views.glsl": "shows the views of shadows",
-        "shading/views.py": "has two views of shadows",
+        "shading/views.py": "has five views of shadows",
     },
 )

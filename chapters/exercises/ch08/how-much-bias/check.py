@@ -23,15 +23,17 @@ def measure(given: Given) -> dict[str, Answer]:
     lights = np.zeros(1, packing.LIGHT)
     lights["kind"], lights["direction"] = packing.LIGHT_KINDS["point"], (0, 0, -1)
     knobs = given.settings()
-    guard = model.guard(knobs)
-    (face, *_), *_ = faces.local_faces(lights, np.array([0]), np.array([256]), 0.01, np.array([50.0]), guard)
+    guard = int(model.guard(knobs, 256))
+    (face, *_), *_ = faces.local_faces(
+        lights, np.array([0]), np.array([256]), 0.01, np.array([50.0]), np.array([guard])
+    )
     ahead = faces.cube_axes()[:, 2]
     slope = np.tan(np.radians(60.0))
     plane = knobs.shadows.shadow_constant + knobs.shadows.shadow_slope * slope
     view = View(pose_looking_at((0, 0, 0), (0, 0, -1)), Perspective(np.radians(60.0), 0.1))
     centre, radius = cascades.slice_sphere(view.projection, 2.0, 0.0, 10.0)
     return {
-        "guard": model.guard(given.settings(shadow_kernel=7)),
+        "guard": int(model.guard(given.settings(shadow_kernel=7), 256)),
         "factors": 3 * 3 + 1,
         "texel": 5.0 / float(face["scale_x"]) * 1000,
         "face": NAMES[int((ahead @ np.array([1.0, -2.0, 1.5])).argmax())],

@@ -59,7 +59,9 @@ def _faces(given: Given) -> tuple[np.ndarray, np.ndarray]:
     )
     cosine = np.cos(np.radians(50.0))
     lights["cone"][1, :2] = 1 / (1 - cosine), -cosine / (1 - cosine)
-    local, *_ = faces.local_faces(lights, np.arange(2), np.array([40, 512]), 0.01, np.full(2, 40.0), 3)
+    local, *_ = faces.local_faces(
+        lights, np.arange(2), np.array([40, 512]), 0.01, np.full(2, 40.0), np.full(2, 3)
+    )
     view = View(pose_looking_at((0, 1.7, 6), (0, 1.7, 0)), Perspective(1.0, 0.05))
     sun = np.array([(0.4, -1.0, 0.3)]) / np.sqrt(1.25)
     made = np.concatenate([cascades.directional_faces(sun, BOX, view, np.zeros(3), 1.5, 2, 512, 3), local])

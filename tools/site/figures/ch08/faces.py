@@ -25,7 +25,7 @@ def lamp_faces() -> np.ndarray:
     """Return the six FACE records of a lamp at the origin, as the chapter makes them."""
     lights = np.zeros(1, LIGHT)
     lights["kind"], lights["direction"] = LIGHT_KINDS["point"], (0, 0, -1)
-    made, *_ = local_faces(lights, np.array([0]), np.array([SIZE]), 0.01, np.array([10.0]), GUARD)
+    made, *_ = local_faces(lights, np.array([0]), np.array([SIZE]), 0.01, np.array([10.0]), np.array([GUARD]))
     return made
 
 
