@@ -1,5 +1,5 @@
-// Textures by number, with given gradients: in a pass over all pixels the neighbour of a fragment may lie on another
-// triangle, so the differences between fragments, by which a sampler chooses its level, say nothing.
+// Textures by number, with given gradients: a kernel has no differences between fragments, by which a sampler chooses its
+// level. They would say nothing here: the neighbour of a pixel may lie on another triangle.
 
 #ifdef BINDLESS
 vec4 sample_between(uint map, uint arrays, vec2 uv, vec2 dx, vec2 dy) {

@@ -1,4 +1,4 @@
-"""The visibility buffer outside of its passes: what the resolve draws with, and whether the graph has it."""
+"""The visibility buffer outside of its passes: what the resolve binds, and whether the graph has it."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from .resolve import ResolveSurfacesPass
 
 
 class VisibilityTechnique(Technique):
-    """Hands the draw of the backend to the pass that resolves materials."""
+    """Hands the bindings of the backend to the pass that resolves materials."""
 
     name = "visibility"
 
     def create(self, parts: PassParts, backend: Backend, passes: Mapping[str, Pass]) -> None:
-        """Set the draw. Raises UserError for a graph that has a G-buffer, and no pass that would fill it."""
+        """Set the bindings. Raises UserError for a graph that has a G-buffer, and no pass that would fill it."""
         if not in_use(parts.settings):
             return
         resolve, file = passes[RESOLVE], read_graph(graph_path(graph_name(parts.settings)))
@@ -32,4 +32,4 @@ class VisibilityTechnique(Technique):
                 "surfaces=gbuffer."
             )
         assert isinstance(resolve, ResolveSurfacesPass), RESOLVE
-        resolve.draw = backend.part(__package__).Draws(backend).draw
+        resolve.bind = backend.part(__package__).Bindings(backend).bind
