@@ -194,7 +194,7 @@ LESSON = Lesson(
         "shading/forward.py": "leaves blended objects to the passes of layers",
         "shading/lighting.comp": "binds its target behind what it reads",
         "shading/lighting_compute.py": "binds its target behind what it reads",
-        "shading/settings.py": "has one more format of the G-buffer",
+        "shading/settings.py": "has one more format of the G-buffer, and the scale of counts",
         "shading/sky.frag": "exposes the sky where it reads it",
         "shading/transparent.py": "is not needed with layers",
         "shading/views.glsl": "counts the lights that a pixel evaluates",

@@ -10,6 +10,7 @@ import pytest
 from chapters.ch07.clusters.lights import LightRecords, brightest
 from chapters.ch07.settings import Settings
 from common.errors import SettingError
+from common.images.palette import heat
 from common.numerics.transforms import pose_looking_at
 from common.scene import Light
 from common.settings import apply_overrides, preset, replaced
@@ -227,3 +228,26 @@ def test_a_moving_camera_packs_no_light():
         edit.set_light(0, replace(scene.lights[0], intensity=5.0))
     records.follow()
     assert records._records is not packed_once
+
+
+@pytest.mark.feature("clustered/lighting-loop")
+def test_views_count_lights_in_range_and_lights_evaluated(chapter):
+    """Brute force evaluates all lights at every lit pixel, lists none fewer than reach it; white is `view_white`."""
+    scene, view, counts = lit_town(70), walk()[0], {}
+    for name, lists in (
+        ("light-count", "brute"),
+        ("lights-evaluated", "brute"),
+        ("lights-evaluated", "clusters"),
+    ):
+        settings = replaced(EXACT, view=name, light_lists=lists, view_white=35)
+        with chapter.open(scene, SIZE, settings, outputs=("color", "color_linear")) as renderer:
+            frame = renderer.render(view)
+            counts[name, lists] = frame.image("color_linear")[..., 0].copy()
+            codes = frame.image("color")[..., :3] / 255.0
+        shown = counts[name, lists] >= 0
+        np.testing.assert_allclose(codes[shown], heat(counts[name, lists][shown] / 35), atol=0.51 / 255)
+    reached, every, named = counts.values()
+    lit_pixels = every > 0
+    assert lit_pixels.mean() > 0.3 and (every[lit_pixels] == 70).all()
+    assert (named >= reached)[lit_pixels].all() and named[lit_pixels].max() < 70
+    assert reached[lit_pixels].max() > 0
