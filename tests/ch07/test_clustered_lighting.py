@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from chapters.ch07.clusters.lights import LightRecords, brightest
+from chapters.ch07.clusters.lights import LightRecords
 from chapters.ch07.settings import Settings
 from common.errors import SettingError
 from common.images.palette import heat
@@ -209,11 +209,6 @@ def test_of_too_many_lights_the_brightest_are_kept(chapter):
 def test_the_books_preset_has_the_books_limit():
     assert preset(Settings, "book").clusters.most_lights == 256
     assert preset(Settings, "medium").clusters.most_lights == 4096
-
-
-def test_equal_lights_keep_the_first():
-    lights = [Light("point", node=0, intensity=1.0)] * 5 + [Light("directional", node=0, intensity=1e-3)]
-    assert brightest(lights, 3) == [5, 0, 1]
 
 
 def test_a_moving_camera_packs_no_light():
