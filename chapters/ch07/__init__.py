@@ -175,7 +175,7 @@ LESSON = Lesson(
         "graph/execute/bindings.py": "leaves memory to its owner that only orders passes",
         "graph/execute/gl_bindings.py": "knows two more blocks of the scene",
         "graph/passes.py": "makes the new passes",
-        "graph/plan.py": "lets passes declare anew, and refuses ssao without a G-buffer",
+        "graph/plan.py": "lets passes declare anew, and refuses ssao and triangle numbers without a G-buffer",
         "graph/stream.py": "creates pipelines anew when targets change",
         "graph/types.py": "takes a pass with a depth test for one that draws",
         "loading/vulkan_first_uses.py": "writes records without an exposure",

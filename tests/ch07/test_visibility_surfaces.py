@@ -343,24 +343,26 @@ def test_what_is_off_creates_nothing(chapter):
 
 @pytest.mark.feature("visibility-buffer/ids")
 @pytest.mark.parametrize(
-    "turned",
+    ("turned", "why"),
     [
-        {"graph": "forward"},
-        *(
-            pytest.param(it, marks=pytest.mark.long)
-            for it in ({"graph": "auto", "msaa": 4}, {"view": "normal"})
-        ),
+        ({"graph": "auto", "msaa": 4}, "msaa=4, since"),
+        pytest.param({"graph": "forward", "msaa": 4}, "msaa=4, since", marks=pytest.mark.long),
+        pytest.param({"view": "normal"}, "view=normal, which", marks=pytest.mark.long),
+        ({"culling_overlay": "boxes"}, "culling_overlay=boxes, which"),
     ],
-    ids=str,
 )
-def test_frames_without_a_gbuffer_are_as_without_the_knob(chapter, turned):
-    pictures = []
-    for way in ("gbuffer", "visibility"):
+def test_frames_that_take_the_forward_pass_instead_say_so(chapter, turned, why):
+    """Once for a scene; they have no pass of numbers, and the picture is that without the knob."""
+    scene, pictures = jumble(3), []
+    for way in ("gbuffer", "visibility", "visibility"):
         settings = replaced(EXACT, surfaces=way, **turned)
-        with chapter.open(jumble(3), SIZE, settings, outputs=("color_linear",)) as renderer:
+        with chapter.open(scene, SIZE, settings, outputs=("color_linear",)) as renderer:
             pictures.append(renderer.render(CAMERA).image("color_linear").copy())
             assert not [name for name in steps(renderer) if name.startswith("visibility")]
-    assert np.array_equal(*pictures)
+            told = [text for text in renderer.scene.warnings if text.startswith("surfaces=")]
+            assert len(told) == (way == "visibility")
+            assert all(text.startswith(f"surfaces=visibility has no effect with {why}") for text in told)
+    assert np.array_equal(*pictures[:2])
 
 
 @pytest.mark.feature("visibility-buffer/ids")
@@ -392,3 +394,12 @@ def test_a_material_of_another_kind_is_followed(chapter):
     assert not np.array_equal(before, after)
     with chapter.open(scene, SIZE, settings, outputs=("color_linear",)) as renderer:
         assert np.array_equal(renderer.render(view).image("color_linear"), after)
+
+
+@pytest.mark.feature("visibility-buffer/ids")
+def test_the_forward_graph_is_refused(chapter):
+    """It lights objects while they are drawn: no pass would resolve their numbers."""
+    with pytest.raises(
+        UserError, match=r"forward\.json has no G-buffer, and surfaces=visibility fills one: set "
+    ):
+        chapter.open(quad_scene(), SIZE, replaced(EXACT, surfaces="visibility", graph="forward"))

@@ -11,7 +11,7 @@ from ..frames.backend.backend import Backend
 from ..graph.file import graph_path, read_graph
 from ..graph.plan import graph_name
 from ..scene.pass_parts import PassParts
-from .model import RESOLVE, VISIBILITY, in_use
+from .model import RESOLVE, VISIBILITY, in_use, without_effect
 from .resolve import ResolveSurfacesPass
 
 
@@ -21,7 +21,13 @@ class VisibilityTechnique(Technique):
     name = "visibility"
 
     def create(self, parts: PassParts, backend: Backend, passes: Mapping[str, Pass]) -> None:
-        """Set the bindings. Raises UserError for a graph that has a G-buffer, and no pass that would fill it."""
+        """Set the bindings, or say why there is none.
+
+        Raises UserError for a graph that has a G-buffer, and no pass that would fill it.
+        """
+        sentence = without_effect(parts.settings)
+        if sentence and sentence not in parts.scene.warnings:
+            parts.scene.warnings.append(sentence)
         if not in_use(parts.settings):
             return
         resolve, file = passes[RESOLVE], read_graph(graph_path(graph_name(parts.settings)))
