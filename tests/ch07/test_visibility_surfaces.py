@@ -201,8 +201,16 @@ def test_the_level_of_a_texture_is_that_of_the_sampler(chapter):
     assert np.ptp(levels) > 1.5 and levels.min() > 0
     # A sampler takes the differences within a quad of 2x2 pixels, whose middle is half a pixel away: where the level
     # changes by s a pixel, the two differ by about s / 2.
-    assert np.abs(found[shown] - levels).mean() < 0.05
-    assert np.abs(found[shown] - levels).max() < 0.1
+    if chapter.device.capabilities.is_software:
+        assert np.abs(found[shown] - levels).mean() < 0.05
+        assert np.abs(found[shown] - levels).max() < 0.1
+    # The length of a change may be anything from its larger part to sqrt(2) times the sum of both (Vulkan 1.3, 16.5.7):
+    # an H100 takes up to 1.08 times the length.
+    parts = [np.abs(change) * 512 for change in changes]
+    least = np.log2(np.maximum(*(it.max(axis=1) for it in parts)))
+    most = np.log2(np.maximum(*(it.sum(axis=1) for it in parts))) + 0.5
+    assert (found[shown] > least - 0.1).all() and (found[shown] < most + 0.1).all()
+    assert np.abs(found[shown] - levels).mean() < 0.2
 
 
 @pytest.mark.feature("visibility-buffer/analytic-derivatives")
