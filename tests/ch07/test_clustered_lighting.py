@@ -16,7 +16,7 @@ from common.scene import Light
 from common.settings import apply_overrides, preset, replaced
 from common.view.camera import Orthographic, Perspective, View
 from tests.support.lamps import lamps, lit, lit_town
-from tests.support.scenes import nodes_at, quad_scene
+from tests.support.scenes import nodes_at, quad_scene, translated
 from tests.support.towns import town, walk
 
 SIZE = (61, 35)
@@ -223,6 +223,20 @@ def test_a_moving_camera_packs_no_light():
         edit.set_light(0, replace(scene.lights[0], intensity=5.0))
     records.follow()
     assert records._records is not packed_once
+
+
+@pytest.mark.feature("clustered/lighting-loop", "clustered/tile-bitfields")
+@pytest.mark.parametrize(("size", "degrees"), [((3, 3), 120.0), ((7, 5), 120.0), ((9, 9), 150.0)])
+def test_tiles_that_span_more_than_a_cone(chapter, size, degrees):
+    """The picture is one tile or few, and its corners are 90 degrees and more from the middle of a tile."""
+    reach = np.tan(np.radians(degrees / 2)) / 6
+    places = np.stack(np.meshgrid(*[(np.arange(12) - 5.5) * reach] * 2), axis=-1).reshape(-1, 2)
+    lights = [Light("point", node=number, range=0.8 * reach) for number in range(len(places))]
+    wall = quad_scene(matrices=(np.diag((40.0, 40.0, 1.0, 1.0)),))
+    scene = lit(wall, lights, np.array([translated(x, y, 0.05) for x, y in places]))
+    view = View(pose_looking_at((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)), Perspective(np.radians(degrees), 0.01))
+    (wanted,) = assert_equal(chapter, scene, [view], ("tiles", "clusters"), size)
+    assert (wanted.max(axis=-1) > 0).mean() > 0.5
 
 
 @pytest.mark.feature("clustered/lighting-loop")
