@@ -246,6 +246,23 @@ def test_pictures_with_textures_and_masks_agree(chapter, lens):
         assert np.quantile(difference(found, name), 0.98) < 0.03, name
 
 
+@pytest.mark.feature("visibility-buffer/analytic-derivatives")
+@pytest.mark.variants("vulkan", "gl")
+def test_an_anisotropic_filter_is_that_of_the_gbuffer_pass(chapter):
+    """A floor at a grazing angle: the kernel's picture is far nearer to that of the same filter than to a round one."""
+    smooth = np.kron(np.random.default_rng(8).integers(0, 256, (32, 32, 4)), np.ones((4, 4, 1))).astype(
+        np.uint8
+    )
+    material = Material(base_color_texture=texture(0, SMOOTH), unlit=True)
+    scene = quad_scene(material, images=(Image("squares", smooth),))
+    low = View(pose_looking_at((0.0, -1.1, 0.12), (0.0, 0.5, 0.0)), Perspective(0.7, 0.02))
+    wide, flat = ([it["picture"] for it in surfaces(chapter, scene, low, anisotropy=a)] for a in (4.0, 1.0))
+    filters = np.abs(wide[0] - flat[0])[..., :3].max(axis=-1)
+    ways = np.abs(wide[0] - wide[1])[..., :3].max(axis=-1)
+    assert filters.mean() > 0.005
+    assert ways.mean() < 0.5 * filters.mean() and np.quantile(ways, 0.99) < np.quantile(filters, 0.99)
+
+
 @pytest.mark.long
 @pytest.mark.feature("visibility-buffer/analytic-derivatives")
 @pytest.mark.variants("vulkan", "gl")

@@ -14,6 +14,12 @@ layout(local_size_x = 8, local_size_y = 8) in;
 #include "transform.glsl"
 #include "barycentrics.glsl"
 #include "cotangent.glsl"
+
+struct Part {
+    uvec4 which;  // the page of geometry and the set of textures of the pixels that this dispatch treats; samples
+};
+PUSH(Part, part)
+
 #ifdef TEXTURED
 #include "gradients.glsl"
 #endif
@@ -30,11 +36,6 @@ layout(BIND(3, 3, 2), MATERIAL_FORMAT) uniform writeonly image2D gbuffer_materia
 #ifdef EMISSION
 layout(BIND(3, 4, 3), EMISSION_FORMAT) uniform writeonly image2D gbuffer_emissive;
 #endif
-
-struct Part {
-    uvec4 which;  // the page of geometry and the set of textures of the pixels that this dispatch treats
-};
-PUSH(Part, part)
 
 struct Vertex {
     vec3 world;

@@ -42,6 +42,8 @@ class ResolveSurfacesPass(FullscreenPass):
 
     bind: Bind
     """The bindings of the backend, set by the technique."""
+    samples_along = 1
+    """Samples along the longer change of uv that the kernel takes by itself; 1 leaves filtering to the device."""
 
     def __init__(self, parts: PassParts) -> None:
         super().__init__(parts)
@@ -81,6 +83,7 @@ class ResolveSurfacesPass(FullscreenPass):
             *self._data.texture_defines(whole, lambda _: whole),
             *flag_defines(),
             *((("TANGENTS_DERIVED", 1),) if derived else ()),
+            *((("SAMPLES_ALONG", "part.which.z"),) if self.samples_along > 1 else ()),
             *(*deferred.code_defines(settings), *deferred.emission_defines(self._scene, settings), *formats),
         )
         described = ComputeDescription("visibility/resolve.comp", defines, name="visibility resolve")
@@ -93,7 +96,7 @@ class ResolveSurfacesPass(FullscreenPass):
         for page, textures in dict.fromkeys((batch.page, batch.textures) for batch in draws.solid):
             images = data.texture_set(textures) if textured else None
             self.bind(commands, pipeline, draws.binding, data.bound_page(draws.slot, page), images)
-            commands.push(pipeline, np.array([page, textures, 0, 0], np.uint32))
+            commands.push(pipeline, np.array([page, textures, self.samples_along, 0], np.uint32))
             commands.dispatch_over(pipeline, commands.extent)
 
     def key(self, slot: int) -> Any:

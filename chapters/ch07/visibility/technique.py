@@ -38,4 +38,6 @@ class VisibilityTechnique(Technique):
                 "surfaces=gbuffer."
             )
         assert isinstance(resolve, ResolveSurfacesPass), RESOLVE
+        if backend.device.capabilities.is_software:
+            resolve.samples_along = int(parts.data.anisotropy)
         resolve.bind = backend.part(__package__).Bindings(backend).bind
