@@ -143,3 +143,17 @@ def show(record: dict[str, Any], to: Console) -> None:
             f"{row['error']['max_abs']:.0f}",
         )
     to.print(shown)
+
+
+def plot(axes: Any, record: dict[str, Any]) -> None:
+    """Draw the time of each way by view: of its passes, or of the frame where their stamps are wrong."""
+    known = all(row["ms"] is not None for row in record["rows"])
+    for way in WAYS:
+        rows = [row for row in record["rows"] if row["way"] == way]
+        took = [row["ms" if known else "wall_ms"] for row in rows]
+        axes.plot([row["view"] for row in rows], took, "o-", label=way, ms=4)
+    axes.set_yscale("log")
+    axes.set_ylabel("GPU ms of filling the G-buffer" if known else "ms of a frame")
+    width, height = record["size"]
+    axes.set_title(f"Surfaces, {record['scene']}, {width}x{height}", fontsize=10)
+    axes.legend(fontsize=8)
