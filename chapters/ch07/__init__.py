@@ -59,7 +59,7 @@ LESSON = Lesson(
         Section(
             "Light from everywhere",
             25,
-            "run 7 --scene atrium --set ambient=1500 --set ssao=normals",
+            "run 7 --scene atrium --set ssao=normals",
             ("ssao/ssao.frag", "ssao/ssao_blur.frag"),
             "dark-lamps",
         ),
@@ -160,7 +160,13 @@ LESSON = Lesson(
         "scene/records.py",
         "renderer.py",
     ),
-    replaces=("scene/packing.py:pack_lights", "scene/packing.py:cutoff_distance"),
+    replaces=(
+        "scene/packing.py:pack_lights",
+        "scene/packing.py:cutoff_distance",
+        "scene/vulkan_data.py:COMPUTED",
+        "shading/deferred.py:normal_defines",
+        "shading/views.py:COUNT_FULL",
+    ),
     plumbing={
         "settings.py": "has five more groups of knobs",
         "frames/backend/outputs.py": "brings buffers of techniques into the graph",

@@ -74,6 +74,14 @@ def test_a_light_on_a_node_without_size_shines_somewhere():
     assert np.linalg.norm(record["direction"]) == 1.0
 
 
+def test_a_light_whose_place_is_no_number_gives_no_light():
+    """As brute force adds it, a place of NaN would blacken every pixel."""
+    lost = packed(Light("spot", node=1, intensity=3.0), translated(math.nan, 1.0, 2.0))
+    assert lost["color"].max() == 0.0
+    assert np.isfinite(lost["position"]).all() and np.isfinite(lost["direction"]).all()
+    assert packed(Light("spot", node=1, intensity=3.0), translated(4.0, 1.0, 2.0))["color"].max() == 3.0
+
+
 def test_range_and_cutoff_are_squares_of_distances():
     record = packed(Light("point", node=1, range=4.0, intensity=9.0), cutoff=0.25)
     assert record["inverse_range2"] == 1 / 16

@@ -72,7 +72,8 @@ class LightRecords:
     def at(self, pose: Pose) -> np.ndarray:
         """Return (L,) LIGHT records at a pose, positions relative to the scene's origin.
 
-        A light shines along the -z axis of its node; only the rotation of the node counts, not its scale.
+        A light shines along the -z axis of its node; only the rotation of the node counts, not its scale. A light whose
+        place is no number gives no light.
         """
         records = self._records.copy()
         world = pose.world_from_node[self.nodes]
@@ -80,6 +81,10 @@ class LightRecords:
         length = np.linalg.norm(world[:, :3, 2], axis=1)
         axis = np.where(length[:, None] > 0, -world[:, :3, 2], (0.0, 0.0, -1.0))
         records["direction"] = axis / np.where(length > 0, length, 1.0)[:, None]
+        lost = ~np.isfinite(world).all(axis=(1, 2))
+        if lost.any():
+            for name in ("position", "direction", "color"):
+                records[name][lost] = 0.0
         return records
 
 
