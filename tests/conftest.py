@@ -57,6 +57,7 @@ FORWARD_ALONE = {
     "test_secondaries_say_all_themselves_and_stand_in_the_order_of_the_draws",
     "test_without_multi_draw_a_call_for_each_object_draws_the_same_bits",
     "test_forced_off_is_the_same_picture_by_another_path",
+    "test_glass_in_any_order_keeps_no_more_than_its_states",
 }
 """Tests that count draws, pipelines and sets of the forward path or name its passes, or hold it to a picture of its
 own: on the other path the numbers are others, and the tests of that path hold that both give the same light."""

@@ -197,6 +197,8 @@ def read_lights(document: Document, forest: Forest) -> list[Light]:
             lights.append(
                 _light(extension["lights"][use["light"]], use["light"], forest.place[index], node.get("name"))
             )
+            if extension["lights"][use["light"]].get("intensity", 1.0) < 0.0:
+                document.warn(f"The light '{lights[-1].name}' has a negative intensity and gives no light.")
     return lights
 
 

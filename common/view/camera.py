@@ -74,15 +74,14 @@ class View:
     """What one frame shows: everything that a renderer knows about the camera.
 
     `world_from_view` (4, 4) float64 is rigid; the camera stands at its last column and looks along -z, +y up.
-    `cut` says that the view before has nothing to do with this one, so no history may be used. `adapt`
-    (chapter 7 on) lets the renderer find the exposure itself, beginning with `ev100`.
+    `cut` says that the view before has nothing to do with this one, so no history may be used. A renderer that finds
+    the exposure by itself begins with `ev100`.
     """
 
     world_from_view: Float64
     projection: Projection = Perspective()
     ev100: float = UNIT_EV100
     cut: bool = False
-    adapt: bool = False
 
     @property
     def eye(self) -> Float64:
@@ -105,8 +104,8 @@ class View:
         """Compare all fields, the pose bit for bit: equal views give equal pictures."""
         if not isinstance(other, View):
             return NotImplemented
-        rest = (self.projection, self.ev100, self.cut, self.adapt)
-        return rest == (other.projection, other.ev100, other.cut, other.adapt) and np.array_equal(
+        rest = (self.projection, self.ev100, self.cut)
+        return rest == (other.projection, other.ev100, other.cut) and np.array_equal(
             self.world_from_view, other.world_from_view
         )
 

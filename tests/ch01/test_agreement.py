@@ -78,9 +78,12 @@ def test_the_same_scene_gives_the_same_picture(name, vulkan_device, gl_context):
     ):
         view = chapters.view_of(vulkan)
         a, b = vulkan.render(view, 0.3), opengl.render(view, 0.3)
-        same(a, b, vulkan_device.capabilities.is_software and gl_context.capabilities.is_software)
+        software = vulkan_device.capabilities.is_software and gl_context.capabilities.is_software
+        same(a, b, software)
         assert {key: a.work[key] for key in COMPARED} == {key: b.work[key] for key in COMPARED}
-        assert list(a.timings) == list(b.timings)
+        # A GPU may have a queue for compute alone, which OpenGL has not: graphs then order passes by both queues.
+        ordered = list if software else sorted
+        assert ordered(a.timings) == ordered(b.timings)
         first = {output: b.image(output) for output in OUTPUTS}
         opengl.render(view, 1.3)
         again = opengl.render(view, 0.3)

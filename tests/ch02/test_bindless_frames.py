@@ -86,7 +86,7 @@ class Watched:
             if name != "vkUpdateDescriptorSets":
                 continue
             for write in (arguments[2][i] for i in range(arguments[1])):
-                if write.dstBinding == 10:
+                if write.dstBinding == 10 and write.pImageInfo:  # a set of buffers may have as many
                     assert place < drawing, "written before anything of the frame is drawn"
                     for i in range(write.descriptorCount):
                         slots.append(write.dstArrayElement + i)

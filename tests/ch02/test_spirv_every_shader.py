@@ -113,6 +113,10 @@ GIVEN_FROM_7 = {
     "BACK": "0x80000000u",
     "UNLIT_FLAG": "1u",
     "DOUBLE_SIDED_FLAG": "2u",
+    "COLOR_FORMAT": "rgba8",
+    "NORMAL_FORMAT": "rgba16f",
+    "MATERIAL_FORMAT": "rgba8",
+    "EMISSION_FORMAT": "rgba16f",
 }
 GIVEN_IN = {
     "ssao": {"STEP": "ivec2(1, 0)"},

@@ -43,6 +43,7 @@ def buffers(chapter, scene, settings, view=None):
 @pytest.mark.parametrize("kind", FORMATS)
 def test_targets_stand_in_the_order_and_formats_of_the_table(chapter, kind):
     table = {
+        "octahedral": ("rgba8_srgb", "r32ui", "rgba8", "rgba16f"),  # from chapter 7 on
         "compact": ("rgba8_srgb", "rgb10a2", "rgba8", "rgba16f"),
         "half": ("rgba8_srgb", "rgba16f", "rgba8", "rgba16f"),
         "full": ("rgba32f", "rgba32f", "rgba32f", "rgba32f"),

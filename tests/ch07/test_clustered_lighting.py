@@ -7,15 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from chapters.ch07.clusters.lights import LightRecords, brightest
+from chapters.ch07.clusters.lights import LightRecords
 from chapters.ch07.settings import Settings
 from common.errors import SettingError
+from common.images.palette import heat
 from common.numerics.transforms import pose_looking_at
 from common.scene import Light
 from common.settings import apply_overrides, preset, replaced
 from common.view.camera import Orthographic, Perspective, View
 from tests.support.lamps import lamps, lit, lit_town
-from tests.support.scenes import nodes_at, quad_scene
+from tests.support.scenes import nodes_at, quad_scene, translated
 from tests.support.towns import town, walk
 
 SIZE = (61, 35)
@@ -210,11 +211,6 @@ def test_the_books_preset_has_the_books_limit():
     assert preset(Settings, "medium").clusters.most_lights == 4096
 
 
-def test_equal_lights_keep_the_first():
-    lights = [Light("point", node=0, intensity=1.0)] * 5 + [Light("directional", node=0, intensity=1e-3)]
-    assert brightest(lights, 3) == [5, 0, 1]
-
-
 def test_a_moving_camera_packs_no_light():
     """Records are packed for an edit; a pose costs whole arrays, whatever the number of lights."""
     scene = lit_town(300)
@@ -227,3 +223,40 @@ def test_a_moving_camera_packs_no_light():
         edit.set_light(0, replace(scene.lights[0], intensity=5.0))
     records.follow()
     assert records._records is not packed_once
+
+
+@pytest.mark.feature("clustered/lighting-loop", "clustered/tile-bitfields")
+@pytest.mark.parametrize(("size", "degrees"), [((3, 3), 120.0), ((7, 5), 120.0), ((9, 9), 150.0)])
+def test_tiles_that_span_more_than_a_cone(chapter, size, degrees):
+    """The picture is one tile or few, and its corners are 90 degrees and more from the middle of a tile."""
+    reach = np.tan(np.radians(degrees / 2)) / 6
+    places = np.stack(np.meshgrid(*[(np.arange(12) - 5.5) * reach] * 2), axis=-1).reshape(-1, 2)
+    lights = [Light("point", node=number, range=0.8 * reach) for number in range(len(places))]
+    wall = quad_scene(matrices=(np.diag((40.0, 40.0, 1.0, 1.0)),))
+    scene = lit(wall, lights, np.array([translated(x, y, 0.05) for x, y in places]))
+    view = View(pose_looking_at((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)), Perspective(np.radians(degrees), 0.01))
+    (wanted,) = assert_equal(chapter, scene, [view], ("tiles", "clusters"), size)
+    assert (wanted.max(axis=-1) > 0).mean() > 0.5
+
+
+@pytest.mark.feature("clustered/lighting-loop")
+def test_views_count_lights_in_range_and_lights_evaluated(chapter):
+    """Brute force evaluates all lights at every lit pixel, lists none fewer than reach it; white is `view_white`."""
+    scene, view, counts = lit_town(70), walk()[0], {}
+    for name, lists in (
+        ("light-count", "brute"),
+        ("lights-evaluated", "brute"),
+        ("lights-evaluated", "clusters"),
+    ):
+        settings = replaced(EXACT, view=name, light_lists=lists, view_white=35)
+        with chapter.open(scene, SIZE, settings, outputs=("color", "color_linear")) as renderer:
+            frame = renderer.render(view)
+            counts[name, lists] = frame.image("color_linear")[..., 0].copy()
+            codes = frame.image("color")[..., :3] / 255.0
+        shown = counts[name, lists] >= 0
+        np.testing.assert_allclose(codes[shown], heat(counts[name, lists][shown] / 35), atol=0.51 / 255)
+    reached, every, named = counts.values()
+    lit_pixels = every > 0
+    assert lit_pixels.mean() > 0.3 and (every[lit_pixels] == 70).all()
+    assert (named >= reached)[lit_pixels].all() and named[lit_pixels].max() < 70
+    assert reached[lit_pixels].max() > 0

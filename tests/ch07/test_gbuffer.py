@@ -31,13 +31,13 @@ def turned(angle: float) -> np.ndarray:
     return about_x @ about_y
 
 
-def stored(chapter, scene, names, view=AHEAD, **knobs):
+def stored(chapter, scene, names, view=AHEAD, writer="gbuffer", **knobs):
     """Return targets of the G-buffer as numbers."""
     with chapter.open(
         scene, SIZE, Settings(anisotropy=1.0, graph="deferred", **knobs), inspect=True
     ) as renderer:
         frame = renderer.render(view)
-        return {name: np.asarray(frame.image(f"gbuffer/{name}")) for name in names}
+        return {name: np.asarray(frame.image(f"{writer}/{name}")) for name in names}
 
 
 def light_of(codes: np.ndarray) -> np.ndarray:
@@ -91,6 +91,32 @@ def test_a_quad_is_kept_as_its_formats_say(chapter, format, color, degrees):
     angle = np.degrees(np.arctan2(np.linalg.norm(np.cross(n, matrix[:3, 2])), n @ matrix[:3, 2]))
     assert angle <= degrees
     np.testing.assert_allclose(values_of(got[TARGETS[2]][middle]), (1.0, 0.4, 0.6, 1.0), atol=0.5 / 255)
+
+
+@pytest.mark.feature("gbuffer/layout", "visibility-buffer/ids")
+@pytest.mark.parametrize("format", FORMATS)
+def test_a_kernel_stores_the_codes_that_a_target_stores(chapter, format):
+    """The base colour's code differs by one step of 8 bits at most: each rounds 255 times the same value by itself.
+
+    The kernel stores octahedral normals for `compact`, too, since not every device stores channels of ten bits.
+    """
+    scene = quad_scene(SURFACE, matrices=(turned(0.4),), lights=(SUN,))
+    drawn = stored(chapter, scene, TARGETS, gbuffer_format=format)
+    kept = stored(
+        chapter, scene, TARGETS, writer="visibility_resolve", gbuffer_format=format, surfaces="visibility"
+    )
+    middle = (SIZE[1] // 2, SIZE[0] // 2)
+    color, _, material = (
+        np.abs(kept[name][middle].astype(float) - drawn[name][middle].astype(float)).max() for name in TARGETS
+    )
+    assert color <= (1.0 if kept[TARGETS[0]].dtype == np.uint8 else 1e-6)
+    assert material == 0.0
+    normals = [
+        normal_of(it[TARGETS[1]][middle], kind)
+        for it, kind in ((drawn, format), (kept, "octahedral" if format == "compact" else format))
+    ]
+    degrees = {"octahedral": 0.008, "compact": 0.114, "half": 0.06, "full": 1e-4}[format]
+    assert np.degrees(np.linalg.norm(normals[0] - normals[1])) <= degrees
 
 
 @pytest.mark.feature("gbuffer/layout")

@@ -9,6 +9,7 @@ import pytest
 
 from chapters.ch07.settings import Settings
 from common.settings import replaced
+from tests.support.bounds import codes_off
 from tests.support.glowing import glowing
 from tests.support.gpu_functions import evaluate
 from tests.support.scenes import facing
@@ -68,11 +69,11 @@ def test_the_fit_of_aces_is_that_of_its_formula(vulkan_device):
 
 @pytest.mark.parametrize("curve", sorted(CURVES))
 def test_the_picture_shows_the_curve(chapter, curve):
-    """To half a code of 8 bits, and what a driver's rounding of one may add."""
+    """To half a code of 8 bits, or what the device's rounding adds to that, and single precision."""
     ramp = np.geomspace(1e-3, 200.0, 64)[:, None] * np.array([1.0, 0.6, 0.2])
     picture = np.float32(ramp.reshape(8, 8, 3))
     knobs = Settings(ambient=0.0, default_light=False, color_format="rgba32f", msaa=1)
     with closing(chapter.open(glowing(picture), (8, 8), replaced(knobs, tone_curve=curve))) as opened:
         found = opened.render(facing(ev100=EV)).image("color")
     wanted = srgb(CURVES[curve](picture.astype(np.float64))) * 255
-    assert np.abs(found - wanted).max() < 0.53
+    assert np.abs(found - wanted).max() < codes_off(chapter.device) + 0.03

@@ -16,6 +16,7 @@ from common.errors import UserError
 from common.scene import Material
 from common.settings import replaced
 from common.view.camera import Orthographic, Perspective
+from tests.support.bounds import codes_off
 from tests.support.jumble import CAMERA, jumble
 from tests.support.occluded import (
     ACROSS,
@@ -136,7 +137,7 @@ def test_the_estimate_from_depth_is_that_of_its_twin(open_, view):
 @pytest.mark.feature("postprocess/separable-blur")
 @pytest.mark.parametrize("method", [METHODS[0], pytest.param(METHODS[1], marks=pytest.mark.long)])
 @pytest.mark.parametrize("view", [EYE_VIEW, FLAT_VIEW], ids=["eye", "flat"])
-def test_the_blur_is_that_of_its_twin_at_edges_too(open_, method, view):
+def test_the_blur_is_that_of_its_twin_at_edges_too(open_, chapter, method, view):
     scene = room(translated(0.5, 0.8, 1.2))
     frame = open_(scene, ssao=method).render(view)
     depth, clip = frame.image("depth"), view.clip_from_view(SIZE[0] / SIZE[1])
@@ -145,8 +146,9 @@ def test_the_blur_is_that_of_its_twin_at_edges_too(open_, method, view):
         before, after = codes(frame, source) * STEP, codes(frame, target) * STEP
         truth = twin.blurred(before, depth, clip, tolerance, axis)
         assert np.abs(truth - before).max() > 0.05
-        # Half a step of rounding; and a slope whose two sides are equal but for rounding may be that of either.
-        assert (np.abs(after - truth) > 0.51 * STEP).mean() < 0.005
+        # A rounding to a step; and a slope whose two sides are equal but for rounding may be that of either.
+        rounding = (codes_off(chapter.device) + 0.01) * STEP
+        assert (np.abs(after - truth) > rounding).mean() < 0.005
     nearer = depth > np.roll(depth, 1, axis=1) * 1.05
     assert nearer.any(), "there are edges"
 
@@ -163,8 +165,12 @@ void main() {
 
 @pytest.mark.feature("postprocess/separable-blur")
 @pytest.mark.parametrize("scene", ["facing", "slanted"])
-def test_an_impulse_becomes_the_kernel_and_constants_stay(open_, tmp_path, scene):
-    """On a plane every tap counts, also where the plane recedes; the picture's edge loses none of a constant."""
+def test_an_impulse_becomes_the_kernel_and_constants_stay(open_, chapter, tmp_path, scene):
+    """On a plane every tap counts, also where the plane recedes; the picture's edge loses none of a constant.
+
+    A tap of 11.504 may become the code 11 on a GPU: software drivers alone round to the nearest.
+    """
+    rounding = codes_off(chapter.device) + 1e-3
     view = replace(facing(9.0), projection=Perspective(0.6, 0.05))
     shown = slanted() if scene == "slanted" else quad_scene(Material(), matrices=(np.diag((9.0, 9, 1, 1)),))
     renderer = open_(shown, ssao="depth")
@@ -193,12 +199,12 @@ def test_an_impulse_becomes_the_kernel_and_constants_stay(open_, tmp_path, scene
     frame = renderer.render(view)
     assert codes(frame, RAW).sum() == 255 == codes(frame, RAW)[16, 24]
     line = np.zeros(SIZE[0])
-    line[19:30] = np.rint(255 * twin.BINOMIAL)
+    line[19:30] = 255 * twin.BINOMIAL
     across = codes(frame, ACROSS)
-    assert across[16].tolist() == line.tolist() and across.sum() == line.sum()
+    assert np.abs(across[16] - line).max() <= rounding and across.sum() == across[16].sum()
     # Rounded once more: the column through the impulse is the kernel of what stands there.
-    column = np.rint(line[24] * twin.BINOMIAL)
-    assert np.abs(codes(frame, RESULT)[11:22, 24] - column).max() <= 0
+    column = across[16, 24] * twin.BINOMIAL
+    assert np.abs(codes(frame, RESULT)[11:22, 24] - column).max() <= rounding
     assert codes(frame, RESULT)[:11].max() == 0
     renderer.swap_pass("ssao", renderer.make_pass(Constant))
     frame = renderer.render(view)

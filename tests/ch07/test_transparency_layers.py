@@ -10,6 +10,7 @@ import pytest
 from chapters.ch07.settings import Settings
 from common.numerics.transforms import translation
 from common.settings import replaced
+from tests.support.bounds import snapping
 from tests.support.panes import BEHIND, DISTANCE, panes, random_colors, stack, tilted, view
 from tests.support.scenes import quad_scene
 from tests.twins.layers import Layers, U
@@ -43,7 +44,7 @@ def test_random_layers_are_composited_as_sorted_ones_in_double_precision(chapter
     """Squares that pierce one another: the order is another one from pixel to pixel, which no sort of objects gives."""
     matrices, colors = tilted(5, 24)
     picture, work = draw(chapter, panes(matrices, colors), graph=graph, transparency_nodes=24)
-    truth = Layers(matrices, colors, SIZE, DISTANCE)
+    truth = Layers(matrices, colors, SIZE, DISTANCE, snapping(chapter.device))
     sure = ~(truth.near_edge | truth.close)
     assert sure.mean() > 0.8 and truth.count.max() > 8
     error = np.abs(picture - truth.sorted_over(BEHIND)).max(axis=-1)

@@ -82,7 +82,7 @@ def test_a_page_of_geometry_has_places_of_its_own(chapter, scene, truths, monkey
         instance, triangle, _ = ids_of(renderer, VIEWS[0])
         used = {batch.page for batch in renderer._draws.solid}
         assert len(used) > 1
-        assert renderer.inspection.work.by_pass["visibility_resolve"]["draws"] == len(used)
+        assert renderer.inspection.work.by_pass["visibility_resolve"]["dispatches"] == len(used)
         wanted = truths(renderer.techniques["culling"].scene)[0]
         assert np.array_equal(instance[wanted.sure], wanted.instance[wanted.sure])
         assert np.array_equal(triangle[wanted.sure], wanted.triangle[wanted.sure])

@@ -18,6 +18,7 @@ from common.scene import Deformation, Image, Material, Sampler
 from common.scene.pose import evaluate_pose
 from common.settings import replaced
 from common.view.camera import Orthographic, Perspective, View
+from tests.support.bounds import snapping
 from tests.support.drivers import needs_whole_quads
 from tests.support.jumble import CAMERA, jumble
 from tests.support.scenes import NEAREST, facing, nodes_at, quad_scene, texture, translated
@@ -71,10 +72,11 @@ def colored_town():
     return replace(scene, colors=colors, normals=normals)
 
 
-def true_surfaces(scene, wanted, shown):
-    """Return base colour and normal (N, 3) of the pixels `shown` in double precision; either side of a normal."""
-    y, x = np.nonzero(shown)
-    weights = barycentrics(wanted.clip[shown], ndc_of(x, y))
+def true_surfaces(scene, wanted, shown, weights):
+    """Return base colour and normal (N, 3) of the pixels `shown` in double precision; either side of a normal.
+
+    `weights` (N, 3) are those of the vertices at each of these pixels.
+    """
     instance, mesh = wanted.instance[shown], scene.instances.mesh[wanted.instance[shown]]
     first = scene.meshes["first_index"][mesh].astype(int) + 3 * wanted.triangle[shown]
     vertices = scene.indices[first[:, None] + np.arange(3)].astype(int)
@@ -87,6 +89,24 @@ def true_surfaces(scene, wanted, shown):
     world = evaluate_pose(scene, 0.0).world_from_object[instance][:, :3, :3]
     normals = np.einsum("nji,nj->ni", np.linalg.inv(world), normals)
     return colors, normals / np.linalg.norm(normals, axis=1, keepdims=True)
+
+
+def moved(chapter, scene, wanted, shown):
+    """Return (H, W) how far colours and normals of `shown` may be off where a device moves vertices before it fills.
+
+    A vertex that moves along an axis takes the triangle's attributes with it: by its way times their slope.
+    """
+    y, x = np.nonzero(shown)
+    ndc, off = ndc_of(x, y), np.zeros(shown.shape)
+    for axis in (0, 1):
+        ahead, behind = (ndc + side * 1e-3 * np.eye(2)[axis] * 2 / SIZE[axis] for side in (1, -1))
+        ends = [
+            true_surfaces(scene, wanted, shown, barycentrics(wanted.clip[shown], place))
+            for place in (ahead, behind)
+        ]
+        slopes = [np.abs(one - other).max(axis=1) / 2e-3 for one, other in zip(*ends, strict=True)]
+        off[shown] += snapping(chapter.device) * np.maximum(*slopes)
+    return off
 
 
 def heights(clip):
@@ -113,7 +133,8 @@ def test_attributes_equal_those_of_the_gbuffer_and_of_double_precision(chapter, 
 
     A vertex 10 m from the origin is off by some 2^-24 of that in the eye's space, and 1e-4 pixels on the screen. Over a
     triangle of h pixels an attribute is off by 1e-4 / h of its range: 1e-5 from 8 pixels on, in either path. The
-    software driver's interpolation is off by 1.5e-5 in smaller ones, where the rebuilt ones are right.
+    software driver's interpolation is off by 1.5e-5 in smaller ones, where the rebuilt ones are right. On a GPU the
+    interpolated ones are those of vertices on a grid of 1/256 pixel.
     """
     scene = colored_town()
     found = surfaces(chapter, scene, view)
@@ -122,15 +143,18 @@ def test_attributes_equal_those_of_the_gbuffer_and_of_double_precision(chapter, 
     assert shown.mean() > 0.5
     bound = 1e-5 * np.maximum(1.0, 8.0 / np.maximum(heights(wanted.clip), 1e-3))
     assert (bound[shown] == 1e-5).mean() > 0.5
-    colors, normals = true_surfaces(scene, wanted, shown)
+    y, x = np.nonzero(shown)
+    weights = barycentrics(wanted.clip[shown], ndc_of(x, y))
+    colors, normals = true_surfaces(scene, wanted, shown, weights)
+    off = moved(chapter, scene, wanted, shown)
     stored = [found[1][name][shown][:, :3] for name in ("gbuffer_base_color", "gbuffer_normal")]
     side = np.sign((stored[1] * normals).sum(axis=1))[:, None]
     for got, truth in ((stored[0], colors), (stored[1], side * normals)):
         assert (np.abs(got - truth).max(axis=1) <= bound[shown]).all()
     for name in TARGETS:
         apart = difference(found, name)
-        assert (apart <= 2 * bound)[shown].all() and (apart <= 1e-5)[shown].mean() > 0.98, name
-        assert np.quantile(apart, 0.99) <= 1e-4, name
+        assert (apart <= 2 * bound + off)[shown].all() and (apart <= 1e-5 + off)[shown].mean() > 0.98, name
+        assert np.quantile(apart, 0.99) <= 1e-4 + np.quantile(off[shown], 0.99), name
     assert np.ptp(stored[0]) > 0.5
 
 
@@ -177,8 +201,16 @@ def test_the_level_of_a_texture_is_that_of_the_sampler(chapter):
     assert np.ptp(levels) > 1.5 and levels.min() > 0
     # A sampler takes the differences within a quad of 2x2 pixels, whose middle is half a pixel away: where the level
     # changes by s a pixel, the two differ by about s / 2.
-    assert np.abs(found[shown] - levels).mean() < 0.05
-    assert np.abs(found[shown] - levels).max() < 0.1
+    if chapter.device.capabilities.is_software:
+        assert np.abs(found[shown] - levels).mean() < 0.05
+        assert np.abs(found[shown] - levels).max() < 0.1
+    # The length of a change may be anything from its larger part to sqrt(2) times the sum of both (Vulkan 1.3, 16.5.7):
+    # an H100 takes up to 1.08 times the length.
+    parts = [np.abs(change) * 512 for change in changes]
+    least = np.log2(np.maximum(*(it.max(axis=1) for it in parts)))
+    most = np.log2(np.maximum(*(it.sum(axis=1) for it in parts))) + 0.5
+    assert (found[shown] > least - 0.1).all() and (found[shown] < most + 0.1).all()
+    assert np.abs(found[shown] - levels).mean() < 0.2
 
 
 @pytest.mark.feature("visibility-buffer/analytic-derivatives")
@@ -212,6 +244,23 @@ def test_pictures_with_textures_and_masks_agree(chapter, lens):
         # What differs is the level: a sampler's differences within a quad reach over the edges of triangles.
         assert difference(found, name).mean() < 2e-3, name
         assert np.quantile(difference(found, name), 0.98) < 0.03, name
+
+
+@pytest.mark.feature("visibility-buffer/analytic-derivatives")
+@pytest.mark.variants("vulkan", "gl")
+def test_an_anisotropic_filter_is_that_of_the_gbuffer_pass(chapter):
+    """A floor at a grazing angle: the kernel's picture is far nearer to that of the same filter than to a round one."""
+    smooth = np.kron(np.random.default_rng(8).integers(0, 256, (32, 32, 4)), np.ones((4, 4, 1))).astype(
+        np.uint8
+    )
+    material = Material(base_color_texture=texture(0, SMOOTH), unlit=True)
+    scene = quad_scene(material, images=(Image("squares", smooth),))
+    low = View(pose_looking_at((0.0, -1.1, 0.12), (0.0, 0.5, 0.0)), Perspective(0.7, 0.02))
+    wide, flat = ([it["picture"] for it in surfaces(chapter, scene, low, anisotropy=a)] for a in (4.0, 1.0))
+    filters = np.abs(wide[0] - flat[0])[..., :3].max(axis=-1)
+    ways = np.abs(wide[0] - wide[1])[..., :3].max(axis=-1)
+    assert filters.mean() > 0.005
+    assert ways.mean() < 0.5 * filters.mean() and np.quantile(ways, 0.99) < np.quantile(filters, 0.99)
 
 
 @pytest.mark.long
@@ -267,7 +316,10 @@ def test_deforming_meshes_are_resolved_from_the_vertices_of_their_slot(chapter):
     flat, found = surfaces(chapter, scene, TILTED)[1], surfaces(chapter, bent, TILTED)
     assert np.abs(found[1]["gbuffer_normal"] - flat["gbuffer_normal"]).max() > 0.1
     for name in TARGETS:
-        assert difference(found, name).max() <= 1e-5, name
+        # Where a device moves vertices, the interpolated attributes follow; the rebuilt picture has their slopes.
+        slopes = [np.abs(it).max(axis=-1) for it in np.gradient(found[1][name], axis=(0, 1))]
+        off = snapping(chapter.device) * sum(slopes)
+        assert (difference(found, name) <= 1e-5 + off).all(), name
 
 
 @pytest.mark.feature("visibility-buffer/ids")
@@ -343,24 +395,26 @@ def test_what_is_off_creates_nothing(chapter):
 
 @pytest.mark.feature("visibility-buffer/ids")
 @pytest.mark.parametrize(
-    "turned",
+    ("turned", "why"),
     [
-        {"graph": "forward"},
-        *(
-            pytest.param(it, marks=pytest.mark.long)
-            for it in ({"graph": "auto", "msaa": 4}, {"view": "normal"})
-        ),
+        ({"graph": "auto", "msaa": 4}, "msaa=4, since"),
+        pytest.param({"graph": "forward", "msaa": 4}, "msaa=4, since", marks=pytest.mark.long),
+        pytest.param({"view": "normal"}, "view=normal, which", marks=pytest.mark.long),
+        ({"culling_overlay": "boxes"}, "culling_overlay=boxes, which"),
     ],
-    ids=str,
 )
-def test_frames_without_a_gbuffer_are_as_without_the_knob(chapter, turned):
-    pictures = []
-    for way in ("gbuffer", "visibility"):
+def test_frames_that_take_the_forward_pass_instead_say_so(chapter, turned, why):
+    """Once for a scene; they have no pass of numbers, and the picture is that without the knob."""
+    scene, pictures = jumble(3), []
+    for way in ("gbuffer", "visibility", "visibility"):
         settings = replaced(EXACT, surfaces=way, **turned)
-        with chapter.open(jumble(3), SIZE, settings, outputs=("color_linear",)) as renderer:
+        with chapter.open(scene, SIZE, settings, outputs=("color_linear",)) as renderer:
             pictures.append(renderer.render(CAMERA).image("color_linear").copy())
             assert not [name for name in steps(renderer) if name.startswith("visibility")]
-    assert np.array_equal(*pictures)
+            told = [text for text in renderer.scene.warnings if text.startswith("surfaces=")]
+            assert len(told) == (way == "visibility")
+            assert all(text.startswith(f"surfaces=visibility has no effect with {why}") for text in told)
+    assert np.array_equal(*pictures[:2])
 
 
 @pytest.mark.feature("visibility-buffer/ids")
@@ -392,3 +446,12 @@ def test_a_material_of_another_kind_is_followed(chapter):
     assert not np.array_equal(before, after)
     with chapter.open(scene, SIZE, settings, outputs=("color_linear",)) as renderer:
         assert np.array_equal(renderer.render(view).image("color_linear"), after)
+
+
+@pytest.mark.feature("visibility-buffer/ids")
+def test_the_forward_graph_is_refused(chapter):
+    """It lights objects while they are drawn: no pass would resolve their numbers."""
+    with pytest.raises(
+        UserError, match=r"forward\.json has no G-buffer, and surfaces=visibility fills one: set "
+    ):
+        chapter.open(quad_scene(), SIZE, replaced(EXACT, surfaces="visibility", graph="forward"))

@@ -23,6 +23,7 @@ from common.settings import Knob, flat, preset, replaced
 from tools.bench import bench, prepared
 from tools.bench import points as bench_points
 from tools.bench.prepared import prepared_points
+from tools.bench.report import FRAME_PARTS, shows
 from tools.cli.commands import invoke
 
 QUICK = ["bench", "1", "--quick", "--scene", "cornell", "--size", "64x36"]
@@ -328,6 +329,11 @@ def test_a_plot_is_made_where_matplotlib_is(record, tmp_path):
         return
     bench.plot(tmp_path / "plot.png", record)
     assert (tmp_path / "plot.png").stat().st_size > 1000
+
+
+def test_every_part_with_a_panel_can_be_drawn():
+    parts = bench.DRAWN & set(FRAME_PARTS)
+    assert "surfaces" in parts and [part for part in parts if not hasattr(shows(part), "plot")] == []
 
 
 def test_the_tables_show_every_setting(record, capsys):

@@ -10,6 +10,7 @@ from chapters.ch07.settings import Settings as ChapterSettings
 from chapters.ch07.studies.depth_peeling import Settings
 from common.errors import SettingError
 from common.scene import Material
+from tests.support.bounds import snapping
 from tests.support.panes import BEHIND, DISTANCE, panes, stack, tilted, view
 from tests.support.scenes import quad_scene
 from tests.twins.layers import Layers, U
@@ -37,7 +38,7 @@ def draw(stage, scene, camera=None, size=SIZE, **turned):
 def test_enough_layers_equal_sorted_compositing(stage, culling):
     """Squares that pierce one another, at each pixel sorted in double precision; four roundings for each layer."""
     matrices, colors = tilted(5, 10)
-    truth = Layers(matrices, colors, SIZE, DISTANCE)
+    truth = Layers(matrices, colors, SIZE, DISTANCE, snapping(stage.device))
     most = int(truth.count.max())
     assert most >= 4
     picture = draw(stage, panes(matrices, colors), view(), peeled_layers=most, culling=culling)

@@ -8,6 +8,7 @@ import pytest
 import chapters
 from chapters.ch07.studies import separable_bloom as study
 from chapters.ch07.studies.separable_bloom import SIDE, TAPS, Settings
+from tests.support.bounds import codes_off
 from tests.twins.hdr import tone_reinhard
 
 WHICH = "7/separable-bloom"
@@ -114,4 +115,4 @@ def test_a_picture_without_bright_texels_is_shown_as_it_is(stage, monkeypatch):
     module = chapters.renderer_module(WHICH, stage.backend)
     light = tone_reinhard(module.Renderer.light()[..., :3], 1.17)
     codes = np.where(light <= 0.0031308, light * 12.92, 1.055 * light ** (1 / 2.4) - 0.055) * 255
-    assert np.abs(plain - codes).max() < 0.53
+    assert np.abs(plain - codes).max() < codes_off(stage.device) + 0.03

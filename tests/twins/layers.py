@@ -13,11 +13,17 @@ U = 2.0**-24
 class Layers:
     """The squares of a `panes` scene (tests/support/panes.py) as an orthographic view from +z sees them.
 
-    `matrices` are (N, 4, 4); the picture of `size` shows y from -1 to 1. Arrays are (N, H, W).
+    `matrices` are (N, 4, 4); the picture of `size` shows y from -1 to 1. Arrays are (N, H, W). `moved` is how far, in
+    pixels along each axis, the device may move the corners of a square before it fills it.
     """
 
     def __init__(
-        self, matrices: np.ndarray, colors: np.ndarray, size: tuple[int, int], distance: float
+        self,
+        matrices: np.ndarray,
+        colors: np.ndarray,
+        size: tuple[int, int],
+        distance: float,
+        moved: float = 0.0,
     ) -> None:
         width, height = size
         x = ((np.arange(width) + 0.5) / width * 2 - 1) * (width / height)
@@ -29,14 +35,20 @@ class Layers:
         inside = np.einsum("nij,njhw->nihw", local, away)
         self.z = matrices[:, 2, 3][:, None, None] + np.einsum("ni,nihw->nhw", matrices[:, 2, :2], inside)
         """Towards the camera."""
+        shift = moved * 2 / height
+        self.off = shift * np.abs(np.einsum("ni,nij->nj", matrices[:, 2, :2], local)).sum(axis=1)
+        """(N) how far off `z` is where corners move: their way along each axis times the slope along it."""
         edge = 1 - np.abs(inside).max(axis=1)
         self.covered = edge > 0
-        self.near_edge = (np.abs(edge) < 1e-3).any(axis=0)
+        wide = 1e-3 + shift * np.abs(local).sum(axis=2).max(axis=1)
+        self.near_edge = (np.abs(edge) < wide[:, None, None]).any(axis=0)
         """(H, W) whether a pixel's centre is so near to an edge that rounding decides."""
-        ordered = np.sort(np.where(self.covered, self.z, np.inf), axis=0)
+        order = np.argsort(np.where(self.covered, self.z, np.inf), axis=0, kind="stable")
+        ordered = np.take_along_axis(np.where(self.covered, self.z, np.inf), order, axis=0)
+        off = self.off[order]
         with np.errstate(invalid="ignore"):
-            gaps = np.diff(ordered, axis=0, append=np.inf)
-        self.close = (gaps < 1e-5).any(axis=0)
+            gaps = np.diff(ordered, axis=0)
+        self.close = (gaps < 1e-5 + off[:-1] + off[1:]).any(axis=0)
         """(H, W) whether two layers are so near to each other that rounding decides which is the nearer one."""
 
     @property

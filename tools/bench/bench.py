@@ -63,6 +63,7 @@ PARTS = {
     "surfaces": "a visibility buffer beside a G-buffer",
     "occlusion": "ambient occlusion in screen space against cast rays",
     "transparency": "blended surfaces: sorted, weighted, or as lists of layers",
+    "hdr": "automatic exposure and bloom against double precision",
 }
 """What a bench measures; a chapter may lack any of those that come after `stability`, and `prepared`."""
 
@@ -79,6 +80,7 @@ DRAWN = {
     "surfaces",
     "occlusion",
     "transparency",
+    "hdr",
     "settings",
     "prepared",
     "scales",
@@ -251,6 +253,7 @@ def parts_of(which: chapters.Whole, api: str, only: Sequence[str] = ()) -> tuple
         ("surfaces", "surfaces"),
         ("occlusion", "ssao"),
         ("transparency", "transparency"),
+        ("hdr", "exposure"),
     ):
         if not hasattr(settings_class, names) and names not in knobs(settings_class):
             missing[part] = f"{spoken} names none in its settings ({names})"
@@ -343,7 +346,9 @@ def measure(
         if "occlusion" in parts:
             framed["occlusion"] = bench("occlusion").measure(subject, effort, within(0.977, 0.978))
         if "transparency" in parts:
-            framed["transparency"] = bench("transparency").measure(subject, effort, within(0.978, 0.98))
+            framed["transparency"] = bench("transparency").measure(subject, effort, within(0.978, 0.979))
+        if "hdr" in parts:
+            framed["hdr"] = bench("hdr").measure(subject, effort, within(0.979, 0.98))
         if "stability" in parts:
             steps("stability", 0.98)
             cases = bench_points.stability_cases(subject, effort)

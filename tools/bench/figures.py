@@ -329,6 +329,20 @@ def _transparency(made: dict[str, Any]) -> Iterator[Row]:
         yield _point(f"{one['panes']} panes", one["way"]), _times(one, "ms") | _errors(one["error"])
 
 
+def _hdr(made: dict[str, Any]) -> Iterator[Row]:
+    held = made.get("hdr") or dict.fromkeys(("exposures", "adaptation", "bloom", "passes"), ())
+    for one in held["exposures"]:
+        yield _point(one["picture"], one["way"], one["format"]), _errors({"stops": abs(one["error_stops"])})
+    for one in held["adaptation"]:
+        point = _point(one["way"], f"{one['from_nits']:g} to {one['to_nits']:g} nits")
+        yield point, _errors({"stops": one["error_stops"]}) | _work(one, "frames")
+    for one in held["bloom"]:
+        errors = {name: abs(one[name]) for name in ("mean_error", "largest_error", "energy", "shift")}
+        yield _point(f"bloom, {one['levels']} levels", one["format"]), _errors(errors)
+    for one in held["passes"]:
+        yield "{}, {}x{}".format(one["pass"], *one["size"]), _times(one, "ms", "frame_ms")
+
+
 PARTS = {
     "settings": _settings,
     "prepared": _prepared,
@@ -354,5 +368,6 @@ PARTS = {
     "surfaces": _surfaces,
     "occlusion": _occlusion,
     "transparency": _transparency,
+    "hdr": _hdr,
 }
 """How the points of each part of a bench are found in its record."""

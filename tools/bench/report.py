@@ -37,6 +37,7 @@ FRAME_PARTS = {
     "surfaces": "visibility",
     "occlusion": "occlusion",
     "transparency": "transparency",
+    "hdr": "hdr",
 }
 """The parts of chapters whose frame is a graph, and the benches of lessons that show and draw them."""
 

@@ -28,7 +28,7 @@ from tools.run.live import Live
 from tools.run.opening import Opening, open_scene
 from tools.run.record import STDOUT, Log, triangles
 from tools.run.views import with_view
-from tools.run.watch import watch
+from tools.run.watch import until_idle, watch
 
 if TYPE_CHECKING:
     from backends.contract import Frame, Renderer
@@ -318,6 +318,9 @@ def draw(request: Request, began: float) -> int:
                 view = chapters.view_of(renderer, request.camera, time)
                 frame = renderer.render(view, time)
                 log.add(frame)
+            if request.frames is None:  # an exposure that the GPU finds, for one, shows a frame later
+                for frame in until_idle(renderer, view, time):
+                    log.add(frame)
             steps("write", 0.9)
             if request.out is None:
                 target.parent.mkdir(exist_ok=True)
@@ -360,6 +363,8 @@ def expose(scene: Scene, request: Request) -> None:
     """Give the scene the exposure of --ev; say so where an environment does not fit the one that the scene has."""
     scene.ev100 = request.ev100
     if scene.environment is None or request.ev100 is not None:
+        return
+    if flat(settings_of(request, "medium")).get("exposure", "view") != "view":  # the renderer finds it
         return
     from common.view.camera import exposure, fitting_ev100, framed_view
 

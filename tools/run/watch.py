@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -73,8 +73,14 @@ def watch(
 def settled(renderer: Renderer, view: View, time: float) -> Frame:
     """Return a frame in which everything that goes on over several frames has come to rest."""
     frame = renderer.render(view, time)
+    for later in until_idle(renderer, view, time):
+        frame = later
+    return frame
+
+
+def until_idle(renderer: Renderer, view: View, time: float) -> Iterator[Frame]:
+    """Yield further frames of a view until another one would show the same; MOST_FRAMES at most."""
     for _ in range(MOST_FRAMES - 1):
         if renderer.idle(view, time):
             break
-        frame = renderer.render(view, time)
-    return frame
+        yield renderer.render(view, time)

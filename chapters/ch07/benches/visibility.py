@@ -6,6 +6,7 @@ shader gives the gradients itself.
 
 from __future__ import annotations
 
+import time as clock
 from collections.abc import Callable
 from typing import Any
 
@@ -24,6 +25,9 @@ KNOB = "surfaces"
 WAYS = ("gbuffer", "visibility")
 """The values of the setting; the picture of the first one is the truth."""
 
+KERNEL = "visibility_resolve"
+"""The pass that evaluates materials."""
+
 SCENE, QUICK_SCENE = "city:1M", "city:100K"
 
 SIZE, QUICK_SIZE = (1920, 1080), (160, 90)
@@ -38,8 +42,10 @@ SOFTWARE_FRAMES, LEAST_WARM_UP = 4, 3
 def measure(subject: Subject, effort: Effort, step: Callable[[str, float], None]) -> dict[str, Any] | None:
     """Return a row for each view and way; None for a chapter without the setting.
 
-    `passes` are ms by pass of those that fill the G-buffer and its depth, `ms` is their sum, and `frame_ms` that of all
-    passes; both are 0 on a device without timestamps. `triangles` are those that culling left.
+    `passes` are ms by pass of those that fill the G-buffer and its depth, `ms` is their sum; both are 0 on a device
+    without time stamps. `ms` is None where those of dispatches are wrong: Vulkan's software driver takes them before a
+    dispatch has ended. `wall_ms` is the time from the call until the frame is done. `triangles` are those that culling
+    left.
     """
     if KNOB not in knobs(subject.settings_class):
         return None
@@ -78,17 +84,29 @@ def _timed(renderer: Any, view: View, effort: Effort) -> tuple[dict[str, Any], A
     """Return the times of a view, and its last frame."""
     software = renderer.capabilities.is_software
     frames = min(effort.frames, SOFTWARE_FRAMES) if software else effort.frames
-    times: list[dict[str, float]] = []
+    times: list[tuple[dict[str, float], float]] = []
     for _ in range(max(effort.warm_up, LEAST_WARM_UP) + frames):
+        started = clock.perf_counter()
         frame = renderer.render(view, 0.0)
-        times.append(dict(frame.timings))
-    measured = times[-frames:]
+        taken = dict(frame.timings)
+        times.append((taken, (clock.perf_counter() - started) * 1e3))
+    measured = [taken for taken, _ in times[-frames:]]
     names = [name for name in measured[0] if name.startswith(WAYS)]
     passes = {name: middle([took[name] for took in measured])[0] for name in names}
+    ms: float | None
     ms, noise = middle([sum(took[name] for name in names) for took in measured])
-    whole, _ = middle([sum(took.values()) for took in measured])
+    if software and renderer.capabilities.backend == "vulkan" and KERNEL in names:
+        ms = None
+    wall, wall_noise = middle([whole for _, whole in times[-frames:]])
     triangles = int(frame.work.get("triangles_drawn", frame.work.get("triangles", 0)))
-    row = {"ms": ms, "noise_ms": noise, "frame_ms": whole, "passes": passes, "triangles": triangles}
+    row = {
+        "ms": ms,
+        "noise_ms": noise,
+        "wall_ms": wall,
+        "wall_noise_ms": wall_noise,
+        "passes": passes,
+        "triangles": triangles,
+    }
     return row, frame
 
 
@@ -106,20 +124,36 @@ def show(record: dict[str, Any], to: Console) -> None:
             ">GPU ms",
             ">±",
             ">of it resolve",
-            ">frame ms",
+            ">wall ms",
+            ">±",
             ">largest difference",
         ),
     )
     for row in record["rows"]:
-        resolve = row["passes"].get("visibility_resolve")
+        resolve, known = row["passes"].get(KERNEL), row["ms"] is not None
         shown.add_row(
             row["view"],
             f"{row['triangles']:,}",
             row["way"],
-            f"{row['ms']:.3f}",
-            f"{row['noise_ms']:.3f}",
-            "-" if resolve is None else f"{resolve:.3f}",
-            f"{row['frame_ms']:.3f}",
+            f"{row['ms']:.3f}" if known else "-",
+            f"{row['noise_ms']:.3f}" if known else "-",
+            "-" if resolve is None or not known else f"{resolve:.3f}",
+            f"{row['wall_ms']:.3f}",
+            f"{row['wall_noise_ms']:.3f}",
             f"{row['error']['max_abs']:.0f}",
         )
     to.print(shown)
+
+
+def plot(axes: Any, record: dict[str, Any]) -> None:
+    """Draw the time of each way by view: of its passes, or of the frame where their stamps are wrong."""
+    known = all(row["ms"] is not None for row in record["rows"])
+    for way in WAYS:
+        rows = [row for row in record["rows"] if row["way"] == way]
+        took = [row["ms" if known else "wall_ms"] for row in rows]
+        axes.plot([row["view"] for row in rows], took, "o-", label=way, ms=4)
+    axes.set_yscale("log")
+    axes.set_ylabel("GPU ms of filling the G-buffer" if known else "ms of a frame")
+    width, height = record["size"]
+    axes.set_title(f"Surfaces, {record['scene']}, {width}x{height}", fontsize=10)
+    axes.legend(fontsize=8)

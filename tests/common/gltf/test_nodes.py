@@ -124,6 +124,17 @@ def test_lights(tmp_path):
     assert (got[3].inner_cone, got[3].outer_cone) == (0.0, math.pi / 4)
 
 
+def test_a_negative_intensity_gives_no_light_and_is_told(tmp_path):
+    gltf = Gltf()
+    lights = [{"type": "point", "intensity": -5, "name": "hole"}, {"type": "point", "intensity": 0}]
+    gltf.json["extensions"] = {"KHR_lights_punctual": {"lights": lights}}
+    for number in (0, 1):
+        gltf.node(extensions={"KHR_lights_punctual": {"light": number}})
+    scene = load_scene(gltf.write(tmp_path))
+    assert [light.intensity for light in scene.lights] == [0.0, 0.0]
+    assert scene.warnings == ["The light 'hole' has a negative intensity and gives no light."]
+
+
 @pytest.mark.parametrize(
     "spot",
     [{"innerConeAngle": 0.7, "outerConeAngle": 0.7}, {"outerConeAngle": 1.6}, {"innerConeAngle": -0.1}],

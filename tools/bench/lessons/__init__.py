@@ -23,6 +23,7 @@ CHAPTERS = {
     "visibility": 7,
     "occlusion": 7,
     "transparency": 7,
+    "hdr": 7,
 }
 """The chapter whose `benches/` has the module."""
 

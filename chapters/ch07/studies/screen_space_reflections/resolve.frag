@@ -2,6 +2,7 @@
 // roughness, in place of what came from the environment.
 
 #include "surface.glsl"
+#include "shading/color_code.glsl"
 
 layout(BIND(1, 3, 6)) uniform sampler2D gbuffer_base_color;
 layout(BIND(1, 4, 7)) uniform sampler2D color_lit;
@@ -50,7 +51,7 @@ void main() {
     if (mean.a == 0.0) {  // nothing was met: the environment stays, to the bit
         return;
     }
-    vec3 base_color = texelFetch(gbuffer_base_color, pixel, 0).rgb;
+    vec3 base_color = found_color(gbuffer_base_color, pixel);
     vec3 n = normal_at(pixel), v = -(mat3(frame.world_from_view) * eye_ray(ndc_of(pixel)));
     vec3 f0 = mix(vec3(DIELECTRIC), base_color, metallic);
     float n_dot_v = min(abs(dot(n, v)), 1.0);
