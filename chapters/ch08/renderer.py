@@ -2,9 +2,11 @@
 
     update     write constants, instances and lights into this frame's slot; prepare each technique in TECHNIQUES;
                upload textures that are decoded (`frames/stream.py`)
-    passes     record the passes of the graph, in its order (graph/*.json). Deferred: gbuffer, lighting, transparent
-               -> color_hdr, depth. Forward: one pass of that name, and resolve with several samples a pixel. Then three
-               passes of a lens, exposure and bloom -> color_focused; tonemap -> color; instance_id, if requested
+    passes     record the passes of the graph, in its order (graph/*.json): light_lists, what culling needs, then
+               deferred: gbuffer, or visibility and visibility_resolve; ssao; lighting
+               forward:  one pass of that name, and resolve with several samples a pixel
+               and behind either: transparent, or the passes of layers -> color_hdr, depth; three passes of a lens,
+               exposure and bloom -> color_focused; tonemap -> color; instance_id, if requested
     copy       copy the requested outputs to the CPU
 
 The frame is a graph (graph/frame_graph.py), compiled when its structure changes. The passes, their order and the

@@ -128,7 +128,7 @@ class Settings(Grouped):
         "adapt_dark_s adapt_bright_s adapt_speed bloom bloom_threshold bloom_levels "
         "ambient default_light light_cutoff background sky "
         "energy environment_intensity environment_turn environment_size environment_detail "
-        "irradiance_source table_size table_samples view "
+        "irradiance_source table_size table_samples view view_white "
         "recording_threads draws_per_secondary "
         "ssao ssao_radius ssao_scale ssao_bias ssao_blur "
         "transparency transparency_nodes "

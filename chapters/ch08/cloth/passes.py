@@ -23,6 +23,7 @@ from common.view.camera import View
 
 from ..frames.commands import Commands
 from ..frames.frame import SLOTS
+from ..graph.execute.bindings import OWNED
 from ..graph.types import External, Touch
 from ..pipelines.compute_description import ComputeDescription
 from ..pipelines.description import Built
@@ -116,14 +117,13 @@ class ClothPass(Pass):
         self._data, self._planned = data, data.pages
         self._cloth_scene = cloth_scene
         self.frames: ClothFrames | None = None
-        size = 4
         if cloth_scene.cloths:
             self.frames = ClothFrames(
                 cloth_scene, settings, drawn_from(cloth_scene, data.pages), kernels.limits
             )
-            size = sum(len(cloth.particle_of) for cloth in cloth_scene.cloths) * 40
-        self.writes = (Access(VERTICES, "storage", bytes=size),)
-        self.externals = {VERTICES: External(None, None, _FREE, bytes=size)} if cloth_scene.cloths else {}
+        # The vertices lie in pages of geometry, which the scene binds: the resource orders passes alone.
+        self.writes = (Access(VERTICES, "storage", bytes=OWNED),)
+        self.externals = {VERTICES: External(None, None, _FREE, bytes=OWNED)} if cloth_scene.cloths else {}
         self._memory: Memory | None = None
         self._plans = [NOTHING] * SLOTS
         self._slot = -1
@@ -141,7 +141,7 @@ class ClothPass(Pass):
             reader = passes[name]
             reader.reads = (
                 *reader.reads,
-                Access(VERTICES, "storage", stages=("fragment" if name == RESOLVE else "vertex",)),
+                Access(VERTICES, "storage", stages=("compute" if name == RESOLVE else "vertex",)),
             )
 
     # --- created once ---

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from operator import is_not
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,12 +16,20 @@ from ..scene.packing import FARTHEST, LARGEST, LIGHT, LIGHT_KINDS, NEAREST_END
 class LightRecords:
     """Packs the lights of a scene, at most `most`; `cutoff` is the setting `light_cutoff`, in lux.
 
-    What does not move is packed once, and a pose then costs a few operations on whole arrays.
+    What does not move is packed once. An edit packs the lights that it has replaced, and a pose packs none. The rest
+    are operations on whole arrays.
     """
 
     def __init__(self, scene: Scene, cutoff: float, most: int) -> None:
         self._scene, self._cutoff, self._most = scene, cutoff, most
         self._seen = -1
+        self._lights: list[
+            Light
+        ] = []  # as they were packed, in the order of the scene, and so are the next four
+        self._all = np.zeros(0, LIGHT)
+        self._peak = np.zeros(0)
+        self._local = np.zeros(0, np.bool_)
+        self._node = np.zeros(0, np.intp)
         self._records = np.zeros(0, LIGHT)
         self.nodes: NDArray[np.intp] = np.zeros(0, np.intp)
         """(L,) node of each light that is kept, in the order of the records."""
@@ -28,25 +37,43 @@ class LightRecords:
         """Lights at the beginning of the records that have no place."""
 
     def follow(self) -> None:
-        """Choose and pack the lights anew if an edit has changed any."""
+        """Pack the lights that edits have replaced, and choose anew."""
         revision = self._scene.revision[Change.LIGHTS]
         if revision == self._seen:
             return
         self._seen = revision
-        kept = brightest(self._scene.lights, self._most)
-        lights = [self._scene.lights[number] for number in kept]
-        if len(kept) < len(self._scene.lights):
-            sentence = left_out(len(self._scene.lights), len(kept))
+        self._pack(self._scene.lights)
+        kept = brightest(self._local, self._peak, self._most)
+        if len(kept) < len(self._lights):
+            sentence = left_out(len(self._lights), len(kept))
             if sentence not in self._scene.warnings:
                 self._scene.warnings.append(sentence)
-        self.nodes = np.array([light.node for light in lights], np.intp)
-        self.directional = sum(light.kind == "directional" for light in lights)
-        self._records = packed(lights, self._cutoff)
+        self.nodes = self._node[kept]
+        self.directional = int(np.count_nonzero(~self._local[kept]))
+        self._records = self._all.take(kept)  # indexing would copy field by field
+
+    def _pack(self, lights: list[Light]) -> None:
+        """Pack the lights that are other objects than before: a light never changes, an edit replaces it."""
+        count = len(lights)
+        if count != len(self._lights):
+            self._all, self._peak = np.zeros(count, LIGHT), np.zeros(count)
+            self._local, self._node = np.zeros(count, np.bool_), np.zeros(count, np.intp)
+            replaced = np.arange(count)
+        else:
+            replaced = np.flatnonzero(np.fromiter(map(is_not, lights, self._lights), np.bool_, count))
+        if len(replaced):
+            new = [lights[number] for number in replaced]
+            self._all[replaced] = packed(new, self._cutoff)
+            self._peak[replaced] = peaks(new)
+            self._local[replaced] = [light.kind != "directional" for light in new]
+            self._node[replaced] = [light.node for light in new]
+        self._lights = list(lights)
 
     def at(self, pose: Pose) -> np.ndarray:
         """Return (L,) LIGHT records at a pose, positions relative to the scene's origin.
 
-        A light shines along the -z axis of its node; only the rotation of the node counts, not its scale.
+        A light shines along the -z axis of its node; only the rotation of the node counts, not its scale. A light whose
+        place is no number gives no light.
         """
         records = self._records.copy()
         world = pose.world_from_node[self.nodes]
@@ -54,21 +81,30 @@ class LightRecords:
         length = np.linalg.norm(world[:, :3, 2], axis=1)
         axis = np.where(length[:, None] > 0, -world[:, :3, 2], (0.0, 0.0, -1.0))
         records["direction"] = axis / np.where(length > 0, length, 1.0)[:, None]
+        lost = ~np.isfinite(world).all(axis=(1, 2))
+        if lost.any():
+            for name in ("position", "direction", "color"):
+                records[name][lost] = 0.0
         return records
 
 
-def brightest(lights: list[Light], most: int) -> list[int]:
+def brightest(local: NDArray[np.bool_], peak: NDArray[np.float64], most: int) -> NDArray[np.intp]:
     """Return the numbers of the lights that are kept: directional ones first, then the others as the scene has them.
 
     If there are too many, the weakest are left out: of the directional ones by lux, then of the others by candela. Of
     equal ones the first stay.
+
+    Args:
+        local: (L,) whether each light has a place; directional ones have none.
+        peak: (L,) intensity of the brightest channel, which is a number.
+        most: how many are kept at most.
     """
-    by_kind = sorted(range(len(lights)), key=lambda number: lights[number].kind != "directional")
-    strength = [
-        (light.kind != "directional", -float(peak)) for light, peak in zip(lights, peaks(lights), strict=True)
-    ]
-    kept = set(sorted(range(len(lights)), key=lambda number: strength[number])[:most])
-    return [number for number in by_kind if number in kept]
+    by_kind: NDArray[np.intp] = np.argsort(local, kind="stable")
+    if len(local) <= most:
+        return by_kind
+    kept = np.zeros(len(local), np.bool_)
+    kept[np.lexsort((-peak, local))[:most]] = True
+    return by_kind[kept[by_kind]]
 
 
 def peaks(lights: list[Light]) -> NDArray[np.float64]:
@@ -99,7 +135,8 @@ def packed(lights: list[Light], cutoff: float) -> np.ndarray:
     if not lights:
         return records
     color = colors(lights)
-    inner, outer = np.array([(light.inner_cone, light.outer_cone) for light in lights]).T
+    inner = np.array([light.inner_cone for light in lights])
+    outer = np.array([light.outer_cone for light in lights])
     local = np.array([light.kind != "directional" for light in lights])
     reach = np.array([light.range if light.kind != "directional" else math.inf for light in lights])
     records["kind"] = [LIGHT_KINDS[light.kind] for light in lights]

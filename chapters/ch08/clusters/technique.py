@@ -41,7 +41,7 @@ class ClusterTechnique(Technique):
         draws = self._parts.draws
         draws.revision += 1  # groups of draws hold sets of pages and textures, which are other ones now
         binding = self._parts.data.binding(frame.slot)
-        draws.binding = draws.binding._replace(frame=binding.frame, computed=binding.computed)
+        draws.binding = draws.binding._replace(frame=binding.frame)
         return 0
 
     def close(self) -> None:

@@ -2,7 +2,8 @@
 //
 // From the eye a tile is a narrow cone, and a sphere is one, too: they meet if the angle between their axes is at most
 // the sum of their half angles. This is a dot product a light. The rectangle around a sphere would cover 4/pi times its
-// disc. 8x8 tiles of a group ask the same 32 lights, which are read once.
+// disc. A tile of a small, wide picture may span 90 degrees and more from its middle: that is no cone, and takes all lights.
+// 8x8 tiles of a group ask the same 32 lights, which are read once.
 
 layout(local_size_x = 8, local_size_y = 8) in;
 
@@ -64,7 +65,7 @@ void main() {
         float sine = sqrt(1.0 - cosine * cosine);
         for (uint i = 0u; i < size; ++i) {
             float apart = spheres[i].w * cosine - others[i].x * sine;  // cosine of the sum of the half angles
-            bool meets = dot(spheres[i].xyz, axis) >= apart - ROUNDING;
+            bool meets = cosine == 0.0 || dot(spheres[i].xyz, axis) >= apart - ROUNDING;
             bits |= meets && others[i].y >= 0.0 ? 1u << i : 0u;
         }
     }

@@ -28,12 +28,11 @@ class SceneBinding(NamedTuple):
     """The scene's data that draws of one slot bind, in the form of the backend's commands.
 
     `frame` is the data that all shaders of the scene read: a descriptor set on Vulkan; OpenGL binds it once, at the
-    beginning of a frame. `records` is the buffer of the slot's draw records; `computed` is the set of compute shaders.
+    beginning of a frame. `records` is the buffer of the slot's draw records.
     """
 
     frame: Any
     records: Any
-    computed: Any = None
     counted: Counted | None = None
     """A number of records that is never reached, where other draws of the frame have their number on the GPU."""
     layers: Any = None

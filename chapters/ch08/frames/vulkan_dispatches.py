@@ -48,7 +48,7 @@ class Dispatches(DispatchCommands):
         self._fn.vkCmdBindPipeline(self.handle, _COMPUTE, pipeline.handle)
         self.work["pipeline_binds"] += 1
         if scene is not None and pipeline.sets[0] is not None:
-            self.bind_compute_set(pipeline, 0, scene.computed)
+            self.bind_compute_set(pipeline, 0, scene.frame)
         if self.sources is not None:
             self.bind_compute_set(pipeline, *self.sources)
 

@@ -24,6 +24,8 @@ from ..frames.frame import OUTPUTS
 from ..shading.deferred import EMISSION, emits
 from ..shading.views import PICTURE
 from ..ssao.model import wanted as occludes
+from ..visibility.model import RESOLVE
+from ..visibility.model import in_use as numbers
 from .checks import check_name, check_output, check_pass, check_readers
 from .file import GraphFile
 from .frame_graph import bytes_of, compile_graph
@@ -51,7 +53,7 @@ def graph_name(settings: Any) -> str:
 
 
 def check_samples(file: GraphFile, settings: Any) -> None:
-    """Raise UserError for a graph with a G-buffer if the settings have several samples per pixel, or none for SSAO."""
+    """Raise UserError for a graph with a G-buffer with several samples a pixel, or without one if settings need it."""
     if "gbuffer" in file.passes.values() and settings.shading.msaa > 1:
         raise UserError(
             f"{file.path.name} has a G-buffer, which holds one sample a pixel: set msaa=1, or graph=forward."
@@ -60,6 +62,15 @@ def check_samples(file: GraphFile, settings: Any) -> None:
         raise UserError(
             f"{file.path.name} lights objects while their depth is drawn, and ssao={settings.ssao.mode} needs the "
             "depth of all before: set graph=deferred and msaa=1, or ssao=off."
+        )
+    if (
+        numbers(settings)
+        and overlay_of(settings) == "off"
+        and not {"gbuffer", RESOLVE} & {*file.passes.values()}
+    ):
+        raise UserError(
+            f"{file.path.name} has no G-buffer, and surfaces={settings.visibility.surfaces} fills one: set "
+            "graph=deferred or compute, or surfaces=gbuffer."
         )
 
 

@@ -15,6 +15,7 @@ layout(BIND(1, 2, 4), std430) buffer Histogram_ { uint bins[2 * BINS]; };
 #else
 layout(BIND(1, 1, 4), std430) buffer Histogram_ { uint bins[2 * BINS]; };
 #endif
+#include "hdr/measured.glsl"
 
 shared uint counted[2 * BINS];
 
@@ -25,13 +26,9 @@ void main() {
     barrier();
 
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy), size = textureSize(color_hdr, 0);
-    bool counts = all(lessThan(pixel, size));
-#ifdef SKIP_EMPTY
-    // The background's grey is given in picture values: it would follow the exposure, and drive it away.
-    counts = counts && texelFetch(depth, min(pixel, size - 1), 0).r > 0.0;
-#endif
-    if (counts) {
-        float nits = luminance(texelFetch(color_hdr, pixel, 0).rgb) / exposure();
+    vec3 light;
+    if (all(lessThan(pixel, size)) && measured_light(pixel, light)) {
+        float nits = luminance(light) / exposure();
         float place = 0.0;  // black, and what is not a number, is in the first bin
         if (nits > 0.0) {
             place = clamp((log2(nits) - LOG2_LOWEST) / BIN_WIDTH, 0.0, float(BINS) - 1e-3);

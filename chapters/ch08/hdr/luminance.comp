@@ -13,6 +13,7 @@ layout(BIND(1, 2, 4), std430) writeonly buffer Luminance_ { float nits[MIP_FLOAT
 #else
 layout(BIND(1, 1, 4), std430) writeonly buffer Luminance_ { float nits[MIP_FLOATS]; };
 #endif
+#include "hdr/measured.glsl"
 
 void main() {
     ivec2 texel = ivec2(gl_GlobalInvocationID.xy), size = textureSize(color_hdr, 0);
@@ -23,11 +24,8 @@ void main() {
         float high = min(float(y + 1), end.y) - max(float(y), first.y);
         for (int x = begin.x; x < stop.x; ++x) {
             float wide = min(float(x + 1), end.x) - max(float(x), first.x);
-            float value = luminance(texelFetch(color_hdr, ivec2(x, y), 0).rgb);
-#ifdef SKIP_EMPTY
-            // The background's grey is given in picture values: as light of the scene it counts as none.
-            value *= texelFetch(depth, ivec2(x, y), 0).r > 0.0 ? 1.0 : 0.0;
-#endif
+            vec3 light;
+            float value = measured_light(ivec2(x, y), light) ? luminance(light) : 0.0;
             sum += value > 0.0 ? high * wide * value : 0.0;
         }
     }

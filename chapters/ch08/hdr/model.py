@@ -69,7 +69,7 @@ def has_bloom(settings: Settings) -> bool:
 
 
 def skips_empty(scene: Scene, settings: Settings) -> bool:
-    """Whether pixels without a surface carry no light: they show the grey of the background, not a sky."""
+    """Whether the background is no light: a pixel without a surface shows a grey, not a sky."""
     return not (settings.shading.sky and environment.needed(scene, settings))
 
 

@@ -49,7 +49,8 @@ class ExposurePass(Pass):
 
     def create(self) -> None:
         """Build the pipeline."""
-        defines = model.exposure_defines(self._settings) + ((("SKIP_EMPTY", 1),) if self._skips else ())
+        empty = ("SKIP_EMPTY", 1), ("BACKGROUND", self._settings.shading.background)
+        defines = model.exposure_defines(self._settings) + (empty if self._skips else ())
         self.pipelines = self._pipelines.get([ComputeDescription(self.shader, defines, name=self.name)])
 
     def measured(self) -> tuple[Access, ...]:

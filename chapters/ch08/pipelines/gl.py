@@ -93,7 +93,7 @@ class Pipelines:
             fn.glBlendEquationSeparate(gl.GL_FUNC_ADD, gl.GL_FUNC_ADD)
             over = described.blend == "over"
             source, kept = (gl.GL_SRC_ALPHA, gl.GL_ONE_MINUS_SRC_ALPHA) if over else (gl.GL_ONE, gl.GL_ONE)
-            fn.glBlendFuncSeparate(source, kept, gl.GL_ONE, kept)
+            fn.glBlendFuncSeparate(source, kept, gl.GL_ZERO if over else gl.GL_ONE, kept)
             if described.blend == "weighted":  # as in pipelines/vulkan.py
                 fn.glBlendFuncSeparate(gl.GL_ONE, gl.GL_ONE, gl.GL_ZERO, gl.GL_ONE_MINUS_SRC_ALPHA)
 

@@ -226,7 +226,8 @@ class Pipelines:
                 "srcColorBlendFactor": source,
                 "dstColorBlendFactor": kept,
                 "colorBlendOp": vk.VK_BLEND_OP_ADD,
-                "srcAlphaBlendFactor": vk.VK_BLEND_FACTOR_ONE,
+                # Behind blended surfaces alpha is 1. Each multiplies it by what it lets through.
+                "srcAlphaBlendFactor": vk.VK_BLEND_FACTOR_ZERO if over else vk.VK_BLEND_FACTOR_ONE,
                 "dstAlphaBlendFactor": kept,
                 "alphaBlendOp": vk.VK_BLEND_OP_ADD,
             }

@@ -25,6 +25,7 @@ CAPACITY = 4096
 _RESERVED = 64  # descriptors of each limit, reserved for the sets without unsized arrays
 
 _MESH = STAGES["task"] | STAGES["mesh"]
+_DRAWS_OR_COMPUTES = vk.VK_SHADER_STAGE_ALL_GRAPHICS | vk.VK_SHADER_STAGE_COMPUTE_BIT
 _RAYS = sum(bit for name, bit in STAGES.items() if name.startswith("r"))
 
 TYPES: dict[Kind, int] = {
@@ -80,7 +81,7 @@ class Layouts:
     """Set layouts and pipeline layouts, one for each distinct table.
 
     Several pipelines can share a bound set only if their set layouts are identical. So a layout is visible to all
-    stages of its kind of pipeline, whichever stages declare a binding.
+    stages of draws and of compute, whichever stages declare a binding.
     """
 
     def __init__(self, device: Device, capacity: int = CAPACITY) -> None:
@@ -124,12 +125,13 @@ class Layouts:
         return self._pipelines[key], sets
 
     def stages(self, stages: int) -> int:
-        """Return the stages to which the layouts of a pipeline with these stages are visible."""
-        if stages & STAGES["comp"]:
-            return STAGES["comp"]
+        """Return the stages to which the layouts of a pipeline with these stages are visible.
+
+        Draws and kernels share sets: a kernel reads the pages and textures that draws read, too.
+        """
         if stages & _RAYS:
             return _RAYS
-        return vk.VK_SHADER_STAGE_ALL_GRAPHICS | (_MESH if self._device.has("mesh-shader") else 0)
+        return _DRAWS_OR_COMPUTES | (_MESH if self._device.has("mesh-shader") else 0)
 
     def _set(self, bindings: tuple[Binding, ...], stages: int) -> SetLayout:
         runtime = any(binding.count == 0 for binding in bindings)

@@ -55,7 +55,7 @@ class SceneData:
         limits: tuple[int, int],
         loading: Loading,
     ) -> None:
-        self._scene, self._settings, self._anisotropy = scene, settings, anisotropy
+        self._scene, self._settings, self.anisotropy = scene, settings, anisotropy
         self._largest_image, self._largest_page = limits
         self._energy = settings.environment.energy if model.needed(scene, settings) else None
         self.records = Records(scene, settings.scene.light_cutoff, settings.clusters.most_lights)

@@ -157,7 +157,7 @@ class GlSceneData(SceneData):
         self.records.maps = self._arrivals.begin(self._loading.resident)
         self.records.maps[:, SET] = self.textures_of
         held = [
-            (self._images[array].view, self.sampler(array.sampler, self._anisotropy))
+            (self._images[array].view, self.sampler(array.sampler, self.anisotropy))
             for array in self._plan.arrays
         ]
         self._bound: list[Textures] = [

@@ -45,7 +45,6 @@ GEOMETRY = (CORE, "geometryShader")
 """The feature with which fragment shaders may ask for gl_PrimitiveID."""
 
 FRAME, PAGE, TEXTURES = 0, 1, 2
-COMPUTED = 4  # set 0 as compute has it: a set fits only layouts that are open to the same stages
 """Numbers of the sets: what a frame reads, a page of geometry, the textures (scene, vertices and textures.glsl)."""
 
 ENVIRONMENT_BINDING, MORE_INSTANCES, LIGHT_LISTS = 5, 8, 9
@@ -197,7 +196,7 @@ class VulkanSceneData(SceneData):
         far = dict(enumerate(self._environment, start=ENVIRONMENT_BINDING))
         buffers = self._resources.buffers
         frames: list[Any] = []
-        for number in (which for which in (FRAME, COMPUTED) if which in layouts):
+        if FRAME in layouts:
             for index, slot in enumerate(self.slots):
                 held: dict[int, Held] = {
                     0: slot.frame,
@@ -214,7 +213,7 @@ class VulkanSceneData(SceneData):
                     held[10] = self.exposures.blocks[index]
                 if self.shadows is not None:
                     held |= {11: self.shadows.blocks[index], 12: self.shadows.held_pages}
-                frames.append((layouts[number], held, f"frame, slot {index}"))
+                frames.append((layouts[FRAME], held, f"frame, slot {index}"))
         paged = [
             (layouts[PAGE], {0: buffers.get(handle)}, f"page {number}")
             for copy in self._geometry
@@ -264,8 +263,7 @@ class VulkanSceneData(SceneData):
     def binding(self, slot: int) -> SceneBinding:
         """Return the slot's descriptor set, None where nothing of the scene is drawn, and its list of draws."""
         frame = self._frame_sets[slot] if self._frame_sets else None
-        computed = self._frame_sets[slot - SLOTS] if self._frame_sets else None
-        return SceneBinding(frame, self.slots[slot].commands, computed)
+        return SceneBinding(frame, self.slots[slot].commands)
 
     def texture_set(self, number: int) -> Any:
         """Return the array of one descriptor set with textures."""
@@ -326,7 +324,7 @@ class VulkanSceneData(SceneData):
         write = (vk.VK_PIPELINE_STAGE_2_ALL_TRANSFER_BIT, vk.VK_ACCESS_2_TRANSFER_WRITE_BIT)
         # Indices are in the same buffer, and an indirect draw may read any of its bytes.
         read = (
-            vk.VK_PIPELINE_STAGE_2_ALL_GRAPHICS_BIT,
+            vk.VK_PIPELINE_STAGE_2_ALL_GRAPHICS_BIT | vk.VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT,
             vk.VK_ACCESS_2_SHADER_STORAGE_READ_BIT | vk.VK_ACCESS_2_INDEX_READ_BIT,
         )
         fn.vkCmdPipelineBarrier2(commands, barriers(memory=(*write, *read)))

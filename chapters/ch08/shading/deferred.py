@@ -13,6 +13,8 @@ from common.scene import Scene
 
 from ..post.settings import PostSettings
 from ..scene.packing import Variant
+from ..visibility.model import in_use
+from ..visibility.settings import VisibilitySettings
 from .settings import ShadingSettings
 from .views import PICTURE, background
 
@@ -42,6 +44,13 @@ Material: occlusion, roughness and metalness come from textures of 8 bits, which
 Emission: has no upper end, and arrives exposed: halves, as in the picture itself.
 """
 
+STORED = {"rgba8_srgb": "rgba8", "rgb10a2": "r32ui"}
+"""Formats in place of those that no device, or not every one, stores from a compute shader (visibility/resolve.py).
+
+Base colour keeps the code of sRGB, which shaders compute. A normal of ten bits becomes an octahedral code, of as many
+bytes and a smaller error.
+"""
+
 _LIGHT = ("LIT", "ENVIRONMENT", "ENERGY")
 """The parts of a variant that only light needs."""
 
@@ -51,6 +60,7 @@ class Settings(Protocol):
 
     shading: ShadingSettings
     post: PostSettings
+    visibility: VisibilitySettings
 
 
 def possible(settings: Settings) -> bool:
@@ -70,12 +80,18 @@ def emits(scene: Scene, settings: Settings) -> bool:
     return sources or not settings.shading.skip_unused
 
 
+def layout(settings: Settings) -> tuple[str, ...]:
+    """Return the formats of TARGETS and EMISSION."""
+    formats = FORMATS[settings.shading.gbuffer_format]
+    return tuple(STORED.get(format, format) for format in formats) if in_use(settings) else formats
+
+
 def written(settings: Settings) -> tuple[Access, ...]:
     """Return the G-buffer as the pass declares it that writes it; the last one is EMISSION.
 
     They are cleared, so the driver loads no old contents; pixels of depth 0 are not read.
     """
-    formats = FORMATS[settings.shading.gbuffer_format]
+    formats = layout(settings)
     return tuple(
         Access(
             name,
@@ -89,7 +105,7 @@ def written(settings: Settings) -> tuple[Access, ...]:
 
 def sampled(settings: Settings) -> tuple[Access, ...]:
     """Return the reads of a pass that samples TARGETS; those that hold whole numbers say so."""
-    formats = FORMATS[settings.shading.gbuffer_format]
+    formats = layout(settings)
     return tuple(
         Access(name, "sampled", format=format if format.endswith("ui") else None)
         for name, format in zip(TARGETS, formats, strict=False)
@@ -98,7 +114,7 @@ def sampled(settings: Settings) -> tuple[Access, ...]:
 
 def formats(scene: Scene, settings: Settings) -> tuple[str, ...]:
     """Return the formats of the targets that the scene has."""
-    return FORMATS[settings.shading.gbuffer_format][: len(TARGETS) + emits(scene, settings)]
+    return layout(settings)[: len(TARGETS) + emits(scene, settings)]
 
 
 def emission_defines(scene: Scene, settings: Settings) -> Defines:
@@ -106,11 +122,10 @@ def emission_defines(scene: Scene, settings: Settings) -> Defines:
     return (("EMISSION", 1),) if emits(scene, settings) else ()
 
 
-def normal_defines(settings: Settings) -> Defines:
-    """Return the defines that tell shaders how normals are stored."""
-    stored = {"rgb10a2": "NORMAL_CODED", "r32ui": "NORMAL_OCTAHEDRAL"}
-    format = FORMATS[settings.shading.gbuffer_format][1]
-    return ((stored[format], 1),) if format in stored else ()
+def code_defines(settings: Settings) -> Defines:
+    """Return the defines that tell shaders how base colour and normals are stored."""
+    stored = {"rgba8": "BASE_COLOR_CODED", "rgb10a2": "NORMAL_CODED", "r32ui": "NORMAL_OCTAHEDRAL"}
+    return tuple((stored[format], 1) for format in layout(settings)[:2] if format in stored)
 
 
 def surface_alone(variant: Variant) -> Variant:
@@ -122,7 +137,7 @@ def light_defines(variants: Iterable[Variant], sky: bool, settings: Settings) ->
     """Return what lighting.frag is built with for surfaces of these variants, with or without a `sky` behind them."""
     lighting = {name: value for variant in variants for name, value in variant.defines if name in _LIGHT}
     behind: tuple[str, int | float | str] = ("BACKGROUND", background(settings, settings.shading.background))
-    return (*sorted(lighting.items()), *normal_defines(settings), ("SKY", 1) if sky else behind)
+    return (*sorted(lighting.items()), *code_defines(settings), ("SKY", 1) if sky else behind)
 
 
 def has_transparent(scene: Scene) -> bool:

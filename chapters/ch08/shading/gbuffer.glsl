@@ -8,21 +8,27 @@
 // A position is not kept: depth and the pixel say where it is. Nor is anything of a material that is folded in before:
 // factors, textures, vertex colours, normal scale, occlusion strength, the side that is seen.
 
+#include "color_code.glsl"
 #include "normal_code.glsl"
 
-layout(location = 0) out vec4 out_base_color;
-#ifdef NORMAL_OCTAHEDRAL
-layout(location = 1) out uint out_normal;
+#ifdef COMPUTED
+#define TARGET(place)  // a variable, which the kernel stores to an image
 #else
-layout(location = 1) out vec4 out_normal;
+#define TARGET(place) layout(location = place) out
 #endif
-layout(location = 2) out vec4 out_material;
+TARGET(0) vec4 out_base_color;
+#ifdef NORMAL_OCTAHEDRAL
+TARGET(1) uint out_normal;
+#else
+TARGET(1) vec4 out_normal;
+#endif
+TARGET(2) vec4 out_material;
 #ifdef EMISSION
-layout(location = 3) out vec4 out_emission;
+TARGET(3) vec4 out_emission;
 #endif
 
 void store_surface(vec3 base_color, vec3 n, float occlusion, float roughness, float metallic, vec3 emission) {
-    out_base_color = vec4(finite_color(base_color), 1.0);
+    out_base_color = vec4(kept_color(finite_color(base_color)), 1.0);
     out_normal = kept_normal(n);
     out_material = vec4(occlusion, roughness, metallic, 1.0);
 #ifdef EMISSION
@@ -31,7 +37,7 @@ void store_surface(vec3 base_color, vec3 n, float occlusion, float roughness, fl
 }
 
 void store_unlit(vec3 color) {
-    out_base_color = vec4(finite_color(color), 1.0);
+    out_base_color = vec4(kept_color(finite_color(color)), 1.0);
     out_normal = NO_NORMAL;
     out_material = vec4(0.0);
 #ifdef EMISSION

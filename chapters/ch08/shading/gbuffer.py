@@ -61,7 +61,7 @@ class GBufferPass(ObjectsPass):
         return replace(
             describe_lit(self._data, self._settings, variant),
             defines=(
-                *(*surface.defines, *textures, ("GBUFFER", 1), *deferred.normal_defines(self._settings)),
+                *(*surface.defines, *textures, ("GBUFFER", 1), *deferred.code_defines(self._settings)),
                 *deferred.emission_defines(self._scene, self._settings),
             ),
             color=deferred.formats(self._scene, self._settings),

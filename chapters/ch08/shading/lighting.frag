@@ -8,6 +8,7 @@
 #include "shadows/factor.glsl"
 #include "brdf.glsl"
 #include "finite.glsl"
+#include "color_code.glsl"
 #include "normal_code.glsl"
 #ifdef ENVIRONMENT
 #include "ibl.glsl"
@@ -63,7 +64,7 @@ void main() {
         sky();
         return;
     }
-    vec3 base_color = texelFetch(gbuffer_base_color, pixel, 0).rgb;
+    vec3 base_color = found_color(gbuffer_base_color, pixel);
     vec4 material = texelFetch(gbuffer_material, pixel, 0);
     vec3 color = vec3(0.0);
     if (material.a > 0.5) {

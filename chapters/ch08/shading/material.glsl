@@ -16,12 +16,14 @@
 #define occlusion_map material.maps[0].w, ROLE_ARRAYS[3]
 #define emissive_map material.maps[1].x, ROLE_ARRAYS[4]
 
+#ifndef COMPUTED
 // A map at `uv`. Where uv does not change over the picture (a palette, a collapsed patch) there is no footprint to filter,
 // and an anisotropic filter divides zero by zero: some drivers then return NaN.
 vec4 sample_map(uint map, uint arrays, vec2 uv) {
     vec4 filtered = sample_texture(map, arrays, uv);
     return fwidth(uv) == vec2(0.0) ? sample_finest(map, arrays, uv) : filtered;
 }
+#endif
 #endif
 
 // Where role number `role` samples its image: the uv set it names, through KHR_texture_transform.

@@ -1,4 +1,4 @@
-// Normals as the G-buffer keeps them: NORMAL_OCTAHEDRAL in one whole number, NORMAL_CODED in channels of ten bits, else as
+// Normals as the G-buffer stores them: NORMAL_OCTAHEDRAL in one whole number, NORMAL_CODED in channels of ten bits, else as
 // they are. What is unlit has NO_NORMAL.
 //
 // Channels from 0 to 1 of ten bits: 512 of 1023 stands for 0, so that what is upright comes back as it was.

@@ -33,4 +33,5 @@ class ShadingSettings:
     view: str = knob(
         PICTURE, "a quantity shown in place of the picture, with one sample a pixel", choices=CHOICES
     )
+    view_white: int = knob(12, "the count that views of counts show as white", minimum=1, maximum=4096)
     skip_unused: bool = knob(True, "whether what the scene does not need is left out of pipelines and sets")

@@ -23,9 +23,6 @@ if TYPE_CHECKING:
 PICTURE = "picture"
 """The value of the setting `view` without a view."""
 
-COUNT_FULL = 12
-"""The count that a heat scale shows as white; see shaders/palette.glsl."""
-
 
 class Settings(Protocol):
     """The settings of views."""
@@ -269,5 +266,5 @@ def tonemap_defines(settings: Settings) -> tuple[tuple[str, int | float | str], 
             return (("REINHARD", 1), ("WHITE", white))
         return ((curve.upper(), 1),) if curve != "none" else ()
     if view.shown == "count":
-        return (("VIEW_COUNT", 1), ("COUNT_FULL", COUNT_FULL))
+        return (("VIEW_COUNT", 1), ("COUNT_FULL", settings.shading.view_white))
     return (("VIEW_VALUE", 1),) if view.shown == "value" else ()

@@ -14,7 +14,7 @@ from ..pipelines.description import PipelineDescription
 from ..post.fullscreen import FullscreenPass
 from ..scene.pass_parts import PassParts
 from ..settings import Settings
-from ..shading.deferred import normal_defines, sampled
+from ..shading.deferred import code_defines, sampled
 from . import model
 
 _DEPTH = Access("depth", "sampled")
@@ -56,7 +56,7 @@ class SsaoPass(OcclusionPass):
 
     def defines(self) -> model.Defines:
         """Return the mode, the radius, and how normals are stored."""
-        return (*model.trace_defines(self._settings), *normal_defines(self._settings))
+        return (*model.trace_defines(self._settings), *code_defines(self._settings))
 
 
 class SsaoBlurPass(OcclusionPass):

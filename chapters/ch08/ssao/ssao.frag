@@ -37,7 +37,9 @@ float visible_part(ivec2 pixel, vec3 place, float radius) {
                 break;  // outside of the picture nothing is known
             }
             float d = texelFetch(depth, ivec2(seen), 0).r;
-            if (d == 0.0) {  // the sky is behind everything
+            // The sky is behind everything. A pixel hides nothing of itself: if a compiler rounds `surface` and `place`
+            // in two ways, they are apart by a rounding that points anywhere.
+            if (d == 0.0 || ivec2(seen) == pixel) {
                 continue;
             }
             vec3 surface = place_of(ivec2(seen), d);

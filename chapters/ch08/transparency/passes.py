@@ -17,6 +17,7 @@ from common.scene import Scene
 
 from ..frames.commands import Commands
 from ..graph.types import External, Touch
+from ..hdr.model import automatic, skips_empty
 from ..pipelines.compute_description import ComputeDescription
 from ..pipelines.description import PipelineDescription
 from ..scene.packing import Variant, shape_alone
@@ -211,6 +212,7 @@ class ResolvePass(Pass):
 
     def __init__(self, parts: PassParts, memory: LayerMemory) -> None:
         self._memory, self._format = memory, parts.settings.shading.color_format
+        self._measured = automatic(parts.settings) and skips_empty(parts.scene, parts.settings)
         if layered(parts.settings):
             self.reads = (Access(SUMS, "storage"), Access(WEIGHTS, "storage"))
             self.writes = (Access("color_hdr", "storage", format=self._format, of="color_lit"),)
@@ -226,6 +228,8 @@ class ResolvePass(Pass):
     def create(self) -> None:
         """Build the pipeline."""
         defines = (("FORMAT", self._format), *(DEFINES if self._memory.lists else ()))
+        if self._measured:  # automatic exposure asks for what layers let through
+            defines += (("MEASURED", 1),)
         described = ComputeDescription("transparency/resolve.comp", defines, name="layers composited")
         (self._pipeline,) = self._memory.build("resolve", described)
 

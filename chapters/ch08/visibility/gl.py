@@ -1,30 +1,28 @@
-"""The draw of the resolve on OpenGL: a page as a block, textures in their units, and the constants."""
+"""The bindings of the resolve on OpenGL: a page as a block, and textures in their units."""
 
 from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from backends.gl.resources import bind_buffer
 
 from ..frames.backend.gl import GlBackend
+from ..frames.commands import SceneBinding
 from ..frames.gl_commands import PAGE_BINDING, Commands
 from ..pipelines.description import Built
 
 
-class Draws:
-    """Makes the calls of triangles over all pixels."""
+class Bindings:
+    """Binds what the resolve reads."""
 
     def __init__(self, backend: GlBackend) -> None:
         self._context = backend.device
 
-    def draw(
-        self, commands: Commands, pipeline: Built, scene: Any, page: Any, textures: Any, constants: np.ndarray
+    def bind(
+        self, commands: Commands, pipeline: Built, scene: SceneBinding, page: Any, textures: Any
     ) -> None:
-        """Draw one triangle; the scene is bound for the whole frame."""
+        """Bind the kernel, the targets, a page and a set of textures; the scene is bound for the whole frame."""
+        commands.bind_compute(pipeline, scene)
         bind_buffer(self._context, "storage", PAGE_BINDING, page[0])
         if textures:
             commands.bind_textures(textures)
-        commands.push(pipeline, constants)
-        commands.draw_fullscreen(pipeline)

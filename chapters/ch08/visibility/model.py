@@ -48,6 +48,22 @@ def in_use(settings: Any) -> bool:
     )
 
 
+def without_effect(settings: Any) -> str:
+    """Return the sentence about `surfaces=visibility` in frames that take the forward pass instead; "" for others."""
+    shading, overlay = settings.shading, settings.culling.overlay
+    if settings.visibility.surfaces != VISIBILITY:
+        return ""
+    if shading.msaa > 1:
+        why = f"msaa={shading.msaa}, since a G-buffer holds one sample a pixel"
+    elif shading.view != "picture":
+        why = f"view={shading.view}, which shows a quantity of surfaces while they are drawn"
+    elif overlay != "off":
+        why = f"culling_overlay={overlay}, which is drawn over the forward pass"
+    else:
+        return ""
+    return f"surfaces={VISIBILITY} has no effect with {why}."
+
+
 def index_defines(settings: Any) -> tuple[tuple[str, int], ...]:
     """Return the define of all shaders that write or read draw commands with the place of their first index."""
     return ((INDEX_CODE, 1),) if in_use(settings) else ()

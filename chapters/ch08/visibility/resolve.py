@@ -1,4 +1,4 @@
-"""The material resolve: the G-buffer, filled from the numbers of triangles by a pass over all pixels."""
+"""The material resolve: the G-buffer, filled from the numbers of triangles by a kernel over all pixels."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ import numpy as np
 from backends.contract import Access, Sources
 from common.scene import Scene
 
-from ..frames.commands import Commands
-from ..pipelines.description import Built, PipelineDescription
+from ..frames.commands import Commands, SceneBinding
+from ..pipelines.compute_description import ComputeDescription
+from ..pipelines.description import Built
 from ..post.fullscreen import FullscreenPass
 from ..scene.packing import ROLES, Variant
 from ..scene.pass_parts import PassParts
@@ -19,31 +20,39 @@ from ..settings import Settings
 from ..shading import deferred
 from .model import FORMAT, RESOLVE, VISIBILITY, flag_defines, in_use
 
-Draw = Callable[[Commands, Built, Any, Any, Any, np.ndarray], None]
-"""Draws the triangle over all pixels with a scene's binding, a page, a set of textures or None, and constants."""
+Bind = Callable[[Commands, Built, SceneBinding, Any, Any], None]
+"""Binds a kernel with a scene's binding, a page, and a set of textures or None."""
 
-SOURCES = Sources(set=3, first={"texture": 16})
-"""The bindings of the visibility buffer: behind those of the scene, a page and textures."""
+SOURCES = Sources(set=3, first={"texture": 16, "storage": 5, "uniform": 3})
+"""The bindings of the visibility buffer and of the targets: behind those of the scene, a page and textures."""
+
+FORMAT_DEFINES = ("COLOR_FORMAT", "NORMAL_FORMAT", "MATERIAL_FORMAT", "EMISSION_FORMAT")
+"""The formats of the targets, in their order, as the kernel is told."""
 
 
 class ResolveSurfacesPass(FullscreenPass):
     """Evaluates the material of each pixel once, whatever lay behind it and however small its triangle is.
 
-    A pass of fragments and not of compute: the G-buffer's base colour is stored as sRGB, which no device stores from a
-    compute shader. Both would do the same work. The full screen is one triangle, so no quad has idle fragments, and the
-    levels of textures come from analytic gradients, as they would in compute.
+    The levels of textures come from analytic gradients, since the pixels of a work group may all have other triangles.
+    No device stores to an image of format sRGB from compute, so the kernel computes that code (color_code.glsl).
     """
 
     name = RESOLVE
     sources = SOURCES
 
-    draw: Draw
-    """The draw of the backend, set by the technique."""
+    bind: Bind
+    """The bindings of the backend, set by the technique."""
+    samples_along = 1
+    """Samples along the longer change of uv that the kernel takes by itself; 1 leaves filtering to the device."""
 
     def __init__(self, parts: PassParts) -> None:
         super().__init__(parts)
         self.reads = (Access(VISIBILITY, "sampled", format=FORMAT),)
-        self._scene, self._targets = parts.scene, deferred.written(parts.settings)
+        self._scene = parts.scene
+        self._targets = tuple(
+            Access(target.resource, "storage", format=target.format)
+            for target in deferred.written(parts.settings)
+        )
         self.writes = self._targets
 
     def declare(self) -> None:
@@ -64,37 +73,31 @@ class ResolveSurfacesPass(FullscreenPass):
         roles = tuple(role for role in ROLES if any(role in variant.roles for variant in solid))
         return Variant(tuple(defines), "opaque", False, roles)
 
-    def describe(self) -> PipelineDescription:
-        """Return the pipeline for all solid materials."""
+    def create(self) -> None:
+        """Build the pipeline for all solid materials; again when a material became another kind."""
         whole, settings = self._all, self._settings
         derived = settings.visibility.tangents == "derived"
-        return PipelineDescription(
-            shaders=("post/fullscreen.vert", "visibility/resolve.frag"),
-            defines=(
-                *whole.defines,
-                *self._data.texture_defines(whole, lambda _: whole),
-                *flag_defines(),
-                *((("TANGENTS_DERIVED", 1),) if derived else ()),
-                *(*deferred.normal_defines(settings), *deferred.emission_defines(self._scene, settings)),
-            ),
-            color=deferred.formats(self._scene, settings),
-            depth=None,
-            name="visibility resolve",
+        formats = zip(FORMAT_DEFINES, deferred.formats(self._scene, settings), strict=False)
+        defines = (
+            *whole.defines,
+            *self._data.texture_defines(whole, lambda _: whole),
+            *flag_defines(),
+            *((("TANGENTS_DERIVED", 1),) if derived else ()),
+            *((("SAMPLES_ALONG", "part.which.z"),) if self.samples_along > 1 else ()),
+            *(*deferred.code_defines(settings), *deferred.emission_defines(self._scene, settings), *formats),
         )
+        described = ComputeDescription("visibility/resolve.comp", defines, name="visibility resolve")
+        self.pipelines = self._pipelines.get([described])
 
     def record(self, commands: Commands) -> None:
-        """Record a draw for each page of geometry, with each set of textures, that solid objects use."""
+        """Record a dispatch for each page of geometry, with each set of textures, that solid objects use."""
         draws, data, textured = self._draws, self._data, bool(self._all.roles)
         (pipeline,) = self.pipelines
         for page, textures in dict.fromkeys((batch.page, batch.textures) for batch in draws.solid):
-            self.draw(
-                commands,
-                pipeline,
-                draws.binding,
-                data.bound_page(draws.slot, page),
-                data.texture_set(textures) if textured else None,
-                np.array([page, textures, 0, 0], np.uint32),
-            )
+            images = data.texture_set(textures) if textured else None
+            self.bind(commands, pipeline, draws.binding, data.bound_page(draws.slot, page), images)
+            commands.push(pipeline, np.array([page, textures, self.samples_along, 0], np.uint32))
+            commands.dispatch_over(pipeline, commands.extent)
 
     def key(self, slot: int) -> Any:
         """Return what the recorded draws depend on: the lists of the scene."""

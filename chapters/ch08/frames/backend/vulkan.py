@@ -23,12 +23,11 @@ from ...graph.sync.queues import QUEUES
 from ...graph.types import Graph
 from ...loading.loading import Loading
 from ...loading.vulkan_first_uses import rehearse
-from ...pipelines.compute_description import ComputeDescription
 from ...pipelines.vulkan import Pipelines
 from ...pipelines.vulkan_cache import PipelineCache
 from ...pipelines.vulkan_descriptors import Descriptors
 from ...pipelines.vulkan_layouts import CAPACITY, SetLayout
-from ...scene.vulkan_data import COMPUTED, VulkanSceneData
+from ...scene.vulkan_data import VulkanSceneData
 from ...settings import Settings
 from ...tasks.workers import Workers
 from ..queues.vulkan_queues import Queues
@@ -98,8 +97,6 @@ class VulkanBackend(Backend):
                 for number, layout in enumerate(pipeline.sets):
                     if layout is None or number in (own, TABLES):  # what is there is not the scene's
                         continue
-                    if isinstance(pipeline.described, ComputeDescription):
-                        number += COMPUTED
                     if layouts.setdefault(number, layout).handle != layout.handle:
                         raise ShaderError(
                             f"The shaders of the scene disagree about set {number}: a file that a new pipeline needs "

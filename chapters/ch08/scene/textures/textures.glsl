@@ -19,9 +19,11 @@ vec4 sample_finest(uint map, uint arrays, vec2 uv) {
     return textureLod(textures_2d[nonuniformEXT(map)], uv, 0.0);
 }
 
+#ifndef COMPUTED  // a kernel has no differences between fragments
 float sampled_level(uint map, uint arrays, vec2 uv) {
     return textureQueryLod(textures_2d[nonuniformEXT(map)], uv).x;
 }
+#endif
 #else
 layout(BIND(2, 0, 3)) uniform sampler2DArray texture_arrays[ARRAYS];
 
@@ -45,6 +47,7 @@ vec4 sample_finest(uint map, uint arrays, vec2 uv) {
     return texel;
 }
 
+#ifndef COMPUTED  // a kernel has no differences between fragments
 float sampled_level(uint map, uint arrays, vec2 uv) {
     float level = 0.0;
     for (uint i = 0u; i < ARRAYS; ++i) {
@@ -54,4 +57,5 @@ float sampled_level(uint map, uint arrays, vec2 uv) {
     }
     return level;
 }
+#endif
 #endif

@@ -1,9 +1,12 @@
 // Material resolve: the surface of each pixel, found from the number of its triangle and stored as the G-buffer pass
-// stores it. A fragment fetches three vertices, transforms them as the vertex shader did, and interpolates by itself.
+// stores it. An invocation fetches three vertices, transforms them as the vertex shader did, and interpolates by itself.
 //
 // One pipeline serves all solid materials: it has the code that any of them needs, and a material's flags say what it
-// needs. A draw treats the pixels of one page of geometry and of one set of textures, and leaves out the others.
+// needs. A dispatch treats the pixels of one page of geometry and of one set of textures, and leaves out the others.
 
+layout(local_size_x = 8, local_size_y = 8) in;
+
+#define COMPUTED
 #include "scene/scene.glsl"
 #include "scene/vertices.glsl"
 #include "shading/material.glsl"
@@ -11,17 +14,28 @@
 #include "transform.glsl"
 #include "barycentrics.glsl"
 #include "cotangent.glsl"
+
+struct Part {
+    uvec4 which;  // the page of geometry and the set of textures of the pixels that this dispatch treats; samples
+};
+PUSH(Part, part)
+
 #ifdef TEXTURED
 #include "gradients.glsl"
 #endif
 #include "shading/gbuffer.glsl"
 
 layout(BIND(3, 0, 16)) uniform usampler2D visibility;
-
-struct Part {
-    uvec4 which;  // the page of geometry and the set of textures of the pixels that this draw treats
-};
-PUSH(Part, part)
+layout(BIND(3, 1, 0), COLOR_FORMAT) uniform writeonly image2D gbuffer_base_color;
+#ifdef NORMAL_OCTAHEDRAL
+layout(BIND(3, 2, 1), NORMAL_FORMAT) uniform writeonly uimage2D gbuffer_normal;
+#else
+layout(BIND(3, 2, 1), NORMAL_FORMAT) uniform writeonly image2D gbuffer_normal;
+#endif
+layout(BIND(3, 3, 2), MATERIAL_FORMAT) uniform writeonly image2D gbuffer_material;
+#ifdef EMISSION
+layout(BIND(3, 4, 3), EMISSION_FORMAT) uniform writeonly image2D gbuffer_emissive;
+#endif
 
 struct Vertex {
     vec3 world;
@@ -74,17 +88,19 @@ vec4 resolved_map(Material material, int role, uint map, uint arrays) {
 }
 #endif
 
-void main() {
-    ivec2 pixel = ivec2(gl_FragCoord.xy);
+// Finds the surface of a pixel; returns false if another dispatch does.
+bool surface_of(ivec2 pixel) {
     uvec2 ids = texelFetch(visibility, pixel, 0).xy;
-    if (ids.x == 0u) {
-        discard;
+    if (ids.x == 0u) {  // the background: every dispatch stores the same
+        store_unlit(vec3(0.0));
+        out_base_color.a = 0.0;
+        return true;
     }
     Instance instance = instance_of(ids.x - 1u);
     Mesh mesh = meshes[instance.mesh];
     Material material = materials[instance.material];
     if (mesh.streams[1].w != part.which.x || material.maps[1].y != part.which.y) {
-        discard;
+        return false;
     }
     uint first = mesh.streams[1].z + (ids.y & ~BACK);
     uvec3 v = uvec3(words[first], words[first + 1u], words[first + 2u]);
@@ -170,8 +186,26 @@ void main() {
         store_surface(
             base.rgb, n, occlusion, clamp(roughness, 0.0, 1.0), clamp(metallic, 0.0, 1.0), emissive * exposure()
         );
-        return;
+        return true;
     }
 #endif
     store_unlit(base.rgb);
+    return true;
+}
+
+void main() {
+    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
+    if (any(greaterThanEqual(pixel, imageSize(gbuffer_material))) || !surface_of(pixel)) {
+        return;
+    }
+    imageStore(gbuffer_base_color, pixel, out_base_color);
+#ifdef NORMAL_OCTAHEDRAL
+    imageStore(gbuffer_normal, pixel, uvec4(out_normal, 0u, 0u, 0u));
+#else
+    imageStore(gbuffer_normal, pixel, out_normal);
+#endif
+    imageStore(gbuffer_material, pixel, out_material);
+#ifdef EMISSION
+    imageStore(gbuffer_emissive, pixel, out_emission);
+#endif
 }
