@@ -19,6 +19,8 @@
 #define VIEW_MESHLETS 13
 #define VIEW_SURVIVORS 14
 #define VIEW_LIGHTS_EVALUATED 15
+#define VIEW_SHADOW_FACTOR 16
+#define VIEW_CASCADE 17
 
 #if VIEW != VIEW_NON_FINITE
 #define VIEW_OF_SURFACE  // nothing is lit
@@ -96,6 +98,10 @@ float shown_light_count() {
 }
 #endif
 
+#if VIEW == VIEW_SHADOW_FACTOR || VIEW == VIEW_CASCADE
+#include "shadows/views.glsl"
+#endif
+
 #if VIEW == VIEW_MESHLETS || VIEW == VIEW_SURVIVORS
 // Differs a little between neighbours of one colour, so that they can be told apart: 0.75 to 1.
 float own_brightness(uint meshlet) {
@@ -164,6 +170,10 @@ vec3 shown(Material material, vec3 base, vec3 to_eye) {
     return vec3(1.0);
 #elif VIEW == VIEW_LIGHT_COUNT || VIEW == VIEW_LIGHTS_EVALUATED
     return vec3(shown_light_count());
+#elif VIEW == VIEW_SHADOW_FACTOR
+    return vec3(shown_shadow(normalize(to_eye)));
+#elif VIEW == VIEW_CASCADE
+    return shown_cascade();
 #elif VIEW == VIEW_MESHLETS
     return shown_meshlet();
 #elif VIEW == VIEW_SURVIVORS

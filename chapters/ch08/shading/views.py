@@ -136,6 +136,18 @@ VIEWS = (
         "count",
         ("SHADED", "LIT"),
     ),
+    Quantity(
+        "shadow-factor",
+        "How much of the light that would arrive without casters does arrive: white is all of it, black is none.",
+        "value",
+        ("SHADED", "LIT"),
+    ),
+    Quantity(
+        "cascade",
+        "Which cascade of the first directional light a surface reads: finest to coarsest in colours, grey for none.",
+        "value",
+        ("SHADED", "LIT"),
+    ),
 )
 """The quantities that a view can show. A new view goes to the end: numbers are part of compiled shaders."""
 

@@ -5,7 +5,7 @@
 // distance from the light.
 
 #ifdef SHADOWS
-const float SHADOW_LEAST_FACING = 0.05;  // cosine beyond which slopes count no more: 87 degrees
+const float SHADOW_LEAST_FACING = 0.01;  // cosine beyond which slopes count no more: 89.4 degrees
 
 float shadow_stored(ShadowFace face, ivec2 texel) {
     texel = clamp(texel, ivec2(0), ivec2(int(face.place.z) - 1));
@@ -36,7 +36,7 @@ float face_factor(ShadowFace face, vec3 position, vec3 normal) {
     float bias = footprint * (SHADOW_CONSTANT + SHADOW_SLOPE * slope);
     vec2 gradient = n.xy / (scale * facing);  // metres of depth for each texel
     if (perspective) {
-        gradient = -n.xy / (scale * p.z * facing * length(p)) ;
+        gradient = -n.xy / (scale * p.z * facing * length(p));
     }
 #elif SHADOW_BIAS == 1
     float bias = footprint * (SHADOW_CONSTANT + (SHADOW_SLOPE + 1.4143 * (float(SHADOW_RADIUS) + 0.5)) * slope);

@@ -66,7 +66,7 @@ def place_tiles(faces: np.ndarray) -> None:
     """Give each face its own words of the table."""
     tiles = tiles_of(faces["size"].astype(np.int64))
     faces["first"] = np.cumsum(tiles) - tiles
-    faces["tiles"] = -(-faces["size"] // TILE)
+    faces["tiles"] = -(-faces["size"].astype(np.int64) // TILE)
 
 
 def full_table(tiles: int, width: int) -> NDArray[np.uint32]:

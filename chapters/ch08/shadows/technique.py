@@ -35,12 +35,16 @@ class ShadowTechnique(Technique):
 
     def __init__(self, scene: Scene, settings: Settings) -> None:
         super().__init__(scene, settings)
-        self._memory: ShadowMemory | None = None
+        self.memory: ShadowMemory | None = None
+        """Pages, targets and buffers, from `create` on, if any light casts shadows."""
         self._lights: Any = None
         self._lights_seen = -1
         self._casters: Any = None
         self._drawn: np.ndarray = np.zeros(0, FACE)
-        self._faces = np.zeros(0, FACE)
+        self.faces = np.zeros(0, FACE)
+        """The records of all faces in the last frame."""
+        self.table = np.zeros(0, np.uint32)
+        """Where the tiles of faces lie in the pages (layout.py)."""
         self._revision = 0
         self._written: dict[int, int] = {}
         self._slot = -1
@@ -67,8 +71,8 @@ class ShadowTechnique(Technique):
         self._most_tiles = (settings.shadows.pool << 20) // TILE_BYTES
         tiles = self._planned_tiles()
         layout = BlockLayout(model.records_of(scene, settings), model.most_faces(scene, settings), tiles)
-        self._memory = own.memory = backend.part(__package__).ShadowMemory(backend, layout, pages_size(tiles))
-        parts.data.shadows = self._memory
+        self.memory = own.memory = backend.part(__package__).ShadowMemory(backend, layout, pages_size(tiles))
+        parts.data.shadows = self.memory
 
     def _planned_tiles(self) -> int:
         """Return the tiles that the lights ask for when the renderer is opened, as far as the pool holds them."""
@@ -90,7 +94,7 @@ class ShadowTechnique(Technique):
 
     def prepare(self, frame: FrameInfo) -> int:
         """Find the faces that are due, and write the buffer of the slot; return the bytes written."""
-        memory, own = self._memory, self._pass
+        memory, own = self.memory, self._pass
         if memory is None or own not in frame.passes:
             return 0
         if frame.slot == self._slot:  # the last frame was never submitted
@@ -99,10 +103,10 @@ class ShadowTechnique(Technique):
         changed = self._follow_lights() | self._follow_view(frame)
         casters = self._casters_of(frame)
         due = np.arange(0)
-        if changed or casters != self._casters or len(self._drawn) != len(self._faces):
+        if changed or casters != self._casters or len(self._drawn) != len(self.faces):
             due = self._due(casters != self._casters)
             self._casters = casters
-        own.rounds = rounds_of(self._faces["size"][due].tolist())
+        own.rounds = rounds_of(self.faces["size"][due].tolist())
         for size in {size for size, *_ in own.rounds}:
             memory.prepare(size)
         if changed or len(due) or self._had_due:
@@ -112,9 +116,9 @@ class ShadowTechnique(Technique):
         self.work = {
             "shadow_lights": len(self._places),
             "shadow_lights_left_out": self._left_out,
-            "shadow_faces": len(self._faces),
+            "shadow_faces": len(self.faces),
             "shadow_faces_drawn": len(due),
-            "shadow_pages": int(tiles_of(self._faces["size"].astype(np.int64)).sum()),
+            "shadow_pages": int(tiles_of(self.faces["size"].astype(np.int64)).sum()),
             "shadow_bytes": memory.tiles[0] * memory.tiles[1] * TILE_BYTES,
         }
         return self._write(memory, frame.slot)
@@ -138,8 +142,8 @@ class ShadowTechnique(Technique):
         places = places[suns | (far[places] > near)]
         suns = records["kind"][places] == model.DIRECTIONAL
         counts, sizes = self._wishes(suns, has_cube(records[places]))
-        assert self._memory is not None, "it was needed"
-        sizes = fitting_sizes(counts, sizes, self._memory.layout.tiles)
+        assert self.memory is not None, "it was needed"
+        sizes = fitting_sizes(counts, sizes, self.memory.layout.tiles)
         self._kept, self._sizes, self._counts = places[sizes > 0], sizes[sizes > 0], counts[sizes > 0]
         self._left_out = len(numbers) - len(self._kept)
         local = records["kind"][self._kept] != model.DIRECTIONAL
@@ -150,7 +154,7 @@ class ShadowTechnique(Technique):
         self._local = local_faces(
             records, self._kept[local], self._sizes[local], near, beyond[local], model.guard(self._parts.settings)
         )
-        self._faces = np.zeros(0, FACE)
+        self.faces = np.zeros(0, FACE)
         return True
 
     def _bounds(self) -> NDArray[np.float64]:
@@ -170,7 +174,7 @@ class ShadowTechnique(Technique):
         seen = (frame.view, frame.size, self._parts.data.records.revision)
         if not len(suns):
             cascades = np.zeros(0, FACE)
-        elif len(self._faces) and seen == self._seen:
+        elif len(self.faces) and seen == self._seen:
             return False
         else:
             directions = records["direction"][suns].astype(np.float64)
@@ -189,9 +193,9 @@ class ShadowTechnique(Technique):
         self._seen = seen
         faces = np.concatenate([cascades, self._local])
         place_tiles(faces)
-        if len(faces) == len(self._faces) and faces.tobytes() == self._faces.tobytes():
+        if len(faces) == len(self.faces) and faces.tobytes() == self.faces.tobytes():
             return False
-        self._faces = faces
+        self.faces = faces
         return True
 
     def _casters_of(self, frame: FrameInfo) -> Any:
@@ -208,7 +212,7 @@ class ShadowTechnique(Technique):
 
     def _due(self, all_of_them: bool) -> NDArray[np.intp]:
         """Return the faces to draw in this frame, those of one size together, the largest first."""
-        faces = self._faces
+        faces = self.faces
         same = np.zeros(len(faces), bool)
         if not all_of_them and len(self._drawn) == len(faces):
             rows = [np.frombuffer(each.tobytes(), np.uint8).reshape(len(faces), -1) for each in (faces, self._drawn)]
@@ -220,15 +224,16 @@ class ShadowTechnique(Technique):
 
     def _pack(self, due: NDArray[np.intp]) -> None:
         """Make the contents of the buffer."""
-        assert self._memory is not None, "it was needed"
-        layout, faces = self._memory.layout, self._faces
+        assert self.memory is not None, "it was needed"
+        layout, faces = self.memory.layout, self.faces
         block = self._block = np.zeros(layout.size, np.uint8)
         first = np.cumsum(self._counts) - self._counts
         words = (first + 1) | self._counts << 24
         block[: layout.drawn].view(np.uint32)[self._kept] = words
         block[layout.drawn : layout.records].view(np.uint32)[: len(due)] = due
         block[layout.records : layout.records + faces.nbytes].view(FACE)[:] = faces
-        block[layout.table :].view(np.uint32)[: layout.tiles] = full_table(layout.tiles, self._memory.tiles[0])
+        self.table = full_table(layout.tiles, self.memory.tiles[0])
+        block[layout.table :].view(np.uint32)[: layout.tiles] = self.table
 
     def _write(self, memory: ShadowMemory, slot: int) -> int:
         """Write the buffer of a slot if it holds something else; return the bytes written."""
@@ -240,5 +245,5 @@ class ShadowTechnique(Technique):
 
     def close(self) -> None:
         """Free the memory."""
-        if self._memory is not None:
-            self._memory.close()
+        if self.memory is not None:
+            self.memory.close()

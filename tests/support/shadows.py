@@ -1,0 +1,108 @@
+"""Scenes with shadows, and the faces and pages of a renderer, read back."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from common.numerics.transforms import pose_looking_at
+from common.scene import Light, Material, Scene
+from tests.support.scenes import nodes_at, quad_scene, translated
+
+TILE = 128
+
+
+def placed(at: tuple[float, float, float], size: tuple[float, float], normal: tuple[float, float, float]) -> np.ndarray:
+    """Return the matrix of a square of `size` in metres around `at` that faces along `normal`."""
+    back = np.array(normal, np.float64) / np.linalg.norm(normal)
+    up = np.array((0.0, 1.0, 0.0)) if abs(back[1]) < 0.9 else np.array((0.0, 0.0, -1.0))
+    right = np.cross(up, back)
+    right /= np.linalg.norm(right)
+    matrix = np.eye(4)
+    matrix[:3, 0], matrix[:3, 1] = right * size[0] / 2, np.cross(back, right) * size[1] / 2
+    matrix[:3, 2], matrix[:3, 3] = back, at
+    return matrix
+
+
+def box(at: tuple[float, float, float], edge: float) -> list[np.ndarray]:
+    """Return the matrices of the six squares of a cube."""
+    sides = [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)]
+    return [placed(tuple(np.array(at) + np.array(n) * edge / 2), (edge, edge), n) for n in sides]
+
+
+def yard(*lights: tuple[Light, np.ndarray], extra: tuple[np.ndarray, ...] = (), material: Material | None = None) -> Scene:
+    """Return a ground of 8x8 metres at height 0, a cube of 1 metre that floats 0.5 above it, and lights with poses."""
+    squares = [placed((0, 0, 0), (8, 8), (0, 1, 0)), *box((0.0, 1.0, 0.0), 1.0), *extra]
+    material = material or Material(roughness=1.0, metallic=0.0, double_sided=True)
+    scene = quad_scene(material, matrices=tuple(squares))
+    nodes = nodes_at(*squares, *(pose for _, pose in lights))
+    shown = [replace(light, node=len(squares) + number) for number, (light, _) in enumerate(lights)]
+    made = replace(scene, lights=shown, nodes=nodes)
+    made.bounds, made.origin = _bounds(squares)
+    return made
+
+
+def _bounds(squares: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    corners = np.array([(-1, -1, 0, 1), (1, -1, 0, 1), (1, 1, 0, 1), (-1, 1, 0, 1)], np.float64)
+    points = np.concatenate([corners @ matrix.T for matrix in squares])[:, :3]
+    bounds = np.stack([points.min(axis=0), points.max(axis=0)])
+    return bounds, bounds.mean(axis=0)
+
+
+def sun(direction: tuple[float, float, float], lux: float = 3.0) -> tuple[Light, np.ndarray]:
+    """Return a directional light that shines along `direction`, and its pose."""
+    up = (0, 1, 0) if abs(direction[1]) < 0.99 * np.linalg.norm(direction) else (0, 0, 1)
+    return Light("directional", 0, intensity=lux), pose_looking_at((0, 0, 0), direction, up)
+
+
+def spot(eye, target, outer: float = math.radians(40), candela: float = 60.0, reach: float = math.inf):
+    """Return a spot light and its pose."""
+    up = (0, 1, 0) if abs(np.subtract(target, eye)[1]) < 0.99 * np.linalg.norm(np.subtract(target, eye)) else (0, 0, 1)
+    light = Light("spot", 0, intensity=candela, inner_cone=0.8 * outer, outer_cone=outer, range=reach)
+    return light, pose_looking_at(eye, target, up)
+
+
+def point(eye, candela: float = 60.0, reach: float = math.inf) -> tuple[Light, np.ndarray]:
+    """Return a point light and its pose."""
+    return Light("point", 0, intensity=candela, range=reach), translated(*eye)
+
+
+def faces_of(renderer: Any) -> np.ndarray:
+    """Return the FACE records of the last frame."""
+    faces: np.ndarray = renderer.techniques["shadows"].faces
+    return faces
+
+
+def read_pages(renderer: Any) -> np.ndarray:
+    """Return all pages (rows, columns) of a renderer; all frames must be over."""
+    technique = renderer.techniques["shadows"]
+    image, device = technique.memory.pages, renderer.device
+    for slot in renderer._frames.slots:
+        renderer._frames.wait(slot)
+    if renderer.capabilities.backend == "gl":
+        from backends.gl import api as gl
+        from backends.gl.readback import read_image
+
+        device.make_current()
+        device.fn.glMemoryBarrier(gl.GL_ALL_BARRIER_BITS)
+        return np.asarray(read_image(device, image)).reshape(image.height, image.width)
+    from backends.vulkan.readback import read_image as read
+
+    device.wait_idle()
+    return np.asarray(read(device, image, "storage")).reshape(image.height, image.width)
+
+
+def read_face(renderer: Any, number: int, pages: np.ndarray | None = None) -> np.ndarray:
+    """Return (size, size) metres that the pages hold for a face, put together by the table."""
+    technique, face = renderer.techniques["shadows"], faces_of(renderer)[number]
+    pages = read_pages(renderer) if pages is None else pages
+    tiles, first, size = int(face["tiles"]), int(face["first"]), int(face["size"])
+    words = technique.table[first : first + tiles * tiles].reshape(tiles, tiles)
+    whole = np.zeros((tiles * TILE, tiles * TILE), np.float32)
+    for (row, column), word in np.ndenumerate(words):
+        x, y = (int(word) & 0xFFFF) * TILE, (int(word) >> 16) * TILE
+        whole[row * TILE : (row + 1) * TILE, column * TILE : (column + 1) * TILE] = pages[y : y + TILE, x : x + TILE]
+    return whole[:size, :size]
