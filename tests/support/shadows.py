@@ -39,6 +39,10 @@ def yard(*lights: tuple[Light, np.ndarray], extra: tuple[np.ndarray, ...] = (), 
     material = material or Material(roughness=1.0, metallic=0.0, double_sided=True)
     scene = quad_scene(material, matrices=tuple(squares))
     nodes = nodes_at(*squares, *(pose for _, pose in lights))
+    for number in range(len(squares), len(nodes.parent)):  # lights that are not turned can be moved
+        pose = nodes.matrix[number]
+        if np.array_equal(pose[:3, :3], np.eye(3)):
+            nodes.has_matrix[number], nodes.translation[number] = False, pose[:3, 3]
     shown = [replace(light, node=len(squares) + number) for number, (light, _) in enumerate(lights)]
     made = replace(scene, lights=shown, nodes=nodes)
     made.bounds, made.origin = _bounds(squares)

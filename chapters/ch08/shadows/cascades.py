@@ -26,6 +26,10 @@ NEAREST_SPLIT = 0.01
 """The least distance of the logarithm's beginning, as a part of the distance that cascades cover."""
 
 
+DEPTH_MARGIN = 1e-4
+"""What depth has beyond the fit at both ends, in diagonals of the scene: rounding must not clip what touches it."""
+
+
 def corners(bounds: Float64) -> Float64:
     """Return the (8, 3) corners of a box (2, 3)."""
     choice = np.indices((2, 2, 2)).reshape(3, -1).T
@@ -87,7 +91,8 @@ def directional_faces(
         axes, box = fit(direction, bounds)
         own = faces[number * cascades : (number + 1) * cascades]
         set_axes(own, np.broadcast_to(axes, (cascades, 3, 3)))
-        depth = box[:, 2]
+        margin = DEPTH_MARGIN * reach
+        depth = box[:, 2] + (-margin, margin)
         for cascade in range(cascades):
             if cascade == cascades - 1:
                 extent = np.maximum(box[1, :2] - box[0, :2], 1e-6 * reach)
@@ -98,6 +103,6 @@ def directional_faces(
                 middle = np.round(axes[:2] @ (eye - ahead * back) * scale) / scale
             own["scale_x"][cascade], own["scale_y"][cascade] = scale
             own["origin"][cascade] = np.array([*middle, depth[0]]) @ axes
-        own["far"] = max(depth[1] - depth[0], 1e-6 * reach)
+        own["far"] = depth[1] - depth[0]
     faces["guard"], faces["size"] = guard, size
     return faces

@@ -51,6 +51,9 @@ class ShadowTechnique(Technique):
         self._left_out = self._moves = 0
         self._had_due = False
         self._seen: Any = None
+        self._records_seen = -1
+        self._pose: Any = None
+        self._caster_places = np.zeros(0)
         self._places = self._kept = np.zeros(0, np.intp)
         self._sizes = self._counts = np.zeros(0, np.int64)
         self._local = np.zeros(0, FACE)
@@ -200,13 +203,20 @@ class ShadowTechnique(Technique):
 
     def _casters_of(self, frame: FrameInfo) -> Any:
         """Return what the contents of all faces depend on, besides the faces themselves."""
-        data, revision = self._parts.data, self.scene.revision
+        records, revision = self._parts.data.records, self.scene.revision
+        if records.revision != self._records_seen:  # something has moved: an object, or only a light
+            self._records_seen = records.revision
+            places = records.instances["world_from_object"]
+            deformed = bool(self.scene.deformations) and records.moving_key(frame.pose) != self._pose
+            if deformed or not np.array_equal(places, self._caster_places):
+                self._moves += 1
+                self._caster_places = places.copy()
+            self._pose = records.moving_key(frame.pose)
         self._moves += not self._cloth.resting
         return (
-            data.records.moving_key(frame.pose),
             revision[Change.VISIBILITY],
             revision[Change.MATERIALS],
-            data.slots[frame.slot].written.get("maps", 0),
+            self._parts.data.slots[frame.slot].written.get("maps", 0),
             self._moves,
         )
 

@@ -1,0 +1,250 @@
+"""Shadows in frames, against rays in float64: depths of faces, edges, bias, filters, and what is not drawn again."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from chapters.ch08.settings import Settings
+from common.numerics.transforms import pose_looking_at
+from common.scene import Material
+from common.settings import replaced
+from common.view.camera import Orthographic, Perspective, View
+from tests.support.shadows import faces_of, placed, point, read_face, read_pages, spot, sun, yard
+from tests.twins import shadows as twin
+
+pytestmark = pytest.mark.variants("vulkan", "gl")
+
+SIZE = (64, 64)
+BASE = Settings(
+    anisotropy=1.0,
+    color_format="rgba32f",
+    gbuffer_format="full",
+    default_light=False,
+    ambient=0.0,
+    background=0.0,
+    tone_curve="none",
+    shadow_sun_size=256,
+    shadow_size=256,
+    shadow_cascades=1,
+)
+FACTOR = {"view": "shadow-factor", "graph": "forward"}
+ABOVE = View(pose_looking_at((0, 6, 0), (0, 0, 0), (0, 0, -1)), Orthographic(3.0, 0.1, 20.0))
+
+
+def rendered(chapter, scene, looking=ABOVE, size=SIZE, name="color_linear", **turned):
+    with chapter.open(scene, size, replaced(BASE, **turned), outputs=(name,)) as renderer:
+        return renderer.render(looking).image(name).astype(np.float64)
+
+
+def factors(chapter, scene, looking=ABOVE, size=SIZE, **turned):
+    return rendered(chapter, scene, looking, size, **FACTOR, **turned)[..., 0]
+
+
+def ground_below(size=SIZE, half=3.0) -> np.ndarray:
+    """Return (H, W, 3) points of the ground at the middles of the pixels of ABOVE."""
+    x = (np.arange(size[0]) + 0.5) / size[0] * 2 * half - half
+    z = (np.arange(size[1]) + 0.5) / size[1] * 2 * half - half
+    return np.stack(np.broadcast_arrays(x[None, :], 0.0, z[:, None]), -1)
+
+
+def lit(points, scene, light_at=None, towards=None) -> np.ndarray:
+    """Return whether points see a light at a place, or one that is far away."""
+    shape, flat = points.shape[:-1], points.reshape(-1, 3)
+    rays = np.broadcast_to(towards, flat.shape) if light_at is None else np.array(light_at) - flat
+    nearest = twin.first_hit(flat, rays, twin.triangles_of(scene), 1e-6)
+    return (nearest >= (np.inf if light_at is None else 1.0)).reshape(shape)
+
+
+LIGHTS = {
+    "sun": (sun((0.5, -1.0, 0.3)), None, (-0.5, 1.0, -0.3)),
+    "spot": (spot((1.5, 4.0, 1.0), (0.0, 0.5, 0.0), outer=math.radians(55)), (1.5, 4.0, 1.0), None),
+    "point": (point((-1.2, 3.0, 0.8)), (-1.2, 3.0, 0.8), None),
+}
+
+
+@pytest.mark.feature("shadows/depth-recording", "shadows/cube-sampling")
+@pytest.mark.parametrize("kind", LIGHTS)
+def test_each_texel_holds_the_depth_of_the_first_surface(chapter, kind):
+    scene = yard(LIGHTS[kind][0], extra=(placed((2.0, 1.0, -2.0), (1.5, 1.0), (1.0, 0.4, 0.2)),))
+    settings = replaced(BASE, shadow_size=128, shadow_sun_size=256)
+    triangles = twin.triangles_of(scene) - scene.origin
+    with chapter.open(scene, SIZE, settings) as renderer:
+        renderer.render(ABOVE).image("color")
+        pages, seen = read_pages(renderer), 0
+        for number, face in enumerate(faces_of(renderer)):
+            found, wanted = read_face(renderer, number, pages), twin.face_depths(face, triangles)
+            agree = (found < 1e29) == (wanted < 1e29)
+            close = np.abs(found - wanted) <= 2e-6 * np.maximum(wanted, 1.0)
+            close |= (found > 1e29) & (wanted > 1e29)
+            # At edges a texel's middle may lie within float32 of either side.
+            assert (agree & close).mean() > 0.995, (number, (agree & close).mean())
+            inner = np.ones_like(close)
+            for axis in (0, 1):
+                for shift in (-1, 1):
+                    near = np.roll(wanted, shift, axis)
+                    inner &= np.abs(near - wanted) < 0.3
+            assert (agree & close)[inner[:, :]].all(), number
+            seen += int((wanted < 1e29).any())
+        assert seen >= (4 if kind == "point" else 1)
+
+
+@pytest.mark.feature("shadows/spot-map", "shadows/cube-sampling", "shadows/pcf")
+@pytest.mark.parametrize("kind", LIGHTS)
+def test_edges_lie_within_a_texel_of_the_truth(chapter, kind):
+    light, at, towards = LIGHTS[kind]
+    scene = yard(light)
+    drawn = factors(chapter, scene, shadow_kernel=1)
+    points = ground_below()
+    on_ground = np.maximum(abs(points[..., 0]), abs(points[..., 2])) > 0.52  # the cube hides what is below
+    wanted = lit(points + (0, 1e-4, 0), scene, at, towards)
+    if kind == "spot":
+        away = points - np.array(at)
+        axis = np.array((0.0, 0.5, 0.0)) - np.array(at)
+        cosine = (away @ axis) / np.linalg.norm(away, axis=-1) / np.linalg.norm(axis)
+        on_ground &= cosine > np.cos(np.radians(54))
+    assert set(np.unique(drawn[on_ground])) <= {0.0, 1.0}
+    wrong = on_ground & ((drawn > 0.5) != wanted)
+    assert (~wanted[on_ground]).sum() > 100 and wrong.sum() < 60
+    away = np.full(points.shape[:-1], 1.0) if at is None else np.linalg.norm(points - np.array(at), axis=-1)
+    ray = np.broadcast_to(towards, points.shape) if at is None else np.array(at) - points
+    cosine = ray[..., 1] / np.linalg.norm(ray, axis=-1)
+    # The footprint of a texel, sqrt 2 across its corners, laid onto the ground.
+    texel = 8.5 / 250 if at is None else 2 * np.tan(np.radians(55 if kind == "spot" else 45)) / 250 * away * 1.5
+    radius = (texel / cosine)[wrong]
+    around = np.linspace(0, 2 * np.pi, 16, endpoint=False)
+    ring = np.stack([np.cos(around), np.zeros(16), np.sin(around)], -1)
+    nearby = points[wrong][:, None] + radius[:, None, None] * ring + (0, 1e-4, 0)
+    other = lit(nearby, scene, at, towards) == (drawn > 0.5)[wrong][:, None]
+    assert other.any(axis=1).all()
+
+
+@pytest.mark.feature("shadows/pcf")
+@pytest.mark.parametrize("kernel", [3, 13])
+def test_factors_are_multiples_of_one_tap(chapter, kernel):
+    drawn = factors(chapter, yard(LIGHTS["spot"][0]), shadow_kernel=kernel) * kernel**2
+    assert np.allclose(drawn, np.round(drawn), atol=1e-4)
+    assert len(np.unique(np.round(drawn))) > kernel
+
+
+@pytest.mark.feature("shadows/depth-bias")
+@pytest.mark.parametrize("bias", ["plane", "slope"])
+@pytest.mark.parametrize("kernel", [1, 3])
+@pytest.mark.parametrize("kind", ["sun", "spot", "point"])
+def test_a_plane_never_shades_itself(chapter, kind, kernel, bias):
+    acne = 0
+    for degrees in (0, 20, 45, 60, 75, 85):
+        drawn = factors(chapter, _tilted(kind, degrees), shadow_kernel=kernel, shadow_bias=bias)
+        lighted = drawn[22:42, 22:42]
+        assert (lighted == 1.0).all(), (degrees, (lighted < 1).sum())
+        if bias == "plane" and kernel == 1:
+            acne += (factors(chapter, _tilted(kind, degrees), shadow_kernel=1, shadow_bias="none") < 1).sum()
+    assert bias != "plane" or kernel != 1 or acne > 500  # without bias there is acne
+
+
+def _tilted(kind, degrees):
+    angle = math.radians(degrees)
+    towards = np.array((math.sin(angle) * 0.8, math.cos(angle), math.sin(angle) * 0.6))
+    light = {
+        "sun": lambda: sun(tuple(-towards)),
+        "spot": lambda: spot(tuple(4 * towards), (0, 0, 0), outer=math.radians(30)),
+        "point": lambda: point(tuple(4 * towards)),
+    }[kind]()
+    scene = yard(light)
+    scene.instances.visible[1:] = False
+    return scene
+
+
+@pytest.mark.feature("shadows/depth-bias")
+@pytest.mark.parametrize("kernel", [1, 3])
+@pytest.mark.parametrize("degrees", [0, 45, 75])
+def test_what_hovers_two_texels_above_casts_a_shadow(chapter, degrees, kernel):
+    angle = math.radians(degrees)
+    height = (2 + kernel // 2) * 8.6 / 250  # texels of the whole ground and the guard
+    scene = yard(
+        sun((-math.sin(angle), -math.cos(angle), 0.0)), extra=(placed((0, height, 0), (4, 4), (0, 1, 0)),)
+    )
+    scene.instances.visible[1:7] = False
+    below = View(pose_looking_at((0, height / 2, 0.3), (0, 0, 0)), Perspective(0.4, 1e-3))
+    assert (factors(chapter, scene, below, shadow_kernel=kernel)[16:48, 16:48] == 0.0).all()
+
+
+@pytest.mark.feature("shadows/disable-switch")
+def test_off_makes_nothing_and_gives_the_picture_without_casters(chapter):
+    scene = yard(*(light for light, *_ in LIGHTS.values()))
+    scene.instances.visible[1:] = False
+    plain = rendered(chapter, scene, shadows="off")
+    assert np.array_equal(rendered(chapter, scene), plain) and plain.max() > 0
+    with chapter.open(scene, SIZE, replaced(BASE, shadows="off")) as renderer:
+        frame = renderer.render(ABOVE)
+        assert not any(name.startswith("shadow") for name in frame.work)
+        assert "shadows" not in [step.name for step in renderer.graph.steps]
+        assert renderer.techniques["shadows"].memory is None
+        pipelines = frame.work["pipelines"]
+    with chapter.open(scene, SIZE, BASE) as renderer:
+        assert renderer.render(ABOVE).work["pipelines"] == pipelines + 2  # of casters, and the kernel
+
+
+@pytest.mark.feature("shadows/caching")
+def test_only_what_changed_is_drawn_again(chapter):
+    scene = yard(LIGHTS["sun"][0], LIGHTS["spot"][0], LIGHTS["point"][0])
+    with chapter.open(scene, SIZE, BASE, outputs=("color_linear",)) as renderer:
+        first = renderer.render(ABOVE)
+        picture = first.image("color_linear").copy()
+        assert first.work["shadow_faces_drawn"] == first.work["shadow_faces"] == 8
+        for _ in range(4):
+            frame = renderer.render(ABOVE)
+            assert frame.work["shadow_faces_drawn"] == 0 and frame.work.get("shadow_draws", 0) == 0
+            assert np.array_equal(frame.image("color_linear"), picture)
+        assert frame.work["recorded"] == 0
+        node = scene.lights[2].node
+        with scene.edit() as edit:
+            edit.set_transform(node, translation=(-1.0, 3.0, 0.9))
+        moved = renderer.render(ABOVE)
+        assert moved.work["shadow_faces_drawn"] == 6  # its own
+        after = moved.image("color_linear").copy()
+    with chapter.open(scene, SIZE, BASE, outputs=("color_linear",)) as renderer:
+        assert np.array_equal(renderer.render(ABOVE).image("color_linear"), after)
+        assert not np.array_equal(after, picture)
+        with scene.edit() as edit:
+            edit.set_visible(3, False)
+        assert renderer.render(ABOVE).work["shadow_faces_drawn"] == 8
+
+
+@pytest.mark.parametrize("graph", ["deferred", "compute"])
+def test_each_path_receives_the_same_shadows(chapter, graph):
+    scene = yard(*(light for light, *_ in LIGHTS.values()))
+    view = View(pose_looking_at((3, 4, 5), (0, 0.3, 0)), Perspective())
+    one = rendered(chapter, scene, view, graph="forward")
+    other = rendered(chapter, scene, view, graph=graph)
+    apart = np.abs(one - other).max(-1) > 1e-3 * one.max()
+    assert apart.mean() < 0.005  # positions from depth are off by float32: at edges a tap may answer otherwise
+    bare = rendered(chapter, scene, view, graph="forward", shadows="off")
+    assert (np.abs(one - bare).max(-1) > 0.05 * bare.max()).mean() > 0.05
+
+
+@pytest.mark.parametrize("kind", LIGHTS)
+def test_masked_casters_have_holes_and_blended_ones_cast_nothing(chapter, kind):
+    light = LIGHTS[kind][0]
+    see_through = Material(roughness=1.0, metallic=0.0, double_sided=True, alpha_mode="blend", base_color=(1, 1, 1, 0.5))
+    bare = yard(light)
+    bare.instances.visible[1:] = False
+    assert (factors(chapter, bare)[8:56, 8:56] == 1.0).all()
+    scene = yard(light, material=see_through)
+    with chapter.open(scene, SIZE, BASE) as renderer:
+        frame = renderer.render(ABOVE)
+        frame.image("color")
+        assert frame.work.get("shadow_draws", 0) == 0
+
+
+@pytest.mark.feature("shadows/aliasing-improvements")
+def test_cascade_borders_show_no_seam(chapter):
+    scene = yard(LIGHTS["sun"][0])
+    scene.instances.visible[1:] = False
+    view = View(pose_looking_at((0, 0.6, 3.9), (0, 0, 0)), Perspective(1.0, 0.05))
+    with chapter.open(scene, (96, 64), replaced(BASE, view="cascade", shadow_cascades=3)) as renderer:
+        shown = renderer.render(view).image("color")[40:]
+    assert len(np.unique(shown.reshape(-1, shown.shape[-1]), axis=0)) >= 2
+    assert (factors(chapter, scene, view, (96, 64), shadow_cascades=3)[40:, 8:-8] == 1.0).all()
