@@ -95,6 +95,11 @@ class CulledDraws:
             name=f"{described.name} meshlets, phase {phase}",
         )
 
+    @property
+    def meshlets(self) -> SceneMeshlets | None:
+        """The meshlets that the scene's indices are in the order of."""
+        return self._memory.meshlets
+
     def transparent(self, slot: int, binding: SceneBinding) -> SceneBinding:
         """Return the bindings of transparent draws, from those without culling."""
         records = self._memory.target(slot) if self._blended else binding.records

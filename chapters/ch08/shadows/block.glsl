@@ -4,10 +4,13 @@
 
 layout(BIND(0, SHADOW_BLOCK, 14), std430) readonly buffer Shadows_ {
     uint shadow_of[SHADOW_LIGHTS];          // by light: 0, or 1 + its first face, and its number of faces from bit 24 on
-    uint shadow_drawn[SHADOW_FACES];        // the faces that this frame draws
+    uint shadow_drawn[SHADOW_FACES];        // the faces that this frame draws; layout.py says what is in a word
+    uint shadow_lists[SHADOW_FACES];        // the lights that it culls for: first face, and number of faces from bit 24 on
     ShadowFace shadow_faces[SHADOW_FACES];
     uint shadow_table[];                    // by tile of a face: its place in the pages, in tiles; y from bit 16 on
 };
+
+uint drawn_face(uint number) { return shadow_drawn[number] & 0xfffu; }
 
 // Where a texel of a face lies in the pages.
 ivec2 page_texel(ShadowFace face, ivec2 texel) {

@@ -11,5 +11,5 @@ PUSH(Draw, pushed)
 
 void main() {
     project();
-    gl_Position = face_clip(shadow_faces[shadow_drawn[pushed.number.x]], out_position);
+    gl_Position = face_clip(shadow_faces[drawn_face(pushed.number.x)], out_position);
 }

@@ -10,11 +10,13 @@ import numpy as np
 from backends.gl.resources import (
     Buffer,
     Image,
+    bind_buffer,
     bind_texture,
     create_buffer,
     create_image,
     destroy_buffer,
     destroy_image,
+    write_buffer,
 )
 from backends.gl.targets import Attachment, create_framebuffer, destroy_framebuffer
 from common.scene import Sampler
@@ -22,10 +24,15 @@ from common.scene import Sampler
 from ..frames.frame import SLOTS
 from ..frames.gl_commands import Commands, Rendering
 from ..pipelines.description import Built
+from .lists import ShadowLists
+from .memory import TABLES
 from .memory import ShadowMemory as _ShadowMemory
 
 DRAWN_UNIT = 16
 """The texture unit of the kernel, behind those of materials."""
+
+FIRST_TABLE = 5
+"""The first storage block of the tables: what is before it is bound for the whole frame."""
 
 _NEAREST = Sampler("nearest", "nearest", None, "clamp", "clamp")
 
@@ -45,6 +52,7 @@ class ShadowMemory(_ShadowMemory):
             create_buffer(context, self.layout.size, "upload", f"shadows, slot {slot}") for slot in range(SLOTS)
         ]
         self.pages: Image = create_image(context, "r32f", size, "shadow pages")
+        self._tables: dict[str, Buffer] = {}
 
     def _create_target(self, size: int, layers: int) -> _Target:
         context, name = self._backend.device, f"shadow faces of {size}"
@@ -54,6 +62,35 @@ class ShadowMemory(_ShadowMemory):
             for layer in range(layers)
         ]
         return _Target(image, [Rendering(framebuffer, (), 0.0) for framebuffer in framebuffers])
+
+    # --- culling ---
+
+    def make_lists(self, lists: ShadowLists) -> None:
+        """Create the buffers of other lists; OpenGL itself frees earlier ones after their last use."""
+        context = self._backend.device
+        self._free_lists()
+        contents, sizes = lists.contents, lists.sizes
+        for name in TABLES:
+            size = max(16, contents[name].nbytes if name in contents else sizes[name])
+            self._tables[name] = create_buffer(context, size, "device", f"shadow {name}")
+            if name in contents and contents[name].nbytes:
+                write_buffer(context, self._tables[name], contents[name])
+        never = np.array([1 << 24], np.uint32)
+        write_buffer(context, self._tables["numbers"], never, sizes["numbers"] - 4)
+
+    def _table(self, name: str) -> Buffer:
+        return self._tables[name]
+
+    def bind_lists(self, commands: Any, kernel: Built) -> None:
+        """Bind a kernel that culls; the buffer of the slot and its instances are bound for the whole frame."""
+        commands.bind_compute(kernel)
+        for binding, name in enumerate(TABLES, FIRST_TABLE):
+            bind_buffer(self._backend.device, "storage", binding, self._tables[name])
+
+    def _free_lists(self) -> None:
+        for buffer in self._tables.values():
+            destroy_buffer(self._backend.device, buffer)
+        self._tables = {}
 
     # --- recording ---
 
@@ -72,6 +109,7 @@ class ShadowMemory(_ShadowMemory):
     def close(self) -> None:
         """Free everything; OpenGL itself waits for its last use."""
         context = self._backend.device
+        self._free_lists()
         for block in self.blocks:
             destroy_buffer(context, block)
         for target in self._targets.values():

@@ -1,7 +1,9 @@
 """The buffer of a frame's shadows, and the places of tiles in the pages; needs no device.
 
     shadow_of      a word a light record: 0, or 1 + its first face, and its number of faces from bit 24 on
-    shadow_drawn   a word a face: the faces that the frame draws, in the order in which it draws them
+    shadow_drawn   a word a face that the frame draws: bits 0 to 11 its number, 12 to 15 its place among the faces of its
+                   light, from 16 on the number of its list
+    shadow_lists   a word a list of casters (lists.py): the first face of its light, and its number of faces from bit 24 on
     shadow_faces   FACE records
     shadow_table   a word a tile of each face: its place in the pages, in tiles
 
@@ -40,9 +42,14 @@ class BlockLayout:
         return 4 * padded(self.lights)
 
     @property
+    def lists(self) -> int:
+        """The first byte of `shadow_lists`."""
+        return self.drawn + 4 * padded(self.faces)
+
+    @property
     def records(self) -> int:
         """The first byte of the records."""
-        return self.drawn + 4 * padded(self.faces)
+        return self.lists + 4 * padded(self.faces)
 
     @property
     def table(self) -> int:

@@ -4,19 +4,13 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
-from ..frames.commands import Commands
+from ..frames.commands import Commands, Counted
 from ..pipelines.description import Built
 from .layout import TILE, BlockLayout
+from .lists import ShadowLists, layers_of
 
-TARGET_TEXELS = 1 << 23
-"""Texels of the layers of a target together: 32 MiB of depth, or one layer if that has more."""
-
-MOST_LAYERS = 64
-
-
-def layers_of(size: int) -> int:
-    """Return how many faces of a size are drawn before they are copied into their pages."""
-    return min(MOST_LAYERS, max(1, TARGET_TEXELS // (size * size)))
+TABLES = ("draws", "batches", "meshlets", "lists", "numbers", "commands")
+"""The buffers of the kernels that cull, in the order of their bindings (cull.glsl)."""
 
 
 class Mapped(Protocol):
@@ -51,6 +45,36 @@ class ShadowMemory:
             self._targets[size] = self._create_target(size, layers_of(size))
 
     def _create_target(self, size: int, layers: int) -> Any:
+        raise NotImplementedError
+
+    # --- culling ---
+
+    def make_lists(self, lists: ShadowLists) -> None:
+        """Create the buffers of other lists; earlier ones are freed after the last frame that uses them."""
+        raise NotImplementedError
+
+    def _table(self, name: str) -> Any:
+        """Return a buffer of TABLES."""
+        raise NotImplementedError
+
+    def counted(self, number: int) -> Counted:
+        """Return the draw commands, with the place of their number."""
+        native = self._backend.plan.native("draw-indirect-count")
+        return Counted(self._table("commands"), self._table("numbers"), 4 * number, native)
+
+    def unlimited(self, records: Any, lists: ShadowLists) -> Counted:
+        """Return `records` with a number that is never reached.
+
+        Mesa's software driver (25.0.7) takes the number of the last counted draw for later draws without one, so where
+        casters are counted, the draws of the picture have a number, too (culling/memory.py).
+        """
+        return self.counted(lists.sizes["numbers"] // 4 - 1)._replace(records=records)
+
+    def begin_lists(self, commands: Any) -> None:
+        """Let kernels write lists and commands that earlier draws have read."""
+
+    def bind_lists(self, commands: Any, kernel: Built) -> None:
+        """Bind a kernel that culls."""
         raise NotImplementedError
 
     # --- recording ---

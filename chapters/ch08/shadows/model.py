@@ -72,6 +72,13 @@ def padded(count: int) -> int:
     return -(-max(1, count) // 4) * 4
 
 
+def tests_of(settings: Any) -> int:
+    """Return the tests of casters against lights, as bits (cull.glsl). Cones need that back faces cast nothing."""
+    knobs = settings.shadows
+    cones = knobs.cull_cones and knobs.sides == "front"
+    return knobs.cull_instances + 2 * knobs.cull_meshlets + 4 * cones + 8 * knobs.cull_faces
+
+
 def guard(settings: Any) -> int:
     """Return the texels at each edge of a face that only its filter reaches, so that no tap needs another face."""
     return int(settings.shadows.kernel) // 2 + 1

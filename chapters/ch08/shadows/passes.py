@@ -1,6 +1,6 @@
 """The pass that draws shadow maps, before the passes that light surfaces.
 
-    for each round: faces of one size -> layers of a depth target -> store.comp -> pages
+    for each round: lists.comp, commands.comp -> draws of some faces -> layers of a depth target -> store.comp -> pages
 
 The pass begins and ends rendering by itself: a frame draws as many faces as have changed, and attachments that the graph
 declares are of a fixed number. For the graph it is a pass that stores to the pages.
@@ -8,7 +8,7 @@ declares are of a fixed number. For the graph it is a pass that stores to the pa
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -17,7 +17,7 @@ import numpy as np
 from backends.contract import Access, Pass
 from common.scene import Scene
 
-from ..frames.commands import Commands
+from ..frames.commands import Commands, DrawGroup
 from ..graph.types import External, Touch
 from ..pipelines.compute_description import ComputeDescription
 from ..pipelines.description import Built, PipelineDescription
@@ -25,8 +25,9 @@ from ..scene.packing import Variant, shape_alone
 from ..scene.pass_parts import PassParts
 from ..settings import Settings
 from ..shading.objects import ObjectsPass
-from .memory import ShadowMemory, layers_of
-from .model import needed
+from .lists import NO_ROUNDS, Round, ShadowLists
+from .memory import ShadowMemory
+from .model import needed, tests_of
 
 PAGES = "shadow_pages"
 """The resource in the graph."""
@@ -37,27 +38,16 @@ LIT = ("forward", "forward_late", "lighting", "lighting_compute", "transparent",
 _READ = Touch("", frozenset({"fragment", "compute"}), frozenset({"storage_read"}))
 """The last use in the frame before."""
 
-Rounds = tuple[tuple[int, int, int], ...]
-"""(size, first, count) of the faces that are drawn together."""
-
-
-def rounds_of(sizes: Collection[int]) -> Rounds:
-    """Return the rounds of faces of these sizes, which stand together by size."""
-    rounds: list[tuple[int, int, int]] = []
-    for number, size in enumerate(sizes):
-        if rounds and rounds[-1][0] == size and rounds[-1][2] < layers_of(size):
-            rounds[-1] = (size, rounds[-1][1], rounds[-1][2] + 1)
-        else:
-            rounds.append((size, number, 1))
-    return tuple(rounds)
-
 
 class ShadowsPass(ObjectsPass):
-    """Draws all solid objects into each face that is due, and copies it into its pages.
+    """Draws solid objects into each face that is due, and copies it into its pages.
 
     Both sides of a surface cast a shadow: light that comes from behind a wall is stopped by it, too. An opaque material
     runs no fragment shader; a masked one asks its texture where it has holes. Blended objects cast none, nor does what
     is unlit: it shows pictures, such as a sky around the scene, and the light of lamps.
+
+    Where one call draws many commands, kernels write those of each face: what its light reaches, and the face sees.
+    Else each face gets all draws.
     """
 
     name = "shadows"
@@ -69,11 +59,16 @@ class ShadowsPass(ObjectsPass):
         super().__init__(parts)
         self.memory: ShadowMemory | None = None
         """The memory of this backend, from the technique."""
-        self.rounds: Rounds = ()
+        self.culls = self.counts_draws = False
+        """Whether kernels write the commands of faces, and whether their number can be on the GPU."""
+        self.schedule = NO_ROUNDS
         """What the frame draws."""
+        self.lists: ShadowLists | None = None
+        """The tables of casters, if kernels cull."""
         self.writes = (Access(PAGES, "storage", bytes=4),)
         self.externals = {PAGES: External(None, None, _READ, bytes=4)}
-        self._kernel: Built
+        self._store: Built
+        self._kernels: Sequence[Built] = ()
 
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:
@@ -100,39 +95,98 @@ class ShadowsPass(ObjectsPass):
         )
 
     def create(self) -> None:
-        """Build the pipelines of casters, and the kernel that copies faces."""
+        """Build the pipelines of casters, and the kernels."""
         super().create()
-        (self._kernel,) = self._pipelines.get([ComputeDescription("shadows/store.comp", name="store shadow faces")])
+        tests = (("SHADOW_TESTS", tests_of(self._settings)),)
+        cleared = () if self.counts_draws else (("CLEARED", 1),)
+        described = [ComputeDescription("shadows/store.comp", name="store shadow faces")]
+        if self.culls:
+            described += [
+                ComputeDescription("shadows/lists.comp", tests, name="shadow lists"),
+                ComputeDescription("shadows/commands.comp", (*tests, *cleared), name="shadow commands"),
+            ]
+        self._store, *self._kernels = self._pipelines.get(described)
+
+    # --- recording ---
 
     def record(self, commands: Any) -> None:
         """Record the rounds of this frame. Draws of casters are counted apart from those of the picture."""
         memory = self.memory
         assert memory is not None, "the technique has made it"
         before = dict(commands.work)
-        variants = self._data.variants
-        solid = [batch for batch in self._draws.solid if self.takes(variants[batch.material])]
-        casters = [replace(group, cull=False) for group in self.groups(solid)]
-        for size, first, count in self.rounds:
-            memory.begin_round(commands, size)
-            for layer in range(count):
-                memory.begin_face(commands, size, layer)
-                number = np.array([[first + layer, 0, 0, 0]], np.uint32)
-                commands.draw_groups(casters, self._draws.binding._replace(pushed=number))
+        casters = self._casters()
+        of_layer = [casters] * max((turn.count for turn in self.schedule.rounds), default=0)
+        if self.lists is not None:
+            of_layer = [self._culled(self.lists, casters, layer) for layer in range(len(of_layer))]
+        for turn in self.schedule.rounds:
+            if self.lists is not None:
+                self._cull(commands, memory, self.lists, turn)
+            memory.begin_round(commands, turn.size)
+            for layer in range(turn.count):
+                memory.begin_face(commands, turn.size, layer)
+                number = np.array([[turn.first + layer, 0, 0, 0]], np.uint32)
+                groups = [group for group in of_layer[layer] if group is not None]
+                commands.draw_groups(groups, self._draws.binding._replace(pushed=number))
                 memory.end_face(commands)
-            memory.store(commands, self._kernel, size, first, count)
+            memory.store(commands, self._store, turn.size, turn.first, turn.count)
         memory.finish(commands)
         for name in ("draws", "draw_calls", "triangles"):
             commands.work[f"shadow_{name}"] = commands.work[name] - before[name]
             commands.work[name] = before[name]
 
+    def _casters(self) -> list[DrawGroup | None]:
+        """Return the group of each solid batch, None if it casts no shadows."""
+        variants, front = self._data.variants, self._settings.shadows.sides == "front"
+        return [
+            replace(group, cull=front and group.cull)
+            if self.takes(variants[batch.material])
+            else None
+            for batch in self._draws.solid
+            for group in (self.groups([batch]) if self.takes(variants[batch.material]) else [None])
+        ]
+
+    def _culled(
+        self, lists: ShadowLists, casters: Sequence[DrawGroup | None], layer: int
+    ) -> list[DrawGroup | None]:
+        """Return the groups with the commands that the kernels write for a layer."""
+        memory = self.memory
+        assert memory is not None, "the technique has made it"
+        rows = lists.tables.batches.tolist()
+        return [
+            None
+            if group is None
+            else replace(
+                group,
+                batch=replace(group.batch, first=layer * lists.places + first, count=capacity, triangles=0),
+                counted=memory.counted(layer * lists.batches + number),
+            )
+            for number, (group, (_, first, capacity, _)) in enumerate(zip(casters, rows, strict=True))
+        ]
+
+    def _cull(self, commands: Commands, memory: ShadowMemory, lists: ShadowLists, turn: Round) -> None:
+        """Record the kernels that write the commands of a round."""
+        if not lists.batches:
+            return
+        memory.begin_lists(commands)
+        constants = np.array(
+            [
+                [turn.first, turn.first_list, lists.places, lists.layers],
+                [len(lists.tables.draws), lists.batches, 0, 0],
+            ],
+            np.uint32,
+        )
+        for kernel, number in zip(self._kernels, (turn.lists, turn.count), strict=True):
+            memory.bind_lists(commands, kernel)
+            commands.push(kernel, constants)
+            commands.dispatch(lists.batches, number)
+            commands.compute_barrier()
+
     def key(self, slot: int) -> Any:
-        """Return the lists of the scene, and the rounds."""
-        return self._draws.key(slot), self.rounds
+        """Return the lists of the scene, the rounds, and the tables of casters."""
+        return self._draws.key(slot), self.schedule.rounds, id(self.lists)
 
 
 def read_pages(passes: Collection[Pass]) -> None:
     """Declare in the passes that light surfaces that they load shadows."""
     for gpu_pass in passes:
         gpu_pass.reads = (*gpu_pass.reads, Access(PAGES, "storage"))
-
-

@@ -81,6 +81,26 @@ class ShadowSettings:
         maximum=1,
         flat="shadow_near",
     )
+    sides: str = knob(
+        "both",
+        "which sides of a surface that has one cast shadows: both, or the front alone",
+        choices=("both", "front"),
+        flat="shadow_sides",
+    )
+    cull_instances: bool = knob(
+        True, "whether objects beyond the reach of a light are left out", flat="shadow_cull_instances"
+    )
+    cull_meshlets: bool = knob(
+        True, "whether meshlets beyond the reach of a light are left out", flat="shadow_cull_meshlets"
+    )
+    cull_cones: bool = knob(
+        True,
+        "whether meshlets that face away from a light are left out, with shadow_sides=front",
+        flat="shadow_cull_cones",
+    )
+    cull_faces: bool = knob(
+        True, "whether a face leaves out what is outside of it", flat="shadow_cull_faces"
+    )
     pool: int = knob(
         256, "memory of all shadow maps together", unit="MiB", minimum=1, maximum=1024, flat="shadow_pool"
     )

@@ -17,7 +17,7 @@ struct Round {
 PUSH(Round, pushed)
 
 void main() {
-    ShadowFace face = shadow_faces[shadow_drawn[pushed.first.x + gl_GlobalInvocationID.z]];
+    ShadowFace face = shadow_faces[drawn_face(pushed.first.x + gl_GlobalInvocationID.z)];
     ivec2 texel = ivec2(gl_GlobalInvocationID.xy);
     if (all(lessThan(texel, ivec2(face.place.z)))) {
         float depth = texelFetch(drawn, ivec3(gl_GlobalInvocationID), 0).r;

@@ -21,7 +21,8 @@ from .cascades import directional_faces
 from .faces import FACE, WIDEST_SPOT, has_cube, local_faces, reaches
 from .layout import TILE_BYTES, BlockLayout, fitting_sizes, full_table, pages_size, place_tiles, tiles_of
 from .memory import ShadowMemory
-from .passes import LIT, ShadowsPass, read_pages, rounds_of
+from .lists import MOST_LAYERS, Schedule, schedule, shadow_lists
+from .passes import LIT, ShadowsPass, read_pages
 
 
 class ShadowTechnique(Technique):
@@ -58,6 +59,9 @@ class ShadowTechnique(Technique):
         self._sizes = self._counts = np.zeros(0, np.int64)
         self._local = np.zeros(0, FACE)
         self._block = np.zeros(0, np.uint8)
+        self._lists_seen: Any = None
+        self._confused = False
+        self._buffer_bytes = 0
 
     def create(self, parts: PassParts, backend: Backend, passes: Mapping[str, Pass]) -> None:
         """Make the pass, and let the passes that light surfaces read its pages."""
@@ -71,6 +75,10 @@ class ShadowTechnique(Technique):
         self._cloth = passes["cloth"]
         if self._cloth.externals:  # its vertices are drawn, too
             own.reads = (*own.reads, Access(VERTICES, "storage", stages=("vertex",)))
+        own.culls = backend.plan.native("multi-draw")
+        own.counts_draws = self._confused = backend.plan.native("draw-indirect-count")
+        self._confused &= backend.device.capabilities.is_software  # see `ShadowMemory.unlimited`
+        self._buffer_bytes = min(int(backend.device.capabilities.limits["maxStorageBufferRange"]), 1 << 27)
         self._most_tiles = (settings.shadows.pool << 20) // TILE_BYTES
         tiles = self._planned_tiles()
         layout = BlockLayout(model.records_of(scene, settings), model.most_faces(scene, settings), tiles)
@@ -109,12 +117,18 @@ class ShadowTechnique(Technique):
         if changed or casters != self._casters or len(self._drawn) != len(self.faces):
             due = self._due(casters != self._casters)
             self._casters = casters
-        own.rounds = rounds_of(self.faces["size"][due].tolist())
-        for size in {size for size, *_ in own.rounds}:
+        draws = self._parts.draws
+        if own.culls and draws.lists is not self._lists_seen:
+            self._follow_lists(memory)
+        if self._confused and own.lists is not None and draws.culled is None:
+            draws.binding = draws.binding._replace(counted=memory.unlimited(draws.binding.records, own.lists))
+        most = MOST_LAYERS if own.lists is None else own.lists.layers
+        own.schedule = schedule(self.faces, due, most)
+        for size in {turn.size for turn in own.schedule.rounds}:
             memory.prepare(size)
         if changed or len(due) or self._had_due:
             self._revision += 1
-            self._pack(due)
+            self._pack(own.schedule)
         self._had_due = len(due) > 0
         self.work = {
             "shadow_lights": len(self._places),
@@ -232,7 +246,19 @@ class ShadowTechnique(Technique):
         ordered: NDArray[np.intp] = due[np.argsort(-faces["size"][due].astype(np.int64), kind="stable")]
         return ordered
 
-    def _pack(self, due: NDArray[np.intp]) -> None:
+    def _follow_lists(self, memory: ShadowMemory) -> None:
+        """Make the tables of casters anew, since other objects are drawn."""
+        parts, own = self._parts, self._pass
+        self._lists_seen = parts.draws.lists
+        meshlets = getattr(parts.draws.culled, "meshlets", None)
+        casts = [own.takes(variant) for variant in parts.data.variants]
+        own.lists = shadow_lists(
+            parts.draws.lists, parts.scene, meshlets, parts.data.variants, casts, self._buffer_bytes
+        )
+        memory.make_lists(own.lists)
+        self._backend.frames.forget()
+
+    def _pack(self, due: Schedule) -> None:
         """Make the contents of the buffer."""
         assert self.memory is not None, "it was needed"
         layout, faces = self.memory.layout, self.faces
@@ -240,7 +266,8 @@ class ShadowTechnique(Technique):
         first = np.cumsum(self._counts) - self._counts
         words = (first + 1) | self._counts << 24
         block[: layout.drawn].view(np.uint32)[self._kept] = words
-        block[layout.drawn : layout.records].view(np.uint32)[: len(due)] = due
+        block[layout.drawn : layout.lists].view(np.uint32)[: len(due.drawn)] = due.drawn
+        block[layout.lists : layout.records].view(np.uint32)[: len(due.lists)] = due.lists
         block[layout.records : layout.records + faces.nbytes].view(FACE)[:] = faces
         self.table = full_table(layout.tiles, self.memory.tiles[0])
         block[layout.table :].view(np.uint32)[: layout.tiles] = self.table

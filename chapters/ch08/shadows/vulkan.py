@@ -12,6 +12,7 @@ from backends.vulkan import api as vk
 from backends.vulkan.barriers import barriers, image_barrier, transition
 from backends.vulkan.once import submit_once
 from backends.vulkan.resources import Buffer, Image, create_view
+from backends.vulkan.upload import Uploader
 from common.scene import Sampler
 
 from ..frames.frame import SLOTS
@@ -19,9 +20,22 @@ from ..frames.vulkan_commands import Commands, Rendering
 from ..graph.sync.vulkan import layout_of
 from ..pipelines.description import Built
 from ..pipelines.vulkan_descriptors import Texture
+from .lists import ShadowLists
+from .memory import TABLES
 from .memory import ShadowMemory as _ShadowMemory
 
 _NEAREST = Sampler("nearest", "nearest", None, "clamp", "clamp")
+
+
+_STORAGE = (
+    vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT
+    | vk.VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT
+    | vk.VK_BUFFER_USAGE_TRANSFER_DST_BIT
+    | vk.VK_BUFFER_USAGE_TRANSFER_SRC_BIT
+)
+_AFTER_DRAWS = barriers(
+    memory=(vk.VK_PIPELINE_STAGE_2_DRAW_INDIRECT_BIT, 0, vk.VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT, 0)
+)
 
 
 @dataclass
@@ -48,8 +62,10 @@ class ShadowMemory(_ShadowMemory):
         self.pages: Image = resources.images.get(self._images[0])
         with submit_once(device) as commands:
             transition(device, commands, self.pages, "undefined", "storage")
-        self._sets: dict[int, Any] = {}
+        self._sets: dict[Any, Any] = {}
         self._alive: list[Any] = []
+        self._tables: dict[str, Any] = {}
+        self._list_sets: Any = None
 
     @property
     def held_pages(self) -> Texture:
@@ -72,6 +88,52 @@ class ShadowMemory(_ShadowMemory):
             barriers(change("sampled", "depth", discard=True)),
             barriers(change("depth", "sampled")),
         )
+
+    # --- culling ---
+
+    def make_lists(self, lists: ShadowLists) -> None:
+        """Create the buffers of other lists; earlier ones are freed after the last frame that uses them."""
+        resources = self._backend.resources
+        self._free_lists()
+        contents, sizes = lists.contents, lists.sizes
+        for name in TABLES:
+            size = max(16, contents[name].nbytes if name in contents else sizes[name])
+            self._tables[name] = resources.buffer(size, _STORAGE, "device", f"shadow {name}")
+        with Uploader(self._backend.device) as uploader:
+            for name, table in contents.items():
+                if table.nbytes:
+                    uploader.buffer(resources.buffers.get(self._tables[name]), table)
+            never = np.array([1 << 24], np.uint32)
+            uploader.buffer(resources.buffers.get(self._tables["numbers"]), never, sizes["numbers"] - 4)
+
+    def _table(self, name: str) -> Buffer:
+        buffer: Buffer = self._backend.resources.buffers.get(self._tables[name])
+        return buffer
+
+    def begin_lists(self, commands: Commands) -> None:
+        """Let kernels write lists and commands that earlier draws have read."""
+        commands.barrier(_AFTER_DRAWS)
+
+    def bind_lists(self, commands: Any, kernel: Built) -> None:
+        """Bind a kernel that culls; both have one layout of bindings."""
+        if self._list_sets is None:
+            tables = []
+            for slot, block in enumerate(self.blocks):
+                held = {0: block, **self._backend.data.held_instances(slot, 1, 8)}
+                held |= {binding: self._table(name) for binding, name in enumerate(TABLES, 2)}
+                tables.append((kernel.sets[0], held, f"shadow lists, slot {slot}"))
+            self._list_sets = self._backend.descriptors.create(tables)
+            self._list_handles = [vk.array("VkDescriptorSet", [it]) for it in self._list_sets.handles]
+        commands.bind_compute(kernel)
+        commands.bind_compute_set(kernel, 0, self._list_handles[commands.slot.index])
+
+    def _free_lists(self) -> None:
+        resources = self._backend.resources
+        if self._list_sets is not None:
+            resources.defer(partial(self._backend.descriptors.destroy, self._list_sets))
+        for handle in self._tables.values():
+            resources.destroy_buffer(handle)
+        self._tables, self._list_sets = {}, None
 
     # --- recording ---
 
@@ -114,6 +176,7 @@ class ShadowMemory(_ShadowMemory):
     def close(self) -> None:
         """Give everything up; frames in flight may still use it."""
         resources, descriptors = self._backend.resources, self._backend.descriptors
+        self._free_lists()
         for sets in self._alive:
             resources.defer(partial(descriptors.destroy, sets))
         for handle in self._handles:

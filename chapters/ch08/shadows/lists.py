@@ -1,0 +1,149 @@
+"""What is culled for shadows: the rounds of a frame with their lists, and the tables that the kernels read. No device.
+
+    lists.comp     for each light of a round and each batch of draws: the units within its reach, with the faces they touch
+    commands.comp  for each face of the round and each batch: draw commands for those of its light's list
+
+A round is what is drawn before it is copied into the pages: as many faces of one size as the target has layers. Lists and
+commands have the same places in every round, so their memory follows from the layers and not from the lights.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.scene import Scene
+
+from ..culling.lists import CullingLists, plan_lists
+from ..meshlets.model import MESHLET, SceneMeshlets
+from ..scene.draw_lists import COMMAND, DrawLists
+from ..scene.packing import Variant
+
+MOST_LAYERS = 64
+TARGET_TEXELS = 1 << 23
+"""Texels of the layers of a target together: 32 MiB of depth, or one layer if that has more."""
+
+COMMAND_BYTES = 1 << 25
+"""Bytes of the commands of all layers, or of one layer if that has more."""
+
+ENTRY_BYTES = 8
+"""Bytes of an entry of a list."""
+
+
+class Round(NamedTuple):
+    """Faces that are drawn together: their size, the first of those due and their number; the same of their lists."""
+
+    size: int
+    first: int
+    count: int
+    first_list: int
+    lists: int
+
+
+@dataclass(frozen=True, eq=False)
+class Schedule:
+    """The rounds of a frame, and the words of `shadow_drawn` and `shadow_lists` (layout.py)."""
+
+    rounds: tuple[Round, ...]
+    drawn: NDArray[np.uint32]
+    lists: NDArray[np.uint32]
+
+
+NO_ROUNDS = Schedule((), np.zeros(0, np.uint32), np.zeros(0, np.uint32))
+
+
+def layers_of(size: int, most: int = MOST_LAYERS) -> int:
+    """Return how many faces of a size are drawn before they are copied into their pages, at most `most`."""
+    return min(most, MOST_LAYERS, max(1, TARGET_TEXELS // (size * size)))
+
+
+def schedule(faces: np.ndarray, due: NDArray[np.intp], most: int = MOST_LAYERS) -> Schedule:
+    """Return the rounds for the faces `due` (N,), those of one size together and those of one light one by one.
+
+    The six faces of a light have one list. Each cascade has its own: it sees another part of the scene.
+    """
+    if not len(due):
+        return NO_ROUNDS
+    sizes, lights = faces["size"].astype(np.int64), faces["light"].astype(np.int64)
+    of_light = np.r_[True, lights[1:] != lights[:-1]]
+    base = np.maximum.accumulate(np.where(of_light, np.arange(len(faces)), 0))
+    alone = faces["perspective"] == 0
+    base = np.where(alone, np.arange(len(faces)), base)
+    counts = np.bincount(base, minlength=len(faces))
+    own, new = sizes[due], np.r_[True, sizes[due][1:] != sizes[due][:-1]]
+    within = np.arange(len(due)) - np.maximum.accumulate(np.where(new, np.arange(len(due)), 0))
+    layers = np.array([layers_of(int(size), most) for size in np.unique(own)])[np.searchsorted(np.unique(own), own)]
+    begins = new | (within % layers == 0)
+    starts = np.flatnonzero(begins)
+    new_list = begins | np.r_[True, base[due][1:] != base[due][:-1]]
+    number = np.cumsum(new_list) - 1
+    ends = np.r_[starts[1:], len(due)]
+    rounds = tuple(
+        Round(int(own[first]), int(first), int(end - first), int(number[first]), int(number[end - 1] - number[first]) + 1)
+        for first, end in zip(starts, ends, strict=True)
+    )
+    drawn = due | (due - base[due]) << 12 | number << 16
+    listed = base[due][new_list]
+    return Schedule(rounds, drawn.astype(np.uint32), (listed | counts[listed] << 24).astype(np.uint32))
+
+
+@dataclass(frozen=True, eq=False)
+class ShadowLists:
+    """The tables of casters: draws, batches and meshlets as culling has them, of which only casters have units."""
+
+    tables: CullingLists
+    meshlets: SceneMeshlets | None
+
+    @property
+    def places(self) -> int:
+        """Entries of a list, and commands of a face."""
+        return max(1, self.tables.commands)
+
+    @property
+    def batches(self) -> int:
+        """The number of batches."""
+        return len(self.tables.batches)
+
+    @property
+    def layers(self) -> int:
+        """The most faces of a round."""
+        return max(1, min(MOST_LAYERS, COMMAND_BYTES // (self.places * COMMAND.itemsize)))
+
+    @property
+    def contents(self) -> dict[str, np.ndarray]:
+        """The buffers that never change while the draw lists stay the same."""
+        return {
+            "draws": self.tables.draws,
+            "batches": self.tables.batches,
+            "meshlets": np.zeros(0, MESHLET) if self.meshlets is None else self.meshlets.records,
+        }
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Bytes of the buffers that the kernels write; the last number of commands is one that is never reached."""
+        return {
+            "lists": self.layers * self.places * ENTRY_BYTES,
+            "numbers": 4 * (2 * self.layers * max(1, self.batches) + 1),
+            "commands": self.layers * self.places * COMMAND.itemsize,
+        }
+
+
+def shadow_lists(
+    lists: DrawLists,
+    scene: Scene,
+    meshlets: SceneMeshlets | None,
+    variants: list[Variant],
+    casts: list[bool],
+    buffer_bytes: int,
+) -> ShadowLists:
+    """Return the tables for the solid draws of `lists`; `casts` (materials,) says which materials cast shadows."""
+    always = np.zeros(len(scene.meshes), bool)
+    always[[deformation.mesh for deformation in scene.deformations]] = True
+    two_sided = np.array([variant.double_sided for variant in variants], bool)
+    tables = plan_lists(lists, scene, meshlets, always, two_sided, buffer_bytes=buffer_bytes)
+    mesh = scene.instances.mesh[tables.draws["instance"]]
+    tables.draws["units"][~np.array(casts, bool)[scene.meshes["material"][mesh]]] = 0
+    return ShadowLists(tables, meshlets)
