@@ -110,3 +110,56 @@ def read_face(renderer: Any, number: int, pages: np.ndarray | None = None) -> np
         x, y = (int(word) & 0xFFFF) * TILE, (int(word) >> 16) * TILE
         whole[row * TILE : (row + 1) * TILE, column * TILE : (column + 1) * TILE] = pages[y : y + TILE, x : x + TILE]
     return whole[:size, :size]
+
+
+def all_faces(renderer: Any) -> np.ndarray:
+    """Return the metres that the pages hold for all faces, one after another."""
+    pages = read_pages(renderer)
+    return np.concatenate([read_face(renderer, n, pages).reshape(-1) for n in range(len(faces_of(renderer)))])
+
+
+def words(renderer: Any, name: str) -> np.ndarray:
+    """Return the words of a buffer that the kernels of the last round read or wrote; all frames must be over."""
+    from tests.support.buffers import read_words
+
+    for slot in renderer._frames.slots:
+        renderer._frames.wait(slot)
+    return read_words(renderer.device, renderer.techniques["shadows"].memory._table(name))
+
+
+def listed(renderer: Any) -> list[np.ndarray]:
+    """Return for each list of the last round its entries (N, 3): draw, unit, faces as bits."""
+    lists, numbers = _lists(renderer), words(renderer, "numbers")
+    entries = words(renderer, "lists").reshape(-1, 2)
+    found = []
+    for number in range(_shadows(renderer).schedule.rounds[-1].lists):
+        parts = []
+        for batch, row in enumerate(lists.tables.batches):
+            first = number * lists.places + int(row["first_command"])
+            count = int(numbers[(lists.layers + number) * lists.batches + batch])
+            parts.append(entries[first : first + count])
+        rows = np.concatenate([*parts, np.zeros((0, 2), np.uint32)])
+        found.append(np.stack([rows[:, 0], rows[:, 1] & 0xFFFFFF, rows[:, 1] >> 24], axis=1))
+    return found
+
+
+def commanded(renderer: Any) -> list[np.ndarray]:
+    """Return for each face of the last round its draw commands (N, 5)."""
+    lists, numbers = _lists(renderer), words(renderer, "numbers")
+    commands = words(renderer, "commands").reshape(-1, 5)
+    found = []
+    for layer in range(_shadows(renderer).schedule.rounds[-1].count):
+        parts = []
+        for batch, row in enumerate(lists.tables.batches):
+            first = layer * lists.places + int(row["first_command"])
+            parts.append(commands[first : first + int(numbers[layer * lists.batches + batch])])
+        found.append(np.concatenate([*parts, np.zeros((0, 5), np.uint32)]))
+    return found
+
+
+def _shadows(renderer: Any) -> Any:
+    return renderer.techniques["shadows"].passes["shadows"]
+
+
+def _lists(renderer: Any) -> Any:
+    return _shadows(renderer).lists

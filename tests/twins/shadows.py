@@ -68,5 +68,6 @@ def face_depths(face, triangles: np.ndarray) -> np.ndarray:
     """Return (size, size) depth of the first of some triangles, relative to the scene's origin, in each texel."""
     origins, directions = face_rays(face)
     nearest = first_hit(origins, directions, triangles, float(face["near"]))
-    nearest[nearest > float(face["far"])] = NOTHING
+    lengths = np.linalg.norm(directions, axis=1) if face["perspective"] else 1.0
+    nearest[nearest * lengths > float(face["far"])] = NOTHING
     return nearest.reshape(int(face["size"]), -1)

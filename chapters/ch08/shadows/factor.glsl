@@ -19,6 +19,7 @@ float face_factor(ShadowFace face, vec3 position, vec3 normal) {
     if (p.z <= face.origin.w) {
         return 1.0;  // nearer than any caster
     }
+    int radius = int(face.ends.y) - 1;  // of the kernel, read from memory: a loop that is unrolled compiles long
     vec2 scale = vec2(face.right.w, face.down.w);  // texels for each metre
     vec3 ray = vec3(0.0, 0.0, 1.0);
     if (perspective) {
@@ -39,7 +40,7 @@ float face_factor(ShadowFace face, vec3 position, vec3 normal) {
         gradient = -n.xy / (scale * p.z * facing * length(p));
     }
 #elif SHADOW_BIAS == 1
-    float bias = footprint * (SHADOW_CONSTANT + (SHADOW_SLOPE + 1.4143 * (float(SHADOW_RADIUS) + 0.5)) * slope);
+    float bias = footprint * (SHADOW_CONSTANT + (SHADOW_SLOPE + 1.4143 * (float(radius) + 0.5)) * slope);
     const vec2 gradient = vec2(0.0);
 #else
     const float bias = 0.0;
@@ -47,8 +48,8 @@ float face_factor(ShadowFace face, vec3 position, vec3 normal) {
 #endif
     ivec2 middle = ivec2(floor(at));
     float lit = 0.0;
-    for (int y = -SHADOW_RADIUS; y <= SHADOW_RADIUS; ++y) {
-        for (int x = -SHADOW_RADIUS; x <= SHADOW_RADIUS; ++x) {
+    for (int y = -radius; y <= radius; ++y) {
+        for (int x = -radius; x <= radius; ++x) {
             ivec2 texel = middle + ivec2(x, y);
             float change = dot(gradient, vec2(texel) + 0.5 - at);
             float stored = shadow_stored(face, texel);
@@ -56,7 +57,7 @@ float face_factor(ShadowFace face, vec3 position, vec3 normal) {
             lit += nearer ? 0.0 : 1.0;
         }
     }
-    return lit / float((2 * SHADOW_RADIUS + 1) * (2 * SHADOW_RADIUS + 1));
+    return lit / float((2 * radius + 1) * (2 * radius + 1));
 }
 
 // Whether the filter at a point stays inside a face of a directional light.

@@ -60,7 +60,6 @@ def shadow_defines(scene: Scene, settings: Any) -> Defines:
         ("SHADOWS", 1),
         ("SHADOW_LIGHTS", padded(records_of(scene, settings))),
         ("SHADOW_FACES", padded(most_faces(scene, settings))),
-        ("SHADOW_RADIUS", knobs.kernel // 2),
         ("SHADOW_BIAS", get_args(Bias).index(knobs.bias)),
         ("SHADOW_CONSTANT", float(knobs.constant)),
         ("SHADOW_SLOPE", float(knobs.slope)),

@@ -5,7 +5,7 @@ struct ShadowFace {
     vec4 down;    // xyz: the axis along columns, w: the same of y
     vec4 ahead;   // xyz: the axis along which depth counts, w: 1 in a perspective projection, else 0
     vec4 origin;  // xyz: where depth is 0, w: the depth of the near plane
-    vec4 ends;    // x: the depth of the far plane, y: texels at each edge that only filters reach
+    vec4 ends;    // x: the depth of the far plane, y: texels at each edge that only filters reach, 1 more than the radius of the kernel
     uvec4 place;  // x: the first word of the face's tiles in the table, y: tiles in a row, z: size in texels
 };
 
@@ -43,6 +43,13 @@ float linear_depth(ShadowFace face, float depth) {
         return SHADOW_NOTHING;
     }
     return face.ahead.w != 0.0 ? near * far / (near + depth * (far - near)) : far - depth * (far - near);
+}
+
+// The depth of a texel, or nothing beyond the reach of a local light: there it gives no light that a caster could take.
+// The far plane is as far away as that, and at its corners farther.
+float within_reach(ShadowFace face, ivec2 texel, float depth) {
+    vec2 at = (vec2(texel) + 0.5 - 0.5 * float(face.place.z)) / vec2(face.right.w, face.down.w);
+    return face.ahead.w != 0.0 && depth * length(vec3(at, 1.0)) > face.ends.x ? SHADOW_NOTHING : depth;
 }
 
 // The face of a cube that a direction meets, in the order +x, -x, +y, -y, +z, -z.

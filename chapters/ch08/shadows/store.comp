@@ -21,6 +21,6 @@ void main() {
     ivec2 texel = ivec2(gl_GlobalInvocationID.xy);
     if (all(lessThan(texel, ivec2(face.place.z)))) {
         float depth = texelFetch(drawn, ivec3(gl_GlobalInvocationID), 0).r;
-        imageStore(pages, page_texel(face, texel), vec4(linear_depth(face, depth)));
+        imageStore(pages, page_texel(face, texel), vec4(within_reach(face, texel, linear_depth(face, depth))));
     }
 }
