@@ -52,6 +52,7 @@ def test_six_faces_cover_the_sphere_without_gap_or_overlap():
     assert np.allclose(cube["scale_x"] / (256 / 2), 1 - 2 * 3 / 256)
     narrow = (np.abs(local[..., :2]) < local[..., 2:] * np.tan(np.pi / 8)).all(-1).any(axis=1)
     assert narrow.mean() == pytest.approx(0.281, abs=0.01)  # six faces of 45 degrees
+    assert not (np.abs(local[..., :2]) < 0.99 * local[..., 2:]).all(-1).any(axis=1).all()
 
 
 @pytest.mark.feature("shadows/bias-matrices")
@@ -70,6 +71,8 @@ def test_corners_of_a_light_frustum_meet_those_of_clip_space():
         assert np.allclose(unit[:, :2], np.round(unit[:, :2]), atol=1e-6)
         # Standard depth is 1 - z, and OpenGL's own 1 - 2 z: the scale and bias of that map it to the same cube.
         assert np.allclose(0.5 * (1 - 2 * ndc[:, 2]) + 0.5, 1 - ndc[:, 2])
+        # OpenGL's scale and bias for depth that is 0 to 1 already: the far plane stays, and the near one moves.
+        assert not np.allclose(0.5 * (1 - ndc[:, 2]) + 0.5, 1 - ndc[:, 2]) or depth == 9.0
 
 
 def test_wide_spots_have_cubes():
@@ -87,7 +90,9 @@ def test_the_fit_touches_the_scene_on_all_sides(direction):
     at = clip(face, cascades.corners(BOX))
     assert (np.abs(at[:, :2]) <= 1 + 1e-6).all()
     assert (at[:, 2] >= -1e-6).all() and (at[:, 2] <= 1 + 1e-6).all()
-    assert np.allclose(at[:, :2].max(axis=0), 1, atol=1e-6) and np.allclose(at[:, :2].min(axis=0), -1, atol=1e-6)
+    assert np.allclose(at[:, :2].max(axis=0), 1, atol=1e-6) and np.allclose(
+        at[:, :2].min(axis=0), -1, atol=1e-6
+    )
     margin = cascades.DEPTH_MARGIN * np.linalg.norm(BOX[1] - BOX[0]) / face["far"]
     assert np.allclose((at[:, 2].min(), at[:, 2].max()), (margin, 1 - margin), atol=1e-6)
     axes, box = cascades.fit(unit, BOX)
@@ -120,7 +125,9 @@ def test_cascades_move_by_whole_texels_and_never_change_their_size():
         view = View(pose_looking_at(eye, eye + random.normal(size=3), (0.1, 1, 0)), Perspective(1.0, 0.01))
         made = cascades.directional_faces(directions, BOX, view, np.zeros(3), 16 / 9, 3, 256, 2)
         axes = np.stack([made["right"], made["down"]], axis=1).astype(np.float64)
-        texels = np.einsum("fij,fj->fi", axes, made["origin"].astype(np.float64))[:2] * made["scale_x"][:2, None]
+        texels = (
+            np.einsum("fij,fj->fi", axes, made["origin"].astype(np.float64))[:2] * made["scale_x"][:2, None]
+        )
         assert np.allclose(texels, np.round(texels), atol=2e-3)  # float32 of a few hundred texels
         if before is not None:
             assert (made["scale_x"] == before["scale_x"]).all() and made[2] == before[2]
@@ -168,7 +175,9 @@ def test_no_tile_has_two_owners():
     made["size"] = (512, 256, 256, 128, 1024)
     layout.place_tiles(made)
     tiles = layout.tiles_of(made["size"].astype(np.int64))
-    owned = np.concatenate([np.arange(first, first + n) for first, n in zip(made["first"], tiles, strict=True)])
+    owned = np.concatenate(
+        [np.arange(first, first + n) for first, n in zip(made["first"], tiles, strict=True)]
+    )
     assert np.array_equal(owned, np.arange(tiles.sum()))
     width, height = layout.pages_size(int(tiles.sum()))
     table = layout.full_table(int(tiles.sum()), width)

@@ -3,16 +3,29 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from chapters.ch08.settings import Settings
 from common.numerics.transforms import pose_looking_at
-from common.scene import Material
+from common.scene import Image, Material
 from common.settings import replaced
 from common.view.camera import Orthographic, Perspective, View
-from tests.support.shadows import faces_of, placed, point, read_face, read_pages, spot, sun, yard
+from tests.support.scenes import moved, quad_scene, scaled, texture
+from tests.support.shadows import (
+    bending,
+    bent,
+    faces_of,
+    placed,
+    point,
+    read_face,
+    read_pages,
+    spot,
+    sun,
+    yard,
+)
 from tests.twins import shadows as twin
 
 pytestmark = pytest.mark.variants("vulkan", "gl")
@@ -99,7 +112,7 @@ def test_edges_lie_within_a_texel_of_the_truth(chapter, kind):
     drawn = factors(chapter, scene, shadow_kernel=1)
     points = ground_below()
     on_ground = np.maximum(abs(points[..., 0]), abs(points[..., 2])) > 0.52  # the cube hides what is below
-    wanted = lit(points + (0, 1e-4, 0), scene, at, towards)
+    wanted = lit(points + np.array((0, 1e-4, 0)), scene, at, towards)
     if kind == "spot":
         away = points - np.array(at)
         axis = np.array((0.0, 0.5, 0.0)) - np.array(at)
@@ -112,11 +125,13 @@ def test_edges_lie_within_a_texel_of_the_truth(chapter, kind):
     ray = np.broadcast_to(towards, points.shape) if at is None else np.array(at) - points
     cosine = ray[..., 1] / np.linalg.norm(ray, axis=-1)
     # The footprint of a texel, sqrt 2 across its corners, laid onto the ground.
-    texel = 8.5 / 250 if at is None else 2 * np.tan(np.radians(55 if kind == "spot" else 45)) / 250 * away * 1.5
+    texel = (
+        8.5 / 250 if at is None else 2 * np.tan(np.radians(55 if kind == "spot" else 45)) / 250 * away * 1.5
+    )
     radius = (texel / cosine)[wrong]
     around = np.linspace(0, 2 * np.pi, 16, endpoint=False)
     ring = np.stack([np.cos(around), np.zeros(16), np.sin(around)], -1)
-    nearby = points[wrong][:, None] + radius[:, None, None] * ring + (0, 1e-4, 0)
+    nearby = points[wrong][:, None] + radius[:, None, None] * ring + np.array((0, 1e-4, 0))
     other = lit(nearby, scene, at, towards) == (drawn > 0.5)[wrong][:, None]
     assert other.any(axis=1).all()
 
@@ -184,7 +199,10 @@ def test_off_makes_nothing_and_gives_the_picture_without_casters(chapter):
         assert renderer.techniques["shadows"].memory is None
         pipelines = frame.work["pipelines"]
     with chapter.open(scene, SIZE, BASE) as renderer:
-        assert renderer.render(ABOVE).work["pipelines"] in (pipelines + 2, pipelines + 4)  # of casters, and kernels
+        assert renderer.render(ABOVE).work["pipelines"] in (
+            pipelines + 2,
+            pipelines + 4,
+        )  # of casters, and kernels
 
 
 @pytest.mark.feature("shadows/caching")
@@ -202,9 +220,9 @@ def test_only_what_changed_is_drawn_again(chapter):
         node = scene.lights[2].node
         with scene.edit() as edit:
             edit.set_transform(node, translation=(-1.0, 3.0, 0.9))
-        moved = renderer.render(ABOVE)
-        assert moved.work["shadow_faces_drawn"] == 6  # its own
-        after = moved.image("color_linear").copy()
+        shifted = renderer.render(ABOVE)
+        assert shifted.work["shadow_faces_drawn"] == 6  # its own
+        after = shifted.image("color_linear").copy()
     with chapter.open(scene, SIZE, BASE, outputs=("color_linear",)) as renderer:
         assert np.array_equal(renderer.render(ABOVE).image("color_linear"), after)
         assert not np.array_equal(after, picture)
@@ -220,7 +238,9 @@ def test_each_path_receives_the_same_shadows(chapter, graph):
     one = rendered(chapter, scene, view, graph="forward")
     other = rendered(chapter, scene, view, graph=graph)
     apart = np.abs(one - other).max(-1) > 1e-3 * one.max()
-    assert apart.mean() < 0.005  # positions from depth are off by float32: at edges a tap may answer otherwise
+    assert (
+        apart.mean() < 0.005
+    )  # positions from depth are off by float32: at edges a tap may answer otherwise
     bare = rendered(chapter, scene, view, graph="forward", shadows="off")
     assert (np.abs(one - bare).max(-1) > 0.05 * bare.max()).mean() > 0.05
 
@@ -228,7 +248,9 @@ def test_each_path_receives_the_same_shadows(chapter, graph):
 @pytest.mark.parametrize("kind", LIGHTS)
 def test_masked_casters_have_holes_and_blended_ones_cast_nothing(chapter, kind):
     light = LIGHTS[kind][0]
-    see_through = Material(roughness=1.0, metallic=0.0, double_sided=True, alpha_mode="blend", base_color=(1, 1, 1, 0.5))
+    see_through = Material(
+        roughness=1.0, metallic=0.0, double_sided=True, alpha_mode="blend", base_color=(1, 1, 1, 0.5)
+    )
     bare = yard(light)
     bare.instances.visible[1:] = False
     assert (factors(chapter, bare)[8:56, 8:56] == 1.0).all()
@@ -248,3 +270,83 @@ def test_cascade_borders_show_no_seam(chapter):
         shown = renderer.render(view).image("color")[40:]
     assert len(np.unique(shown.reshape(-1, shown.shape[-1]), axis=0)) >= 2
     assert (factors(chapter, scene, view, (96, 64), shadow_cascades=3)[40:, 8:-8] == 1.0).all()
+
+
+@pytest.mark.parametrize("graph", ["forward", "deferred"])
+def test_masks_cut_holes_into_shadows(chapter, graph):
+    raw = np.full((8, 8, 4), 255, np.uint8)
+    raw[:, :4, 3] = 0
+    image = Image("half", pixels=raw)
+    mask = Material(
+        roughness=1.0, metallic=0.0, double_sided=True, alpha_mode="mask", base_color_texture=texture()
+    )
+    light, pose = sun((0.0, -1.0, 0.0))
+    squares = (placed((0, 0, 0), (8, 8), (0, 1, 0)), placed((0, 4.0, 0), (3, 3), (0, 1, 0)))
+    plain = Material(roughness=1.0, metallic=0.0, double_sided=True)
+    scene = quad_scene(
+        materials=(plain, mask), matrices=(*squares, pose), instance_materials=(0, 1), images=(image,)
+    )
+    scene = replace(scene, lights=[replace(light, node=2)])
+    below = View(pose_looking_at((0, 3.5, 0), (0, 0, 0), (0, 0, -1)), Orthographic(2.5, 0.1, 20.0))
+    drawn = rendered(chapter, scene, below, graph=graph)[..., 0]
+    bare = rendered(chapter, scene, below, graph=graph, shadows="off")[..., 0]
+    dark = drawn < 0.5 * bare
+    x = (np.arange(64) + 0.5) / 64 * 5 - 2.5
+    inside = (np.abs(x) < 1.4)[None, :] & (np.abs(x) < 1.4)[:, None]
+    left, right = (np.broadcast_to(side, (64, 64)) & inside for side in ((x < -0.1)[None], (x > 0.1)[None]))
+    assert sorted((dark[left].mean(), dark[right].mean())) == [0.0, 1.0]
+    assert not dark[(np.abs(x) > 1.6)[None, :] & np.ones((64, 1), bool)].any()
+
+
+@pytest.mark.feature("sparse/page-pool")
+def test_a_small_pool_lowers_resolution_and_says_so(chapter):
+    scene = yard(LIGHTS["sun"][0], LIGHTS["spot"][0], LIGHTS["point"][0])
+    with chapter.open(scene, SIZE, replaced(BASE, shadow_size=512, shadow_pool=1)) as renderer:
+        work = renderer.render(ABOVE).work
+        assert work["shadow_bytes"] <= 1 << 20 and work["shadow_pages"] <= 16
+        assert (faces_of(renderer)["size"] < 512).all()
+        assert work["shadow_lights"] == 3 and work["shadow_lights_left_out"] == 0
+    lamps = [point((x, 2.0, z)) for x in (-2.0, 0.0, 2.0) for z in (-2.0, 2.0)]
+    with chapter.open(yard(*lamps), SIZE, replaced(BASE, shadow_pool=1, shadow_lights=4)) as renderer:
+        work = renderer.render(ABOVE).work
+        assert work["shadow_lights"] == 2 and work["shadow_lights_left_out"] == 4
+
+
+@pytest.mark.parametrize("case", ["moved", "small", "large", "inside", "near", "far", "no range"])
+def test_extremes_stay_finite_and_shaded(chapter, case):
+    light = spot((1.5, 4.0, 1.0), (0.0, 0.5, 0.0), outer=math.radians(55), candela=100.0)
+    scene, looking, turned = yard(light, LIGHTS["point"][0]), ABOVE, {}
+    wanted = factors(chapter, scene)
+    if case == "moved":
+        scene, looking = moved(scene, ABOVE, (1e5, -1e5, 1e5))
+    elif case in ("small", "large"):
+        scene, looking = scaled(scene, ABOVE, 1e-3 if case == "small" else 1e3)
+    elif case == "inside":
+        scene = yard(point((0.0, 1.0, 0.0)))
+    elif case in ("near", "far"):
+        turned = {"shadow_near": 1e-6 if case == "near" else 1.0}
+    else:
+        scene = yard(point((0.0, 3.0, 0.0), reach=0.0), point((0.0, 3.0, 0.0), reach=math.inf))
+    drawn = factors(chapter, scene, looking, **turned)
+    assert np.isfinite(drawn).all()
+    ground = np.maximum(abs(ground_below()[..., 0]), abs(ground_below()[..., 2])) > 0.55
+    if case == "inside":
+        assert (drawn[ground] == 0.0).all()  # the cube is closed
+    elif case in ("moved", "small", "large", "near"):
+        assert (np.abs(drawn - wanted) > 0.5).mean() < 0.004
+    elif case == "far":
+        assert drawn[ground].mean() >= wanted[ground].mean()
+
+
+def test_what_bends_casts_the_shadow_of_its_pose(chapter):
+    scene, looking = bending(), View(pose_looking_at((0, 1, 6), (0, 0, 0)), Perspective())
+    with chapter.open(scene, SIZE, replaced(BASE, shadow_size=128)) as renderer:
+        for time in (0.0, 0.5, 0.9, 0.9):
+            frame = renderer.render(looking, time)
+            frame.image("color")
+            number = 5  # the light looks along -z
+            wanted = twin.face_depths(faces_of(renderer)[number], bent(time) - scene.origin)
+            found = read_face(renderer, number)
+            agree = ((found < 1e29) == (wanted < 1e29)) & ((np.abs(found - wanted) < 1e-4) | (wanted > 1e29))
+            assert agree.mean() > 0.99 and (wanted < 1e29).mean() > 0.05, time
+        assert frame.work["shadow_faces_drawn"] == 0  # the second time nothing has moved

@@ -9,13 +9,15 @@ from typing import Any
 import numpy as np
 
 from common.numerics.transforms import pose_looking_at
-from common.scene import Light, Material, Scene
+from common.scene import Animation, AnimationChannel, Deformation, Light, Material, Scene
 from tests.support.scenes import nodes_at, quad_scene, translated
 
 TILE = 128
 
 
-def placed(at: tuple[float, float, float], size: tuple[float, float], normal: tuple[float, float, float]) -> np.ndarray:
+def placed(
+    at: tuple[float, float, float], size: tuple[float, float], normal: tuple[float, float, float]
+) -> np.ndarray:
     """Return the matrix of a square of `size` in metres around `at` that faces along `normal`."""
     back = np.array(normal, np.float64) / np.linalg.norm(normal)
     up = np.array((0.0, 1.0, 0.0)) if abs(back[1]) < 0.9 else np.array((0.0, 0.0, -1.0))
@@ -33,7 +35,9 @@ def box(at: tuple[float, float, float], edge: float) -> list[np.ndarray]:
     return [placed(tuple(np.array(at) + np.array(n) * edge / 2), (edge, edge), n) for n in sides]
 
 
-def yard(*lights: tuple[Light, np.ndarray], extra: tuple[np.ndarray, ...] = (), material: Material | None = None) -> Scene:
+def yard(
+    *lights: tuple[Light, np.ndarray], extra: tuple[np.ndarray, ...] = (), material: Material | None = None
+) -> Scene:
     """Return a ground of 8x8 metres at height 0, a cube of 1 metre that floats 0.5 above it, and lights with poses."""
     squares = [placed((0, 0, 0), (8, 8), (0, 1, 0)), *box((0.0, 1.0, 0.0), 1.0), *extra]
     material = material or Material(roughness=1.0, metallic=0.0, double_sided=True)
@@ -64,7 +68,11 @@ def sun(direction: tuple[float, float, float], lux: float = 3.0) -> tuple[Light,
 
 def spot(eye, target, outer: float = math.radians(40), candela: float = 60.0, reach: float = math.inf):
     """Return a spot light and its pose."""
-    up = (0, 1, 0) if abs(np.subtract(target, eye)[1]) < 0.99 * np.linalg.norm(np.subtract(target, eye)) else (0, 0, 1)
+    up = (
+        (0, 1, 0)
+        if abs(np.subtract(target, eye)[1]) < 0.99 * np.linalg.norm(np.subtract(target, eye))
+        else (0, 0, 1)
+    )
     light = Light("spot", 0, intensity=candela, inner_cone=0.8 * outer, outer_cone=outer, range=reach)
     return light, pose_looking_at(eye, target, up)
 
@@ -72,6 +80,42 @@ def spot(eye, target, outer: float = math.radians(40), candela: float = 60.0, re
 def point(eye, candela: float = 60.0, reach: float = math.inf) -> tuple[Light, np.ndarray]:
     """Return a point light and its pose."""
     return Light("point", 0, intensity=candela, range=reach), translated(*eye)
+
+
+def bending() -> Scene:
+    """Return a square in x and y whose upper edge leans back by 60 degrees in a second, before a point light."""
+    scene = quad_scene(Material(roughness=1.0, metallic=0.0, double_sided=True))
+    nodes = nodes_at(*(np.eye(4) for _ in range(4)))
+    nodes.has_matrix[:] = False
+    nodes.translation[3] = (0.3, 0.2, 2.5)
+    top = (scene.positions[:, 1] > 0).astype(np.float64)
+    skin = Deformation(
+        mesh=0,
+        node=0,
+        joints=np.array([1, 2], np.int32),
+        inverse_bind=np.stack([np.eye(4), np.eye(4)]),
+        vertex_joints=np.tile(np.array((0, 1, 0, 0), np.int32), (4, 1)),
+        vertex_weights=np.stack([1 - top, top, 0 * top, 0 * top], axis=1),
+    )
+    half = -math.pi / 6
+    keys = np.array([(0.0, 0.0, 0.0, 1.0), (math.sin(half), 0.0, 0.0, math.cos(half))])
+    channel = AnimationChannel(2, "rotation", np.array((0.0, 1.0)), keys, "linear")
+    lamp = Light("point", 3, intensity=20.0)
+    return replace(
+        scene,
+        nodes=nodes,
+        deformations=[skin],
+        animations=[Animation("lean", (channel,), 1.0)],
+        lights=[lamp],
+    )
+
+
+def bent(time: float) -> np.ndarray:
+    """Return the (2, 3, 3) triangles of that square at a time."""
+    angle = -(time % 1.0) * math.pi / 3
+    y, z = math.cos(angle), math.sin(angle)
+    corners = np.array([(-1, -1, 0), (1, -1, 0), (1, y, z), (-1, y, z)], np.float64)
+    return corners[[0, 1, 2, 0, 2, 3]].reshape(2, 3, 3)
 
 
 def faces_of(renderer: Any) -> np.ndarray:
@@ -108,7 +152,9 @@ def read_face(renderer: Any, number: int, pages: np.ndarray | None = None) -> np
     whole = np.zeros((tiles * TILE, tiles * TILE), np.float32)
     for (row, column), word in np.ndenumerate(words):
         x, y = (int(word) & 0xFFFF) * TILE, (int(word) >> 16) * TILE
-        whole[row * TILE : (row + 1) * TILE, column * TILE : (column + 1) * TILE] = pages[y : y + TILE, x : x + TILE]
+        whole[row * TILE : (row + 1) * TILE, column * TILE : (column + 1) * TILE] = pages[
+            y : y + TILE, x : x + TILE
+        ]
     return whole[:size, :size]
 
 
@@ -148,7 +194,7 @@ def commanded(renderer: Any) -> list[np.ndarray]:
     lists, numbers = _lists(renderer), words(renderer, "numbers")
     commands = words(renderer, "commands").reshape(-1, 5)
     found = []
-    for layer in range(_shadows(renderer).schedule.rounds[-1].count):
+    for layer in range(_shadows(renderer).schedule.rounds[-1].faces):
         parts = []
         for batch, row in enumerate(lists.tables.batches):
             first = layer * lists.places + int(row["first_command"])

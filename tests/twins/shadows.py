@@ -15,7 +15,9 @@ def triangles_of(scene, chosen=None) -> np.ndarray:
     for number in np.flatnonzero(scene.instances.visible) if chosen is None else chosen:
         mesh = scene.meshes[scene.instances.mesh[number]]
         first, count = int(mesh["first_index"]), int(mesh["index_count"])
-        corners = scene.positions[int(mesh["first_vertex"]) + scene.indices[first : first + count].astype(np.int64)]
+        corners = scene.positions[
+            int(mesh["first_vertex"]) + scene.indices[first : first + count].astype(np.int64)
+        ]
         matrix = pose.world_from_object[number]
         found.append((corners.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]).reshape(-1, 3, 3))
     return np.concatenate(found)
@@ -23,7 +25,11 @@ def triangles_of(scene, chosen=None) -> np.ndarray:
 
 def hits(origins: np.ndarray, directions: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Return (R, T) distances in lengths of the directions, inf where a ray misses (Moeller and Trumbore 1997)."""
-    first, edge1, edge2 = triangles[:, 0], triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+    first, edge1, edge2 = (
+        triangles[:, 0],
+        triangles[:, 1] - triangles[:, 0],
+        triangles[:, 2] - triangles[:, 0],
+    )
     across = np.cross(directions[:, None], edge2[None])
     volume = (across * edge1).sum(-1)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -83,7 +83,7 @@ class SceneData:
     def defines(self) -> tuple[tuple[str, int | float | str], ...]:
         """The defines of all shaders: of light lists, and how many instances are in the first of two bindings."""
         (_, first), *more = self.instance_parts
-        lists = list_defines(self._scene, self._settings)
+        lists: tuple[Any, ...] = list_defines(self._scene, self._settings)
         lists = (*lists, *index_defines(self._settings), *shadow_defines(self._scene, self._settings))
         return (("INSTANCES_PER_PAGE", first // RECORD_BYTES), *lists) if more else lists
 

@@ -50,7 +50,9 @@ def splits(near: float, far: float, parts: int) -> Float64:
     """Return (parts + 1,) distances ahead of the camera at which its cascades begin and end."""
     near = max(near, NEAREST_SPLIT * far)
     step = np.arange(parts + 1) / parts
-    distances: Float64 = EVENNESS * (near + (far - near) * step) + (1 - EVENNESS) * near * (far / near) ** step
+    distances: Float64 = (
+        EVENNESS * (near + (far - near) * step) + (1 - EVENNESS) * near * (far / near) ** step
+    )
     distances[0] = 0.0
     return distances
 

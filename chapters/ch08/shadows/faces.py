@@ -1,7 +1,7 @@
 """The faces of lights: records of projections, all faces of all lights by operations on whole arrays.
 
-Axes are right-handed: `right` x `down` = `ahead`. A face is `guard` texels wider on each side than what the light shines
-into. A filter around any point of it then finds all its taps in the same face.
+Axes are right-handed: `right` x `down` = `ahead`. A face is `guard` texels wider on each side than what the light
+shines into. A filter around any point of it then finds all its taps in the same face.
 """
 
 from __future__ import annotations
@@ -82,7 +82,12 @@ def has_cube(lights: np.ndarray) -> NDArray[np.bool_]:
 
 
 def local_faces(
-    lights: np.ndarray, places: NDArray[np.intp], sizes: NDArray[np.int64], near: float, far: Float64, guard: int
+    lights: np.ndarray,
+    places: NDArray[np.intp],
+    sizes: NDArray[np.int64],
+    near: float,
+    far: Float64,
+    guard: int,
 ) -> np.ndarray:
     """Return (F,) FACE records of lights that have a place, in the order of `places` (N,) in `lights`.
 
@@ -95,7 +100,9 @@ def local_faces(
     number = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
     faces = np.zeros(len(owner), FACE)
     axes = np.where(
-        cube[owner][:, None, None], cube_axes()[number], axes_of(chosen["direction"].astype(np.float64))[owner]
+        cube[owner][:, None, None],
+        cube_axes()[number],
+        axes_of(chosen["direction"].astype(np.float64))[owner],
     )
     half = np.where(cube, np.pi / 4, np.clip(outer_angles(chosen), np.radians(0.5), WIDEST_SPOT))
     set_axes(faces, axes)

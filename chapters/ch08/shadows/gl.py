@@ -19,13 +19,12 @@ from backends.gl.resources import (
     write_buffer,
 )
 from backends.gl.targets import Attachment, create_framebuffer, destroy_framebuffer
-from common.scene import Sampler
 
 from ..frames.frame import SLOTS
 from ..frames.gl_commands import Commands, Rendering
 from ..pipelines.description import Built
 from .lists import ShadowLists
-from .memory import TABLES
+from .memory import NEAREST, TABLES
 from .memory import ShadowMemory as _ShadowMemory
 
 DRAWN_UNIT = 16
@@ -33,8 +32,6 @@ DRAWN_UNIT = 16
 
 FIRST_TABLE = 5
 """The first storage block of the tables: what is before it is bound for the whole frame."""
-
-_NEAREST = Sampler("nearest", "nearest", None, "clamp", "clamp")
 
 
 @dataclass
@@ -49,7 +46,8 @@ class ShadowMemory(_ShadowMemory):
     def _create(self, size: tuple[int, int]) -> None:
         context = self._backend.device
         self.blocks: list[Buffer] = [
-            create_buffer(context, self.layout.size, "upload", f"shadows, slot {slot}") for slot in range(SLOTS)
+            create_buffer(context, self.layout.size, "upload", f"shadows, slot {slot}")
+            for slot in range(SLOTS)
         ]
         self.pages: Image = create_image(context, "r32f", size, "shadow pages")
         self._tables: dict[str, Buffer] = {}
@@ -71,7 +69,7 @@ class ShadowMemory(_ShadowMemory):
         self._free_lists()
         contents, sizes = lists.contents, lists.sizes
         for name in TABLES:
-            size = max(16, contents[name].nbytes if name in contents else sizes[name])
+            size = lists.bytes_of(name)
             self._tables[name] = create_buffer(context, size, "device", f"shadow {name}")
             if name in contents and contents[name].nbytes:
                 write_buffer(context, self._tables[name], contents[name])
@@ -102,7 +100,9 @@ class ShadowMemory(_ShadowMemory):
         """Copy layers into the pages; the buffer and the pages are bound for the whole frame."""
         backend = self._backend
         commands.bind_compute(kernel)
-        bind_texture(backend.device, DRAWN_UNIT, self._targets[size].image.view, backend.data.sampler(_NEAREST, 1.0))
+        bind_texture(
+            backend.device, DRAWN_UNIT, self._targets[size].image.view, backend.data.sampler(NEAREST, 1.0)
+        )
         commands.push(kernel, np.array([[first, 0, 0, 0]], np.uint32))
         commands.dispatch_over(kernel, (size, size, count))
 

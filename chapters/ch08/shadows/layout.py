@@ -1,9 +1,10 @@
 """The buffer of a frame's shadows, and the places of tiles in the pages; needs no device.
 
     shadow_of      a word a light record: 0, or 1 + its first face, and its number of faces from bit 24 on
-    shadow_drawn   a word a face that the frame draws: bits 0 to 11 its number, 12 to 15 its place among the faces of its
-                   light, from 16 on the number of its list
-    shadow_lists   a word a list of casters (lists.py): the first face of its light, and its number of faces from bit 24 on
+    shadow_drawn   a word a face that the frame draws: bits 0 to 11 its number, 12 to 15 its place among the faces of
+                   its light, from 16 on the number of its list
+    shadow_lists   a word a list of casters (lists.py): the first face of its light, and the number of its faces from
+                   bit 24 on
     shadow_faces   FACE records
     shadow_table   a word a tile of each face: its place in the pages, in tiles
 
@@ -78,8 +79,8 @@ def place_tiles(faces: np.ndarray) -> None:
 
 def full_table(tiles: int, width: int) -> NDArray[np.uint32]:
     """Return the table of pages that hold everything: tile after tile, `width` in a row."""
-    number = np.arange(tiles, dtype=np.uint32)
-    return (number % width) | (number // width) << 16
+    number = np.arange(tiles)
+    return ((number % width) | (number // width) << 16).astype(np.uint32)
 
 
 def pages_size(tiles: int) -> tuple[int, int]:

@@ -1,10 +1,10 @@
 """What is culled for shadows: the rounds of a frame with their lists, and the tables that the kernels read. No device.
 
-    lists.comp     for each light of a round and each batch of draws: the units within its reach, with the faces they touch
+    lists.comp     for each light of a round and each batch of draws: the units in its reach, with the faces they touch
     commands.comp  for each face of the round and each batch: draw commands for those of its light's list
 
-A round is what is drawn before it is copied into the pages: as many faces of one size as the target has layers. Lists and
-commands have the same places in every round, so their memory follows from the layers and not from the lights.
+A round is what is drawn before it is copied into the pages: as many faces of one size as the target has layers. Lists
+and commands have the same places in every round, so their memory follows from the layers and not from the lights.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Round(NamedTuple):
 
     size: int
     first: int
-    count: int
+    faces: int
     first_list: int
     lists: int
 
@@ -75,14 +75,22 @@ def schedule(faces: np.ndarray, due: NDArray[np.intp], most: int = MOST_LAYERS) 
     counts = np.bincount(base, minlength=len(faces))
     own, new = sizes[due], np.r_[True, sizes[due][1:] != sizes[due][:-1]]
     within = np.arange(len(due)) - np.maximum.accumulate(np.where(new, np.arange(len(due)), 0))
-    layers = np.array([layers_of(int(size), most) for size in np.unique(own)])[np.searchsorted(np.unique(own), own)]
+    layers = np.array([layers_of(int(size), most) for size in np.unique(own)])[
+        np.searchsorted(np.unique(own), own)
+    ]
     begins = new | (within % layers == 0)
     starts = np.flatnonzero(begins)
     new_list = begins | np.r_[True, base[due][1:] != base[due][:-1]]
     number = np.cumsum(new_list) - 1
     ends = np.r_[starts[1:], len(due)]
     rounds = tuple(
-        Round(int(own[first]), int(first), int(end - first), int(number[first]), int(number[end - 1] - number[first]) + 1)
+        Round(
+            int(own[first]),
+            int(first),
+            int(end - first),
+            int(number[first]),
+            int(number[end - 1] - number[first]) + 1,
+        )
         for first, end in zip(starts, ends, strict=True)
     )
     drawn = due | (due - base[due]) << 12 | number << 16
@@ -129,6 +137,11 @@ class ShadowLists:
             "numbers": 4 * (2 * self.layers * max(1, self.batches) + 1),
             "commands": self.layers * self.places * COMMAND.itemsize,
         }
+
+    def bytes_of(self, name: str) -> int:
+        """Return the bytes of a buffer; there are no empty ones."""
+        contents = self.contents
+        return max(16, contents[name].nbytes if name in contents else self.sizes[name])
 
 
 def shadow_lists(

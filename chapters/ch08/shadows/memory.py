@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
+from common.scene import Sampler
+
 from ..frames.commands import Commands, Counted
 from ..pipelines.description import Built
 from .layout import TILE, BlockLayout
 from .lists import ShadowLists, layers_of
+
+NEAREST = Sampler("nearest", "nearest", None, "clamp", "clamp")
 
 TABLES = ("draws", "batches", "meshlets", "lists", "numbers", "commands")
 """The buffers of the kernels that cull, in the order of their bindings (cull.glsl)."""

@@ -29,7 +29,7 @@ DIRECTIONAL = LIGHT_KINDS["directional"]
 def wanted(settings: Any) -> bool:
     """Whether the settings ask for shadows; a view shows a quantity of a surface, and most of them no light."""
     view = settings.shading.view
-    return bool(settings.shadows.mode == "on" and view in ("picture", "non-finite", *VIEWS))
+    return bool(settings.shadows.shadows == "on" and view in ("picture", "non-finite", *VIEWS))
 
 
 def needed(scene: Scene, settings: Any) -> bool:
@@ -48,7 +48,7 @@ def records_of(scene: Scene, settings: Any) -> int:
 
 def most_faces(scene: Scene, settings: Any) -> int:
     """Return the faces that the lights of a scene may have, whatever kinds edits make of them."""
-    return CUBE_FACES * min(records_of(scene, settings), int(settings.shadows.lights))
+    return CUBE_FACES * min(records_of(scene, settings), int(settings.shadows.shadow_lights))
 
 
 def shadow_defines(scene: Scene, settings: Any) -> Defines:
@@ -60,9 +60,9 @@ def shadow_defines(scene: Scene, settings: Any) -> Defines:
         ("SHADOWS", 1),
         ("SHADOW_LIGHTS", padded(records_of(scene, settings))),
         ("SHADOW_FACES", padded(most_faces(scene, settings))),
-        ("SHADOW_BIAS", get_args(Bias).index(knobs.bias)),
-        ("SHADOW_CONSTANT", float(knobs.constant)),
-        ("SHADOW_SLOPE", float(knobs.slope)),
+        ("SHADOW_BIAS", get_args(Bias).index(knobs.shadow_bias)),
+        ("SHADOW_CONSTANT", float(knobs.shadow_constant)),
+        ("SHADOW_SLOPE", float(knobs.shadow_slope)),
     )
 
 
@@ -74,13 +74,15 @@ def padded(count: int) -> int:
 def tests_of(settings: Any) -> int:
     """Return the tests of casters against lights, as bits (cull.glsl). Cones need that back faces cast nothing."""
     knobs = settings.shadows
-    cones = knobs.cull_cones and knobs.sides == "front"
-    return knobs.cull_instances + 2 * knobs.cull_meshlets + 4 * cones + 8 * knobs.cull_faces
+    cones = knobs.shadow_cull_cones and knobs.shadow_sides == "front"
+    return (
+        knobs.shadow_cull_instances + 2 * knobs.shadow_cull_meshlets + 4 * cones + 8 * knobs.shadow_cull_faces
+    )
 
 
 def guard(settings: Any) -> int:
     """Return the texels at each edge of a face that only its filter reaches, so that no tap needs another face."""
-    return int(settings.shadows.kernel) // 2 + 1
+    return int(settings.shadows.shadow_kernel) // 2 + 1
 
 
 def selected(scene: Scene, numbers: NDArray[np.intp], most: int) -> NDArray[np.intp]:

@@ -1,9 +1,9 @@
 """The pass that draws shadow maps, before the passes that light surfaces.
 
-    for each round: lists.comp, commands.comp -> draws of some faces -> layers of a depth target -> store.comp -> pages
+    for each round: lists.comp, commands.comp -> draws of some faces -> layers of a target -> store.comp -> pages
 
-The pass begins and ends rendering by itself: a frame draws as many faces as have changed, and attachments that the graph
-declares are of a fixed number. For the graph it is a pass that stores to the pages.
+The pass begins and ends rendering by itself: a frame draws as many faces as have changed, and attachments that the
+graph declares are of a fixed number. For the graph it is a pass that stores to the pages.
 """
 
 from __future__ import annotations
@@ -115,20 +115,20 @@ class ShadowsPass(ObjectsPass):
         assert memory is not None, "the technique has made it"
         before = dict(commands.work)
         casters = self._casters()
-        of_layer = [casters] * max((turn.count for turn in self.schedule.rounds), default=0)
+        of_layer = [casters] * max((turn.faces for turn in self.schedule.rounds), default=0)
         if self.lists is not None:
             of_layer = [self._culled(self.lists, casters, layer) for layer in range(len(of_layer))]
         for turn in self.schedule.rounds:
             if self.lists is not None:
                 self._cull(commands, memory, self.lists, turn)
             memory.begin_round(commands, turn.size)
-            for layer in range(turn.count):
+            for layer in range(turn.faces):
                 memory.begin_face(commands, turn.size, layer)
                 number = np.array([[turn.first + layer, 0, 0, 0]], np.uint32)
                 groups = [group for group in of_layer[layer] if group is not None]
                 commands.draw_groups(groups, self._draws.binding._replace(pushed=number))
                 memory.end_face(commands)
-            memory.store(commands, self._store, turn.size, turn.first, turn.count)
+            memory.store(commands, self._store, turn.size, turn.first, turn.faces)
         memory.finish(commands)
         for name in ("draws", "draw_calls", "triangles"):
             commands.work[f"shadow_{name}"] = commands.work[name] - before[name]
@@ -136,14 +136,13 @@ class ShadowsPass(ObjectsPass):
 
     def _casters(self) -> list[DrawGroup | None]:
         """Return the group of each solid batch, None if it casts no shadows."""
-        variants, front = self._data.variants, self._settings.shadows.sides == "front"
-        return [
-            replace(group, cull=front and group.cull)
-            if self.takes(variants[batch.material])
-            else None
-            for batch in self._draws.solid
-            for group in (self.groups([batch]) if self.takes(variants[batch.material]) else [None])
-        ]
+        casters: list[DrawGroup | None] = []
+        front = self._settings.shadows.shadow_sides == "front"
+        for batch in self._draws.solid:
+            casting = self.takes(self._data.variants[batch.material])
+            group = self.groups([batch])[0] if casting else None
+            casters.append(replace(group, cull=front and group.cull) if group is not None else None)
+        return casters
 
     def _culled(
         self, lists: ShadowLists, casters: Sequence[DrawGroup | None], layer: int
@@ -175,7 +174,7 @@ class ShadowsPass(ObjectsPass):
             ],
             np.uint32,
         )
-        for kernel, number in zip(self._kernels, (turn.lists, turn.count), strict=True):
+        for kernel, number in zip(self._kernels, (turn.lists, turn.faces), strict=True):
             memory.bind_lists(commands, kernel)
             commands.push(kernel, constants)
             commands.dispatch(lists.batches, number)

@@ -18,89 +18,70 @@ MOST_LIGHTS = 256
 class ShadowSettings:
     """Which lights cast shadows, how finely, and how edges are filtered."""
 
-    mode: str = knob("on", "whether lights cast shadows", choices=("on", "off"), flat="shadows")
-    lights: int = knob(
+    shadows: str = knob("on", "whether lights cast shadows", choices=("on", "off"))
+    shadow_lights: int = knob(
         MOST_LIGHTS,
         "lights that cast shadows, the brightest of the scene; the others are counted",
         minimum=1,
         maximum=MOST_LIGHTS,
-        flat="shadow_lights",
     )
-    size: int = knob(
+    shadow_size: int = knob(
         256,
         "texels along a face of a spot or point light",
         choices=(128, 256, 512, 1024, 2048),
-        flat="shadow_size",
     )
-    sun_size: int = knob(
+    shadow_sun_size: int = knob(
         2048,
         "texels along a cascade of a directional light",
         choices=(256, 512, 1024, 2048, 4096),
-        flat="shadow_sun_size",
     )
-    cascades: int = knob(
+    shadow_cascades: int = knob(
         3,
         "maps of a directional light: the last one covers the scene, those before it the view, near parts finer",
         minimum=1,
         maximum=4,
-        flat="shadow_cascades",
     )
-    kernel: int = knob(
+    shadow_kernel: int = knob(
         3,
         "texels along the box over which comparisons are averaged; 1: a hard edge",
         choices=(1, 3, 5, 7, 9, 11, 13),
-        flat="shadow_kernel",
     )
-    bias: str = knob(
+    shadow_bias: str = knob(
         "plane",
         "what keeps a surface from shading itself: its plane at each texel, an offset by its slope, or nothing",
         choices=get_args(Bias),
-        flat="shadow_bias",
     )
-    constant: float = knob(
+    shadow_constant: float = knob(
         0.5,
         "bias that every surface gets, in texels at its place",
         unit="texels",
         minimum=0,
         maximum=100,
-        flat="shadow_constant",
     )
-    slope: float = knob(
+    shadow_slope: float = knob(
         0.5,
         "bias for each unit of the tangent of the angle between normal and light, in texels at its place",
         unit="texels",
         minimum=0,
         maximum=100,
-        flat="shadow_slope",
     )
-    near: float = knob(
+    shadow_near: float = knob(
         1e-3,
         "distance from a light within which nothing casts its shadow, in the scene's length scales",
         unit="length scales",
         minimum=1e-9,
         maximum=1,
-        flat="shadow_near",
     )
-    sides: str = knob(
+    shadow_sides: str = knob(
         "both",
         "which sides of a surface that has one cast shadows: both, or the front alone",
         choices=("both", "front"),
-        flat="shadow_sides",
     )
-    cull_instances: bool = knob(
-        True, "whether objects beyond the reach of a light are left out", flat="shadow_cull_instances"
-    )
-    cull_meshlets: bool = knob(
-        True, "whether meshlets beyond the reach of a light are left out", flat="shadow_cull_meshlets"
-    )
-    cull_cones: bool = knob(
+    shadow_cull_instances: bool = knob(True, "whether objects beyond the reach of a light are left out")
+    shadow_cull_meshlets: bool = knob(True, "whether meshlets beyond the reach of a light are left out")
+    shadow_cull_cones: bool = knob(
         True,
         "whether meshlets that face away from a light are left out, with shadow_sides=front",
-        flat="shadow_cull_cones",
     )
-    cull_faces: bool = knob(
-        True, "whether a face leaves out what is outside of it", flat="shadow_cull_faces"
-    )
-    pool: int = knob(
-        256, "memory of all shadow maps together", unit="MiB", minimum=1, maximum=1024, flat="shadow_pool"
-    )
+    shadow_cull_faces: bool = knob(True, "whether a face leaves out what is outside of it")
+    shadow_pool: int = knob(256, "memory of all shadow maps together", unit="MiB", minimum=1, maximum=1024)

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from backends.contract import Access, FrameInfo, Pass, Technique
 from common.scene import Change, Scene
 
-from ..clusters.lights import brightest
 from ..cloth.passes import VERTICES
+from ..clusters.lights import brightest
 from ..frames.backend.backend import Backend
 from ..scene.pass_parts import PassParts
 from ..settings import Settings
@@ -20,8 +20,8 @@ from . import model
 from .cascades import directional_faces
 from .faces import FACE, WIDEST_SPOT, has_cube, local_faces, reaches
 from .layout import TILE_BYTES, BlockLayout, fitting_sizes, full_table, pages_size, place_tiles, tiles_of
-from .memory import ShadowMemory
 from .lists import MOST_LAYERS, Schedule, schedule, shadow_lists
+from .memory import ShadowMemory
 from .passes import LIT, ShadowsPass, read_pages
 
 
@@ -79,7 +79,7 @@ class ShadowTechnique(Technique):
         own.counts_draws = self._confused = backend.plan.native("draw-indirect-count")
         self._confused &= backend.device.capabilities.is_software  # see `ShadowMemory.unlimited`
         self._buffer_bytes = min(int(backend.device.capabilities.limits["maxStorageBufferRange"]), 1 << 27)
-        self._most_tiles = (settings.shadows.pool << 20) // TILE_BYTES
+        self._most_tiles = (settings.shadows.shadow_pool << 20) // TILE_BYTES
         tiles = self._planned_tiles()
         layout = BlockLayout(model.records_of(scene, settings), model.most_faces(scene, settings), tiles)
         self.memory = own.memory = backend.part(__package__).ShadowMemory(backend, layout, pages_size(tiles))
@@ -89,17 +89,24 @@ class ShadowTechnique(Technique):
         """Return the tiles that the lights ask for when the renderer is opened, as far as the pool holds them."""
         scene, settings = self._parts.scene, self._parts.settings
         numbers = np.array(brightest(scene.lights, settings.clusters.most_lights), np.intp)
-        chosen = [scene.lights[numbers[place]] for place in model.selected(scene, numbers, settings.shadows.lights)]
+        chosen = [
+            scene.lights[numbers[place]]
+            for place in model.selected(scene, numbers, settings.shadows.shadow_lights)
+        ]
         wide = [light.kind == "point" or light.outer_cone > WIDEST_SPOT for light in chosen]
         suns = np.array([light.kind == "directional" for light in chosen], bool)
         counts, sizes = self._wishes(suns, np.array(wide, bool))
         return max(1, min(self._most_tiles, int((counts * tiles_of(sizes)).sum())))
 
-    def _wishes(self, suns: NDArray[np.bool_], cubes: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def _wishes(
+        self, suns: NDArray[np.bool_], cubes: NDArray[np.bool_]
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Return (N,) number of faces and (N,) size in texels that lights ask for."""
         knobs = self._parts.settings.shadows
-        counts = np.where(suns, knobs.cascades, np.where(cubes, model.CUBE_FACES, 1))
-        return counts.astype(np.int64), np.where(suns, knobs.sun_size, knobs.size).astype(np.int64)
+        counts = np.where(suns, knobs.shadow_cascades, np.where(cubes, model.CUBE_FACES, 1))
+        return counts.astype(np.int64), np.where(suns, knobs.shadow_sun_size, knobs.shadow_size).astype(
+            np.int64
+        )
 
     # --- every frame ---
 
@@ -131,7 +138,7 @@ class ShadowTechnique(Technique):
             self._pack(own.schedule)
         self._had_due = len(due) > 0
         self.work = {
-            "shadow_lights": len(self._places),
+            "shadow_lights": len(self._kept),
             "shadow_lights_left_out": self._left_out,
             "shadow_faces": len(self.faces),
             "shadow_faces_drawn": len(due),
@@ -152,8 +159,8 @@ class ShadowTechnique(Technique):
         numbers = np.array(brightest(lights, self._parts.settings.clusters.most_lights), np.intp)
         if revision != self._lights_seen:
             self._lights_seen = revision
-            self._places = model.selected(self._parts.scene, numbers, knobs.lights)
-        near, far = knobs.near * scene.length_scale, reaches(records)
+            self._places = model.selected(self._parts.scene, numbers, knobs.shadow_lights)
+        near, far = knobs.shadow_near * scene.length_scale, reaches(records)
         places = self._places
         suns = records["kind"][places] == model.DIRECTIONAL
         places = places[suns | (far[places] > near)]
@@ -169,7 +176,12 @@ class ShadowTechnique(Technique):
         ends = np.abs(records["position"][self._kept][:, None] - box[None]).max(axis=1)
         beyond = np.minimum(far[self._kept], 1.01 * np.linalg.norm(ends, axis=1))
         self._local = local_faces(
-            records, self._kept[local], self._sizes[local], near, beyond[local], model.guard(self._parts.settings)
+            records,
+            self._kept[local],
+            self._sizes[local],
+            near,
+            beyond[local],
+            model.guard(self._parts.settings),
         )
         self.faces = np.zeros(0, FACE)
         return True
@@ -181,7 +193,9 @@ class ShadowTechnique(Technique):
         chosen = instances[lit & scene.instances.visible]
         if not len(chosen):
             return np.array(scene.bounds - scene.origin)
-        centre, extent = (chosen[name][:, :3].astype(np.float64) for name in ("bounds_centre", "bounds_extent"))
+        centre, extent = (
+            chosen[name][:, :3].astype(np.float64) for name in ("bounds_centre", "bounds_extent")
+        )
         return np.stack([(centre - extent).min(axis=0), (centre + extent).max(axis=0)])
 
     def _follow_view(self, frame: FrameInfo) -> bool:
@@ -202,11 +216,11 @@ class ShadowTechnique(Technique):
                 frame.view,
                 scene.origin,
                 frame.size[0] / frame.size[1],
-                settings.shadows.cascades,
+                settings.shadows.shadow_cascades,
                 int(self._sizes[0]),
                 model.guard(settings),
             )
-            cascades["light"] = np.repeat(suns, settings.shadows.cascades)
+            cascades["light"] = np.repeat(suns, settings.shadows.shadow_cascades)
         self._seen = seen
         faces = np.concatenate([cascades, self._local])
         place_tiles(faces)
@@ -239,7 +253,10 @@ class ShadowTechnique(Technique):
         faces = self.faces
         same = np.zeros(len(faces), bool)
         if not all_of_them and len(self._drawn) == len(faces):
-            rows = [np.frombuffer(each.tobytes(), np.uint8).reshape(len(faces), -1) for each in (faces, self._drawn)]
+            rows = [
+                np.frombuffer(each.tobytes(), np.uint8).reshape(len(faces), -1)
+                for each in (faces, self._drawn)
+            ]
             same = (rows[0] == rows[1]).all(axis=1)
         self._drawn = faces
         due = np.flatnonzero(~same)

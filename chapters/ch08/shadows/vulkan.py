@@ -13,7 +13,6 @@ from backends.vulkan.barriers import barriers, image_barrier, transition
 from backends.vulkan.once import submit_once
 from backends.vulkan.resources import Buffer, Image, create_view
 from backends.vulkan.upload import Uploader
-from common.scene import Sampler
 
 from ..frames.frame import SLOTS
 from ..frames.vulkan_commands import Commands, Rendering
@@ -21,11 +20,8 @@ from ..graph.sync.vulkan import layout_of
 from ..pipelines.description import Built
 from ..pipelines.vulkan_descriptors import Texture
 from .lists import ShadowLists
-from .memory import TABLES
+from .memory import NEAREST, TABLES
 from .memory import ShadowMemory as _ShadowMemory
-
-_NEAREST = Sampler("nearest", "nearest", None, "clamp", "clamp")
-
 
 _STORAGE = (
     vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT
@@ -54,7 +50,8 @@ class ShadowMemory(_ShadowMemory):
         resources, device = backend.resources, backend.device
         usage = vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT
         self._handles = [
-            resources.buffer(self.layout.size, usage, "upload", f"shadows, slot {slot}") for slot in range(SLOTS)
+            resources.buffer(self.layout.size, usage, "upload", f"shadows, slot {slot}")
+            for slot in range(SLOTS)
         ]
         self.blocks: list[Buffer] = [resources.buffers.get(handle) for handle in self._handles]
         stored = vk.VK_IMAGE_USAGE_STORAGE_BIT | vk.VK_IMAGE_USAGE_TRANSFER_SRC_BIT
@@ -97,7 +94,7 @@ class ShadowMemory(_ShadowMemory):
         self._free_lists()
         contents, sizes = lists.contents, lists.sizes
         for name in TABLES:
-            size = max(16, contents[name].nbytes if name in contents else sizes[name])
+            size = lists.bytes_of(name)
             self._tables[name] = resources.buffer(size, _STORAGE, "device", f"shadow {name}")
         with Uploader(self._backend.device) as uploader:
             for name, table in contents.items():
@@ -161,10 +158,14 @@ class ShadowMemory(_ShadowMemory):
     def _set(self, kernel: Built, size: int, slot: int) -> Any:
         """Return the set of the kernel for a target, made for both slots at first use."""
         if (size, slot) not in self._sets:
-            sampler = self._backend.resources.sampler(_NEAREST, 1.0)
+            sampler = self._backend.resources.sampler(NEAREST, 1.0)
             drawn = Texture(self._targets[size].image.view, sampler)
             tables = [
-                (kernel.sets[0], {0: block, 1: drawn, 2: self.held_pages}, f"shadow faces of {size}, slot {number}")
+                (
+                    kernel.sets[0],
+                    {0: block, 1: drawn, 2: self.held_pages},
+                    f"shadow faces of {size}, slot {number}",
+                )
                 for number, block in enumerate(self.blocks)
             ]
             sets = self._backend.descriptors.create(tables)
