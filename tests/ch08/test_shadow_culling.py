@@ -16,7 +16,14 @@ from tests.support.towns import town, walk
 pytestmark = pytest.mark.variants("vulkan", "gl")
 
 SIZE = (48, 32)
-BASE = Settings(anisotropy=1.0, default_light=False, shadow_size=128, shadow_sun_size=256, shadow_cascades=2)
+BASE = Settings(
+    anisotropy=1.0,
+    default_light=False,
+    shadow_memory="full",
+    shadow_size=128,
+    shadow_sun_size=256,
+    shadow_cascades=2,
+)
 VIEW = walk()[0]
 
 

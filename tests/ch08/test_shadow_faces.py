@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from chapters.ch08.page_table import rule
+from chapters.ch08.page_table.pool import NONE, TilePool
 from chapters.ch08.scene.packing import LIGHT, LIGHT_KINDS
-from chapters.ch08.shadows import cascades, faces, layout
-from chapters.ch08.shadows.faces import FACE
-from chapters.ch08.shadows.model import selected
+from chapters.ch08.shadows import cascades, faces, lamps, layout, model
 from common.numerics.transforms import pose_looking_at
-from common.scene import Light
 from common.view.camera import Orthographic, Perspective, View
 from tests.support.shadows import point, spot, sun, yard
 
@@ -41,7 +40,7 @@ def clip(face: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 @pytest.mark.feature("shadows/cube-faces")
 def test_six_faces_cover_the_sphere_without_gap_or_overlap():
-    cube = faces.local_faces(records("point"), np.array([0]), np.array([256]), 0.01, np.array([7.0]), 3)
+    cube, *_ = faces.local_faces(records("point"), np.array([0]), np.array([256]), 0.01, np.array([7.0]), 3)
     directions = np.random.default_rng(1).normal(size=(20_000, 3))
     axes = np.stack([cube["right"], cube["down"], cube["ahead"]], axis=1).astype(np.float64)
     assert np.allclose(np.linalg.det(axes), 1.0)
@@ -57,7 +56,7 @@ def test_six_faces_cover_the_sphere_without_gap_or_overlap():
 
 @pytest.mark.feature("shadows/bias-matrices")
 def test_corners_of_a_light_frustum_meet_those_of_clip_space():
-    (face,) = faces.local_faces(records("spot"), np.array([0]), np.array([256]), 0.5, np.array([9.0]), 0)
+    (face,), *_ = faces.local_faces(records("spot"), np.array([0]), np.array([256]), 0.5, np.array([9.0]), 0)
     axes = np.stack([face["right"], face["down"], face["ahead"]]).astype(np.float64)
     edge = np.tan(0.7)
     for depth, z in ((0.5, 1.0), (9.0, 0.0)):
@@ -146,44 +145,108 @@ def test_orthographic_views_have_cascades():
     assert np.isfinite(made["scale_x"]).all() and (made["scale_x"] > 0).all()
 
 
-def test_suns_come_first_and_the_brightest_after_them():
-    lights = [Light("point", 0, intensity=value) for value in (3.0, 9.0, 9.0, 1.0)]
-    lights += [Light("directional", 0, intensity=value) for value in (1.0, 2.0, 0.1, 0.2, 0.3)]
-    scene = yard(*((light, np.eye(4)) for light in lights))
-    numbers = np.arange(len(lights))
-    assert selected(scene, numbers, 9).tolist() == [5, 4, 8, 7, 1, 2, 0, 3]  # four suns at most
-    assert selected(scene, numbers, 5).tolist() == [5, 4, 8, 7, 1]
+def test_the_most_important_lamps_have_slots_and_keep_them():
+    pool = TilePool(64, 8, 3 * 24)
+    slots = lamps.Lamps(3, 256, pool, 0)
+    faces, wish = np.array([6, 6, 1, 6, 6]), np.full(5, 20.0)
+    assert slots.follow(np.array([1.0, 5.0, 3.0, 0.0, 2.0]), faces, wish, 64)
+    assert slots.places.tolist() == [1, 2, 4] and slots.sizes.tolist() == [lamps.COARSE, 128, lamps.COARSE]
+    assert pool.used == 3
+    # Little more important than one that has a slot is not enough to take it; much more is.
+    assert not slots.follow(np.array([2.5, 5.0, 3.0, 0.0, 2.0]), faces, wish, 64)
+    assert slots.follow(np.array([4.0, 5.0, 3.0, 0.0, 2.0]), faces, wish, 64)
+    assert slots.places.tolist() == [1, 2, 0]
+    assert slots.follow(np.zeros(5), faces, wish, 64) and pool.used == 0
+    assert slots.places.tolist() == [-1, -1, -1]
 
 
-def test_sizes_shrink_from_the_least_important_light_on():
-    counts, sizes = np.array([3, 1, 6, 6]), np.array([1024, 256, 512, 512])
-    whole = int((counts * layout.tiles_of(sizes)).sum())
-    assert layout.fitting_sizes(counts, sizes, whole).tolist() == sizes.tolist()
-    less = layout.fitting_sizes(counts, sizes, 120)
-    assert (counts * layout.tiles_of(less)).sum() <= 120
-    assert (less <= sizes).all() and less[0] >= 256
-    for most in (1, 3, 5, 10, 16, 50, 100, 333):
-        fitted = layout.fitting_sizes(counts, sizes, most)
-        assert (counts * layout.tiles_of(fitted)).sum() <= most
-    assert layout.fitting_sizes(counts, sizes, 1).tolist() == [0, 0, 0, 0]
-    assert layout.fitting_sizes(counts[1:], sizes[1:], 1).tolist() == [128, 0, 0]
+@pytest.mark.feature("shadows/per-light-resolution")
+def test_resolution_is_that_of_the_solid_angle():
+    found = rule.cluster_resolution(np.array([2.0, 5.0, 20.0, 0.5]), 1.0, 4096, 2048)
+    assert np.round(found).tolist() == [101, 260, 1045, 2048]
+    assert rule.solid_angle(1e6, 1.0) == pytest.approx(np.pi / 1e12, rel=1e-3)
+    assert rule.solid_angle(0.5, 1.0) == 4 * np.pi
+    sizes = lamps.size_above(np.array([1.0, 40.0, 41.0, 128.0, 129.0, 5000.0, np.inf]), np.full(7, 6), 1024)
+    assert sizes.tolist() == [40, 40, 128, 128, 256, 1024, 1024]
+    assert lamps.size_above(np.array([1.0]), np.array([1]), 1024).tolist() == [128]
+    assert not (found[:3] > rule.cluster_resolution(np.array([2.1, 5.1, 20.1]), 1.0, 4096, 2048)).any()
+
+
+@pytest.mark.feature("shadows/per-light-resolution")
+def test_the_bound_of_a_light_holds_for_all_clusters_that_it_covers():
+    view, random = (
+        View(pose_looking_at((0, 0, 0), (0, 0, -1)), Perspective(0.9, 0.1)),
+        np.random.default_rng(5),
+    )
+    rows, tiles = 720, (80, 45)
+    boxes = rule.cluster_boxes(view, 16 / 9, tiles, 64, 60.0).reshape(-1, 2, 3)
+    centre, radius = boxes.mean(axis=1), np.linalg.norm(boxes[:, 1] - boxes[:, 0], axis=1) / 2
+    pixels = (1280 / tiles[0]) * (720 / tiles[1])
+    for _ in range(20):
+        place = np.array((*random.uniform(-4, 4, 2), random.uniform(-40, -8)))
+        reach = random.uniform(1.0, 5.0)
+        away = np.linalg.norm(centre - place, axis=1)
+        covered = (away < reach) & (away > 2 * radius)
+        if covered.any():
+            asked = rule.cluster_resolution(away[covered], radius[covered], pixels, 1e9).max()
+            bound = rule.resolutions(view, rows, place[None], np.array([reach]))[0]
+            # A sphere around a cluster covers more than the cluster, so it asks for less than points of it do.
+            assert asked <= bound and rule.seen(view, 16 / 9, place[None], np.array([reach]))[0]
+
+
+@pytest.mark.feature("shadows/cluster-aabbs")
+def test_cluster_boxes_hold_their_part_of_the_view():
+    view = View(np.eye(4), Perspective(1.1, 0.1))
+    boxes = rule.cluster_boxes(view, 1.5, (7, 5), 9, 50.0)
+    random = np.random.default_rng(6).uniform(size=(4000, 3))
+    slices = np.minimum((random[:, 2] * 9).astype(int), 8)
+    depth = 0.1 * (50.0 / 0.1) ** (random[:, 2])
+    x, y = random[:, 0] * 2 - 1, 1 - random[:, 1] * 2
+    points = np.stack([x * np.tan(0.55) * 1.5 * depth, y * np.tan(0.55) * depth, -depth], 1)
+    of = boxes[slices, (random[:, 1] * 5).astype(int), (random[:, 0] * 7).astype(int)]
+    assert ((points >= of[:, 0] - 1e-9) & (points <= of[:, 1] + 1e-9)).all()
+    wrong = boxes[slices, ((random[:, 1] * 5).astype(int) + 1) % 5, (random[:, 0] * 7).astype(int)]
+    assert not ((points >= wrong[:, 0] - 1e-9) & (points <= wrong[:, 1] + 1e-9)).all()
+
+
+def test_lights_out_of_sight_do_not_matter():
+    view = View(pose_looking_at((0, 0, 0), (0, 0, -1)), Perspective(0.8, 0.1))
+    centres = np.array([(0, 0, -5), (0, 0, 5), (0, 0, 0.5), (30, 0, -5), (2.5, 0, -5)], np.float64)
+    assert rule.seen(view, 1.0, centres, np.ones(5)).tolist() == [True, False, True, False, True]
+    weights = rule.importance(view, 1.0, centres, np.ones(5), np.full(5, 2.0))
+    assert weights[[1, 3]].tolist() == [0.0, 0.0] and weights[2] > weights[0] > weights[4] > 0
+    flat = View(pose_looking_at((0, 0, 0), (0, 0, -1)), Orthographic(2.0, 0.1, 20.0))
+    assert rule.seen(flat, 1.0, centres, np.ones(5)).tolist() == [True, False, True, False, True]
+
+
+def test_too_many_texels_become_fewer_from_the_least_important_light_on():
+    counts, importance = np.array([6, 6, 1, 6]), np.array([1.0, 4.0, 3.0, 2.0])
+    sizes = np.array([256, 256, 512, 128])
+    assert lamps.fitted(sizes, counts, importance, 24 + 24 + 16 + 6).tolist() == sizes.tolist()
+    assert lamps.fitted(sizes, counts, importance, 69).tolist() == [128, 256, 512, 128]
+    assert lamps.fitted(sizes, counts, importance, 34).tolist() == [128, 128, 512, 128]
+    assert lamps.fitted(sizes, counts, importance, 21).tolist() == [40, 128, 256, 128]
+    assert lamps.fitted(sizes, counts, importance, 4).tolist() == [40, 40, 128, 40]
+    assert lamps.fitted(sizes, counts, importance, 2).tolist() == [0, 40, 128, 0]
 
 
 @pytest.mark.feature("sparse/page-pool")
-def test_no_tile_has_two_owners():
-    made = np.zeros(5, FACE)
-    made["size"] = (512, 256, 256, 128, 1024)
-    layout.place_tiles(made)
-    tiles = layout.tiles_of(made["size"].astype(np.int64))
-    owned = np.concatenate(
-        [np.arange(first, first + n) for first, n in zip(made["first"], tiles, strict=True)]
-    )
-    assert np.array_equal(owned, np.arange(tiles.sum()))
-    width, height = layout.pages_size(int(tiles.sum()))
-    table = layout.full_table(int(tiles.sum()), width)
-    assert len(np.unique(table)) == tiles.sum() <= width * height
-    assert ((table & 0xFFFF) < width).all() and ((table >> 16) < height).all()
-    assert layout.TILE_BYTES == 64 << 10
+def test_no_tile_has_two_owners_and_what_is_given_up_is_given_again():
+    pool, random, held = TilePool(50, 8, 200), np.random.default_rng(7), np.zeros(200, bool)
+    for _ in range(200):
+        words = random.permutation(200)[: random.integers(1, 20)]
+        pool.release(words)
+        held[words] = False
+        room = 50 - int(held.sum())
+        taken = words[: min(len(words), room)]
+        pool.assign(taken)
+        held[taken] = True
+        owned = pool.table[held]
+        assert pool.used == held.sum() == len(np.unique(owned)) and (pool.table[~held] == NONE).all()
+        assert ((owned & 0xFFFF) < 8).all() and ((owned >> 16) * 8 + (owned & 0xFFFF) < 50).all()
+    with pytest.raises(ValueError, match="tiles are more than"):
+        pool.assign(np.flatnonzero(~held)[:60])
+    assert layout.TILE == 128 and model.TILE_BYTES == 64 << 10
 
 
 def test_lights_of_a_yard_are_what_they_say():

@@ -39,6 +39,7 @@ BASE = Settings(
     ambient=0.0,
     background=0.0,
     tone_curve="none",
+    shadow_memory="full",
     shadow_sun_size=256,
     shadow_size=256,
     shadow_cascades=1,
@@ -309,7 +310,8 @@ def test_a_small_pool_lowers_resolution_and_says_so(chapter):
     lamps = [point((x, 2.0, z)) for x in (-2.0, 0.0, 2.0) for z in (-2.0, 2.0)]
     with chapter.open(yard(*lamps), SIZE, replaced(BASE, shadow_pool=1, shadow_lights=4)) as renderer:
         work = renderer.render(ABOVE).work
-        assert work["shadow_lights"] == 2 and work["shadow_lights_left_out"] == 4
+        assert work["shadow_lights"] == 4 and work["shadow_lights_left_out"] == 2
+        assert work["shadow_lights_lowered"] == 4 and work["shadow_pages"] <= 16
 
 
 @pytest.mark.parametrize("case", ["moved", "small", "large", "inside", "near", "far", "no range"])

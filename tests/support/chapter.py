@@ -36,12 +36,17 @@ def on_path(settings: Any, graph: str = "forward") -> Any:
 
 
 def as_modelled(settings: Any, written_for: int | None) -> Any:
-    """Return settings in which cloth hangs as it was modelled, for tests of chapters that knew no other.
+    """Return settings in which cloth hangs as it was modelled and lights cast no shadows, for tests of chapters that
+    knew no other.
 
-    They hold pictures to what is in the file; the tests of cloth hold that it changes nothing but itself.
+    They hold pictures to what is in the file; the tests of cloth hold that it changes nothing but itself, and those of
+    shadows that a picture without casters is what it was.
     """
-    knew_none = written_for is not None and "cloth" not in knobs(chapters.settings_class(written_for))
-    return replaced(settings, cloth=False) if knew_none and _value(settings, "cloth") else settings
+    known = {} if written_for is None else knobs(chapters.settings_class(written_for))
+    for name, off in (("cloth", False), ("shadows", "off")) if known else ():
+        if name not in known and _value(settings, name) not in (None, off):
+            settings = replaced(settings, **{name: off})
+    return settings
 
 
 @dataclass(frozen=True)

@@ -121,7 +121,7 @@ def bent(time: float) -> np.ndarray:
 def faces_of(renderer: Any) -> np.ndarray:
     """Return the FACE records of the last frame."""
     faces: np.ndarray = renderer.techniques["shadows"].faces
-    return faces
+    return faces[: int(np.flatnonzero(faces["light"] != 0xFFFFFFFF)[-1]) + 1]
 
 
 def read_pages(renderer: Any) -> np.ndarray:
@@ -148,6 +148,8 @@ def read_face(renderer: Any, number: int, pages: np.ndarray | None = None) -> np
     technique, face = renderer.techniques["shadows"], faces_of(renderer)[number]
     pages = read_pages(renderer) if pages is None else pages
     tiles, first, size = int(face["tiles"]), int(face["first"]), int(face["size"])
+    if not size:
+        return np.zeros((0, 0), np.float32)
     words = technique.table[first : first + tiles * tiles].reshape(tiles, tiles)
     whole = np.zeros((tiles * TILE, tiles * TILE), np.float32)
     for (row, column), word in np.ndenumerate(words):
@@ -155,7 +157,8 @@ def read_face(renderer: Any, number: int, pages: np.ndarray | None = None) -> np
         whole[row * TILE : (row + 1) * TILE, column * TILE : (column + 1) * TILE] = pages[
             y : y + TILE, x : x + TILE
         ]
-    return whole[:size, :size]
+    left, top = face["offset"].astype(int)
+    return whole[top : top + size, left : left + size]
 
 
 def all_faces(renderer: Any) -> np.ndarray:

@@ -77,8 +77,6 @@ class Records:
         """The records that were written last."""
         self.revision = 0
         """Counts changes of `instances`, so that derived data need not compare all of them."""
-        self.lights = np.zeros(0, packing.LIGHT)
-        """The records of lights that were written last."""
         self.maps = np.zeros((len(scene.materials), 8), np.uint32)
         """Which texture each role of each material samples."""
 
@@ -102,7 +100,7 @@ class Records:
             # An object that stops is written once more, so that its previous transform is its present one.
             moved = bool((records["flags"] & layouts.INSTANCE_MOVED).any())
             slot.written["instances"] = (key, "moving" if moved else "settled")
-            self.instances = records
+            self.instances = slot.written["instance_records"] = records
             self.revision += 1
         self._previous_pose = pose
         if slot.written.get("materials") != revisions[Change.MATERIALS]:
@@ -119,7 +117,7 @@ class Records:
             slot.lights.view(np.uint32)[:4] = (len(records), self._lights.directional, 0, 0)
             slot.lights.mapped[16:].view(packing.LIGHT)[: len(records)] = records
             written += records.nbytes + 16
-            self.lights = records
+            slot.written["light_records"] = records
             slot.written["lights"] = light_key
         return written
 

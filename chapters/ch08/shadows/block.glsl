@@ -14,6 +14,7 @@ uint drawn_face(uint number) { return shadow_drawn[number] & 0xfffu; }
 
 // Where a texel of a face lies in the pages.
 ivec2 page_texel(ShadowFace face, ivec2 texel) {
+    texel += ivec2(face.ends.zw);
     ivec2 tile = texel >> SHADOW_TILE_LOG2;
     uint word = shadow_table[face.place.x + uint(tile.y) * face.place.y + uint(tile.x)];
     return (ivec2(word & 0xffffu, word >> 16) << SHADOW_TILE_LOG2) + (texel & ((1 << SHADOW_TILE_LOG2) - 1));

@@ -23,14 +23,18 @@ FACE = np.dtype(
         ("near", np.float32),
         ("far", np.float32),
         ("guard", np.float32),
-        ("unused", np.float32, 2),
+        ("offset", np.float32, 2),
         ("first", np.uint32),
         ("tiles", np.uint32),
         ("size", np.uint32),
         ("light", np.uint32),
     ]
 )
-"""A face as records.glsl has it; `light` is the place of its light in the records."""
+"""A face as records.glsl has it. `offset` is where it begins in its first tile, in texels; `light` is the place of its
+light in the records."""
+
+UNUSED = 0xFFFFFFFF
+"""The `light` of a record that is no face."""
 
 Float64 = NDArray[np.float64]
 
@@ -88,8 +92,10 @@ def local_faces(
     near: float,
     far: Float64,
     guard: int,
-) -> np.ndarray:
+) -> tuple[np.ndarray, NDArray[np.intp], NDArray[np.intp]]:
     """Return (F,) FACE records of lights that have a place, in the order of `places` (N,) in `lights`.
+
+    The other two (F,) are for each face the number of its light among these, and its own among the faces of that light.
 
     `sizes` (N,) are texels along a face of each; `near` and `far` (N,) are in metres. Tiles are not placed yet.
     """
@@ -112,7 +118,7 @@ def local_faces(
     faces["near"] = near
     faces["far"] = np.maximum(far, 2.0 * near)[owner]
     faces["guard"], faces["size"], faces["light"] = guard, sizes[owner], places[owner]
-    return faces
+    return faces, owner, number
 
 
 def set_axes(faces: np.ndarray, axes: Float64) -> None:

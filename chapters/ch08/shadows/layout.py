@@ -19,11 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .faces import FACE
-from .model import padded
-
-TILE = 128
-TILE_BYTES = TILE * TILE * 4
-"""A tile is a page of sparse memory: 64 KiB of R32F."""
+from .model import TILE, padded
 
 WIDEST = 128
 """Tiles in a row of the pages: 16,384 texels, which is the side of the largest image of every device that is used."""
@@ -70,45 +66,7 @@ def tiles_of(sizes: NDArray[np.int64]) -> NDArray[np.int64]:
     return tiles
 
 
-def place_tiles(faces: np.ndarray) -> None:
-    """Give each face its own words of the table."""
-    tiles = tiles_of(faces["size"].astype(np.int64))
-    faces["first"] = np.cumsum(tiles) - tiles
-    faces["tiles"] = -(-faces["size"].astype(np.int64) // TILE)
-
-
-def full_table(tiles: int, width: int) -> NDArray[np.uint32]:
-    """Return the table of pages that hold everything: tile after tile, `width` in a row."""
-    number = np.arange(tiles)
-    return ((number % width) | (number // width) << 16).astype(np.uint32)
-
-
 def pages_size(tiles: int) -> tuple[int, int]:
     """Return columns and rows of the smallest image with room for some tiles, about as high as it is wide."""
     width = min(WIDEST, max(1, int(np.ceil(np.sqrt(tiles)))))
     return width, max(1, -(-tiles // width))
-
-
-def fitting_sizes(counts: NDArray[np.int64], sizes: NDArray[np.int64], most: int) -> NDArray[np.int64]:
-    """Return (N,) sizes of the faces of lights, so that all of them together have at most `most` tiles.
-
-    `counts` (N,) are faces of each light, the most important light first, and `sizes` (N,) what they ask for. The least
-    important lights lose half of their size first, down to one tile a face; lights for which even that is too much get
-    size 0. A light of another size than the one before it costs one level, so sizes never grow towards less important
-    lights of the same wish.
-    """
-    sizes = sizes.copy()
-    while True:
-        excess = int((counts * tiles_of(sizes)).sum()) - most
-        if excess <= 0:
-            return sizes
-        largest = sizes > TILE
-        if not largest.any():
-            kept = np.cumsum(counts * tiles_of(sizes)) <= most
-            return np.where(kept, sizes, 0)
-        finest = sizes == sizes.max()
-        gain = np.where(finest, counts * (tiles_of(sizes) - tiles_of(sizes // 2)), 0)
-        # From the last light on, as many as it takes.
-        saved = np.cumsum(gain[::-1])[::-1]
-        halved = finest & (saved - gain < excess)
-        sizes[halved] //= 2

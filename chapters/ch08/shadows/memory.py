@@ -8,8 +8,9 @@ from common.scene import Sampler
 
 from ..frames.commands import Commands, Counted
 from ..pipelines.description import Built
-from .layout import TILE, BlockLayout
+from .layout import BlockLayout
 from .lists import ShadowLists, layers_of
+from .model import TILE
 
 NEAREST = Sampler("nearest", "nearest", None, "clamp", "clamp")
 

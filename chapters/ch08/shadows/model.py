@@ -5,11 +5,9 @@ from __future__ import annotations
 from typing import Any, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from common.scene import Scene
 
-from ..clusters.lights import peaks
 from ..scene.packing import LIGHT_KINDS
 from .settings import Bias
 
@@ -17,6 +15,10 @@ Defines = tuple[tuple[str, int | float | str], ...]
 
 VIEWS = ("shadow-factor", "cascade")
 """The views that show shadows."""
+
+TILE = 128
+TILE_BYTES = TILE * TILE * 4
+"""A tile is a page of sparse memory: 64 KiB of R32F."""
 
 CUBE_FACES = 6
 
@@ -32,8 +34,8 @@ def wanted(settings: Any) -> bool:
     return bool(settings.shadows.shadows == "on" and view in ("picture", "non-finite", *VIEWS))
 
 
-def needed(scene: Scene, settings: Any) -> bool:
-    """Whether a frame has shadows: they are wanted, and there are lights and objects.
+def possible(scene: Scene, settings: Any) -> bool:
+    """Whether a renderer of the scene has shadows: they are wanted, and there are lights and objects.
 
     The default light travels with the camera, which hardly sees its shadows (scene/default_light.py).
     """
@@ -41,14 +43,64 @@ def needed(scene: Scene, settings: Any) -> bool:
     return wanted(settings) and bool(lights) and len(scene.instances) > 0
 
 
+def needed(scene: Scene, settings: Any) -> bool:
+    """Whether a frame has shadows: they are possible, and light falls on any object."""
+    used = np.unique(scene.meshes["material"][scene.instances.mesh]).tolist()
+    return possible(scene, settings) and any(not scene.materials[material].unlit for material in used)
+
+
 def records_of(scene: Scene, settings: Any) -> int:
     """Return how many lights have records: those that are kept (clusters/lights.py)."""
     return min(len(scene.lights), int(settings.clusters.most_lights))
 
 
+def most_suns(scene: Scene, settings: Any) -> int:
+    """Return how many directional lights cast shadows."""
+    suns = sum(light.kind == "directional" for light in scene.lights)
+    return min(suns, MOST_SUNS, int(settings.shadows.shadow_lights))
+
+
+def most_lamps(scene: Scene, settings: Any) -> int:
+    """Return how many other lights may cast shadows at a time."""
+    lamps = sum(light.kind != "directional" for light in scene.lights)
+    left = int(settings.shadows.shadow_lights) - most_suns(scene, settings)
+    return min(lamps, records_of(scene, settings), left)
+
+
 def most_faces(scene: Scene, settings: Any) -> int:
-    """Return the faces that the lights of a scene may have, whatever kinds edits make of them."""
-    return CUBE_FACES * min(records_of(scene, settings), int(settings.shadows.shadow_lights))
+    """Return the faces of all of them, at least 1."""
+    suns = most_suns(scene, settings) * int(settings.shadows.shadow_cascades)
+    return max(1, suns + CUBE_FACES * most_lamps(scene, settings))
+
+
+def _tiles(size: int) -> int:
+    return (-(-size // TILE)) ** 2
+
+
+def table_words(scene: Scene, settings: Any) -> int:
+    """Return the words of the table: one for each tile that any face may have."""
+    knobs = settings.shadows
+    suns = most_suns(scene, settings) * knobs.shadow_cascades * _tiles(knobs.shadow_sun_size)
+    return int(suns + most_lamps(scene, settings) * CUBE_FACES * _tiles(knobs.shadow_size))
+
+
+def pool_tiles(scene: Scene, settings: Any) -> int:
+    """Return the tiles of the pages: as many as the table has words, or as the pool holds."""
+    most = (settings.shadows.shadow_pool << 20) // TILE_BYTES
+    return max(1, min(table_words(scene, settings), most))
+
+
+def sun_size(scene: Scene, settings: Any, tiles: int) -> int:
+    """Return the texels along a cascade: what is asked for, or half of it and so on until `tiles` hold all of them.
+
+    Lamps keep a tile each. 0 if not even one tile a cascade is there.
+    """
+    size, cascades = int(settings.shadows.shadow_sun_size), most_suns(scene, settings)
+    cascades *= int(settings.shadows.shadow_cascades)
+    room = max(tiles - most_lamps(scene, settings), min(tiles, cascades))
+    while size > TILE and cascades * _tiles(size) > room:
+        size //= 2
+    return size if cascades * _tiles(size) <= room else 0
 
 
 def shadow_defines(scene: Scene, settings: Any) -> Defines:
@@ -83,16 +135,3 @@ def tests_of(settings: Any) -> int:
 def guard(settings: Any) -> int:
     """Return the texels at each edge of a face that only its filter reaches, so that no tap needs another face."""
     return int(settings.shadows.shadow_kernel) // 2 + 1
-
-
-def selected(scene: Scene, numbers: NDArray[np.intp], most: int) -> NDArray[np.intp]:
-    """Return places in the records of the lights that cast shadows, the most important first.
-
-    `numbers` (L,) are the lights of the scene that have records. Directional lights come first, by lux, then the others
-    by candela; of equal ones the first.
-    """
-    lights = [scene.lights[number] for number in numbers]
-    local = np.array([light.kind != "directional" for light in lights], bool)
-    order: NDArray[np.intp] = np.lexsort((-peaks(lights), local))
-    suns = order[~local[order]]
-    return np.concatenate([suns[:MOST_SUNS], order[len(suns) :]])[:most]

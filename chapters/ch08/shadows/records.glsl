@@ -5,7 +5,8 @@ struct ShadowFace {
     vec4 down;    // xyz: the axis along columns, w: the same of y
     vec4 ahead;   // xyz: the axis along which depth counts, w: 1 in a perspective projection, else 0
     vec4 origin;  // xyz: where depth is 0, w: the depth of the near plane
-    vec4 ends;    // x: the depth of the far plane, y: texels at each edge that only filters reach, 1 more than the radius of the kernel
+    vec4 ends;    // x: the depth of the far plane, y: texels at each edge that only filters reach, 1 more than the radius of the kernel;
+                  // zw: where the face begins in its first tile
     uvec4 place;  // x: the first word of the face's tiles in the table, y: tiles in a row, z: size in texels
 };
 

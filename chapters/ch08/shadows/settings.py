@@ -25,10 +25,22 @@ class ShadowSettings:
         minimum=1,
         maximum=MOST_LIGHTS,
     )
+    shadow_memory: str = knob(
+        "pages",
+        "texels of spot and point lights: as many as the picture asks for, or shadow_size for all of them",
+        choices=("pages", "full"),
+    )
     shadow_size: int = knob(
-        256,
-        "texels along a face of a spot or point light",
+        512,
+        "texels along a face of a spot or point light, at most",
         choices=(128, 256, 512, 1024, 2048),
+    )
+    shadow_detail: float = knob(
+        0.7,
+        "texels along a face of a spot or point light for each pixel that it shades, with shadow_memory=pages",
+        unit="texels",
+        minimum=0.01,
+        maximum=16,
     )
     shadow_sun_size: int = knob(
         2048,
@@ -84,4 +96,4 @@ class ShadowSettings:
         "whether meshlets that face away from a light are left out, with shadow_sides=front",
     )
     shadow_cull_faces: bool = knob(True, "whether a face leaves out what is outside of it")
-    shadow_pool: int = knob(256, "memory of all shadow maps together", unit="MiB", minimum=1, maximum=1024)
+    shadow_pool: int = knob(128, "memory of all shadow maps together", unit="MiB", minimum=1, maximum=1024)

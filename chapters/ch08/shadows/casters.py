@@ -1,0 +1,82 @@
+"""What changes about casters from frame to frame: whether any has moved, and the tables for the kernels that cull."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from backends.contract import FrameInfo, Pass
+from common.scene import Change
+
+from ..frames.backend.backend import Backend
+from ..scene.pass_parts import PassParts
+from .lists import shadow_lists
+from .memory import ShadowMemory
+from .passes import ShadowsPass
+
+LARGEST = 1 << 27
+"""Bytes of the largest buffer of commands that is made."""
+
+
+class Casters:
+    """Follows the objects of a scene."""
+
+    def __init__(self, parts: PassParts, backend: Backend, own: ShadowsPass, cloth: Pass) -> None:
+        self._parts, self._backend, self._pass, self._cloth = parts, backend, own, cloth
+        plan, capabilities = backend.plan, backend.device.capabilities
+        self._culls = plan.native("multi-draw")
+        own.counts_draws = plan.native("draw-indirect-count")
+        # See `ShadowMemory.unlimited`.
+        self._confused = own.counts_draws and capabilities.is_software
+        self._buffer_bytes = min(int(capabilities.limits["maxStorageBufferRange"]), LARGEST)
+        own.culls = self._culls
+        self._lists_seen: Any = None
+        self._records: Any = None
+        self._places = np.zeros(0)
+        self._pose: Any = None
+        self._moves = 0
+        self._seen: Any = None
+        self._maps = 0
+
+    def follow(self, frame: FrameInfo, memory: ShadowMemory) -> bool:
+        """Follow edits and poses; return whether any caster is another one since the last frame, or elsewhere."""
+        parts, draws = self._parts, self._parts.draws
+        if self._culls and draws.lists is not self._lists_seen:
+            self._follow_lists(memory)
+        if self._confused and self._pass.lists is not None and draws.culled is None:
+            numbered = memory.unlimited(draws.binding.records, self._pass.lists)
+            draws.binding = draws.binding._replace(counted=numbered)
+        written, revision = parts.data.slots[frame.slot].written, parts.scene.revision
+        records = written["instance_records"]
+        if records is not self._records:  # something has moved: an object, or only a light
+            self._records, places = records, records["world_from_object"]
+            pose = parts.data.records.moving_key(frame.pose)
+            deformed = bool(parts.scene.deformations) and pose != self._pose
+            if deformed or not np.array_equal(places, self._places):
+                self._moves += 1
+                self._places = places
+            self._pose = pose
+        self._moves += not self._cloth.resting
+        self._maps = written.get("maps", 0)
+        seen = (revision[Change.VISIBILITY], revision[Change.MATERIALS], self._maps, self._moves)
+        moved, self._seen = seen != self._seen, seen
+        return moved
+
+    def _follow_lists(self, memory: ShadowMemory) -> None:
+        """Make the tables of casters anew, since other objects are drawn."""
+        parts, own = self._parts, self._pass
+        self._lists_seen = parts.draws.lists
+        meshlets = getattr(parts.draws.culled, "meshlets", None)
+        variants = parts.data.variants
+        casts = [own.takes(variant) for variant in variants]
+        own.lists = shadow_lists(
+            parts.draws.lists, parts.scene, meshlets, variants, casts, self._buffer_bytes
+        )
+        memory.make_lists(own.lists)
+        self._backend.frames.forget()
+
+    @property
+    def resting(self) -> bool:
+        """Whether the textures of the last frame are those that it was drawn with."""
+        return all(slot.written.get("maps", 0) <= self._maps for slot in self._parts.data.slots)
