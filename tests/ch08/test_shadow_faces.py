@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from chapters.ch08.page_table import rule
+from chapters.ch08.page_table import lamps, rule
 from chapters.ch08.page_table.pool import NONE, TilePool
 from chapters.ch08.scene.packing import LIGHT, LIGHT_KINDS
-from chapters.ch08.shadows import cascades, faces, lamps, layout, model
+from chapters.ch08.shadows import cascades, faces, layout, model
 from common.numerics.transforms import pose_looking_at
 from common.view.camera import Orthographic, Perspective, View
 from tests.support.shadows import point, spot, sun, yard
@@ -104,7 +104,7 @@ def test_slices_of_a_view_lie_in_their_spheres():
     view = View(pose_looking_at((1, 2, 3), (4, 1, -5)), Perspective(0.9))
     right, up, back = view.world_from_view[:3, :3].T
     for begin, end in ((0.0, 1.0), (1.0, 5.0), (5.0, 80.0)):
-        ahead, radius = cascades.slice_sphere(view, 1.5, begin, end)
+        ahead, radius = cascades.slice_sphere(view.projection, 1.5, begin, end)
         centre, farthest = view.eye - ahead * back, 0.0
         for depth in (begin, end):
             for x in (-1.5, 1.5):
@@ -134,7 +134,7 @@ def test_cascades_move_by_whole_texels_and_never_change_their_size():
     # Density rises by the extent of the scene over the diameter of the first slice.
     _, box = cascades.fit(directions[0], BOX)
     ends = cascades.splits(0.01, float(np.linalg.norm(BOX[1] - BOX[0])), 3)
-    _, radius = cascades.slice_sphere(view, 16 / 9, ends[0], ends[1])
+    _, radius = cascades.slice_sphere(view.projection, 16 / 9, ends[0], ends[1])
     factor = before["scale_x"][0] / before["scale_x"][2]
     assert factor == pytest.approx((box[1, 0] - box[0, 0]) / (2 * radius), rel=1e-5) and factor > 3
 

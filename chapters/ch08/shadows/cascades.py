@@ -13,9 +13,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from common.view.camera import Orthographic, View
+from common.view.camera import Orthographic, Projection, View
 
-from .faces import FACE, axes_of, set_axes
+from .faces import FACE, axes_of
 
 Float64 = NDArray[np.float64]
 
@@ -57,17 +57,75 @@ def splits(near: float, far: float, parts: int) -> Float64:
     return distances
 
 
-def slice_sphere(view: View, aspect: float, begin: float, end: float) -> tuple[float, float]:
+def slice_sphere(lens: Projection, aspect: float, begin: float, end: float) -> tuple[float, float]:
     """Return how far ahead the centre of the smallest sphere around a slice of a view lies, and its radius, metres."""
-    projection = view.projection
-    if isinstance(projection, Orthographic):
-        half = np.hypot(projection.ymag, projection.ymag * aspect)
+    if isinstance(lens, Orthographic):
+        half = np.hypot(lens.ymag, lens.ymag * aspect)
         return (begin + end) / 2, float(np.hypot(half, (end - begin) / 2))
-    k2 = np.tan(projection.yfov / 2) ** 2 * (1 + aspect**2)
+    k2 = np.tan(lens.yfov / 2) ** 2 * (1 + aspect**2)
     ahead = (begin + end) / 2 * (1 + k2)
     if ahead >= end:  # the corners of the far end are farthest apart
         return end, float(end * np.sqrt(k2))
     return float(ahead), float(np.sqrt((end - ahead) ** 2 + k2 * end**2))
+
+
+class Cascades:
+    """The faces of some directional lights, for all views with one lens. Only places are left to compute for a view.
+
+    `directions` (N, 3) are unit vectors in which the lights shine, `bounds` (2, 3) is the box of the scene relative to
+    its `origin`; each light has `count` cascades of `size` texels, the finest first. Tiles are not placed.
+    """
+
+    def __init__(
+        self,
+        directions: Float64,
+        bounds: Float64,
+        lens: Projection,
+        aspect: float,
+        origin: Float64,
+        count: int,
+        size: int,
+        guard: int,
+    ) -> None:
+        self._origin, self._following = origin, count - 1
+        used = size - 2 * guard
+        reach = max(float(np.linalg.norm(bounds[1] - bounds[0])), 1e-30)
+        ends = splits(lens.near, reach, count)
+        spheres = [slice_sphere(lens, aspect, ends[k], ends[k + 1]) for k in range(count - 1)]
+        self._ahead, radii = np.array(spheres).reshape(-1, 2).T
+        self._scale = used / (2 * radii)
+        faces = self._faces = np.zeros((len(directions), count), FACE)
+        self._axes = np.zeros((len(directions), 3, 3))
+        self._depth = np.zeros(len(directions))
+        margin = DEPTH_MARGIN * reach
+        for number, direction in enumerate(directions):
+            axes, box = fit(direction, bounds)
+            self._axes[number], self._depth[number] = axes, box[0, 2] - margin
+            last = faces[number, -1]
+            extent = np.maximum(box[1, :2] - box[0, :2], 1e-6 * reach)
+            last["scale_x"], last["scale_y"] = used / extent
+            last["origin"] = np.array([*box[:, :2].mean(axis=0), self._depth[number]]) @ axes
+            faces["far"][number] = box[1, 2] + margin - self._depth[number]
+        for column, name in enumerate(("right", "down", "ahead")):
+            faces[name] = self._axes[:, None, column]
+        faces["scale_x"][:, :-1] = faces["scale_y"][:, :-1] = self._scale
+        faces["guard"], faces["size"] = guard, size
+        self._texels: Float64 | None = None
+
+    def at(self, view: View) -> np.ndarray | None:
+        """Return the (N * count,) FACE records for a view; None if they are those of the last view."""
+        if self._texels is not None and not self._following:
+            return None
+        eye, back = view.eye - self._origin, view.world_from_view[:3, 2]
+        centres = eye - self._ahead[:, None] * back  # (count - 1, 3)
+        texels = np.round(np.einsum("nij,cj->nci", self._axes[:, :2], centres) * self._scale[:, None])
+        if self._texels is not None and np.array_equal(texels, self._texels):
+            return None
+        self._texels = texels
+        place = np.empty((*texels.shape[:2], 3))
+        place[..., :2], place[..., 2] = texels / self._scale[:, None], self._depth[:, None]
+        self._faces["origin"][:, :-1] = np.einsum("nci,nij->ncj", place, self._axes)
+        return self._faces.reshape(-1).copy()
 
 
 def directional_faces(
@@ -76,35 +134,11 @@ def directional_faces(
     view: View,
     origin: Float64,
     aspect: float,
-    cascades: int,
+    count: int,
     size: int,
     guard: int,
 ) -> np.ndarray:
-    """Return (N * cascades,) FACE records of lights that shine along `directions` (N, 3), the finest cascade first.
-
-    `bounds` (2, 3) is the box of the scene relative to its `origin`. Tiles are not placed yet.
-    """
-    faces = np.zeros(len(directions) * cascades, FACE)
-    used = size - 2 * guard
-    reach = float(np.linalg.norm(bounds[1] - bounds[0]))
-    ends = splits(view.projection.near, reach, cascades)
-    eye, back = view.eye - origin, view.world_from_view[:3, 2]
-    for number, direction in enumerate(directions):
-        axes, box = fit(direction, bounds)
-        own = faces[number * cascades : (number + 1) * cascades]
-        set_axes(own, np.broadcast_to(axes, (cascades, 3, 3)))
-        margin = DEPTH_MARGIN * reach
-        depth = box[:, 2] + (-margin, margin)
-        for cascade in range(cascades):
-            if cascade == cascades - 1:
-                extent = np.maximum(box[1, :2] - box[0, :2], 1e-6 * reach)
-                scale, middle = used / extent, box[:, :2].mean(axis=0)
-            else:
-                ahead, radius = slice_sphere(view, aspect, ends[cascade], ends[cascade + 1])
-                scale = np.full(2, used / (2 * radius))
-                middle = np.round(axes[:2] @ (eye - ahead * back) * scale) / scale
-            own["scale_x"][cascade], own["scale_y"][cascade] = scale
-            own["origin"][cascade] = np.array([*middle, depth[0]]) @ axes
-        own["far"] = depth[1] - depth[0]
-    faces["guard"], faces["size"] = guard, size
-    return faces
+    """Return the (N * count,) FACE records of lights for one view; see `Cascades`."""
+    made = Cascades(directions, bounds, view.projection, aspect, origin, count, size, guard).at(view)
+    assert made is not None, "the first view has records"
+    return made

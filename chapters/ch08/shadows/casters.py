@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from backends.contract import FrameInfo, Pass
 from common.scene import Change
 
@@ -32,15 +30,15 @@ class Casters:
         self._buffer_bytes = min(int(capabilities.limits["maxStorageBufferRange"]), LARGEST)
         own.culls = self._culls
         self._lists_seen: Any = None
-        self._records: Any = None
-        self._places = np.zeros(0)
-        self._pose: Any = None
         self._moves = 0
         self._seen: Any = None
         self._maps = 0
 
-    def follow(self, frame: FrameInfo, memory: ShadowMemory) -> bool:
-        """Follow edits and poses; return whether any caster is another one since the last frame, or elsewhere."""
+    def follow(self, frame: FrameInfo, memory: ShadowMemory, instances: int) -> bool:
+        """Follow edits and poses; return whether any caster is another one since the last frame, or elsewhere.
+
+        `instances` is the number of the places of all objects (`Versions`).
+        """
         parts, draws = self._parts, self._parts.draws
         if self._culls and draws.lists is not self._lists_seen:
             self._follow_lists(memory)
@@ -48,18 +46,11 @@ class Casters:
             numbered = memory.unlimited(draws.binding.records, self._pass.lists)
             draws.binding = draws.binding._replace(counted=numbered)
         written, revision = parts.data.slots[frame.slot].written, parts.scene.revision
-        records = written["instance_records"]
-        if records is not self._records:  # something has moved: an object, or only a light
-            self._records, places = records, records["world_from_object"]
-            pose = parts.data.records.moving_key(frame.pose)
-            deformed = bool(parts.scene.deformations) and pose != self._pose
-            if deformed or not np.array_equal(places, self._places):
-                self._moves += 1
-                self._places = places
-            self._pose = pose
+        pose = parts.data.records.moving_key(frame.pose) if parts.scene.deformations else None
         self._moves += not self._cloth.resting
         self._maps = written.get("maps", 0)
-        seen = (revision[Change.VISIBILITY], revision[Change.MATERIALS], self._maps, self._moves)
+        edits = revision[Change.VISIBILITY], revision[Change.MATERIALS]
+        seen = (*edits, self._maps, self._moves, instances, pose)
         moved, self._seen = seen != self._seen, seen
         return moved
 

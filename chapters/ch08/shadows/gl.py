@@ -24,7 +24,7 @@ from ..frames.frame import SLOTS
 from ..frames.gl_commands import Commands, Rendering
 from ..pipelines.description import Built
 from .lists import ShadowLists
-from .memory import NEAREST, TABLES
+from .memory import NEAREST, STORED_TEXELS, TABLES
 from .memory import ShadowMemory as _ShadowMemory
 
 DRAWN_UNIT = 16
@@ -104,7 +104,7 @@ class ShadowMemory(_ShadowMemory):
             backend.device, DRAWN_UNIT, self._targets[size].image.view, backend.data.sampler(NEAREST, 1.0)
         )
         commands.push(kernel, np.array([[first, 0, 0, 0]], np.uint32))
-        commands.dispatch_over(kernel, (size, size, count))
+        commands.dispatch_over(kernel, (size, size // STORED_TEXELS, count))
 
     def close(self) -> None:
         """Free everything; OpenGL itself waits for its last use."""

@@ -12,6 +12,9 @@ from .layout import BlockLayout
 from .lists import ShadowLists, layers_of
 from .model import TILE
 
+STORED_TEXELS = 8
+"""Texels of a column that an invocation of store.comp copies."""
+
 NEAREST = Sampler("nearest", "nearest", None, "clamp", "clamp")
 
 TABLES = ("draws", "batches", "meshlets", "lists", "numbers", "commands")

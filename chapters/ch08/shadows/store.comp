@@ -1,9 +1,9 @@
-// Copies faces that were drawn into their pages: a layer of invocations for each face, one for each texel.
+// Copies faces that were drawn into their pages: a layer of invocations for each face, one for eight texels of a column.
 //
 // What is stored is linear: metres along the axis of the face. Filters then compare and average lengths, and a face may
-// lie in any tiles of the pages.
+// lie in any tiles of the pages. Sizes of faces and of tiles are multiples of eight, so an invocation stays in one tile.
 
-layout(local_size_x = 16, local_size_y = 16) in;
+layout(local_size_x = 32, local_size_y = 4) in;
 
 #define SHADOW_BLOCK 0
 #include "shadows/block.glsl"
@@ -16,11 +16,18 @@ struct Round {
 };
 PUSH(Round, pushed)
 
+const int TEXELS = 8;
+
 void main() {
     ShadowFace face = shadow_faces[drawn_face(pushed.first.x + gl_GlobalInvocationID.z)];
-    ivec2 texel = ivec2(gl_GlobalInvocationID.xy);
-    if (all(lessThan(texel, ivec2(face.place.z)))) {
-        float depth = texelFetch(drawn, ivec3(gl_GlobalInvocationID), 0).r;
-        imageStore(pages, page_texel(face, texel), vec4(within_reach(face, texel, linear_depth(face, depth))));
+    ivec2 texel = ivec2(gl_GlobalInvocationID.xy) * ivec2(1, TEXELS);
+    if (any(greaterThanEqual(texel, ivec2(face.place.z)))) {
+        return;
+    }
+    ivec2 to = page_texel(face, texel);
+    for (int i = 0; i < TEXELS; ++i) {
+        ivec2 at = texel + ivec2(0, i);
+        float depth = texelFetch(drawn, ivec3(at, gl_GlobalInvocationID.z), 0).r;
+        imageStore(pages, to + ivec2(0, i), vec4(within_reach(face, at, linear_depth(face, depth))));
     }
 }

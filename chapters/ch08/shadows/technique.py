@@ -25,6 +25,26 @@ from .memory import ShadowMemory
 from .passes import LIT, ShadowsPass, read_pages
 
 
+class Versions:
+    """Numbers the contents of arrays, of which each slot has one. Equal contents have one number."""
+
+    def __init__(self) -> None:
+        self._of_slot: dict[int, tuple[np.ndarray, np.ndarray, int]] = {}
+        self._last = 0
+
+    def number(self, slot: int, array: np.ndarray, field: str = "") -> int:
+        """Return the number of the contents of a slot's `array`, or of a field of it; another object is compared."""
+        if slot in self._of_slot and self._of_slot[slot][0] is array:
+            return self._of_slot[slot][2]
+        content = array[field] if field else array
+        found = [number for _, known, number in self._of_slot.values() if np.array_equal(known, content)]
+        if not found:
+            self._last += 1
+            found = [self._last]
+        self._of_slot[slot] = array, content, found[0]
+        return found[0]
+
+
 class ShadowTechnique(Technique):
     """Owns the memory of shadows.
 
@@ -43,6 +63,7 @@ class ShadowTechnique(Technique):
         self._revision = 0
         self._written: dict[int, tuple[int, int]] = {}
         self._slot, self._had_due = -1, False
+        self._lights, self._instances = Versions(), Versions()
 
     def create(self, parts: PassParts, backend: Backend, passes: Mapping[str, Pass]) -> None:
         """Make the pass, and let the passes that light surfaces read its pages."""
@@ -86,8 +107,11 @@ class ShadowTechnique(Technique):
         if frame.slot == self._slot:  # the last frame was never submitted
             self._drawn = np.zeros(0, FACE)
         self._slot = frame.slot
-        changed = self.lights.follow(frame)
-        moved = self._casters.follow(frame, memory)
+        written = self._parts.data.slots[frame.slot].written
+        instances = self._instances.number(frame.slot, written["instance_records"], "world_from_object")
+        lights = self._lights.number(frame.slot, written["light_records"])
+        changed = self.lights.follow(frame, lights, instances)
+        moved = self._casters.follow(frame, memory, instances)
         own.schedule = NO_ROUNDS
         if changed or moved or not len(self._drawn):
             own.schedule = self._due(moved)

@@ -20,7 +20,7 @@ from ..graph.sync.vulkan import layout_of
 from ..pipelines.description import Built
 from ..pipelines.vulkan_descriptors import Texture
 from .lists import ShadowLists
-from .memory import NEAREST, TABLES
+from .memory import NEAREST, STORED_TEXELS, TABLES
 from .memory import ShadowMemory as _ShadowMemory
 
 _STORAGE = (
@@ -153,7 +153,7 @@ class ShadowMemory(_ShadowMemory):
         commands.bind_compute(kernel)
         commands.bind_compute_set(kernel, 0, self._set(kernel, size, commands.slot.index))
         commands.push(kernel, np.array([[first, 0, 0, 0]], np.uint32))
-        commands.dispatch_over(kernel, (size, size, count))
+        commands.dispatch_over(kernel, (size, size // STORED_TEXELS, count))
 
     def _set(self, kernel: Built, size: int, slot: int) -> Any:
         """Return the set of the kernel for a target, made for both slots at first use."""

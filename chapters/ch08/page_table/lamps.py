@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..page_table.pool import TilePool
-from .layout import tiles_of
-from .model import CUBE_FACES, TILE
+from ..shadows.layout import tiles_of
+from ..shadows.model import CUBE_FACES, TILE
+from .pool import TilePool
 
 COARSE = 40
 """Texels of the six faces of a cube that share a tile, three in a row."""
