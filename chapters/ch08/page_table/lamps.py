@@ -129,10 +129,10 @@ class Lamps:
         before = np.where((places == self.places)[filled], self.sizes[filled], 0)
         keeps = (before > wanted) & (resolution[at] > SHRINKS * before) & (counts == self.counts[filled])
         wanted = np.where(keeps, before, wanted)
-        given = fitted(wanted, counts, rank[at], most)
-        self.lowered = int((given < wanted).sum())
+        fitting = fitted(wanted, counts, rank[at], most)
+        self.lowered = int((fitting < wanted).sum())
         all_counts, all_sizes = np.zeros_like(self.counts), np.zeros_like(self.sizes)
-        all_counts[filled], all_sizes[filled] = counts, given
+        all_counts[filled], all_sizes[filled] = counts, fitting
         places = np.where(all_sizes > 0, places, -1)
         return self._take(places, all_sizes, np.where(all_sizes > 0, all_counts, 0))
 

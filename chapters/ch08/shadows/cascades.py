@@ -139,6 +139,6 @@ def directional_faces(
     guard: int,
 ) -> np.ndarray:
     """Return the (N * count,) FACE records of lights for one view; see `Cascades`."""
-    made = Cascades(directions, bounds, view.projection, aspect, origin, count, size, guard).at(view)
-    assert made is not None, "the first view has records"
-    return made
+    records = Cascades(directions, bounds, view.projection, aspect, origin, count, size, guard).at(view)
+    assert records is not None, "the first view has records"
+    return records

@@ -21,7 +21,7 @@ from backends.gl.resources import (
 from backends.gl.targets import Attachment, create_framebuffer, destroy_framebuffer
 
 from ..frames.frame import SLOTS
-from ..frames.gl_commands import Commands, Rendering
+from ..frames.gl_commands import Rendering
 from ..pipelines.description import Built
 from .lists import ShadowLists
 from .memory import NEAREST, STORED_TEXELS, TABLES
@@ -65,12 +65,10 @@ class ShadowMemory(_ShadowMemory):
 
     def make_lists(self, lists: ShadowLists) -> None:
         """Create the buffers of other lists; OpenGL itself frees earlier ones after their last use."""
-        context = self._backend.device
         self._free_lists()
-        contents, sizes = lists.contents, lists.sizes
+        context, contents, sizes = self._backend.device, lists.contents, lists.sizes
         for name in TABLES:
-            size = lists.bytes_of(name)
-            self._tables[name] = create_buffer(context, size, "device", f"shadow {name}")
+            self._tables[name] = create_buffer(context, lists.bytes_of(name), "device", f"shadow {name}")
             if name in contents and contents[name].nbytes:
                 write_buffer(context, self._tables[name], contents[name])
         never = np.array([1 << 24], np.uint32)
@@ -91,10 +89,6 @@ class ShadowMemory(_ShadowMemory):
         self._tables = {}
 
     # --- recording ---
-
-    def begin_face(self, commands: Commands, size: int, layer: int) -> None:
-        """Begin drawing to a layer of the target, after clearing it to the far plane."""
-        commands.begin_rendering(self._targets[size].layers[layer])
 
     def store(self, commands: Any, kernel: Built, size: int, first: int, count: int) -> None:
         """Copy layers into the pages; the buffer and the pages are bound for the whole frame."""

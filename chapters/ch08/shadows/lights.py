@@ -178,16 +178,16 @@ class ShadowLights:
         if not len(slots):
             return
         places, guard = lamps.places[slots], model.guard(self._parts.settings)
-        made, owner, number = local_faces(
+        records, owner, number = local_faces(
             self._records, places, lamps.sizes[slots], self._near, self._reach[places], guard
         )
         size, slot = lamps.sizes[slots][owner], slots[owner]
         coarse = size == COARSE
-        made["offset"][coarse, 0] = COARSE_STEP * (number[coarse] % 3)
-        made["offset"][coarse, 1] = COARSE_STEP * (number[coarse] // 3)
-        made["tiles"] = -(-size // model.TILE)
-        made["first"] = lamps.first_words[slot] + np.where(coarse, 0, number * tiles_of(size))
-        faces_of[CUBE_FACES * slot + number] = made
+        records["offset"][coarse, 0] = COARSE_STEP * (number[coarse] % 3)
+        records["offset"][coarse, 1] = COARSE_STEP * (number[coarse] // 3)
+        records["tiles"] = -(-size // model.TILE)
+        records["first"] = lamps.first_words[slot] + np.where(coarse, 0, number * tiles_of(size))
+        faces_of[CUBE_FACES * slot + number] = records
 
     def _tell(self, faces: np.ndarray) -> None:
         """Say where the faces of each light are, and count."""

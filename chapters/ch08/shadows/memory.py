@@ -92,7 +92,7 @@ class ShadowMemory:
 
     def begin_face(self, commands: Any, size: int, layer: int) -> None:
         """Begin drawing to a layer of the target, after clearing it to the far plane."""
-        raise NotImplementedError
+        commands.begin_rendering(self._targets[size].layers[layer])
 
     def end_face(self, commands: Any) -> None:
         """End drawing."""

@@ -37,12 +37,12 @@ class Versions:
         if slot in self._of_slot and self._of_slot[slot][0] is array:
             return self._of_slot[slot][2]
         content = array[field] if field else array
-        found = [number for _, known, number in self._of_slot.values() if np.array_equal(known, content)]
-        if not found:
+        same = [number for _, known, number in self._of_slot.values() if np.array_equal(known, content)]
+        if not same:
             self._last += 1
-            found = [self._last]
-        self._of_slot[slot] = array, content, found[0]
-        return found[0]
+            same = [self._last]
+        self._of_slot[slot] = array, content, same[0]
+        return same[0]
 
 
 class ShadowTechnique(Technique):

@@ -138,10 +138,6 @@ class ShadowMemory(_ShadowMemory):
         """Make the target of a size ready to be drawn to, after the last copy out of it."""
         commands.barrier(self._targets[size].to_draw)
 
-    def begin_face(self, commands: Commands, size: int, layer: int) -> None:
-        """Begin drawing to a layer of the target, after clearing it to the far plane."""
-        commands.begin_rendering(self._targets[size].layers[layer])
-
     def end_face(self, commands: Commands) -> None:
         """End drawing."""
         commands.end_rendering()
