@@ -13,8 +13,10 @@ from common.numerics.transforms import pose_looking_at
 from common.scene import Image, Material
 from common.settings import replaced
 from common.view.camera import Orthographic, Perspective, View
+from tests.support.cloth_scenes import cloth, cloth_scene_of
 from tests.support.scenes import moved, quad_scene, scaled, texture
 from tests.support.shadows import (
+    all_faces,
     bending,
     bent,
     faces_of,
@@ -352,3 +354,17 @@ def test_what_bends_casts_the_shadow_of_its_pose(chapter):
             agree = ((found < 1e29) == (wanted < 1e29)) & ((np.abs(found - wanted) < 1e-4) | (wanted > 1e29))
             assert agree.mean() > 0.99 and (wanted < 1e29).mean() > 0.05, time
         assert frame.work["shadow_faces_drawn"] == 0  # the second time nothing has moved
+
+
+def test_cloth_casts_the_shadow_of_its_frame(chapter):
+    scene = cloth_scene_of(cloth())
+    looking = View(pose_looking_at((0.3, -0.3, 2.2), (0, -0.5, 0)), Perspective(0.9, 0.1))
+    maps = []
+    with chapter.open(scene, SIZE, replaced(BASE, shadow_size=128)) as renderer:
+        for number in range(8):
+            frame = renderer.render(looking, number / 30)
+            frame.image("color")
+            assert number == 0 or frame.work["cloth_steps"] > 0
+            assert frame.work["shadow_faces_drawn"] == frame.work["shadow_faces"] > 0
+            maps.append(all_faces(renderer))
+    assert not np.array_equal(maps[-1], maps[-2]) and (maps[-1] < 1e29).any()

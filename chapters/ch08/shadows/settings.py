@@ -64,14 +64,14 @@ class ShadowSettings:
         choices=get_args(Bias),
     )
     shadow_constant: float = knob(
-        0.5,
+        1.0,
         "bias that every surface gets, in texels at its place",
         unit="texels",
         minimum=0,
         maximum=100,
     )
     shadow_slope: float = knob(
-        0.5,
+        1.0,
         "bias for each unit of the tangent of the angle between normal and light, in texels at its place",
         unit="texels",
         minimum=0,
