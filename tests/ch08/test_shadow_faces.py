@@ -40,7 +40,9 @@ def clip(face: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 @pytest.mark.feature("shadows/cube-faces")
 def test_six_faces_cover_the_sphere_without_gap_or_overlap():
-    cube, *_ = faces.local_faces(records("point"), np.array([0]), np.array([256]), 0.01, np.array([7.0]), 3)
+    cube, *_ = faces.local_faces(
+        records("point"), np.array([0]), np.array([256]), 0.01, np.array([7.0]), np.array([3])
+    )
     directions = np.random.default_rng(1).normal(size=(20_000, 3))
     axes = np.stack([cube["right"], cube["down"], cube["ahead"]], axis=1).astype(np.float64)
     assert np.allclose(np.linalg.det(axes), 1.0)
@@ -56,7 +58,9 @@ def test_six_faces_cover_the_sphere_without_gap_or_overlap():
 
 @pytest.mark.feature("shadows/bias-matrices")
 def test_corners_of_a_light_frustum_meet_those_of_clip_space():
-    (face,), *_ = faces.local_faces(records("spot"), np.array([0]), np.array([256]), 0.5, np.array([9.0]), 0)
+    (face,), *_ = faces.local_faces(
+        records("spot"), np.array([0]), np.array([256]), 0.5, np.array([9.0]), np.array([0])
+    )
     axes = np.stack([face["right"], face["down"], face["ahead"]]).astype(np.float64)
     edge = np.tan(0.7)
     for depth, z in ((0.5, 1.0), (9.0, 0.0)):

@@ -368,3 +368,30 @@ def test_cloth_casts_the_shadow_of_its_frame(chapter):
             assert frame.work["shadow_faces_drawn"] == frame.work["shadow_faces"] > 0
             maps.append(all_faces(renderer))
     assert not np.array_equal(maps[-1], maps[-2]) and (maps[-1] < 1e29).any()
+
+
+def test_soft_shadows_are_those_of_a_disc_of_light(chapter):
+    """A lamp of 0.25 m above the edge of a square: the part of the disc that each point sees, by rays."""
+    eye, radius = np.array((0.0, 4.0, 0.0)), 0.25
+    square = placed((1.5, 1.5, 0.0), (3.0, 6.0), (0, 1, 0))
+    scene = yard(spot(tuple(eye), (0, 0, 0), outer=math.radians(50)), extra=(square,))
+    scene.instances.visible[1:7] = False
+    turned = {"shadow_size": 512, "shadow_lamp": radius / scene.length_scale}
+    strip = View(pose_looking_at((0, 1.4, 0), (0, 0, 0), (0, 0, -1)), Orthographic(0.3, 0.1, 20.0))
+    soft = factors(chapter, scene, strip, shadow_filter="pcss", **turned)[32]
+    hard = factors(chapter, scene, strip, shadow_kernel=3, **turned)[32]
+    x = ((np.arange(64) + 0.5) / 64 * 2 - 1) * 0.3
+    points = np.stack([x, np.full(64, 1e-4), np.full(64, 0.3 / 64)], -1)
+    turn = np.arange(256) * 2.399963  # golden angle: even on a disc
+    disc = (
+        radius
+        * np.sqrt((np.arange(256) + 0.5) / 256)[:, None]
+        * np.stack([np.cos(turn), 0 * turn, np.sin(turn)], 1)
+    )
+    triangles = twin.triangles_of(scene)
+    rays = (eye + disc)[None] - points[:, None]
+    nearest = twin.first_hit(np.repeat(points, 256, axis=0), rays.reshape(-1, 3), triangles, 1e-6)
+    wanted = (nearest.reshape(64, 256) >= 1.0).mean(axis=1)
+    assert 10 < ((wanted > 0.02) & (wanted < 0.98)).sum() < 60
+    error, of_hard = np.abs(soft - wanted), np.abs(hard - wanted)
+    assert error.mean() < 0.05 and error.max() < 0.2 and not of_hard.mean() < 2 * error.mean()

@@ -91,13 +91,14 @@ def local_faces(
     sizes: NDArray[np.int64],
     near: float,
     far: Float64,
-    guard: int,
+    guard: NDArray[np.int64],
 ) -> tuple[np.ndarray, NDArray[np.intp], NDArray[np.intp]]:
     """Return (F,) FACE records of lights that have a place, in the order of `places` (N,) in `lights`.
 
     The other two (F,) are for each face the number of its light among these, and its own among the faces of that light.
 
-    `sizes` (N,) are texels along a face of each; `near` and `far` (N,) are in metres. Tiles are not placed yet.
+    `sizes` (N,) are texels along a face of each; `guard` (N,) those
+    that only filters reach; `near` and `far` (N,) are in metres. Tiles are not placed yet.
     """
     chosen = lights[places]
     cube = has_cube(chosen)
@@ -117,7 +118,7 @@ def local_faces(
     faces["origin"] = chosen["position"][owner]
     faces["near"] = near
     faces["far"] = np.maximum(far, 2.0 * near)[owner]
-    faces["guard"], faces["size"], faces["light"] = guard, sizes[owner], places[owner]
+    faces["guard"], faces["size"], faces["light"] = guard[owner], sizes[owner], places[owner]
     return faces, owner, number
 
 

@@ -153,7 +153,7 @@ class ShadowLights:
             self._parts.scene.origin,
             settings.shadows.shadow_cascades,
             self._sun_size,
-            model.guard(settings),
+            int(model.guard(settings, np.array(self._sun_size))),
         )
 
     def _choose(self, frame: FrameInfo, other: bool) -> bool:
@@ -177,7 +177,7 @@ class ShadowLights:
         slots = lamps.active
         if not len(slots):
             return
-        places, guard = lamps.places[slots], model.guard(self._parts.settings)
+        places, guard = lamps.places[slots], model.guard(self._parts.settings, lamps.sizes[slots])
         records, owner, number = local_faces(
             self._records, places, lamps.sizes[slots], self._near, self._reach[places], guard
         )

@@ -22,6 +22,9 @@ TILE_BYTES = TILE * TILE * 4
 
 CUBE_FACES = 6
 
+WIDEST_RADIUS = 16
+"""Texels of the widest filter of soft shadows; an eighth of a face if that is less."""
+
 MOST_SUNS = 4
 """Directional lights that cast shadows: their cascades follow the view in every frame, light by light."""
 
@@ -115,6 +118,15 @@ def shadow_defines(scene: Scene, settings: Any) -> Defines:
         ("SHADOW_BIAS", get_args(Bias).index(knobs.shadow_bias)),
         ("SHADOW_CONSTANT", float(knobs.shadow_constant)),
         ("SHADOW_SLOPE", float(knobs.shadow_slope)),
+        *(_soft(knobs) if knobs.shadow_filter == "pcss" else ()),
+    )
+
+
+def _soft(knobs: Any) -> Defines:
+    """Return the sizes of lights: length scales of the scene, and the tangent of an angle."""
+    return (
+        ("SHADOW_LAMP", float(knobs.shadow_lamp)),
+        ("SHADOW_SUN", float(np.tan(np.radians(knobs.shadow_sun_angle)))),
     )
 
 
@@ -132,6 +144,11 @@ def tests_of(settings: Any) -> int:
     )
 
 
-def guard(settings: Any) -> int:
-    """Return the texels at each edge of a face that only its filter reaches, so that no tap needs another face."""
-    return int(settings.shadows.shadow_kernel) // 2 + 1
+def guard(settings: Any, size: Any) -> Any:
+    """Return the texels at each edge of faces of a size that only filters reach, so that no tap needs another face.
+
+    It is 1 more than the radius of the kernel, or of the widest one of soft shadows.
+    """
+    if settings.shadows.shadow_filter == "pcss":
+        return np.minimum(WIDEST_RADIUS, size // 8) + 1
+    return size * 0 + settings.shadows.shadow_kernel // 2 + 1

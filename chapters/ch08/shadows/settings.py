@@ -58,6 +58,25 @@ class ShadowSettings:
         "texels along the box over which comparisons are averaged; 1: a hard edge",
         choices=(1, 3, 5, 7, 9, 11, 13),
     )
+    shadow_filter: str = knob(
+        "pcf",
+        "edges of one width, the kernel's, or as wide as the light and the way from the caster make them",
+        choices=("pcf", "pcss"),
+    )
+    shadow_lamp: float = knob(
+        0.003,
+        "radius of spot and point lights, with shadow_filter=pcss",
+        unit="length scales",
+        minimum=0,
+        maximum=1,
+    )
+    shadow_sun_angle: float = knob(
+        0.27,
+        "half the angle that directional lights cover in the sky, with shadow_filter=pcss",
+        unit="degrees",
+        minimum=0,
+        maximum=20,
+    )
     shadow_bias: str = knob(
         "plane",
         "what keeps a surface from shading itself: its plane at each texel, an offset by its slope, or nothing",
