@@ -21,6 +21,9 @@
 #define VIEW_LIGHTS_EVALUATED 15
 #define VIEW_SHADOW_FACTOR 16
 #define VIEW_CASCADE 17
+#define VIEW_RESIDENCY 18
+#define VIEW_SHADOW_RESOLUTION 19
+#define VIEW_REDRAWN_PAGES 20
 
 #if VIEW != VIEW_NON_FINITE
 #define VIEW_OF_SURFACE  // nothing is lit
@@ -98,7 +101,7 @@ float shown_light_count() {
 }
 #endif
 
-#if VIEW == VIEW_SHADOW_FACTOR || VIEW == VIEW_CASCADE
+#if VIEW >= VIEW_SHADOW_FACTOR && VIEW <= VIEW_REDRAWN_PAGES
 #include "shadows/views.glsl"
 #endif
 
@@ -174,6 +177,8 @@ vec3 shown(Material material, vec3 base, vec3 to_eye) {
     return vec3(shown_shadow(normalize(to_eye)));
 #elif VIEW == VIEW_CASCADE
     return shown_cascade();
+#elif VIEW >= VIEW_RESIDENCY && VIEW <= VIEW_REDRAWN_PAGES
+    return shown_map();
 #elif VIEW == VIEW_MESHLETS
     return shown_meshlet();
 #elif VIEW == VIEW_SURVIVORS

@@ -148,6 +148,24 @@ VIEWS = (
         "value",
         ("SHADED", "LIT"),
     ),
+    Quantity(
+        "residency",
+        "Each tile of the shadow map of the light that gives most in a colour of its own; grey has no map.",
+        "value",
+        ("SHADED", "LIT"),
+    ),
+    Quantity(
+        "shadow-resolution",
+        "Texels of that map along a face: blue is 40, green 128, yellow 256, orange 512, white more; grey has no map.",
+        "value",
+        ("SHADED", "LIT"),
+    ),
+    Quantity(
+        "redrawn-pages",
+        "Orange where that map was drawn in this frame, blue where it was kept, grey where there is none.",
+        "value",
+        ("SHADED", "LIT"),
+    ),
 )
 """The quantities that a view can show. A new view goes to the end: numbers are part of compiled shaders."""
 

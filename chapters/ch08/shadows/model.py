@@ -13,7 +13,7 @@ from .settings import Bias
 
 Defines = tuple[tuple[str, int | float | str], ...]
 
-VIEWS = ("shadow-factor", "cascade")
+VIEWS = ("shadow-factor", "cascade", "residency", "shadow-resolution", "redrawn-pages")
 """The views that show shadows."""
 
 TILE = 128

@@ -17,7 +17,7 @@ from ..scene.pass_parts import PassParts
 from ..settings import Settings
 from . import model
 from .casters import Casters
-from .faces import FACE, UNUSED
+from .faces import DRAWN, FACE, UNUSED
 from .layout import BlockLayout, pages_size
 from .lights import ShadowLights
 from .lists import MOST_LAYERS, NO_ROUNDS, Schedule, schedule
@@ -148,7 +148,9 @@ class ShadowTechnique(Technique):
         block[: layout.drawn].view(np.uint32)[: len(self.lights.words)] = self.lights.words
         block[layout.drawn : layout.lists].view(np.uint32)[: len(due.drawn)] = due.drawn
         block[layout.lists : layout.records].view(np.uint32)[: len(due.lists)] = due.lists
-        block[layout.records : layout.records + faces.nbytes].view(FACE)[:] = faces
+        records = block[layout.records : layout.records + faces.nbytes].view(FACE)
+        records[:] = faces
+        records["light"][due.drawn & 0xFFF] |= DRAWN
 
     def _write(self, memory: ShadowMemory, slot: int) -> int:
         """Write to the buffer of a slot what it holds otherwise; return the bytes written."""

@@ -37,3 +37,43 @@ vec3 shown_cascade() {
     return vec3(0.25);
 }
 #endif
+
+#if VIEW >= VIEW_RESIDENCY && VIEW <= VIEW_REDRAWN_PAGES
+// What there is of the map of the light that gives most to the point.
+vec3 shown_map() {
+    const vec3 NO_MAP = vec3(0.25);
+#if defined(LIT) && defined(SHADOWS)
+    float most = 0.0;
+    int number = -1;
+    LightWalk walk = first_light(in_position, gl_FragCoord.xy);
+    for (uint i; next_light(walk, i);) {
+        vec3 to_light;
+        vec3 received = exposed_illuminance(i, in_position, to_light);
+        float light = max(received.r, max(received.g, received.b));
+        if (light > most) {
+            most = light;
+            number = face_of(i, in_position);
+        }
+    }
+    if (number < 0) {
+        return NO_MAP;
+    }
+    ShadowFace face = shadow_faces[number];
+#if VIEW == VIEW_RESIDENCY
+    vec3 p = in_face(face, in_position);
+    vec2 scale = vec2(face.right.w, face.down.w) / (face.ahead.w != 0.0 ? p.z : 1.0);
+    ivec2 texel = ivec2(floor(p.xy * scale + 0.5 * float(face.place.z)));
+    ivec2 tile = page_texel(face, clamp(texel, ivec2(0), ivec2(int(face.place.z) - 1))) >> SHADOW_TILE_LOG2;
+    return id_color(uint(tile.y) << 8 | uint(tile.x));
+#elif VIEW == VIEW_SHADOW_RESOLUTION
+    uint size = face.place.z;
+    return size < 128u ? vec3(0.2, 0.4, 1.0) : size < 256u ? vec3(0.2, 0.8, 0.3) : size < 512u ? vec3(0.9, 0.8, 0.2)
+         : size < 1024u ? vec3(1.0, 0.5, 0.1) : vec3(1.0);
+#else
+    return (face.place.w & SHADOW_DRAWN) != 0u ? vec3(1.0, 0.6, 0.1) : vec3(0.3, 0.6, 1.0);
+#endif
+#else
+    return NO_MAP;
+#endif
+}
+#endif
