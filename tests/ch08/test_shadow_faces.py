@@ -123,6 +123,8 @@ def test_slices_of_a_view_lie_in_their_spheres():
 def test_cascades_move_by_whole_texels_and_never_change_their_size():
     directions = np.array([(0.48, -0.8, 0.36)])
     random, before = np.random.default_rng(2), None
+    ends = cascades.splits(0.01, float(np.linalg.norm(BOX[1] - BOX[0])), 3)
+    ahead, radius = cascades.slice_sphere(Perspective(1.0, 0.01), 16 / 9, ends[0], ends[1])
     for _ in range(50):
         eye = random.uniform(-3, 3, 3)
         view = View(pose_looking_at(eye, eye + random.normal(size=3), (0.1, 1, 0)), Perspective(1.0, 0.01))
@@ -131,16 +133,27 @@ def test_cascades_move_by_whole_texels_and_never_change_their_size():
         texels = (
             np.einsum("fij,fj->fi", axes, made["origin"].astype(np.float64))[:2] * made["scale_x"][:2, None]
         )
-        assert np.allclose(texels, np.round(texels), atol=2e-3)  # float32 of a few hundred texels
+        step = 252 // cascades.STEPS
+        assert np.allclose(
+            texels / step, np.round(texels / step), atol=2e-4
+        )  # float32 of a few hundred texels
+        # The sphere of the first slice is inside, wherever it is within its step.
+        centre = np.stack([made["right"][0], made["down"][0]]).astype(np.float64) @ (
+            view.eye - ahead * view.world_from_view[:3, 2]
+        )
+        assert (
+            np.abs(centre * made["scale_x"][0] - texels[0]) + radius * made["scale_x"][0] <= 126 + 1e-2
+        ).all()
         if before is not None:
             assert (made["scale_x"] == before["scale_x"]).all() and made[2] == before[2]
         before = made
-    # Density rises by the extent of the scene over the diameter of the first slice.
+    # Density rises by the extent of the scene over the diameter of the first slice, and that of a step.
     _, box = cascades.fit(directions[0], BOX)
-    ends = cascades.splits(0.01, float(np.linalg.norm(BOX[1] - BOX[0])), 3)
-    _, radius = cascades.slice_sphere(view.projection, 16 / 9, ends[0], ends[1])
     factor = before["scale_x"][0] / before["scale_x"][2]
-    assert factor == pytest.approx((box[1, 0] - box[0, 0]) / (2 * radius), rel=1e-5) and factor > 3
+    assert (
+        factor == pytest.approx((box[1, 0] - box[0, 0]) / (2 * radius) * (252 - step) / 252, rel=1e-5)
+        and factor > 3
+    )
 
 
 def test_orthographic_views_have_cascades():

@@ -129,7 +129,8 @@ class Lamps:
         before = np.where((places == self.places)[filled], self.sizes[filled], 0)
         keeps = (before > wanted) & (resolution[at] > SHRINKS * before) & (counts == self.counts[filled])
         wanted = np.where(keeps, before, wanted)
-        fitting = fitted(wanted, counts, rank[at], most)
+        finer = before > least_size(counts)  # what has more than the least keeps it before what has not
+        fitting = fitted(wanted, counts, rank[at] * np.where(finer, KEPT, 1.0), most)
         self.lowered = int((fitting < wanted).sum())
         all_counts, all_sizes = np.zeros_like(self.counts), np.zeros_like(self.sizes)
         all_counts[filled], all_sizes[filled] = counts, fitting

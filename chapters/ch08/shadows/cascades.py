@@ -2,7 +2,8 @@
 
 The last cascade of a light covers the box of the scene. Those before it cover parts of the view, nearer and finer. Each
 is a square around the bounding sphere of its part: turning the camera changes the place of the sphere, never its size.
-The place is rounded to whole texels, so that a caster meets the same texels in every frame, and its edge stands still.
+The place is rounded to steps of whole texels. A caster meets the same texels in every frame, so its edge stands still,
+and a cascade is drawn anew only when the camera has moved by a step.
 
 Source: Valient, "Stable Rendering of Cascaded Shadow Maps", ShaderX6, 2008; the split distances are a mix of equal and
 of logarithmic ones (Zhang et al., "Parallel-Split Shadow Maps for Large-scale Virtual Environments", VRCIA 2006).
@@ -25,6 +26,9 @@ EVENNESS = 0.15
 NEAREST_SPLIT = 0.01
 """The least distance of the logarithm's beginning, as a part of the distance that cascades cover."""
 
+
+STEPS = 16
+"""Steps by which a cascade follows the view, along its side: it is wider by one of them, and drawn anew after each."""
 
 DEPTH_MARGIN = 1e-4
 """What depth has beyond the fit at both ends, in diagonals of the scene: rounding must not clip what touches it."""
@@ -93,7 +97,8 @@ class Cascades:
         ends = splits(lens.near, reach, count)
         spheres = [slice_sphere(lens, aspect, ends[k], ends[k + 1]) for k in range(count - 1)]
         self._ahead, radii = np.array(spheres).reshape(-1, 2).T
-        self._scale = used / (2 * radii)
+        self._step = max(1, used // STEPS)
+        self._scale = (used - self._step) / (2 * radii)
         faces = self._faces = np.zeros((len(directions), count), FACE)
         self._axes = np.zeros((len(directions), 3, 3))
         self._depth = np.zeros(len(directions))
@@ -118,7 +123,8 @@ class Cascades:
             return None
         eye, back = view.eye - self._origin, view.world_from_view[:3, 2]
         centres = eye - self._ahead[:, None] * back  # (count - 1, 3)
-        texels = np.round(np.einsum("nij,cj->nci", self._axes[:, :2], centres) * self._scale[:, None])
+        steps = np.einsum("nij,cj->nci", self._axes[:, :2], centres) * self._scale[:, None] / self._step
+        texels = np.round(steps) * self._step
         if self._texels is not None and np.array_equal(texels, self._texels):
             return None
         self._texels = texels

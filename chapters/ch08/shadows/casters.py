@@ -32,7 +32,8 @@ class Casters:
         self._lists_seen: Any = None
         self._moves = 0
         self._seen: Any = None
-        self._maps = 0
+        self._maps, self._masked = 0, True
+        self._all_drawn: int | None = None
 
     def follow(self, frame: FrameInfo, memory: ShadowMemory, instances: int) -> bool:
         """Follow edits and poses; return whether any caster is another one since the last frame, or elsewhere.
@@ -45,13 +46,14 @@ class Casters:
         if self._confused and self._pass.lists is not None and draws.culled is None:
             numbered = memory.unlimited(draws.binding.records, self._pass.lists)
             draws.binding = draws.binding._replace(counted=numbered)
-        written, revision = parts.data.slots[frame.slot].written, parts.scene.revision
+        revision = parts.scene.revision
         pose = parts.data.records.moving_key(frame.pose) if parts.scene.deformations else None
         self._moves += not self._cloth.resting
-        self._maps = written.get("maps", 0)
-        edits = revision[Change.VISIBILITY], revision[Change.MATERIALS]
-        seen = (*edits, self._maps, self._moves, instances, pose)
-        moved, self._seen = seen != self._seen, seen
+        if self._all_drawn is not None:  # with the textures that were there when that frame was submitted
+            self._maps = parts.data.slots[self._all_drawn].written.get("maps", 0)
+        seen = revision[Change.VISIBILITY], revision[Change.MATERIALS], self._moves, instances, pose
+        moved, self._seen = seen != self._seen or not self.resting, seen
+        self._all_drawn = frame.slot if moved else None
         return moved
 
     def _follow_lists(self, memory: ShadowMemory) -> None:
@@ -60,6 +62,7 @@ class Casters:
         self._lists_seen = parts.draws.lists
         meshlets = getattr(parts.draws.culled, "meshlets", None)
         variants = parts.data.variants
+        self._masked = any(own.takes(variant) and variant.alpha_mode == "mask" for variant in variants)
         casts = [own.takes(variant) for variant in variants]
         own.lists = shadow_lists(
             parts.draws.lists, parts.scene, meshlets, variants, casts, self._buffer_bytes
@@ -69,5 +72,7 @@ class Casters:
 
     @property
     def resting(self) -> bool:
-        """Whether the textures of the last frame are those that it was drawn with."""
-        return all(slot.written.get("maps", 0) <= self._maps for slot in self._parts.data.slots)
+        """Whether all faces have the holes of the textures that have arrived."""
+        return not self._masked or all(
+            slot.written.get("maps", 0) <= self._maps for slot in self._parts.data.slots
+        )

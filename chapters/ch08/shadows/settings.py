@@ -43,7 +43,7 @@ class ShadowSettings:
         maximum=16,
     )
     shadow_sun_size: int = knob(
-        2048,
+        1024,
         "texels along a cascade of a directional light",
         choices=(256, 512, 1024, 2048, 4096),
     )
