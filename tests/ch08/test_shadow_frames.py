@@ -248,6 +248,31 @@ def test_each_path_receives_the_same_shadows(chapter, graph):
     assert (np.abs(one - bare).max(-1) > 0.05 * bare.max()).mean() > 0.05
 
 
+def test_surfaces_from_a_visibility_buffer_receive_the_same_shadows(chapter):
+    scene = yard(*(light for light, *_ in LIGHTS.values()))
+    view = View(pose_looking_at((3, 4, 5), (0, 0.3, 0)), Perspective())
+    one, other = (
+        rendered(chapter, scene, view, graph="deferred", geometry="compute", surfaces=surfaces)
+        for surfaces in ("gbuffer", "visibility")
+    )
+    assert (np.abs(one - other).max(-1) > 1e-3 * one.max()).mean() < 0.005
+
+
+def test_blended_surfaces_receive_shadows(chapter):
+    glass = Material(
+        roughness=1.0, metallic=0.0, double_sided=True, alpha_mode="blend", base_color=(1, 1, 1, 0.6)
+    )
+    solid = Material(roughness=1.0, metallic=0.0, double_sided=True)
+    light, pose = sun((0.0, -1.0, 0.0))
+    squares = (placed((0, 0, 0), (8, 8), (0, 1, 0)), placed((0, 4.0, 0), (2, 2), (0, 1, 0)))
+    scene = quad_scene(materials=(glass, solid), matrices=(*squares, pose), instance_materials=(0, 1))
+    scene = replace(scene, lights=[replace(light, node=2)])
+    below = View(pose_looking_at((0, 3.5, 0), (0, 0, 0), (0, 0, -1)), Orthographic(2.5, 0.1, 20.0))
+    for turned in ({"graph": "forward"}, {"graph": "deferred"}, {"transparency": "lists"}):
+        drawn = rendered(chapter, scene, below, **turned)[..., 0]
+        assert drawn[28:36, 28:36].max() == 0.0 < drawn[:8].min(), turned
+
+
 @pytest.mark.parametrize("kind", LIGHTS)
 def test_masked_casters_have_holes_and_blended_ones_cast_nothing(chapter, kind):
     light = LIGHTS[kind][0]
@@ -395,3 +420,27 @@ def test_soft_shadows_are_those_of_a_disc_of_light(chapter):
     assert 10 < ((wanted > 0.02) & (wanted < 0.98)).sum() < 60
     error, of_hard = np.abs(soft - wanted), np.abs(hard - wanted)
     assert error.mean() < 0.05 and error.max() < 0.2 and not of_hard.mean() < 2 * error.mean()
+
+
+@pytest.mark.parametrize("before", [1, 2, 3])
+def test_a_reset_gives_the_shadows_of_a_new_renderer(chapter, before):
+    """Whatever was drawn before: poses go back, and lamps take the slots that they would have had."""
+    lamps = [point((x, 2.0, z)) for x in (-2.0, 0.0, 2.0) for z in (-2.0, 2.0)]
+    scene = bending()
+    still = yard(LIGHTS["sun"][0], *lamps)
+    walk = [View(pose_looking_at((4 - n, 3, 4), (0, 0, 0)), Perspective(0.7)) for n in range(4)]
+    turned = {"shadow_lights": 4, "shadow_memory": "pages", "shadow_cascades": 3}
+    for shown, views in (
+        (scene, [View(pose_looking_at((0, 1, 6), (0, 0, 0)), Perspective())] * 4),
+        (still, walk),
+    ):
+        films = []
+        for drawn in (0, before):
+            with chapter.open(shown, SIZE, replaced(BASE, **turned), outputs=("color_linear",)) as renderer:
+                for number in range(drawn):
+                    renderer.render(views[3 - number], 0.9 - 0.3 * number)
+                renderer.reset_history("test")
+                frames = [renderer.render(view, 0.2 * n) for n, view in enumerate(views[:2])]
+                films.append([frame.image("color_linear").copy() for frame in frames])
+        assert all(np.array_equal(*pair) for pair in zip(*films, strict=True))
+        assert films[0][0].max() > 0
