@@ -247,6 +247,23 @@ def test_too_many_texels_become_fewer_from_the_least_important_light_on():
     assert lamps.fitted(sizes, counts, importance, 2).tolist() == [0, 40, 128, 0]
 
 
+def test_lights_that_share_too_few_tiles_lose_the_same_factor():
+    random = np.random.default_rng(8)
+    resolution, counts = random.uniform(30, 3000, 60), np.where(random.uniform(size=60) < 0.7, 6, 1)
+    wanted, importance = lamps.size_above(resolution, counts, 1024), random.uniform(size=60)
+    whole = int(lamps.tiles_for(wanted, counts).sum())
+    for most in (60, 100, 400, 1500, whole - 1, whole):
+        sizes = lamps.spread(resolution, wanted, counts, importance, most, 1024)
+        taken = int(lamps.tiles_for(sizes, counts).sum())
+        assert taken <= most and (sizes <= wanted).all() and (sizes >= lamps.least_size(counts)).all()
+        assert most in (60, whole) or taken > most - 96 * 4  # no more is left than one light may take
+        # Of two lights alike, the one with the higher resolution has no smaller size, but for one step.
+        cubes = np.flatnonzero(counts == 6)
+        order = cubes[np.argsort(resolution[cubes])]
+        assert not (sizes[order][:-1] > 4 * sizes[order][1:]).any()
+    assert np.array_equal(lamps.spread(resolution, wanted, counts, importance, whole, 1024), wanted)
+
+
 @pytest.mark.feature("sparse/page-pool")
 def test_no_tile_has_two_owners_and_what_is_given_up_is_given_again():
     pool, random, held = TilePool(50, 8, 200), np.random.default_rng(7), np.zeros(200, bool)

@@ -107,12 +107,14 @@ def test_each_texel_holds_the_depth_of_the_first_surface(chapter, kind):
         assert seen >= (4 if kind == "point" else 1)
 
 
-@pytest.mark.feature("shadows/spot-map", "shadows/cube-sampling", "shadows/pcf")
-@pytest.mark.parametrize("kind", LIGHTS)
-def test_edges_lie_within_a_texel_of_the_truth(chapter, kind):
+@pytest.mark.feature("shadows/spot-map", "shadows/cube-sampling", "shadows/pcf", "shadows/reduced-resolution")
+@pytest.mark.parametrize(
+    ("kind", "texels"), [*((kind, 256) for kind in LIGHTS), ("spot", 128), ("point", 128)]
+)
+def test_edges_lie_within_a_texel_of_the_truth(chapter, kind, texels):
     light, at, towards = LIGHTS[kind]
     scene = yard(light)
-    drawn = factors(chapter, scene, shadow_kernel=1)
+    drawn = factors(chapter, scene, shadow_kernel=1, shadow_size=texels)
     points = ground_below()
     on_ground = np.maximum(abs(points[..., 0]), abs(points[..., 2])) > 0.52  # the cube hides what is below
     wanted = lit(points + np.array((0, 1e-4, 0)), scene, at, towards)
@@ -123,13 +125,15 @@ def test_edges_lie_within_a_texel_of_the_truth(chapter, kind):
         on_ground &= cosine > np.cos(np.radians(54))
     assert set(np.unique(drawn[on_ground])) <= {0.0, 1.0}
     wrong = on_ground & ((drawn > 0.5) != wanted)
-    assert (~wanted[on_ground]).sum() > 100 and wrong.sum() < 60
+    assert (~wanted[on_ground]).sum() > 100 and wrong.sum() < 60 * 256 / texels
     away = np.full(points.shape[:-1], 1.0) if at is None else np.linalg.norm(points - np.array(at), axis=-1)
     ray = np.broadcast_to(towards, points.shape) if at is None else np.array(at) - points
     cosine = ray[..., 1] / np.linalg.norm(ray, axis=-1)
     # The footprint of a texel, sqrt 2 across its corners, laid onto the ground.
     texel = (
-        8.5 / 250 if at is None else 2 * np.tan(np.radians(55 if kind == "spot" else 45)) / 250 * away * 1.5
+        8.5 / 250
+        if at is None
+        else 2 * np.tan(np.radians(55 if kind == "spot" else 45)) / (texels - 6) * away * 1.5
     )
     radius = (texel / cosine)[wrong]
     around = np.linspace(0, 2 * np.pi, 16, endpoint=False)

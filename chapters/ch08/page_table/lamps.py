@@ -19,6 +19,9 @@ COARSE = 40
 
 COARSE_STEP = 42
 
+MOST = 8192.0
+"""The highest resolution that counts when lights share too few tiles."""
+
 KEPT = 1.5
 """How much more important a light has to be than one that has a slot, to take it."""
 
@@ -69,6 +72,36 @@ def fitted(sizes: Int64, counts: Int64, importance: NDArray[np.float64], most: i
         last = int(np.searchsorted(np.cumsum(saved), excess))
         lowered = order[: last + 1][saved[: last + 1] > 0]
         sizes[lowered] = smaller[lowered]
+
+
+def spread(
+    resolution: NDArray[np.float64],
+    wanted: Int64,
+    counts: Int64,
+    importance: NDArray[np.float64],
+    most: int,
+    largest: int,
+) -> Int64:
+    """Return sizes for at most `most` tiles, if the least sizes take no more: all resolutions lose the same factor.
+
+    Factors are powers of the root of 2. The most important lights keep the sizes of the next larger factor, as far as
+    there are tiles.
+    """
+    finer, factor = wanted, 1.0
+    while int(tiles_for(finer, counts).sum()) > most and factor > 1e-3:
+        factor /= np.sqrt(2.0)
+        coarser = np.minimum(finer, size_above(np.minimum(resolution, MOST) * factor, counts, largest))
+        cost = tiles_for(finer, counts)
+        order = np.argsort(importance, kind="stable")
+        saved = np.cumsum((cost - tiles_for(coarser, counts))[order])
+        last = int(np.searchsorted(saved, int(cost.sum()) - most))
+        if last < len(order):
+            lowered = order[: last + 1]
+            mixed = finer.copy()
+            mixed[lowered] = coarser[lowered]
+            return mixed
+        finer = coarser
+    return finer
 
 
 class Lamps:
@@ -130,7 +163,9 @@ class Lamps:
         keeps = (before > wanted) & (resolution[at] > SHRINKS * before) & (counts == self.counts[filled])
         wanted = np.where(keeps, before, wanted)
         finer = before > least_size(counts)  # what has more than the least keeps it before what has not
-        fitting = fitted(wanted, counts, rank[at] * np.where(finer, KEPT, 1.0), most)
+        weight = rank[at] * np.where(finer, KEPT, 1.0)
+        asked = np.maximum(resolution[at], before * SHRINKS)
+        fitting = fitted(spread(asked, wanted, counts, weight, most, self.largest), counts, weight, most)
         self.lowered = int((fitting < wanted).sum())
         all_counts, all_sizes = np.zeros_like(self.counts), np.zeros_like(self.sizes)
         all_counts[filled], all_sizes[filled] = counts, fitting

@@ -15,6 +15,7 @@ from common.view.camera import View, exposure
 from ..meshlets.unit_code import unit_defines
 from ..post.settings import PostSettings
 from ..scene.packing import Variant, material_variant, shape_alone
+from ..shadows.views import SHADOWS
 from .prepass import has_prepass
 
 if TYPE_CHECKING:
@@ -133,36 +134,7 @@ VIEWS = (
         "count",
         ("SHADED", "LIT"),
     ),
-    Quantity(
-        "shadow-factor",
-        "How much of the light that would arrive without casters does arrive: white is all of it, black is none.",
-        "value",
-        ("SHADED", "LIT"),
-    ),
-    Quantity(
-        "cascade",
-        "Which cascade of the first directional light a surface reads: finest to coarsest in colours, grey for none.",
-        "value",
-        ("SHADED", "LIT"),
-    ),
-    Quantity(
-        "residency",
-        "Each tile of the shadow map of the light that gives most in a colour of its own; grey has no map.",
-        "value",
-        ("SHADED", "LIT"),
-    ),
-    Quantity(
-        "shadow-resolution",
-        "Texels of that map along a face: blue is 40, green 128, yellow 256, orange 512, white more; grey has no map.",
-        "value",
-        ("SHADED", "LIT"),
-    ),
-    Quantity(
-        "redrawn-pages",
-        "Orange where that map was drawn in this frame, blue where it was kept, grey where there is none.",
-        "value",
-        ("SHADED", "LIT"),
-    ),
+    *(Quantity(name, sentence, "value", ("SHADED", "LIT")) for name, sentence in SHADOWS.items()),
 )
 """The quantities that a view can show. A new view goes to the end: numbers are part of compiled shaders."""
 

@@ -10,11 +10,9 @@ from common.scene import Scene
 
 from ..scene.packing import LIGHT_KINDS
 from .settings import Bias
+from .views import SHADOWS
 
 Defines = tuple[tuple[str, int | float | str], ...]
-
-VIEWS = ("shadow-factor", "cascade", "residency", "shadow-resolution", "redrawn-pages")
-"""The views that show shadows."""
 
 TILE = 128
 TILE_BYTES = TILE * TILE * 4
@@ -34,7 +32,7 @@ DIRECTIONAL = LIGHT_KINDS["directional"]
 def wanted(settings: Any) -> bool:
     """Whether the settings ask for shadows; a view shows a quantity of a surface, and most of them no light."""
     view = settings.shading.view
-    return bool(settings.shadows.shadows == "on" and view in ("picture", "non-finite", *VIEWS))
+    return bool(settings.shadows.shadows == "on" and view in ("picture", "non-finite", *SHADOWS))
 
 
 def possible(scene: Scene, settings: Any) -> bool:
