@@ -52,7 +52,7 @@ class Section:
 
 @dataclass(frozen=True)
 class Lesson:
-    """One chapter. `adds` are slugs of the feature ledger in teaching order.
+    """One chapter. `adds` are the features in teaching order; `missing` are rows of the ledger that are still to come.
 
     `question` is the one that the chapter answers, `cover` a picture of it in docs/pictures. `sections` are the path
     through the chapter, with the files to read. `reading` has all files of the lesson.
@@ -72,10 +72,11 @@ class Lesson:
     reading: Sequence[str] = ()
     replaces: Sequence[str] = ()
     plumbing: Mapping[str, str] = field(default_factory=dict, hash=False)
+    missing: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         # Lists are how a chapter writes them; tuples are what a frozen record may hold.
-        for name in ("adds", "sections", "reading", "replaces"):
+        for name in ("adds", "sections", "reading", "replaces", "missing"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
         if len(set(self.adds)) != len(self.adds):
             raise ValueError(f"lesson {self.number} adds a feature twice")

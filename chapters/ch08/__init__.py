@@ -129,4 +129,5 @@ LESSON = Lesson(
         "shading/views.glsl": "shows the views of shadows",
         "shading/views.py": "has five views of shadows",
     },
+    missing=("shadows/mesh-shader-layers", "sparse/residency-image"),
 )

@@ -118,6 +118,16 @@ GIVEN_FROM_7 = {
     "MATERIAL_FORMAT": "rgba8",
     "EMISSION_FORMAT": "rgba16f",
 }
+GIVEN_FROM_8 = {
+    "SHADOW_BIAS": 0,
+    "SHADOW_CONSTANT": 1.0,
+    "SHADOW_FACES": 8,
+    "SHADOW_LAMP": 0.05,
+    "SHADOW_LIGHTS": 8,
+    "SHADOW_SLOPE": 1.0,
+    "SHADOW_SUN": 0.005,
+    "SHADOW_TESTS": 15,
+}
 GIVEN_IN = {
     "ssao": {"STEP": "ivec2(1, 0)"},
     "transparency": {"STEP": 1},
@@ -141,6 +151,7 @@ def built(path, defines):
     later = [
         (GIVEN_FROM_6, "ch06"),
         (GIVEN_FROM_7, "ch07"),
+        (GIVEN_FROM_8, "ch08"),
         *((it, "ch07") for folder, it in GIVEN_IN.items() if folder in own),
     ]
     given: dict[str, int | float | str] = {}

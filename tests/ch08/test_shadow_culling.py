@@ -77,6 +77,7 @@ def test_each_light_lists_what_its_sphere_meets(chapter, scene):
         assert 0 < sum(map(len, found)) < 9 * draws["units"].sum()
 
 
+@pytest.mark.core
 @pytest.mark.feature("shadows/face-culling", "shadows/indirect-commands")
 def test_no_face_misses_what_it_sees_and_commands_follow_the_lists(chapter, scene):
     several(chapter)

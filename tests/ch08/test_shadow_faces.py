@@ -119,6 +119,7 @@ def test_slices_of_a_view_lie_in_their_spheres():
         assert farthest == pytest.approx(radius, rel=1e-9)
 
 
+@pytest.mark.core
 @pytest.mark.feature("shadows/aliasing-improvements")
 def test_cascades_move_by_whole_texels_and_never_change_their_size():
     directions = np.array([(0.48, -0.8, 0.36)])

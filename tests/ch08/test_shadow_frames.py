@@ -81,7 +81,10 @@ LIGHTS = {
 }
 
 
-@pytest.mark.feature("shadows/depth-recording", "shadows/cube-sampling")
+@pytest.mark.feature(
+    *("shadows/depth-recording", "shadows/cube-sampling", "shadows/cube-faces"),
+    *("shadows/bias-matrices", "shadows/directional-fit"),
+)
 @pytest.mark.parametrize("kind", LIGHTS)
 def test_each_texel_holds_the_depth_of_the_first_surface(chapter, kind):
     scene = yard(LIGHTS[kind][0], extra=(placed((2.0, 1.0, -2.0), (1.5, 1.0), (1.0, 0.4, 0.2)),))
@@ -193,6 +196,7 @@ def test_what_hovers_two_texels_above_casts_a_shadow(chapter, degrees, kernel):
     assert (factors(chapter, scene, below, shadow_kernel=kernel)[16:48, 16:48] == 0.0).all()
 
 
+@pytest.mark.core
 @pytest.mark.feature("shadows/disable-switch")
 def test_off_makes_nothing_and_gives_the_picture_without_casters(chapter):
     scene = yard(*(light for light, *_ in LIGHTS.values()))
@@ -212,6 +216,7 @@ def test_off_makes_nothing_and_gives_the_picture_without_casters(chapter):
         )  # of casters, and kernels
 
 
+@pytest.mark.core
 @pytest.mark.feature("shadows/caching")
 def test_only_what_changed_is_drawn_again(chapter):
     scene = yard(LIGHTS["sun"][0], LIGHTS["spot"][0], LIGHTS["point"][0])
