@@ -82,8 +82,11 @@ LIGHTS = {
 
 
 @pytest.mark.feature(
-    *("shadows/depth-recording", "shadows/cube-sampling", "shadows/cube-faces"),
-    *("shadows/bias-matrices", "shadows/directional-fit"),
+    "shadows/depth-recording",
+    "shadows/cube-sampling",
+    "shadows/cube-faces",
+    "shadows/bias-matrices",
+    "shadows/directional-fit",
 )
 @pytest.mark.parametrize("kind", LIGHTS)
 def test_each_texel_holds_the_depth_of_the_first_surface(chapter, kind):
