@@ -26,14 +26,14 @@ from common.paths import asset_dir
 from common.reports.metrics import flip_mean
 from common.scene import Light, Material
 from common.settings import replaced
-from tests.support.chapter import on_opengl, on_path
+from tests.support.chapter import on_opengl, on_path, unshadowed
 from tests.support.scenes import facing, quad_scene, translated
 
 pytestmark = [pytest.mark.newest, pytest.mark.variants("gl")]
 
 OpenGL = on_opengl(Vulkan)
 SIZE = (64, 48)
-EXACT = on_path(Settings(color_format="rgba32f"))
+EXACT = unshadowed(on_path(Settings(color_format="rgba32f")))
 COMPARED = (
     "draws",
     "triangles",
@@ -105,7 +105,7 @@ def test_a_tenth_of_a_stop_is_beyond_the_tolerance(vulkan_device, gl_context):
 
 @pytest.mark.parametrize("name", ["cornell", "spheres"])
 def test_several_samples_a_pixel_lie_at_the_same_places(name, vulkan_device, gl_context):
-    scene, settings = scenes.load(name), Settings(color_format="rgba32f", msaa=4)
+    scene, settings = scenes.load(name), unshadowed(Settings(color_format="rgba32f", msaa=4))
     with (
         Vulkan(scene, SIZE, settings, outputs=OUTPUTS, device=vulkan_device) as vulkan,
         OpenGL(scene, SIZE, settings, outputs=OUTPUTS, device=gl_context) as opengl,
@@ -234,7 +234,9 @@ def test_a_closed_or_stale_frame_says_so_on_opengl(gl_context):
     from common.errors import StaleFrameError
 
     scene = quad_scene(Material(), lights=(Light("directional", node=0, intensity=3.0),))
-    with OpenGL(scene, (16, 16), on_path(Settings()), outputs={"color"}, device=gl_context) as made:
+    with OpenGL(
+        scene, (16, 16), unshadowed(on_path(Settings())), outputs={"color"}, device=gl_context
+    ) as made:
         first = made.render(facing())
         picture = first.image("color")
         assert picture.shape == (16, 16, 3) and picture.std() >= 0

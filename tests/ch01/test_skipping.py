@@ -15,7 +15,7 @@ from common import layouts
 from common.environment import constant
 from common.scene import Image, Light, Material, Sampler, TextureRef
 from common.settings import replaced
-from tests.support.chapter import building, on_path
+from tests.support.chapter import building, on_path, unshadowed
 from tests.support.drivers import needs_whole_quads
 from tests.support.scenes import facing, quad_scene, texture, translated
 
@@ -251,7 +251,7 @@ def test_both_backends_count_the_same_work(vulkan_device, frames, name):
     )
     counted += ("samplers", "bytes_written")
     for skip, (picture, work) in zip((True, False), frames[name], strict=True):
-        settings = on_path(replaced(SETTINGS, skip_unused=skip))
+        settings = unshadowed(on_path(replaced(SETTINGS, skip_unused=skip)))
         with Renderer(
             SCENES[name], SIZE, settings, outputs={"color_linear"}, device=vulkan_device
         ) as renderer:

@@ -35,6 +35,11 @@ def on_path(settings: Any, graph: str = "forward") -> Any:
     return replaced(settings, graph=graph, **SURFACES.get(graph, {}))
 
 
+def unshadowed(settings: Any) -> Any:
+    """Return settings in which lights cast no shadows: they add passes, which differ by what a device can do."""
+    return replaced(settings, shadows="off") if _value(settings, "shadows") is not None else settings
+
+
 def as_modelled(settings: Any, written_for: int | None) -> Any:
     """Return settings in which cloth hangs as it was modelled and lights cast no shadows, for tests of chapters that
     knew no other.
