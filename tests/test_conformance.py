@@ -145,9 +145,8 @@ def test_backends_are_those_of_the_ledger_where_that_is_here():
     table, ledger = read().features, features.ledger()
     rows = {slug: row for slug, row in ledger.items() if features.here(row)}
     missing = {slug for number in chapters.available() for slug in chapters.lesson(number).missing}
-    assert {*rows} - {*table} == missing, (
-        "rows without a test are those that lessons name as missing, and no others"
-    )
+    lacking = missing if ledger else set()
+    assert {*rows} - {*table} == lacking, "rows without a test are those that lessons name, and no others"
     named = {slug: {*table[slug]["backends"]} for slug in rows if slug not in missing}
     assert named == {slug: {*row.backends} for slug, row in rows.items() if slug not in missing}
 
