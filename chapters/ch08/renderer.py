@@ -2,7 +2,7 @@
 
     update     write constants, instances and lights into this frame's slot; prepare each technique in TECHNIQUES;
                upload textures that are decoded (`frames/stream.py`)
-    passes     record the passes of the graph, in its order (graph/*.json): light_lists, what culling needs, then
+    passes     record the passes of the graph, in its order (graph/*.json): light_lists, shadows, what culling needs;
                deferred: gbuffer, or visibility and visibility_resolve; ssao; lighting
                forward:  one pass of that name, and resolve with several samples a pixel
                and behind either: transparent, or the passes of layers -> color_hdr, depth; three passes of a lens,
