@@ -135,7 +135,7 @@ class Settings(Grouped):
         "surfaces tangents "
         "shadows shadow_lights shadow_memory shadow_detail shadow_size shadow_sun_size shadow_cascades "
         "shadow_kernel shadow_filter shadow_lamp shadow_sun_angle shadow_bias shadow_constant shadow_slope "
-        "shadow_near shadow_pool shadow_sides "
+        "page_budget shadow_near shadow_pool shadow_sides "
         "shadow_cull_instances shadow_cull_meshlets shadow_cull_cones shadow_cull_faces "
         "skip_unused"
     )

@@ -2,22 +2,43 @@
 
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 from numpy.typing import NDArray
 
-NONE = 0xFFFFFFFF
-"""The word of a tile that is not there."""
+from ..shadows.layout import NONE
+
+FRAMES = 2
+"""Frames between giving up a tile and giving it to another word: until then a frame in flight may read it."""
+
+
+def places_of(numbers: NDArray[np.int64], width: int, height: int) -> NDArray[np.uint32]:
+    """Return the words for tiles with these numbers, row by row in layers of `width` x `height` tiles."""
+    row, column = np.divmod(numbers, width)
+    layer, row = np.divmod(row, height)
+    return (column | row << 8 | layer << 16).astype(np.uint32)
 
 
 class TilePool:
-    """Hands out tiles of an image that is `width` tiles wide. The lowest free ones come first, so equal calls agree."""
+    """Hands out tiles of memory. The lowest free ones come first, so equal calls agree.
 
-    def __init__(self, tiles: int, width: int, words: int) -> None:
+    The memory is an image of `size` (columns, rows) in tiles. With `virtual` (W,) the table holds these places instead,
+    and the tiles are memory behind them (sparse residency).
+    """
+
+    def __init__(
+        self, tiles: int, size: tuple[int, int], words: int, virtual: NDArray[np.uint32] | None = None
+    ) -> None:
         self._free = np.ones(tiles, bool)
-        self._tile_of = np.full(words, -1, np.int64)
-        self._width = width
+        self._waiting: deque[tuple[int, NDArray[np.int64]]] = deque()
+        self._places = places_of(np.arange(tiles), *size)
+        self._virtual = virtual
+        self._frame = 0
+        self.tile_of = np.full(words, -1, np.int64)
+        """(W,) The tile of each word, -1 for none."""
         self.table = np.full(words, NONE, np.uint32)
-        """(W,) The place of each word's tile: column, and row from bit 16 on."""
+        """(W,) Where shaders find each word's tile (layout.py)."""
         self.revision = 0
         """Grows with every change of the table."""
 
@@ -29,13 +50,38 @@ class TilePool:
     @property
     def used(self) -> int:
         """Tiles that have an owner."""
-        return int(len(self._free) - self._free.sum())
+        return int((self.tile_of >= 0).sum())
 
-    def release(self, words: NDArray[np.intp]) -> None:
-        """Give up the tiles of some words; words without a tile stay as they are."""
-        tiles = self._tile_of[words]
-        self._free[tiles[tiles >= 0]] = True
-        self._tile_of[words], self.table[words] = -1, NONE
+    @property
+    def free(self) -> int:
+        """Tiles that can be given away now."""
+        return int(self._free.sum())
+
+    @property
+    def waiting(self) -> bool:
+        """Whether tiles were given up that cannot be given away yet."""
+        return bool(self._waiting)
+
+    def begin(self) -> None:
+        """Begin a frame: what was given up FRAMES ago is free."""
+        self._frame += 1
+        while self._waiting and self._waiting[0][0] + FRAMES <= self._frame:
+            self._free[self._waiting.popleft()[1]] = True
+
+    def release(self, words: NDArray[np.intp], now: bool = False) -> None:
+        """Give up the tiles of some words; words without a tile stay as they are.
+
+        With `now` they are free at once: no frame in flight reads them.
+        """
+        tiles = self.tile_of[words]
+        tiles = tiles[tiles >= 0]
+        if now:
+            self._free[tiles] = True
+            while self._waiting:
+                self._free[self._waiting.popleft()[1]] = True
+        elif len(tiles):
+            self._waiting.append((self._frame, tiles))
+        self.tile_of[words], self.table[words] = -1, NONE
         self.revision += 1
 
     def assign(self, words: NDArray[np.intp]) -> None:
@@ -44,6 +90,6 @@ class TilePool:
         if len(tiles) < len(words):
             raise ValueError(f"{len(words)} tiles are more than the {len(tiles)} that are free")
         self._free[tiles] = False
-        self._tile_of[words] = tiles
-        self.table[words] = ((tiles % self._width) | (tiles // self._width) << 16).astype(np.uint32)
+        self.tile_of[words] = tiles
+        self.table[words] = self._places[tiles] if self._virtual is None else self._virtual[words]
         self.revision += 1

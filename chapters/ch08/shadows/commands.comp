@@ -7,8 +7,10 @@
 void main() {
     uint me = gl_LocalInvocationIndex, batch = gl_WorkGroupID.x, layer = gl_WorkGroupID.y;
     uint word = shadow_drawn[pushed.first.x + layer], bit = 1u << (24u + (word >> 12 & 15u));
-    uint list = (word >> 16) - pushed.first.y, kept = 0u;
-    uint units = numbers[units_number(list, batch)], from = place_of(list, batch), to = place_of(layer, batch);
+    bool empty = word == SHADOW_NONE;
+    uint list = empty ? 0u : (word >> 16) - pushed.first.x, kept = 0u;
+    uint units = empty ? 0u : numbers[units_number(list, batch)];
+    uint from = place_of(list, batch), to = place_of(layer, batch);
     for (uint begin = 0u; begin < units; begin += 256u) {
         uvec2 entry = begin + me < units ? lists[from + begin + me] : uvec2(0u);
         bool drawn = (entry.y & bit) != 0u;

@@ -35,7 +35,7 @@ layout(BIND(0, 6, 9), std430) buffer Numbers_ {
 layout(BIND(0, 7, 10), std430) buffer Commands_ { uint commands[]; };  // 5 words each
 
 struct Round {
-    uvec4 first;  // x: the first face among those that are drawn, y: the first list, z: places of a face, w: layers
+    uvec4 first;  // x: the first layer and list, z: places of a face, w: layers
     uvec4 sizes;  // x: draws, y: batches
 };
 PUSH(Round, pushed)

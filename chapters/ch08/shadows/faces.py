@@ -33,9 +33,6 @@ FACE = np.dtype(
 """A face as records.glsl has it. `offset` is where it begins in its first tile, in texels; `light` is the place of its
 light in the records."""
 
-DRAWN = np.uint32(1 << 31)
-"""The bit of `light` of a face that the frame draws; only shaders of views ask for it."""
-
 UNUSED = 0xFFFFFFFF
 """The `light` of a record that is no face."""
 

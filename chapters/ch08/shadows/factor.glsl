@@ -5,6 +5,8 @@
 // distance from the light.
 
 #ifdef SHADOWS
+#include "shadows/choice.glsl"
+
 const float SHADOW_LEAST_FACING = 0.01;  // cosine beyond which slopes count no more: 89.4 degrees
 
 float shadow_stored(ShadowFace face, ivec2 texel) {
@@ -117,31 +119,6 @@ float face_factor(ShadowFace face, vec3 position, vec3 normal) {
     }
     return lit / float((2 * radius + 1) * (2 * radius + 1));
 #endif
-}
-
-// Whether the filter at a point stays inside a face of a directional light.
-bool covers(ShadowFace face, vec3 position) {
-    vec3 p = in_face(face, position);
-    vec2 from_middle = abs(p.xy * vec2(face.right.w, face.down.w));
-    return all(lessThanEqual(from_middle, vec2(0.5 * float(face.place.z) - face.ends.y))) && p.z <= face.ends.x;
-}
-
-// The face of a light in which a point lies, or -1: the light casts no shadow there.
-int face_of(uint light, vec3 position) {
-    uint word = shadow_of[light], count = word >> 24;
-    int first = int(word & 0xffffffu) - 1;
-    if (word == 0u) {
-        return -1;
-    }
-    if (lights[light].kind == LIGHT_DIRECTIONAL) {  // the finest of the cascades that reach as far
-        for (int face = first; face < first + int(count); ++face) {
-            if (covers(shadow_faces[face], position)) {
-                return face;
-            }
-        }
-        return -1;
-    }
-    return count == 6u ? first + int(cube_face(position - shadow_faces[first].origin.xyz)) : first;
 }
 
 float shadow_factor(uint light, vec3 position, vec3 normal) {

@@ -24,7 +24,7 @@ from ..frames.frame import SLOTS
 from ..frames.gl_commands import Rendering
 from ..pipelines.description import Built
 from .lists import ShadowLists
-from .memory import NEAREST, STORED_TEXELS, TABLES
+from .memory import NEAREST, TABLES
 from .memory import ShadowMemory as _ShadowMemory
 
 DRAWN_UNIT = 16
@@ -43,13 +43,12 @@ class _Target:
 class ShadowMemory(_ShadowMemory):
     """Buffers, images and framebuffers that this object owns."""
 
-    def _create(self, size: tuple[int, int]) -> None:
+    def _create(self) -> None:
         context = self._backend.device
         self.blocks: list[Buffer] = [
             create_buffer(context, self.layout.size, "upload", f"shadows, slot {slot}")
             for slot in range(SLOTS)
         ]
-        self.pages: Image = create_image(context, "r32f", size, "shadow pages")
         self._tables: dict[str, Buffer] = {}
 
     def _create_target(self, size: int, layers: int) -> _Target:
@@ -90,15 +89,15 @@ class ShadowMemory(_ShadowMemory):
 
     # --- recording ---
 
-    def store(self, commands: Any, kernel: Built, size: int, first: int, count: int) -> None:
+    def store(self, commands: Any, kernel: Built, size: int, number: int) -> None:
         """Copy layers into the pages; the buffer and the pages are bound for the whole frame."""
         backend = self._backend
         commands.bind_compute(kernel)
         bind_texture(
             backend.device, DRAWN_UNIT, self._targets[size].image.view, backend.data.sampler(NEAREST, 1.0)
         )
-        commands.push(kernel, np.array([[first, 0, 0, 0]], np.uint32))
-        commands.dispatch_over(kernel, (size, size // STORED_TEXELS, count))
+        commands.push(kernel, np.array([[number, 0, 0, 0]], np.uint32))
+        commands.dispatch_indirect(self.blocks[commands.slot.index], self.layout.rounds + 16 * number)
 
     def close(self) -> None:
         """Free everything; OpenGL itself waits for its last use."""
@@ -110,6 +109,4 @@ class ShadowMemory(_ShadowMemory):
             for rendering in target.layers:
                 destroy_framebuffer(context, rendering.target)
             destroy_image(context, target.image)
-        if self.blocks:
-            destroy_image(context, self.pages)
         self.blocks, self._targets = [], {}

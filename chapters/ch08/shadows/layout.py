@@ -1,14 +1,19 @@
 """The buffer of a frame's shadows, and the places of tiles in the pages; needs no device.
 
     shadow_of      a word a light record: 0, or 1 + its first face, and its number of faces from bit 24 on
-    shadow_drawn   a word a face that the frame draws: bits 0 to 11 its number, 12 to 15 its place among the faces of
-                   its light, from 16 on the number of its list
+    shadow_drawn   a word a layer of the frame's rounds: bits 0 to 11 the number of a face, 12 to 15 its place among the
+                   faces of its light, from 16 on the number of its list; NO_FACE for none
     shadow_lists   a word a list of casters (lists.py): the first face of its light, and the number of its faces from
-                   bit 24 on
+                   bit 24 on; 0 for none
+    shadow_blended a bit for each material: whether it is blended
+    shadow_rounds  four words a round: the work groups of its copy, and its first one in shadow_copies
     shadow_faces   FACE records
-    shadow_table   a word a tile of each face: its place in the pages, in tiles
+    shadow_copies  four words a part of a face that is copied into a page: the layer with the number of the face from
+                   bit 16 on, the tile of the face (column, row from bit 16 on), the page
+    shadow_table   a word a tile of each face: its place in the pages, in tiles; NONE if it has no memory
 
-A face of `size` texels has (size / TILE)^2 tiles, row by row. The table lets each tile lie anywhere in the pages.
+A face of `size` texels has (size / TILE)^2 tiles, row by row. The table lets each tile lie anywhere in the pages. A
+word has the column in bits 0 to 7, the row in 8 to 15, the layer from 16 on, and COPIED if the frame draws the tile.
 """
 
 from __future__ import annotations
@@ -16,10 +21,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .faces import FACE
-from .model import TILE, padded
+from .model import blended_words, padded
+
+NO_FACE = 0xFFFFFFFF
+"""The word of a layer to which nothing is drawn."""
+
+NONE = 0xFFFFFFFF
+"""The word of a tile without memory."""
+
+COPIED = np.uint32(1 << 31)
+"""The bit of a tile that the frame draws; set for the view that shows it."""
 
 WIDEST = 128
 """Tiles in a row of the pages: 16,384 texels, which is the side of the largest image of every device that is used."""
@@ -27,10 +40,12 @@ WIDEST = 128
 
 @dataclass(frozen=True)
 class BlockLayout:
-    """The byte offsets of the parts, for `lights` records, `faces` faces and `tiles` words of the table."""
+    """The byte offsets of the parts, for some lights, faces, materials, copies and tiles."""
 
     lights: int
     faces: int
+    materials: int
+    copied: int
     tiles: int
 
     @property
@@ -41,29 +56,37 @@ class BlockLayout:
     @property
     def lists(self) -> int:
         """The first byte of `shadow_lists`."""
-        return self.drawn + 4 * padded(self.faces)
+        return self.drawn + 8 * padded(self.faces)
+
+    @property
+    def blended(self) -> int:
+        """The first byte of `shadow_blended`."""
+        return self.lists + 8 * padded(self.faces)
+
+    @property
+    def rounds(self) -> int:
+        """The first byte of `shadow_rounds`."""
+        return self.blended + 4 * blended_words(self.materials)
 
     @property
     def records(self) -> int:
         """The first byte of the records."""
-        return self.lists + 4 * padded(self.faces)
+        return self.rounds + 16 * padded(self.faces)
+
+    @property
+    def copies(self) -> int:
+        """The first byte of `shadow_copies`."""
+        return self.records + FACE.itemsize * padded(self.faces)
 
     @property
     def table(self) -> int:
         """The first byte of the table."""
-        return self.records + FACE.itemsize * padded(self.faces)
+        return self.copies + 16 * self.copied
 
     @property
     def size(self) -> int:
         """Bytes of the whole buffer."""
         return self.table + 4 * max(1, self.tiles)
-
-
-def tiles_of(sizes: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the tiles of faces of these sizes in texels."""
-    side = -(-sizes // TILE)
-    tiles: NDArray[np.int64] = side * side
-    return tiles
 
 
 def pages_size(tiles: int) -> tuple[int, int]:

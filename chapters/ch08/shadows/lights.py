@@ -11,14 +11,14 @@ from backends.contract import FrameInfo
 from common.view.camera import View
 
 from ..page_table import rule
-from ..page_table.lamps import COARSE, COARSE_STEP, Lamps
+from ..page_table.lamps import COARSE, COARSE_STEP, Lamps, level_of_side
 from ..page_table.pool import TilePool
+from ..page_table.residency import Need, Residency, read_report
 from ..scene.pass_parts import PassParts
 from . import model
 from .cascades import Cascades
 from .faces import FACE, UNUSED, has_cube, local_faces, reaches
-from .layout import tiles_of
-from .model import CUBE_FACES
+from .model import CUBE_FACES, TILE
 
 STEP = 0.005
 """How far the camera moves before lamps are chosen anew, in the scene's length scales."""
@@ -34,47 +34,57 @@ _UNUSED["light"] = UNUSED
 
 
 class ShadowLights:
-    """Chooses lights and sizes for each view, and keeps the records of their faces."""
+    """Chooses lights, sizes and tiles for each view, and keeps the records of their faces."""
 
     def __init__(self, parts: PassParts, pool: TilePool) -> None:
         self._parts, self.pool = parts, pool
         scene, settings = parts.scene, parts.settings
         knobs = settings.shadows
-        self._suns_most = model.most_suns(scene, settings)
-        self._first_lamp = self._suns_most * knobs.shadow_cascades
-        sun_words = self._first_lamp * int(tiles_of(np.array([knobs.shadow_sun_size]))[0])
-        self.faces = np.zeros(model.most_faces(scene, settings), FACE)
+        self.held = held = model.places(scene, settings)
+        self.faces = np.zeros(held.faces, FACE)
         """(F,) The records of faces; those of others have the light UNUSED."""
         self.faces["light"] = UNUSED
         self.words = np.zeros(model.padded(model.records_of(scene, settings)), np.uint32)
         """By light record: 1 + its first face, and its number of faces from bit 24 on; 0 for none."""
         self.work: dict[str, int] = {}
-        self.lamps = Lamps(model.most_lamps(scene, settings), knobs.shadow_size, pool, sun_words)
-        self._sun_size = model.sun_size(scene, settings, pool.tiles)
-        sun_tiles = int(tiles_of(np.array([self._sun_size]))[0])
-        self._sun_stride = int(tiles_of(np.array([knobs.shadow_sun_size]))[0])
-        held = np.arange(self._first_lamp)[:, None] * self._sun_stride + np.arange(sun_tiles)
-        pool.assign(held.reshape(-1))
-        self._room = pool.tiles - pool.used
+        self.lamps = Lamps(held.lamps, level_of_side(held.lamp_side))
+        self.residency = Residency(pool, held, self.lamps, knobs.page_budget)
+        self._by_need = model.by_need(settings)
+        self._sun_size = held.sun_side * TILE
         self._lights = self._instances = -1
         self._lens: Any = None
         self._cascades: Cascades | None = None
         self._chosen: View | None = None
         self._view: View | None = None
         self._suns = np.zeros(0, np.intp)
+        self._frame, self._fresh = 0, True
+        self._report = np.zeros(0, np.uint32)
+        self._need = Need(np.zeros(held.lamps), np.ones(held.coarse_word, bool))
+        self.calm = False
+        """Whether the last frame changed no record and no tile, and none waits."""
 
     def forget(self) -> None:
         """Choose anew in the next frame, whatever was chosen before."""
         self.lamps.forget()
-        self._lights = -1
+        self._lights, self._fresh = -1, True
 
-    def follow(self, frame: FrameInfo, lights: int, instances: int) -> bool:
+    def follow(
+        self, frame: FrameInfo, lights: int, instances: int, report: NDArray[np.uint32] | None
+    ) -> bool:
         """Follow lights and view; return whether any record or any tile is another one.
 
-        `lights` and `instances` are numbers of the contents of the slot's records (`Versions`).
+        `lights` and `instances` are numbers of the contents of the slot's records (`Versions`). `report` is what the
+        frame before the last one needed, None if it said nothing.
         """
+        self._frame += 1
+        self.pool.begin()
+        self.residency.assigned = self.residency.assigned[:0]
         other = (lights, instances) != (self._lights, self._instances)
-        if not other and frame.view == self._view and frame.size == self._lens[1]:
+        if report is not None and np.array_equal(report, self._report):
+            report = None
+        unmoved = not other and frame.view == self._view and frame.size == self._lens[1]
+        self.calm = unmoved and report is None and not self.residency.waits
+        if self.calm:
             return False
         self._view = frame.view
         if other:
@@ -85,24 +95,19 @@ class ShadowLights:
             self._lens, self._chosen = lens, None
             self._cascades = self._made_cascades(frame)
         cascades = None if self._cascades is None else self._cascades.at(frame.view)
-        lamps = (self._chosen is None or _apart(frame.view, self._chosen, self._step)) and self._choose(
-            frame, other
-        )
-        if not (lamps or other or cascades is not None):
+        chosen = self._chosen is None or _apart(frame.view, self._chosen, self._step)
+        if chosen:
+            self._choose(frame)
+        tiles = (chosen or report is not None or self.residency.waits) and self._give_tiles(frame, report)
+        if not (tiles or other or cascades is not None):
             return False
         faces = self.faces.copy()
         if other or cascades is not None:
-            faces[: self._first_lamp] = _UNUSED
-        if cascades is not None:
-            cascades["light"] = np.repeat(self._suns, len(cascades) // len(self._suns))
-            cascades["first"] = np.arange(len(cascades)) * self._sun_stride
-            cascades["tiles"] = -(-self._sun_size // model.TILE)
-            faces[: len(cascades)] = cascades
-        if lamps or other:
+            self._fill_suns(faces, cascades)
+        if tiles or other:
             self._fill_lamps(faces)
-        told = lamps or other or not self.work
         self.faces = faces
-        if told:
+        if tiles or other or not self.work:
             self._tell(faces)
         return True
 
@@ -124,7 +129,7 @@ class ShadowLights:
         self._counts = np.where(has_cube(records), CUBE_FACES, 1)
         self._centres = position + scene.origin
         suns = np.flatnonzero(directional)
-        self._suns = suns[np.argsort(-peaks[suns], kind="stable")][: self._suns_most]
+        self._suns = suns[np.argsort(-peaks[suns], kind="stable")][: self.held.suns]
 
     def _bounds(self, instances: np.ndarray) -> NDArray[np.float64]:
         """Return the (2, 3) box of all lit objects, relative to the scene's origin."""
@@ -156,50 +161,117 @@ class ShadowLights:
             int(model.guard(settings, np.array(self._sun_size))),
         )
 
-    def _choose(self, frame: FrameInfo, other: bool) -> bool:
-        """Choose lamps and their sizes; return whether any slot holds something else."""
+    def _choose(self, frame: FrameInfo) -> None:
+        """Choose the lamps that matter most in a view."""
         self._chosen = frame.view
-        knobs, aspect = self._parts.settings.shadows, frame.size[0] / frame.size[1]
         # The next frames may see a little more, before lamps are chosen again.
         widened = self._reach * WIDENED + self._step
+        aspect = frame.size[0] / frame.size[1]
         weight = rule.importance(frame.view, aspect, self._centres, widened, self._peaks)
-        wish = np.full(len(weight), np.inf)
-        if knobs.shadow_memory == "pages":
-            wish = knobs.shadow_detail * rule.resolutions(
-                frame.view, frame.size[1], self._centres, self._reach
-            )
-        return self.lamps.follow(weight, self._counts, wish, self._room)
+        self.lamps.choose(weight, self._counts, self._frame)
+
+    def _give_tiles(self, frame: FrameInfo, report: NDArray[np.uint32] | None) -> bool:
+        """Give memory to what a picture needs; return whether any tile or any size is another one.
+
+        The first picture, and that after a cut, follow the rule for whole lights, since no frame has reported yet.
+        """
+        lamps, now = self.lamps, self._fresh or frame.view.cut or not self._by_need
+        self._fresh = False
+        if now:
+            resolution = np.full(len(lamps.places), np.inf)
+            if self._by_need:
+                all_of_them = rule.resolutions(frame.view, frame.size[1], self._centres, self._reach)
+                resolution = self._parts.settings.shadows.shadow_detail * all_of_them[lamps.places]
+            lamps.since[:] = self._frame - model.REPORTED  # what is reported about this picture counts
+            self._need = Need(resolution, np.ones(self.held.coarse_word, bool))
+            self._report = np.zeros(0, np.uint32)
+        elif report is not None:
+            self._report = report
+            self._need = read_report(report, self.held, self._parts.settings.shadows.shadow_detail)
+        need = self._need
+        if not now:  # nothing is known of lights that were chosen since
+            unknown = lamps.since > self._frame - model.REPORTED
+            tiles = need.tiles.copy()
+            first, end = self.held.lamp_word, self.held.coarse_word
+            tiles[first:end] &= np.repeat(~unknown, self.held.lamp_words)
+            need = Need(np.where(unknown, 1.0, need.resolution), tiles)
+        return self.residency.follow(need, now)
+
+    def _fill_suns(self, faces: np.ndarray, cascades: np.ndarray | None) -> None:
+        """Place the records of cascades, and make the coarse ones."""
+        held = self.held
+        faces[: held.first_lamp] = _UNUSED
+        if cascades is None:
+            return
+        suns, side = len(self._suns), held.sun_side
+        rows = cascades.reshape(suns, held.cascades)
+        rows["light"] = self._suns[:, None]
+        rows["first"] = np.arange(rows.size).reshape(rows.shape) * side * side
+        rows["tiles"] = side
+        placed = faces[: suns * held.sun_stride].reshape(suns, held.sun_stride)
+        placed[:, : held.cascades] = rows
+        if held.coarse:
+            coarse = placed[:, -1]
+            coarse[:] = rows[:, -1]
+            guard = float(model.guard(self._parts.settings, np.array(TILE)))
+            narrower = (TILE - 2 * guard) / (self._sun_size - 2 * rows["guard"][:, -1])
+            coarse["scale_x"] *= narrower
+            coarse["scale_y"] *= narrower
+            coarse["guard"], coarse["size"], coarse["tiles"] = guard, TILE, 1
+            coarse["first"] = held.coarse_word + np.arange(suns)
 
     def _fill_lamps(self, faces: np.ndarray) -> None:
         """Make the records of the lamps' faces."""
-        lamps, faces_of = self.lamps, faces[self._first_lamp :]
-        faces_of[:] = _UNUSED
+        held, lamps = self.held, self.lamps
+        faces[held.first_lamp :] = _UNUSED
         slots = lamps.active
         if not len(slots):
             return
-        places, guard = lamps.places[slots], model.guard(self._parts.settings, lamps.sizes[slots])
+        of_slots = faces[held.first_lamp :].reshape(held.lamps, held.lamp_stride)
+        levels, counts = lamps.levels[slots], lamps.counts[slots]
+        finer = slots[levels > 1]
+        sizes = lamps.sizes
+        if len(finer):
+            records, slot, number = self._records_of(finer, sizes[finer])
+            records["tiles"] = sizes[slot] // TILE
+            records["first"] = held.lamp_word + slot * held.lamp_words + number * held.lamp_side**2
+            of_slots[slot, number] = records
+        coarse = slots if held.coarse else slots[levels == 1]
+        if len(coarse):
+            least = np.where(counts[np.isin(slots, coarse)] == 1, TILE, COARSE)
+            records, slot, number = self._records_of(coarse, least)
+            cube = records["size"] == COARSE
+            records["offset"][cube, 0] = COARSE_STEP * (number[cube] % 3)
+            records["offset"][cube, 1] = COARSE_STEP * (number[cube] // 3)
+            records["tiles"], records["first"] = 1, held.coarse_word + held.suns + slot
+            of_slots[slot, number + held.coarse * CUBE_FACES] = records
+
+    def _records_of(
+        self, slots: NDArray[np.intp], sizes: NDArray[np.int64]
+    ) -> tuple[np.ndarray, NDArray[np.intp], NDArray[np.intp]]:
+        """Return the records of the faces of some slots, each with its slot and its number."""
+        places, guard = self.lamps.places[slots], model.guard(self._parts.settings, sizes)
         records, owner, number = local_faces(
-            self._records, places, lamps.sizes[slots], self._near, self._reach[places], guard
+            self._records, places, sizes, self._near, self._reach[places], guard
         )
-        size, slot = lamps.sizes[slots][owner], slots[owner]
-        coarse = size == COARSE
-        records["offset"][coarse, 0] = COARSE_STEP * (number[coarse] % 3)
-        records["offset"][coarse, 1] = COARSE_STEP * (number[coarse] // 3)
-        records["tiles"] = -(-size // model.TILE)
-        records["first"] = lamps.first_words[slot] + np.where(coarse, 0, number * tiles_of(size))
-        faces_of[CUBE_FACES * slot + number] = records
+        return records, slots[owner], number
 
     def _tell(self, faces: np.ndarray) -> None:
         """Say where the faces of each light are, and count."""
-        used = np.flatnonzero(faces["light"] != UNUSED)
-        lights, first, counts = np.unique(faces["light"][used], return_index=True, return_counts=True)
+        held, lamps = self.held, self.lamps
         self.words[:] = 0
-        self.words[lights] = (used[first] + 1) | counts << 24
+        if self._sun_size and len(self._suns):
+            first = np.arange(len(self._suns)) * held.sun_stride
+            self.words[self._suns] = (first + 1) | held.sun_stride << 24
+        slots = lamps.active
+        first = held.first_lamp + slots * held.lamp_stride
+        self.words[lamps.places[slots]] = (first + 1) | lamps.counts[slots] << 24
+        lights = int((self.words > 0).sum())
         self.work = {
-            "shadow_lights": len(lights),
-            "shadow_lights_left_out": len(self._records) - len(lights),
-            "shadow_lights_lowered": self.lamps.lowered,
-            "shadow_faces": len(used),
+            "shadow_lights": lights,
+            "shadow_lights_left_out": len(self._records) - lights,
+            "shadow_lights_lowered": lamps.lowered,
+            "shadow_faces": int((faces["light"] != UNUSED).sum()),
             "shadow_pages": self.pool.used,
         }
 

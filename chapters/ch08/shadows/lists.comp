@@ -34,7 +34,13 @@ bool faces_away(ShadowFace face, Instance instance, Caster caster, Meshlet meshl
 
 void main() {
     uint me = gl_LocalInvocationIndex, batch = gl_WorkGroupID.x, list = gl_WorkGroupID.y;
-    uint word = shadow_lists[pushed.first.y + list], base = word & 0xffffffu, count = word >> 24, kept = 0u;
+    uint word = shadow_lists[pushed.first.x + list], base = word & 0xffffffu, count = word >> 24, kept = 0u;
+    if (count == 0u) {  // nothing is drawn to the layers of this number
+        if (me == 0u) {
+            numbers[units_number(list, batch)] = 0u;
+        }
+        return;
+    }
     ShadowFace face = shadow_faces[base];
     uint end = draws_end(batch), place = place_of(list, batch);
     for (uint first = batches[batch].x; first < end; first += 256u) {

@@ -21,6 +21,7 @@ from ..culling.lists import CullingLists, plan_lists
 from ..meshlets.model import MESHLET, SceneMeshlets
 from ..scene.draw_lists import COMMAND, DrawLists
 from ..scene.packing import Variant
+from .layout import NO_FACE
 
 MOST_LAYERS = 64
 TARGET_TEXELS = 1 << 23
@@ -34,25 +35,30 @@ ENTRY_BYTES = 8
 
 
 class Round(NamedTuple):
-    """Faces that are drawn together: their size, the first of those due and their number; the same of their lists."""
+    """Faces that are drawn together: their size, the first word of their layers in `shadow_drawn` and of their lists in
+    `shadow_lists`, and the number of layers and of lists, of which the last ones may be unused."""
 
     size: int
     first: int
-    faces: int
-    first_list: int
-    lists: int
+    layers: int
 
 
 @dataclass(frozen=True, eq=False)
 class Schedule:
-    """The rounds of a frame, and the words of `shadow_drawn` and `shadow_lists` (layout.py)."""
+    """The rounds of a frame, and the words of `shadow_drawn` and `shadow_lists` (layout.py).
+
+    `faces` (N,) are drawn at `places` (N,) among all layers, in ascending order.
+    """
 
     rounds: tuple[Round, ...]
     drawn: NDArray[np.uint32]
     lists: NDArray[np.uint32]
+    faces: NDArray[np.intp]
+    places: NDArray[np.intp]
 
 
-NO_ROUNDS = Schedule((), np.zeros(0, np.uint32), np.zeros(0, np.uint32))
+_NO_WORDS, _NO_FACES = np.zeros(0, np.uint32), np.zeros(0, np.intp)
+NO_ROUNDS = Schedule((), _NO_WORDS, _NO_WORDS, _NO_FACES, _NO_FACES)
 
 
 def layers_of(size: int, most: int = MOST_LAYERS) -> int:
@@ -60,42 +66,47 @@ def layers_of(size: int, most: int = MOST_LAYERS) -> int:
     return min(most, MOST_LAYERS, max(1, TARGET_TEXELS // (size * size)))
 
 
-def schedule(faces: np.ndarray, due: NDArray[np.intp], most: int = MOST_LAYERS) -> Schedule:
+def schedule(
+    faces: np.ndarray, due: NDArray[np.intp], most: int = MOST_LAYERS, padded: bool = True
+) -> Schedule:
     """Return the rounds for the faces `due` (N,), those of one size together and those of one light one by one.
 
-    The six faces of a light have one list. Each cascade has its own: it sees another part of the scene.
+    The six faces of a light have one list. Each cascade has its own: it sees another part of the scene. A round that is
+    `padded` has a power of two of layers, so that few different recordings serve all frames; nothing is drawn to the
+    layers behind the last face.
     """
     if not len(due):
         return NO_ROUNDS
-    sizes, lights = faces["size"].astype(np.int64), faces["light"].astype(np.int64)
-    of_light = np.r_[True, lights[1:] != lights[:-1]]
-    base = np.maximum.accumulate(np.where(of_light, np.arange(len(faces)), 0))
+    base, counts = _lights_of(faces)
+    rounds: list[Round] = []
+    places = np.zeros(len(due), np.intp)
+    sizes, first, total = faces["size"][due].astype(np.int64), 0, 0
+    while first < len(due):
+        size = int(sizes[first])
+        same = int(np.searchsorted(-sizes, -size, side="right")) - first
+        faces_in = min(same, layers_of(size, most))
+        layers = min(1 << (faces_in - 1).bit_length(), layers_of(size, most)) if padded else faces_in
+        rounds.append(Round(size, total, layers))
+        places[first : first + faces_in] = total + np.arange(faces_in)
+        first, total = first + faces_in, total + layers
+    drawn, lists = np.full(total, NO_FACE, np.uint32), np.zeros(total, np.uint32)
+    begins = np.isin(places, [turn.first for turn in rounds])
+    new = begins | np.r_[True, base[due][1:] != base[due][:-1]]
+    # A list has the number of the first layer of its light.
+    number = places[np.maximum.accumulate(np.where(new, np.arange(len(due)), 0))]
+    drawn[places] = due | (due - base[due]) << 12 | number << 16
+    lists[places[new]] = base[due][new] | counts[base[due][new]] << 24
+    return Schedule(tuple(rounds), drawn, lists, due, places)
+
+
+def _lights_of(faces: np.ndarray) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return for each face the first one that shares its list, and for that one the number of all that do."""
+    number = np.arange(len(faces))
+    other = (faces["light"][1:] != faces["light"][:-1]) | (faces["size"][1:] != faces["size"][:-1])
     alone = faces["perspective"] == 0
-    base = np.where(alone, np.arange(len(faces)), base)
-    counts = np.bincount(base, minlength=len(faces))
-    own, new = sizes[due], np.r_[True, sizes[due][1:] != sizes[due][:-1]]
-    within = np.arange(len(due)) - np.maximum.accumulate(np.where(new, np.arange(len(due)), 0))
-    layers = np.array([layers_of(int(size), most) for size in np.unique(own)])[
-        np.searchsorted(np.unique(own), own)
-    ]
-    begins = new | (within % layers == 0)
-    starts = np.flatnonzero(begins)
-    new_list = begins | np.r_[True, base[due][1:] != base[due][:-1]]
-    number = np.cumsum(new_list) - 1
-    ends = np.r_[starts[1:], len(due)]
-    rounds = tuple(
-        Round(
-            int(own[first]),
-            int(first),
-            int(end - first),
-            int(number[first]),
-            int(number[end - 1] - number[first]) + 1,
-        )
-        for first, end in zip(starts, ends, strict=True)
-    )
-    drawn = due | (due - base[due]) << 12 | number << 16
-    listed = base[due][new_list]
-    return Schedule(rounds, drawn.astype(np.uint32), (listed | counts[listed] << 24).astype(np.uint32))
+    base = np.maximum.accumulate(np.where(np.r_[True, other] | alone, number, 0))
+    base = np.where(alone, number, base)
+    return base, np.bincount(base, minlength=len(faces))
 
 
 @dataclass(frozen=True, eq=False)

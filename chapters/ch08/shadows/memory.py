@@ -10,7 +10,6 @@ from ..frames.commands import Commands, Counted
 from ..pipelines.description import Built
 from .layout import BlockLayout
 from .lists import ShadowLists, layers_of
-from .model import TILE
 
 STORED_TEXELS = 8
 """Texels of a column that an invocation of store.comp copies."""
@@ -35,16 +34,18 @@ class ShadowMemory:
     blocks: list[Any]
     """The buffer of each slot, which the CPU writes (layout.py)."""
 
-    pages: Any
-    """The image with all pages, in R32F."""
-
-    def __init__(self, backend: Any, layout: BlockLayout, tiles: tuple[int, int]) -> None:
-        self._backend, self.layout, self.tiles = backend, layout, tiles
+    def __init__(self, backend: Any, layout: BlockLayout, pages: Any) -> None:
+        self._backend, self.layout, self._pages = backend, layout, pages
         self._targets: dict[int, Any] = {}
-        self._create((tiles[0] * TILE, tiles[1] * TILE))
+        self._create()
 
-    def _create(self, size: tuple[int, int]) -> None:
-        """Create blocks and pages."""
+    @property
+    def pages(self) -> Any:
+        """The image with all pages, in R32F (page_table/pages.py)."""
+        return self._pages.image
+
+    def _create(self) -> None:
+        """Create blocks."""
         raise NotImplementedError
 
     def prepare(self, size: int) -> None:
@@ -97,8 +98,8 @@ class ShadowMemory:
     def end_face(self, commands: Any) -> None:
         """End drawing."""
 
-    def store(self, commands: Commands, kernel: Built, size: int, first: int, count: int) -> None:
-        """Copy layers into the pages: faces `first` to `first + count` of those that the frame draws."""
+    def store(self, commands: Commands, kernel: Built, size: int, number: int) -> None:
+        """Copy layers into the pages, as the entries of `shadow_copies` for a round say."""
         raise NotImplementedError
 
     def finish(self, commands: Any) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, get_args
 
 import numpy as np
@@ -22,6 +23,9 @@ CUBE_FACES = 6
 
 WIDEST_RADIUS = 16
 """Texels of the widest filter of soft shadows; an eighth of a face if that is less."""
+
+REPORTED = 2
+"""Frames from a report to its use: its slot's last frame, which is over."""
 
 MOST_SUNS = 4
 """Directional lights that cast shadows: their cascades follow the view in every frame, light by light."""
@@ -68,51 +72,114 @@ def most_lamps(scene: Scene, settings: Any) -> int:
     return min(lamps, records_of(scene, settings), left)
 
 
-def most_faces(scene: Scene, settings: Any) -> int:
-    """Return the faces of all of them, at least 1."""
-    suns = most_suns(scene, settings) * int(settings.shadows.shadow_cascades)
-    return max(1, suns + CUBE_FACES * most_lamps(scene, settings))
+def by_need(settings: Any) -> bool:
+    """Whether tiles have memory where the picture needs them. Each light then has a coarse page for what comes next."""
+    return bool(settings.shadows.shadow_memory == "pages")
 
 
-def _tiles(size: int) -> int:
-    return (-(-size // TILE)) ** 2
+@dataclass(frozen=True)
+class Places:
+    """The places of faces among their records, and of tiles in the table (`words`).
+
+    The records of a sun are its cascades and then its coarse face; those of a lamp are its faces and then as many
+    coarse ones. Coarse faces exist with memory by need alone. Words: a square of `sun_side` x `sun_side` tiles for each
+    cascade, one of `lamp_side` x `lamp_side` for each of six faces of a lamp, then one word for each coarse page.
+    """
+
+    suns: int
+    cascades: int
+    sun_side: int
+    lamps: int
+    lamp_side: int
+    coarse: bool
+
+    @property
+    def sun_stride(self) -> int:
+        """Records of a sun."""
+        return self.cascades + self.coarse
+
+    @property
+    def lamp_stride(self) -> int:
+        """Records of a lamp."""
+        return CUBE_FACES * (1 + self.coarse)
+
+    @property
+    def first_lamp(self) -> int:
+        """The first record of the first lamp."""
+        return self.suns * self.sun_stride
+
+    @property
+    def faces(self) -> int:
+        """All records, at least 1."""
+        return max(1, self.first_lamp + self.lamps * self.lamp_stride)
+
+    @property
+    def lamp_word(self) -> int:
+        """The first word of the first lamp."""
+        return self.suns * self.cascades * self.sun_side**2
+
+    @property
+    def lamp_words(self) -> int:
+        """Words of a lamp."""
+        return CUBE_FACES * self.lamp_side**2
+
+    @property
+    def coarse_word(self) -> int:
+        """The word of the first coarse page: those of suns, then those of lamps."""
+        return self.lamp_word + self.lamps * self.lamp_words
+
+    @property
+    def words(self) -> int:
+        """All words."""
+        return self.coarse_word + self.suns + self.lamps
+
+    @property
+    def report_words(self) -> int:
+        """Words of a report (page_table/report.glsl): a resolution for each lamp, then a bit for each tile."""
+        return max(1, self.lamps + -(-self.coarse_word // 32))
 
 
-def table_words(scene: Scene, settings: Any) -> int:
-    """Return the words of the table: one for each tile that any face may have."""
+def places(scene: Scene, settings: Any) -> Places:
+    """Return the places of faces and tiles. Suns have smaller cascades if the pool does not hold what is asked for."""
     knobs = settings.shadows
-    suns = most_suns(scene, settings) * knobs.shadow_cascades * _tiles(knobs.shadow_sun_size)
-    return int(suns + most_lamps(scene, settings) * CUBE_FACES * _tiles(knobs.shadow_size))
+    suns, lamps, coarse = most_suns(scene, settings), most_lamps(scene, settings), by_need(settings)
+    cascades, side = int(knobs.shadow_cascades), -(-int(knobs.shadow_sun_size) // TILE)
+    tiles = pool_limit(settings)
+    room = max(tiles - lamps, min(tiles, suns * (cascades + coarse)))
+    while side > 1 and suns * (cascades * side**2 + coarse) > room:
+        side //= 2
+    if suns * (cascades * side**2 + coarse) > room:
+        side = 0
+    return Places(suns, cascades, side, lamps, -(-int(knobs.shadow_size) // TILE), coarse)
+
+
+def pool_limit(settings: Any) -> int:
+    """Return the tiles that the setting allows."""
+    return max(1, (int(settings.shadows.shadow_pool) << 20) // TILE_BYTES)
 
 
 def pool_tiles(scene: Scene, settings: Any) -> int:
     """Return the tiles of the pages: as many as the table has words, or as the pool holds."""
-    most = (settings.shadows.shadow_pool << 20) // TILE_BYTES
-    return max(1, min(table_words(scene, settings), most))
+    return max(1, min(places(scene, settings).words, pool_limit(settings)))
 
 
-def sun_size(scene: Scene, settings: Any, tiles: int) -> int:
-    """Return the texels along a cascade: what is asked for, or half of it and so on until `tiles` hold all of them.
-
-    Lamps keep a tile each. 0 if not even one tile a cascade is there.
-    """
-    size, cascades = int(settings.shadows.shadow_sun_size), most_suns(scene, settings)
-    cascades *= int(settings.shadows.shadow_cascades)
-    room = max(tiles - most_lamps(scene, settings), min(tiles, cascades))
-    while size > TILE and cascades * _tiles(size) > room:
-        size //= 2
-    return size if cascades * _tiles(size) <= room else 0
+def most_copies(scene: Scene, settings: Any) -> int:
+    """Return the most parts of faces that a frame copies into pages: one for each tile, or coarse face."""
+    return pool_tiles(scene, settings) + places(scene, settings).faces
 
 
 def shadow_defines(scene: Scene, settings: Any) -> Defines:
     """Return the defines of all shaders of a scene with shadows: sizes of the buffer, and the filter."""
     if not needed(scene, settings):
         return ()
-    knobs = settings.shadows
+    knobs, held = settings.shadows, places(scene, settings)
     return (
         ("SHADOWS", 1),
         ("SHADOW_LIGHTS", padded(records_of(scene, settings))),
-        ("SHADOW_FACES", padded(most_faces(scene, settings))),
+        ("SHADOW_FACES", padded(held.faces)),
+        ("SHADOW_BLENDED", blended_words(len(scene.materials))),
+        ("SHADOW_COPIES", most_copies(scene, settings)),
+        *((("SHADOW_COARSE", CUBE_FACES),) if held.coarse else ()),
         ("SHADOW_BIAS", get_args(Bias).index(knobs.shadow_bias)),
         ("SHADOW_CONSTANT", float(knobs.shadow_constant)),
         ("SHADOW_SLOPE", float(knobs.shadow_slope)),
@@ -126,6 +193,11 @@ def _soft(knobs: Any) -> Defines:
         ("SHADOW_LAMP", float(knobs.shadow_lamp)),
         ("SHADOW_SUN", float(np.tan(np.radians(knobs.shadow_sun_angle)))),
     )
+
+
+def blended_words(materials: int) -> int:
+    """Return the words with a bit for each material."""
+    return padded(-(-materials // 32))
 
 
 def padded(count: int) -> int:

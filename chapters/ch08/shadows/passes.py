@@ -115,20 +115,20 @@ class ShadowsPass(ObjectsPass):
         assert memory is not None, "the technique has made it"
         before = dict(commands.work)
         casters = self._casters()
-        of_layer = [casters] * max((turn.faces for turn in self.schedule.rounds), default=0)
+        of_layer = [casters] * max((turn.layers for turn in self.schedule.rounds), default=0)
         if self.lists is not None:
             of_layer = [self._culled(self.lists, casters, layer) for layer in range(len(of_layer))]
-        for turn in self.schedule.rounds:
+        for number, turn in enumerate(self.schedule.rounds):
             if self.lists is not None:
                 self._cull(commands, memory, self.lists, turn)
             memory.begin_round(commands, turn.size)
-            for layer in range(turn.faces):
+            for layer in range(turn.layers):
                 memory.begin_face(commands, turn.size, layer)
-                number = np.array([[turn.first + layer, 0, 0, 0]], np.uint32)
+                face = np.array([[turn.first + layer, 0, 0, 0]], np.uint32)
                 groups = [group for group in of_layer[layer] if group is not None]
-                commands.draw_groups(groups, self._draws.binding._replace(pushed=number))
+                commands.draw_groups(groups, self._draws.binding._replace(pushed=face))
                 memory.end_face(commands)
-            memory.store(commands, self._store, turn.size, turn.first, turn.faces)
+            memory.store(commands, self._store, turn.size, number)
         memory.finish(commands)
         for name in ("draws", "draw_calls", "triangles"):
             commands.work[f"shadow_{name}"] = commands.work[name] - before[name]
@@ -169,15 +169,15 @@ class ShadowsPass(ObjectsPass):
         memory.begin_lists(commands)
         constants = np.array(
             [
-                [turn.first, turn.first_list, lists.places, lists.layers],
+                [turn.first, 0, lists.places, lists.layers],
                 [len(lists.tables.draws), lists.batches, 0, 0],
             ],
             np.uint32,
         )
-        for kernel, number in zip(self._kernels, (turn.lists, turn.faces), strict=True):
+        for kernel in self._kernels:
             memory.bind_lists(commands, kernel)
             commands.push(kernel, constants)
-            commands.dispatch(lists.batches, number)
+            commands.dispatch(lists.batches, turn.layers)
             commands.compute_barrier()
 
     def key(self, slot: int) -> Any:

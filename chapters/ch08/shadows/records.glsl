@@ -8,10 +8,9 @@ struct ShadowFace {
     vec4 ends;    // x: the depth of the far plane, y: texels at each edge that only filters reach, 1 more than the radius of the kernel;
                   // zw: where the face begins in its first tile
     uvec4 place;  // x: the first word of the face's tiles in the table, y: tiles in a row, z: size in texels,
-                  // w: its light, and SHADOW_DRAWN
+                  // w: its light
 };
 
-const uint SHADOW_DRAWN = 0x80000000u;  // the frame draws the face
 const float SHADOW_NOTHING = 1e30;  // the depth of a texel on which nothing lies
 const int SHADOW_TILE_LOG2 = 7;     // a tile is 128x128 texels of 32 bits: 64 KiB, a page of sparse memory
 

@@ -6,5 +6,5 @@
 #ifdef SHADOWS
 #define SHADOW_BLOCK 11
 #include "shadows/block.glsl"
-layout(BIND(0, 12, 7), r32f) uniform readonly image2D shadow_pages;
+layout(BIND(0, 12, 7), r32f) uniform readonly image2DArray shadow_pages;
 #endif

@@ -115,4 +115,11 @@ class ShadowSettings:
         "whether meshlets that face away from a light are left out, with shadow_sides=front",
     )
     shadow_cull_faces: bool = knob(True, "whether a face leaves out what is outside of it")
+    page_budget: int = knob(
+        256,
+        "tiles of shadow maps that get memory in a frame, at most; the first frame and cuts have no limit",
+        unit="tiles of 64 KiB",
+        minimum=1,
+        maximum=16384,
+    )
     shadow_pool: int = knob(128, "memory of all shadow maps together", unit="MiB", minimum=1, maximum=1024)

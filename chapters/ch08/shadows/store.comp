@@ -1,7 +1,8 @@
-// Copies faces that were drawn into their pages: a layer of invocations for each face, one for eight texels of a column.
+// Copies parts of faces that were drawn into pages: a slice of invocations for each entry of `shadow_copies`, one invocation
+// for eight texels of a column.
 //
 // What is stored is linear: metres along the axis of the face. Filters then compare and average lengths, and a face may
-// lie in any tiles of the pages. Sizes of faces and of tiles are multiples of eight, so an invocation stays in one tile.
+// lie in any pages. Sizes of faces and of tiles are multiples of eight, so an invocation stays inside of both.
 
 layout(local_size_x = 32, local_size_y = 4) in;
 
@@ -9,25 +10,29 @@ layout(local_size_x = 32, local_size_y = 4) in;
 #include "shadows/block.glsl"
 
 layout(BIND(0, 1, 16)) uniform sampler2DArray drawn;
-layout(BIND(0, 2, 7), r32f) uniform writeonly image2D pages;
+layout(BIND(0, 2, 7), r32f) uniform writeonly image2DArray pages;
 
 struct Round {
-    uvec4 first;  // x: the first face of this round among those that the frame draws
+    uvec4 number;  // x: of this round
 };
 PUSH(Round, pushed)
 
 const int TEXELS = 8;
 
 void main() {
-    ShadowFace face = shadow_faces[drawn_face(pushed.first.x + gl_GlobalInvocationID.z)];
-    ivec2 texel = ivec2(gl_GlobalInvocationID.xy) * ivec2(1, TEXELS);
+    uvec4 copied = shadow_copies[shadow_rounds[pushed.number.x].w + gl_GlobalInvocationID.z];
+    ShadowFace face = shadow_faces[copied.x >> 16];
+    ivec2 tile = ivec2(copied.y & 0xffffu, copied.y >> 16);
+    ivec2 inside = ivec2(gl_GlobalInvocationID.xy) * ivec2(1, TEXELS);
+    ivec2 texel = (tile << SHADOW_TILE_LOG2) + inside;
     if (any(greaterThanEqual(texel, ivec2(face.place.z)))) {
         return;
     }
-    ivec2 to = page_texel(face, texel);
+    ivec3 to = page_origin(copied.z) + ivec3(inside + ivec2(face.ends.zw), 0);
+    int layer = int(copied.x & 0xffffu);
     for (int i = 0; i < TEXELS; ++i) {
         ivec2 at = texel + ivec2(0, i);
-        float depth = texelFetch(drawn, ivec3(at, gl_GlobalInvocationID.z), 0).r;
-        imageStore(pages, to + ivec2(0, i), vec4(within_reach(face, at, linear_depth(face, depth))));
+        float depth = texelFetch(drawn, ivec3(at, layer), 0).r;
+        imageStore(pages, to + ivec3(0, i, 0), vec4(within_reach(face, at, linear_depth(face, depth))));
     }
 }

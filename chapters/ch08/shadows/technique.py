@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,15 +11,18 @@ from numpy.typing import NDArray
 from backends.contract import Access, FrameInfo, Pass, Technique
 from common.scene import Scene
 
+from .. import page_table
 from ..cloth.passes import VERTICES
 from ..frames.backend.backend import Backend
+from ..page_table.passes import NEED_PASSES
 from ..page_table.pool import TilePool
 from ..scene.pass_parts import PassParts
 from ..settings import Settings
 from . import model
 from .casters import Casters
-from .faces import DRAWN, FACE, UNUSED
-from .layout import BlockLayout, pages_size
+from .copies import Copies
+from .faces import FACE, UNUSED
+from .layout import COPIED, BlockLayout
 from .lights import ShadowLights
 from .lists import MOST_LAYERS, NO_ROUNDS, Schedule, schedule
 from .memory import ShadowMemory
@@ -62,14 +66,16 @@ class ShadowTechnique(Technique):
         self._block = np.zeros(0, np.uint8)
         self._revision = 0
         self._written: dict[int, tuple[int, int]] = {}
-        self._slot, self._had_due = -1, False
+        self._slot, self._had_due, self._still = -1, False, 0
+        self._report: Any = None
         self._lights, self._instances = Versions(), Versions()
 
     def create(self, parts: PassParts, backend: Backend, passes: Mapping[str, Pass]) -> None:
-        """Make the pass, and let the passes that light surfaces read its pages."""
+        """Make the passes, and let the passes that light surfaces read the pages."""
         self._parts, self._backend = parts, backend
         self._pass = own = ShadowsPass(parts)
-        self.passes = {own.name: own}
+        needs = [kind(parts) for kind in NEED_PASSES]
+        self.passes = {gpu_pass.name: gpu_pass for gpu_pass in (own, *needs)}
         scene, settings = parts.scene, parts.settings
         if not model.possible(scene, settings):
             return
@@ -78,14 +84,27 @@ class ShadowTechnique(Technique):
         if cloth.externals:  # its vertices are drawn, too
             own.reads = (*own.reads, Access(VERTICES, "storage", stages=("vertex",)))
         self._casters = Casters(parts, backend, own, cloth)
-        lights = model.records_of(scene, settings)
-        words, tiles = model.table_words(scene, settings), model.pool_tiles(scene, settings)
-        size = pages_size(tiles)
-        self.lights = ShadowLights(parts, TilePool(tiles, size[0], words))
-        layout = BlockLayout(lights, len(self.lights.faces), words)
-        self.memory = own.memory = backend.part(__package__).ShadowMemory(backend, layout, size)
+        held = model.places(scene, settings)
+        memories = backend.part(page_table.__name__)
+        self.pages = memories.make_pages(backend, model.pool_tiles(scene, settings), held.words)
+        pool = TilePool(self.pages.tiles, self.pages.columns_rows, held.words, self.pages.virtual)
+        self.lights = ShadowLights(parts, pool)
+        layout = BlockLayout(
+            model.records_of(scene, settings),
+            held.faces,
+            len(scene.materials),
+            model.most_copies(scene, settings),
+            held.words,
+        )
+        self.memory = own.memory = backend.part(__package__).ShadowMemory(backend, layout, self.pages)
         parts.data.shadows = self.memory
         self._block = np.zeros(layout.size, np.uint8)
+        self._copies = Copies(held)
+        self._marks = settings.shading.view == "redrawn-pages"
+        if model.by_need(settings):
+            self._report = memories.ReportMemory(backend, held.report_words)
+            for need in needs:
+                need.memory = self._report
 
     @property
     def faces(self) -> np.ndarray:
@@ -100,7 +119,7 @@ class ShadowTechnique(Technique):
     # --- every frame ---
 
     def prepare(self, frame: FrameInfo) -> int:
-        """Find the faces that are due, and write the buffer of the slot; return the bytes written."""
+        """Give tiles to faces, and write the buffer of the slot with the faces that are due; return the bytes written."""
         memory, own = self.memory, self._pass
         if memory is None or own not in frame.passes:
             return 0
@@ -110,47 +129,64 @@ class ShadowTechnique(Technique):
         written = self._parts.data.slots[frame.slot].written
         instances = self._instances.number(frame.slot, written["instance_records"], "world_from_object")
         lights = self._lights.number(frame.slot, written["light_records"])
-        changed = self.lights.follow(frame, lights, instances)
         moved = self._casters.follow(frame, memory, instances)
+        report = None if self._report is None else self._report.read(frame.slot)
+        changed = self.lights.follow(frame, lights, instances, report)
+        self._still = self._still + 1 if self.lights.calm and not moved else 0
+        if self._report is not None:
+            self._report.ask(frame.slot, self._still < model.REPORTED, frame.size)
         own.schedule = NO_ROUNDS
         if changed or moved or not len(self._drawn):
             own.schedule = self._due(moved)
             for size in {turn.size for turn in own.schedule.rounds}:
                 memory.prepare(size)
-        due = len(own.schedule.drawn)
+            self.pages.bind(self.lights.pool)
+        due = len(own.schedule.faces)
         if changed or due or self._had_due:
             self._revision += 1
             self._pack(memory.layout, own.schedule)
             self.work = {
                 **self.lights.work,
                 "shadow_faces_drawn": due,
-                "shadow_bytes": memory.tiles[0] * memory.tiles[1] * model.TILE_BYTES,
+                "shadow_pages_drawn": len(self._copies.entries),
+                "shadow_bytes": self.pages.bytes(self.lights.pool),
             }
         self._had_due = due > 0
         return self._write(memory, frame.slot)
 
     def _due(self, all_of_them: bool) -> Schedule:
         """Return the rounds of the faces to draw in this frame: the largest first."""
-        faces = self.faces
+        faces, lights = self.faces, self.lights
         due = faces["light"] != UNUSED
         if not all_of_them and len(self._drawn):
             rows = [each.view(np.uint8).reshape(len(faces), -1) for each in (faces, self._drawn)]
             due &= (rows[0] != rows[1]).any(axis=1)
         self._drawn = faces.copy()
-        numbers = np.flatnonzero(due)
+        copies = self._copies
+        copies.choose(faces, due, lights.residency.assigned, lights.pool.table)
+        numbers = np.unique(copies.faces)
         ordered = numbers[np.argsort(-faces["size"][numbers].astype(np.int64), kind="stable")]
         lists = self._pass.lists
-        return schedule(faces, ordered, MOST_LAYERS if lists is None else lists.layers)
+        most = MOST_LAYERS if lists is None else lists.layers
+        due_rounds = schedule(faces, ordered, most, padded=lists is not None)
+        copies.place(due_rounds)
+        return due_rounds
 
     def _pack(self, layout: BlockLayout, due: Schedule) -> None:
         """Make the contents of the buffer, but for the table."""
         block, faces = self._block, self.faces
         block[: layout.drawn].view(np.uint32)[: len(self.lights.words)] = self.lights.words
         block[layout.drawn : layout.lists].view(np.uint32)[: len(due.drawn)] = due.drawn
-        block[layout.lists : layout.records].view(np.uint32)[: len(due.lists)] = due.lists
-        records = block[layout.records : layout.records + faces.nbytes].view(FACE)
-        records[:] = faces
-        records["light"][due.drawn & 0xFFF] |= DRAWN
+        block[layout.lists : layout.blended].view(np.uint32)[: len(due.lists)] = due.lists
+        blended = [material.alpha_mode == "blend" for material in self._parts.scene.materials]
+        bits = np.packbits(np.array(blended, bool), bitorder="little")
+        block[layout.blended : layout.blended + len(bits)] = bits
+        rounds, entries = self._copies.rounds, self._copies.entries
+        if not len(due.rounds):
+            rounds = entries = np.zeros((0, 4), np.uint32)
+        block[layout.rounds : layout.rounds + rounds.nbytes] = rounds.view(np.uint8).reshape(-1)
+        block[layout.records : layout.records + faces.nbytes] = faces.view(np.uint8)
+        block[layout.copies : layout.copies + entries.nbytes] = entries.view(np.uint8).reshape(-1)
 
     def _write(self, memory: ShadowMemory, slot: int) -> int:
         """Write to the buffer of a slot what it holds otherwise; return the bytes written."""
@@ -161,22 +197,36 @@ class ShadowTechnique(Technique):
         if before[0] != self._revision:
             block[:table] = self._block[:table]
             written += table
-        if before[1] != pool.revision:
-            words = pool.table.view(np.uint8)
-            block[table : table + len(words)] = words
-            written += len(words)
+        if before[1] != pool.revision or self._marks:
+            words = pool.table.copy()
+            if self._marks and self._pass.schedule.rounds:
+                words[self._copies.words] |= COPIED
+            block[table : table + words.nbytes] = words.view(np.uint8)
+            written += words.nbytes
         return written
 
     def resting(self, time: float) -> bool:
-        """Whether no texture of a masked caster has arrived since the last frame."""
-        return self.memory is None or self._casters.resting
+        """Whether no texture of a masked caster has arrived since the last frame, and no tile waits for its turn."""
+        if self.memory is None:
+            return True
+        settled = self._report is None or self._still >= model.REPORTED
+        return settled and self._casters.resting
 
     def reset(self, reason: str) -> None:
         """Choose lights and sizes anew: the next frame follows from its view alone."""
         if self.memory is not None:
             self.lights.forget()
+            if self._report is not None:
+                self._report.forget()
+            self._still = 0
+            self._backend.frames.wait(
+                self._backend.frames.slots[self._slot]
+            )  # its tiles are free from here on
 
     def close(self) -> None:
         """Free the memory."""
         if self.memory is not None:
             self.memory.close()
+            self.pages.close()
+        if self._report is not None:
+            self._report.close()

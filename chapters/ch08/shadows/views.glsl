@@ -59,18 +59,17 @@ vec3 shown_map() {
         return NO_MAP;
     }
     ShadowFace face = shadow_faces[number];
+    ivec2 texel = ivec2(floor(texel_of(face, in_face(face, in_position))));
+    texel = clamp(texel, ivec2(0), ivec2(int(face.place.z) - 1)) + ivec2(face.ends.zw);
+    uint page = page_word(face, texel >> SHADOW_TILE_LOG2);
 #if VIEW == VIEW_RESIDENCY
-    vec3 p = in_face(face, in_position);
-    vec2 scale = vec2(face.right.w, face.down.w) / (face.ahead.w != 0.0 ? p.z : 1.0);
-    ivec2 texel = ivec2(floor(p.xy * scale + 0.5 * float(face.place.z)));
-    ivec2 tile = page_texel(face, clamp(texel, ivec2(0), ivec2(int(face.place.z) - 1))) >> SHADOW_TILE_LOG2;
-    return id_color(uint(tile.y) << 8 | uint(tile.x));
+    return id_color(page & ~SHADOW_COPIED);
 #elif VIEW == VIEW_SHADOW_RESOLUTION
     uint size = face.place.z;
     return size < 128u ? vec3(0.2, 0.4, 1.0) : size < 256u ? vec3(0.2, 0.8, 0.3) : size < 512u ? vec3(0.9, 0.8, 0.2)
          : size < 1024u ? vec3(1.0, 0.5, 0.1) : vec3(1.0);
 #else
-    return (face.place.w & SHADOW_DRAWN) != 0u ? vec3(1.0, 0.6, 0.1) : vec3(0.3, 0.6, 1.0);
+    return (page & SHADOW_COPIED) != 0u ? vec3(1.0, 0.6, 0.1) : vec3(0.3, 0.6, 1.0);
 #endif
 #else
     return NO_MAP;

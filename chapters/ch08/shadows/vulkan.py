@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from backends.vulkan import api as vk
-from backends.vulkan.barriers import barriers, image_barrier, transition
-from backends.vulkan.once import submit_once
+from backends.vulkan.barriers import barriers, image_barrier
 from backends.vulkan.resources import Buffer, Image, create_view
 from backends.vulkan.upload import Uploader
 
@@ -20,7 +19,7 @@ from ..graph.sync.vulkan import layout_of
 from ..pipelines.description import Built
 from ..pipelines.vulkan_descriptors import Texture
 from .lists import ShadowLists
-from .memory import NEAREST, STORED_TEXELS, TABLES
+from .memory import NEAREST, TABLES
 from .memory import ShadowMemory as _ShadowMemory
 
 _STORAGE = (
@@ -45,20 +44,15 @@ class _Target:
 class ShadowMemory(_ShadowMemory):
     """Buffers and images of the renderer's resources, which free them."""
 
-    def _create(self, size: tuple[int, int]) -> None:
-        backend = self._backend
-        resources, device = backend.resources, backend.device
-        usage = vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT
+    def _create(self) -> None:
+        resources = self._backend.resources
+        usage = vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | vk.VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT
         self._handles = [
             resources.buffer(self.layout.size, usage, "upload", f"shadows, slot {slot}")
             for slot in range(SLOTS)
         ]
         self.blocks: list[Buffer] = [resources.buffers.get(handle) for handle in self._handles]
-        stored = vk.VK_IMAGE_USAGE_STORAGE_BIT | vk.VK_IMAGE_USAGE_TRANSFER_SRC_BIT
-        self._images = [resources.image("r32f", size, stored, "shadow pages")]
-        self.pages: Image = resources.images.get(self._images[0])
-        with submit_once(device) as commands:
-            transition(device, commands, self.pages, "undefined", "storage")
+        self._images: list[Any] = []
         self._sets: dict[Any, Any] = {}
         self._alive: list[Any] = []
         self._tables: dict[str, Any] = {}
@@ -142,14 +136,14 @@ class ShadowMemory(_ShadowMemory):
         """End drawing."""
         commands.end_rendering()
 
-    def store(self, commands: Any, kernel: Built, size: int, first: int, count: int) -> None:
+    def store(self, commands: Any, kernel: Built, size: int, number: int) -> None:
         """Copy layers into the pages."""
         target = self._targets[size]
         commands.barrier(target.to_read)
         commands.bind_compute(kernel)
         commands.bind_compute_set(kernel, 0, self._set(kernel, size, commands.slot.index))
-        commands.push(kernel, np.array([[first, 0, 0, 0]], np.uint32))
-        commands.dispatch_over(kernel, (size, size // STORED_TEXELS, count))
+        commands.push(kernel, np.array([[number, 0, 0, 0]], np.uint32))
+        commands.dispatch_indirect(self.blocks[commands.slot.index], self.layout.rounds + 16 * number)
 
     def _set(self, kernel: Built, size: int, slot: int) -> Any:
         """Return the set of the kernel for a target, made for both slots at first use."""
