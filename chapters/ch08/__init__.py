@@ -30,6 +30,7 @@ LESSON = Lesson(
                 "draw-indirect-count",
                 "mesh-shader",
                 "multi-draw",
+                "sparse",
                 "subgroups",
             }
         ),

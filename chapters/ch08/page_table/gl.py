@@ -34,8 +34,8 @@ class Pages(_Pages):
         destroy_image(self._backend.device, self.image)
 
 
-def make_pages(backend: Any, tiles: int, words: int) -> _Pages:
-    """Return the pages for a table of some words: `tiles` of memory."""
+def make_pages(backend: Any, tiles: int, words: int, sparse: bool) -> _Pages:
+    """Return the pages for a table of some words: `tiles` of memory. No place can be without any (`sparse`)."""
     return Pages(backend, tiles)
 
 

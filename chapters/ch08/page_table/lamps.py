@@ -1,4 +1,4 @@
-"""The local lights that cast shadows: a slot for each of the most important ones, and the size of their faces. No device.
+"""The local lights that cast shadows: a slot for each of the most important ones, and the size of their faces.
 
 A light keeps its slot while it stays among the chosen, so that others come and go without its maps being drawn again.
 Its faces have one size, by level: 0 no map, 1 the coarse page, 2 faces of one tile, and twice the texels along a face

@@ -41,6 +41,10 @@ class Pages:
         """Return the image."""
         raise NotImplementedError
 
+    def reserve(self, tiles: int) -> int:
+        """Have memory for so many tiles, or for as many as the device gives; return their number."""
+        return self.tiles
+
     def bind(self, pool: TilePool) -> None:
         """Let the places of words that have other tiles show these, before the next frame."""
 

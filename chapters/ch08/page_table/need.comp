@@ -50,17 +50,20 @@ vec4 cluster_sphere(float ahead, out float pixels) {
 
 // Texels along a face for as many in the solid angle of a sphere as it has pixels. The solid angle of a sphere is
 // 2 pi (1 - sqrt(1 - s)) with s = (r / d)^2, here without the difference of equal numbers.
-float texels_for(vec4 sphere, float pixels, vec3 light) {
+// A sphere with the light inside has no solid angle. No point of it is farther from the light than its far side, where a
+// pixel of width w at distance d covers (w / d)^2 steradians.
+float texels_for(vec4 sphere, float pixels, float ahead, vec3 light) {
     vec3 away = sphere.xyz - light;
-    float s = sphere.w * sphere.w / max(dot(away, away), 1e-30);
+    float distance2 = max(dot(away, away), 1e-30), s = sphere.w * sphere.w / distance2;
+    float solid_angle = 2.0 * PI * s / (1.0 + sqrt(max(1.0 - s, 0.0)));
     if (s >= 1.0) {
-        return MOST_TEXELS;  // the light is inside of the cluster
+        float wide = pixel_at(ahead) / (sqrt(distance2) + sphere.w);
+        solid_angle = pixels * wide * wide;
     }
-    float solid_angle = 2.0 * PI * s / (1.0 + sqrt(1.0 - s));
     return min(sqrt(4.0 * PI * pixels / (6.0 * max(solid_angle, 1e-30))), MOST_TEXELS);
 }
 
-void need_of(uint light, vec3 position, vec4 sphere, float pixels) {
+void need_of(uint light, vec3 position, vec4 sphere, float pixels, float ahead) {
     uint word = shadow_of[light], count = word >> 24;
     int face = int(word & 0xffffffu) - 1;
     ShadowFace seen;
@@ -75,7 +78,7 @@ void need_of(uint light, vec3 position, vec4 sphere, float pixels) {
         seen = shadow_faces[face];
     } else {
         vec3 origin = shadow_faces[face + SHADOW_COARSE].origin.xyz;
-        need_resolution(lamp_of(face), texels_for(sphere, pixels, origin));
+        need_resolution(lamp_of(face), texels_for(sphere, pixels, ahead, origin));
         face += count == 6u ? int(cube_face(position - origin)) : 0;
         seen = shadow_faces[face];
         if (seen.place.z == 0u) {
@@ -110,7 +113,7 @@ void main() {
                 if (shadow_of[light] != 0u) {
                     vec3 received = exposed_illuminance(light, position, to_light);
                     if (max(received.r, max(received.g, received.b)) > 0.0) {
-                        need_of(light, position, sphere, pixels);
+                        need_of(light, position, sphere, pixels, ahead);
                     }
                 }
             }

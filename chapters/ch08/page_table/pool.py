@@ -31,6 +31,8 @@ class TilePool:
         self, tiles: int, size: tuple[int, int], words: int, virtual: NDArray[np.uint32] | None = None
     ) -> None:
         self._free = np.ones(tiles, bool)
+        self.is_waiting = np.zeros(tiles, bool)
+        """(tiles,) Which tiles were given up that cannot be given away yet."""
         self._waiting: deque[tuple[int, NDArray[np.int64]]] = deque()
         self._places = places_of(np.arange(tiles), *size)
         self._virtual = virtual
@@ -40,7 +42,7 @@ class TilePool:
         self.table = np.full(words, NONE, np.uint32)
         """(W,) Where shaders find each word's tile (layout.py)."""
         self.revision = 0
-        """Grows with every change of the table."""
+        """Grows with every change of the table, and when tiles become free."""
 
     @property
     def tiles(self) -> int:
@@ -62,11 +64,20 @@ class TilePool:
         """Whether tiles were given up that cannot be given away yet."""
         return bool(self._waiting)
 
+    def limit(self, tiles: int) -> None:
+        """Do without the tiles from a number on, none of which has an owner: there is no memory for them."""
+        self._free, self.is_waiting = self._free[:tiles], self.is_waiting[:tiles]
+
     def begin(self) -> None:
         """Begin a frame: what was given up FRAMES ago is free."""
         self._frame += 1
         while self._waiting and self._waiting[0][0] + FRAMES <= self._frame:
-            self._free[self._waiting.popleft()[1]] = True
+            self._let_go()
+
+    def _let_go(self) -> None:
+        _, tiles = self._waiting.popleft()
+        self._free[tiles], self.is_waiting[tiles] = True, False
+        self.revision += 1
 
     def release(self, words: NDArray[np.intp], now: bool = False) -> None:
         """Give up the tiles of some words; words without a tile stay as they are.
@@ -78,9 +89,10 @@ class TilePool:
         if now:
             self._free[tiles] = True
             while self._waiting:
-                self._free[self._waiting.popleft()[1]] = True
+                self._let_go()
         elif len(tiles):
             self._waiting.append((self._frame, tiles))
+            self.is_waiting[tiles] = True
         self.tile_of[words], self.table[words] = -1, NONE
         self.revision += 1
 

@@ -6,6 +6,7 @@ to the most important lights first, at most `page_budget` a frame. What waits is
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -22,8 +23,8 @@ Bools = NDArray[np.bool_]
 
 
 class Need(NamedTuple):
-    """What a picture needs: (S,) texels along a face of each slot's light, NaN if it says nothing about it, and (W,) which
-    words of the table are read, those of lamps at the highest level."""
+    """What a picture needs: (S,) texels along a face of each slot's light, NaN if it says nothing about it, and (W,)
+    which words of the table are read, those of lamps at the highest level."""
 
     resolution: NDArray[np.float64]
     tiles: Bools
@@ -39,8 +40,11 @@ def read_report(words: NDArray[np.uint32], places: Places, detail: float) -> Nee
 class Residency:
     """Gives tiles of a pool to faces. The levels of lamps change with their tiles."""
 
-    def __init__(self, pool: TilePool, places: Places, lamps: Lamps, budget: int) -> None:
+    def __init__(
+        self, pool: TilePool, places: Places, lamps: Lamps, budget: int, reserve: Callable[[int], int]
+    ) -> None:
         self._pool, self._places, self._lamps, self._budget = pool, places, lamps, budget
+        self._reserve = reserve
         lamp = np.arange(places.lamps)
         cascades = np.arange(places.suns * places.cascades)
         # Suns come first. The coarse pages of all suns count as the first cascade's.
@@ -109,6 +113,11 @@ class Residency:
         held = pool.tile_of >= 0
         asked = resized = self._of_lamps(levels != lamps.levels)
         new = wanted & (~held | resized)
+        # While both sizes of a light are held, more is needed than in the end.
+        there = self._reserve(min(pool.tiles, int(new.sum()) + int(held.sum()) + int(pool.is_waiting.sum())))
+        if there < int(wanted.sum()):  # the device refuses memory: all sizes follow from what there is
+            pool.limit(there)
+            return self.follow(need, now)
         before = pool.revision, lamps.levels
         self.waits = False
         if now:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,11 @@ from backends.vulkan.memory import MemoryUse
 from backends.vulkan.once import submit_once
 from backends.vulkan.resources import Buffer, Image
 from backends.vulkan.upload import Uploader
+from common.errors import UnsupportedError
 
 from .memory import Pages as _Pages
 from .memory import ReportMemory as _ReportMemory
+from .sparse import SparsePages
 
 STORED = vk.VK_IMAGE_USAGE_STORAGE_BIT | vk.VK_IMAGE_USAGE_TRANSFER_SRC_BIT
 """How the pages are used; tests copy them."""
@@ -37,8 +40,12 @@ class Pages(_Pages):
         self._backend.resources.destroy_image(self._handle)
 
 
-def make_pages(backend: Any, tiles: int, words: int) -> _Pages:
-    """Return the pages for a table of some words: `tiles` of memory."""
+def make_pages(backend: Any, tiles: int, words: int, sparse: bool) -> _Pages:
+    """Return the pages for a table of some words: `tiles` of memory, behind a `sparse` image if the device has one."""
+    binds = backend.device.queue.flags & vk.VK_QUEUE_SPARSE_BINDING_BIT
+    if sparse and binds and backend.plan.native("sparse"):
+        with suppress(UnsupportedError):
+            return SparsePages(backend, tiles, words, STORED)
     return Pages(backend, tiles)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -36,7 +37,7 @@ _UNUSED["light"] = UNUSED
 class ShadowLights:
     """Chooses lights, sizes and tiles for each view, and keeps the records of their faces."""
 
-    def __init__(self, parts: PassParts, pool: TilePool) -> None:
+    def __init__(self, parts: PassParts, pool: TilePool, reserve: Callable[[int], int]) -> None:
         self._parts, self.pool = parts, pool
         scene, settings = parts.scene, parts.settings
         knobs = settings.shadows
@@ -48,7 +49,7 @@ class ShadowLights:
         """By light record: 1 + its first face, and its number of faces from bit 24 on; 0 for none."""
         self.work: dict[str, int] = {}
         self.lamps = Lamps(held.lamps, level_of_side(held.lamp_side))
-        self.residency = Residency(pool, held, self.lamps, knobs.page_budget)
+        self.residency = Residency(pool, held, self.lamps, knobs.page_budget, reserve)
         self._by_need = model.by_need(settings)
         self._sun_size = held.sun_side * TILE
         self._lights = self._instances = -1

@@ -86,9 +86,10 @@ class ShadowTechnique(Technique):
         self._casters = Casters(parts, backend, own, cloth)
         held = model.places(scene, settings)
         memories = backend.part(page_table.__name__)
-        self.pages = memories.make_pages(backend, model.pool_tiles(scene, settings), held.words)
+        tiles = model.pool_tiles(scene, settings)
+        self.pages = memories.make_pages(backend, tiles, held.words, model.by_need(settings))
         pool = TilePool(self.pages.tiles, self.pages.columns_rows, held.words, self.pages.virtual)
-        self.lights = ShadowLights(parts, pool)
+        self.lights = ShadowLights(parts, pool, self.pages.reserve)
         layout = BlockLayout(
             model.records_of(scene, settings),
             held.faces,
@@ -119,7 +120,7 @@ class ShadowTechnique(Technique):
     # --- every frame ---
 
     def prepare(self, frame: FrameInfo) -> int:
-        """Give tiles to faces, and write the buffer of the slot with the faces that are due; return the bytes written."""
+        """Give tiles to faces, and write the buffer of the slot with what is due; return the bytes written."""
         memory, own = self.memory, self._pass
         if memory is None or own not in frame.passes:
             return 0
