@@ -7,10 +7,11 @@ import pytest
 
 from chapters.ch08.settings import Settings
 from chapters.ch08.shadows.faces import FACE
+from chapters.ch08.shadows.layout import NO_FACE
 from chapters.ch08.shadows.lists import schedule
 from common.settings import replaced
 from tests.support.lamps import lamps, lit
-from tests.support.shadows import all_faces, commanded, faces_of, listed
+from tests.support.shadows import all_faces, commanded, faces_of, list_numbers, listed
 from tests.support.towns import town, walk
 
 pytestmark = pytest.mark.variants("vulkan", "gl")
@@ -49,8 +50,9 @@ def boxes(renderer):
 def bases(renderer):
     """Return the first face of each list."""
     technique = renderer.techniques["shadows"]
-    turn = technique.passes["shadows"].schedule.rounds[-1]
-    return (technique.passes["shadows"].schedule.lists & 0xFFFFFF)[turn.first_list :]
+    schedule = technique.passes["shadows"].schedule
+    lists = schedule.lists[schedule.rounds[-1].first :]
+    return (lists & 0xFFFFFF)[lists > 0]
 
 
 @pytest.mark.feature("shadows/instance-culling")
@@ -109,7 +111,8 @@ def test_no_face_misses_what_it_sees_and_commands_follow_the_lists(chapter, scen
         technique = renderer.techniques["shadows"].passes["shadows"]
         for layer, drawn in enumerate(commands):
             word = int(technique.schedule.drawn[technique.schedule.rounds[-1].first + layer])
-            bit, number = word >> 12 & 15, (word >> 16) - technique.schedule.rounds[-1].first_list
+            bit, number = word >> 12 & 15, (word >> 16) - technique.schedule.rounds[-1].first
+            number = list_numbers(renderer).index(number)
             entries = found[number][(found[number][:, 2] >> bit & 1) == 1]
             assert np.array_equal(drawn[:, 4], draws["instance"][entries[:, 0]])
             assert (drawn[:, 1] == 1).all() and (drawn[:, 3] == 0).all()
@@ -158,11 +161,17 @@ def test_rounds_have_layers_of_one_size_and_whole_lights_have_one_list():
     faces["perspective"] = faces["light"] != 0
     faces["size"] = [128] * 6 + [512] * 3 + [128] + [128] * 6
     due = np.r_[6:9, 0:6, 9:16]
-    made = schedule(faces, due, 8)
-    assert [turn[:3] for turn in made.rounds] == [(512, 0, 3), (128, 3, 8), (128, 11, 5)]
-    assert [turn[3:] for turn in made.rounds] == [(0, 3), (3, 3), (6, 1)]
+    made = schedule(faces, due, 8, padded=False)
+    assert made.rounds == ((512, 0, 3), (128, 3, 8), (128, 11, 5))
     assert (made.drawn & 0xFFF).tolist() == due.tolist()
     assert (made.drawn >> 12 & 15).tolist() == [0, 0, 0, *range(6), 0, *range(6)]
-    assert (made.lists & 0xFFFFFF).tolist() == [6, 7, 8, 0, 9, 10, 10]
-    assert (made.lists >> 24).tolist() == [1, 1, 1, 6, 1, 6, 6]
+    # Lists have the number of the first layer of their light in the round.
+    assert (made.drawn >> 16).tolist() == [0, 1, 2, *[3] * 6, 9, 10, *[11] * 5]
+    assert (made.lists & 0xFFFFFF)[made.lists > 0].tolist() == [6, 7, 8, 0, 9, 10, 10]
+    assert (made.lists >> 24)[made.lists > 0].tolist() == [1, 1, 1, 6, 1, 6, 6]
     assert schedule(faces, np.arange(0)).rounds == ()
+    # Rounds of a power of two of layers: frames that draw other faces have the same rounds.
+    padded = schedule(faces, due, 8)
+    assert padded.rounds == ((512, 0, 4), (128, 4, 8), (128, 12, 8))
+    assert padded.drawn[[3, 17, 18, 19]].tolist() == [NO_FACE] * 4
+    assert (padded.drawn[padded.places] & 0xFFF).tolist() == due.tolist()

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from chapters.ch08.page_table import lamps, rule
-from chapters.ch08.page_table.pool import NONE, TilePool
 from chapters.ch08.scene.packing import LIGHT, LIGHT_KINDS
-from chapters.ch08.shadows import cascades, faces, layout, model
+from chapters.ch08.shadows import cascades, faces
 from common.numerics.transforms import pose_looking_at
 from common.view.camera import Orthographic, Perspective, View
 from tests.support.shadows import point, spot, sun, yard
@@ -163,30 +162,18 @@ def test_orthographic_views_have_cascades():
     assert np.isfinite(made["scale_x"]).all() and (made["scale_x"] > 0).all()
 
 
-def test_the_most_important_lamps_have_slots_and_keep_them():
-    pool = TilePool(64, 8, 3 * 24)
-    slots = lamps.Lamps(3, 256, pool, 0)
-    faces, wish = np.array([6, 6, 1, 6, 6]), np.full(5, 20.0)
-    assert slots.follow(np.array([1.0, 5.0, 3.0, 0.0, 2.0]), faces, wish, 64)
-    assert slots.places.tolist() == [1, 2, 4] and slots.sizes.tolist() == [lamps.COARSE, 128, lamps.COARSE]
-    assert pool.used == 3
-    # Little more important than one that has a slot is not enough to take it; much more is.
-    assert not slots.follow(np.array([2.5, 5.0, 3.0, 0.0, 2.0]), faces, wish, 64)
-    assert slots.follow(np.array([4.0, 5.0, 3.0, 0.0, 2.0]), faces, wish, 64)
-    assert slots.places.tolist() == [1, 2, 0]
-    assert slots.follow(np.zeros(5), faces, wish, 64) and pool.used == 0
-    assert slots.places.tolist() == [-1, -1, -1]
-
-
 @pytest.mark.feature("shadows/per-light-resolution")
 def test_resolution_is_that_of_the_solid_angle():
     found = rule.cluster_resolution(np.array([2.0, 5.0, 20.0, 0.5]), 1.0, 4096, 2048)
     assert np.round(found).tolist() == [101, 260, 1045, 2048]
     assert rule.solid_angle(1e6, 1.0) == pytest.approx(np.pi / 1e12, rel=1e-3)
     assert rule.solid_angle(0.5, 1.0) == 4 * np.pi
-    sizes = lamps.size_above(np.array([1.0, 40.0, 41.0, 128.0, 129.0, 5000.0, np.inf]), np.full(7, 6), 1024)
-    assert sizes.tolist() == [40, 40, 128, 128, 256, 1024, 1024]
-    assert lamps.size_above(np.array([1.0]), np.array([1]), 1024).tolist() == [128]
+    wishes, cubes = np.array([1.0, 40.0, 41.0, 128.0, 129.0, 5000.0, np.inf]), np.full(7, 6)
+    levels = lamps.level_above(wishes, cubes, lamps.level_of_side(8))
+    assert lamps.sizes_of(levels, cubes).tolist() == [40, 40, 128, 128, 256, 1024, 1024]
+    spots = np.array([1, 1])
+    levels = lamps.level_above(np.array([1.0, 129.0]), spots, lamps.level_of_side(8))
+    assert lamps.sizes_of(levels, spots).tolist() == [128, 256]
     assert not (found[:3] > rule.cluster_resolution(np.array([2.1, 5.1, 20.1]), 1.0, 4096, 2048)).any()
 
 
@@ -235,53 +222,6 @@ def test_lights_out_of_sight_do_not_matter():
     assert weights[[1, 3]].tolist() == [0.0, 0.0] and weights[2] > weights[0] > weights[4] > 0
     flat = View(pose_looking_at((0, 0, 0), (0, 0, -1)), Orthographic(2.0, 0.1, 20.0))
     assert rule.seen(flat, 1.0, centres, np.ones(5)).tolist() == [True, False, True, False, True]
-
-
-def test_too_many_texels_become_fewer_from_the_least_important_light_on():
-    counts, importance = np.array([6, 6, 1, 6]), np.array([1.0, 4.0, 3.0, 2.0])
-    sizes = np.array([256, 256, 512, 128])
-    assert lamps.fitted(sizes, counts, importance, 24 + 24 + 16 + 6).tolist() == sizes.tolist()
-    assert lamps.fitted(sizes, counts, importance, 69).tolist() == [128, 256, 512, 128]
-    assert lamps.fitted(sizes, counts, importance, 34).tolist() == [128, 128, 512, 128]
-    assert lamps.fitted(sizes, counts, importance, 21).tolist() == [40, 128, 256, 128]
-    assert lamps.fitted(sizes, counts, importance, 4).tolist() == [40, 40, 128, 40]
-    assert lamps.fitted(sizes, counts, importance, 2).tolist() == [0, 40, 128, 0]
-
-
-def test_lights_that_share_too_few_tiles_lose_the_same_factor():
-    random = np.random.default_rng(8)
-    resolution, counts = random.uniform(30, 3000, 60), np.where(random.uniform(size=60) < 0.7, 6, 1)
-    wanted, importance = lamps.size_above(resolution, counts, 1024), random.uniform(size=60)
-    whole = int(lamps.tiles_for(wanted, counts).sum())
-    for most in (60, 100, 400, 1500, whole - 1, whole):
-        sizes = lamps.spread(resolution, wanted, counts, importance, most, 1024)
-        taken = int(lamps.tiles_for(sizes, counts).sum())
-        assert taken <= most and (sizes <= wanted).all() and (sizes >= lamps.least_size(counts)).all()
-        assert most in (60, whole) or taken > most - 96 * 4  # no more is left than one light may take
-        # Of two lights alike, the one with the higher resolution has no smaller size, but for one step.
-        cubes = np.flatnonzero(counts == 6)
-        order = cubes[np.argsort(resolution[cubes])]
-        assert not (sizes[order][:-1] > 4 * sizes[order][1:]).any()
-    assert np.array_equal(lamps.spread(resolution, wanted, counts, importance, whole, 1024), wanted)
-
-
-@pytest.mark.feature("sparse/page-pool")
-def test_no_tile_has_two_owners_and_what_is_given_up_is_given_again():
-    pool, random, held = TilePool(50, 8, 200), np.random.default_rng(7), np.zeros(200, bool)
-    for _ in range(200):
-        words = random.permutation(200)[: random.integers(1, 20)]
-        pool.release(words)
-        held[words] = False
-        room = 50 - int(held.sum())
-        taken = words[: min(len(words), room)]
-        pool.assign(taken)
-        held[taken] = True
-        owned = pool.table[held]
-        assert pool.used == held.sum() == len(np.unique(owned)) and (pool.table[~held] == NONE).all()
-        assert ((owned & 0xFFFF) < 8).all() and ((owned >> 16) * 8 + (owned & 0xFFFF) < 50).all()
-    with pytest.raises(ValueError, match="tiles are more than"):
-        pool.assign(np.flatnonzero(~held)[:60])
-    assert layout.TILE == 128 and model.TILE_BYTES == 64 << 10
 
 
 def test_lights_of_a_yard_are_what_they_say():

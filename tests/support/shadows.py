@@ -153,7 +153,9 @@ def read_face(renderer: Any, number: int, pages: np.ndarray | None = None) -> np
     words = technique.table[first : first + tiles * tiles].reshape(tiles, tiles)
     whole = np.zeros((tiles * TILE, tiles * TILE), np.float32)
     for (row, column), word in np.ndenumerate(words):
-        x, y = (int(word) & 0xFFFF) * TILE, (int(word) >> 16) * TILE
+        if word == 0xFFFFFFFF:
+            continue
+        x, y = (int(word) & 0xFF) * TILE, (int(word) >> 8 & 0xFF) * TILE
         whole[row * TILE : (row + 1) * TILE, column * TILE : (column + 1) * TILE] = pages[
             y : y + TILE, x : x + TILE
         ]
@@ -181,7 +183,7 @@ def listed(renderer: Any) -> list[np.ndarray]:
     lists, numbers = _lists(renderer), words(renderer, "numbers")
     entries = words(renderer, "lists").reshape(-1, 2)
     found = []
-    for number in range(_shadows(renderer).schedule.rounds[-1].lists):
+    for number in list_numbers(renderer):
         parts = []
         for batch, row in enumerate(lists.tables.batches):
             first = number * lists.places + int(row["first_command"])
@@ -197,13 +199,21 @@ def commanded(renderer: Any) -> list[np.ndarray]:
     lists, numbers = _lists(renderer), words(renderer, "numbers")
     commands = words(renderer, "commands").reshape(-1, 5)
     found = []
-    for layer in range(_shadows(renderer).schedule.rounds[-1].faces):
+    schedule = _shadows(renderer).schedule
+    for layer in range(int((schedule.places >= schedule.rounds[-1].first).sum())):
         parts = []
         for batch, row in enumerate(lists.tables.batches):
             first = layer * lists.places + int(row["first_command"])
             parts.append(commands[first : first + int(numbers[layer * lists.batches + batch])])
         found.append(np.concatenate([*parts, np.zeros((0, 5), np.uint32)]))
     return found
+
+
+def list_numbers(renderer: Any) -> list[int]:
+    """Return the numbers of the lists of the last round that are in use."""
+    schedule = _shadows(renderer).schedule
+    numbers: list[int] = np.flatnonzero(schedule.lists[schedule.rounds[-1].first :]).tolist()
+    return numbers
 
 
 def _shadows(renderer: Any) -> Any:

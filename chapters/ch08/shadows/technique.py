@@ -149,7 +149,7 @@ class ShadowTechnique(Technique):
             self.work = {
                 **self.lights.work,
                 "shadow_faces_drawn": due,
-                "shadow_pages_drawn": len(self._copies.entries),
+                "shadow_pages_drawn": len(self._copies.entries) if due else 0,
                 "shadow_bytes": self.pages.bytes(self.lights.pool),
             }
         self._had_due = due > 0

@@ -1,0 +1,421 @@
+"""Memory of shadow maps by need: the pool, sizes of lamps, tiles that follow reports, and kinds of pages in frames."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from chapters.ch08.page_table import lamps
+from chapters.ch08.page_table.pool import FRAMES, TilePool, places_of
+from chapters.ch08.page_table.residency import KEPT, Need, Residency, read_report
+from chapters.ch08.settings import Settings
+from chapters.ch08.shadows import model
+from chapters.ch08.shadows.layout import NONE
+from common.numerics.transforms import pose_looking_at
+from common.scene import Material
+from common.settings import replaced
+from common.view.camera import Orthographic, Perspective, View
+from tests.support.scenes import quad_scene
+from tests.support.shadows import all_faces, faces_of, placed, point, spot, sun, yard
+
+pytestmark = pytest.mark.variants("vulkan", "gl")
+
+SIZE = (64, 64)
+BASE = Settings(
+    anisotropy=1.0,
+    color_format="rgba32f",
+    gbuffer_format="full",
+    default_light=False,
+    ambient=0.0,
+    background=0.0,
+    tone_curve="none",
+    shadow_sun_size=256,
+    shadow_size=256,
+    shadow_cascades=1,
+)
+ABOVE = View(pose_looking_at((0, 6, 0), (0, 0, 0), (0, 0, -1)), Orthographic(3.0, 0.1, 20.0))
+ASIDE = View(pose_looking_at((3, 4, 5), (0, 0.3, 0)), Perspective())
+SUN, SPOT, POINT = sun((0.5, -1.0, 0.3)), spot((1.5, 4.0, 1.0), (0.0, 0.5, 0.0)), point((-1.2, 3.0, 0.8))
+
+
+def settled(renderer, view, name="color_linear", most=30):
+    """Draw a view until nothing is missing any more; return the picture and the frames that it took."""
+    for number in range(1, most):
+        frame = renderer.render(view)
+        picture = frame.image(name).astype(np.float64)
+        if renderer.techniques["shadows"].resting(0.0):
+            return picture, number
+    raise AssertionError("shadows come to no rest")
+
+
+# --- the pool ---
+
+
+@pytest.mark.feature("sparse/page-pool")
+def test_no_tile_has_two_owners_and_what_is_given_up_waits_for_two_frames():
+    pool, random = TilePool(50, (8, 7), 200), np.random.default_rng(7)
+    held, given_up = np.zeros(200, bool), np.full(50, -10)
+    for frame in range(200):
+        pool.begin()
+        words = random.permutation(200)[: random.integers(1, 20)]
+        tiles = pool.tile_of[words]
+        given_up[tiles[tiles >= 0]] = frame
+        pool.release(words)
+        held[words] = False
+        taken = words[: min(len(words), pool.free)]
+        pool.assign(taken)
+        held[taken] = True
+        assert (frame - given_up[pool.tile_of[taken]] >= FRAMES).all()
+        owned = pool.table[held]
+        assert pool.used == held.sum() == len(np.unique(owned)) and (pool.table[~held] == NONE).all()
+        assert pool.used + pool.free + pool.is_waiting.sum() == pool.tiles
+        assert ((owned & 0xFF) < 8).all() and ((owned >> 8) * 8 + (owned & 0xFF) < 50).all()
+    with pytest.raises(ValueError, match="tiles are more than"):
+        pool.assign(np.flatnonzero(~held)[:60])
+    assert model.TILE == 128 and model.TILE_BYTES == 64 << 10
+
+
+def test_places_go_by_rows_and_layers():
+    words = places_of(np.array([0, 7, 8, 55, 56]), 8, 7)
+    assert words.tolist() == [0, 7, 1 << 8, 7 | 6 << 8, 1 << 16]
+
+
+# --- sizes of lamps ---
+
+
+def test_the_most_important_lamps_have_slots_and_keep_them():
+    slots, faces = lamps.Lamps(3, 4), np.array([6, 6, 1, 6, 6])
+    slots.choose(np.array([1.0, 5.0, 3.0, 0.0, 2.0]), faces, 1)
+    assert slots.places.tolist() == [1, 2, 4] and slots.counts.tolist() == [6, 1, 6]
+    slots.levels[:] = 2
+    # Little more important than one that has a slot is not enough to take it; much more is.
+    slots.choose(np.array([2.5, 5.0, 3.0, 0.0, 2.0]), faces, 2)
+    assert slots.places.tolist() == [1, 2, 4] and slots.since.tolist() == [1, 1, 1]
+    slots.choose(np.array([4.0, 5.0, 3.0, 0.0, 2.0]), faces, 3)
+    assert slots.places.tolist() == [1, 2, 0] and slots.since.tolist() == [1, 1, 3]
+    assert slots.levels.tolist() == [2, 2, 0]
+    slots.choose(np.zeros(5), faces, 4)
+    assert slots.places.tolist() == [-1, -1, -1] and not len(slots.active)
+
+
+def test_too_many_texels_become_fewer_from_the_least_important_light_on():
+    counts, importance = np.array([6, 6, 1, 6]), np.array([1.0, 4.0, 3.0, 2.0])
+    costs, levels = lamps.whole_costs(counts, 4, False), np.array([3, 3, 4, 2])
+
+    def sizes(most):
+        return lamps.sizes_of(lamps.fitted(levels, counts, importance, costs, most), counts).tolist()
+
+    assert sizes(24 + 24 + 16 + 6) == [256, 256, 512, 128]
+    assert sizes(69) == [128, 256, 512, 128]
+    assert sizes(34) == [128, 128, 512, 128]
+    assert sizes(21) == [40, 128, 256, 128]
+    assert sizes(4) == [40, 40, 128, 40]
+    assert sizes(2) == [0, 40, 128, 0]
+
+
+def test_lights_that_share_too_few_tiles_lose_the_same_factor():
+    random = np.random.default_rng(8)
+    resolution, counts = random.uniform(30, 3000, 60), np.where(random.uniform(size=60) < 0.7, 6, 1)
+    wanted, importance = lamps.level_above(resolution, counts, 5), random.uniform(size=60)
+    costs = lamps.whole_costs(counts, 5, False)
+
+    def taken(levels):
+        return int(np.take_along_axis(costs, levels[:, None], axis=1).sum())
+
+    whole = taken(wanted)
+    for most in (60, 100, 400, 1500, whole - 1, whole):
+        levels = lamps.spread(resolution, wanted, counts, importance, costs, most)
+        assert taken(levels) <= most and (levels <= wanted).all() and (levels >= 1).all()
+        assert most in (60, whole) or taken(levels) > most - 96 * 4  # no more is left than one light may take
+        # Of two lights alike, the one with the higher resolution has no smaller size, but for one step.
+        cubes = np.flatnonzero(counts == 6)
+        sizes = lamps.sizes_of(levels, counts)[cubes[np.argsort(resolution[cubes])]]
+        assert not (sizes[:-1] > 4 * sizes[1:]).any()
+    assert np.array_equal(lamps.spread(resolution, wanted, counts, importance, costs, whole), wanted)
+
+
+# --- tiles that follow needs ---
+
+PLACES = model.Places(suns=1, cascades=2, sun_side=2, lamps=3, lamp_side=4, coarse=True)
+
+
+def residency(tiles=200, budget=1000, most=10**6):
+    pool = TilePool(tiles, (16, 13), PLACES.words)
+    slots = lamps.Lamps(3, lamps.level_of_side(4))
+    slots.choose(np.array([3.0, 2.0, 1.0]), np.array([6, 1, 6]), 0)
+    return pool, slots, Residency(pool, PLACES, slots, budget, lambda wanted: most)
+
+
+def need(*resolution, tiles=()):
+    wanted = np.zeros(PLACES.coarse_word, bool)
+    wanted[list(tiles)] = True
+    return Need(np.array(resolution, np.float64), wanted)
+
+
+def held_words(pool):
+    return np.flatnonzero(pool.tile_of >= 0)
+
+
+COARSE_WORDS = [PLACES.coarse_word + n for n in range(4)]
+
+
+def test_what_a_picture_reads_has_memory_and_each_light_its_coarse_page():
+    pool, slots, resident = residency()
+    first = PLACES.lamp_word
+    assert first == 8 and PLACES.coarse_word == 8 + 3 * 96 and PLACES.words == PLACES.coarse_word + 4
+    # A tile of the finer cascade; one cell of a lamp at the highest level, which is half of a tile at the next.
+    resident.follow(need(256, 40, 128, tiles=(1, first + 16 * 2 + 5, first + 192 + 15)), now=True)
+    assert slots.levels.tolist() == [3, 1, 2]
+    # At 256 the tile of cell (1, 1) is (0, 0) of face 2; at 128 a face has one tile.
+    assert held_words(pool).tolist() == [1, first + 32, first + 192, *COARSE_WORDS]
+    # What is needed no more goes after some frames, and new tiles come at once.
+    for frame in range(KEPT + 2):
+        pool.begin()
+        changed = resident.follow(need(256, np.nan, 128, tiles=(2,)), now=False)
+        assert changed == (frame in (0, KEPT)), frame
+        assert resident.waits == (frame < KEPT)
+    assert held_words(pool).tolist() == [2, *COARSE_WORDS]
+    assert slots.levels.tolist() == [3, 1, 2]  # nothing is known of the second: it stays
+
+
+def test_a_budget_gives_tiles_to_the_most_important_lights_first():
+    pool, slots, resident = residency(budget=7)
+    first = PLACES.lamp_word
+    resident.follow(need(1, 1, 1), now=True)
+    assert held_words(pool).tolist() == COARSE_WORDS
+    wish = need(512, 256, 128, tiles=(0, *range(first, first + 6), first + 96, first + 192, first + 208))
+    seen = []
+    for _ in range(4):
+        pool.begin()
+        resident.follow(wish, now=False)
+        seen.append((slots.levels.tolist(), len(resident.assigned)))
+        assert len(resident.assigned) <= 7
+    # A light gets all tiles of its new size at once: 1 of the sun and 6 of the first lamp, then 1 and 2.
+    assert seen == [([4, 1, 1], 7), ([4, 3, 2], 3), ([4, 3, 2], 0), ([4, 3, 2], 0)]
+    assert not resident.waits
+
+
+def test_a_full_pool_gives_a_light_its_new_size_two_frames_later():
+    pool, slots, resident = residency(tiles=4 + 8)
+    first = PLACES.lamp_word
+    cells = [first + n for n in range(8)]
+    resident.follow(need(512, 1, 1, tiles=cells), now=True)
+    assert slots.levels.tolist() == [4, 1, 1] and pool.free == 0
+    # Now the third one needs all, and the first is far away.
+    wish = need(1, 1, 512, tiles=[first + 192 + n for n in range(8)])
+    levels = []
+    for _ in range(8):
+        pool.begin()
+        resident.follow(wish, now=False)
+        levels.append(slots.levels.tolist())
+        assert pool.tile_of[COARSE_WORDS].min() >= 0
+    assert levels[-1] == [1, 1, 4] and [1, 1, 1] in levels
+
+
+def test_refused_memory_lowers_sizes():
+    pool, slots, resident = residency(tiles=100, most=20)
+    first = PLACES.lamp_word
+    resident.follow(need(512, 512, 512, tiles=[*range(first, first + 96), first + 100]), now=True)
+    assert pool.tiles == 20 and pool.used <= 20 and slots.lowered >= 1
+    assert (slots.levels >= 1).all() and slots.levels[0] < 4
+
+
+def test_a_report_says_which_tiles_and_how_fine():
+    words = np.zeros(PLACES.report_words, np.uint32)
+    words[:3] = np.array([100.0, 0.0, 8192.0], np.float32).view(np.uint32)
+    words[3 + 0], words[3 + 9] = 1 << 3 | 1 << 31, 1 << 1
+    found = read_report(words, PLACES, 0.5)
+    assert found.resolution[[0, 2]].tolist() == [50.0, 4096.0] and np.isnan(found.resolution[1])
+    assert np.flatnonzero(found.tiles).tolist() == [3, 31, 9 * 32 + 1]
+
+
+# --- frames ---
+
+
+def tapped(face, points, radius) -> set[tuple[int, int]]:
+    """Return the tiles (column, row) of a face that filters read at points (N, 3), in float64."""
+    axes = np.stack([face["right"], face["down"], face["ahead"]]).astype(np.float64)
+    p = (points - face["origin"].astype(np.float64)) @ axes.T
+    scale = np.array([face["scale_x"], face["scale_y"]], np.float64)
+    ahead = p[:, 2:] if face["perspective"] else 1.0
+    texel = np.floor(p[:, :2] / ahead * scale + 0.5 * int(face["size"]))
+    texel = texel[(p[:, 2] > face["near"]) & (np.abs(texel - int(face["size"]) / 2) < 1e6).all(axis=1)]
+    tiles = set()
+    for shift in np.ndindex(2, 2):
+        at = texel + radius * (2 * np.array(shift) - 1)
+        at = np.clip(at, 0, int(face["size"]) - 1).astype(int) // 128
+        tiles |= set(map(tuple, at.tolist()))
+    return tiles
+
+
+@pytest.mark.feature("shadows/per-light-resolution")
+@pytest.mark.parametrize("graph", ["forward", "deferred"])
+def test_reports_name_the_tiles_that_filters_read(chapter, graph):
+    scene = yard(SUN, SPOT, POINT)
+    size = (40, 30)
+    turned = replaced(BASE, graph=graph, shadow_detail=16.0, shadow_sun_size=512)
+    with chapter.open(scene, size, turned, outputs=("color", "depth")) as renderer:
+        depth = renderer.render(ASIDE).image("depth").astype(np.float64)
+        technique = renderer.techniques["shadows"]
+        lights, held = technique.lights, technique.lights.held
+        report = technique._report.read(0)
+        assert report is not None
+        found = read_report(report, held, 1.0)
+        faces = faces_of(renderer)
+        y, x = np.nonzero(depth > 0)
+        up = np.tan(ASIDE.projection.yfov / 2)
+        ahead = ASIDE.projection.near / depth[y, x]
+        ndc = np.stack([(x + 0.5) / size[0] * 2 - 1, 1 - (y + 0.5) / size[1] * 2], axis=1)
+        in_view = np.stack([ndc[:, 0] * up * size[0] / size[1] * ahead, ndc[:, 1] * up * ahead, -ahead], 1)
+        pose = ASIDE.world_from_view
+        points = in_view @ pose[:3, :3].T + pose[:3, 3] - scene.origin
+        for number, face in enumerate(faces):
+            of_sun = number < held.first_lamp
+            slot, part = divmod(max(number - held.first_lamp, 0), 12)
+            if face["light"] == 0xFFFFFFFF or part >= 6 or number == 1:
+                continue  # no face, or a coarse one
+            mine = np.ones(len(points), bool)
+            if not of_sun:
+                away = points - face["origin"]
+                own = np.abs(away @ face["ahead"]) >= np.abs(away).max(axis=1) - 1e-9
+                mine = ((away @ face["ahead"]) > 0) & (own if lights.lamps.counts[slot] == 6 else True)
+                if lights.lamps.counts[slot] == 1:
+                    cosine = (away @ face["ahead"]) / np.linalg.norm(away, axis=1)
+                    mine &= cosine > np.cos(np.radians(39.9))
+            side = held.sun_side if of_sun else held.lamp_side
+            first = 0 if of_sun else held.lamp_word + slot * held.lamp_words + part * side * side
+            bits = found.tiles[first : first + side * side].reshape(side, side)
+            told = {(column, row) for row, column in np.argwhere(bits).tolist()}
+            kernel = int(face["guard"]) - 1
+            assert tapped(face, points[mine], kernel) <= told <= tapped(face, points[mine], kernel + 6), (
+                number
+            )
+        # A pixel sees a lamp's sphere under as many texels as pixels: between those of points at either end.
+        wide = 2 * up / size[1] * ahead
+        for slot, place in enumerate(lights.lamps.places):
+            away = np.linalg.norm(points - lights._records["position"][place], axis=1)
+            of_points = np.sqrt(4 * np.pi / 6) * away / wide
+            assert 0.3 * of_points.min() < found.resolution[slot] < 1.05 * of_points.max()
+
+
+@pytest.mark.core
+@pytest.mark.feature("sparse/residency-image", "sparse/page-pool", "shadows/reduced-resolution")
+@pytest.mark.parametrize("graph", ["deferred", "compute", "forward"])
+def test_all_kinds_of_memory_give_the_same_picture(chapter, graph):
+    scene = yard(SUN, SPOT, POINT, extra=(placed((2.0, 1.0, -2.0), (1.5, 1.0), (1.0, 0.4, 0.2)),))
+    turned = replaced(BASE, graph=graph, shadow_detail=16.0, shadow_sun_size=512, shadow_cascades=2)
+    pictures, bytes_ = [], []
+    for memory, without in (("full", ()), ("pages", ("sparse",)), ("pages", ())):
+        with chapter.open(
+            scene,
+            (96, 64),
+            replaced(turned, shadow_memory=memory),
+            without=without,
+            outputs=("color_linear",),
+        ) as renderer:
+            picture, _ = settled(renderer, ASIDE)
+            work = renderer.render(ASIDE).work
+            pictures.append(picture)
+            bytes_.append(work["shadow_bytes"])
+            assert work["shadow_lights_lowered"] == 0
+            if renderer.techniques["shadows"].pages.virtual is not None:
+                assert work["shadow_bytes"] == work["shadow_pages"] << 16 < bytes_[0]
+    assert np.array_equal(pictures[1], pictures[0]) and np.array_equal(pictures[2], pictures[0])
+    assert pictures[0].max() > 0
+
+
+def test_samples_and_glass_get_the_tiles_that_they_read(chapter):
+    glass = Material(
+        roughness=1.0, metallic=0.0, double_sided=True, alpha_mode="blend", base_color=(1, 1, 1, 0.6)
+    )
+    solid = Material(roughness=1.0, metallic=0.0, double_sided=True)
+    light, pose = spot((0.0, 5.0, 0.1), (0.0, 0.0, 0.0))
+    squares = (placed((0, 0, 0), (3, 3), (0, 1, 0)), placed((0, 3.0, 0), (0.6, 0.6), (0, 1, 0)))
+    scene = quad_scene(materials=(glass, solid), matrices=(*squares, pose), instance_materials=(0, 1))
+    scene = replace(scene, lights=[replace(light, node=2)])
+    below = View(pose_looking_at((0, 2.5, 0), (0, 0, 0), (0, 0, -1)), Orthographic(1.6, 0.1, 20.0))
+    for turned in ({"graph": "deferred"}, {"graph": "forward", "msaa": 4}):
+        wanted, found = (
+            _picture(chapter, scene, below, shadow_memory=memory, shadow_detail=16.0, **turned)
+            for memory in ("full", "pages")
+        )
+        assert np.array_equal(wanted, found), turned
+        assert found[28:36, 28:36].max() < 0.1 * found.max()
+
+
+def _picture(chapter, scene, view, **turned):
+    with chapter.open(scene, SIZE, replaced(BASE, **turned), outputs=("color_linear",)) as renderer:
+        picture, _ = settled(renderer, view)
+        return picture
+
+
+@pytest.mark.feature("sparse/residency-image")
+def test_a_walk_leaves_no_stale_texel(chapter):
+    scene = yard(SUN, SPOT, POINT)
+    turned = replaced(BASE, shadow_sun_size=512, shadow_cascades=2, shadow_detail=4.0, page_budget=16)
+    walk = [
+        View(pose_looking_at((3 - 0.8 * k, 2.5, 4 - 0.3 * k), (0.5 * k - 1, 0, 0)), Perspective())
+        for k in range(6)
+    ]
+    kinds = []
+    for without in (("sparse",), ()):
+        with chapter.open(scene, SIZE, turned, without=without, outputs=("color_linear",)) as renderer:
+            pictures = [renderer.render(view).image("color_linear").copy() for view in walk]
+            last, _ = settled(renderer, walk[-1])
+            kinds.append([*pictures, last])
+        with chapter.open(scene, SIZE, turned, without=without, outputs=("color_linear",)) as renderer:
+            again = [renderer.render(view).image("color_linear").copy() for view in walk]
+            assert all(map(np.array_equal, again, pictures))  # equal calls, equal pixels
+    assert all(map(np.array_equal, *kinds))
+
+
+def test_no_light_is_without_shadow_while_tiles_wait(chapter):
+    scene = yard(POINT)
+    turned = replaced(BASE, shadow_detail=16.0, page_budget=1, shadow_kernel=1, view="shadow-factor")
+    turned = replaced(turned, graph="forward")
+    away = View(pose_looking_at((0, 6, 0.1), (0, 12, 0)), Perspective(0.5))
+    with chapter.open(scene, SIZE, turned, outputs=("color",)) as renderer:
+        settled(renderer, away, "color")
+        assert renderer.render(away).work["shadow_pages"] == 1  # the coarse page
+        first = renderer.render(ABOVE)
+        dark = (first.image("color")[..., 0] == 0).mean()
+        assert first.work["shadow_pages"] == 1 and dark > 0.02
+        fine, frames = settled(renderer, ABOVE, "color")
+        assert frames > 3 and abs((fine[..., 0] == 0).mean() - dark) < 0.02
+
+
+@pytest.mark.feature("shadows/caching")
+def test_a_settled_view_reports_draws_and_binds_nothing(chapter):
+    scene = yard(SUN, SPOT, POINT)
+    with chapter.open(scene, SIZE, BASE, outputs=("color_linear",)) as renderer:
+        settled(renderer, ASIDE)
+        for _ in range(3):
+            frame = renderer.render(ASIDE)
+        technique = renderer.techniques["shadows"]
+        assert frame.work["shadow_pages_drawn"] == frame.work["shadow_faces_drawn"] == 0
+        assert not technique._report.wanted and frame.work["recorded"] == 0
+        before = technique.lights.pool.revision
+        node = scene.lights[2].node
+        with scene.edit() as edit:
+            edit.set_transform(node, translation=(-1.0, 3.0, 0.9))
+        moved = renderer.render(ASIDE)
+        slot = int(np.flatnonzero(technique.lights.lamps.places == 2)[0])
+        first = technique.lights.held.first_lamp + 12 * slot
+        assert set(technique.passes["shadows"].schedule.faces) <= set(range(first, first + 12))
+        assert moved.work["shadow_faces_drawn"] > 0 and technique.lights.pool.revision == before
+
+
+def test_a_renderer_follows_its_size_and_a_cut(chapter):
+    scene = yard(SUN, SPOT, POINT)
+    turned = replaced(BASE, shadow_sun_size=512, shadow_detail=2.0)
+    with chapter.open(scene, SIZE, turned, outputs=("color_linear",)) as renderer:
+        settled(renderer, ABOVE)
+        renderer.resize((48, 32))
+        there = replace(ASIDE, cut=True)
+        cut = renderer.render(there).image("color_linear").copy()
+        maps = all_faces(renderer)
+    with chapter.open(scene, (48, 32), turned, outputs=("color_linear",)) as renderer:
+        assert np.array_equal(renderer.render(ASIDE).image("color_linear"), cut)
+        assert np.array_equal(all_faces(renderer), maps)
