@@ -56,10 +56,10 @@ def settled(renderer, view, name="color_linear", most=30):
 @pytest.mark.feature("sparse/page-pool")
 def test_no_tile_has_two_owners_and_what_is_given_up_waits_for_two_frames():
     pool, random = TilePool(50, (8, 7), 200), np.random.default_rng(7)
-    held, given_up = np.zeros(200, bool), np.full(50, -10)
+    held, given_up = np.zeros(400, bool), np.full(50, -10)
     for frame in range(200):
         pool.begin()
-        words = random.permutation(200)[: random.integers(1, 20)]
+        words = random.permutation(400)[: random.integers(1, 20)]
         tiles = pool.tile_of[words]
         given_up[tiles[tiles >= 0]] = frame
         pool.release(words)
@@ -148,6 +148,9 @@ def residency(tiles=200, budget=1000, most=10**6):
     return pool, slots, Residency(pool, PLACES, slots, budget, lambda wanted: most)
 
 
+STILL = np.zeros(5, bool)  # two cascades and three lamps
+
+
 def need(*resolution, tiles=()):
     wanted = np.zeros(PLACES.coarse_word, bool)
     wanted[list(tiles)] = True
@@ -166,14 +169,16 @@ def test_what_a_picture_reads_has_memory_and_each_light_its_coarse_page():
     first = PLACES.lamp_word
     assert first == 8 and PLACES.coarse_word == 8 + 3 * 96 and PLACES.words == PLACES.coarse_word + 4
     # A tile of the finer cascade; one cell of a lamp at the highest level, which is half of a tile at the next.
-    resident.follow(need(256, 40, 128, tiles=(1, first + 16 * 2 + 5, first + 192 + 15)), now=True)
+    resident.follow(
+        need(256, 40, 128, tiles=(1, first + 16 * 2 + 5, first + 192 + 15)), now=True, mixed=STILL
+    )
     assert slots.levels.tolist() == [3, 1, 2]
     # At 256 the tile of cell (1, 1) is (0, 0) of face 2; at 128 a face has one tile.
     assert held_words(pool).tolist() == [1, first + 32, first + 192, *COARSE_WORDS]
     # What is needed no more goes after some frames, and new tiles come at once.
     for frame in range(KEPT + 2):
         pool.begin()
-        changed = resident.follow(need(256, np.nan, 128, tiles=(2,)), now=False)
+        changed = resident.follow(need(256, np.nan, 128, tiles=(2,)), now=False, mixed=STILL)
         assert changed == (frame in (0, KEPT)), frame
         assert resident.waits == (frame < KEPT)
     assert held_words(pool).tolist() == [2, *COARSE_WORDS]
@@ -183,13 +188,13 @@ def test_what_a_picture_reads_has_memory_and_each_light_its_coarse_page():
 def test_a_budget_gives_tiles_to_the_most_important_lights_first():
     pool, slots, resident = residency(budget=7)
     first = PLACES.lamp_word
-    resident.follow(need(1, 1, 1), now=True)
+    resident.follow(need(1, 1, 1), now=True, mixed=STILL)
     assert held_words(pool).tolist() == COARSE_WORDS
     wish = need(512, 256, 128, tiles=(0, *range(first, first + 6), first + 96, first + 192, first + 208))
     seen = []
     for _ in range(4):
         pool.begin()
-        resident.follow(wish, now=False)
+        resident.follow(wish, now=False, mixed=STILL)
         seen.append((slots.levels.tolist(), len(resident.assigned)))
         assert len(resident.assigned) <= 7
     # A light gets all tiles of its new size at once: 1 of the sun and 6 of the first lamp, then 1 and 2.
@@ -201,14 +206,14 @@ def test_a_full_pool_gives_a_light_its_new_size_two_frames_later():
     pool, slots, resident = residency(tiles=4 + 8)
     first = PLACES.lamp_word
     cells = [first + n for n in range(8)]
-    resident.follow(need(512, 1, 1, tiles=cells), now=True)
+    resident.follow(need(512, 1, 1, tiles=cells), now=True, mixed=STILL)
     assert slots.levels.tolist() == [4, 1, 1] and pool.free == 0
     # Now the third one needs all, and the first is far away.
     wish = need(1, 1, 512, tiles=[first + 192 + n for n in range(8)])
     levels = []
     for _ in range(8):
         pool.begin()
-        resident.follow(wish, now=False)
+        resident.follow(wish, now=False, mixed=STILL)
         levels.append(slots.levels.tolist())
         assert pool.tile_of[COARSE_WORDS].min() >= 0
     assert levels[-1] == [1, 1, 4] and [1, 1, 1] in levels
@@ -217,9 +222,25 @@ def test_a_full_pool_gives_a_light_its_new_size_two_frames_later():
 def test_refused_memory_lowers_sizes():
     pool, slots, resident = residency(tiles=100, most=20)
     first = PLACES.lamp_word
-    resident.follow(need(512, 512, 512, tiles=[*range(first, first + 96), first + 100]), now=True)
+    resident.follow(
+        need(512, 512, 512, tiles=[*range(first, first + 96), first + 100]), now=True, mixed=STILL
+    )
     assert pool.tiles == 20 and pool.used <= 20 and slots.lowered >= 1
     assert (slots.levels >= 1).all() and slots.levels[0] < 4
+
+
+def test_lights_that_movers_meet_keep_what_they_show_without_them():
+    pool, slots, resident = residency()
+    first = PLACES.lamp_word
+    wish, mixed = need(256, 1, 1, tiles=(1, 5, first + 5)), np.array([False, True, True, False, False])
+    resident.follow(wish, now=True, mixed=mixed)
+    shown = [1, 5, first, *COARSE_WORDS]
+    kept = [5, first, PLACES.coarse_word + 1]  # the second cascade, the first lamp, and its coarse page
+    assert held_words(pool).tolist() == [*shown, *(PLACES.words + word for word in kept)]
+    for _ in range(KEPT + 2):
+        pool.begin()
+        resident.follow(wish, now=False, mixed=STILL)
+    assert held_words(pool).tolist() == shown
 
 
 def test_a_report_says_which_tiles_and_how_fine():

@@ -282,17 +282,23 @@ class ClothFrames:
         """Return (C,) which cloths may be in the picture; a cloth with unknown bounds may be."""
         cloth_scene = self._cloth_scene
         visible = cloth_scene.scene.instances.visible[cloth_scene.instances]
-        anchors = np.array([cloth.anchor for cloth in self.cloths])
         planes = frustum_planes(view.clip_from_world(aspect))
+        boxes = self.boxes()
+        center, half = boxes.mean(axis=1), np.ptp(boxes, axis=1) / 2
+        outside = center @ planes[:, :3].T + half @ np.abs(planes[:, :3]).T + planes[:, 3] < 0  # (C, P)
+        seen: NDArray[np.bool_] = visible & ~outside.any(axis=1)
+        return seen
+
+    def boxes(self) -> Float64:
+        """Return the (C, 2, 3) boxes of cloths in the world, NaN where they are unknown."""
+        anchors = np.array([cloth.anchor for cloth in self.cloths])
         # The stats are some frames old; since then cloth went on, and fell at most. Other forces may move it anywhere.
         ago = (self._made - self._told_at) * self.clock.dt
         margin = (self._speed + 10.0 * ago) * ago * 1.5 + 0.02 * self._sizes
-        center = self._bounds.mean(axis=1) + anchors
-        half = np.ptp(self._bounds, axis=1) / 2 + margin[:, None]
-        outside = center @ planes[:, :3].T + half @ np.abs(planes[:, :3]).T + planes[:, 3] < 0  # (C, P)
+        boxes = self._bounds + anchors[:, None] + margin[:, None, None] * np.array((-1.0, 1.0))[:, None]
         followed = self._told_at > self._acts_since
-        seen: NDArray[np.bool_] = visible & ~(followed & outside.any(axis=1))
-        return seen
+        known: Float64 = np.where(followed[:, None, None], boxes, np.nan)
+        return known
 
     def _tell(self, sentences: Sequence[str]) -> None:
         warnings = self._cloth_scene.source.warnings

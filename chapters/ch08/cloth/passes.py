@@ -131,6 +131,11 @@ class ClothPass(Pass):
         self.work: dict[str, int] = {}
         """Counts of the steps and cloths that the last frame simulated and left out."""
 
+    def boxes(self) -> dict[int, NDArray[np.float64]]:
+        """Return the boxes (2, 3) of cloths in the world by instance, NaN where they are unknown."""
+        instances = self._cloth_scene.instances.tolist()
+        return dict(zip(instances, self.frames.boxes(), strict=True)) if self.frames else {}
+
     def needed(self, scene: Scene, settings: Settings) -> bool:  # type: ignore[override]
         """Whether the scene had cloth when the renderer was opened."""
         return bool(self._cloth_scene.cloths)

@@ -26,7 +26,7 @@ class Pages:
     """An image of R32F with one layer, whose tiles all have memory. The table alone says which faces they belong to."""
 
     virtual: NDArray[np.uint32] | None = None
-    """(W,) The place of each word of the table, where tiles are bound to places (sparse residency)."""
+    """The places of words and tiles, where tiles are bound to places (pool.py)."""
 
     image: Any
 

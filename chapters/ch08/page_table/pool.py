@@ -23,8 +23,9 @@ def places_of(numbers: NDArray[np.int64], width: int, height: int) -> NDArray[np
 class TilePool:
     """Hands out tiles of memory. The lowest free ones come first, so equal calls agree.
 
-    The memory is an image of `size` (columns, rows) in tiles. With `virtual` (W,) the table holds these places instead,
-    and the tiles are memory behind them (sparse residency).
+    A tile of a face has two words: what is shown, and in the second half of the table what is kept without movers. The
+    memory is an image of `size` (columns, rows) in tiles. With `virtual` (W + tiles,) the table holds these places
+    instead: one for each word that is shown, and one for each tile that is kept. The tiles are memory behind them.
     """
 
     def __init__(
@@ -37,10 +38,12 @@ class TilePool:
         self._places = places_of(np.arange(tiles), *size)
         self._virtual = virtual
         self._frame = 0
-        self.tile_of = np.full(words, -1, np.int64)
-        """(W,) The tile of each word, -1 for none."""
-        self.table = np.full(words, NONE, np.uint32)
-        """(W,) Where shaders find each word's tile (layout.py)."""
+        self.shown = words
+        """The number W of words that are shown."""
+        self.tile_of = np.full(2 * words, -1, np.int64)
+        """(2 W,) The tile of each word, -1 for none."""
+        self.table = np.full(2 * words, NONE, np.uint32)
+        """(2 W,) Where shaders find each word's tile (layout.py)."""
         self.revision = 0
         """Grows with every change of the table, and when tiles become free."""
 
@@ -103,5 +106,8 @@ class TilePool:
             raise ValueError(f"{len(words)} tiles are more than the {len(tiles)} that are free")
         self._free[tiles] = False
         self.tile_of[words] = tiles
-        self.table[words] = self._places[tiles] if self._virtual is None else self._virtual[words]
+        places = self._places[tiles]
+        if self._virtual is not None:
+            places = self._virtual[np.where(words < self.shown, words, self.shown + tiles)]
+        self.table[words] = places
         self.revision += 1

@@ -56,20 +56,21 @@ class Residency:
                 len(cascades) + lamp,
             ]
         ).astype(np.int64)
+        self._owner = np.tile(self._owner, 2)  # also of what is kept without movers
         self._suns = len(cascades)
-        self._age = np.zeros(places.words, np.int64)
+        self._age = np.zeros(2 * places.words, np.int64)
         self.assigned = np.zeros(0, np.intp)
         """The words that got a tile in this frame."""
         self.waits = False
         """Whether any tile waits for its turn, or to be given up."""
 
-    def _costs(self, by_level: list[tuple[int, Bools]]) -> Int64:
-        """Return (S, L) the tiles that each slot's light takes at each level."""
+    def _costs(self, by_level: list[tuple[int, Bools]], mixed: Bools) -> Int64:
+        """Return (S, L) the tiles that each slot's light takes at each level: twice as many where it meets movers."""
         places, lamps = self._places, self._lamps
         costs = whole_costs(lamps.counts, lamps.highest, places.coarse)
         for level, needed in by_level:
             costs[:, level] = places.coarse + needed.sum(axis=(1, 2, 3))
-        return costs
+        return costs * (1 + mixed[self._suns :, None])
 
     def _by_level(self, tiles: Bools) -> list[tuple[int, Bools]]:
         """Return for each level from 2 on which tiles (S, 6, rows, columns) of their faces lamps need."""
@@ -100,16 +101,23 @@ class Residency:
         coarse[places.suns :] = levels > 0 if places.coarse else levels == 1
         return wanted
 
-    def follow(self, need: Need, now: bool) -> bool:
+    @property
+    def owners(self) -> int:
+        """The number of cascades of all suns and of slots of lamps."""
+        return self._suns + self._places.lamps
+
+    def follow(self, need: Need, now: bool, mixed: Bools) -> bool:
         """Choose levels and tiles; return whether any of them is another one.
 
-        With `now` all tiles are given at once, and what was given up is free: no frame in flight reads it.
+        With `now` all tiles are given at once, and what was given up is free: no frame in flight reads it. `mixed`
+        (`owners`,) says which of these meet casters that move: what they show is kept without these as well.
         """
         pool, lamps, places = self._pool, self._lamps, self._places
         of_suns, by_level = need.tiles[: places.lamp_word], self._by_level(need.tiles)
-        room = pool.tiles - int(of_suns.sum()) - places.suns * places.coarse
-        levels = lamps.wanted(need.resolution, self._costs(by_level), room)
+        suns = (1 + mixed[self._owner[: places.lamp_word]])[of_suns].sum() + 2 * places.suns * places.coarse
+        levels = lamps.wanted(need.resolution, self._costs(by_level, mixed), pool.tiles - int(suns))
         wanted = self._words_of(levels, of_suns, by_level)
+        wanted = np.concatenate([wanted, wanted & mixed[self._owner[: places.words]]])
         held = pool.tile_of >= 0
         asked = resized = self._of_lamps(levels != lamps.levels)
         new = wanted & (~held | resized)
@@ -117,7 +125,7 @@ class Residency:
         there = self._reserve(min(pool.tiles, int(new.sum()) + int(held.sum()) + int(pool.is_waiting.sum())))
         if there < int(wanted.sum()):  # the device refuses memory: all sizes follow from what there is
             pool.limit(there)
-            return self.follow(need, now)
+            return self.follow(need, now, mixed)
         before = pool.revision, lamps.levels
         self.waits = False
         if now:
@@ -134,11 +142,11 @@ class Residency:
         return before[0] != pool.revision or not np.array_equal(before[1], levels)
 
     def _of_lamps(self, chosen: Bools) -> Bools:
-        """Return (W,) the words of some lamps' faces, coarse pages apart: these stay when a size changes."""
+        """Return (2 W,) the words of some lamps' faces, coarse pages apart: these stay when a size changes."""
         places = self._places
-        words = np.zeros(places.words, bool)
-        words[places.lamp_word : places.coarse_word] = np.repeat(chosen, places.lamp_words)
-        return words
+        words = np.zeros((2, places.words), bool)
+        words[:, places.lamp_word : places.coarse_word] = np.repeat(chosen, places.lamp_words)
+        return words.reshape(-1)
 
     def _admitted(self, levels: Int64, new: Bools) -> tuple[Int64, Bools]:
         """Return the levels and the new words that this frame has room for.

@@ -1,8 +1,8 @@
 """Pages by sparse residency: one large image, whose tiles have memory where the table says so (Vulkan).
 
-Every word of the table has a place of its own in the image, and the driver's page table takes the part of ours: binding
-a tile of memory to a place is an operation of the queue. A frame that needs other tiles waits for it on the GPU, by a
-timeline. Memory comes in blocks, as it is needed.
+Every word of the table that is shown has a place of its own in the image, and every tile one more for when it is kept
+(pool.py). The driver's page table takes the part of ours: binding a tile of memory to a place is an operation of the
+queue. A frame that needs other tiles waits for it on the GPU, by a timeline. Memory comes in blocks, as it is needed.
 """
 
 from __future__ import annotations
@@ -49,16 +49,16 @@ class SparsePages(Pages):
         assert vk.ffi.sizeof("VkSparseImageMemoryBind") == BIND.itemsize, (
             "the layout above is that of the API"
         )
-        self._usage, self._words = usage, words
-        rows = -(-words // WIDEST)
+        self._usage, self._words, self._places = usage, words, words + tiles
+        rows = -(-self._places // WIDEST)
         self._layers = -(-rows // WIDEST)
         self._rows = -(-rows // self._layers)
         self._blocks: list[int] = []  # handles of memory as integers, as BIND has them
         self._memories: list[Any] = []
-        self._bound = np.full(words, -1, np.int64)
+        self._bound = np.full(self._places, -1, np.int64)
         super().__init__(backend, tiles)
         self.columns_rows = WIDEST, self._rows
-        self.virtual = places_of(np.arange(words), WIDEST, self._rows)
+        self.virtual = places_of(np.arange(self._places), WIDEST, self._rows)
         self._timeline = Timeline(backend.device, "sparse binds")
         self._revision = -1
 
@@ -66,7 +66,7 @@ class SparsePages(Pages):
         device, (width, height) = self._backend.device, (WIDEST * TILE, self._rows * TILE)
         limits = device.physical.limits
         fits = max(width, height) <= limits.maxImageDimension2D and self._layers <= limits.maxImageArrayLayers
-        if not fits or self._words * TILE_BYTES > limits.sparseAddressSpaceSize:
+        if not fits or self._places * TILE_BYTES > limits.sparseAddressSpaceSize:
             raise UnsupportedError("The device has no sparse image as large as the table.")
         info = vk.new(
             "VkImageCreateInfo",
@@ -113,28 +113,32 @@ class SparsePages(Pages):
         return len(self._blocks) * BLOCK
 
     def bind(self, pool: TilePool) -> None:
-        """Bind tiles to the places of words that have others now; the next submission waits for it.
+        """Bind tiles to the places that have others now; the next submission waits for it.
 
-        A word without a tile keeps its last one bound until that one is free: a frame in flight may read it.
+        A place without a tile keeps its last one bound until that one is free: a frame in flight may read it.
         """
         if pool.revision == self._revision:
             return
         self._revision = pool.revision
-        gone = (pool.tile_of < 0) & (self._bound >= 0)
+        wanted = np.full(self._places, -1, np.int64)
+        wanted[: self._words] = pool.tile_of[: self._words]
+        kept = pool.tile_of[self._words :]
+        kept = kept[kept >= 0]
+        wanted[self._words + kept] = kept
+        gone = (wanted < 0) & (self._bound >= 0)
         gone[gone] = ~pool.is_waiting[self._bound[gone]]
-        new = (pool.tile_of >= 0) & (pool.tile_of != self._bound)
-        words = np.concatenate([np.flatnonzero(gone), np.flatnonzero(new)])
-        if not len(words):
+        new = (wanted >= 0) & (wanted != self._bound)
+        numbers = np.concatenate([np.flatnonzero(gone), np.flatnonzero(new)])
+        if not len(numbers):
             return
-        tiles = pool.tile_of[words]
-        self._submit(self._binds(words, tiles))
-        self._bound[words] = tiles
+        self._submit(self._binds(numbers, wanted[numbers]))
+        self._bound[numbers] = wanted[numbers]
 
-    def _binds(self, words: NDArray[np.intp], tiles: NDArray[np.int64]) -> np.ndarray:
-        """Return the (N,) BIND records that give tiles to the places of words; a tile of -1 takes the memory away."""
-        assert self.virtual is not None, "the image has a place for each word"
-        places = self.virtual[words]
-        binds = np.zeros(len(words), BIND)
+    def _binds(self, numbers: NDArray[np.intp], tiles: NDArray[np.int64]) -> np.ndarray:
+        """Return the (N,) BIND records that give tiles to places; a tile of -1 takes the memory away."""
+        assert self.virtual is not None, "the image has places"
+        places = self.virtual[numbers]
+        binds = np.zeros(len(numbers), BIND)
         binds["aspect"], binds["layer"] = vk.VK_IMAGE_ASPECT_COLOR_BIT, places >> 16
         binds["x"], binds["y"] = (places & 0xFF) * TILE, (places >> 8 & 0xFF) * TILE
         binds["width"] = binds["height"] = TILE

@@ -4,12 +4,13 @@
 
 layout(BIND(0, SHADOW_BLOCK, 14), std430) readonly buffer Shadows_ {
     uint shadow_of[SHADOW_LIGHTS];          // by light: 0, or 1 + its first face, and its number of faces from bit 24 on
-    uint shadow_drawn[2 * SHADOW_FACES];    // by layer of the rounds: the face that is drawn to it
-    uint shadow_lists[2 * SHADOW_FACES];    // the lights to cull for: first face, and number of faces from bit 24 on
+    uint shadow_drawn[4 * SHADOW_FACES];    // by layer of the rounds: the face that is drawn to it
+    uint shadow_lists[4 * SHADOW_FACES];    // the lights to cull for: first face, and number of faces from bit 24 on
     uint shadow_blended[SHADOW_BLENDED];    // a bit for each material that is blended
-    uvec4 shadow_rounds[SHADOW_FACES];      // xyz: work groups of the copy of a round, w: its first one of shadow_copies
+    uint shadow_moving[SHADOW_MOVING];      // a bit for each instance that is a mover
+    uvec4 shadow_rounds[2 * SHADOW_FACES];  // xyz: work groups of the copy of a round, w: its first one of shadow_copies
     ShadowFace shadow_faces[SHADOW_FACES];
-    uvec4 shadow_copies[SHADOW_COPIES];     // layer and face, tile of the face, page
+    uvec4 shadow_copies[SHADOW_COPIES];     // layer and face, tile of the face, page, page of other casters
     uint shadow_table[];                    // by tile of a face: its place in the pages, in tiles
 };
 

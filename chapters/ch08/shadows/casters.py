@@ -1,16 +1,21 @@
-"""What changes about casters from frame to frame: whether any has moved, and the tables for the kernels that cull."""
+"""What changes about casters from frame to frame: which have moved, and the tables for the kernels that cull."""
 
 from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from backends.contract import FrameInfo, Pass
 from common.scene import Change
 
+from ..cloth.passes import ClothPass
 from ..frames.backend.backend import Backend
 from ..scene.pass_parts import PassParts
 from .lists import shadow_lists
 from .memory import ShadowMemory
+from .movers import Movers, Moves
 from .passes import ShadowsPass
 
 LARGEST = 1 << 27
@@ -30,13 +35,16 @@ class Casters:
         self._buffer_bytes = min(int(capabilities.limits["maxStorageBufferRange"]), LARGEST)
         own.culls = self._culls
         self._lists_seen: Any = None
-        self._moves = 0
         self._seen: Any = None
+        self._pose: Any = None
+        deforming = np.zeros(len(parts.scene.meshes), bool)
+        deforming[[deformation.mesh for deformation in parts.scene.deformations]] = True
+        self.movers = Movers(deforming[parts.scene.instances.mesh])
         self._maps, self._masked = 0, True
         self._all_drawn: int | None = None
 
-    def follow(self, frame: FrameInfo, memory: ShadowMemory, instances: int) -> bool:
-        """Follow edits and poses; return whether any caster is another one since the last frame, or elsewhere.
+    def follow(self, frame: FrameInfo, memory: ShadowMemory, instances: int) -> Moves:
+        """Follow edits and poses; return what has changed since the last frame.
 
         `instances` is the number of the places of all objects (`Versions`).
         """
@@ -47,14 +55,22 @@ class Casters:
             numbered = memory.unlimited(draws.binding.records, self._pass.lists)
             draws.binding = draws.binding._replace(counted=numbered)
         revision = parts.scene.revision
-        pose = parts.data.records.moving_key(frame.pose) if parts.scene.deformations else None
-        self._moves += not self._cloth.resting
+        pose = parts.data.records.moving_key(frame.pose)[1] if parts.scene.deformations else None
+        cloth = not self._cloth.resting
+        deformed, self._pose = pose != self._pose or cloth, pose
         if self._all_drawn is not None:  # with the textures that were there when that frame was submitted
             self._maps = parts.data.slots[self._all_drawn].written.get("maps", 0)
-        seen = revision[Change.VISIBILITY], revision[Change.MATERIALS], self._moves, instances, pose
-        moved, self._seen = seen != self._seen or not self.resting, seen
-        self._all_drawn = frame.slot if moved else None
-        return moved
+        seen = revision[Change.VISIBILITY], revision[Change.MATERIALS]
+        everything, self._seen = seen != self._seen or not self.resting, seen
+        self._all_drawn = frame.slot if everything else None
+        records = parts.data.slots[frame.slot].written["instance_records"]
+        known = self._cloth_boxes() if cloth and deformed else {}
+        return Moves(everything, *self.movers.follow(records, instances, deformed, known))
+
+    def _cloth_boxes(self) -> dict[int, NDArray[np.float64]]:
+        """Return the boxes of cloths, by instance, relative to the scene's origin."""
+        boxes = self._cloth.boxes() if isinstance(self._cloth, ClothPass) else {}
+        return {instance: box - self._parts.scene.origin for instance, box in boxes.items()}
 
     def _follow_lists(self, memory: ShadowMemory) -> None:
         """Make the tables of casters anew, since other objects are drawn."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,6 +21,14 @@ Int = NDArray[np.intp]
 _NO_ENTRIES = np.zeros((0, 4), np.uint32)
 
 
+class Due(NamedTuple):
+    """(F,) Which faces show other casters than before, movers apart; which show movers elsewhere; which touch any."""
+
+    still: NDArray[np.bool_]
+    moved: NDArray[np.bool_]
+    touched: NDArray[np.bool_]
+
+
 class Copies:
     """What is copied in a frame: the words of tiles, each with its face."""
 
@@ -34,58 +44,71 @@ class Copies:
         suns = np.arange(places.suns) * places.sun_stride + places.cascades
         first = lamps[:, 0] + places.coarse * CUBE_FACES
         self._coarse = np.concatenate([suns, first])  # the first face of each coarse page
-        self.words = self.faces = np.zeros(0, np.intp)
-        """(N,) The words, and the faces of which they are tiles."""
+        self.words = np.zeros(0, np.intp)
+        """(N,) The words of the table whose tiles are drawn."""
+        self.faces = np.zeros(0, np.intp), np.zeros(0, np.intp)
+        """The faces that are drawn: with casters that stand still, and with movers."""
         self.rounds = self.entries = _NO_ENTRIES
         """(R, 4) and (N, 4) the words of `shadow_rounds` and `shadow_copies` (layout.py)."""
 
-    def choose(self, faces: np.ndarray, due: NDArray[np.bool_], assigned: Int, table: np.ndarray) -> None:
-        """Choose all tiles of the faces that are `due` (F,), and those that have memory since this frame."""
-        self.rounds = self.entries = _NO_ENTRIES
-        wanted = np.zeros(len(table), bool)
-        wanted[assigned] = True
-        fine = wanted[: self._coarse_word]
-        fine |= due[self._face]
-        fine &= (table[: self._coarse_word] != NONE) & (faces["light"][self._face] != UNUSED)
-        words = np.flatnonzero(fine)
-        numbers = self._face[words]
-        # Of a face with fewer tiles than words the rest is empty, and so are words of faces that a light does not have.
-        coarse = self._coarse + np.arange(CUBE_FACES)[:, None]  # (6, pages)
-        coarse = np.minimum(coarse, len(faces) - 1)
-        at = self._coarse_word + np.arange(len(self._coarse))
-        its_own = faces["first"][coarse] == at
-        chosen = (
-            its_own & (faces["light"][coarse] != UNUSED) & (table[at] != NONE) & (wanted[at] | due[coarse])
-        )
-        _, page = np.nonzero(chosen)
-        self.words = np.concatenate([words, at[page]])
-        self.faces = np.concatenate([numbers, coarse[chosen]])
-        tile = self.words - faces["first"][self.faces].astype(np.intp)
-        row, column = np.divmod(tile, np.maximum(faces["tiles"][self.faces].astype(np.intp), 1))
-        self._tiles = column | row << 16
-        self._places = table[self.words]
+    def choose(self, faces: np.ndarray, due: Due, assigned: Int, table: np.ndarray) -> None:
+        """Choose what is drawn to which tiles; `assigned` are the words that have memory since this frame.
 
-    def place(self, due: Schedule) -> None:
-        """Order what was chosen by rounds, whose layers are known now."""
-        if not len(due.faces):
-            return
-        of_face = np.zeros(int(due.faces.max()) + 1, np.intp)
-        of_face[due.faces] = due.places
-        layers = of_face[self.faces]
-        order = np.argsort(layers, kind="stable")
-        layers = layers[order]
-        first = np.array([turn.first for turn in due.rounds])
+        `table` has the tiles of all words, and behind them those without movers. A tile that has both is drawn without
+        movers to the second, and joined with movers into the first. Else its face is drawn twice into one tile.
+        """
+        self.rounds = self.entries = _NO_ENTRIES
+        count = len(table) // 2
+        shown, kept = table[:count], table[count:]
+        new = np.zeros(len(table), bool)
+        new[assigned] = True
+        words, numbers = self._held(faces, shown)
+        has_kept, is_new = kept[words] != NONE, new[words] | new[words + count]
+        still = due.still[numbers] | is_new | (due.moved[numbers] & ~has_kept)
+        moving = due.moved[numbers] | (still & (has_kept | due.touched[numbers]))
+        self._chosen = []
+        for chosen, movers in ((still, False), (moving, True)):
+            word, number = words[chosen], numbers[chosen]
+            tile = word - faces["first"][number].astype(np.intp)
+            row, column = np.divmod(tile, np.maximum(faces["tiles"][number].astype(np.intp), 1))
+            apart = np.where(kept[word] != NONE, kept[word], shown[word])
+            to, source = (shown[word], apart) if movers else (apart, np.full(len(word), NONE, np.uint32))
+            self._chosen.append((number, column | row << 16, to, source))
+        self.words = words[still | moving]
+        self.faces = np.unique(self._chosen[0][0]), np.unique(self._chosen[1][0])
+
+    def _held(self, faces: np.ndarray, shown: np.ndarray) -> tuple[Int, Int]:
+        """Return the words with memory that are tiles of faces, and these faces; six of a cube share a coarse page."""
+        fine = shown[: self._coarse_word] != NONE
+        # Of a face with fewer tiles than words the rest has no memory, nor have faces that a light does not have.
+        words = np.flatnonzero(fine & (faces["light"][self._face] != UNUSED))
+        coarse = np.minimum(self._coarse + np.arange(CUBE_FACES)[:, None], len(faces) - 1)  # (6, pages)
+        at = self._coarse_word + np.arange(len(self._coarse))
+        own = (faces["first"][coarse] == at) & (faces["light"][coarse] != UNUSED) & (shown[at] != NONE)
+        _, page = np.nonzero(own)
+        return np.concatenate([words, at[page]]), np.concatenate([self._face[words], coarse[own]])
+
+    def place(self, made: Schedule, still: int) -> None:
+        """Order what was chosen by rounds, whose layers are known now.
+
+        The first `still` of `made.faces` are drawn without movers, the others with nothing else.
+        """
+        entries, all_layers = [], []
+        for part, (number, tile, to, source) in zip(
+            (slice(still), slice(still, None)), self._chosen, strict=True
+        ):
+            of_face = np.zeros(int(number.max(initial=0)) + 1, np.intp)
+            of_face[made.faces[part]] = made.places[part]
+            layer = of_face[number]
+            order = np.argsort(layer, kind="stable")
+            entries.append(np.stack([number, tile, to, source], axis=1)[order])
+            all_layers.append(layer[order])
+        layers, rows = np.concatenate(all_layers), np.concatenate(entries)
+        first = np.array([turn.first for turn in made.rounds])
         number = np.searchsorted(first, layers, side="right") - 1
         counts = np.bincount(number, minlength=len(first))
-        self.entries = np.stack(
-            [
-                (layers - first[number]) | self.faces[order] << 16,
-                self._tiles[order],
-                self._places[order],
-                np.zeros(len(order), np.intp),
-            ],
-            axis=1,
-        ).astype(np.uint32)
+        self.entries = rows.astype(np.uint32)
+        self.entries[:, 0] = (layers - first[number]) | rows[:, 0].astype(np.intp) << 16
         self.rounds = np.zeros((len(first), 4), np.uint32)
         self.rounds[:, :2], self.rounds[:, 2] = GROUPS, counts
         self.rounds[:, 3] = np.cumsum(counts) - counts

@@ -36,7 +36,7 @@ layout(BIND(0, 7, 10), std430) buffer Commands_ { uint commands[]; };  // 5 word
 
 struct Round {
     uvec4 first;  // x: the first layer and list, z: places of a face, w: layers
-    uvec4 sizes;  // x: draws, y: batches
+    uvec4 sizes;  // x: draws, y: batches, z: 1 for movers, 0 for all other casters
 };
 PUSH(Round, pushed)
 

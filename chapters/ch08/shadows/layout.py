@@ -6,10 +6,12 @@
     shadow_lists   a word a list of casters (lists.py): the first face of its light, and the number of its faces from
                    bit 24 on; 0 for none
     shadow_blended a bit for each material: whether it is blended
+    shadow_moving  a bit for each instance: whether it is a mover (movers.py)
     shadow_rounds  four words a round: the work groups of its copy, and its first one in shadow_copies
     shadow_faces   FACE records
     shadow_copies  four words a part of a face that is copied into a page: the layer with the number of the face from
-                   bit 16 on, the tile of the face (column, row from bit 16 on), the page
+                   bit 16 on, the tile of the face (column, row from bit 16 on), the page, and the page of
+                   which it takes the nearer depth, or NONE
     shadow_table   a word a tile of each face: its place in the pages, in tiles; NONE if it has no memory
 
 A face of `size` texels has (size / TILE)^2 tiles, row by row. The table lets each tile lie anywhere in the pages. A
@@ -23,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .faces import FACE
-from .model import blended_words, padded
+from .model import bit_words, padded
 
 NO_FACE = 0xFFFFFFFF
 """The word of a layer to which nothing is drawn."""
@@ -40,11 +42,12 @@ WIDEST = 128
 
 @dataclass(frozen=True)
 class BlockLayout:
-    """The byte offsets of the parts, for some lights, faces, materials, copies and tiles."""
+    """The byte offsets of the parts, for some lights, faces, materials, instances, copies and tiles."""
 
     lights: int
     faces: int
     materials: int
+    instances: int
     copied: int
     tiles: int
 
@@ -56,22 +59,27 @@ class BlockLayout:
     @property
     def lists(self) -> int:
         """The first byte of `shadow_lists`."""
-        return self.drawn + 8 * padded(self.faces)
+        return self.drawn + 16 * padded(self.faces)
 
     @property
     def blended(self) -> int:
         """The first byte of `shadow_blended`."""
-        return self.lists + 8 * padded(self.faces)
+        return self.lists + 16 * padded(self.faces)
+
+    @property
+    def moving(self) -> int:
+        """The first byte of `shadow_moving`."""
+        return self.blended + 4 * bit_words(self.materials)
 
     @property
     def rounds(self) -> int:
         """The first byte of `shadow_rounds`."""
-        return self.blended + 4 * blended_words(self.materials)
+        return self.moving + 4 * bit_words(self.instances)
 
     @property
     def records(self) -> int:
         """The first byte of the records."""
-        return self.rounds + 16 * padded(self.faces)
+        return self.rounds + 32 * padded(self.faces)
 
     @property
     def copies(self) -> int:

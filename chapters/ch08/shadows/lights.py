@@ -61,6 +61,7 @@ class ShadowLights:
         self._frame, self._fresh = 0, True
         self._report = np.zeros(0, np.uint32)
         self._need = Need(np.zeros(held.lamps), np.ones(held.coarse_word, bool))
+        self._mixed = np.zeros(self.residency.owners, bool)
         self.calm = False
         """Whether the last frame changed no record and no tile, and none waits."""
 
@@ -70,12 +71,17 @@ class ShadowLights:
         self._lights, self._fresh = -1, True
 
     def follow(
-        self, frame: FrameInfo, lights: int, instances: int, report: NDArray[np.uint32] | None
+        self,
+        frame: FrameInfo,
+        lights: int,
+        instances: int,
+        report: NDArray[np.uint32] | None,
+        touched: NDArray[np.bool_],
     ) -> bool:
         """Follow lights and view; return whether any record or any tile is another one.
 
         `lights` and `instances` are numbers of the contents of the slot's records (`Versions`). `report` is what the
-        frame before the last one needed, None if it said nothing.
+        frame before the last one needed, None if it said nothing. `touched` (F,) are the faces that movers meet.
         """
         self._frame += 1
         self.pool.begin()
@@ -83,7 +89,9 @@ class ShadowLights:
         other = (lights, instances) != (self._lights, self._instances)
         if report is not None and np.array_equal(report, self._report):
             report = None
-        unmoved = not other and frame.view == self._view and frame.size == self._lens[1]
+        mixed = self._mixed_of(touched)
+        other_mix, self._mixed = not np.array_equal(mixed, self._mixed), mixed
+        unmoved = not other and not other_mix and frame.view == self._view and frame.size == self._lens[1]
         self.calm = unmoved and report is None and not self.residency.waits
         if self.calm:
             return False
@@ -99,7 +107,8 @@ class ShadowLights:
         chosen = self._chosen is None or _apart(frame.view, self._chosen, self._step)
         if chosen:
             self._choose(frame)
-        tiles = (chosen or report is not None or self.residency.waits) and self._give_tiles(frame, report)
+        due = chosen or other_mix or report is not None or self.residency.waits
+        tiles = due and self._give_tiles(frame, report)
         if not (tiles or other or cascades is not None):
             return False
         faces = self.faces.copy()
@@ -196,7 +205,17 @@ class ShadowLights:
             first, end = self.held.lamp_word, self.held.coarse_word
             tiles[first:end] &= np.repeat(~unknown, self.held.lamp_words)
             need = Need(np.where(unknown, 1.0, need.resolution), tiles)
-        return self.residency.follow(need, now)
+        return self.residency.follow(need, now, self._mixed)
+
+    def _mixed_of(self, touched: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return which cascades and slots have a face that movers meet."""
+        held = self.held
+        if not self._by_need or not touched.any():
+            return np.zeros(self.residency.owners, bool)
+        suns = touched[: held.first_lamp].reshape(held.suns, held.sun_stride)
+        lamps = touched[held.first_lamp : held.first_lamp + held.lamps * held.lamp_stride]
+        of_suns = suns.any(axis=1, keepdims=True) & np.ones(held.cascades, bool)
+        return np.concatenate([of_suns.reshape(-1), lamps.reshape(held.lamps, held.lamp_stride).any(axis=1)])
 
     def _fill_suns(self, faces: np.ndarray, cascades: np.ndarray | None) -> None:
         """Place the records of cascades, and make the coarse ones."""

@@ -48,9 +48,11 @@ void main() {
         if (number < end) {
             Draw draw = draws[number];
             Caster caster = caster_of(instance_of(draw.instance));
+            uint moves = shadow_moving[draw.instance >> 5] >> (draw.instance & 31u) & 1u;
             bool left = (SHADOW_TESTS & 1) == 0 || is_in_reach(face, caster);
             left = left && faces_of(base, count, caster) != 0u;
             units = left || (draw.flags & ALWAYS) != 0u ? draw.units : 0u;
+            units = moves == pushed.sizes.z ? units : 0u;
         }
         uvec2 all;
         starts[me] = sum_before(uvec2(units, 0u), all).x;

@@ -10,7 +10,7 @@ and commands have the same places in every round, so their memory follows from t
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,11 +36,13 @@ ENTRY_BYTES = 8
 
 class Round(NamedTuple):
     """Faces that are drawn together: their size, the first word of their layers in `shadow_drawn` and of their lists in
-    `shadow_lists`, and the number of layers and of lists, of which the last ones may be unused."""
+    `shadow_lists`, and the number of layers and of lists, of which the last ones may be unused. What is drawn are
+    `movers`, or all other casters."""
 
     size: int
     first: int
     layers: int
+    movers: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,9 +69,16 @@ def layers_of(size: int, most: int = MOST_LAYERS) -> int:
 
 
 def schedule(
-    faces: np.ndarray, due: NDArray[np.intp], most: int = MOST_LAYERS, padded: bool = True
+    faces: np.ndarray,
+    due: NDArray[np.intp],
+    most: int = MOST_LAYERS,
+    padded: bool = True,
+    movers: bool = False,
+    begin: int = 0,
 ) -> Schedule:
     """Return the rounds for the faces `due` (N,), those of one size together and those of one light one by one.
+
+    Layers are numbered from `begin` on; the words of these alone are returned.
 
     The six faces of a light have one list. Each cascade has its own: it sees another part of the scene. A round that is
     `padded` has a power of two of layers, so that few different recordings serve all frames; nothing is drawn to the
@@ -80,23 +89,36 @@ def schedule(
     base, counts = _lights_of(faces)
     rounds: list[Round] = []
     places = np.zeros(len(due), np.intp)
-    sizes, first, total = faces["size"][due].astype(np.int64), 0, 0
+    sizes, first, total = faces["size"][due].astype(np.int64), 0, begin
     while first < len(due):
         size = int(sizes[first])
         same = int(np.searchsorted(-sizes, -size, side="right")) - first
         faces_in = min(same, layers_of(size, most))
         layers = min(1 << (faces_in - 1).bit_length(), layers_of(size, most)) if padded else faces_in
-        rounds.append(Round(size, total, layers))
+        rounds.append(Round(size, total, layers, movers))
         places[first : first + faces_in] = total + np.arange(faces_in)
         first, total = first + faces_in, total + layers
-    drawn, lists = np.full(total, NO_FACE, np.uint32), np.zeros(total, np.uint32)
+    drawn, lists = np.full(total - begin, NO_FACE, np.uint32), np.zeros(total - begin, np.uint32)
     begins = np.isin(places, [turn.first for turn in rounds])
     new = begins | np.r_[True, base[due][1:] != base[due][:-1]]
     # A list has the number of the first layer of its light.
     number = places[np.maximum.accumulate(np.where(new, np.arange(len(due)), 0))]
-    drawn[places] = due | (due - base[due]) << 12 | number << 16
-    lists[places[new]] = base[due][new] | counts[base[due][new]] << 24
+    drawn[places - begin] = due | (due - base[due]) << 12 | number << 16
+    lists[places[new] - begin] = base[due][new] | counts[base[due][new]] << 24
     return Schedule(tuple(rounds), drawn, lists, due, places)
+
+
+def joined(first: Schedule, second: Schedule) -> Schedule:
+    """Return two schedules one after the other, of which the second was made for layers behind the first."""
+    if not second.rounds:
+        return first
+    parts = zip(_arrays(first), _arrays(second), strict=True)
+    return Schedule(first.rounds + second.rounds, *(np.concatenate(each) for each in parts))
+
+
+def _arrays(made: Schedule) -> tuple[NDArray[Any], ...]:
+    """Return the arrays of a schedule."""
+    return made.drawn, made.lists, made.faces, made.places
 
 
 def _lights_of(faces: np.ndarray) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

@@ -135,8 +135,11 @@ class Places:
 
     @property
     def report_words(self) -> int:
-        """Words of a report (page_table/report.glsl): a resolution for each lamp, then a bit for each tile."""
-        return max(1, self.lamps + -(-self.coarse_word // 32))
+        """Words of a report (page_table/report.glsl): a resolution for each lamp, then a bit for each tile.
+
+        At least 2: a buffer of one word stands for memory that the graph does not know (graph/execute/bindings.py).
+        """
+        return max(2, self.lamps + -(-self.coarse_word // 32))
 
 
 def places(scene: Scene, settings: Any) -> Places:
@@ -159,13 +162,17 @@ def pool_limit(settings: Any) -> int:
 
 
 def pool_tiles(scene: Scene, settings: Any) -> int:
-    """Return the tiles of the pages: as many as the table has words, or as the pool holds."""
-    return max(1, min(places(scene, settings).words, pool_limit(settings)))
+    """Return the tiles of the pages: as many as the table has words, or as the pool holds.
+
+    With memory by need there may be a second tile for each word, without casters that move.
+    """
+    words = places(scene, settings).words * (2 if by_need(settings) else 1)
+    return max(1, min(words, pool_limit(settings)))
 
 
 def most_copies(scene: Scene, settings: Any) -> int:
-    """Return the most parts of faces that a frame copies into pages: one for each tile, or coarse face."""
-    return pool_tiles(scene, settings) + places(scene, settings).faces
+    """Return the most parts of faces that a frame copies: each tile and coarse face, and again with movers."""
+    return 2 * (pool_tiles(scene, settings) + places(scene, settings).faces)
 
 
 def shadow_defines(scene: Scene, settings: Any) -> Defines:
@@ -177,7 +184,8 @@ def shadow_defines(scene: Scene, settings: Any) -> Defines:
         ("SHADOWS", 1),
         ("SHADOW_LIGHTS", padded(records_of(scene, settings))),
         ("SHADOW_FACES", padded(held.faces)),
-        ("SHADOW_BLENDED", blended_words(len(scene.materials))),
+        ("SHADOW_BLENDED", bit_words(len(scene.materials))),
+        ("SHADOW_MOVING", bit_words(len(scene.instances))),
         ("SHADOW_COPIES", most_copies(scene, settings)),
         *((("SHADOW_COARSE", CUBE_FACES),) if held.coarse else ()),
         ("SHADOW_BIAS", get_args(Bias).index(knobs.shadow_bias)),
@@ -195,9 +203,9 @@ def _soft(knobs: Any) -> Defines:
     )
 
 
-def blended_words(materials: int) -> int:
-    """Return the words with a bit for each material."""
-    return padded(-(-materials // 32))
+def bit_words(count: int) -> int:
+    """Return the words of `count` bits."""
+    return padded(-(-count // 32))
 
 
 def padded(count: int) -> int:

@@ -170,7 +170,7 @@ class ShadowsPass(ObjectsPass):
         constants = np.array(
             [
                 [turn.first, 0, lists.places, lists.layers],
-                [len(lists.tables.draws), lists.batches, 0, 0],
+                [len(lists.tables.draws), lists.batches, turn.movers, 0],
             ],
             np.uint32,
         )

@@ -2,7 +2,8 @@
 // for eight texels of a column.
 //
 // What is stored is linear: metres along the axis of the face. Filters then compare and average lengths, and a face may
-// lie in any pages. Sizes of faces and of tiles are multiples of eight, so an invocation stays inside of both.
+// lie in any pages. Where movers were drawn, the page of all other casters is joined with them: the nearer depth counts.
+// Sizes of faces and of tiles are multiples of eight, so an invocation stays inside of both.
 
 layout(local_size_x = 32, local_size_y = 4) in;
 
@@ -10,7 +11,7 @@ layout(local_size_x = 32, local_size_y = 4) in;
 #include "shadows/block.glsl"
 
 layout(BIND(0, 1, 16)) uniform sampler2DArray drawn;
-layout(BIND(0, 2, 7), r32f) uniform writeonly image2DArray pages;
+layout(BIND(0, 2, 7), r32f) uniform image2DArray pages;
 
 struct Round {
     uvec4 number;  // x: of this round
@@ -28,11 +29,16 @@ void main() {
     if (any(greaterThanEqual(texel, ivec2(face.place.z)))) {
         return;
     }
-    ivec3 to = page_origin(copied.z) + ivec3(inside + ivec2(face.ends.zw), 0);
+    ivec3 at_page = ivec3(inside + ivec2(face.ends.zw), 0);
+    ivec3 to = page_origin(copied.z) + at_page, from = page_origin(copied.w) + at_page;
     int layer = int(copied.x & 0xffffu);
     for (int i = 0; i < TEXELS; ++i) {
         ivec2 at = texel + ivec2(0, i);
         float depth = texelFetch(drawn, ivec3(at, layer), 0).r;
-        imageStore(pages, to + ivec3(0, i, 0), vec4(within_reach(face, at, linear_depth(face, depth))));
+        float metres = within_reach(face, at, linear_depth(face, depth));
+        if (copied.w != SHADOW_NONE) {
+            metres = min(metres, imageLoad(pages, from + ivec3(0, i, 0)).r);
+        }
+        imageStore(pages, to + ivec3(0, i, 0), vec4(metres));
     }
 }

@@ -20,12 +20,13 @@ from ..scene.pass_parts import PassParts
 from ..settings import Settings
 from . import model
 from .casters import Casters
-from .copies import Copies
+from .copies import Copies, Due
 from .faces import FACE, UNUSED
 from .layout import COPIED, BlockLayout
 from .lights import ShadowLights
-from .lists import MOST_LAYERS, NO_ROUNDS, Schedule, schedule
+from .lists import MOST_LAYERS, NO_ROUNDS, Schedule, joined, schedule
 from .memory import ShadowMemory
+from .movers import Moves, touched
 from .passes import LIT, ShadowsPass, read_pages
 
 
@@ -52,8 +53,8 @@ class Versions:
 class ShadowTechnique(Technique):
     """Owns the memory of shadows.
 
-    A face is drawn when its record differs from the one that it was drawn with, or when any caster has changed. While
-    nothing changes, the pass has no rounds, and its recording no commands.
+    A face is drawn when its record differs from the one that it was drawn with, when tiles of it get memory, or when
+    casters near it have changed. While nothing changes, the pass has no rounds, and its recording no commands.
     """
 
     name = "shadows"
@@ -68,6 +69,8 @@ class ShadowTechnique(Technique):
         self._written: dict[int, tuple[int, int]] = {}
         self._slot, self._had_due, self._still = -1, False, 0
         self._report: Any = None
+        self._touched_for: Any = None
+        self._meets = (np.zeros(0, bool),) * 2
         self._lights, self._instances = Versions(), Versions()
 
     def create(self, parts: PassParts, backend: Backend, passes: Mapping[str, Pass]) -> None:
@@ -94,6 +97,7 @@ class ShadowTechnique(Technique):
             model.records_of(scene, settings),
             held.faces,
             len(scene.materials),
+            len(scene.instances),
             model.most_copies(scene, settings),
             held.words,
         )
@@ -130,15 +134,16 @@ class ShadowTechnique(Technique):
         written = self._parts.data.slots[frame.slot].written
         instances = self._instances.number(frame.slot, written["instance_records"], "world_from_object")
         lights = self._lights.number(frame.slot, written["light_records"])
-        moved = self._casters.follow(frame, memory, instances)
+        moves = self._casters.follow(frame, memory, instances)
         report = None if self._report is None else self._report.read(frame.slot)
-        changed = self.lights.follow(frame, lights, instances, report)
+        changed = self.lights.follow(frame, lights, instances, report, self._touched(moves))
+        moved = moves.everything or moves.moved
         self._still = self._still + 1 if self.lights.calm and not moved else 0
         if self._report is not None:
             self._report.ask(frame.slot, self._still < model.REPORTED, frame.size)
         own.schedule = NO_ROUNDS
         if changed or moved or not len(self._drawn):
-            own.schedule = self._due(moved)
+            own.schedule = self._scheduled(moves)
             for size in {turn.size for turn in own.schedule.rounds}:
                 memory.prepare(size)
             self.pages.bind(self.lights.pool)
@@ -148,30 +153,51 @@ class ShadowTechnique(Technique):
             self._pack(memory.layout, own.schedule)
             self.work = {
                 **self.lights.work,
-                "shadow_faces_drawn": due,
+                "shadow_faces_drawn": len(np.unique(own.schedule.faces)),
                 "shadow_pages_drawn": len(self._copies.entries) if due else 0,
                 "shadow_bytes": self.pages.bytes(self.lights.pool),
             }
         self._had_due = due > 0
         return self._write(memory, frame.slot)
 
-    def _due(self, all_of_them: bool) -> Schedule:
+    def _touched(self, moves: Moves) -> NDArray[np.bool_]:
+        """Return (F,) which faces of the last frame movers meet, here or where they were."""
+        if moves.moved or self._touched_for is not self.faces:
+            self._touched_for = faces = self.faces
+            used = faces["light"] != UNUSED
+            now = touched(faces, used, moves.now)
+            before = touched(faces, used, moves.before) if moves.moved else now
+            self._meets = now, now | before
+        return self._meets[1]
+
+    def _scheduled(self, moves: Moves) -> Schedule:
         """Return the rounds of the faces to draw in this frame: the largest first."""
-        faces, lights = self.faces, self.lights
-        due = faces["light"] != UNUSED
-        if not all_of_them and len(self._drawn):
+        faces, lights, lists = self.faces, self.lights, self._pass.lists
+        used = faces["light"] != UNUSED
+        still = used & (moves.everything or not len(self._drawn))
+        if len(self._drawn):
             rows = [each.view(np.uint8).reshape(len(faces), -1) for each in (faces, self._drawn)]
-            due &= (rows[0] != rows[1]).any(axis=1)
+            still |= used & (rows[0] != rows[1]).any(axis=1)
+        still |= touched(faces, used, moves.joined)
+        meets = self._touched(moves)
+        moved = meets & moves.moved
+        due = Due(still, moved, self._meets[0])
+        if lists is None:  # no kernel tells movers from other casters
+            none = np.zeros(len(faces), bool)
+            due = Due(still | moved, none, none)
         self._drawn = faces.copy()
-        copies = self._copies
-        copies.choose(faces, due, lights.residency.assigned, lights.pool.table)
-        numbers = np.unique(copies.faces)
-        ordered = numbers[np.argsort(-faces["size"][numbers].astype(np.int64), kind="stable")]
-        lists = self._pass.lists
-        most = MOST_LAYERS if lists is None else lists.layers
-        due_rounds = schedule(faces, ordered, most, padded=lists is not None)
-        copies.place(due_rounds)
-        return due_rounds
+        self._copies.choose(faces, due, lights.residency.assigned, lights.pool.table)
+        most, padded = (MOST_LAYERS, False) if lists is None else (lists.layers, True)
+        first, second = (
+            numbers[np.argsort(-faces["size"][numbers].astype(np.int64), kind="stable")]
+            for numbers in self._copies.faces
+        )
+        made = schedule(faces, first, most, padded)
+        over = schedule(faces, second, most, padded, movers=True, begin=len(made.drawn))
+        both = joined(made, over)
+        if both.rounds:
+            self._copies.place(both, len(made.faces))
+        return both
 
     def _pack(self, layout: BlockLayout, due: Schedule) -> None:
         """Make the contents of the buffer, but for the table."""
@@ -180,8 +206,12 @@ class ShadowTechnique(Technique):
         block[layout.drawn : layout.lists].view(np.uint32)[: len(due.drawn)] = due.drawn
         block[layout.lists : layout.blended].view(np.uint32)[: len(due.lists)] = due.lists
         blended = [material.alpha_mode == "blend" for material in self._parts.scene.materials]
-        bits = np.packbits(np.array(blended, bool), bitorder="little")
-        block[layout.blended : layout.blended + len(bits)] = bits
+        for first, chosen in (
+            (layout.blended, np.array(blended, bool)),
+            (layout.moving, self._casters.movers.moving),
+        ):
+            bits = np.packbits(chosen, bitorder="little")
+            block[first : first + len(bits)] = bits
         rounds, entries = self._copies.rounds, self._copies.entries
         if not len(due.rounds):
             rounds = entries = np.zeros((0, 4), np.uint32)
@@ -199,7 +229,7 @@ class ShadowTechnique(Technique):
             block[:table] = self._block[:table]
             written += table
         if before[1] != pool.revision or self._marks:
-            words = pool.table.copy()
+            words = pool.table[: pool.shown].copy()
             if self._marks and self._pass.schedule.rounds:
                 words[self._copies.words] |= COPIED
             block[table : table + words.nbytes] = words.view(np.uint8)
