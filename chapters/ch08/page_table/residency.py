@@ -47,12 +47,12 @@ class Residency:
         self._reserve = reserve
         lamp = np.arange(places.lamps)
         cascades = np.arange(places.suns * places.cascades)
-        # Suns come first. The coarse pages of all suns count as the first cascade's.
+        # Suns come first. The coarse page of a sun counts as its first cascade's.
         self._owner = np.concatenate(
             [
                 np.repeat(cascades, places.sun_side**2),
                 np.repeat(len(cascades) + lamp, places.lamp_words),
-                np.zeros(places.suns, np.int64),
+                np.arange(places.suns) * places.cascades,
                 len(cascades) + lamp,
             ]
         ).astype(np.int64)
@@ -114,10 +114,12 @@ class Residency:
         """
         pool, lamps, places = self._pool, self._lamps, self._places
         of_suns, by_level = need.tiles[: places.lamp_word], self._by_level(need.tiles)
-        suns = (1 + mixed[self._owner[: places.lamp_word]])[of_suns].sum() + 2 * places.suns * places.coarse
+        twice = mixed[self._owner[: places.words]]
+        suns = (1 + twice[: places.lamp_word])[of_suns].sum()
+        suns += (1 + twice[places.coarse_word :][: places.suns]).sum() * places.coarse
         levels = lamps.wanted(need.resolution, self._costs(by_level, mixed), pool.tiles - int(suns))
         wanted = self._words_of(levels, of_suns, by_level)
-        wanted = np.concatenate([wanted, wanted & mixed[self._owner[: places.words]]])
+        wanted = np.concatenate([wanted, wanted & twice])
         held = pool.tile_of >= 0
         asked = resized = self._of_lamps(levels != lamps.levels)
         new = wanted & (~held | resized)
