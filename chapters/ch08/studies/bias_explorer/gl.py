@@ -63,6 +63,7 @@ class Renderer(Stage):
         fn.glMemoryBarrier(gl.GL_CLIENT_MAPPED_BUFFER_BARRIER_BIT)
         self.begin()
         self.pipelines.bind(self._show, cull=False, front="counter_clockwise")
+        self.device.push(np.array([*self.size, 0, 0], np.float32))
         fn.glBindVertexArray(self.no_vertices)
         fn.glDrawArrays(gl.GL_TRIANGLES, 0, 3)
 

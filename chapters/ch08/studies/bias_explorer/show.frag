@@ -3,13 +3,18 @@
 
 #include "compare.glsl"
 
-layout(location = 0) in vec2 in_uv;
+struct Push {
+    vec4 size;  // of the picture, in pixels
+};
+PUSH(Push, push)
+
 layout(location = 0) out vec4 out_color;
 
 void main() {
-    vec2 cell = in_uv * vec2(TILTS, BIASES);
+    // Pixels may lie on the edges of texels: an interpolated coordinate would be rounded to either side.
+    precise vec2 cell = gl_FragCoord.xy * vec2(TILTS, BIASES) / push.size.xy;
     ivec2 number = min(ivec2(cell), ivec2(TILTS, BIASES) - 1);
-    vec2 within = cell - vec2(number);
+    precise vec2 within = cell - vec2(number);
     vec2 at = vec2(within.x, 1.0 - within.y) * float(SIDE);
     float lit = lit_part(number.x, number.y, at);
     vec3 color = vec3(0.45, 0.47, 0.5) * (0.4 + 0.6 * lit);

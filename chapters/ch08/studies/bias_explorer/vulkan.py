@@ -90,6 +90,7 @@ class Renderer(Stage):
         self.begin(commands)
         commands.bind_pipeline(self._show)
         commands.bind_set(self._show, 0, self._drawing)
+        commands.push(self._show, np.array([*self.size, 0, 0], np.float32))
         commands.draw_triangle()
         self.end(commands)
 
