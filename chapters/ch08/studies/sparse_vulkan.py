@@ -1,11 +1,12 @@
 """Sparse memory for studies on Vulkan: memory in pages, and binds on the queue that are waited for.
 
-A bind changes the page table of the GPU. It is work of a queue, like a submission, but not ordered with others except by
-semaphores and fences. These studies wait on both sides: for the frames that still read, and for the bind.
+A bind changes the page table of the GPU. It is work of a queue, like a submission, but only semaphores and fences order
+it with other work. These studies wait on both sides: for the frames that still read, and for the bind.
 """
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
 from backends.vulkan import api as vk
@@ -14,14 +15,15 @@ from backends.vulkan.driver import features as vf
 from backends.vulkan.memory import choose_memory_type
 
 
-
-def lacks(device: Device, *bits: str) -> str:
+def lacks(device: Device, without: Collection[str], *bits: str) -> str:
     """Return why the device cannot bind pages on its main queue, or ""; `bits` are features that are needed, too."""
+    if "sparse" in without:
+        return "it is switched off by --without"
     if not device.has("sparse"):
-        return device.capabilities.why_not.get("sparse", "it is switched off by --without")
+        return device.capabilities.why_not.get("sparse", "the device lacks it")
     if not device.queue.flags & vk.VK_QUEUE_SPARSE_BINDING_BIT:
         return "its graphics queue cannot bind memory"
-    return device.physical.lacks(vf.Requirement(bits=tuple((vf.CORE, bit) for bit in bits)))
+    return device.physical.lacks(vf.Requirement(bits=tuple((vf.CORE, bit) for bit in bits))) or ""
 
 
 def page_memory(device: Device, requirements: Any, pages: int, page: int) -> Any:

@@ -1,9 +1,9 @@
 """Study: what a bias does to a plane that is tilted from 0 to 85 degrees, and to the shadow of a sheet close above it.
 
-A shadow map holds one depth for each texel, that of the surface at the texel's centre. A tilted surface is nearer to the
-light on one side of the centre and farther on the other, so half of it would be in its own shadow: acne. A bias moves
-the surface towards the light before the comparison. What is closer above the surface than the bias casts no shadow:
-that is the contact gap. Both failures are measured here, for each tilt and each of five ways:
+A shadow map holds one depth for each texel, that of the surface at the texel's centre. A tilted surface is nearer to
+the light on one side of the centre and farther on the other, so half of it would be in its own shadow: acne. A bias
+moves the surface towards the light before the comparison. What is closer above the surface than the bias casts no
+shadow: that is the contact gap. Both failures are measured here, for each tilt and each of five ways:
 
     none      no bias
     constant  `constant` r, where r is one step of the map's depth: it answers to rounding, and to no slope
@@ -69,7 +69,9 @@ class Settings:
 
     constant: float = knob(4.0, "steps of the depth that are always subtracted", minimum=0.0, maximum=1e8)
     slope: float = knob(1.5, "slopes of the depth that are subtracted", minimum=0.0, maximum=64.0)
-    radius: int = knob(0, "texels around the one at a point that the filter reads", minimum=0, maximum=MARGIN - 1)
+    radius: int = knob(
+        0, "texels around the one at a point that the filter reads", minimum=0, maximum=MARGIN - 1
+    )
     turn: float = knob(
         0.0, "degrees from the rows of texels to the direction of the tilt", minimum=0.0, maximum=90.0
     )

@@ -102,7 +102,7 @@ class Renderer(Stage):
         self._last_counts = cells(counts.mapped.copy())
         return told(self._last_counts)
 
-    def table(self) -> dict[str, np.ndarray]:
+    def failures(self) -> dict[str, np.ndarray]:
         """Return `acne` and `gap`, (B, T) by bias and tilt, of the frame whose counters were read last."""
         return table(self._last_counts)
 

@@ -5,9 +5,9 @@ A perspective projection keeps an affine function of 1/distance, so that planes 
     standard  (far / (far - near)) (1 - near / z)        0 at the near plane, 1 at the far plane
     reversed  (near / (far - near)) (far / z - 1)        1 at the near plane, 0 at the far plane
 
-Both are solved for z in [`depth.glsl`](depth.glsl). Standard depth is within 1 % of 1 from a hundred near planes on. There
-the steps of a float are 2^-24, and one step of depth is z^2 / near * 2^-24 metres. Reversed depth becomes small, where
-steps of a float are small, too: one step is about z * 2^-24 metres, whatever the near plane is.
+Both are solved for z in [`depth.glsl`](depth.glsl). From a hundred near planes on, standard depth is within 1 % of 1.
+There the steps of a float are 2^-24, and one step of depth is z^2 / near * 2^-24 metres. Reversed depth becomes small,
+where steps of a float are small, too: one step is at most z * 2^-23 metres, whatever the near plane is.
 
 The picture has standard Z above and reversed Z below: the depth as it is stored, the distance, and the distance's error
 on a scale of powers of ten, from 0.1 micrometres in black to 1 metre in white.

@@ -38,7 +38,9 @@ class Renderer(Stage):
         self._distance = self.target("distance", "r32f", "distance")
         self._recorded = self.framebuffer_of(self._distance, self._depths[0], "reversed")
         alone = create_framebuffer(self.device, [], self._depths[1], "standard")
-        self._alone = self.keep_sized(alone, lambda framebuffer: destroy_framebuffer(self.device, framebuffer))
+        self._alone = self.keep_sized(
+            alone, lambda framebuffer: destroy_framebuffer(self.device, framebuffer)
+        )
 
     def draw(self, slot: FrameSlot, view: View, time: float) -> None:
         """Record twice, then show. The depth test of standard Z is set behind that of the pipeline."""

@@ -75,7 +75,9 @@ def layout(settings: Settings, time: float) -> NDArray[np.uint32]:
     return places
 
 
-def work_of(settings: Settings, before: NDArray[np.uint32], after: NDArray[np.uint32], new: bool) -> BufferWork:
+def work_of(
+    settings: Settings, before: NDArray[np.uint32], after: NDArray[np.uint32], new: bool
+) -> BufferWork:
     """Return the counters of a frame that changes one layout into another; a `new` buffer is written."""
     changed = before != after
     return BufferWork(

@@ -1,4 +1,4 @@
-"""The study sparse-buffer on Vulkan: one buffer, pages that are bound to other places, and a kernel that checks them."""
+"""The study sparse-buffer on Vulkan: pages that are bound to other places, and a kernel that checks them."""
 
 from __future__ import annotations
 
@@ -37,8 +37,7 @@ class Renderer(Stage):
 
     def create(self) -> None:
         """Make the buffer without memory, the pages, and what the CPU writes for each frame."""
-        missing = "it is switched off by --without" if "sparse" in self.without else ""
-        missing = missing or lacks(self.device, "sparseResidencyBuffer")
+        missing = lacks(self.device, self.without, "sparseResidencyBuffer")
         if missing:
             raise UnsupportedError(
                 f"The study sparse-buffer needs buffers of which some pages have no memory, but {missing}."
@@ -80,7 +79,9 @@ class Renderer(Stage):
         requirements = vk.new("VkMemoryRequirements")
         device.fn.vkGetBufferMemoryRequirements(device.handle, handle, requirements)
         if PAGE_BYTES % int(requirements.alignment):
-            raise UnsupportedError(f"The device binds {requirements.alignment} bytes at a time, more than 64 KiB.")
+            raise UnsupportedError(
+                f"The device binds {requirements.alignment} bytes at a time, more than 64 KiB."
+            )
         memory = page_memory(device, requirements, self.settings.pages, PAGE_BYTES)
         self._memory = self.keep(memory, lambda held: device.destroy("VkDeviceMemory", held))
 

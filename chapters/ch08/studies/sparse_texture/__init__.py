@@ -1,4 +1,4 @@
-"""Study: a texture of 1024 x 1024 texels of which few tiles have memory, with a page table of the GPU or of the program.
+"""Study: a texture of 1024 x 1024 texels, few with memory, and a page table of the GPU or of the program.
 
 A sparse image has an address for each of its tiles, and memory for those that a queue has bound. A fetch returns a
 code that says whether all texels it read have memory. What is read without memory is up to the device, so the code
@@ -58,7 +58,9 @@ class Settings:
 
     pages: int = knob(20, "pages of memory", minimum=1, maximum=TILES)
     shared: bool = knob(True, "whether the tiles of the first column have one page together")
-    way: str = knob("sparse", "who translates: the GPU, or a table in the shader", choices=("sparse", "table"))
+    way: str = knob(
+        "sparse", "who translates: the GPU, or a table in the shader", choices=("sparse", "table")
+    )
 
 
 @dataclass

@@ -1,4 +1,4 @@
-"""The study sparse-texture on OpenGL: a pool of pages and a table, since sparse textures are an extension few drivers have."""
+"""The study sparse-texture on OpenGL: a pool of pages and a table, since sparse textures are an extension."""
 
 from __future__ import annotations
 

@@ -71,7 +71,11 @@ class SparseImage:
         )
         sizes = [one.formatProperties.imageGranularity for one in needed]
         whole = len(needed) == 1 and needed[0].imageMipTailFirstLod > 0
-        if not whole or (sizes[0].width, sizes[0].height) != (TILE, TILE) or requirements.alignment != PAGE_BYTES:
+        if (
+            not whole
+            or (sizes[0].width, sizes[0].height) != (TILE, TILE)
+            or requirements.alignment != PAGE_BYTES
+        ):
             raise UnsupportedError(
                 "The device has other pages than 128x128 texels of 32 bits: see the same picture with --set way=table."
             )
@@ -81,7 +85,7 @@ class SparseImage:
         binds = []
         for tile in tiles.tolist():
             row, column = divmod(tile, ACROSS)
-            one = {
+            one: dict[str, Any] = {
                 "subresource": {"aspectMask": vk.VK_IMAGE_ASPECT_COLOR_BIT},
                 "offset": {"x": column * TILE, "y": row * TILE},
                 "extent": {"width": TILE, "height": TILE, "depth": 1},

@@ -16,7 +16,20 @@ from ...pipelines.description import PipelineDescription
 from ...pipelines.vulkan_descriptors import Held, Texture
 from ..sparse_vulkan import lacks
 from ..stage_vulkan import Stage
-from . import FILL, KERNELS, PAGE_BYTES, SHADERS, STUDY, TEXELS, TILE, TILES, Residency, Settings, defines, told
+from . import (
+    FILL,
+    KERNELS,
+    PAGE_BYTES,
+    SHADERS,
+    STUDY,
+    TEXELS,
+    TILE,
+    TILES,
+    Residency,
+    Settings,
+    defines,
+    told,
+)
 from .sparse_image import SparseImage
 
 SHADER_STAGES = vk.VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT | vk.VK_PIPELINE_STAGE_2_FRAGMENT_SHADER_BIT
@@ -35,9 +48,9 @@ class Renderer(Stage):
         """Make the texture, sparse or as a pool with a table, and what the CPU writes for each frame."""
         settings = self.settings
         self.residency = Residency(settings)
-        missing = lacks(self.device) or ("sparse" in self.without and "it is switched off by --without") or ""
-        self.sparse = settings.way == "sparse" and not missing
-        if self.sparse and settings.shared and (why := lacks(self.device, "sparseResidencyAliased")):
+        self.sparse = settings.way == "sparse" and not lacks(self.device, self.without)
+        why = lacks(self.device, self.without, "sparseResidencyAliased")
+        if self.sparse and settings.shared and why:
             raise UnsupportedError(f"A page in several places needs aliased memory: {why}; set shared=no.")
         slots = range(self.frame_logic.SLOTS)
         self._tiles = self.per_slot(8 * TILES, "storage", "tiles")
