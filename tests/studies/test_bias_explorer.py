@@ -75,7 +75,9 @@ def test_a_map_has_the_depth_of_the_nearest_surface_at_each_centre(stage, turn):
         assert np.abs(found - map_of(degrees, turn)).max() < ROUNDED, degrees
 
 
-@pytest.mark.parametrize(("turn", "radius", "slope"), [(0.0, 0, 1.5), (45.0, 0, 1.5), (30.0, 1, 1.5), (10.0, 3, 4.0)])
+@pytest.mark.parametrize(
+    ("turn", "radius", "slope"), [(0.0, 0, 1.5), (45.0, 0, 1.5), (30.0, 1, 1.5), (10.0, 3, 4.0)]
+)
 def test_the_table_is_that_of_comparisons_in_float64(stage, turn, radius, slope):
     found, _, _, work = measured(stage, turn=turn, radius=radius, slope=slope)
     for column, row in CELLS:
@@ -99,7 +101,9 @@ def test_constant_4_and_slope_1_5_leave_no_acne_and_a_gap_below_two_texels(stage
     assert (found["gap"][BOTH] <= most + 0.5 * HEIGHT / SIDE + HEIGHT / SAMPLES + 1e-6).all()
     assert found["gap"][BOTH].max() < 2.0 < most.max() + 0.25 and found["gap"][BOTH].max() > 1.0
     assert found["gap"][PLANE].max() <= 0.5 * HEIGHT / SIDE, "the plane alone needs no such gap"
-    assert (found["acne"][NONE, 1:] > 500).all(), "without bias, about half of all points are in their own shadow"
+    assert (found["acne"][NONE, 1:] > 500).all(), (
+        "without bias, about half of all points are in their own shadow"
+    )
 
 
 def test_a_filter_needs_more_slope_than_the_literature_s(stage):
@@ -121,7 +125,9 @@ def test_a_constant_answers_to_rounding_and_to_no_slope(stage):
     assert found["acne"][CONSTANT, 0] == 0 and (found["acne"][CONSTANT, 1:] > 500).all()
     large, _, _, _ = measured(stage, turn=45.0, constant=2e4)
     assert large["acne"][CONSTANT].sum() < found["acne"][CONSTANT].sum()
-    assert large["gap"][CONSTANT, 0] > 1.0, "where it is enough for slopes, it detaches shadows on planes that need none"
+    assert large["gap"][CONSTANT, 0] > 1.0, (
+        "where it is enough for slopes, it detaches shadows on planes that need none"
+    )
 
 
 def test_the_picture_shows_both_failures_and_none_for_the_plane(stage):

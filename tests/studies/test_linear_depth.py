@@ -92,7 +92,9 @@ def test_reversed_z_keeps_metres_and_standard_z_loses_them_with_the_square_of_th
             errors[row, number] = np.abs(metres_of(images[name][at], near, reversed_z) - z).max()
     assert (errors[0] <= 6 * ULP * CARDS).all()
     assert (errors[1] <= 6 * ULP * CARDS**2 / near).all()
-    if near <= 0.01:  # at worst a number is a step's half away from a float; of four cards one is far from all floats
+    if (
+        near <= 0.01
+    ):  # at worst a number is a step's half away from a float; of four cards one is far from all floats
         assert errors[1, 3:].max() > 1000 * errors[0, 3:].max()
         assert (errors[1, 3:] / CARDS[3:] ** 2).max() > 0.1 * ULP / near
 
@@ -121,7 +123,9 @@ def test_the_linear_panels_are_monotone_in_distance(stage, near):
         assert (np.diff(linear[order]) >= 0).all() and linear.max() > 240
         assert (np.abs(linear - 255 * metres[seen] / FAR) <= codes_off(stage.device) + 0.2).all()
     raw = images["color"][:30, :30, 0][seen].astype(int), images["color"][30:, :30, 0][seen].astype(int)
-    assert (np.diff(raw[0][order]) >= 0).all() and (np.diff(raw[1][order]) <= 0).all(), "above near is dark, below bright"
+    assert (np.diff(raw[0][order]) >= 0).all() and (np.diff(raw[1][order]) <= 0).all(), (
+        "above near is dark, below bright"
+    )
 
 
 def test_the_error_panels_are_dark_for_reversed_z_alone(stage):

@@ -110,7 +110,9 @@ def test_pages_in_each_other_s_place_are_noticed(pages_stage, monkeypatch):
 @only_vulkan
 def test_what_cannot_be_is_one_sentence_and_leaves_nothing(stage, strata, monkeypatch):
     alive = dict(stage.device.alive)
-    with pytest.raises(UnsupportedError, match=r"some pages have no memory, but it is switched off by --without\.$"):
+    with pytest.raises(
+        UnsupportedError, match=r"some pages have no memory, but it is switched off by --without\.$"
+    ):
         stage.open(WHICH, SIZE, without=("sparse",))
     monkeypatch.setattr(vulkan, "lacks", lambda *asked: asked[-1] + " is missing")
     with pytest.raises(UnsupportedError, match=r"but sparseResidencyBuffer is missing\.$"):

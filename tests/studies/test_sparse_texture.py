@@ -116,7 +116,9 @@ def test_a_device_without_sparse_residency_shows_the_same_picture_by_a_table(sta
 
 
 @only_vulkan
-@pytest.mark.parametrize(("fault", "said"), [("left out", "resident_texels"), ("another page", "wrong_texels")])
+@pytest.mark.parametrize(
+    ("fault", "said"), [("left out", "resident_texels"), ("another page", "wrong_texels")]
+)
 def test_a_wrong_bind_is_noticed(stage, monkeypatch, fault, said):
     ready(stage, "sparse")
     right = sparse_image.SparseImage.bind
@@ -144,7 +146,9 @@ def test_what_a_device_cannot_is_one_sentence_and_leaves_nothing(stage, monkeypa
     with pytest.raises(UnsupportedError, match=r"^The device has other pages .* --set way=table\.$"):
         stage.open(WHICH, SIZE)
     monkeypatch.undo()
-    monkeypatch.setattr(vulkan, "lacks", lambda *asked: "sparseResidencyAliased" in asked and "it lacks that" or "")
+    monkeypatch.setattr(
+        vulkan, "lacks", lambda *asked: "sparseResidencyAliased" in asked and "it lacks that" or ""
+    )
     with pytest.raises(UnsupportedError, match=r"aliased memory: it lacks that; set shared=no\.$"):
         stage.open(WHICH, SIZE)
     with stage.open(WHICH, SIZE, settings=Settings(shared=False)) as renderer:
@@ -155,7 +159,9 @@ def test_what_a_device_cannot_is_one_sentence_and_leaves_nothing(stage, monkeypa
 # --- which page is whose ----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("pages", "shared"), [(20, True), (20, False), (1, True), (1, False), (64, False), (64, True)])
+@pytest.mark.parametrize(
+    ("pages", "shared"), [(20, True), (20, False), (1, True), (1, False), (64, False), (64, True)]
+)
 def test_no_page_has_two_owners_and_who_stays_keeps_it(pages, shared):
     """Pages are fewer than tiles that want one: the nearest get them. Only the shared page is in several tiles."""
     residency = Residency(Settings(pages=pages, shared=shared))
@@ -164,7 +170,9 @@ def test_no_page_has_two_owners_and_who_stays_keeps_it(pages, shared):
         before = residency.page.copy()
         changed, fills = residency.update(float(time))
         there = has_memory(time, pages, shared).reshape(-1)
-        assert ((residency.page != NONE) == there).all() and (wanted(residency.settings, float(time)) == there).all()
+        assert ((residency.page != NONE) == there).all() and (
+            wanted(residency.settings, float(time)) == there
+        ).all()
         used = residency.page[there]
         assert used.max() < pages
         alone = residency.page[there & ~(shared & (np.arange(64) % 8 == 0))]

@@ -135,9 +135,9 @@ def table(counts: np.ndarray) -> dict[str, np.ndarray]:
 
 def told(counts: np.ndarray) -> dict[str, int]:
     """Return counters of a frame: for each bias the points with acne, and its widest gap in thousandths of a texel."""
-    found = table(counts)
-    acne = {f"acne_{bias}": int(row.sum()) for bias, row in zip(BIASES, found["acne"], strict=True)}
-    gaps = {f"gap_{bias}": round(1000 * row.max()) for bias, row in zip(BIASES, found["gap"], strict=True)}
+    failures = table(counts)
+    acne = {f"acne_{bias}": int(row.sum()) for bias, row in zip(BIASES, failures["acne"], strict=True)}
+    gaps = {f"gap_{bias}": round(1000 * row.max()) for bias, row in zip(BIASES, failures["gap"], strict=True)}
     return acne | gaps
 
 

@@ -50,7 +50,7 @@ class Renderer(Stage):
         """Upload the planes; make room for their maps, and for the counts of each frame in flight."""
         macros, many = defines(self.settings), len(TILTS)
         width = SIDE + 2 * MARGIN
-        made = self.filled(planes(self.settings), ["storage"], "planes")
+        lying = self.filled(planes(self.settings), ["storage"], "planes")
         self.map = self.empty(4 * many * width**2, ["storage"], "maps")
         self._counts = [
             self.shared(COUNTS.itemsize * len(BIASES) * many, f"counts, slot {slot}")
@@ -62,7 +62,7 @@ class Renderer(Stage):
                 PipelineDescription(SHADERS, macros, color="rgba8", depth=None, name="show"),
             ]
         )
-        held = {0: made, 1: self.map}
+        held = {0: lying, 1: self.map}
         self._recording = self.set_of(self._record, held, "record")
         self._drawing = self.set_of(self._show, held, "show")
         self._counting = [self.set_of(self._count, held | {2: counts}, "count") for counts in self._counts]

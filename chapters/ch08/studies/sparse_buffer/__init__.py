@@ -5,7 +5,7 @@ the content is at the new addresses. Here a kernel writes each page once, in the
 binds move the pages, and another kernel finds every word where its page is now.
 
 A shader can ask whether a texel of a sparse image has memory. For buffers there is no such question: the program has to
-know which pages it bound. So a list says for each place which page it has, and nobody reads the other places: what
+know which pages it bound. So a list says for each place which page it has, and the other places are not read: what
 they return is up to the device.
 
 Only Vulkan binds pages of buffers; OpenGL has that in an extension.

@@ -11,13 +11,13 @@ PUSH(Push, push)
 
 layout(location = 0) out vec4 out_color;
 
-const int CELLS = 8;   // along each edge of the picture
+const int ROWS = 8;   // along each edge of the picture
 const int BLOCKS = 16;  // of a cell, each shows one word
 
 void main() {
-    ivec2 block = ivec2(gl_FragCoord.xy) * CELLS * BLOCKS / ivec2(push.size.xy);
+    ivec2 block = ivec2(gl_FragCoord.xy) * ROWS * BLOCKS / ivec2(push.size.xy);
     ivec2 cell = block / BLOCKS, within = block % BLOCKS;
-    uint place = uint(cell.y * CELLS + cell.x);
+    uint place = uint(cell.y * ROWS + cell.x);
     bool edge = within.x == 0 || within.y == 0;
     vec3 color = vec3((edge ? 64.0 : 46.0) / 255.0);
     if (pages[place] != NONE) {

@@ -94,9 +94,9 @@ class Renderer(Stage):
         binds: list[dict[str, Any]] = [
             {"resourceOffset": place * PAGE_BYTES, "size": PAGE_BYTES} for place in changed
         ]
-        for place, one in zip(changed, binds, strict=True):
+        for place, place_bind in zip(changed, binds, strict=True):
             if after[place] != NONE:
-                one |= {"memory": self._memory, "memoryOffset": int(after[place]) * PAGE_BYTES}
+                place_bind |= {"memory": self._memory, "memoryOffset": int(after[place]) * PAGE_BYTES}
         bind(self.device, None, self.buffer.handle, binds)
 
     def draw(self, commands: Commands, view: View, time: float) -> None:

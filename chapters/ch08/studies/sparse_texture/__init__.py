@@ -81,14 +81,14 @@ def wanted(settings: Settings, time: float) -> NDArray[np.bool_]:
     y, x = np.divmod(np.arange(TILES), ACROSS)
     middle = 0.5 * ACROSS * (1.0 + 0.55 * np.array([math.cos(time), math.sin(time)]))
     distance = np.hypot(x + 0.5 - middle[0], y + 0.5 - middle[1])
-    found = np.zeros(TILES, bool)
+    near = np.zeros(TILES, bool)
     alone = np.arange(TILES)
     if settings.shared:
-        found[x == 0] = True
+        near[x == 0] = True
         alone = alone[x > 0]
     nearest = alone[np.argsort(distance[alone], kind="stable")]
-    found[nearest[: settings.pages - int(settings.shared)]] = True
-    return found
+    near[nearest[: settings.pages - int(settings.shared)]] = True
+    return near
 
 
 class Residency:

@@ -69,7 +69,7 @@ class SparseImage:
             device.handle,
             self.image.handle,
         )
-        sizes = [one.formatProperties.imageGranularity for one in needed]
+        sizes = [part.formatProperties.imageGranularity for part in needed]
         whole = len(needed) == 1 and needed[0].imageMipTailFirstLod > 0
         if (
             not whole
@@ -85,14 +85,14 @@ class SparseImage:
         binds = []
         for tile in tiles.tolist():
             row, column = divmod(tile, ACROSS)
-            one: dict[str, Any] = {
+            tile_bind: dict[str, Any] = {
                 "subresource": {"aspectMask": vk.VK_IMAGE_ASPECT_COLOR_BIT},
                 "offset": {"x": column * TILE, "y": row * TILE},
                 "extent": {"width": TILE, "height": TILE, "depth": 1},
             }
             if page[tile] != NONE:
-                one |= {"memory": self.memory, "memoryOffset": int(page[tile]) * PAGE_BYTES}
-            binds.append(one)
+                tile_bind |= {"memory": self.memory, "memoryOffset": int(page[tile]) * PAGE_BYTES}
+            binds.append(tile_bind)
         bind(self._device, self.image.handle, None, binds)
 
     def close(self) -> None:
