@@ -63,10 +63,10 @@ def metres_of(depth, near, reversed_z):
 
 @pytest.mark.parametrize("near", [0.001, 0.1, 1.0])
 def test_depth_is_that_of_planes_at_every_texel(stage, near):
-    """A card has one depth, so its bound is that of the few roundings on the way. The floor's depth is interpolated from
-    its nearest edge, 0.75 m away or at the near plane, and has the rounding of what is largest there."""
+    """A card has one depth, so its bound is that of the few roundings on the way. The floor's depth is interpolated
+    from its nearest edge, 0.75 m away or at the near plane, and has the rounding of what is largest there."""
     images, (metres, card, clear) = drawn(stage, near), truth()
-    assert 0.55 < clear.mean() and {*np.unique(card[clear])} == {*range(-1, 7)}
+    assert clear.mean() > 0.55 and {*np.unique(card[clear])} == {*range(-1, 7)}
     seen = clear & np.isfinite(metres)
     for name, reversed_z, nothing in (("depth", True, 0.0), ("standard_depth", False, 1.0)):
         assert (images[name][clear & ~np.isfinite(metres)] == nothing).all()
@@ -111,7 +111,7 @@ def test_a_near_plane_that_is_one_percent_off_would_be_noticed(stage):
 
 @pytest.mark.parametrize("near", [0.01, 1.0])
 def test_the_linear_panels_are_monotone_in_distance(stage, near):
-    """A panel shows distance over far; on a picture of 90 x 60 a panel is 30 x 30, and its texels every third column."""
+    """A panel shows distance over far; on a picture of 90 x 60 a panel is 30 x 30, with every third column."""
     images, (metres, _, clear) = drawn(stage, near), truth()
     panel_x, panel_y = (3 * np.arange(30) + 1, 2 * np.arange(30) + 1)
     metres, clear = metres[np.ix_(panel_y, panel_x)], clear[np.ix_(panel_y, panel_x)]

@@ -147,7 +147,7 @@ def test_what_a_device_cannot_is_one_sentence_and_leaves_nothing(stage, monkeypa
         stage.open(WHICH, SIZE)
     monkeypatch.undo()
     monkeypatch.setattr(
-        vulkan, "lacks", lambda *asked: "sparseResidencyAliased" in asked and "it lacks that" or ""
+        vulkan, "lacks", lambda *asked: ("sparseResidencyAliased" in asked and "it lacks that") or ""
     )
     with pytest.raises(UnsupportedError, match=r"aliased memory: it lacks that; set shared=no\.$"):
         stage.open(WHICH, SIZE)

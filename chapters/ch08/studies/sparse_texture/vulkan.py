@@ -78,9 +78,9 @@ class Renderer(Stage):
         if not self.sparse:
             pool = self.empty(self.settings.pages * PAGE_BYTES, ["storage"], "pool")
             return pool, pool
-        made = SparseImage(self.device, self.settings.pages, self.settings.shared)
-        self.pages = self.keep(made, SparseImage.close)
-        view, general = made.image.view, vk.VK_IMAGE_LAYOUT_GENERAL
+        sparse = SparseImage(self.device, self.settings.pages, self.settings.shared)
+        self.pages = self.keep(sparse, SparseImage.close)
+        view, general = sparse.image.view, vk.VK_IMAGE_LAYOUT_GENERAL
         return Texture(view, vk.NULL, general), Texture(view, self.sampler(TEXELS, "texels"), general)
 
     def draw(self, commands: Commands, view: View, time: float) -> None:
