@@ -117,8 +117,8 @@ def test_a_filter_needs_more_slope_than_the_literature_s(stage):
 
 
 def test_a_constant_answers_to_rounding_and_to_no_slope(stage):
-    """At 45 degrees of turn, map and receiver round the same plane differently: some points of a plane that faces the
-    light are in shadow. Four steps of depth end that, and change nothing on a slope."""
+    """A plane that is compared with itself at each texel still has acne: map and receiver round its depth differently.
+    Four steps of depth end that, and change nothing on a slope that is not followed."""
     without, _, _, _ = measured(stage, turn=45.0, constant=0.0)
     found, _, _, _ = measured(stage, turn=45.0)
     assert without["acne"][PLANE].any() and not found["acne"][PLANE].any()
