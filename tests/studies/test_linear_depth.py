@@ -136,3 +136,14 @@ def test_the_error_panels_are_dark_for_reversed_z_alone(stage):
     assert far_cards.sum() > 20
     assert standard[far_cards][:, 0].max() > 200, "red: centimetres and more"
     assert reversed_z[far_cards][:, :2].max() < 128 and reversed_z[far_cards][:, 0].max() == 0, "micrometres"
+
+
+def test_another_size_makes_new_depth_images(stage):
+    with stage.open(WHICH, (33, 20), settings=Settings(near=0.1), outputs=OUTPUTS) as renderer:
+        view = chapters.view_of(renderer)
+        renderer.render(view)
+        renderer.resize(SIZE)
+        frame = renderer.render(view)
+        images = {name: frame.image(name) for name in OUTPUTS}
+    expected = drawn(stage, 0.1)
+    assert all((images[name] == expected[name]).all() for name in OUTPUTS)
