@@ -52,6 +52,8 @@ FOLDER = ROOT / "docs" / "pictures"
 CHAPTER = 1
 
 STUDY_SIZE = (240, 160)
+STUDY_SIZES = {"linear-depth": (360, 240), "bias-explorer": (576, 320)}
+"""Of studies whose pictures are tables."""
 STUDY_TIMES = {
     "rotating-cube": 0.4,
     "textured-mesh": 6.0,
@@ -62,15 +64,16 @@ STUDY_TIMES = {
     "torus-knot": 0.0,
 }
 """Seconds at which a study shows what it is about; 1 for the others."""
-STUDIES_OF_PIXELS = {"dithered-alpha", "random-textures", "fragment-order", "dispatch-size"}
+STUDIES_OF_PIXELS = {"dithered-alpha", "random-textures", "fragment-order", "dispatch-size", "bias-explorer"}
 """Those about single pixels, which are not to be averaged."""
 STUDY_SETTINGS = {
     "texture-handles": {"way": "units"},
     "dispatch-size": {"guard": False},
     "compacted-indices": {"turned": 110},
+    "bias-explorer": {"turn": 45.0},
 }
 """Settings with which every driver can draw a study's picture, or it says more."""
-WITH_STUDIES = (1, 2, 3, 4, 5, 6, 7)
+WITH_STUDIES = (1, 2, 3, 4, 5, 6, 7, 8)
 """The chapters that have studies."""
 
 
@@ -97,7 +100,8 @@ def draw_study(which: str) -> NDArray[Any]:
     """Return the picture (H, W, 3) of a study, "1/first-triangle"."""
     name = studies.split(which)[1]
     factor = 1 if name in STUDIES_OF_PIXELS else 2
-    size = (factor * STUDY_SIZE[0], factor * STUDY_SIZE[1])
+    width, height = STUDY_SIZES.get(name, STUDY_SIZE)
+    size = (factor * width, factor * height)
     settings = chapters.settings_class(which)(**STUDY_SETTINGS.get(name, {}))
     scene = studies.load(which, None)
     with chapters.open(which, "auto", scene=scene, size=size, settings=settings) as renderer:

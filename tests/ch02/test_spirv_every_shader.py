@@ -132,8 +132,21 @@ GIVEN_IN = {
     "ssao": {"STEP": "ivec2(1, 0)"},
     "transparency": {"STEP": 1},
     "separable_bloom": {"TAPS": ", ".join(["1.0"] * 11), "AXIS": 0},
+    "linear_depth": {"CARDS": 7, "NEAREST": 1.5, "FLOOR": 1.0, "STANDARD": 0},
+    "bias_explorer": {
+        "SIDE": 16,
+        "MARGIN": 4,
+        "HEIGHT": 4.0,
+        "MIDDLE": 512.37,
+        "SAMPLES": 64,
+        "RADIUS": 1,
+        "TILTS": 18,
+        "BIASES": 5,
+    },
+    "sparse_texture": {"SPARSE": 1, "TILE": 128, "ACROSS": 8},
+    "sparse_buffer": {"WORDS": 16384, "PLACES": 64},
 }
-"""The same in folders of chapter 7, where others have other things of these names."""
+"""The same in folders of chapters 7 and 8, where others have other things of these names."""
 VIEWS = 13
 OWN = ("GL_", "INCLUDED_", "VIEW_OF")  # macros that are not the host's
 

@@ -17,10 +17,10 @@ MACHINES = {"gl": ("gl",), "vulkan": ("vulkan", "gl")}
 
 REFUSED = {
     "gl": {"2/texture-handles"},
-    "vulkan": {"2/texture-handles", "2/random-textures", "6/cluster-list"},
+    "vulkan": {"2/texture-handles", "2/random-textures", "6/cluster-list", "8/sparse-buffer"},
 }
-"""Studies of what these drivers lack, which are refused in a sentence: bindless textures of OpenGL, and of Vulkan, and
-mesh shaders."""
+"""Studies of what these drivers lack, which are refused in a sentence: bindless textures of OpenGL, and of Vulkan,
+mesh shaders, and sparse memory."""
 
 
 @pytest.fixture(scope="module")

@@ -97,6 +97,8 @@ EXTRA_BITS: tuple[tuple[str, str], ...] = (
     (CORE, "shaderSampledImageArrayDynamicIndexing"),
     (CORE, "shaderStorageImageExtendedFormats"),  # for mip levels of one and two channels
     (CORE, "shaderStorageImageWriteWithoutFormat"),
+    (CORE, "sparseResidencyAliased"),  # for memory that is bound in several places
+    (CORE, "sparseResidencyBuffer"),
     (CORE, "fragmentStoresAndAtomics"),
     (CORE, "vertexPipelineStoresAndAtomics"),
     (V11, "shaderDrawParameters"),
