@@ -116,9 +116,7 @@ def test_the_globe_of_a_lamp_does_not_darken_it(chapter, graph):
             instance_materials=(0, *[1] * 6),
         )
         scene = replace(scene, lights=[Light("point", 7, intensity=60.0)])
-        with chapter.open(
-            scene, SIZE, replaced(BASE, graph=graph), outputs=("color_linear",)
-        ) as renderer:
+        with chapter.open(scene, SIZE, replaced(BASE, graph=graph), outputs=("color_linear",)) as renderer:
             pictures.append(renderer.render(below).image("color_linear")[..., 0].astype(np.float64))
         if graph == "forward":
             settings = replaced(BASE, graph=graph, view="shadow-factor")

@@ -85,6 +85,8 @@ class ShadowTechnique(Technique):
         layout = BlockLayout(lights, len(self.lights.faces), words)
         self.memory = own.memory = backend.part(__package__).ShadowMemory(backend, layout, size)
         parts.data.shadows = self.memory
+        if own.culls:
+            own.counts = backend.part(f"{__package__}.counts").ShadowCounts(backend)
         self._block = np.zeros(layout.size, np.uint8)
 
     @property
@@ -117,6 +119,8 @@ class ShadowTechnique(Technique):
             own.schedule = self._due(moved)
             for size in {turn.size for turn in own.schedule.rounds}:
                 memory.prepare(size)
+        if own.counts is not None:
+            own.counts.follow(frame.slot, own.schedule, own.lists)
         due = len(own.schedule.drawn)
         if changed or due or self._had_due:
             self._revision += 1
@@ -167,6 +171,16 @@ class ShadowTechnique(Technique):
             written += len(words)
         return written
 
+    @property
+    def tells(self) -> bool:
+        """Whether the GPU has counted what a frame draws."""
+        return self.memory is not None and self._pass.counts is not None and self._pass.counts.tells
+
+    def told(self, slot: int) -> dict[str, int]:
+        """Return how many casters were drawn, and left out, in the last frame of a slot."""
+        counts = self._pass.counts if self.memory is not None else None
+        return counts.told(slot) if counts is not None and counts.tells else {}
+
     def resting(self, time: float) -> bool:
         """Whether no texture of a masked caster has arrived since the last frame."""
         return self.memory is None or self._casters.resting
@@ -179,4 +193,6 @@ class ShadowTechnique(Technique):
     def close(self) -> None:
         """Free the memory."""
         if self.memory is not None:
+            if self._pass.counts is not None:
+                self._pass.counts.close()
             self.memory.close()
