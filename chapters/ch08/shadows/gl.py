@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from backends.gl import api as gl
 from backends.gl.resources import (
     Buffer,
     Image,
@@ -19,6 +20,7 @@ from backends.gl.resources import (
     write_buffer,
 )
 from backends.gl.targets import Attachment, create_framebuffer, destroy_framebuffer
+from common.errors import DeviceError
 
 from ..frames.frame import SLOTS
 from ..frames.gl_commands import Rendering
@@ -34,6 +36,17 @@ FIRST_TABLE = 5
 """The first storage block of the tables: what is before it is bound for the whole frame."""
 
 
+def _pages(context: Any, size: tuple[int, int]) -> Image:
+    """Return the image of the pages; raise DeviceError if there is no memory for it, which no later call would say."""
+    context.fn.glGetError()  # of an earlier call
+    image = create_image(context, "r32f", size, "shadow pages")
+    code = context.fn.glGetError()
+    if code != gl.GL_NO_ERROR:
+        destroy_image(context, image)
+        raise DeviceError(gl.describe("glTextureStorage2D", size, code))
+    return image
+
+
 @dataclass
 class _Target:
     image: Image
@@ -45,11 +58,11 @@ class ShadowMemory(_ShadowMemory):
 
     def _create(self, size: tuple[int, int]) -> None:
         context = self._backend.device
+        self.pages: Image = _pages(context, size)  # first: it may be refused
         self.blocks: list[Buffer] = [
             create_buffer(context, self.layout.size, "upload", f"shadows, slot {slot}")
             for slot in range(SLOTS)
         ]
-        self.pages: Image = create_image(context, "r32f", size, "shadow pages")
         self._tables: dict[str, Buffer] = {}
 
     def _create_target(self, size: int, layers: int) -> _Target:

@@ -87,7 +87,7 @@ def table_words(scene: Scene, settings: Any) -> int:
 
 def pool_tiles(scene: Scene, settings: Any) -> int:
     """Return the tiles of the pages: as many as the table has words, or as the pool holds."""
-    most = (settings.shadows.shadow_pool << 20) // TILE_BYTES
+    most = int(settings.shadows.shadow_pool * 2**20) // TILE_BYTES
     return max(1, min(table_words(scene, settings), most))
 
 

@@ -115,4 +115,10 @@ class ShadowSettings:
         "whether meshlets that face away from a light are left out, with shadow_sides=front",
     )
     shadow_cull_faces: bool = knob(True, "whether a face leaves out what is outside of it")
-    shadow_pool: int = knob(128, "memory of all shadow maps together", unit="MiB", minimum=1, maximum=1024)
+    shadow_pool: float = knob(
+        128.0,
+        "memory of all shadow maps together; a page has 1/16 MiB",
+        unit="MiB",
+        minimum=1 / 16,
+        maximum=1024,
+    )

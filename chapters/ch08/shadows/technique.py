@@ -13,6 +13,7 @@ from common.scene import Scene
 from ..cloth.passes import VERTICES
 from ..frames.backend.backend import Backend
 from ..page_table.pool import TilePool
+from ..page_table.refusal import with_less
 from ..scene.pass_parts import PassParts
 from ..settings import Settings
 from . import model
@@ -80,14 +81,19 @@ class ShadowTechnique(Technique):
         self._casters = Casters(parts, backend, own, cloth)
         lights = model.records_of(scene, settings)
         words, tiles = model.table_words(scene, settings), model.pool_tiles(scene, settings)
-        size = pages_size(tiles)
-        self.lights = ShadowLights(parts, TilePool(tiles, size[0], words))
-        layout = BlockLayout(lights, len(self.lights.faces), words)
-        self.memory = own.memory = backend.part(__package__).ShadowMemory(backend, layout, size)
+
+        def make(tiles: int) -> ShadowMemory:
+            size = pages_size(tiles)
+            self.lights = ShadowLights(parts, TilePool(tiles, size[0], words))
+            layout = BlockLayout(lights, len(self.lights.faces), words)
+            made: ShadowMemory = backend.part(__package__).ShadowMemory(backend, layout, size)
+            return made
+
+        self.memory = own.memory = with_less(make, tiles, scene.warnings)
         parts.data.shadows = self.memory
         if own.culls:
             own.counts = backend.part(f"{__package__}.counts").ShadowCounts(backend)
-        self._block = np.zeros(layout.size, np.uint8)
+        self._block = np.zeros(self.memory.layout.size, np.uint8)
 
     @property
     def faces(self) -> np.ndarray:

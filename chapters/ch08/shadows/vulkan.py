@@ -48,15 +48,15 @@ class ShadowMemory(_ShadowMemory):
     def _create(self, size: tuple[int, int]) -> None:
         backend = self._backend
         resources, device = backend.resources, backend.device
+        stored = vk.VK_IMAGE_USAGE_STORAGE_BIT | vk.VK_IMAGE_USAGE_TRANSFER_SRC_BIT
+        self._images = [resources.image("r32f", size, stored, "shadow pages")]  # first: it may be refused
+        self.pages: Image = resources.images.get(self._images[0])
         usage = vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT
         self._handles = [
             resources.buffer(self.layout.size, usage, "upload", f"shadows, slot {slot}")
             for slot in range(SLOTS)
         ]
         self.blocks: list[Buffer] = [resources.buffers.get(handle) for handle in self._handles]
-        stored = vk.VK_IMAGE_USAGE_STORAGE_BIT | vk.VK_IMAGE_USAGE_TRANSFER_SRC_BIT
-        self._images = [resources.image("r32f", size, stored, "shadow pages")]
-        self.pages: Image = resources.images.get(self._images[0])
         with submit_once(device) as commands:
             transition(device, commands, self.pages, "undefined", "storage")
         self._sets: dict[Any, Any] = {}
