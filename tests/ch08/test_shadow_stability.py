@@ -175,14 +175,16 @@ def test_near_planes_keep_depth_precise(chapter):
 @pytest.mark.feature("shadows/depth-bias")
 @pytest.mark.parametrize("kernel", [1, 3])
 @pytest.mark.parametrize("bias", ["plane", "slope"])
-@pytest.mark.parametrize("degrees", [0, 45, 75])
-@pytest.mark.parametrize("kind", ["sun", "spot", "point"])
+@pytest.mark.parametrize(
+    ("kind", "degrees"),
+    [*((kind, degrees) for kind in ("sun", "spot", "point") for degrees in (0, 45, 75)), ("corner", 54.7)],
+)
 def test_the_contact_gap_is_two_texels_and_the_kernel(chapter, kind, degrees, bias, kernel):
     """A square at some height above a plane hides its light: with `plane`, at two texels and the kernel's radius.
 
-    Of t metres a texel and an angle of theta to the light, the gap is t (cos theta + sin theta) with `plane`. With
-    `slope` it is t (cos theta + (1 + 2 sqrt 2 (radius + 1/2)) sin theta): depths at the corners of the kernel are off
-    by sqrt 2 (radius + 1/2) tan theta, those of the receiver and those of the square.
+    Of t metres a texel (the distance over `scale`) and an angle of theta to the light, the gap is t (cos theta + sin
+    theta) with `plane`. With `slope` it is t (cos theta + (1 + 2 sqrt 2 (radius + 1/2)) sin theta): depths at the
+    corners of the kernel are off by sqrt 2 (radius + 1/2) tan theta, those of the receiver and those of the square.
     """
     angle, radius = math.radians(degrees), kernel // 2
     towards = np.array((math.sin(angle), math.cos(angle), 0.0))
@@ -190,6 +192,8 @@ def test_the_contact_gap_is_two_texels_and_the_kernel(chapter, kind, degrees, bi
         "sun": lambda: sun(tuple(-towards)),
         "spot": lambda: spot(tuple(4 * towards), (0, 0, 0), outer=math.radians(30)),
         "point": lambda: point(tuple(4 * towards)),
+        # Where three faces of a cube meet, depth is 1 / sqrt 3 of the distance.
+        "corner": lambda: point(tuple(4 * np.array((1.0, 1.0, 0.98)) / math.sqrt(2.9604))),
     }[kind]()
     widest = 8.6 if kind == "sun" else 2 * 4.0 * math.tan(math.radians(30 if kind == "spot" else 45))
     gap = 2.0 + radius

@@ -26,7 +26,7 @@ def with_less(make: Callable[[int], Made], tiles: int, warnings: list[str]) -> M
     asked = tiles
     while True:
         try:
-            made = make(tiles)
+            pages = make(tiles)
             break
         except DeviceError as error:
             if tiles <= 1 or not refused(error):
@@ -39,7 +39,7 @@ def with_less(make: Callable[[int], Made], tiles: int, warnings: list[str]) -> M
         )
         if sentence not in warnings:
             warnings.append(sentence)
-    return made
+    return pages
 
 
 def _shown(tiles: int) -> str:

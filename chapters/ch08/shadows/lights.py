@@ -115,14 +115,14 @@ class ShadowLights:
         self._near = settings.shadows.shadow_near * scene.length_scale
         self._step = STEP * scene.length_scale
         position = records["position"].astype(np.float64)
-        found = np.isfinite(position).all(axis=1)  # a light beyond float32 shines nowhere
-        position[~found] = 0.0
+        placed = np.isfinite(position).all(axis=1)  # a light beyond float32 shines nowhere
+        position[~placed] = 0.0
         # Beyond the far corner of the scene there is nothing to shade.
         corner = np.abs(position[:, None] - box[None]).max(axis=1)
         self._reach = np.minimum(reaches(records), 1.01 * np.linalg.norm(corner, axis=1))
         directional = records["kind"] == model.DIRECTIONAL
         peaks = records["color"].max(axis=1, initial=0.0).astype(np.float64)
-        self._peaks = np.where(directional | ~found | (self._reach <= self._near), 0.0, peaks)
+        self._peaks = np.where(directional | ~placed | (self._reach <= self._near), 0.0, peaks)
         self._counts = np.where(has_cube(records), CUBE_FACES, 1)
         self._centres = position + scene.origin
         suns = np.flatnonzero(

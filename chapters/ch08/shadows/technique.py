@@ -86,8 +86,8 @@ class ShadowTechnique(Technique):
             size = pages_size(tiles)
             self.lights = ShadowLights(parts, TilePool(tiles, size[0], words))
             layout = BlockLayout(lights, len(self.lights.faces), words)
-            made: ShadowMemory = backend.part(__package__).ShadowMemory(backend, layout, size)
-            return made
+            memory: ShadowMemory = backend.part(__package__).ShadowMemory(backend, layout, size)
+            return memory
 
         self.memory = own.memory = with_less(make, tiles, scene.warnings)
         parts.data.shadows = self.memory

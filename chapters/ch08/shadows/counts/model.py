@@ -22,7 +22,7 @@ WORDS = 4
 class ShadowCounts:
     """Counts units in the lists of lights, draws and triangles; `vulkan.py` and `gl.py` have the buffers.
 
-    A frame without draws has no counters, and nobody waits for it.
+    A frame without draws has no counters, and asking for them does not wait for it.
     """
 
     def __init__(self, backend: Any) -> None:
