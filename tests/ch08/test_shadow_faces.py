@@ -83,8 +83,8 @@ def test_corners_of_a_light_frustum_meet_those_of_clip_space():
 def test_reversed_depth_keeps_its_digits_and_standard_depth_loses_them(near):
     """Depth of a lamp in 32 bits, there and back as records.glsl has it, with 1 at the near plane, and with 0 there.
 
-    Reversed depth is about near / Z: its rounding of 2^-24 is one of Z. Standard depth is about 1, so its rounding is one
-    of near / Z by near: Z^2 / near times 2^-25.
+    Reversed depth is about near / Z: its rounding of 2^-24 is one of Z. Standard depth is about 1: rounded by 2^-25, it
+    moves Z by Z^2 / near as much.
     """
     far, f32 = 7.6, np.float32
     z = np.linspace(1.0, 7.0, 1001)
