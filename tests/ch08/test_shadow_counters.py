@@ -113,3 +113,12 @@ def test_rounds_of_a_frame_add_up(chapter, scene):
     assert 0 <= small["shadow_draws"] - whole["shadow_draws"] < 0.05 * small["shadow_draws"]
     # The light whose faces are in both rounds has a list in each.
     assert whole["shadow_units"] == small["shadow_units"] + len(lists[0])
+
+
+@pytest.mark.feature("shadows/per-face-fallback")
+def test_without_kernels_the_draws_of_the_recording_are_counted(chapter):
+    """Every caster into every face: seven squares, and six faces."""
+    with chapter.open(yard(point((-1.2, 3.0, 0.8))), SIZE, BASE, without=("multi-draw",)) as renderer:
+        work = renderer.render(VIEW).work
+        assert work["shadow_draws"] == 6 * 7 and work["shadow_triangles"] == 6 * 7 * 2
+        assert "shadow_units" not in work and not renderer.techniques["shadows"].tells

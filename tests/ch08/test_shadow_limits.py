@@ -158,11 +158,11 @@ def test_lights_that_are_nowhere_harm_no_other_shadow(chapter, kind, place):
     assert np.allclose(picture, wanted, rtol=1e-4, atol=1e-5) and work["shadow_lights"] >= 2
 
 
-@pytest.mark.parametrize("axis", ["zero", "nan"])
+@pytest.mark.parametrize("axis", ["zero", "nan", "inf"])
 @pytest.mark.parametrize("kind", ["directional", "spot"])
 def test_lights_without_a_direction_harm_no_other_shadow(chapter, kind, axis):
     pose = translated(0.0, 3.0, 0.0)
-    pose[:3, :3] = 0.0 if axis == "zero" else math.nan
+    pose[:3, :3] = {"zero": 0.0, "nan": math.nan, "inf": math.inf}[axis]
     light = Light(kind, 0, intensity=0.5, inner_cone=0.3, outer_cone=0.6)
     picture, work, _ = drawn(chapter, yard((light, pose), point((-1.2, 3.0, 0.8))))
     alone, *_ = drawn(chapter, yard(point((-1.2, 3.0, 0.8))))
