@@ -245,12 +245,16 @@ def create_image(
     target = gl.GL_TEXTURE_2D_MULTISAMPLE if samples > 1 else TARGETS[shape]
     handle = context.create("texture", name, target)
     internal, fn = FORMATS[format].internal, context.fn
-    if samples > 1:
-        fn.glTextureStorage2DMultisample(handle, samples, internal, width, height, 1)
-    elif shape in ("2d", "cube"):
-        fn.glTextureStorage2D(handle, levels, internal, width, height)
-    else:
-        fn.glTextureStorage3D(handle, levels, internal, width, height, layers)
+    try:
+        if samples > 1:
+            fn.glTextureStorage2DMultisample(handle, samples, internal, width, height, 1)
+        elif shape in ("2d", "cube"):
+            fn.glTextureStorage2D(handle, levels, internal, width, height)
+        else:
+            fn.glTextureStorage3D(handle, levels, internal, width, height, layers)
+    except Exception:
+        context.destroy("texture", handle)
+        raise
     image = Image(
         handle, handle, view_format or format, format, shape, width, height, levels, layers, samples, name
     )

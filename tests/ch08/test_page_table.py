@@ -230,7 +230,7 @@ def test_refused_memory_lowers_sizes():
 
 
 def test_lights_that_movers_meet_keep_what_they_show_without_them():
-    pool, slots, resident = residency()
+    pool, _slots, resident = residency()
     first = PLACES.lamp_word
     wish, mixed = need(256, 1, 1, tiles=(1, 5, first + 5)), np.array([False, True, True, False, False])
     resident.follow(wish, now=True, mixed=mixed)

@@ -77,6 +77,26 @@ def test_corners_of_a_light_frustum_meet_those_of_clip_space():
         assert not np.allclose(0.5 * (1 - ndc[:, 2]) + 0.5, 1 - ndc[:, 2]) or depth == 9.0
 
 
+@pytest.mark.feature("shadows/depth-recording")
+@pytest.mark.parametrize("near", [1e-6, 1e-3, 0.1])
+def test_reversed_depth_keeps_its_digits_and_standard_depth_loses_them(near):
+    """Depth of a lamp in 32 bits, there and back as records.glsl has it, with 1 at the near plane, and with 0 there.
+
+    Reversed depth is about near / Z: its rounding of 2^-24 is one of Z. Standard depth is about 1: rounded by 2^-25, it
+    moves Z by Z^2 / near as much.
+    """
+    far, f32 = 7.6, np.float32
+    z = np.linspace(1.0, 7.0, 1001)
+    reverse = near * (far - z) / ((far - near) * z)
+    back = f32(near * far) / (f32(near) + f32(reverse) * f32(far - near))
+    assert (np.abs(back - z) < 5 * 2.0**-24 * z).all()
+    standard = f32(1.0 - reverse).astype(np.float64)
+    lost = np.abs(near * far / (far - standard * (far - near)) - z)
+    rounding = (z**2 / near * 2.0**-25).max()
+    assert 0.3 * rounding < lost.max() < 1.5 * rounding
+    assert lost.max() > 10 * np.abs(back - z).max()
+
+
 def test_wide_spots_have_cubes():
     assert faces.has_cube(records("spot", outer=np.radians(59))).tolist() == [False]
     assert faces.has_cube(records("spot", outer=np.radians(85))).tolist() == [True]

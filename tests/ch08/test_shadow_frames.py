@@ -13,6 +13,7 @@ from common.numerics.transforms import pose_looking_at
 from common.scene import Image, Material
 from common.settings import replaced
 from common.view.camera import Orthographic, Perspective, View
+from tests.support.bounds import snapping
 from tests.support.cloth_scenes import cloth, cloth_scene_of
 from tests.support.scenes import moved, quad_scene, scaled, texture
 from tests.support.shadows import (
@@ -20,6 +21,7 @@ from tests.support.shadows import (
     bending,
     bent,
     faces_of,
+    lit_taps,
     placed,
     point,
     read_face,
@@ -81,6 +83,18 @@ LIGHTS = {
 }
 
 
+def depth_off(device, face, triangles, wanted) -> np.ndarray:
+    """Return (size, size) metres by which stored depths may differ from `wanted`.
+
+    Positions are single precision, relative to the scene's origin: 2e-6 was measured on the software drivers. Where a
+    device moves vertices before it fills, a surface's depth moves with them, by its slope.
+    """
+    off: np.ndarray = 2e-6 * np.maximum(wanted, 1.0)
+    if snapping(device):
+        off += snapping(device) * twin.face_slopes(face, triangles, wanted)
+    return off
+
+
 @pytest.mark.feature(
     "shadows/depth-recording",
     "shadows/cube-sampling",
@@ -99,7 +113,7 @@ def test_each_texel_holds_the_depth_of_the_first_surface(chapter, kind):
         for number, face in enumerate(faces_of(renderer)):
             found, wanted = read_face(renderer, number, pages), twin.face_depths(face, triangles)
             agree = (found < 1e29) == (wanted < 1e29)
-            close = np.abs(found - wanted) <= 2e-6 * np.maximum(wanted, 1.0)
+            close = np.abs(found - wanted) <= depth_off(chapter.device, face, triangles, wanted)
             close |= (found > 1e29) & (wanted > 1e29)
             # At edges a texel's middle may lie within float32 of either side.
             assert (agree & close).mean() > 0.995, (number, (agree & close).mean())
@@ -120,7 +134,7 @@ def test_each_texel_holds_the_depth_of_the_first_surface(chapter, kind):
 def test_edges_lie_within_a_texel_of_the_truth(chapter, kind, texels):
     light, at, towards = LIGHTS[kind]
     scene = yard(light)
-    drawn = factors(chapter, scene, shadow_kernel=1, shadow_size=texels)
+    drawn = lit_taps(factors(chapter, scene, shadow_kernel=1, shadow_size=texels), 1, chapter.device)
     points = ground_below()
     on_ground = np.maximum(abs(points[..., 0]), abs(points[..., 2])) > 0.52  # the cube hides what is below
     wanted = lit(points + np.array((0, 1e-4, 0)), scene, at, towards)
@@ -129,7 +143,7 @@ def test_edges_lie_within_a_texel_of_the_truth(chapter, kind, texels):
         axis = np.array((0.0, 0.5, 0.0)) - np.array(at)
         cosine = (away @ axis) / np.linalg.norm(away, axis=-1) / np.linalg.norm(axis)
         on_ground &= cosine > np.cos(np.radians(54))
-    assert set(np.unique(drawn[on_ground])) <= {0.0, 1.0}
+    assert set(np.unique(drawn[on_ground])) <= {0, 1}
     wrong = on_ground & ((drawn > 0.5) != wanted)
     assert (~wanted[on_ground]).sum() > 100 and wrong.sum() < 60 * 256 / texels
     away = np.full(points.shape[:-1], 1.0) if at is None else np.linalg.norm(points - np.array(at), axis=-1)
@@ -152,9 +166,8 @@ def test_edges_lie_within_a_texel_of_the_truth(chapter, kind, texels):
 @pytest.mark.feature("shadows/pcf")
 @pytest.mark.parametrize("kernel", [3, 13])
 def test_factors_are_multiples_of_one_tap(chapter, kernel):
-    drawn = factors(chapter, yard(LIGHTS["spot"][0]), shadow_kernel=kernel) * kernel**2
-    assert np.allclose(drawn, np.round(drawn), atol=1e-4)
-    assert len(np.unique(np.round(drawn))) > kernel
+    drawn = factors(chapter, yard(LIGHTS["spot"][0]), shadow_kernel=kernel)
+    assert len(np.unique(lit_taps(drawn, kernel, chapter.device))) > kernel
 
 
 @pytest.mark.feature("shadows/depth-bias")
@@ -165,10 +178,11 @@ def test_a_plane_never_shades_itself(chapter, kind, kernel, bias):
     acne = 0
     for degrees in (0, 20, 45, 60, 75, 85):
         drawn = factors(chapter, _tilted(kind, degrees), shadow_kernel=kernel, shadow_bias=bias)
-        lighted = drawn[22:42, 22:42]
-        assert (lighted == 1.0).all(), (degrees, (lighted < 1).sum())
+        lighted = lit_taps(drawn[22:42, 22:42], kernel, chapter.device)
+        assert (lighted == kernel**2).all(), (degrees, (lighted < kernel**2).sum())
         if bias == "plane" and kernel == 1:
-            acne += (factors(chapter, _tilted(kind, degrees), shadow_kernel=1, shadow_bias="none") < 1).sum()
+            bare = factors(chapter, _tilted(kind, degrees), shadow_kernel=1, shadow_bias="none")
+            acne += (lit_taps(bare, 1, chapter.device) < 1).sum()
     assert bias != "plane" or kernel != 1 or acne > 500  # without bias there is acne
 
 
@@ -215,7 +229,7 @@ def test_off_makes_nothing_and_gives_the_picture_without_casters(chapter):
     with chapter.open(scene, SIZE, BASE) as renderer:
         assert renderer.render(ABOVE).work["pipelines"] in (
             pipelines + 2,
-            pipelines + 4,
+            pipelines + 5,
         )  # of casters, and kernels
 
 
@@ -293,7 +307,7 @@ def test_masked_casters_have_holes_and_blended_ones_cast_nothing(chapter, kind):
     )
     bare = yard(light)
     bare.instances.visible[1:] = False
-    assert (factors(chapter, bare)[8:56, 8:56] == 1.0).all()
+    assert (lit_taps(factors(chapter, bare)[8:56, 8:56], 3, chapter.device) == 9).all()
     scene = yard(light, material=see_through)
     with chapter.open(scene, SIZE, BASE) as renderer:
         frame = renderer.render(ABOVE)
@@ -309,7 +323,8 @@ def test_cascade_borders_show_no_seam(chapter):
     with chapter.open(scene, (96, 64), replaced(BASE, view="cascade", shadow_cascades=3)) as renderer:
         shown = renderer.render(view).image("color")[40:]
     assert len(np.unique(shown.reshape(-1, shown.shape[-1]), axis=0)) >= 2
-    assert (factors(chapter, scene, view, (96, 64), shadow_cascades=3)[40:, 8:-8] == 1.0).all()
+    drawn = factors(chapter, scene, view, (96, 64), shadow_cascades=3)[40:, 8:-8]
+    assert (lit_taps(drawn, 3, chapter.device) == 9).all()
 
 
 @pytest.mark.parametrize("graph", ["forward", "deferred"])

@@ -169,6 +169,19 @@ def all_faces(renderer: Any) -> np.ndarray:
     return np.concatenate([read_face(renderer, n, pages).reshape(-1) for n in range(len(faces_of(renderer)))])
 
 
+def lit_taps(factors: np.ndarray, kernel: int, device: Any) -> np.ndarray:
+    """Return how many taps of a kernel each factor of one light lets through, int64.
+
+    A factor is read as the light that arrives over all of it: taps / kernel^2 is rounded, multiplied by the light, and
+    divided by it. That is exact for one tap; else it is three roundings where quotients are rounded as IEEE 754 says,
+    as software drivers do. Vulkan allows 2.5 units in the last place for a quotient: 5.5 with the product's half.
+    """
+    software, taps = device.capabilities.is_software, factors.astype(np.float64) * kernel**2
+    off = 0.0 if software and kernel == 1 else 3 * 2.0**-24 if software else 5.5 * 2.0**-23
+    assert (np.abs(taps - np.round(taps)) <= off * taps).all(), np.abs(taps - np.round(taps)).max()
+    return np.round(taps).astype(np.int64)
+
+
 def words(renderer: Any, name: str) -> np.ndarray:
     """Return the words of a buffer that the kernels of the last round read or wrote; all frames must be over."""
     from tests.support.buffers import read_words

@@ -77,3 +77,31 @@ def face_depths(face, triangles: np.ndarray) -> np.ndarray:
     lengths = np.linalg.norm(directions, axis=1) if face["perspective"] else 1.0
     nearest[nearest * lengths > float(face["far"])] = NOTHING
     return nearest.reshape(int(face["size"]), -1)
+
+
+def face_slopes(face, triangles: np.ndarray, depths: np.ndarray) -> np.ndarray:
+    """Return (size, size) by how much `depths` of the first surfaces change in a texel along each axis, added up.
+
+    A plane n . P = c around the origin of a face has Z = c / (n . r) at a ray r = (x / sx, y / sy, 1), and in an
+    orthographic face Z = (c - n.x x / sx - n.y y / sy) / n.z. The plane at a texel is the one that has its depth.
+    """
+    axes = np.stack([face["right"], face["down"], face["ahead"]]).astype(np.float64)
+    corners = (triangles - face["origin"].astype(np.float64)) @ axes.T
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    constants = (normals * corners[:, 0]).sum(axis=1)
+    size, scale = int(face["size"]), np.array([face["scale_x"], face["scale_y"]], np.float64)
+    at = np.arange(size) + 0.5 - size / 2
+    y, x = np.meshgrid(at / scale[1], at / scale[0], indexing="ij")
+    slopes, best = np.zeros((size, size)), np.full((size, size), np.inf)
+    for n, c in zip(normals, constants, strict=True):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            if face["perspective"]:
+                along = n[0] * x + n[1] * y + n[2]
+                depth, slope = c / along, np.abs(c) * (np.abs(n[:2]) / scale).sum() / along**2
+            else:
+                depth = (c - n[0] * x - n[1] * y) / n[2]
+                slope = np.full_like(depth, (np.abs(n[:2]) / scale).sum() / np.abs(n[2]))
+        off = np.abs(depth - depths)
+        nearer = off < best
+        best[nearer], slopes[nearer] = off[nearer], slope[nearer]
+    return slopes

@@ -18,6 +18,7 @@ from backends.gl.resources import (
     destroy_image,
     write_buffer,
 )
+from common.errors import DeviceError
 
 from .memory import Pages as _Pages
 from .memory import ReportMemory as _ReportMemory
@@ -27,7 +28,14 @@ class Pages(_Pages):
     """An image that this object owns."""
 
     def _create(self, size: tuple[int, int]) -> Image:
-        return create_image(self._backend.device, "r32f", size, "shadow pages", shape="array", layers=1)
+        context = self._backend.device
+        context.fn.glGetError()  # of an earlier call
+        image = create_image(context, "r32f", size, "shadow pages", shape="array", layers=1)
+        code = context.fn.glGetError()
+        if code != gl.GL_NO_ERROR:  # no memory, which no later call would say
+            destroy_image(context, image)
+            raise DeviceError(gl.describe("glTextureStorage3D", size, code))
+        return image
 
     def close(self) -> None:
         """Free the image; OpenGL itself waits for its last use."""

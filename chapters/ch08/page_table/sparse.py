@@ -16,7 +16,7 @@ from backends.vulkan import api as vk
 from backends.vulkan.barriers import transition
 from backends.vulkan.once import submit_once
 from backends.vulkan.resources import Image, create_view
-from common.errors import UnsupportedError
+from common.errors import DeviceError, UnsupportedError
 
 from ..frames.queues.vulkan_pace import ALL_COMMANDS
 from ..frames.queues.vulkan_timeline import Timeline
@@ -24,6 +24,7 @@ from ..shadows.layout import WIDEST
 from ..shadows.model import TILE, TILE_BYTES
 from .memory import Pages
 from .pool import TilePool, places_of
+from .refusal import refused
 
 BLOCK = 64
 """Tiles of a block of memory: 4 MiB."""
@@ -104,8 +105,8 @@ class SparsePages(Pages):
             info = vk.new("VkMemoryAllocateInfo", allocationSize=BLOCK * TILE_BYTES, memoryTypeIndex=kinds[0])
             try:
                 memory = device.create("vkAllocateMemory", info, f"shadow pages {len(self._blocks)}")
-            except Exception:
-                if not self._blocks:
+            except DeviceError as error:
+                if not refused(error):
                     raise
                 break
             self._memories.append(memory)

@@ -43,7 +43,9 @@ Receiver receiver_of(ShadowFace face, vec3 p, vec3 normal, int radius) {
     float bias = footprint * (SHADOW_CONSTANT + SHADOW_SLOPE * slope);
     vec2 gradient = perspective ? -n.xy / (scale * p.z * facing * length(p)) : n.xy / (scale * facing);
 #elif SHADOW_BIAS == 1
-    float bias = footprint * (SHADOW_CONSTANT + (SHADOW_SLOPE + 1.4143 * (float(radius) + 0.5)) * slope);
+    // The depth of the plane at the corner of the kernel, to first order: where it is nearer, it changes by less than that.
+    float change = length(n.xy) * ray.z / facing;
+    float bias = footprint * (SHADOW_CONSTANT + SHADOW_SLOPE * slope + 1.4143 * (float(radius) + 0.5) * change);
     const vec2 gradient = vec2(0.0);
 #else
     const float bias = 0.0;

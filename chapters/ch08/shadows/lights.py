@@ -51,7 +51,8 @@ class ShadowLights:
         self.lamps = Lamps(held.lamps, level_of_side(held.lamp_side))
         self.residency = Residency(pool, held, self.lamps, knobs.page_budget, reserve)
         self._by_need = model.by_need(settings)
-        self._sun_size = held.sun_side * TILE
+        whole = held.suns * (held.cascades * held.sun_side**2 + held.coarse)
+        self._sun_size = held.sun_side * TILE if whole <= pool.tiles else 0
         self._lights = self._instances = -1
         self._lens: Any = None
         self._cascades: Cascades | None = None
@@ -130,22 +131,26 @@ class ShadowLights:
         self._near = settings.shadows.shadow_near * scene.length_scale
         self._step = STEP * scene.length_scale
         position = records["position"].astype(np.float64)
+        placed = np.isfinite(position).all(axis=1)  # a light beyond float32 shines nowhere
+        position[~placed] = 0.0
         # Beyond the far corner of the scene there is nothing to shade.
         corner = np.abs(position[:, None] - box[None]).max(axis=1)
         self._reach = np.minimum(reaches(records), 1.01 * np.linalg.norm(corner, axis=1))
         directional = records["kind"] == model.DIRECTIONAL
         peaks = records["color"].max(axis=1, initial=0.0).astype(np.float64)
-        self._peaks = np.where(directional | (self._reach <= self._near), 0.0, peaks)
+        self._peaks = np.where(directional | ~placed | (self._reach <= self._near), 0.0, peaks)
         self._counts = np.where(has_cube(records), CUBE_FACES, 1)
         self._centres = position + scene.origin
-        suns = np.flatnonzero(directional)
+        # A sun that is lost has neither light nor direction.
+        suns = np.flatnonzero(directional & (peaks > 0.0))
         self._suns = suns[np.argsort(-peaks[suns], kind="stable")][: self.held.suns]
 
     def _bounds(self, instances: np.ndarray) -> NDArray[np.float64]:
         """Return the (2, 3) box of all lit objects, relative to the scene's origin."""
         scene = self._parts.scene
         lit = np.array([not material.unlit for material in scene.materials], bool)[instances["material"]]
-        chosen = instances[lit & scene.instances.visible]
+        placed = np.isfinite(instances["bounds_centre"] + instances["bounds_extent"]).all(axis=1)
+        chosen = instances[lit & scene.instances.visible & placed]
         if not len(chosen):
             return np.array(scene.bounds - scene.origin)
         centre, extent = (

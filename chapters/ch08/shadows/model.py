@@ -158,7 +158,7 @@ def places(scene: Scene, settings: Any) -> Places:
 
 def pool_limit(settings: Any) -> int:
     """Return the tiles that the setting allows."""
-    return max(1, (int(settings.shadows.shadow_pool) << 20) // TILE_BYTES)
+    return max(1, int(settings.shadows.shadow_pool * 2**20) // TILE_BYTES)
 
 
 def pool_tiles(scene: Scene, settings: Any) -> int:

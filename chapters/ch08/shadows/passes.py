@@ -25,6 +25,7 @@ from ..scene.packing import Variant, shape_alone
 from ..scene.pass_parts import PassParts
 from ..settings import Settings
 from ..shading.objects import ObjectsPass
+from .counts.model import ShadowCounts
 from .lists import NO_ROUNDS, Round, ShadowLists
 from .memory import ShadowMemory
 from .model import needed, tests_of
@@ -65,6 +66,8 @@ class ShadowsPass(ObjectsPass):
         """What the frame draws."""
         self.lists: ShadowLists | None = None
         """The tables of casters, if kernels cull."""
+        self.counts: ShadowCounts | None = None
+        """The counters of what kernels leave to be drawn."""
         self.writes = (Access(PAGES, "storage", bytes=4),)
         self.externals = {PAGES: External(None, None, _READ, bytes=4)}
         self._store: Built
@@ -106,6 +109,8 @@ class ShadowsPass(ObjectsPass):
                 ComputeDescription("shadows/commands.comp", (*tests, *cleared), name="shadow commands"),
             ]
         self._store, *self._kernels = self._pipelines.get(described)
+        if self.counts is not None:
+            self.counts.build(self._pipelines)
 
     # --- recording ---
 
@@ -118,6 +123,8 @@ class ShadowsPass(ObjectsPass):
         of_layer = [casters] * max((turn.layers for turn in self.schedule.rounds), default=0)
         if self.lists is not None:
             of_layer = [self._culled(self.lists, casters, layer) for layer in range(len(of_layer))]
+        if self.counts is not None and of_layer:
+            self.counts.begin(commands, memory)
         for number, turn in enumerate(self.schedule.rounds):
             if self.lists is not None:
                 self._cull(commands, memory, self.lists, turn)
@@ -129,6 +136,8 @@ class ShadowsPass(ObjectsPass):
                 commands.draw_groups(groups, self._draws.binding._replace(pushed=face))
                 memory.end_face(commands)
             memory.store(commands, self._store, turn.size, number)
+        if self.counts is not None and of_layer:
+            self.counts.finish(commands)
         memory.finish(commands)
         for name in ("draws", "draw_calls", "triangles"):
             commands.work[f"shadow_{name}"] = commands.work[name] - before[name]
@@ -179,6 +188,8 @@ class ShadowsPass(ObjectsPass):
             commands.push(kernel, constants)
             commands.dispatch(lists.batches, turn.layers)
             commands.compute_barrier()
+        if self.counts is not None:
+            self.counts.add(commands, memory, lists, turn)
 
     def key(self, slot: int) -> Any:
         """Return the lists of the scene, the rounds, and the tables of casters."""

@@ -122,4 +122,10 @@ class ShadowSettings:
         minimum=1,
         maximum=16384,
     )
-    shadow_pool: int = knob(128, "memory of all shadow maps together", unit="MiB", minimum=1, maximum=1024)
+    shadow_pool: float = knob(
+        128.0,
+        "memory of all shadow maps together; a page has 1/16 MiB",
+        unit="MiB",
+        minimum=1 / 16,
+        maximum=1024,
+    )

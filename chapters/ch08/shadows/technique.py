@@ -13,9 +13,12 @@ from common.scene import Scene
 
 from .. import page_table
 from ..cloth.passes import VERTICES
+from ..clusters import model as clusters
+from ..clusters.passes import read_lists
 from ..frames.backend.backend import Backend
 from ..page_table.passes import NEED_PASSES
 from ..page_table.pool import TilePool
+from ..page_table.refusal import tell, with_less
 from ..scene.pass_parts import PassParts
 from ..settings import Settings
 from . import model
@@ -82,6 +85,8 @@ class ShadowTechnique(Technique):
         scene, settings = parts.scene, parts.settings
         if not model.possible(scene, settings):
             return
+        if clusters.needed(scene, settings):
+            read_lists(needs[:1])
         read_pages([gpu_pass for name, gpu_pass in passes.items() if name in LIT])
         cloth = passes["cloth"]
         if cloth.externals:  # its vertices are drawn, too
@@ -89,10 +94,19 @@ class ShadowTechnique(Technique):
         self._casters = Casters(parts, backend, own, cloth)
         held = model.places(scene, settings)
         memories = backend.part(page_table.__name__)
-        tiles = model.pool_tiles(scene, settings)
-        self.pages = memories.make_pages(backend, tiles, held.words, model.by_need(settings))
+
+        def make(tiles: int) -> Any:
+            return memories.make_pages(backend, tiles, held.words, model.by_need(settings))
+
+        self.pages = with_less(make, model.pool_tiles(scene, settings), scene.warnings)
         pool = TilePool(self.pages.tiles, self.pages.columns_rows, held.words, self.pages.virtual)
-        self.lights = ShadowLights(parts, pool, self.pages.reserve)
+
+        def reserve(tiles: int) -> int:
+            there: int = self.pages.reserve(tiles)
+            tell(tiles, there, scene.warnings)
+            return there
+
+        self.lights = ShadowLights(parts, pool, reserve)
         layout = BlockLayout(
             model.records_of(scene, settings),
             held.faces,
@@ -103,6 +117,8 @@ class ShadowTechnique(Technique):
         )
         self.memory = own.memory = backend.part(__package__).ShadowMemory(backend, layout, self.pages)
         parts.data.shadows = self.memory
+        if own.culls:
+            own.counts = backend.part(f"{__package__}.counts").ShadowCounts(backend)
         self._block = np.zeros(layout.size, np.uint8)
         self._copies = Copies(held)
         self._marks = settings.shading.view == "redrawn-pages"
@@ -147,6 +163,8 @@ class ShadowTechnique(Technique):
             for size in {turn.size for turn in own.schedule.rounds}:
                 memory.prepare(size)
             self.pages.bind(self.lights.pool)
+        if own.counts is not None:
+            own.counts.follow(frame.slot, own.schedule, own.lists)
         due = len(own.schedule.faces)
         if changed or due or self._had_due:
             self._revision += 1
@@ -236,6 +254,16 @@ class ShadowTechnique(Technique):
             written += words.nbytes
         return written
 
+    @property
+    def tells(self) -> bool:
+        """Whether the GPU has counted what a frame draws."""
+        return self.memory is not None and self._pass.counts is not None and self._pass.counts.tells
+
+    def told(self, slot: int) -> dict[str, int]:
+        """Return how many casters were drawn, and left out, in the last frame of a slot."""
+        counts = self._pass.counts if self.memory is not None else None
+        return counts.told(slot) if counts is not None and counts.tells else {}
+
     def resting(self, time: float) -> bool:
         """Whether no texture of a masked caster has arrived since the last frame, and no tile waits for its turn."""
         if self.memory is None:
@@ -257,6 +285,8 @@ class ShadowTechnique(Technique):
     def close(self) -> None:
         """Free the memory."""
         if self.memory is not None:
+            if self._pass.counts is not None:
+                self._pass.counts.close()
             self.memory.close()
             self.pages.close()
         if self._report is not None:
