@@ -104,6 +104,7 @@ class ShadowLists:
 
     tables: CullingLists
     meshlets: SceneMeshlets | None
+    most_layers: int = MOST_LAYERS
 
     @property
     def places(self) -> int:
@@ -118,7 +119,7 @@ class ShadowLists:
     @property
     def layers(self) -> int:
         """The most faces of a round."""
-        return max(1, min(MOST_LAYERS, COMMAND_BYTES // (self.places * COMMAND.itemsize)))
+        return max(1, min(MOST_LAYERS, self.most_layers, COMMAND_BYTES // (self.places * COMMAND.itemsize)))
 
     @property
     def contents(self) -> dict[str, np.ndarray]:
@@ -151,12 +152,16 @@ def shadow_lists(
     variants: list[Variant],
     casts: list[bool],
     buffer_bytes: int,
+    most_layers: int = MOST_LAYERS,
 ) -> ShadowLists:
-    """Return the tables for the solid draws of `lists`; `casts` (materials,) says which materials cast shadows."""
+    """Return the tables for the solid draws of `lists`; `casts` (materials,) says which materials cast shadows.
+
+    `most_layers` is how many faces a round may have on this device.
+    """
     always = np.zeros(len(scene.meshes), bool)
     always[[deformation.mesh for deformation in scene.deformations]] = True
     two_sided = np.array([variant.double_sided for variant in variants], bool)
     tables = plan_lists(lists, scene, meshlets, always, two_sided, buffer_bytes=buffer_bytes)
     mesh = scene.instances.mesh[tables.draws["instance"]]
     tables.draws["units"][~np.array(casts, bool)[scene.meshes["material"][mesh]]] = 0
-    return ShadowLists(tables, meshlets)
+    return ShadowLists(tables, meshlets, most_layers)

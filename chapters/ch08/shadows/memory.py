@@ -90,9 +90,10 @@ class ShadowMemory:
     def begin_round(self, commands: Any, size: int) -> None:
         """Make the target of a size ready to be drawn to."""
 
-    def begin_face(self, commands: Any, size: int, layer: int) -> None:
-        """Begin drawing to a layer of the target, after clearing it to the far plane."""
-        commands.begin_rendering(self._targets[size].layers[layer])
+    def begin_face(self, commands: Any, size: int, layer: int, over: bool = False) -> None:
+        """Begin drawing to a layer of the target: `over` what is there, or after clearing it to the far plane."""
+        target = self._targets[size]
+        commands.begin_rendering((target.kept if over else target.layers)[layer])
 
     def end_face(self, commands: Any) -> None:
         """End drawing."""

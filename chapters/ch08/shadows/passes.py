@@ -19,6 +19,7 @@ from common.scene import Scene
 
 from ..frames.commands import Commands, DrawGroup
 from ..graph.types import External, Touch
+from ..mesh_layers.layered import LayeredCasters
 from ..pipelines.compute_description import ComputeDescription
 from ..pipelines.description import Built, PipelineDescription
 from ..scene.packing import Variant, shape_alone
@@ -67,6 +68,8 @@ class ShadowsPass(ObjectsPass):
         """The tables of casters, if kernels cull."""
         self.writes = (Access(PAGES, "storage", bytes=4),)
         self.externals = {PAGES: External(None, None, _READ, bytes=4)}
+        self.layered: LayeredCasters | None = None
+        """What draws meshlets to all layers of a target at once, if mesh shaders do."""
         self._store: Built
         self._kernels: Sequence[Built] = ()
 
@@ -99,6 +102,8 @@ class ShadowsPass(ObjectsPass):
         super().create()
         tests = (("SHADOW_TESTS", tests_of(self._settings)),)
         cleared = () if self.counts_draws else (("CLEARED", 1),)
+        if self.layered is not None:
+            cleared = (*cleared, ("LAYERED", 1))
         described = [ComputeDescription("shadows/store.comp", name="store shadow faces")]
         if self.culls:
             described += [
@@ -106,6 +111,13 @@ class ShadowsPass(ObjectsPass):
                 ComputeDescription("shadows/commands.comp", (*tests, *cleared), name="shadow commands"),
             ]
         self._store, *self._kernels = self._pipelines.get(described)
+
+    def _create_meshlets(self, kinds: Sequence[Variant]) -> None:
+        """Build the pipelines with mesh shaders, if these draw casters."""
+        if self.layered is not None:
+            described = {variant: self.describe(variant) for variant in kinds}
+            limits = getattr(self._draws.culled, "meshlets").limits
+            self.pipelines = [*self.pipelines, *self.layered.create(self._pipelines, described, limits)]
 
     # --- recording ---
 
@@ -122,10 +134,13 @@ class ShadowsPass(ObjectsPass):
             if self.lists is not None:
                 self._cull(commands, memory, self.lists, turn)
             memory.begin_round(commands, turn.size)
+            over = self._draw_layers(commands, turn, casters)
             for layer in range(turn.faces):
-                memory.begin_face(commands, turn.size, layer)
-                number = np.array([[turn.first + layer, 0, 0, 0]], np.uint32)
                 groups = [group for group in of_layer[layer] if group is not None]
+                if over and not groups:
+                    continue
+                memory.begin_face(commands, turn.size, layer, over)
+                number = np.array([[turn.first + layer, 0, 0, 0]], np.uint32)
                 commands.draw_groups(groups, self._draws.binding._replace(pushed=number))
                 memory.end_face(commands)
             memory.store(commands, self._store, turn.size, turn.first, turn.faces)
@@ -133,6 +148,15 @@ class ShadowsPass(ObjectsPass):
         for name in ("draws", "draw_calls", "triangles"):
             commands.work[f"shadow_{name}"] = commands.work[name] - before[name]
             commands.work[name] = before[name]
+
+    def _draw_layers(self, commands: Commands, turn: Round, casters: Sequence[DrawGroup | None]) -> bool:
+        """Clear the layers of a round and draw meshlets to all of them; return whether mesh shaders do."""
+        if self.layered is None or self.lists is None:
+            return False
+        variants = [self._data.variants[batch.material] for batch in self._draws.solid]
+        drawn = [group and (group, variant) for group, variant in zip(casters, variants, strict=True)]
+        self.layered.draw(commands, self.lists, turn, drawn, self._draws.binding)
+        return True
 
     def _casters(self) -> list[DrawGroup | None]:
         """Return the group of each solid batch, None if it casts no shadows."""
@@ -151,9 +175,10 @@ class ShadowsPass(ObjectsPass):
         memory = self.memory
         assert memory is not None, "the technique has made it"
         rows = lists.tables.batches.tolist()
+        used = [True] * len(rows) if self.layered is None else self.layered.by_commands
         return [
             None
-            if group is None
+            if group is None or not used[number]
             else replace(
                 group,
                 batch=replace(group.batch, first=layer * lists.places + first, count=capacity, triangles=0),
@@ -167,6 +192,10 @@ class ShadowsPass(ObjectsPass):
         if not lists.batches:
             return
         memory.begin_lists(commands)
+        kernels = self._kernels
+        if self.layered is not None:
+            self.layered.wait(commands)
+            kernels = kernels[: 1 + self.layered.by_commands.any()]
         constants = np.array(
             [
                 [turn.first, turn.first_list, lists.places, lists.layers],
@@ -174,11 +203,13 @@ class ShadowsPass(ObjectsPass):
             ],
             np.uint32,
         )
-        for kernel, number in zip(self._kernels, (turn.lists, turn.faces), strict=True):
+        for kernel, number in zip(kernels, (turn.lists, turn.faces), strict=False):
             memory.bind_lists(commands, kernel)
             commands.push(kernel, constants)
             commands.dispatch(lists.batches, number)
             commands.compute_barrier()
+        if self.layered is not None:
+            self.layered.cull(commands, lists, turn)
 
     def key(self, slot: int) -> Any:
         """Return the lists of the scene, the rounds, and the tables of casters."""

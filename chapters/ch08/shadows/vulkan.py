@@ -38,6 +38,7 @@ _AFTER_DRAWS = barriers(
 class _Target:
     image: Image
     layers: list[Rendering]
+    kept: list[Rendering]
     to_draw: Any
     to_read: Any
 
@@ -77,11 +78,15 @@ class ShadowMemory(_ShadowMemory):
         self._images.append(handle)
         image = resources.images.get(handle)
         views = [create_view(device, image, "d32f", layer=layer, layers=1) for layer in range(layers)]
-        renderings = [Rendering((size, size), None, replace(image, view=view), None, 0.0) for view in views]
+        renderings, kept = (
+            [Rendering((size, size), None, replace(image, view=view), None, clear) for view in views]
+            for clear in (0.0, None)
+        )
         change = partial(image_barrier, image.handle, image.aspect)
         return _Target(
             image,
             renderings,
+            kept,
             barriers(change("sampled", "depth", discard=True)),
             barriers(change("depth", "sampled")),
         )
