@@ -21,7 +21,7 @@ from ..culling.lists import ALWAYS, WHOLE
 from ..frames.backend.backend import Backend
 from ..frames.commands import Commands, DrawGroup, SceneBinding
 from ..pipelines.compute_description import ComputeDescription
-from ..pipelines.description import Built, Pipelines, PipelineDescription
+from ..pipelines.description import Built, PipelineDescription, Pipelines
 from ..scene.packing import Variant
 from ..scene.pass_parts import PassParts
 from ..shadows.lists import Round, ShadowLists
@@ -33,18 +33,18 @@ ROW_BYTES = 16
 
 def layered_casters(parts: PassParts, backend: Backend) -> LayeredCasters | None:
     """Return what draws to layers, if mesh shaders draw the solid objects of the picture, too (culling/choice.py)."""
-    culled = parts.draws.culled
+    culled: Any = parts.draws.culled
     if not getattr(culled, "mesh_shaders", False):
         return None
     memory = backend.part(__package__).LayerMemory(backend)
-    return LayeredCasters(memory) if memory.most_layers > 1 else None
+    return LayeredCasters(memory, culled.meshlets.limits) if memory.most_layers > 1 else None
 
 
 class LayeredCasters:
     """The draws of meshlets in a round."""
 
-    def __init__(self, memory: Any) -> None:
-        self._memory = memory
+    def __init__(self, memory: Any, limits: tuple[int, int]) -> None:
+        self._memory, self._limits = memory, limits
         self.most_layers: int = memory.most_layers
         """The faces that a round may have."""
         self._kernel: Built
@@ -53,11 +53,9 @@ class LayeredCasters:
         """(B,) Whether commands draw any caster of a batch."""
         self._by_mesh_shaders: NDArray[np.bool_] = np.zeros(0, bool)
 
-    def create(
-        self, pipelines: Pipelines, described: Mapping[Variant, PipelineDescription], limits: tuple[int, int]
-    ) -> list[Built]:
-        """Return the pipelines in place of those that are `described`; `limits` are those of a meshlet."""
-        most = ("MAX_VERTICES", limits[0]), ("MAX_TRIANGLES", limits[1])
+    def create(self, pipelines: Pipelines, described: Mapping[Variant, PipelineDescription]) -> list[Built]:
+        """Return the pipelines in place of those that are `described`."""
+        most = ("MAX_VERTICES", self._limits[0]), ("MAX_TRIANGLES", self._limits[1])
         built = pipelines.get(
             [
                 replace(

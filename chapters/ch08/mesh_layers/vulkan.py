@@ -119,7 +119,8 @@ class LayerMemory:
     def begin_layers(self, commands: Commands, size: int, count: int) -> None:
         """Begin drawing to the first layers of the target of a size, after clearing them to the far plane."""
         if (size, count) not in self._renderings:
-            rendering = Rendering((size, size), None, self._memory._targets[size].image, None, 0.0)
+            image = self._memory._targets[size].image
+            rendering = Rendering((image.width, image.height), None, image, None, 0.0)
             rendering.info.layerCount = count
             self._renderings[size, count] = rendering
         commands.begin_rendering(self._renderings[size, count])

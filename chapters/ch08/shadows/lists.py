@@ -55,6 +55,11 @@ class Schedule:
 NO_ROUNDS = Schedule((), np.zeros(0, np.uint32), np.zeros(0, np.uint32))
 
 
+def target_size(size: int) -> int:
+    """Return the texels along the target for faces of a size, as records.glsl says: a power of two."""
+    return 1 << (size - 1).bit_length()
+
+
 def layers_of(size: int, most: int = MOST_LAYERS) -> int:
     """Return how many faces of a size are drawn before they are copied into their pages, at most `most`."""
     return min(most, MOST_LAYERS, max(1, TARGET_TEXELS // (size * size)))

@@ -9,7 +9,7 @@ from common.scene import Sampler
 from ..frames.commands import Commands, Counted
 from ..pipelines.description import Built
 from .layout import BlockLayout
-from .lists import ShadowLists, layers_of
+from .lists import ShadowLists, layers_of, target_size
 from .model import TILE
 
 STORED_TEXELS = 8
@@ -50,7 +50,7 @@ class ShadowMemory:
     def prepare(self, size: int) -> None:
         """Create the layers to which faces of a size are drawn, before the first frame that draws any is recorded."""
         if size not in self._targets:
-            self._targets[size] = self._create_target(size, layers_of(size))
+            self._targets[size] = self._create_target(target_size(size), layers_of(size))
 
     def _create_target(self, size: int, layers: int) -> Any:
         raise NotImplementedError

@@ -116,8 +116,7 @@ class ShadowsPass(ObjectsPass):
         """Build the pipelines with mesh shaders, if these draw casters."""
         if self.layered is not None:
             described = {variant: self.describe(variant) for variant in kinds}
-            limits = getattr(self._draws.culled, "meshlets").limits
-            self.pipelines = [*self.pipelines, *self.layered.create(self._pipelines, described, limits)]
+            self.pipelines = [*self.pipelines, *self.layered.create(self._pipelines, described)]
 
     # --- recording ---
 
@@ -154,7 +153,10 @@ class ShadowsPass(ObjectsPass):
         if self.layered is None or self.lists is None:
             return False
         variants = [self._data.variants[batch.material] for batch in self._draws.solid]
-        drawn = [group and (group, variant) for group, variant in zip(casters, variants, strict=True)]
+        drawn = [
+            None if group is None else (group, variant)
+            for group, variant in zip(casters, variants, strict=True)
+        ]
         self.layered.draw(commands, self.lists, turn, drawn, self._draws.binding)
         return True
 
@@ -195,7 +197,7 @@ class ShadowsPass(ObjectsPass):
         kernels = self._kernels
         if self.layered is not None:
             self.layered.wait(commands)
-            kernels = kernels[: 1 + self.layered.by_commands.any()]
+            kernels = kernels[: 1 + bool(self.layered.by_commands.any())]
         constants = np.array(
             [
                 [turn.first, turn.first_list, lists.places, lists.layers],

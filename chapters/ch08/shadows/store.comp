@@ -27,7 +27,7 @@ void main() {
     ivec2 to = page_texel(face, texel);
     for (int i = 0; i < TEXELS; ++i) {
         ivec2 at = texel + ivec2(0, i);
-        float depth = texelFetch(drawn, ivec3(at, gl_GlobalInvocationID.z), 0).r;
+        float depth = texelFetch(drawn, ivec3(at + target_margin(face), gl_GlobalInvocationID.z), 0).r;
         imageStore(pages, to + ivec2(0, i), vec4(within_reach(face, at, linear_depth(face, depth))));
     }
 }
