@@ -15,9 +15,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..culling.lists import ALWAYS, WHOLE
 from ..frames.backend.backend import Backend
 from ..frames.commands import Commands, DrawGroup, SceneBinding
 from ..pipelines.compute_description import ComputeDescription
@@ -49,9 +47,6 @@ class LayeredCasters:
         """The faces that a round may have."""
         self._kernel: Built
         self._built: dict[Variant, Built] = {}
-        self.by_commands: NDArray[np.bool_] = np.zeros(0, bool)
-        """(B,) Whether commands draw any caster of a batch."""
-        self._by_mesh_shaders: NDArray[np.bool_] = np.zeros(0, bool)
 
     def create(self, pipelines: Pipelines, described: Mapping[Variant, PipelineDescription]) -> list[Built]:
         """Return the pipelines in place of those that are `described`."""
@@ -74,15 +69,8 @@ class LayeredCasters:
 
     def follow(self, lists: ShadowLists, memory: ShadowMemory) -> None:
         """Make the buffers for other lists."""
-        draws, batches = lists.tables.draws, lists.batches
-        casting = draws["units"] > 0
-        whole = (draws["flags"] & (WHOLE | ALWAYS)) != 0
-        self.by_commands, self._by_mesh_shaders = (
-            np.bincount(draws["batch"][casting & of_kind], minlength=batches) > 0
-            for of_kind in (whole, ~whole)
-        )
         words = np.zeros(0, np.uint32) if lists.meshlets is None else lists.meshlets.words
-        self._memory.make(memory, words, max(1, batches) * (1 + lists.layers) * ROW_BYTES)
+        self._memory.make(memory, words, max(1, lists.batches) * (1 + lists.layers) * ROW_BYTES)
 
     def wait(self, commands: Commands) -> None:
         """Let kernels write lists that task shaders have read."""
@@ -90,7 +78,7 @@ class LayeredCasters:
 
     def cull(self, commands: Commands, lists: ShadowLists, turn: Round) -> None:
         """Record the kernel that counts the task groups of a round, behind the one that writes its lists."""
-        if not self._by_mesh_shaders.any():
+        if not lists.by_mesh_shaders.any():
             return
         rows = [[turn.first, turn.first_list, turn.faces, lists.layers], [turn.lists, lists.batches, 0, 0]]
         self._memory.bind(commands, self._kernel)
@@ -112,7 +100,7 @@ class LayeredCasters:
         """
         groups = []
         for number, (caster, row) in enumerate(zip(casters, lists.tables.batches.tolist(), strict=True)):
-            if caster is None or not self._by_mesh_shaders[number]:
+            if caster is None or not lists.by_mesh_shaders[number]:
                 continue
             group, variant = caster
             pipeline = self._built[variant]

@@ -59,6 +59,7 @@ class LayerMemory:
         self._backend = backend
         self.most_layers = most_layers(backend.device)
         self._memory: ShadowMemory
+        self._words: NDArray[np.uint32] | None = None
         self._handles: dict[str, Any] = {}
         self._sets: dict[str, Any] = {}
         self._renderings: dict[tuple[int, int], Rendering] = {}
@@ -68,14 +69,17 @@ class LayerMemory:
         resources, self._memory = self._backend.resources, memory
         for sets in self._sets.values():
             resources.defer(partial(self._backend.descriptors.destroy, sets))
-        for handle in self._handles.values():
-            resources.destroy_buffer(handle)
+        for name in OWN if words is not self._words else OWN[1:]:
+            if name in self._handles:
+                resources.destroy_buffer(self._handles.pop(name))
         self._sets.clear()
-        for name, size in zip(OWN, (max(16, words.nbytes), row_bytes), strict=True):
-            self._handles[name] = resources.buffer(size, _USAGE, "device", f"shadow {name}")
-        if len(words):
-            with Uploader(self._backend.device) as uploader:
-                uploader.buffer(self._buffer("words"), words)
+        self._handles["rows"] = resources.buffer(row_bytes, _USAGE, "device", "shadow rows")
+        if words is not self._words:
+            self._words = words
+            self._handles["words"] = resources.buffer(max(16, words.nbytes), _USAGE, "device", "shadow words")
+            if len(words):
+                with Uploader(self._backend.device) as uploader:
+                    uploader.buffer(self._buffer("words"), words)
 
     def _buffer(self, name: str) -> Buffer:
         if name not in OWN:

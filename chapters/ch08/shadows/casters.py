@@ -10,7 +10,7 @@ from common.scene import Change
 from ..frames.backend.backend import Backend
 from ..mesh_layers.layered import layered_casters
 from ..scene.pass_parts import PassParts
-from .lists import MOST_LAYERS, shadow_lists
+from .lists import shadow_lists
 from .memory import ShadowMemory
 from .passes import ShadowsPass
 
@@ -73,7 +73,7 @@ class Casters:
             variants,
             casts,
             self._buffer_bytes,
-            MOST_LAYERS if own.layered is None else own.layered.most_layers,
+            None if own.layered is None else own.layered.most_layers,
         )
         memory.make_lists(own.lists)
         if own.layered is not None:

@@ -10,6 +10,7 @@ and commands have the same places in every round, so their memory follows from t
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 
 from common.scene import Scene
 
-from ..culling.lists import CullingLists, plan_lists
+from ..culling.lists import ALWAYS, WHOLE, CullingLists, plan_lists
 from ..meshlets.model import MESHLET, SceneMeshlets
 from ..scene.draw_lists import COMMAND, DrawLists
 from ..scene.packing import Variant
@@ -109,7 +110,29 @@ class ShadowLists:
 
     tables: CullingLists
     meshlets: SceneMeshlets | None
-    most_layers: int = MOST_LAYERS
+    most_layers: int | None = None
+    """The layers that mesh shaders draw to at once; None if commands draw all casters."""
+
+    @cached_property
+    def by_commands(self) -> NDArray[np.bool_]:
+        """(B,) Whether commands draw any caster of a batch: with mesh shaders those without meshlets of fixed bounds."""
+        return self._batches(self._commanded)
+
+    @cached_property
+    def by_mesh_shaders(self) -> NDArray[np.bool_]:
+        """(B,) Whether mesh shaders draw any caster of a batch."""
+        return self._batches(~self._commanded)
+
+    @property
+    def _commanded(self) -> NDArray[np.bool_]:
+        draws = self.tables.draws
+        return ((draws["flags"] & (WHOLE | ALWAYS)) != 0) | (self.most_layers is None)
+
+    def _batches(self, draws: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return (B,) whether any of some draws (D,) of a batch casts shadows."""
+        numbers = self.tables.draws["batch"][draws & (self.tables.draws["units"] > 0)]
+        held: NDArray[np.bool_] = np.bincount(numbers, minlength=self.batches) > 0
+        return held
 
     @property
     def places(self) -> int:
@@ -124,7 +147,14 @@ class ShadowLists:
     @property
     def layers(self) -> int:
         """The most faces of a round."""
-        return max(1, min(MOST_LAYERS, self.most_layers, COMMAND_BYTES // (self.places * COMMAND.itemsize)))
+        return max(
+            1,
+            min(
+                self.most_layers or MOST_LAYERS,
+                MOST_LAYERS,
+                COMMAND_BYTES // (self.places * COMMAND.itemsize),
+            ),
+        )
 
     @property
     def contents(self) -> dict[str, np.ndarray]:
@@ -141,7 +171,7 @@ class ShadowLists:
         return {
             "lists": self.layers * self.places * ENTRY_BYTES,
             "numbers": 4 * (2 * self.layers * max(1, self.batches) + 1),
-            "commands": self.layers * self.places * COMMAND.itemsize,
+            "commands": bool(self.by_commands.any()) * self.layers * self.places * COMMAND.itemsize,
         }
 
     def bytes_of(self, name: str) -> int:
@@ -157,11 +187,11 @@ def shadow_lists(
     variants: list[Variant],
     casts: list[bool],
     buffer_bytes: int,
-    most_layers: int = MOST_LAYERS,
+    most_layers: int | None = None,
 ) -> ShadowLists:
     """Return the tables for the solid draws of `lists`; `casts` (materials,) says which materials cast shadows.
 
-    `most_layers` is how many faces a round may have on this device.
+    `most_layers` is how many layers mesh shaders draw to at once, None if they draw no casters.
     """
     always = np.zeros(len(scene.meshes), bool)
     always[[deformation.mesh for deformation in scene.deformations]] = True

@@ -177,10 +177,9 @@ class ShadowsPass(ObjectsPass):
         memory = self.memory
         assert memory is not None, "the technique has made it"
         rows = lists.tables.batches.tolist()
-        used = [True] * len(rows) if self.layered is None else self.layered.by_commands
         return [
             None
-            if group is None or not used[number]
+            if group is None or not lists.by_commands[number]
             else replace(
                 group,
                 batch=replace(group.batch, first=layer * lists.places + first, count=capacity, triangles=0),
@@ -197,7 +196,7 @@ class ShadowsPass(ObjectsPass):
         kernels = self._kernels
         if self.layered is not None:
             self.layered.wait(commands)
-            kernels = kernels[: 1 + bool(self.layered.by_commands.any())]
+            kernels = kernels[: 1 + bool(lists.by_commands.any())]
         constants = np.array(
             [
                 [turn.first, turn.first_list, lists.places, lists.layers],
