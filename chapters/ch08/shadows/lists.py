@@ -115,7 +115,7 @@ class ShadowLists:
 
     @cached_property
     def by_commands(self) -> NDArray[np.bool_]:
-        """(B,) Whether commands draw any caster of a batch: with mesh shaders those without meshlets of fixed bounds."""
+        """(B,) Whether commands draw any caster of a batch; beside mesh shaders whole meshes and what deforms."""
         return self._batches(self._commanded)
 
     @cached_property
@@ -147,14 +147,8 @@ class ShadowLists:
     @property
     def layers(self) -> int:
         """The most faces of a round."""
-        return max(
-            1,
-            min(
-                self.most_layers or MOST_LAYERS,
-                MOST_LAYERS,
-                COMMAND_BYTES // (self.places * COMMAND.itemsize),
-            ),
-        )
+        places = COMMAND_BYTES // (self.places * COMMAND.itemsize)
+        return max(1, min(MOST_LAYERS, self.most_layers or MOST_LAYERS, places))
 
     @property
     def contents(self) -> dict[str, np.ndarray]:
