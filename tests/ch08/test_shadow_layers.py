@@ -33,7 +33,7 @@ BASE = Settings(
 MESH, COMPUTE = {"geometry": "mesh"}, {"geometry": "compute"}
 VIEW = walk()[0]
 LAYERS = 8
-"""Layers at once on the software driver."""
+"""The least number of layers that devices draw to at once, and that of the software driver."""
 
 
 @pytest.fixture(autouse=True)
@@ -120,10 +120,10 @@ def test_layers_hold_the_bits_of_maps_that_are_drawn_face_by_face(chapter, kind)
     assert lists.by_mesh_shaders.any() == (kind not in ("deforming", "whole"))
     if kind == "many":  # batches of both kinds in one target, and lights of which a round draws some faces
         assert lists.by_commands.any() and (lists.by_commands & lists.by_mesh_shaders).any()
-        assert max(turn.faces for turn in own.schedule.rounds) == own.lists.layers == LAYERS
-        straddling = [turn.first_list for turn in own.schedule.rounds]
+        assert max(turn.faces for turn in own.schedule.rounds) <= own.lists.layers
+        begun = [turn.first_list for turn in own.schedule.rounds[1:]]
         bases = own.schedule.lists & 0xFFFFFF
-        assert any(first and bases[first] == bases[first - 1] for first in straddling)
+        assert own.lists.layers > LAYERS or any(bases[first] == bases[first - 1] for first in begun)
 
 
 @pytest.mark.feature("shadows/mesh-shader-layers")
@@ -156,9 +156,8 @@ def test_each_face_of_a_light_has_the_ball_on_its_side(chapter):
         work = renderer.render(view).work
         faces, own = faces_of(renderer), shadows(renderer)
         assert own.lists.by_mesh_shaders.all() and not own.lists.by_commands.any()
-        assert (
-            work["shadow_draw_calls"] == len(own.schedule.rounds) == 2
-        )  # a call for each, with 8 and 4 faces
+        # One call for all faces of a round, of which there are two on the software driver: 8 and 4.
+        assert work["shadow_draw_calls"] == len(own.schedule.rounds) == -(-12 // min(12, own.lists.layers))
         nearest = np.array([read_face(renderer, number).min() for number in range(12)])
     order = np.argsort(np.abs(faces["origin"][::6, 0] - (at - renderer.scene.origin)[:, :1]).argmin(axis=0))
     expected = away[order].reshape(-1) - 1.0
