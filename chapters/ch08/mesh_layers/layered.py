@@ -4,8 +4,9 @@
     layers.task   32 entries of a list: a mesh shader for each meshlet and each of its faces that the round draws
     layers.mesh   the vertices of a meshlet in the clip space of a face, and the number of its layer
 
-Whole meshes, and meshes that deform, have no meshlets: commands draw them over it, face by face. A device draws to at
-most as many layers at once as it says, so a round has no more faces than that.
+A whole mesh that is no larger than a meshlet is drawn as one. Larger meshes without meshlets, and those that deform,
+are drawn by commands over it, face by face. A device draws to at most as many layers at once as it says, so a round has
+no more faces than that.
 """
 
 from __future__ import annotations

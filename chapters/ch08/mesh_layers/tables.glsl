@@ -16,12 +16,9 @@ struct Round {
 };
 PUSH(Round, pushed)
 
-const uint FACES_SHIFT = 26u;  // no buffer holds 2^26 meshlets
-
-// What a task group hands to its mesh shaders. It is small, since devices hold it where all of these read: which entry and
-// which face a mesh shader has, follows from its number.
+// What a task group hands to its mesh shaders: the draw and the meshlet of each entry, and for each mesh shader an entry,
+// with the layer from bit 8 on. A light has at most six faces.
 struct Payload {
-    uvec2 chosen[TASK_ENTRIES];    // the instance of an entry, and its meshlet, with the faces that are drawn from bit 26 on
-    uint starts[TASK_ENTRIES / 4u];  // by entry: the mesh shaders of those before it, a byte for each
-    uvec2 layers;                  // of the faces, as a row has them
+    uvec2 chosen[TASK_ENTRIES];
+    uint drawn[6u * TASK_ENTRIES];
 };

@@ -30,6 +30,9 @@ TARGET_TEXELS = 1 << 23
 COMMAND_BYTES = 1 << 25
 """Bytes of the commands of all layers, or of one layer if that has more."""
 
+BY_MESH_SHADERS = 8
+"""Flag of a draw that mesh shaders draw. If it is a whole mesh, its `first_bit` is the number of its vertices."""
+
 ENTRY_BYTES = 8
 """Bytes of an entry of a list."""
 
@@ -115,23 +118,18 @@ class ShadowLists:
 
     @cached_property
     def by_commands(self) -> NDArray[np.bool_]:
-        """(B,) Whether commands draw any caster of a batch; beside mesh shaders whole meshes and what deforms."""
-        return self._batches(self._commanded)
+        """(B,) Whether commands draw any caster of a batch."""
+        return self._any_with(0)
 
     @cached_property
     def by_mesh_shaders(self) -> NDArray[np.bool_]:
         """(B,) Whether mesh shaders draw any caster of a batch."""
-        return self._batches(~self._commanded)
+        return self._any_with(BY_MESH_SHADERS)
 
-    @property
-    def _commanded(self) -> NDArray[np.bool_]:
+    def _any_with(self, flag: int) -> NDArray[np.bool_]:
         draws = self.tables.draws
-        return ((draws["flags"] & (WHOLE | ALWAYS)) != 0) | (self.most_layers is None)
-
-    def _batches(self, draws: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Return (B,) whether any of some draws (D,) of a batch casts shadows."""
-        numbers = self.tables.draws["batch"][draws & (self.tables.draws["units"] > 0)]
-        held: NDArray[np.bool_] = np.bincount(numbers, minlength=self.batches) > 0
+        chosen = (draws["units"] > 0) & ((draws["flags"] & BY_MESH_SHADERS) == flag)
+        held: NDArray[np.bool_] = np.bincount(draws["batch"][chosen], minlength=self.batches) > 0
         return held
 
     @property
@@ -193,4 +191,15 @@ def shadow_lists(
     tables = plan_lists(lists, scene, meshlets, always, two_sided, buffer_bytes=buffer_bytes)
     mesh = scene.instances.mesh[tables.draws["instance"]]
     tables.draws["units"][~np.array(casts, bool)[scene.meshes["material"][mesh]]] = 0
+    if meshlets is not None and most_layers is not None:
+        _give_to_mesh_shaders(tables.draws, scene.meshes[mesh], meshlets.limits)
     return ShadowLists(tables, meshlets, most_layers)
+
+
+def _give_to_mesh_shaders(draws: np.ndarray, meshes: np.ndarray, limits: tuple[int, int]) -> None:
+    """Flag the draws (D,) of `meshes` (D,) that have meshlets, or are no larger than one; none that deforms."""
+    vertices, triangles = limits
+    whole = (draws["flags"] & WHOLE) != 0
+    small = (meshes["vertex_count"] <= vertices) & (meshes["index_count"] <= 3 * triangles)
+    draws["flags"][((draws["flags"] & ALWAYS) == 0) & (small | ~whole)] |= BY_MESH_SHADERS
+    draws["first_bit"][whole] = meshes["vertex_count"][whole]

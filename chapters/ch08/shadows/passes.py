@@ -102,8 +102,6 @@ class ShadowsPass(ObjectsPass):
         super().create()
         tests = (("SHADOW_TESTS", tests_of(self._settings)),)
         cleared = () if self.counts_draws else (("CLEARED", 1),)
-        if self.layered is not None:
-            cleared = (*cleared, ("LAYERED", 1))
         described = [ComputeDescription("shadows/store.comp", name="store shadow faces")]
         if self.culls:
             described += [
