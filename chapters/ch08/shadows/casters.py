@@ -77,6 +77,7 @@ class Casters:
         )
         memory.make_lists(own.lists)
         if own.layered is not None:
+            memory.most_layers = own.layered.most_layers
             own.layered.follow(own.lists, memory)
         self._backend.frames.forget()
 

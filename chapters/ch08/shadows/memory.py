@@ -9,7 +9,7 @@ from common.scene import Sampler
 from ..frames.commands import Commands, Counted
 from ..pipelines.description import Built
 from .layout import BlockLayout
-from .lists import ShadowLists, layers_of, target_size
+from .lists import MOST_LAYERS, ShadowLists, layers_of, target_size
 from .model import TILE
 
 STORED_TEXELS = 8
@@ -41,6 +41,8 @@ class ShadowMemory:
     def __init__(self, backend: Any, layout: BlockLayout, tiles: tuple[int, int]) -> None:
         self._backend, self.layout, self.tiles = backend, layout, tiles
         self._targets: dict[int, Any] = {}
+        self.most_layers = MOST_LAYERS
+        """The most faces of a round on this device."""
         self._create((tiles[0] * TILE, tiles[1] * TILE))
 
     def _create(self, size: tuple[int, int]) -> None:
@@ -50,7 +52,7 @@ class ShadowMemory:
     def prepare(self, size: int) -> None:
         """Create the layers to which faces of a size are drawn, before the first frame that draws any is recorded."""
         if size not in self._targets:
-            self._targets[size] = self._create_target(target_size(size), layers_of(size))
+            self._targets[size] = self._create_target(target_size(size), layers_of(size, self.most_layers))
 
     def _create_target(self, size: int, layers: int) -> Any:
         raise NotImplementedError
