@@ -17,6 +17,7 @@ LESSON = Lesson(
         "resolution by need for each lamp",
         "faces drawn only when they change",
         "casters culled by lights and faces on the GPU",
+        "mesh shaders that draw to all faces at once",
     ),
     needs=Needs(
         required=frozenset(),
@@ -104,6 +105,13 @@ LESSON = Lesson(
         "shadows/cull.glsl",
         "shadows/lists.comp",
         "shadows/commands.comp",
+        "mesh_layers/layered.py",
+        "mesh_layers/rows.glsl",
+        "mesh_layers/layers.comp",
+        "mesh_layers/tables.glsl",
+        "mesh_layers/layers.task",
+        "mesh_layers/layers.mesh",
+        "mesh_layers/vulkan.py",
         "shadows/memory.py",
         "shadows/vulkan.py",
         "shadows/gl.py",
@@ -130,5 +138,5 @@ LESSON = Lesson(
         "shading/views.glsl": "shows the views of shadows",
         "shading/views.py": "has five views of shadows",
     },
-    missing=("shadows/mesh-shader-layers", "sparse/residency-image"),
+    missing=("sparse/residency-image",),
 )

@@ -96,6 +96,11 @@ class CulledDraws:
         )
 
     @property
+    def mesh_shaders(self) -> bool:
+        """Whether mesh shaders draw the meshlets."""
+        return self._memory.choice.geometry == "mesh" and self._meshlets is not None
+
+    @property
     def meshlets(self) -> SceneMeshlets | None:
         """The meshlets that the scene's indices are in the order of."""
         return self._memory.meshlets

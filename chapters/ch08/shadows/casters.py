@@ -12,6 +12,7 @@ from common.scene import Change
 
 from ..cloth.passes import ClothPass
 from ..frames.backend.backend import Backend
+from ..mesh_layers.layered import layered_casters
 from ..scene.pass_parts import PassParts
 from .lists import shadow_lists
 from .memory import ShadowMemory
@@ -34,6 +35,7 @@ class Casters:
         self._confused = own.counts_draws and capabilities.is_software
         self._buffer_bytes = min(int(capabilities.limits["maxStorageBufferRange"]), LARGEST)
         own.culls = self._culls
+        own.layered = layered_casters(parts, backend) if self._culls else None
         self._lists_seen: Any = None
         self._seen: Any = None
         self._pose: Any = None
@@ -81,9 +83,18 @@ class Casters:
         self._masked = any(own.takes(variant) and variant.alpha_mode == "mask" for variant in variants)
         casts = [own.takes(variant) for variant in variants]
         own.lists = shadow_lists(
-            parts.draws.lists, parts.scene, meshlets, variants, casts, self._buffer_bytes
+            parts.draws.lists,
+            parts.scene,
+            meshlets,
+            variants,
+            casts,
+            self._buffer_bytes,
+            None if own.layered is None else own.layered.most_layers,
         )
         memory.make_lists(own.lists)
+        if own.layered is not None:
+            memory.most_layers = own.layered.most_layers
+            own.layered.follow(own.lists, memory)
         self._backend.frames.forget()
 
     @property

@@ -3,6 +3,7 @@
 
 #include "shadows/cull.glsl"
 #include "culling/sums.glsl"
+#include "mesh_layers/rows.glsl"
 
 void main() {
     uint me = gl_LocalInvocationIndex, batch = gl_WorkGroupID.x, layer = gl_WorkGroupID.y;
@@ -14,6 +15,7 @@ void main() {
     for (uint begin = 0u; begin < units; begin += 256u) {
         uvec2 entry = begin + me < units ? lists[from + begin + me] : uvec2(0u);
         bool drawn = (entry.y & bit) != 0u;
+        drawn = drawn && (draws[entry.x].flags & BY_MESH_SHADERS) == 0u;
         uvec2 total;
         uint position = kept + sum_before(uvec2(drawn ? 1u : 0u, 0u), total).x;
         kept += total.x;

@@ -10,6 +10,7 @@ and commands have the same places in every round, so their memory follows from t
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 
 from common.scene import Scene
 
-from ..culling.lists import CullingLists, plan_lists
+from ..culling.lists import ALWAYS, WHOLE, CullingLists, plan_lists
 from ..meshlets.model import MESHLET, SceneMeshlets
 from ..scene.draw_lists import COMMAND, DrawLists
 from ..scene.packing import Variant
@@ -29,6 +30,9 @@ TARGET_TEXELS = 1 << 23
 
 COMMAND_BYTES = 1 << 25
 """Bytes of the commands of all layers, or of one layer if that has more."""
+
+BY_MESH_SHADERS = 8
+"""Flag of a draw that mesh shaders draw. If it is a whole mesh, its `first_bit` is the number of its vertices."""
 
 ENTRY_BYTES = 8
 """Bytes of an entry of a list."""
@@ -61,6 +65,11 @@ class Schedule:
 
 _NO_WORDS, _NO_FACES = np.zeros(0, np.uint32), np.zeros(0, np.intp)
 NO_ROUNDS = Schedule((), _NO_WORDS, _NO_WORDS, _NO_FACES, _NO_FACES)
+
+
+def target_size(size: int) -> int:
+    """Return the texels along the target for faces of a size, as records.glsl says: a power of two."""
+    return 1 << (size - 1).bit_length()
 
 
 def layers_of(size: int, most: int = MOST_LAYERS) -> int:
@@ -137,6 +146,24 @@ class ShadowLists:
 
     tables: CullingLists
     meshlets: SceneMeshlets | None
+    most_layers: int | None = None
+    """The layers that mesh shaders draw to at once; None if commands draw all casters."""
+
+    @cached_property
+    def by_commands(self) -> NDArray[np.bool_]:
+        """(B,) Whether commands draw any caster of a batch."""
+        return self._any_with(0)
+
+    @cached_property
+    def by_mesh_shaders(self) -> NDArray[np.bool_]:
+        """(B,) Whether mesh shaders draw any caster of a batch."""
+        return self._any_with(BY_MESH_SHADERS)
+
+    def _any_with(self, flag: int) -> NDArray[np.bool_]:
+        draws = self.tables.draws
+        chosen = (draws["units"] > 0) & ((draws["flags"] & BY_MESH_SHADERS) == flag)
+        held: NDArray[np.bool_] = np.bincount(draws["batch"][chosen], minlength=self.batches) > 0
+        return held
 
     @property
     def places(self) -> int:
@@ -151,7 +178,8 @@ class ShadowLists:
     @property
     def layers(self) -> int:
         """The most faces of a round."""
-        return max(1, min(MOST_LAYERS, COMMAND_BYTES // (self.places * COMMAND.itemsize)))
+        places = COMMAND_BYTES // (self.places * COMMAND.itemsize)
+        return max(1, min(MOST_LAYERS, self.most_layers or MOST_LAYERS, places))
 
     @property
     def contents(self) -> dict[str, np.ndarray]:
@@ -168,7 +196,7 @@ class ShadowLists:
         return {
             "lists": self.layers * self.places * ENTRY_BYTES,
             "numbers": 4 * (2 * self.layers * max(1, self.batches) + 1),
-            "commands": self.layers * self.places * COMMAND.itemsize,
+            "commands": bool(self.by_commands.any()) * self.layers * self.places * COMMAND.itemsize,
         }
 
     def bytes_of(self, name: str) -> int:
@@ -184,12 +212,27 @@ def shadow_lists(
     variants: list[Variant],
     casts: list[bool],
     buffer_bytes: int,
+    most_layers: int | None = None,
 ) -> ShadowLists:
-    """Return the tables for the solid draws of `lists`; `casts` (materials,) says which materials cast shadows."""
+    """Return the tables for the solid draws of `lists`; `casts` (materials,) says which materials cast shadows.
+
+    `most_layers` is how many layers mesh shaders draw to at once, None if they draw no casters.
+    """
     always = np.zeros(len(scene.meshes), bool)
     always[[deformation.mesh for deformation in scene.deformations]] = True
     two_sided = np.array([variant.double_sided for variant in variants], bool)
     tables = plan_lists(lists, scene, meshlets, always, two_sided, buffer_bytes=buffer_bytes)
     mesh = scene.instances.mesh[tables.draws["instance"]]
     tables.draws["units"][~np.array(casts, bool)[scene.meshes["material"][mesh]]] = 0
-    return ShadowLists(tables, meshlets)
+    if meshlets is not None and most_layers is not None:
+        _give_to_mesh_shaders(tables.draws, scene.meshes[mesh], meshlets.limits)
+    return ShadowLists(tables, meshlets, most_layers)
+
+
+def _give_to_mesh_shaders(draws: np.ndarray, meshes: np.ndarray, limits: tuple[int, int]) -> None:
+    """Flag the draws (D,) of `meshes` (D,) that have meshlets, or are no larger than one; none that deforms."""
+    vertices, triangles = limits
+    whole = (draws["flags"] & WHOLE) != 0
+    small = (meshes["vertex_count"] <= vertices) & (meshes["index_count"] <= 3 * triangles)
+    draws["flags"][((draws["flags"] & ALWAYS) == 0) & (small | ~whole)] |= BY_MESH_SHADERS
+    draws["first_bit"][whole] = meshes["vertex_count"][whole]

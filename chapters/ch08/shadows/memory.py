@@ -9,7 +9,7 @@ from common.scene import Sampler
 from ..frames.commands import Commands, Counted
 from ..pipelines.description import Built
 from .layout import BlockLayout
-from .lists import ShadowLists, layers_of
+from .lists import MOST_LAYERS, ShadowLists, layers_of, target_size
 
 STORED_TEXELS = 8
 """Texels of a column that an invocation of store.comp copies."""
@@ -37,6 +37,8 @@ class ShadowMemory:
     def __init__(self, backend: Any, layout: BlockLayout, pages: Any) -> None:
         self._backend, self.layout, self._pages = backend, layout, pages
         self._targets: dict[int, Any] = {}
+        self.most_layers = MOST_LAYERS
+        """The most faces of a round on this device."""
         self._create()
 
     @property
@@ -51,7 +53,7 @@ class ShadowMemory:
     def prepare(self, size: int) -> None:
         """Create the layers to which faces of a size are drawn, before the first frame that draws any is recorded."""
         if size not in self._targets:
-            self._targets[size] = self._create_target(size, layers_of(size))
+            self._targets[size] = self._create_target(target_size(size), layers_of(size, self.most_layers))
 
     def _create_target(self, size: int, layers: int) -> Any:
         raise NotImplementedError
@@ -91,9 +93,10 @@ class ShadowMemory:
     def begin_round(self, commands: Any, size: int) -> None:
         """Make the target of a size ready to be drawn to."""
 
-    def begin_face(self, commands: Any, size: int, layer: int) -> None:
-        """Begin drawing to a layer of the target, after clearing it to the far plane."""
-        commands.begin_rendering(self._targets[size].layers[layer])
+    def begin_face(self, commands: Any, size: int, layer: int, over: bool = False) -> None:
+        """Begin drawing to a layer of the target: `over` what is there, or after clearing it to the far plane."""
+        target = self._targets[size]
+        commands.begin_rendering((target.kept if over else target.layers)[layer])
 
     def end_face(self, commands: Any) -> None:
         """End drawing."""

@@ -19,6 +19,7 @@ from common.scene import Scene
 
 from ..frames.commands import Commands, DrawGroup
 from ..graph.types import External, Touch
+from ..mesh_layers.layered import LayeredCasters
 from ..pipelines.compute_description import ComputeDescription
 from ..pipelines.description import Built, PipelineDescription
 from ..scene.packing import Variant, shape_alone
@@ -70,6 +71,8 @@ class ShadowsPass(ObjectsPass):
         """The counters of what kernels leave to be drawn."""
         self.writes = (Access(PAGES, "storage", bytes=4),)
         self.externals = {PAGES: External(None, None, _READ, bytes=4)}
+        self.layered: LayeredCasters | None = None
+        """What draws meshlets to all layers of a target at once, if mesh shaders do."""
         self._store: Built
         self._kernels: Sequence[Built] = ()
 
@@ -112,6 +115,12 @@ class ShadowsPass(ObjectsPass):
         if self.counts is not None:
             self.counts.build(self._pipelines)
 
+    def _create_meshlets(self, kinds: Sequence[Variant]) -> None:
+        """Build the pipelines with mesh shaders, if these draw casters."""
+        if self.layered is not None:
+            described = {variant: self.describe(variant) for variant in kinds}
+            self.pipelines = [*self.pipelines, *self.layered.create(self._pipelines, described)]
+
     # --- recording ---
 
     def record(self, commands: Any) -> None:
@@ -129,10 +138,13 @@ class ShadowsPass(ObjectsPass):
             if self.lists is not None:
                 self._cull(commands, memory, self.lists, turn)
             memory.begin_round(commands, turn.size)
+            over = self._draw_layers(commands, turn, casters)
             for layer in range(turn.layers):
-                memory.begin_face(commands, turn.size, layer)
-                face = np.array([[turn.first + layer, 0, 0, 0]], np.uint32)
                 groups = [group for group in of_layer[layer] if group is not None]
+                if over and not groups:
+                    continue
+                memory.begin_face(commands, turn.size, layer, over)
+                face = np.array([[turn.first + layer, 0, 0, 0]], np.uint32)
                 commands.draw_groups(groups, self._draws.binding._replace(pushed=face))
                 memory.end_face(commands)
             memory.store(commands, self._store, turn.size, number)
@@ -142,6 +154,18 @@ class ShadowsPass(ObjectsPass):
         for name in ("draws", "draw_calls", "triangles"):
             commands.work[f"shadow_{name}"] = commands.work[name] - before[name]
             commands.work[name] = before[name]
+
+    def _draw_layers(self, commands: Commands, turn: Round, casters: Sequence[DrawGroup | None]) -> bool:
+        """Clear the layers of a round and draw meshlets to all of them; return whether mesh shaders do."""
+        if self.layered is None or self.lists is None:
+            return False
+        variants = [self._data.variants[batch.material] for batch in self._draws.solid]
+        drawn = [
+            None if group is None else (group, variant)
+            for group, variant in zip(casters, variants, strict=True)
+        ]
+        self.layered.draw(commands, self.lists, turn, drawn, self._draws.binding)
+        return True
 
     def _casters(self) -> list[DrawGroup | None]:
         """Return the group of each solid batch, None if it casts no shadows."""
@@ -162,7 +186,7 @@ class ShadowsPass(ObjectsPass):
         rows = lists.tables.batches.tolist()
         return [
             None
-            if group is None
+            if group is None or not lists.by_commands[number]
             else replace(
                 group,
                 batch=replace(group.batch, first=layer * lists.places + first, count=capacity, triangles=0),
@@ -176,6 +200,10 @@ class ShadowsPass(ObjectsPass):
         if not lists.batches:
             return
         memory.begin_lists(commands)
+        kernels = self._kernels
+        if self.layered is not None:
+            self.layered.wait(commands)
+            kernels = kernels[: 1 + bool(lists.by_commands.any())]
         constants = np.array(
             [
                 [turn.first, 0, lists.places, lists.layers],
@@ -183,11 +211,13 @@ class ShadowsPass(ObjectsPass):
             ],
             np.uint32,
         )
-        for kernel in self._kernels:
+        for kernel in kernels:
             memory.bind_lists(commands, kernel)
             commands.push(kernel, constants)
             commands.dispatch(lists.batches, turn.layers)
             commands.compute_barrier()
+        if self.layered is not None:
+            self.layered.cull(commands, lists, turn)
         if self.counts is not None:
             self.counts.add(commands, memory, lists, turn)
 

@@ -25,11 +25,17 @@ vec3 in_face(ShadowFace face, vec3 position) {
     return result;
 }
 
-// Clip position in a face: reversed depth, 1 at the near plane and 0 at the far one.
+// Texels along the target of a face of `size` texels, which lies in its middle. It is a power of two: a viewport then rounds
+// no vertex, and drivers that multiply and add in one step or in two for different stages draw the same pixels.
+uint target_size(uint size) { return 1u << findMSB(2u * size - 1u); }
+
+int target_margin(ShadowFace face) { return int(target_size(face.place.z) - face.place.z) / 2; }
+
+// Clip position in the target of a face: reversed depth, 1 at the near plane and 0 at the far one.
 vec4 face_clip(ShadowFace face, vec3 position) {
     vec3 p = in_face(face, position);
     float near = face.origin.w, far = face.ends.x;
-    vec2 scale = vec2(face.right.w, face.down.w) * (2.0 / float(face.place.z));
+    vec2 scale = vec2(face.right.w, face.down.w) * (2.0 / float(target_size(face.place.z)));
     precise vec4 clip = vec4(p.xy * scale, (far - p.z) / (far - near), 1.0);
     if (face.ahead.w != 0.0) {
         clip.z *= near;

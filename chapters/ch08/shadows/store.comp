@@ -34,7 +34,7 @@ void main() {
     int layer = int(copied.x & 0xffffu);
     for (int i = 0; i < TEXELS; ++i) {
         ivec2 at = texel + ivec2(0, i);
-        float depth = texelFetch(drawn, ivec3(at, layer), 0).r;
+        float depth = texelFetch(drawn, ivec3(at + target_margin(face), layer), 0).r;
         float metres = within_reach(face, at, linear_depth(face, depth));
         if (copied.w != SHADOW_NONE) {
             metres = min(metres, imageLoad(pages, from + ivec3(0, i, 0)).r);

@@ -37,6 +37,7 @@ _AFTER_DRAWS = barriers(
 class _Target:
     image: Image
     layers: list[Rendering]
+    kept: list[Rendering]
     to_draw: Any
     to_read: Any
 
@@ -71,11 +72,15 @@ class ShadowMemory(_ShadowMemory):
         self._images.append(handle)
         image = resources.images.get(handle)
         views = [create_view(device, image, "d32f", layer=layer, layers=1) for layer in range(layers)]
-        renderings = [Rendering((size, size), None, replace(image, view=view), None, 0.0) for view in views]
+        renderings, kept = (
+            [Rendering((size, size), None, replace(image, view=view), None, clear) for view in views]
+            for clear in (0.0, None)
+        )
         change = partial(image_barrier, image.handle, image.aspect)
         return _Target(
             image,
             renderings,
+            kept,
             barriers(change("sampled", "depth", discard=True)),
             barriers(change("depth", "sampled")),
         )
@@ -105,14 +110,17 @@ class ShadowMemory(_ShadowMemory):
         """Let kernels write lists and commands that earlier draws have read."""
         commands.barrier(_AFTER_DRAWS)
 
+    def held_tables(self, slot: int) -> dict[int, Any]:
+        """Return what kernels that cull bind in a slot (cull.glsl)."""
+        held = {0: self.blocks[slot], **self._backend.data.held_instances(slot, 1, 8)}
+        return held | {binding: self._table(name) for binding, name in enumerate(TABLES, 2)}
+
     def bind_lists(self, commands: Any, kernel: Built) -> None:
         """Bind a kernel that culls; both have one layout of bindings."""
         if self._list_sets is None:
             tables = []
-            for slot, block in enumerate(self.blocks):
-                held = {0: block, **self._backend.data.held_instances(slot, 1, 8)}
-                held |= {binding: self._table(name) for binding, name in enumerate(TABLES, 2)}
-                tables.append((kernel.sets[0], held, f"shadow lists, slot {slot}"))
+            for slot in range(SLOTS):
+                tables.append((kernel.sets[0], self.held_tables(slot), f"shadow lists, slot {slot}"))
             self._list_sets = self._backend.descriptors.create(tables)
             self._list_handles = [vk.array("VkDescriptorSet", [it]) for it in self._list_sets.handles]
         commands.bind_compute(kernel)

@@ -11,11 +11,11 @@ from backends.gl import api as gl
 from backends.gl.resources import Buffer, bind_buffer, create_buffer, destroy_buffer
 
 from ...frames.frame import SLOTS
-from .model import READ, WORDS
+from .model import WORDS
 from .model import ShadowCounts as _ShadowCounts
 
-FIRST_BINDING = 5
-"""The first storage block of the kernel: what is before it is bound for the whole frame."""
+TOLD_BINDING = 11
+"""The storage block of the counters, behind those of cull.glsl."""
 
 
 class ShadowCounts(_ShadowCounts):
@@ -32,10 +32,8 @@ class ShadowCounts(_ShadowCounts):
         return counters[:WORDS]
 
     def _bind(self, commands: Any, memory: Any) -> None:
-        commands.bind_compute(self._kernel)
-        bound = [*(memory._table(name) for name in READ), self._buffers[commands.slot.index]]
-        for binding, buffer in enumerate(bound, FIRST_BINDING):
-            bind_buffer(self._backend.device, "storage", binding, buffer)
+        memory.bind_lists(commands, self._kernel)
+        bind_buffer(self._backend.device, "storage", TOLD_BINDING, self._buffers[commands.slot.index])
 
     def finish(self, commands: Any) -> None:
         """Make the counters visible to the CPU."""

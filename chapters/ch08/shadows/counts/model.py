@@ -13,9 +13,6 @@ from ...pipelines.compute_description import ComputeDescription
 from ...pipelines.description import Built
 from ..lists import Round, Schedule, ShadowLists
 
-READ = ("batches", "numbers", "commands")
-"""The tables of shadows that the kernel reads, in the order of its bindings; the counters follow (counts.comp)."""
-
 WORDS = 4
 
 
@@ -38,7 +35,8 @@ class ShadowCounts:
 
     def build(self, pipelines: Any) -> None:
         """Build the kernel."""
-        described = ComputeDescription("shadows/counts/counts.comp", name="count shadow draws")
+        tests = (("SHADOW_TESTS", 0),)  # it tests nothing again
+        described = ComputeDescription("shadows/counts/counts.comp", tests, name="count shadow draws")
         (self._kernel,) = pipelines.get([described])
 
     # --- every frame ---
@@ -74,16 +72,21 @@ class ShadowCounts:
 
     def begin(self, commands: Commands, memory: Any) -> None:
         """Let the counters of the slot be 0."""
-        self._run(commands, memory, (0, 0, 0, 0), (1, 1))
+        self._run(commands, memory, np.zeros((2, 4)), (1, 1))
 
     def add(self, commands: Commands, memory: Any, lists: ShadowLists, turn: Round) -> None:
         """Count what the kernels have left of a round."""
-        constants = (lists.places, lists.layers, lists.batches, turn.layers)
+        constants = np.array(
+            [
+                [turn.first, turn.layers, lists.places, lists.layers],
+                [len(lists.tables.draws), lists.batches, 0, 0],
+            ]
+        )
         self._run(commands, memory, constants, (lists.batches, turn.layers))
 
-    def _run(self, commands: Commands, memory: Any, constants: Any, groups: tuple[int, int]) -> None:
+    def _run(self, commands: Commands, memory: Any, constants: np.ndarray, groups: tuple[int, int]) -> None:
         self._bind(commands, memory)
-        commands.push(self._kernel, np.array([constants], np.uint32))
+        commands.push(self._kernel, constants.astype(np.uint32))
         commands.dispatch(*groups)
         commands.compute_barrier()
 

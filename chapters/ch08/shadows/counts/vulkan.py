@@ -14,13 +14,17 @@ from backends.vulkan.resources import Buffer
 
 from ...frames.frame import SLOTS
 from ...frames.vulkan_commands import Commands
-from .model import READ, WORDS
+from ..memory import TABLES
+from .model import WORDS
 from .model import ShadowCounts as _ShadowCounts
 
 _COUNTED = (
     vk.VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT,
     vk.VK_ACCESS_2_SHADER_STORAGE_WRITE_BIT,
 )
+TOLD_BINDING = 9
+"""The binding of the counters, behind those of cull.glsl."""
+
 _FOR_THE_CPU = barriers(memory=(*_COUNTED, vk.VK_PIPELINE_STAGE_2_HOST_BIT, vk.VK_ACCESS_2_HOST_READ_BIT))
 
 
@@ -48,15 +52,14 @@ class ShadowCounts(_ShadowCounts):
         return buffer.view(np.uint32).copy()[:WORDS]
 
     def _bind(self, commands: Any, memory: Any) -> None:
-        tables = [memory._table(name) for name in READ]
-        bound = tuple(id(table) for table in tables)
+        bound = tuple(id(memory._table(name)) for name in TABLES)
         if self._sets is None or bound != self._bound:
             self._forget_sets()
             self._sets = self._backend.descriptors.create(
                 [
                     (
                         self._kernel.sets[0],
-                        {**dict(enumerate(tables)), len(READ): self._buffer(slot)},
+                        {**memory.held_tables(slot), TOLD_BINDING: self._buffer(slot)},
                         f"shadow counters, slot {slot}",
                     )
                     for slot in range(SLOTS)
