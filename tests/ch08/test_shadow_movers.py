@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from chapters.ch08.movers.model import Movers, touched
 from chapters.ch08.scene.packing import LIGHT, LIGHT_KINDS
 from chapters.ch08.settings import Settings
 from chapters.ch08.shadows import faces as face_model
 from chapters.ch08.shadows.faces import FACE
-from chapters.ch08.shadows.movers import Movers, touched
 from common.numerics.transforms import pose_looking_at
 from common.settings import replaced
 from common.view.camera import Orthographic, Perspective, View

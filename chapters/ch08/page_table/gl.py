@@ -53,9 +53,9 @@ class ReportMemory(_ReportMemory):
     _buffers: list[Buffer]
 
     def _create(self, words: int, use: MemoryUse, name: str) -> Buffer:
-        made = create_buffer(self._backend.device, 4 * words, use, name)
-        self._buffers = [*getattr(self, "_buffers", []), made]
-        return made
+        buffer = create_buffer(self._backend.device, 4 * words, use, name)
+        self._buffers = [*getattr(self, "_buffers", []), buffer]
+        return buffer
 
     def _clear(self, buffer: Buffer) -> None:
         write_buffer(self._backend.device, buffer, np.zeros(self._words, np.uint32))

@@ -1,6 +1,6 @@
 """The image of the pages, and the buffers of reports: one that kernels write, and a copy for the CPU in each slot.
 
-`vulkan.py`, `gl.py` and `sparse.py` create them.
+`vulkan.py`, `gl.py` and `vulkan_sparse.py` create them.
 """
 
 from __future__ import annotations

@@ -75,15 +75,15 @@ class Residency:
     def _by_level(self, tiles: Bools) -> list[tuple[int, Bools]]:
         """Return for each level from 2 on which tiles (S, 6, rows, columns) of their faces lamps need."""
         places, side = self._places, self._places.lamp_side
-        finest = tiles[places.lamp_word : places.coarse_word].reshape(-1, CUBE_FACES, side, side)
+        finest: Bools = tiles[places.lamp_word : places.coarse_word].reshape(-1, CUBE_FACES, side, side)
         finest = finest & (np.arange(CUBE_FACES) < self._lamps.counts[:, None])[..., None, None]
-        found = []
+        levels: list[tuple[int, Bools]] = []
         while side >= 1:
-            found.append((level_of_side(side), finest))
+            levels.append((level_of_side(side), finest))
             side //= 2
             if side:
-                finest = finest.reshape(len(finest), CUBE_FACES, side, 2, side, 2).any(axis=(3, 5))
-        return found
+                finest = np.any(finest.reshape(-1, CUBE_FACES, side, 2, side, 2), axis=(3, 5))
+        return levels
 
     def _words_of(self, levels: Int64, suns: Bools, by_level: list[tuple[int, Bools]]) -> Bools:
         """Return (W,) which words of the table want a tile when lamps have these levels."""

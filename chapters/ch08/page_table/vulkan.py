@@ -18,7 +18,7 @@ from common.errors import UnsupportedError
 
 from .memory import Pages as _Pages
 from .memory import ReportMemory as _ReportMemory
-from .sparse import SparsePages
+from .vulkan_sparse import SparsePages
 
 STORED = vk.VK_IMAGE_USAGE_STORAGE_BIT | vk.VK_IMAGE_USAGE_TRANSFER_SRC_BIT
 """How the pages are used; tests copy them."""

@@ -13,10 +13,10 @@ from common.scene import Change
 from ..cloth.passes import ClothPass
 from ..frames.backend.backend import Backend
 from ..mesh_layers.layered import layered_casters
+from ..movers.model import Movers, Moves
 from ..scene.pass_parts import PassParts
 from .lists import shadow_lists
 from .memory import ShadowMemory
-from .movers import Movers, Moves
 from .passes import ShadowsPass
 
 LARGEST = 1 << 27

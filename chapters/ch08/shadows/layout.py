@@ -6,7 +6,7 @@
     shadow_lists   a word a list of casters (lists.py): the first face of its light, and the number of its faces from
                    bit 24 on; 0 for none
     shadow_blended a bit for each material: whether it is blended
-    shadow_moving  a bit for each instance: whether it is a mover (movers.py)
+    shadow_moving  a bit for each instance: whether it is a mover (movers/model.py)
     shadow_rounds  four words a round: the work groups of its copy, and its first one in shadow_copies
     shadow_faces   FACE records
     shadow_copies  four words a part of a face that is copied into a page: the layer with the number of the face from

@@ -125,9 +125,9 @@ def joined(first: Schedule, second: Schedule) -> Schedule:
     return Schedule(first.rounds + second.rounds, *(np.concatenate(each) for each in parts))
 
 
-def _arrays(made: Schedule) -> tuple[NDArray[Any], ...]:
+def _arrays(rounds: Schedule) -> tuple[NDArray[Any], ...]:
     """Return the arrays of a schedule."""
-    return made.drawn, made.lists, made.faces, made.places
+    return rounds.drawn, rounds.lists, rounds.faces, rounds.places
 
 
 def _lights_of(faces: np.ndarray) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

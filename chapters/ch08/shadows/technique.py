@@ -16,6 +16,8 @@ from ..cloth.passes import VERTICES
 from ..clusters import model as clusters
 from ..clusters.passes import read_lists
 from ..frames.backend.backend import Backend
+from ..movers.model import Moves, touched
+from ..page_table.copies import Copies, Due
 from ..page_table.passes import NEED_PASSES
 from ..page_table.pool import TilePool
 from ..page_table.refusal import tell, with_less
@@ -23,13 +25,11 @@ from ..scene.pass_parts import PassParts
 from ..settings import Settings
 from . import model
 from .casters import Casters
-from .copies import Copies, Due
 from .faces import FACE, UNUSED
 from .layout import COPIED, BlockLayout
 from .lights import ShadowLights
 from .lists import MOST_LAYERS, NO_ROUNDS, Schedule, joined, schedule
 from .memory import ShadowMemory
-from .movers import Moves, touched
 from .passes import LIT, ShadowsPass, read_pages
 
 
@@ -210,11 +210,11 @@ class ShadowTechnique(Technique):
             numbers[np.argsort(-faces["size"][numbers].astype(np.int64), kind="stable")]
             for numbers in self._copies.faces
         )
-        made = schedule(faces, first, most, padded)
-        over = schedule(faces, second, most, padded, movers=True, begin=len(made.drawn))
-        both = joined(made, over)
+        still_rounds = schedule(faces, first, most, padded)
+        over = schedule(faces, second, most, padded, movers=True, begin=len(still_rounds.drawn))
+        both = joined(still_rounds, over)
         if both.rounds:
-            self._copies.place(both, len(made.faces))
+            self._copies.place(both, len(still_rounds.faces))
         return both
 
     def _pack(self, layout: BlockLayout, due: Schedule) -> None:

@@ -40,6 +40,7 @@ class Movers:
         self.moving = np.zeros(len(deforming), bool)
         """(N,) Instances that have moved."""
         self._world = np.zeros(0, np.float32)
+        self._records = np.zeros(0)
         self._boxes = NO_BOXES
         self._version = -1
 
@@ -83,9 +84,9 @@ class Movers:
 
 def touched(faces: np.ndarray, used: Bools, boxes: Float64) -> Bools:
     """Return (F,) which of the `used` faces (FACE records) any of the boxes (M, 2, 3) may be drawn to."""
-    found = np.zeros(len(faces), bool)
+    meets = np.zeros(len(faces), bool)
     if not len(boxes):
-        return found
+        return meets
     if np.isnan(boxes).any():
         return used.copy()
     at = np.flatnonzero(used)
@@ -107,5 +108,5 @@ def touched(faces: np.ndarray, used: Bools, boxes: Float64) -> Bools:
     inside = (np.abs(p[..., :2]) - e[..., :2] <= wide).all(axis=2) & (
         (p[..., 2] + e[..., 2] >= chosen["near"][:, None]) | ~perspective[:, None]
     )
-    found[at] = inside.any(axis=1)
-    return found
+    meets[at] = inside.any(axis=1)
+    return meets

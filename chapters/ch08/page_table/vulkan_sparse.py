@@ -192,7 +192,7 @@ class SparsePages(Pages):
 
 def _page_of(device: Any, image: Any) -> tuple[int, int, int]:
     """Return width and height of the pages of an image in texels, and their bytes; zeros if it has none."""
-    found = vk.listed(
+    kinds = vk.listed(
         device.fn.vkGetImageSparseMemoryRequirements,
         "vkGetImageSparseMemoryRequirements",
         "VkSparseImageMemoryRequirements",
@@ -201,7 +201,7 @@ def _page_of(device: Any, image: Any) -> tuple[int, int, int]:
     )
     requirements = vk.new("VkMemoryRequirements")
     device.fn.vkGetImageMemoryRequirements(device.handle, image, requirements)
-    for kind in found:
+    for kind in kinds:
         if kind.formatProperties.aspectMask & vk.VK_IMAGE_ASPECT_COLOR_BIT and kind.imageMipTailFirstLod:
             granularity = kind.formatProperties.imageGranularity
             return int(granularity.width), int(granularity.height), int(requirements.alignment)

@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .faces import UNUSED
-from .layout import NONE
-from .lists import Schedule
-from .model import CUBE_FACES, TILE, Places
+from ..shadows.faces import UNUSED
+from ..shadows.layout import NONE
+from ..shadows.lists import Schedule
+from ..shadows.model import CUBE_FACES, TILE, Places
 
 GROUP_TEXELS = 32
 """Texels along each side of what a work group of store.comp copies."""
@@ -88,23 +88,23 @@ class Copies:
         _, page = np.nonzero(own)
         return np.concatenate([words, at[page]]), np.concatenate([self._face[words], coarse[own]])
 
-    def place(self, made: Schedule, still: int) -> None:
+    def place(self, rounds: Schedule, still: int) -> None:
         """Order what was chosen by rounds, whose layers are known now.
 
-        The first `still` of `made.faces` are drawn without movers, the others with nothing else.
+        The first `still` of `rounds.faces` are drawn without movers, the others with nothing else.
         """
         entries, all_layers = [], []
         for part, (number, tile, to, source) in zip(
             (slice(still), slice(still, None)), self._chosen, strict=True
         ):
             of_face = np.zeros(int(number.max(initial=0)) + 1, np.intp)
-            of_face[made.faces[part]] = made.places[part]
+            of_face[rounds.faces[part]] = rounds.places[part]
             layer = of_face[number]
             order = np.argsort(layer, kind="stable")
             entries.append(np.stack([number, tile, to, source], axis=1)[order])
             all_layers.append(layer[order])
         layers, rows = np.concatenate(all_layers), np.concatenate(entries)
-        first = np.array([turn.first for turn in made.rounds])
+        first = np.array([turn.first for turn in rounds.rounds])
         number = np.searchsorted(first, layers, side="right") - 1
         counts = np.bincount(number, minlength=len(first))
         self.entries = rows.astype(np.uint32)
