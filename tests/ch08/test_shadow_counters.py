@@ -16,6 +16,7 @@ pytestmark = pytest.mark.variants("vulkan", "gl")
 SIZE = (48, 32)
 NAMES = ("shadow_units", "shadow_units_culled", "shadow_draws", "shadow_triangles")
 BASE = Settings(
+    geometry="compute",  # mesh shaders write no commands
     anisotropy=1.0,
     default_light=False,
     shadow_memory="full",

@@ -18,6 +18,7 @@ pytestmark = pytest.mark.variants("vulkan", "gl")
 
 SIZE = (48, 32)
 BASE = Settings(
+    geometry="compute",  # mesh shaders write no commands
     anisotropy=1.0,
     default_light=False,
     shadow_memory="full",
@@ -131,9 +132,7 @@ def test_toggles_change_counts_and_no_bit_of_a_map(chapter, scene):
         ("instances", "meshlets", "cones", "faces"),
     ):
         knobs = {f"shadow_cull_{name}": False for name in off}
-        with chapter.open(
-            scene, SIZE, replaced(BASE, shadow_sides="front", geometry="compute", **knobs)
-        ) as renderer:
+        with chapter.open(scene, SIZE, replaced(BASE, shadow_sides="front", **knobs)) as renderer:
             renderer.render(VIEW).image("color")
             pages.append(all_faces(renderer))
             counts.append(sum(map(len, commanded(renderer))))

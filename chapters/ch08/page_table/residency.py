@@ -63,6 +63,7 @@ class Residency:
         """The words that got a tile in this frame."""
         self.waits = False
         """Whether any tile waits for its turn, or to be given up."""
+        self._without_suns = False
 
     def _costs(self, by_level: list[tuple[int, Bools]], mixed: Bools) -> Int64:
         """Return (S, L) the tiles that each slot's light takes at each level: twice as many where it meets movers."""
@@ -97,7 +98,7 @@ class Residency:
                 chosen = needed[at].reshape(int(at.sum()), CUBE_FACES, -1)
                 of_lamps[at, :, : chosen.shape[2]] = chosen
         coarse = wanted[places.coarse_word :]
-        coarse[: places.suns] = places.coarse and suns.any()
+        coarse[: places.suns] = places.coarse and places.sun_side > 0 and not self._without_suns
         coarse[places.suns :] = levels > 0 if places.coarse else levels == 1
         return wanted
 
@@ -116,8 +117,11 @@ class Residency:
         of_suns, by_level = need.tiles[: places.lamp_word], self._by_level(need.tiles)
         twice = mixed[self._owner[: places.words]]
         suns = (1 + twice[: places.lamp_word])[of_suns].sum()
-        suns += (1 + twice[places.coarse_word :][: places.suns]).sum() * (places.coarse and of_suns.any())
-        if suns > pool.tiles:  # the device has refused memory: suns cast no shadows
+        suns += (1 + twice[places.coarse_word :][: places.suns]).sum() * (
+            places.coarse and places.sun_side > 0
+        )
+        self._without_suns = suns > pool.tiles  # the device has refused memory
+        if self._without_suns:
             of_suns, suns = np.zeros_like(of_suns), 0
         levels = lamps.wanted(need.resolution, self._costs(by_level, mixed), pool.tiles - int(suns))
         wanted = self._words_of(levels, of_suns, by_level)
