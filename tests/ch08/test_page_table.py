@@ -180,7 +180,7 @@ def test_what_a_picture_reads_has_memory_and_each_light_its_coarse_page():
         pool.begin()
         changed = resident.follow(need(256, np.nan, 128, tiles=(2,)), now=False, mixed=STILL)
         assert changed == (frame in (0, KEPT)), frame
-        assert resident.waits == (frame < KEPT)
+        assert resident.ages == (frame < KEPT) and not resident.waits
     assert held_words(pool).tolist() == [2, *COARSE_WORDS]
     assert slots.levels.tolist() == [3, 1, 2]  # nothing is known of the second: it stays
 
@@ -416,7 +416,7 @@ def test_a_settled_view_reports_draws_and_binds_nothing(chapter):
             frame = renderer.render(ASIDE)
         technique = renderer.techniques["shadows"]
         assert frame.work["shadow_pages_drawn"] == frame.work["shadow_faces_drawn"] == 0
-        assert not technique._report.wanted and frame.work["recorded"] == 0
+        assert technique._report.read(0) is technique._report.read(1) is None and frame.work["recorded"] == 0
         before = technique.lights.pool.revision
         node = scene.lights[2].node
         with scene.edit() as edit:

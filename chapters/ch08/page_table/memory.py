@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -62,10 +63,8 @@ class ReportMemory:
 
     def __init__(self, backend: Any, words: int) -> None:
         self._backend, self._words = backend, words
-        self.wanted = False
-        """Whether the frame reports."""
-        self.size = (1, 1)
-        """Pixels of the frame."""
+        self.asked: Callable[[int, int], tuple[Any, int]]
+        """Returns the buffer of a slot, and the byte of it at which the work groups of a pass begin."""
         needs = self._create(words, "device", NEEDS[0])
         self._clear(needs)
         self._told = [self._create(words, "readback", f"{TOLD}, slot {slot}") for slot in range(SLOTS)]
@@ -77,9 +76,9 @@ class ReportMemory:
         """Return the report of the slot's last frame, if there is one."""
         return self._read(self._told[slot]) if self._reports[slot] else None
 
-    def ask(self, slot: int, wanted: bool, size: tuple[int, int]) -> None:
-        """Let the slot's next frame report if `wanted`; it has `size` pixels."""
-        self.wanted, self.size, self._reports[slot] = wanted, size, wanted
+    def ask(self, slot: int, wanted: bool) -> None:
+        """Note whether the slot's next frame reports."""
+        self._reports[slot] = wanted
 
     def forget(self) -> None:
         """Read no report of a frame before this moment."""

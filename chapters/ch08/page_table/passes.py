@@ -10,7 +10,7 @@ from typing import Any
 from backends.contract import Access, Pass
 from common.scene import Scene
 
-from ..frames.commands import Commands
+from ..frames.dispatches import group_count
 from ..graph.types import External, Touch
 from ..pipelines.compute_description import ComputeDescription
 from ..scene.data import BEHIND_SCENE
@@ -45,6 +45,8 @@ class NeedPass(Pass):
     """Reports what solid surfaces need."""
 
     name, shader = "shadow_need", "page_table/need.comp"
+    number = 0
+    """The place of its work groups in the buffer of a slot (`shadow_asks`)."""
     sources = BEHIND_SCENE
 
     def __init__(self, parts: PassParts) -> None:
@@ -73,29 +75,28 @@ class NeedPass(Pass):
         defines = (*report_defines(self._scene, self._settings), *self._samples)
         self.pipelines = self._pipelines.get([ComputeDescription(self.shader, defines, name=self.name)])
 
-    @property
-    def _extent(self) -> tuple[int, ...]:
-        """Invocations."""
-        assert self.memory is not None, "the technique has made it"
-        return self.memory.size
+    def extent(self, size: tuple[int, int]) -> tuple[int, ...]:
+        """Return the invocations for a picture of (width, height) pixels."""
+        return size
 
-    def record(self, commands: Commands) -> None:
-        """Record the kernel in frames that report."""
-        assert self.memory is not None, "the technique has made it"
-        if self.memory.wanted:
-            (pipeline,) = self.pipelines
-            commands.bind_compute(pipeline, self._draws.binding)
-            commands.dispatch_over(pipeline, self._extent)
+    def groups(self, size: tuple[int, int]) -> tuple[int, int, int]:
+        """Return the work groups for a picture of (width, height) pixels."""
+        (pipeline,) = self.pipelines
+        return group_count(self.extent(size), pipeline.group)
 
-    def key(self, slot: int) -> Any:
-        """Return whether the frame reports."""
-        return self.memory is not None and self.memory.wanted
+    def record(self, commands: Any) -> None:
+        """Record the kernel. The slot says how many work groups run: none in frames that do not report."""
+        assert self.memory is not None, "the technique has made it"
+        (pipeline,) = self.pipelines
+        commands.bind_compute(pipeline, self._draws.binding)
+        commands.dispatch_indirect(*self.memory.asked(commands.slot.index, self.number))
 
 
 class BoxesPass(NeedPass):
     """Reports what blended objects need."""
 
     name, shader = "shadow_need_boxes", "page_table/boxes.comp"
+    number = 1
 
     def _begin(self) -> None:
         self._samples = ()
@@ -106,8 +107,8 @@ class BoxesPass(NeedPass):
         """Whether any object is blended."""
         return NeedPass.needed(scene, settings) and has_transparent(scene)
 
-    @property
-    def _extent(self) -> tuple[int, ...]:
+    def extent(self, size: tuple[int, int]) -> tuple[int, ...]:
+        """Return an invocation for each object and light."""
         return len(self._scene.instances), model.records_of(self._scene, self._settings)
 
 
@@ -115,6 +116,7 @@ class TellPass(NeedPass):
     """Hands the report over to the CPU."""
 
     name, shader = "shadow_need_tell", "page_table/tell.comp"
+    number = 2
 
     def _begin(self) -> None:
         self._samples = ()
@@ -129,11 +131,11 @@ class TellPass(NeedPass):
         """Follow blended objects, which an edit may have made."""
         self._begin()
 
-    @property
-    def _extent(self) -> tuple[int, ...]:
+    def extent(self, size: tuple[int, int]) -> tuple[int, ...]:
+        """Return an invocation for each word."""
         return (self._bytes // 4,)
 
-    def record(self, commands: Commands) -> None:
+    def record(self, commands: Any) -> None:
         """Record the copy."""
         super().record(commands)
         assert self.memory is not None, "the technique has made it"

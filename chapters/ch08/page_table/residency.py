@@ -61,8 +61,8 @@ class Residency:
         self._age = np.zeros(2 * places.words, np.int64)
         self.assigned = np.zeros(0, np.intp)
         """The words that got a tile in this frame."""
-        self.waits = False
-        """Whether any tile waits for its turn, or to be given up."""
+        self.waits = self.ages = False
+        """Whether any tile waits for its turn; whether any is kept that is not needed."""
         self._without_suns = False
 
     def _costs(self, by_level: list[tuple[int, Bools]], mixed: Bools) -> Int64:
@@ -135,7 +135,7 @@ class Residency:
             pool.limit(there)
             return self.follow(need, now, mixed)
         before = pool.revision, lamps.levels
-        self.waits = False
+        self.waits = self.ages = False
         if now:
             pool.release(np.flatnonzero(held & (~wanted | resized)), now=True)
             self._age[:] = 0
@@ -187,7 +187,7 @@ class Residency:
         """Give up the tiles of faces that have another size, and those that were not needed for some frames."""
         self._age = np.where(unneeded, self._age + 1, 0)
         old = unneeded & ((self._age > KEPT) | self.waits)
-        self.waits = self.waits or bool((unneeded & ~old).any())
+        self.ages = bool((unneeded & ~old).any())
         gone = np.flatnonzero(resized | old)
         if len(gone):
             self._pool.release(gone)

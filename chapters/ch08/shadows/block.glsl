@@ -9,6 +9,7 @@ layout(BIND(0, SHADOW_BLOCK, 14), std430) readonly buffer Shadows_ {
     uint shadow_blended[SHADOW_BLENDED];    // a bit for each material that is blended
     uint shadow_moving[SHADOW_MOVING];      // a bit for each instance that is a mover
     uvec4 shadow_rounds[2 * SHADOW_FACES];  // xyz: work groups of the copy of a round, w: its first one of shadow_copies
+    uvec4 shadow_asks[3];                   // xyz: work groups of the passes that report
     ShadowFace shadow_faces[SHADOW_FACES];
     uvec4 shadow_copies[SHADOW_COPIES];     // layer and face, tile of the face, page, page of other casters
     uint shadow_table[];                    // by tile of a face: its place in the pages, in tiles

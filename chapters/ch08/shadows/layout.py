@@ -8,6 +8,7 @@
     shadow_blended a bit for each material: whether it is blended
     shadow_moving  a bit for each instance: whether it is a mover (movers/model.py)
     shadow_rounds  four words a round: the work groups of its copy, and its first one in shadow_copies
+    shadow_asks    four words for each pass that reports what the picture needs: its work groups, 0 if it does not
     shadow_faces   FACE records
     shadow_copies  four words a part of a face that is copied into a page: the layer with the number of the face from
                    bit 16 on, the tile of the face (column, row from bit 16 on), the page, and the page of
@@ -21,6 +22,7 @@ word has the column in bits 0 to 7, the row in 8 to 15, the layer from 16 on, an
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -35,6 +37,8 @@ NONE = 0xFFFFFFFF
 
 COPIED = np.uint32(1 << 31)
 """The bit of a tile that the frame draws; set for the view that shows it."""
+
+ASKS, ASK_BYTES = 3, 16
 
 WIDEST = 128
 """Tiles in a row of the pages: 16,384 texels, which is the side of the largest image of every device that is used."""
@@ -51,47 +55,52 @@ class BlockLayout:
     copied: int
     tiles: int
 
-    @property
+    @cached_property
     def drawn(self) -> int:
         """The first byte of `shadow_drawn`."""
         return 4 * padded(self.lights)
 
-    @property
+    @cached_property
     def lists(self) -> int:
         """The first byte of `shadow_lists`."""
         return self.drawn + 16 * padded(self.faces)
 
-    @property
+    @cached_property
     def blended(self) -> int:
         """The first byte of `shadow_blended`."""
         return self.lists + 16 * padded(self.faces)
 
-    @property
+    @cached_property
     def moving(self) -> int:
         """The first byte of `shadow_moving`."""
         return self.blended + 4 * bit_words(self.materials)
 
-    @property
+    @cached_property
     def rounds(self) -> int:
         """The first byte of `shadow_rounds`."""
         return self.moving + 4 * bit_words(self.instances)
 
-    @property
-    def records(self) -> int:
-        """The first byte of the records."""
+    @cached_property
+    def asks(self) -> int:
+        """The first byte of `shadow_asks`."""
         return self.rounds + 32 * padded(self.faces)
 
-    @property
+    @cached_property
+    def records(self) -> int:
+        """The first byte of the records."""
+        return self.asks + ASK_BYTES * ASKS
+
+    @cached_property
     def copies(self) -> int:
         """The first byte of `shadow_copies`."""
         return self.records + FACE.itemsize * padded(self.faces)
 
-    @property
+    @cached_property
     def table(self) -> int:
         """The first byte of the table."""
         return self.copies + 16 * self.copied
 
-    @property
+    @cached_property
     def size(self) -> int:
         """Bytes of the whole buffer."""
         return self.table + 4 * max(1, self.tiles)

@@ -24,8 +24,8 @@ from .model import CUBE_FACES, TILE
 STEP = 0.005
 """How far the camera moves before lamps are chosen anew, in the scene's length scales."""
 
-TURN = float(np.cos(np.radians(1.0)))
-"""The cosine of the angle by which it turns before."""
+TURN = float(np.radians(1.0))
+"""The angle by which it turns before."""
 
 WIDENED = 1.05
 """The factor of reaches in the test whether a lamp is seen, for what the camera sees until then."""
@@ -60,8 +60,11 @@ class ShadowLights:
         self._view: View | None = None
         self._suns = np.zeros(0, np.intp)
         self._frame, self._fresh = 0, True
+        self._box = np.full((2, 3), np.nan)
+        self._filled = np.full((3, held.lamps), -2, np.int64)
         self._report = np.zeros(0, np.uint32)
         self._need = Need(np.zeros(held.lamps), np.ones(held.coarse_word, bool))
+        self._touched: Any = None
         self._mixed = np.zeros(self.residency.owners, bool)
         self.calm = False
         """Whether the last frame changed no record and no tile, and none waits."""
@@ -87,28 +90,38 @@ class ShadowLights:
         self._frame += 1
         self.pool.begin()
         self.residency.assigned = self.residency.assigned[:0]
-        other = (lights, instances) != (self._lights, self._instances)
-        if report is not None and np.array_equal(report, self._report):
+        elsewhere = instances != self._instances  # objects
+        other = lights != self._lights or (elsewhere and self._box_changes(frame.slot))
+        moving = (
+            other
+            or elsewhere
+            or self._lens is None
+            or not (frame.view is self._view or frame.view == self._view)
+        )
+        self._instances = instances
+        turn = not moving or self._frame % model.REPORT_EVERY == 0
+        if report is not None and (not turn or self._is_known(report)):
             report = None
-        mixed = self._mixed_of(touched)
-        other_mix, self._mixed = not np.array_equal(mixed, self._mixed), mixed
-        unmoved = not other and not other_mix and frame.view == self._view and frame.size == self._lens[1]
-        self.calm = unmoved and report is None and not self.residency.waits
+        other_mix = touched is not self._touched and self._follow_mix(touched)
+        unmoved = not moving and not other_mix and frame.size == self._lens[1]
+        waits = self.residency.waits or (self.residency.ages and turn)
+        self.calm = unmoved and report is None and not waits
         if self.calm:
             return False
         self._view = frame.view
         if other:
-            self._lights, self._instances = lights, instances
+            self._lights = lights
             self._gather(frame.slot)
         lens = (frame.view.projection, frame.size)
         if other or lens != self._lens:
             self._lens, self._chosen = lens, None
             self._cascades = self._made_cascades(frame)
         cascades = None if self._cascades is None else self._cascades.at(frame.view)
-        chosen = self._chosen is None or _apart(frame.view, self._chosen, self._step)
+        steps = 1 if turn else model.REPORT_EVERY
+        chosen = self._chosen is None or _apart(frame.view, self._chosen, self._step, steps)
         if chosen:
             self._choose(frame)
-        due = chosen or other_mix or report is not None or self.residency.waits
+        due = chosen or other_mix or report is not None or waits
         tiles = due and self._give_tiles(frame, report)
         if not (tiles or other or cascades is not None):
             return False
@@ -116,11 +129,20 @@ class ShadowLights:
         if other or cascades is not None:
             self._fill_suns(faces, cascades)
         if tiles or other:
-            self._fill_lamps(faces)
+            self._fill_lamps(faces, other)
         self.faces = faces
         if tiles or other or not self.work:
             self._tell(faces)
         return True
+
+    def _box_changes(self, slot: int) -> bool:
+        """Whether the box of all objects is another one."""
+        records = self._parts.data.slots[slot].written["instance_records"]
+        return not np.array_equal(self._bounds(records), self._box)
+
+    def _is_known(self, report: NDArray[np.uint32]) -> bool:
+        """Whether a report is that on which the tiles of the last frame were based."""
+        return np.array_equal(report, self._report)
 
     def _gather(self, slot: int) -> None:
         """Take what follows from lights and objects alone, whatever the view is."""
@@ -212,6 +234,13 @@ class ShadowLights:
             need = Need(np.where(unknown, 1.0, need.resolution), tiles)
         return self.residency.follow(need, now, self._mixed)
 
+    def _follow_mix(self, touched: NDArray[np.bool_]) -> bool:
+        """Note which cascades and slots have a face that movers meet; return whether these are others."""
+        mixed = self._mixed_of(touched)
+        changed = not np.array_equal(mixed, self._mixed)
+        self._touched, self._mixed = touched, mixed
+        return changed
+
     def _mixed_of(self, touched: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Return which cascades and slots have a face that movers meet."""
         held = self.held
@@ -245,14 +274,20 @@ class ShadowLights:
             coarse["guard"], coarse["size"], coarse["tiles"] = guard, TILE, 1
             coarse["first"] = held.coarse_word + np.arange(suns)
 
-    def _fill_lamps(self, faces: np.ndarray) -> None:
-        """Make the records of the lamps' faces."""
+    def _fill_lamps(self, faces: np.ndarray, all_of_them: bool) -> None:
+        """Make the records of the lamps' faces: of those that have changed, or of all."""
         held, lamps = self.held, self.lamps
-        faces[held.first_lamp :] = _UNUSED
-        slots = lamps.active
+        now = np.stack([lamps.places, lamps.levels, lamps.counts])
+        changed = (now != self._filled).any(axis=0) | all_of_them
+        self._filled = now
+        if not changed.any():
+            return
+        of_slots = faces[held.first_lamp : held.first_lamp + held.lamps * held.lamp_stride]
+        of_slots = of_slots.reshape(held.lamps, held.lamp_stride)
+        of_slots[changed] = _UNUSED
+        slots = np.flatnonzero(changed & (lamps.places >= 0) & (lamps.levels > 0))
         if not len(slots):
             return
-        of_slots = faces[held.first_lamp :].reshape(held.lamps, held.lamp_stride)
         levels, counts = lamps.levels[slots], lamps.counts[slots]
         finer = slots[levels > 1]
         sizes = lamps.sizes
@@ -301,10 +336,9 @@ class ShadowLights:
         }
 
 
-def _apart(view: View, other: View, step: float) -> bool:
-    """Whether a view is so far from another one that other lamps may matter: by a length, or by a degree."""
-    if np.abs(view.eye - other.eye).max() > step or view.cut:
+def _apart(view: View, other: View, step: float, count: int) -> bool:
+    """Whether a view is `count` steps from another one, so that other lamps may matter: of a length, or a degree."""
+    if np.abs(view.eye - other.eye).max() > count * step or view.cut:
         return True
-    return bool(
-        np.einsum("ij,ij->j", view.world_from_view[:3, :3], other.world_from_view[:3, :3]).min() < TURN
-    )
+    cosines = (view.world_from_view[:3, :3] * other.world_from_view[:3, :3]).sum(axis=0)
+    return bool(cosines.min() < np.cos(count * TURN))

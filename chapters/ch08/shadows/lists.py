@@ -9,6 +9,7 @@ and commands have the same places in every round, so their memory follows from t
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -33,6 +34,9 @@ COMMAND_BYTES = 1 << 25
 
 BY_MESH_SHADERS = 8
 """Flag of a draw that mesh shaders draw. If it is a whole mesh, its `first_bit` is the number of its vertices."""
+
+KEPT_LAYERS = 16
+"""The most layers of a round that is kept while nothing is due for it."""
 
 ENTRY_BYTES = 8
 """Bytes of an entry of a list."""
@@ -84,29 +88,33 @@ def schedule(
     padded: bool = True,
     movers: bool = False,
     begin: int = 0,
+    least: Mapping[int, int] | None = None,
 ) -> Schedule:
     """Return the rounds for the faces `due` (N,), those of one size together and those of one light one by one.
 
-    Layers are numbered from `begin` on; the words of these alone are returned.
+    Layers are numbered from `begin` on; the words of these alone are returned. `least` are sizes with the layers that
+    their first round has, even if no face is due.
 
     The six faces of a light have one list. Each cascade has its own: it sees another part of the scene. A round that is
     `padded` has a power of two of layers, so that few different recordings serve all frames; nothing is drawn to the
     layers behind the last face.
     """
-    if not len(due):
+    wanted = dict(least or {})
+    if not len(due) and not wanted:
         return NO_ROUNDS
     base, counts = _lights_of(faces)
     rounds: list[Round] = []
     places = np.zeros(len(due), np.intp)
     sizes, first, total = faces["size"][due].astype(np.int64), 0, begin
-    while first < len(due):
-        size = int(sizes[first])
-        same = int(np.searchsorted(-sizes, -size, side="right")) - first
-        faces_in = min(same, layers_of(size, most))
-        layers = min(1 << (faces_in - 1).bit_length(), layers_of(size, most)) if padded else faces_in
-        rounds.append(Round(size, total, layers, movers))
-        places[first : first + faces_in] = total + np.arange(faces_in)
-        first, total = first + faces_in, total + layers
+    for size in sorted({*sizes.tolist(), *wanted}, reverse=True):
+        end = first + int((sizes == size).sum())
+        while first < end or size in wanted:
+            faces_in = min(end - first, layers_of(size, most))
+            layers = 1 << (max(faces_in, 1) - 1).bit_length() if padded else faces_in
+            layers = min(max(layers, wanted.pop(size, 1)), layers_of(size, most))
+            rounds.append(Round(size, total, layers, movers))
+            places[first : first + faces_in] = total + np.arange(faces_in)
+            first, total = first + faces_in, total + layers
     drawn, lists = np.full(total - begin, NO_FACE, np.uint32), np.zeros(total - begin, np.uint32)
     begins = np.isin(places, [turn.first for turn in rounds])
     new = begins | np.r_[True, base[due][1:] != base[due][:-1]]
@@ -115,6 +123,31 @@ def schedule(
     drawn[places - begin] = due | (due - base[due]) << 12 | number << 16
     lists[places[new] - begin] = base[due][new] | counts[base[due][new]] << 24
     return Schedule(tuple(rounds), drawn, lists, due, places)
+
+
+class Pattern:
+    """The rounds of frames in which something moves: they stay, whichever faces are due, and so do their recordings.
+
+    A round of the pattern without any face costs the GPU its clears, and the CPU nothing.
+    """
+
+    def __init__(self) -> None:
+        self._layers: dict[bool, dict[int, int]] = {False: {}, True: {}}
+
+    def least(self, movers: bool) -> dict[int, int]:
+        """Return sizes with layers, of rounds with or without movers."""
+        return self._layers[movers]
+
+    def learn(self, rounds: Sequence[Round]) -> None:
+        """Keep rounds that are small enough."""
+        for turn in rounds:
+            if turn.layers <= KEPT_LAYERS:
+                layers = self._layers[turn.movers]
+                layers[turn.size] = max(layers.get(turn.size, 0), turn.layers)
+
+    def clear(self) -> None:
+        """Keep none: nothing moves."""
+        self._layers = {False: {}, True: {}}
 
 
 def joined(first: Schedule, second: Schedule) -> Schedule:

@@ -27,6 +27,9 @@ WIDEST_RADIUS = 16
 REPORTED = 2
 """Frames from a report to its use: its slot's last frame, which is over."""
 
+REPORT_EVERY = 8
+"""Frames for each report that is used while something moves."""
+
 MOST_SUNS = 4
 """Directional lights that cast shadows: their cascades follow the view in every frame, light by light."""
 

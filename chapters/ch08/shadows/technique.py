@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from ..clusters.passes import read_lists
 from ..frames.backend.backend import Backend
 from ..movers.model import Moves, touched
 from ..page_table.copies import Copies, Due
-from ..page_table.passes import NEED_PASSES
+from ..page_table.passes import NEED_PASSES, NeedPass
 from ..page_table.pool import TilePool
 from ..page_table.refusal import tell, with_less
 from ..scene.pass_parts import PassParts
@@ -26,11 +26,13 @@ from ..settings import Settings
 from . import model
 from .casters import Casters
 from .faces import FACE, UNUSED
-from .layout import COPIED, BlockLayout
+from .layout import ASK_BYTES, ASKS, COPIED, BlockLayout
 from .lights import ShadowLights
-from .lists import MOST_LAYERS, NO_ROUNDS, Schedule, joined, schedule
+from .lists import MOST_LAYERS, NO_ROUNDS, Pattern, Schedule, joined, schedule
 from .memory import ShadowMemory
 from .passes import LIT, ShadowsPass, read_pages
+
+_NO_FACES = np.zeros(0, np.intp)
 
 
 class Versions:
@@ -72,6 +74,9 @@ class ShadowTechnique(Technique):
         self._written: dict[int, tuple[int, int]] = {}
         self._slot, self._had_due, self._still = -1, False, 0
         self._report: Any = None
+        self._needs: Sequence[NeedPass] = ()
+        self._asks: dict[int, Any] = {}
+        self._pattern, self._keeps_rounds = Pattern(), False
         self._touched_for: Any = None
         self._meets = (np.zeros(0, bool),) * 2
         self._lights, self._instances = Versions(), Versions()
@@ -122,10 +127,13 @@ class ShadowTechnique(Technique):
         self._block = np.zeros(layout.size, np.uint8)
         self._copies = Copies(held)
         self._marks = settings.shading.view == "redrawn-pages"
+        self._keeps_rounds = backend.name == "vulkan" and settings.graph.resubmit
         if model.by_need(settings):
             self._report = memories.ReportMemory(backend, held.report_words)
+            self._report.asked = self._asked
             for need in needs:
                 need.memory = self._report
+            self._needs = needs
 
     @property
     def faces(self) -> np.ndarray:
@@ -155,14 +163,16 @@ class ShadowTechnique(Technique):
         changed = self.lights.follow(frame, lights, instances, report, self._touched(moves))
         moved = moves.everything or moves.moved
         self._still = self._still + 1 if self.lights.calm and not moved else 0
-        if self._report is not None:
-            self._report.ask(frame.slot, self._still < model.REPORTED, frame.size)
-        own.schedule = NO_ROUNDS
         if changed or moved or not len(self._drawn):
             own.schedule = self._scheduled(moves)
             for size in {turn.size for turn in own.schedule.rounds}:
                 memory.prepare(size)
             self.pages.bind(self.lights.pool)
+        elif self._had_due:
+            own.schedule = self._rounds_of(_NO_FACES, _NO_FACES)
+        if self._still >= model.REPORTED and own.schedule.rounds:
+            self._pattern.clear()
+            own.schedule = NO_ROUNDS
         if own.counts is not None:
             own.counts.follow(frame.slot, own.schedule, own.lists)
         due = len(own.schedule.faces)
@@ -176,7 +186,32 @@ class ShadowTechnique(Technique):
                 "shadow_bytes": self.pages.bytes(self.lights.pool),
             }
         self._had_due = due > 0
-        return self._write(memory, frame.slot)
+        return self._write(memory, frame.slot) + self._ask(memory, frame)
+
+    def _asked(self, slot: int, number: int) -> tuple[Any, int]:
+        """Return where the work groups of a pass that reports are."""
+        memory = self.memory
+        assert memory is not None, "the technique has made it"
+        return memory.blocks[slot], memory.layout.asks + ASK_BYTES * number
+
+    def _ask(self, memory: ShadowMemory, frame: FrameInfo) -> int:
+        """Say in the buffer of the slot whether its frame reports; return the bytes written."""
+        if self._report is None:
+            return 0
+        wanted = self._still < model.REPORTED
+        self._report.ask(frame.slot, wanted)
+        state = wanted and frame.size
+        if self._asks.get(frame.slot) == state:
+            return 0
+        self._asks[frame.slot] = state
+        words = np.zeros((ASKS, ASK_BYTES // 4), np.uint32)
+        if wanted:
+            for need in self._needs:
+                if need in frame.passes:
+                    words[need.number, :3] = need.groups(frame.size)
+        first = memory.layout.asks
+        memory.blocks[frame.slot].mapped[first : first + words.nbytes] = words.view(np.uint8).reshape(-1)
+        return words.nbytes
 
     def _touched(self, moves: Moves) -> NDArray[np.bool_]:
         """Return (F,) which faces of the last frame movers meet, here or where they were."""
@@ -205,17 +240,27 @@ class ShadowTechnique(Technique):
             due = Due(still | moved, none, none)
         self._drawn = faces.copy()
         self._copies.choose(faces, due, lights.residency.assigned, lights.pool.table)
-        most, padded = (MOST_LAYERS, False) if lists is None else (lists.layers, True)
         first, second = (
             numbers[np.argsort(-faces["size"][numbers].astype(np.int64), kind="stable")]
             for numbers in self._copies.faces
         )
-        still_rounds = schedule(faces, first, most, padded)
-        over = schedule(faces, second, most, padded, movers=True, begin=len(still_rounds.drawn))
-        both = joined(still_rounds, over)
-        if both.rounds:
-            self._copies.place(both, len(still_rounds.faces))
-        return both
+        rounds = self._rounds_of(first, second)
+        if rounds.rounds:
+            self._copies.place(rounds, len(first))
+        return rounds
+
+    def _rounds_of(self, first: NDArray[np.intp], second: NDArray[np.intp]) -> Schedule:
+        """Return the rounds that draw `first` without movers, and then `second` with nothing else."""
+        lists, least = self._pass.lists, self._pattern.least
+        most, padded = (MOST_LAYERS, False) if lists is None else (lists.layers, True)
+        still = schedule(self.faces, first, most, padded, least=least(False))
+        begin = len(still.drawn)
+        rounds = joined(
+            still, schedule(self.faces, second, most, padded, movers=True, begin=begin, least=least(True))
+        )
+        if self._keeps_rounds and lists is not None:
+            self._pattern.learn(rounds.rounds)
+        return rounds
 
     def _pack(self, layout: BlockLayout, due: Schedule) -> None:
         """Make the contents of the buffer, but for the table."""
@@ -231,24 +276,26 @@ class ShadowTechnique(Technique):
             bits = np.packbits(chosen, bitorder="little")
             block[first : first + len(bits)] = bits
         rounds, entries = self._copies.rounds, self._copies.entries
-        if not len(due.rounds):
-            rounds = entries = np.zeros((0, 4), np.uint32)
+        if not len(due.faces):
+            rounds, entries = np.zeros((len(due.rounds), 4), np.uint32), entries[:0]
         block[layout.rounds : layout.rounds + rounds.nbytes] = rounds.view(np.uint8).reshape(-1)
         block[layout.records : layout.records + faces.nbytes] = faces.view(np.uint8)
         block[layout.copies : layout.copies + entries.nbytes] = entries.view(np.uint8).reshape(-1)
 
     def _write(self, memory: ShadowMemory, slot: int) -> int:
         """Write to the buffer of a slot what it holds otherwise; return the bytes written."""
-        block, table = memory.blocks[slot].mapped, memory.layout.table
         before, pool = self._written.get(slot, (-1, -1)), self.lights.pool
+        if before == (self._revision, pool.revision) and not self._marks:
+            return 0
         self._written[slot] = self._revision, pool.revision
-        written = 0
+        block, table, written = memory.blocks[slot].mapped, memory.layout.table, 0
         if before[0] != self._revision:
-            block[:table] = self._block[:table]
-            written += table
+            asks, after = memory.layout.asks, memory.layout.records
+            block[:asks], block[after:table] = self._block[:asks], self._block[after:table]
+            written += table - (after - asks)
         if before[1] != pool.revision or self._marks:
             words = pool.table[: pool.shown].copy()
-            if self._marks and self._pass.schedule.rounds:
+            if self._marks and len(self._pass.schedule.faces):
                 words[self._copies.words] |= COPIED
             block[table : table + words.nbytes] = words.view(np.uint8)
             written += words.nbytes

@@ -43,8 +43,8 @@ class ShadowCounts:
 
     def follow(self, slot: int, schedule: Schedule, lists: ShadowLists | None) -> None:
         """Note what the frame of a slot can list at most: all units for each list of its rounds."""
-        self._draws[slot] = bool(schedule.rounds)
-        if schedule.rounds and lists is not None:
+        self._draws[slot] = len(schedule.faces) > 0
+        if self._draws[slot] and lists is not None:
             of_all = int(lists.tables.draws["units"].sum(dtype=np.int64))
             self._units[slot] = of_all * int((schedule.lists > 0).sum())
 
