@@ -38,6 +38,9 @@ FRAME_PARTS = {
     "occlusion": "occlusion",
     "transparency": "transparency",
     "hdr": "hdr",
+    "memory": "shadow_memory",
+    "filters": "shadow_filters",
+    "cascades": "shadow_cascades",
 }
 """The parts of chapters whose frame is a graph, and the benches of lessons that show and draw them."""
 

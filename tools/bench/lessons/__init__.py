@@ -24,6 +24,9 @@ CHAPTERS = {
     "occlusion": 7,
     "transparency": 7,
     "hdr": 7,
+    "shadow_memory": 8,
+    "shadow_filters": 8,
+    "shadow_cascades": 8,
 }
 """The chapter whose `benches/` has the module."""
 
