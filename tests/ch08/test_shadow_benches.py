@@ -10,10 +10,18 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from chapters.ch08.benches import shadow_cascades, shadow_filters, shadow_memory, shadow_scenes
+from chapters.ch08.benches import (
+    shadow_caching,
+    shadow_cascades,
+    shadow_casters,
+    shadow_filters,
+    shadow_memory,
+    shadow_scenes,
+)
 from common.reports.benches import Effort
+from common.scene.pose import evaluate_pose
 from tests.support.scenes import quad_scene
-from tests.support.shadows import placed, point, sun, yard
+from tests.support.shadows import placed, point, spot, sun, yard
 from tools.bench import bench, figures
 from tools.bench.points import Subject
 
@@ -115,7 +123,7 @@ def filters(request):
     return measured(request, shadow_filters, ANGLE=6.0, RADIUS=0.1, QUICK_RAYS=32)
 
 
-@pytest.mark.feature("shadows/pcf", "shadows/soft-pcss", "tools/bench")
+@pytest.mark.feature("shadows/pcf", "shadows/depth-bias", "tools/bench")
 @pytest.mark.needs("mitsuba")
 def test_filters_and_biases_have_the_errors_that_they_are_for(filters):
     for lights in shadow_filters.LIGHTS:
@@ -139,7 +147,7 @@ def cascades(request):
     return measured(request, shadow_cascades, QUICK_SIZES=(256,))
 
 
-@pytest.mark.feature("shadows/cascades", "tools/bench")
+@pytest.mark.feature("shadows/aliasing-improvements", "tools/bench")
 @pytest.mark.needs("mitsuba")
 def test_cascades_have_their_texels_and_memory(cascades):
     one, three = cascades["rows"]
@@ -150,6 +158,69 @@ def test_cascades_have_their_texels_and_memory(cascades):
     assert all(row["error"] < row["floor"] + 0.02 < 0.1 for row in (one, three))
     assert "mm a texel" in shown(shadow_cascades, cascades) and drawn(shadow_cascades, cascades) == ["1", "3"]
     assert len(dict(figures.PARTS["cascades"]({"cascades": cascades}))) == 2
+
+
+# --- caching ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module", params=["vulkan", "gl"])
+def caching(request):
+    return measured(request, shadow_caching, QUICK_FRAMES=5)
+
+
+@pytest.mark.feature("shadows/caching", "tools/bench")
+def test_only_what_has_changed_is_drawn(caching):
+    rows = {row["state"]: row for row in caching["rows"]}
+    assert list(rows) == list(shadow_caching.STATES) and caching["lamps"] == 2
+    assert rows["rest"]["most_faces"] == 0 and rows["rest"]["work"]["shadow_faces"] == 3 + 2 * 6
+    assert rows["lamp"]["most_faces"] == 6 == rows["lamp"]["work"]["shadow_faces_drawn"]
+    # Each frame has another picture to light: the faces that a cut draws are those that differ from the frame before.
+    assert 0 <= rows["walk"]["work"]["shadow_faces_drawn"] <= rows["cut"]["work"]["shadow_faces_drawn"]
+    assert [row["frames"] for row in rows.values()][:3] == [5, 5, 5] and rows["cut"]["frames"] in (4, 5)
+    for row in rows.values():
+        assert 0 <= row["gpu_ms"] <= row["gpu_most_ms"] and 0 < row["python_ms"] <= row["python_most_ms"]
+    text = shown(shadow_caching, caching)
+    assert all(spoken in text for spoken in shadow_caching.SPOKEN.values())
+    assert drawn(shadow_caching, caching) == ["mean", "most"]
+    assert len(dict(figures.PARTS["caching"]({"caching": caching}))) == len(shadow_caching.STATES)
+
+
+# --- casters ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module", params=["vulkan", "gl"])
+def casters(request):
+    return measured(request, shadow_casters, QUICK_COUNTS=(1, 2), SOFTWARE_MOST=1)
+
+
+@pytest.mark.feature("shadows/instance-culling", "shadows/cull-toggles", "tools/bench")
+def test_all_maps_are_drawn_in_each_frame_and_slow_ways_are_left_out(casters):
+    rows = casters["rows"]
+    software = len(rows) == 3
+    found = [(row["lights"], row["faces"], row["way"]) for row in rows]
+    every = [(1, 6, "lists"), (1, 6, "everything"), (2, 12, "lists"), (2, 12, "everything")]
+    assert found == (every[:3] if software else every)
+    assert [row["times"] is None for row in rows] == [row["way"] == "lists" for row in rows]
+    assert all(row["ms"] > 0 and row["light_ms"] > 0 for row in rows)
+    text = shown(shadow_casters, casters)
+    assert "times as long as what the lists leave" in text and "everything" in text
+    assert drawn(shadow_casters, casters) == ["lists", "everything", "lighting"]
+    assert len(dict(figures.PARTS["casters"]({"casters": casters}))) == len(rows)
+
+
+@pytest.mark.feature("tools/bench")
+def test_lights_get_nodes_of_their_own_and_move_alone():
+    scene = yard(point((0.0, 3.0, 0.0)), spot((1.5, 4.0, 1.0), (0.0, 0.5, 0.0)))
+    loose = shadow_scenes.with_loose_lights(scene)
+    before, after = (evaluate_pose(it, 0.0) for it in (scene, loose))
+    for old, new in zip(scene.lights, loose.lights, strict=True):
+        np.testing.assert_array_equal(before.world_from_node[old.node], after.world_from_node[new.node])
+    shadow_scenes.move_lights(loose, [1], (0.5, 0.0, -0.25))
+    moved = evaluate_pose(loose, 0.0)
+    np.testing.assert_array_equal(moved.world_from_object, before.world_from_object)
+    change = moved.world_from_node[loose.lights[1].node] - after.world_from_node[loose.lights[1].node]
+    np.testing.assert_allclose(change[:3, 3], (0.5, 0.0, -0.25))
+    assert not change[:3, :3].any() and not len(shadow_scenes.scene_with(scene, ("directional",)).lights)
 
 
 # --- all of them ------------------------------------------------------------------------------------------------------

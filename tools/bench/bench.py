@@ -42,6 +42,8 @@ SHADOWS = {
     "memory": "shadow_memory",
     "filters": "shadow_filters",
     "cascades": "shadow_cascades",
+    "caching": "shadow_caching",
+    "casters": "shadow_casters",
 }
 """The parts about shadow maps, and the benches of lessons that measure them."""
 
@@ -74,6 +76,8 @@ PARTS = {
     "memory": "memory of shadow maps against their error by cast rays",
     "filters": "filters and biases of shadow maps against cast rays",
     "cascades": "cascades of the sun by their number and size",
+    "caching": "what is drawn again at rest, by a lamp that moves, and along a walk",
+    "casters": "drawing the maps of 1 to 256 lights, with culling and without",
 }
 """What a bench measures; a chapter may lack any of those that come after `stability`, and `prepared`."""
 

@@ -368,6 +368,18 @@ def _cascades(made: dict[str, Any]) -> Iterator[Row]:
         yield point, _shadow_row(one) | _work(one, "mib", "drawn")
 
 
+def _caching(made: dict[str, Any]) -> Iterator[Row]:
+    for one in (made.get("caching") or {"rows": ()})["rows"]:
+        times = _times(one, "gpu_ms") | _times(one, "python_ms") | _times(one, "cpu_ms")
+        yield one["state"], times | _work(one["work"]) | _work(one, "most_faces")
+
+
+def _casters(made: dict[str, Any]) -> Iterator[Row]:
+    for one in (made.get("casters") or {"rows": ()})["rows"]:
+        times = _times(one, "ms", "frame_ms") | _times(one, "light_ms")
+        yield _point(f"{one['lights']} lights", one["way"]), times | _work(one, "faces")
+
+
 PARTS = {
     "settings": _settings,
     "prepared": _prepared,
@@ -397,5 +409,7 @@ PARTS = {
     "memory": _memory,
     "filters": _filters,
     "cascades": _cascades,
+    "caching": _caching,
+    "casters": _casters,
 }
 """How the points of each part of a bench are found in its record."""

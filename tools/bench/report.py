@@ -41,6 +41,8 @@ FRAME_PARTS = {
     "memory": "shadow_memory",
     "filters": "shadow_filters",
     "cascades": "shadow_cascades",
+    "caching": "shadow_caching",
+    "casters": "shadow_casters",
 }
 """The parts of chapters whose frame is a graph, and the benches of lessons that show and draw them."""
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from common.reports.benches import Effort, Subject, moved_view
+from common.reports.benches import Effort, Subject
 from common.reports.tables import table
 from common.settings import knobs
 
@@ -58,9 +58,9 @@ def measure(subject: Subject, effort: Effort, step: Callable[[str, float], None]
     for number, (texels, count) in enumerate((texels, count) for texels in sizes for count in counts):
         step(f"{count} of {texels} texels", number / (len(sizes) * len(counts)))
         settings = settings_of(drawn, shadow_cascades=count, shadow_sun_size=texels, shadow_pool=1024)
-        found, knob = found_by(drawn, settings, effort), settings.shadows
+        walk = WALK if effort.everything else QUICK_WALK
+        found, knob = found_by(drawn, settings, effort, walk=walk), settings.shadows
         exact = truth.exact(found.faces, knob.shadow_kernel, (knob.shadow_constant, knob.shadow_slope))
-        walked = _walk(drawn, settings, WALK if effort.everything else QUICK_WALK)
         rows.append(
             {
                 "cascades": count,
@@ -69,23 +69,13 @@ def measure(subject: Subject, effort: Effort, step: Callable[[str, float], None]
                 "mib": found.mib,
                 **errors_of(found.factor, hard),
                 "floor": errors_of(exact, hard)["error"],
-                "drawn": float(np.mean(walked)),
-                "steps": float(np.mean(np.array(walked) > 0)),
+                "drawn": float(np.mean(found.walked)),
+                "steps": float(np.mean(np.array(found.walked) > 0)),
                 "ms": found.ms,
                 "noise_ms": found.noise_ms,
             }
         )
     return {"scene": SCENE, "size": list(size), "pixels": int(np.isfinite(hard).sum()), "rows": rows}
-
-
-def _walk(drawn: Subject, settings: Any, frames: int) -> list[int]:
-    """Return how many cascades each frame of a walk draws, without the first frame."""
-    with drawn.open(settings, {"color"}) as renderer:
-        view, found = drawn.view(renderer), []
-        for number in range(frames + 1):
-            frame = renderer.render(moved_view(view, drawn.scene, number))
-            found.append(int(frame.work["shadow_faces_drawn"]))
-    return found[1:]
 
 
 # --- results ----------------------------------------------------------------------------------------------------------

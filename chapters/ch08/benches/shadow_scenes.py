@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from common.reports.benches import Effort, Subject, middle
+from common.reports.benches import Effort, Subject, middle, moved_view
 from common.scene import Nodes, Scene
 from common.scene.pose import evaluate_pose
 from common.settings import knobs, preset, replaced
@@ -93,13 +93,17 @@ def settings_of(subject: Subject, **values: Any) -> Any:
 
 
 class Found(NamedTuple):
-    """What a renderer found for a view: factors (H, W), work, FACE records, and ms of the passes that ask maps."""
+    """What a renderer found for a view: factors (H, W), work, FACE records, and ms of the passes that ask maps.
+
+    `walked` has for each frame of a walk how many faces it draws.
+    """
 
     factor: Float64
     work: dict[str, int]
     faces: np.ndarray
     ms: float
     noise_ms: float
+    walked: list[int]
 
     @property
     def mib(self) -> float:
@@ -107,8 +111,10 @@ class Found(NamedTuple):
         return self.work["shadow_pages"] * PAGE_BYTES / MIB
 
 
-def found_by(drawn: Subject, settings: Any, effort: Effort, without: Iterable[str] = ()) -> Found:
-    """Return what a renderer with these settings finds in the first view of a scene."""
+def found_by(
+    drawn: Subject, settings: Any, effort: Effort, without: Iterable[str] = (), walk: int = 0
+) -> Found:
+    """Return what a renderer with these settings finds in the first view of a scene, and along a walk from there."""
     shown = replaced(settings, view="shadow-factor", graph="forward")
     with drawn.open(shown, {"color", "color_linear"}, without=without) as renderer:
         view = drawn.view(renderer)
@@ -120,7 +126,9 @@ def found_by(drawn: Subject, settings: Any, effort: Effort, without: Iterable[st
             times.append(sum(took for name, took in passes.items() if name.startswith(SHADED)))
         faces = renderer.techniques["shadows"].faces
         used = faces[faces["light"] != UNUSED].copy()
-        return Found(factor, dict(frame.work), used, *middle(times))
+        views = [moved_view(view, drawn.scene, number) for number in range(1, walk + 1)]
+        walked = [int(renderer.render(it).work["shadow_faces_drawn"]) for it in views]
+        return Found(factor, dict(frame.work), used, *middle(times), walked)
 
 
 def percent(value: float | None) -> str:

@@ -27,6 +27,8 @@ CHAPTERS = {
     "shadow_memory": 8,
     "shadow_filters": 8,
     "shadow_cascades": 8,
+    "shadow_caching": 8,
+    "shadow_casters": 8,
 }
 """The chapter whose `benches/` has the module."""
 
