@@ -97,6 +97,24 @@ def test_the_table_of_memory_says_all_of_it(memory):
     assert len(dict(figures.PARTS["memory"]({"memory": memory}))) == len(memory["rows"])
 
 
+@pytest.fixture(scope="module", params=["vulkan", "gl"])
+def sparse_memory(request):
+    """Return the record of a chapter that is taken to have sparse memory."""
+    pytest.importorskip("mitsuba")
+    return measured(
+        request, shadow_memory, QUICK_SIZES=(128,), QUICK_POOLS=(), has_sparse=lambda subject: True
+    )
+
+
+@pytest.mark.feature("tools/bench")
+@pytest.mark.needs("mitsuba")
+def test_sparse_memory_and_software_pages_are_compared_row_by_row(sparse_memory):
+    kinds = [row["kind"] for row in sparse_memory["rows"]]
+    assert kinds == ["full", "pages", "pages", shadow_memory.PARTING, shadow_memory.PARTING]
+    assert [row["pixels_differ"] for row in sparse_memory["rows"]] == [None, None, None, 0, 0]
+    assert "0 pixels differ" in shown(shadow_memory, sparse_memory)
+
+
 @pytest.mark.feature("tools/bench")
 def test_memory_at_equal_error_lies_on_a_line_of_logarithms():
     """Error falls with the root of memory: 16 MiB have 0.04, so 0.02 needs 64, and 0.01 needs 256."""
@@ -156,7 +174,9 @@ def test_cascades_have_their_texels_and_memory(cascades):
     assert one["texels_mm"] == three["texels_mm"][-1:]
     assert one["drawn"] == 0.0, "the fit follows the scene and no view"
     assert all(row["error"] < row["floor"] + 0.02 < 0.1 for row in (one, three))
-    assert "mm a texel" in shown(shadow_cascades, cascades) and drawn(shadow_cascades, cascades) == ["1", "3"]
+    assert "lengths are those of texels" in shown(shadow_cascades, cascades) and drawn(
+        shadow_cascades, cascades
+    ) == ["1", "3"]
     assert len(dict(figures.PARTS["cascades"]({"cascades": cascades}))) == 2
 
 

@@ -84,22 +84,24 @@ def measure(subject: Subject, effort: Effort, step: Callable[[str, float], None]
 def show(record: dict[str, Any], to: Console) -> None:
     """Print the rows as a table."""
     shown = table(
-        "Cascades of the sun, {}, {}x{}".format(record["scene"], *record["size"]),
-        *(">cascades", ">texels", ">mm a texel", ">MiB", ">error", ">exact maps", ">wrong", ">off edges"),
-        *(">drawn a frame", ">ms", ">±"),
+        "Cascades of the sun, {}, {}x{}, errors in %".format(record["scene"], *record["size"]),
+        *(">cascades", ">texels", ">mm", ">MiB", ">error", ">exact", ">wrong", ">drawn", ">ms"),
     )
     for row in record["rows"]:
         shown.add_row(
             str(row["cascades"]),
             str(row["texels"]),
-            ", ".join(f"{length:.0f}" for length in row["texels_mm"]),
+            " ".join(f"{length:.0f}" for length in row["texels_mm"]),
             f"{row['mib']:.1f}",
-            *(percent(row[name]) for name in ("error", "floor", "wrong", "off_edges")),
+            *(percent(row[name]) for name in ("error", "floor", "wrong")),
             f"{row['drawn']:.2f}",
-            f"{row['ms']:.2f}",
-            f"{row['noise_ms']:.2f}",
+            f"{row['ms']:.1f}",
         )
     to.print(shown)
+    to.print(
+        "The lengths are those of texels of each cascade. Drawn are cascades in each frame of a walk, in the mean.",
+        soft_wrap=True,
+    )
 
 
 def plot(axes: Any, record: dict[str, Any]) -> None:

@@ -143,27 +143,16 @@ def show(record: dict[str, Any], to: Console) -> None:
     width, height = record["size"]
     shown = table(
         f"Maps of {record['texels']} texels, all drawn in each frame, {record['scene']}, {width}x{height}",
-        *(
-            ">lights",
-            ">faces",
-            "casters",
-            ">GPU ms",
-            ">±",
-            ">frame, more ms",
-            ">±",
-            ">times",
-            ">lighting ms",
-            ">±",
-        ),
+        *(">lights", ">faces", "casters", ">GPU ms", ">wall ms", ">±", ">times", ">light ms"),
     )
     for row in record["rows"]:
         shown.add_row(
             str(row["lights"]),
             str(row["faces"]),
             row["way"],
-            *(f"{row[name]:.3f}" for name in ("ms", "noise_ms", "frame_ms", "frame_noise_ms")),
-            "" if row["times"] is None else f"{row['times']:.2f}",
-            *(f"{row[name]:.3f}" for name in ("light_ms", "light_noise_ms")),
+            *(f"{row[name]:.2f}" for name in ("ms", "frame_ms", "frame_noise_ms")),
+            "" if row["times"] is None else f"{row['times']:.1f}",
+            f"{row['light_ms']:.2f}",
         )
     to.print(shown)
     for row in [row for row in record["rows"] if row["times"] is not None][-1:]:

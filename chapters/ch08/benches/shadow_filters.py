@@ -126,7 +126,7 @@ def _ways(everything: bool) -> list[tuple[str, dict[str, Any]]]:
         ("pcss", soft),
         *(
             (
-                f"{bias} {constant:g}, {slope:g}" if bias != "none" else "no bias",
+                f"{bias} {constant:g}" if bias != "none" else "no bias",
                 {"shadow_bias": bias, "shadow_constant": constant, "shadow_slope": slope},
             )
             for bias, constant, slope in (BIASES if everything else QUICK_BIASES)
@@ -142,14 +142,13 @@ def show(record: dict[str, Any], to: Console) -> None:
     width, height = record["size"]
     for lights in LIGHTS:
         shown = table(
-            f"Filters and biases, {lights} of the {record['scene']}, {width}x{height}",
-            *("", ">error", ">exact maps", ">wrong", ">against soft light", ">wrong"),
-            *(">off edges: dark", ">bright", ">ms", ">±"),
+            f"Filters and biases, {lights} of the {record['scene']}, {width}x{height}, errors in %",
+            *("", ">error", ">exact", ">wrong", ">soft", ">dark", ">bright", ">ms", ">±"),
         )
         for row in record["rows"]:
             if row["lights"] == lights:
-                errors = ("error", "floor", "wrong", "soft_error", "soft_wrong", "dark", "bright")
-                times = f"{row['ms']:.2f}", f"{row['noise_ms']:.2f}"
+                errors = ("error", "floor", "wrong", "soft_error", "dark", "bright")
+                times = f"{row['ms']:.1f}", f"{row['noise_ms']:.1f}"
                 shown.add_row(row["name"], *(percent(row[name]) for name in errors), *times)
         to.print(shown)
     for line in sentences(record):
@@ -159,8 +158,10 @@ def show(record: dict[str, Any], to: Console) -> None:
 def sentences(record: dict[str, Any]) -> list[str]:
     """Return the results as sentences."""
     lines = [
+        "Dark and bright pixels are those off edges. Exact is the error of maps whose depths have none, soft is that "
+        "against lights of an extent.",
         f"Lights of an extent have {record['rays']} rays: half of a sun's angle is {ANGLE:g} degrees, the radius of a "
-        f"lamp {RADIUS:g} length scales."
+        f"lamp {RADIUS:g} length scales.",
     ]
     for lights in LIGHTS:
         rows = [row for row in record["rows"] if row["lights"] == lights]
@@ -168,8 +169,8 @@ def sentences(record: dict[str, Any]) -> list[str]:
         soft = next(row for row in rows if row["name"] == "pcss")
         best = min(kernels, key=lambda row: float(row["soft_error"]))
         lines.append(
-            f"{lights}: against soft light pcss is off by {percent(soft['soft_error'])}, and the best kernel "
-            f"({best['name']}) by {percent(best['soft_error'])}."
+            f"{lights}: against soft light pcss is off by {percent(soft['soft_error'])} %, and the best kernel "
+            f"({best['name']}) by {percent(best['soft_error'])} %."
         )
     return lines
 

@@ -156,8 +156,9 @@ def _ways(everything: bool, sparse: bool) -> list[tuple[str, dict[str, Any]]]:
 def _spoken(values: dict[str, Any]) -> str:
     if values["shadow_memory"] == "full":
         return f"{values['shadow_size']} texels"
-    pool = f", pool {values['shadow_pool']} MiB" if "shadow_pool" in values else ""
-    return f"detail {values['shadow_detail']:g}{pool}"
+    if "shadow_pool" in values:
+        return f"{values['shadow_pool']} MiB"
+    return f"detail {values['shadow_detail']:g}"
 
 
 def _first_view(drawn: Subject, settings: Any) -> Any:
@@ -207,33 +208,17 @@ def show(record: dict[str, Any], to: Console) -> None:
     """Print the rows as a table, and the results as sentences."""
     width, height = record["size"]
     shown = table(
-        f"Memory and error of shadow maps, {record['lamps']} lamps of the market, {width}x{height}",
-        *(
-            "maps",
-            "",
-            ">MiB",
-            ">in use",
-            ">allocated",
-            ">lamps",
-            ">lowered",
-            ">error",
-            ">exact maps",
-            ">wrong pixels",
-        ),
-        *(">off edges", ">ms", ">±"),
+        f"Memory and error of shadow maps, {record['lamps']} lamps of the market, {width}x{height}, errors in %",
+        *("maps", ">MiB", ">bound", ">error", ">exact", ">wrong", ">off edges", ">ms"),
     )
     for row in record["rows"]:
+        lowered = f" ({row['lowered']} lowered)" if row["lowered"] else ""
         shown.add_row(
-            row["kind"],
-            row["name"],
+            f"{row['kind']}, {row['name']}{lowered}",
             f"{row['mib']:.1f}",
-            f"{row['used_mib']:.1f}",
-            f"{row['allocated_mib']:.1f}",
-            str(row["lights"]),
-            str(row["lowered"]),
+            f"{row['allocated_mib']:.0f}",
             *(percent(row[name]) for name in ("error", "floor", "wrong", "off_edges")),
-            f"{row['ms']:.2f}",
-            f"{row['noise_ms']:.2f}",
+            f"{row['ms']:.1f}",
         )
     to.print(shown)
     for line in sentences(record):

@@ -132,5 +132,5 @@ def found_by(
 
 
 def percent(value: float | None) -> str:
-    """Return a share as a table has it."""
-    return "-" if value is None else f"{100 * value:.3g} %"
+    """Return a share in percent as a table has it, "-" for None."""
+    return "-" if value is None else f"{100 * value:.2f}"
