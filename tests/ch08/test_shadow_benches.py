@@ -126,7 +126,11 @@ def test_memory_at_equal_error_lies_on_a_line_of_logarithms():
     worse = [{"kind": "pool", "mib": 100, "error": 0.5}]  # more memory and more error: on no front
     found = shadow_memory.equal_errors([*rows, *by_need, *worse])
     assert [one["ratio"] for one in found] == [pytest.approx(0.25), pytest.approx(0.25), pytest.approx(0.25)]
-    assert shadow_memory.memory_at(0.2, [(1.0, 0.1), (4.0, 0.05)]) is None
+    assert not any(one["at_most"] for one in found)
+    coarse = {"kind": "full", "name": "coarse", "mib": 32, "error": 0.05}
+    (one,) = shadow_memory.equal_errors([coarse, *by_need])
+    assert one["at_most"] and one["ratio"] == pytest.approx(0.5), "16 MiB have less error"
+    assert shadow_memory.memory_at(0.2, [(1.0, 0.1), (4.0, 0.05)]) == pytest.approx(1.0)
     assert shadow_memory.memory_at(0.01, [(1.0, 0.1), (4.0, 0.05)]) is None
     assert shadow_memory.memory_at(0.1, []) is None
     assert shadow_memory.front([(4.0, 0.2), (1.0, 0.3), (2.0, 0.1), (8.0, 0.1)]) == [(1.0, 0.3), (2.0, 0.1)]

@@ -37,10 +37,10 @@ SCENE, QUICK_SCENE = "market:lights=256", "market:lights=32"
 STATES = ("rest", "lamp", "walk", "cut")
 
 SPOKEN = {
-    "rest": "nothing changes",
-    "lamp": "one lamp moves",
-    "walk": "the camera walks",
-    "cut": "a cut a frame",
+    "rest": "at rest",
+    "lamp": "a lamp moves",
+    "walk": "a walk",
+    "cut": "cuts",
 }
 
 FRAMES, SOFTWARE_FRAMES, QUICK_FRAMES = 120, 40, 4
@@ -180,10 +180,10 @@ def show(record: dict[str, Any], to: Console) -> None:
         shown.add_row(
             SPOKEN[row["state"]],
             str(row["frames"]),
-            f"{row['work']['shadow_faces_drawn']:.2f}",
+            f"{row['work']['shadow_faces_drawn']:.1f}",
             str(row["most_faces"]),
-            f"{row['gpu_mean_ms']:.2f}",
-            f"{row['gpu_most_ms']:.2f}",
+            f"{row['gpu_mean_ms']:.1f}",
+            f"{row['gpu_most_ms']:.1f}",
             *(f"{row[name]:.3f}" for name in ("python_ms", "cpu_ms", "cpu_noise_ms")),
         )
     to.print(shown)

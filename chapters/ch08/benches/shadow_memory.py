@@ -34,7 +34,7 @@ SIZES, QUICK_SIZES = (128, 256, 512), (128, 256)
 DETAILS, QUICK_DETAILS = (0.0625, 0.125, 0.25, 0.5, 1.0, 2.0), (0.25, 1.0)
 """The setting `shadow_detail`: texels for each pixel."""
 
-POOLS, QUICK_POOLS = (16, 32, 64), (2,)
+POOLS, QUICK_POOLS = (8, 16, 32, 64), (2,)
 """MiB of pools that are too small for POOLED_DETAIL."""
 
 POOLED_DETAIL = 1.0
@@ -172,7 +172,8 @@ def _first_view(drawn: Subject, settings: Any) -> Any:
 def equal_errors(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     """Return for each row of full maps the memory with which maps by need have its error, and the ratio of both.
 
-    None stands where the error lies outside of those of maps by need.
+    None stands where no maps by need have so small an error. `at_most` says that even those with the least memory have
+    a smaller one.
     """
     by_need = front([(row["mib"], row["error"]) for row in rows if row["kind"] in BY_NEED])
     found = []
@@ -180,7 +181,10 @@ def equal_errors(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
         if row["kind"] == "full":
             mib = memory_at(row["error"], by_need)
             ratio = None if mib is None else mib / row["mib"]
-            found.append({"full": row["name"], "error": row["error"], "mib": mib, "ratio": ratio})
+            at_most = bool(by_need) and row["error"] > by_need[0][1]
+            found.append(
+                {"full": row["name"], "error": row["error"], "mib": mib, "ratio": ratio, "at_most": at_most}
+            )
     return found
 
 
@@ -194,8 +198,11 @@ def front(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
 
 
 def memory_at(error: float, points: Sequence[tuple[float, float]]) -> float | None:
-    """Return the memory of an error on the line through (memory, error), logarithmic on both axes; None outside."""
-    if not points or not points[-1][1] <= error <= points[0][1]:
+    """Return the memory of an error on the line through a front of (memory, error), logarithmic on both axes.
+
+    It is that of the first point where all errors are smaller, and None where all are larger.
+    """
+    if not points or points[-1][1] > error:
         return None
     memory, errors = np.log(np.array(points[::-1])).T
     return float(np.exp(np.interp(np.log(error), errors, memory)))
@@ -233,8 +240,9 @@ def sentences(record: dict[str, Any]) -> list[str]:
             lines.append(f"{one['full']} for all lamps: no maps by need have this error.")
         else:
             lines.append(
-                f"{one['full']} for all lamps: maps by need have the same error in {one['mib']:.1f} MiB, "
-                f"{one['ratio']:.2f} of the memory."
+                f"{one['full']} for all lamps: maps by need have "
+                f"{'less' if one['at_most'] else 'the same'} error in {one['mib']:.1f} MiB, {one['ratio']:.2f} of the "
+                "memory."
             )
     differ = [row["pixels_differ"] for row in record["rows"] if row["pixels_differ"] is not None]
     if differ:
