@@ -6,7 +6,7 @@ bench measures later chapters and forks as well as its own.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
@@ -63,9 +63,13 @@ class Subject(Protocol):
         """Return a study, as "5/timeline-or-fences", on its own scene and the same device."""
 
     def open(
-        self, settings: Any, outputs: set[str], size: tuple[int, int] | None = None
+        self,
+        settings: Any,
+        outputs: set[str],
+        size: tuple[int, int] | None = None,
+        without: Iterable[str] = (),
     ) -> AbstractContextManager[Any]:
-        """Return a renderer to be entered; the size is the subject's, if no other is given."""
+        """Return a renderer to be entered, without some features; the size is the subject's, if no other is given."""
 
     def view(self, renderer: Any) -> View:
         """Return the first view of a renderer's scene."""

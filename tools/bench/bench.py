@@ -38,6 +38,15 @@ from tools.run.run import open_device
 FORMAT = 2
 """Of the record; readers refuse another."""
 
+SHADOWS = {
+    "memory": "shadow_memory",
+    "filters": "shadow_filters",
+    "cascades": "shadow_cascades",
+    "caching": "shadow_caching",
+    "casters": "shadow_casters",
+}
+"""The parts about shadow maps, and the benches of lessons that measure them."""
+
 PARTS = {
     "settings": "time and error of presets and knobs",
     "prepared": "what is made before the first frame",
@@ -64,6 +73,11 @@ PARTS = {
     "occlusion": "ambient occlusion in screen space against cast rays",
     "transparency": "blended surfaces: sorted, weighted, or as lists of layers",
     "hdr": "automatic exposure and bloom against double precision",
+    "memory": "memory of shadow maps against their error by cast rays",
+    "filters": "filters and biases of shadow maps against cast rays",
+    "cascades": "cascades of the sun by their number and size",
+    "caching": "what is drawn again at rest, by a lamp that moves, and along a walk",
+    "casters": "drawing the maps of 1 to 256 lights, with culling and without",
 }
 """What a bench measures; a chapter may lack any of those that come after `stability`, and `prepared`."""
 
@@ -81,6 +95,7 @@ DRAWN = {
     "occlusion",
     "transparency",
     "hdr",
+    *SHADOWS,
     "settings",
     "prepared",
     "scales",
@@ -254,6 +269,7 @@ def parts_of(which: chapters.Whole, api: str, only: Sequence[str] = ()) -> tuple
         ("occlusion", "ssao"),
         ("transparency", "transparency"),
         ("hdr", "exposure"),
+        *((part, "shadow_memory") for part in SHADOWS),
     ):
         if not hasattr(settings_class, names) and names not in knobs(settings_class):
             missing[part] = f"{spoken} names none in its settings ({names})"
@@ -349,6 +365,9 @@ def measure(
             framed["transparency"] = bench("transparency").measure(subject, effort, within(0.978, 0.979))
         if "hdr" in parts:
             framed["hdr"] = bench("hdr").measure(subject, effort, within(0.979, 0.98))
+        for part, module in SHADOWS.items():
+            if part in parts:
+                framed[part] = bench(module).measure(subject, effort, within(0.98, 0.98, f"{part},"))
         if "stability" in parts:
             steps("stability", 0.98)
             cases = bench_points.stability_cases(subject, effort)

@@ -343,6 +343,43 @@ def _hdr(made: dict[str, Any]) -> Iterator[Row]:
         yield "{}, {}x{}".format(one["pass"], *one["size"]), _times(one, "ms", "frame_ms")
 
 
+SHADOW_ERRORS = ("error", "wrong", "off_edges", "dark", "bright")
+
+
+def _shadow_row(one: dict[str, Any], *more: str) -> dict[str, Figure | None]:
+    """Return the time and the errors of a row of factors of shadows."""
+    return _times(one, "ms") | _errors({name: one[name] for name in (*SHADOW_ERRORS, *more)})
+
+
+def _memory(made: dict[str, Any]) -> Iterator[Row]:
+    for one in (made.get("memory") or {"rows": ()})["rows"]:
+        counts = {"used_mib": one["used_mib"], "lights": one["lights"], "lowered": one["lowered"]}
+        yield _point(one["kind"], one["name"]), _shadow_row(one) | _work(counts)
+
+
+def _filters(made: dict[str, Any]) -> Iterator[Row]:
+    for one in (made.get("filters") or {"rows": ()})["rows"]:
+        yield _point(one["lights"], one["name"]), _shadow_row(one, "soft_error", "soft_wrong")
+
+
+def _cascades(made: dict[str, Any]) -> Iterator[Row]:
+    for one in (made.get("cascades") or {"rows": ()})["rows"]:
+        point = _point(f"{one['cascades']} cascades", f"{one['texels']} texels")
+        yield point, _shadow_row(one) | _work(one, "mib", "drawn")
+
+
+def _caching(made: dict[str, Any]) -> Iterator[Row]:
+    for one in (made.get("caching") or {"rows": ()})["rows"]:
+        times = _times(one, "gpu_ms") | _times(one, "python_ms") | _times(one, "cpu_ms")
+        yield one["state"], times | _work(one["work"]) | _work(one, "most_faces")
+
+
+def _casters(made: dict[str, Any]) -> Iterator[Row]:
+    for one in (made.get("casters") or {"rows": ()})["rows"]:
+        times = _times(one, "ms", "frame_ms") | _times(one, "light_ms")
+        yield _point(f"{one['lights']} lights", one["way"]), times | _work(one, "faces")
+
+
 PARTS = {
     "settings": _settings,
     "prepared": _prepared,
@@ -369,5 +406,10 @@ PARTS = {
     "occlusion": _occlusion,
     "transparency": _transparency,
     "hdr": _hdr,
+    "memory": _memory,
+    "filters": _filters,
+    "cascades": _cascades,
+    "caching": _caching,
+    "casters": _casters,
 }
 """How the points of each part of a bench are found in its record."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import statistics
 import time as clock
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -170,9 +170,13 @@ class Subject:
 
     @contextmanager
     def open(
-        self, settings: Any, outputs: set[str], size: tuple[int, int] | None = None
+        self,
+        settings: Any,
+        outputs: set[str],
+        size: tuple[int, int] | None = None,
+        without: Iterable[str] = (),
     ) -> Iterator[Renderer]:
-        """Open the chapter; the size is the bench's, if no other is given."""
+        """Open the chapter without some features; the size is the bench's, if no other is given."""
         size = size or self.size
         with chapters.open(
             self.chapter,
@@ -181,6 +185,7 @@ class Subject:
             size=size,
             settings=settings,
             outputs=outputs,
+            without=without,
             device=self.device,
         ) as renderer:
             yield renderer

@@ -38,6 +38,11 @@ FRAME_PARTS = {
     "occlusion": "occlusion",
     "transparency": "transparency",
     "hdr": "hdr",
+    "memory": "shadow_memory",
+    "filters": "shadow_filters",
+    "cascades": "shadow_cascades",
+    "caching": "shadow_caching",
+    "casters": "shadow_casters",
 }
 """The parts of chapters whose frame is a graph, and the benches of lessons that show and draw them."""
 

@@ -24,6 +24,11 @@ CHAPTERS = {
     "occlusion": 7,
     "transparency": 7,
     "hdr": 7,
+    "shadow_memory": 8,
+    "shadow_filters": 8,
+    "shadow_cascades": 8,
+    "shadow_caching": 8,
+    "shadow_casters": 8,
 }
 """The chapter whose `benches/` has the module."""
 
