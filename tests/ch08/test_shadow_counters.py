@@ -119,7 +119,8 @@ def test_rounds_of_a_frame_add_up(chapter, scene):
 @pytest.mark.feature("shadows/per-face-fallback")
 def test_without_kernels_the_draws_of_the_recording_are_counted(chapter):
     """Every caster into every face: seven squares, and six faces."""
-    with chapter.open(yard(point((-1.2, 3.0, 0.8))), SIZE, BASE, without=("multi-draw",)) as renderer:
+    settings = replaced(BASE, geometry="auto")
+    with chapter.open(yard(point((-1.2, 3.0, 0.8))), SIZE, settings, without=("multi-draw",)) as renderer:
         work = renderer.render(VIEW).work
         assert work["shadow_draws"] == 6 * 7 and work["shadow_triangles"] == 6 * 7 * 2
         assert "shadow_units" not in work and not renderer.techniques["shadows"].tells

@@ -148,7 +148,7 @@ def test_devices_without_indirect_draws_draw_the_same_maps(chapter, scene, missi
     few = lit(town(count=60), *lamps(4))
     pages = []
     for without in ((), (missing,)):
-        with chapter.open(few, SIZE, BASE, without=without) as renderer:
+        with chapter.open(few, SIZE, replaced(BASE, geometry="auto"), without=without) as renderer:
             renderer.render(VIEW).image("color")
             pages.append(all_faces(renderer))
     assert np.array_equal(*pages) and not (pages[0] > 1e29).all()

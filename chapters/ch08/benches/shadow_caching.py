@@ -21,7 +21,7 @@ from common.scene import Scene
 from common.settings import knobs, replaced
 from common.view.camera import View
 
-from ..shadows.faces import DRAWN, UNUSED
+from ..shadows.faces import UNUSED
 from .shadow_scenes import (
     KNOB,
     is_software,
@@ -129,7 +129,7 @@ def _lamp(scene: Scene, renderer: Any) -> int | None:
     used = faces[(faces["light"] != UNUSED) & (faces["perspective"] != 0.0)]
     if not len(used):
         return None
-    record = int(used["light"][used["size"].argmax()] & ~DRAWN)
+    record = int(used["light"][used["size"].argmax()])
     # Records have the directional lights first, the others in the order of the scene.
     order = np.argsort([light.kind != "directional" for light in scene.lights], kind="stable")
     return int(order[record])

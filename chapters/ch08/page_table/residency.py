@@ -19,6 +19,9 @@ from .pool import TilePool
 KEPT = 4
 """Frames for which a tile is kept that no picture has needed: cameras turn back."""
 
+MOST_SPARE = 64
+"""Tiles of a large pool that sizes leave free while lights come and go."""
+
 Bools = NDArray[np.bool_]
 
 
@@ -123,7 +126,9 @@ class Residency:
         self._without_suns = suns > pool.tiles  # the device has refused memory
         if self._without_suns:
             of_suns, suns = np.zeros_like(of_suns), 0
-        levels = lamps.wanted(need.resolution, self._costs(by_level, mixed), pool.tiles - int(suns))
+        # Some tiles stay free, so that a light that comes does not wait for another one to give up its own.
+        spare = 0 if now else min(MOST_SPARE, pool.tiles // 16)
+        levels = lamps.wanted(need.resolution, self._costs(by_level, mixed), pool.tiles - int(suns) - spare)
         wanted = self._words_of(levels, of_suns, by_level)
         wanted = np.concatenate([wanted, wanted & twice])
         held = pool.tile_of >= 0

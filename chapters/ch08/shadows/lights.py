@@ -104,7 +104,9 @@ class ShadowLights:
             report = None
         other_mix = touched is not self._touched and self._follow_mix(touched)
         unmoved = not moving and not other_mix and frame.size == self._lens[1]
-        waits = self.residency.waits or (self.residency.ages and turn)
+        waits = (self.residency.waits and (not moving or self._frame % 2 == 0)) or (
+            self.residency.ages and turn
+        )
         self.calm = unmoved and report is None and not waits
         if self.calm:
             return False
