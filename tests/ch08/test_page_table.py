@@ -440,3 +440,78 @@ def test_a_renderer_follows_its_size_and_a_cut(chapter):
     with chapter.open(scene, (48, 32), turned, outputs=("color_linear",)) as renderer:
         assert np.array_equal(renderer.render(ASIDE).image("color_linear"), cut)
         assert np.array_equal(all_faces(renderer), maps)
+
+
+AWAY = View(pose_looking_at((0, 6, 0.1), (0, 12, 0)), Perspective(0.5))
+
+
+@pytest.mark.parametrize("budget", [1, 256])
+def test_what_comes_into_view_has_coarse_shadows_at_once(chapter, budget):
+    """Light is never without its shadow: each light of a view that comes has its coarse page in its first frame."""
+    lights = [sun((0.5, -1.0, 0.3)), sun((-0.4, -1.0, 0.1)), POINT, SPOT, point((1.2, 3.0, -0.8))]
+    scene = yard(*lights)
+    turned = replaced(BASE, page_budget=budget, shadow_kernel=1, view="shadow-factor", graph="forward")
+    with chapter.open(scene, SIZE, turned, outputs=("color",)) as renderer:
+        settled(renderer, AWAY, "color")
+        lights = renderer.render(ABOVE)
+        first = lights.image("color")[..., 0].astype(np.float64) / 255
+        assert lights.work["shadow_lights"] == 5
+        fine, _ = settled(renderer, ABOVE, "color")
+    dark = fine[..., 0] / 255 < 0.9
+    assert (
+        dark.mean() > 0.05
+        and first[dark].mean() < 0.9
+        and np.abs(first[dark] - fine[dark, 0] / 255).mean() < 0.15
+    )
+
+
+def test_edits_of_what_is_shown_and_of_kinds_of_lights_equal_a_new_renderer(chapter):
+    def scene_of(far_shown=True, as_point=False):
+        far = [placed((12.0 + k, 1.0, 0.0), (1.0, 1.0), (0.0, 0.0, 1.0)) for k in range(2)]
+        made = yard(SUN, SPOT, POINT, extra=tuple(far))
+        made.instances.visible[7:] = far_shown
+        if as_point:
+            made.lights[1] = replace(made.lights[1], kind="point")
+        return made
+
+    scene = scene_of(far_shown=False)
+    with chapter.open(scene, SIZE, BASE, outputs=("color_linear",)) as renderer:
+        settled(renderer, ASIDE)
+        with scene.edit() as edit:
+            for number in (7, 8):
+                edit.set_visible(number, True)
+        shown, _ = settled(renderer, ASIDE)
+        with scene.edit() as edit:
+            edit.set_light(1, replace(scene.lights[1], kind="point"))
+        settled(renderer, ASIDE)
+        with scene.edit() as edit:
+            edit.set_material(0, replace(scene.materials[0], alpha_mode="mask"))
+        pointed, _ = settled(renderer, ASIDE)
+    with chapter.open(scene_of(), SIZE, BASE, outputs=("color_linear",)) as renderer:
+        assert np.array_equal(settled(renderer, ASIDE)[0], shown)
+    with chapter.open(scene_of(as_point=True), SIZE, BASE, outputs=("color_linear",)) as renderer:
+        assert np.array_equal(settled(renderer, ASIDE)[0], pointed)
+
+
+@pytest.mark.parametrize("pool", [0.5, 1.5])
+def test_a_small_pool_comes_to_rest_after_something_has_moved(chapter, pool):
+    lamps_ = [point((x, 3.0, z), reach=9.0) for x in (-2.0, 0.0, 2.0) for z in (-2.0, 2.0)]
+    scene = yard(SUN, *lamps_)
+    turned = replaced(BASE, shadow_pool=pool, shadow_sun_size=256, shadow_detail=2.0)
+    with chapter.open(scene, SIZE, turned, outputs=("color_linear",)) as renderer:
+        before, _ = settled(renderer, ASIDE)
+        levels = renderer.techniques["shadows"].lights.lamps.levels.copy()
+        for step in range(3):
+            matrix = scene.nodes.matrix[1].copy()
+            matrix[0, 3] += (0.1, 0.1, -0.2)[step]
+            with scene.edit() as edit:
+                edit.set_transform(1, matrix=matrix)
+            renderer.render(ASIDE)
+        after, _ = settled(renderer, ASIDE)
+        assert np.array_equal(renderer.techniques["shadows"].lights.lamps.levels, levels)
+        assert np.allclose(after, before, atol=1e-5)
+        renderer.reset_history("a test")
+        views = [renderer.render(view).image("color_linear").copy() for view in (ASIDE, ABOVE, ABOVE)]
+    with chapter.open(scene, SIZE, turned, outputs=("color_linear",)) as renderer:
+        fresh = [renderer.render(view).image("color_linear").copy() for view in (ASIDE, ABOVE, ABOVE)]
+    assert all(map(np.array_equal, views, fresh))

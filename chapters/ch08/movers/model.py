@@ -44,6 +44,11 @@ class Movers:
         self._boxes = NO_BOXES
         self._version = -1
 
+    def forget(self) -> None:
+        """Let nothing be a mover until it moves."""
+        self.moving = np.zeros_like(self.moving)
+        self._boxes = NO_BOXES
+
     def follow(
         self, records: np.ndarray, version: int, deformed: bool, known: dict[int, Float64]
     ) -> tuple[Float64, Float64, Float64, bool]:

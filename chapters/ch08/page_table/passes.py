@@ -27,9 +27,8 @@ _HOST_IDLE = Touch("", frozenset(), frozenset())
 _HOST_READS = Touch("", frozenset({"host"}), frozenset({"host_read"}))
 
 
-def report_defines(scene: Scene, settings: Settings) -> model.Defines:
+def report_defines(held: model.Places) -> model.Defines:
     """Return where words of a report are (report.glsl)."""
-    held = model.places(scene, settings)
     return (
         ("FIRST_LAMP", held.first_lamp),
         ("SUN_STRIDE", held.sun_stride),
@@ -54,7 +53,8 @@ class NeedPass(Pass):
         self._scene = parts.scene
         self.memory: ReportMemory | None = None
         """The buffers, from the technique."""
-        self._bytes = 4 * model.places(parts.scene, parts.settings).report_words
+        self._places = parts.data.shadow_places
+        self._bytes = 4 * self._places.report_words
         self._begin()
 
     def _begin(self) -> None:
@@ -72,7 +72,7 @@ class NeedPass(Pass):
 
     def create(self) -> None:
         """Build the pipeline."""
-        defines = (*report_defines(self._scene, self._settings), *self._samples)
+        defines = (*report_defines(self._places), *self._samples)
         self.pipelines = self._pipelines.get([ComputeDescription(self.shader, defines, name=self.name)])
 
     def extent(self, size: tuple[int, int]) -> tuple[int, ...]:

@@ -68,13 +68,13 @@ class Residency:
         """Whether any tile waits for its turn; whether any is kept that is not needed."""
         self._without_suns = False
 
-    def _costs(self, by_level: list[tuple[int, Bools]], mixed: Bools) -> Int64:
-        """Return (S, L) the tiles that each slot's light takes at each level: twice as many where it meets movers."""
+    def _costs(self, by_level: list[tuple[int, Bools]]) -> Int64:
+        """Return (S, L) the tiles that each slot's light takes at each level."""
         places, lamps = self._places, self._lamps
         costs = whole_costs(lamps.counts, lamps.highest, places.coarse)
         for level, needed in by_level:
             costs[:, level] = places.coarse + needed.sum(axis=(1, 2, 3))
-        return costs * (1 + mixed[self._suns :, None])
+        return costs
 
     def _by_level(self, tiles: Bools) -> list[tuple[int, Bools]]:
         """Return for each level from 2 on which tiles (S, 6, rows, columns) of their faces lamps need."""
@@ -114,23 +114,20 @@ class Residency:
         """Choose levels and tiles; return whether any of them is another one.
 
         With `now` all tiles are given at once, and what was given up is free: no frame in flight reads it. `mixed`
-        (`owners`,) says which of these meet casters that move: what they show is kept without these as well.
+        (`owners`,) says which of these meet casters that move: what they show is kept without these as well, as far
+        as tiles are left.
         """
         pool, lamps, places = self._pool, self._lamps, self._places
         of_suns, by_level = need.tiles[: places.lamp_word], self._by_level(need.tiles)
-        twice = mixed[self._owner[: places.words]]
-        suns = (1 + twice[: places.lamp_word])[of_suns].sum()
-        suns += (1 + twice[places.coarse_word :][: places.suns]).sum() * (
-            places.coarse and places.sun_side > 0
-        )
+        suns = int(of_suns.sum()) + places.suns * (places.coarse and places.sun_side > 0)
         self._without_suns = suns > pool.tiles  # the device has refused memory
         if self._without_suns:
             of_suns, suns = np.zeros_like(of_suns), 0
         # Some tiles stay free, so that a light that comes does not wait for another one to give up its own.
         spare = 0 if now else min(MOST_SPARE, pool.tiles // 16)
-        levels = lamps.wanted(need.resolution, self._costs(by_level, mixed), pool.tiles - int(suns) - spare)
+        levels = lamps.wanted(need.resolution, self._costs(by_level), pool.tiles - suns - spare)
         wanted = self._words_of(levels, of_suns, by_level)
-        wanted = np.concatenate([wanted, wanted & twice])
+        wanted = np.concatenate([wanted, self._kept(wanted, mixed, spare)])
         held = pool.tile_of >= 0
         asked = resized = self._of_lamps(levels != lamps.levels)
         new = wanted & (~held | resized)
@@ -154,6 +151,22 @@ class Residency:
         lamps.levels = levels
         return before[0] != pool.revision or not np.array_equal(before[1], levels)
 
+    def _kept(self, shown: Bools, mixed: Bools, spare: int) -> Bools:
+        """Return (W,) which of the words that are `shown` are kept as well: of the first owners that have room."""
+        owner = self._owner[: self._places.words]
+        cost = np.bincount(owner[shown], minlength=self.owners) * mixed
+        room = self._pool.tiles - int(shown.sum()) - spare
+        if int(cost.sum()) > room:
+            order = self._by_weight()
+            mixed = mixed.copy()
+            mixed[order] &= np.cumsum(cost[order]) <= room
+        return shown & mixed[owner]
+
+    def _by_weight(self) -> Int64:
+        """Return the owners, the most important first: cascades, then slots."""
+        weights = np.concatenate([np.full(self._suns, np.inf), self._lamps.weights])
+        return np.argsort(-weights, kind="stable")
+
     def _of_lamps(self, chosen: Bools) -> Bools:
         """Return (2 W,) the words of some lamps' faces, coarse pages apart: these stay when a size changes."""
         places = self._places
@@ -164,29 +177,37 @@ class Residency:
     def _admitted(self, levels: Int64, new: Bools) -> tuple[Int64, Bools]:
         """Return the levels and the new words that this frame has room for.
 
-        A light whose size changes has all of its tiles at once, since a face has one size.
+        Coarse pages come first, whatever the budget is. A light whose size changes has all of its tiles at once: a face
+        has one size.
         """
-        pool, lamps = self._pool, self._lamps
-        cost = np.bincount(self._owner[new], minlength=self._suns + len(levels))
-        total = int(cost.sum())
-        if total <= min(self._budget, pool.free):
+        pool, lamps, places = self._pool, self._lamps, self._places
+        if int(new.sum()) <= min(self._budget, pool.free):
             return levels, new
-        order = np.argsort(-np.concatenate([np.full(self._suns, np.inf), lamps.weights]), kind="stable")
+        self.waits = True
+        order, coarse = self._by_weight(), np.zeros_like(new)
+        coarse[places.coarse_word : places.words] = new[places.coarse_word : places.words]
+        count = np.bincount(self._owner[coarse], minlength=self.owners)
+        covered = np.ones(self.owners, bool)
+        covered[order] = (np.cumsum(count[order]) <= pool.free) | (count[order] == 0)
+        coarse &= covered[self._owner]
+        room = pool.free - int(coarse.sum())
+        new = new & ~coarse & covered[self._owner]
+        cost = np.bincount(self._owner[new], minlength=self.owners)
         order = order[cost[order] > 0]
         along = np.cumsum(cost[order])
-        turn = along <= min(self._budget, pool.free)
-        turn[0] = cost[order[0]] <= pool.free  # more than the budget, but on its own
-        admitted = np.ones(len(cost), bool)
+        turn = along <= min(self._budget, room)
+        turn[:1] = cost[order[:1]] <= room  # more than the budget, but on its own
+        admitted = covered.copy()
         admitted[order] = turn
-        self.waits = True
         of_lamps = admitted[self._suns :]
-        stuck = not turn.any() and not pool.waiting
-        levels = np.where(of_lamps, levels, lamps.levels)
+        stuck = len(order) > 0 and not turn.any() and not pool.waiting
+        held = np.where(covered[self._suns :] & (levels > 0), np.maximum(lamps.levels, 1), lamps.levels)
+        levels = np.where(of_lamps, levels, held)
         if stuck:  # a light that changes its size needs room for both: it has its coarse page in between
             first = order[0] - self._suns
             if first >= 0:
                 levels[first] = min(int(levels[first]), 1)
-        return levels, new & admitted[self._owner]
+        return levels, coarse | (new & admitted[self._owner])
 
     def _give_up(self, resized: Bools, unneeded: Bools) -> None:
         """Give up the tiles of faces that have another size, and those that were not needed for some frames."""

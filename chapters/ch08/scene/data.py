@@ -22,7 +22,7 @@ from ..loading.importance import material_sizes
 from ..loading.loading import Loading, report_failures
 from ..settings import Settings
 from ..shading import views
-from ..shadows.model import shadow_defines
+from ..shadows.model import places, shadow_defines
 from ..visibility.model import index_defines
 from . import geometry, packing, pages
 from .draw_lists import COMMAND
@@ -67,6 +67,7 @@ class SceneData:
         self.texture_work: dict[str, int] = {}
         self._kinds: Any = None
         self.exposures: ExposureMemory | None = None
+        self.shadow_places = places(scene, settings)
         self.shadows: Any = None
         """The memory of shadows, if lights cast any (shadows/memory.py)."""
         self.reordered: Callable[[], bool] = lambda: False
@@ -84,7 +85,11 @@ class SceneData:
         """The defines of all shaders: of light lists, and how many instances are in the first of two bindings."""
         (_, first), *more = self.instance_parts
         lists: tuple[Any, ...] = list_defines(self._scene, self._settings)
-        lists = (*lists, *index_defines(self._settings), *shadow_defines(self._scene, self._settings))
+        lists = (
+            *lists,
+            *index_defines(self._settings),
+            *shadow_defines(self._scene, self._settings, self.shadow_places),
+        )
         return (("INSTANCES_PER_PAGE", first // RECORD_BYTES), *lists) if more else lists
 
     def _choose_variants(self) -> None:

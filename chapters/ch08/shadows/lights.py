@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backends.contract import FrameInfo
+from common.scene import Change
 from common.view.camera import View
 
 from ..page_table import rule
@@ -41,7 +42,7 @@ class ShadowLights:
         self._parts, self.pool = parts, pool
         scene, settings = parts.scene, parts.settings
         knobs = settings.shadows
-        self.held = held = model.places(scene, settings)
+        self.held = held = parts.data.shadow_places
         self.faces = np.zeros(held.faces, FACE)
         """(F,) The records of faces; those of others have the light UNUSED."""
         self.faces["light"] = UNUSED
@@ -53,7 +54,8 @@ class ShadowLights:
         self._by_need = model.by_need(settings)
         whole = held.suns * (held.cascades * held.sun_side**2 + held.coarse)
         self._sun_size = held.sun_side * TILE if whole <= pool.tiles else 0
-        self._lights = self._instances = -1
+        self._lights = -1
+        self._instances: Any = None
         self._lens: Any = None
         self._cascades: Cascades | None = None
         self._chosen: View | None = None
@@ -90,7 +92,9 @@ class ShadowLights:
         self._frame += 1
         self.pool.begin()
         self.residency.assigned = self.residency.assigned[:0]
-        elsewhere = instances != self._instances  # objects
+        edits = self._parts.scene.revision
+        revision = edits[Change.VISIBILITY], edits[Change.MATERIALS]
+        elsewhere = (instances, revision) != self._instances  # objects, or which of them are lit and shown
         other = lights != self._lights or (elsewhere and self._box_changes(frame.slot))
         moving = (
             other
@@ -98,7 +102,7 @@ class ShadowLights:
             or self._lens is None
             or not (frame.view is self._view or frame.view == self._view)
         )
-        self._instances = instances
+        self._instances = instances, revision
         turn = not moving or self._frame % model.REPORT_EVERY == 0
         if report is not None and (not turn or self._is_known(report)):
             report = None

@@ -146,7 +146,11 @@ class Places:
 
 
 def places(scene: Scene, settings: Any) -> Places:
-    """Return the places of faces and tiles. Suns have smaller cascades if the pool does not hold what is asked for."""
+    """Return the places of faces and tiles. Suns have smaller cascades if the pool does not hold what is asked for.
+
+    A renderer has the places of the scene with which it was opened: buffers and shaders agree about them. A light that
+    becomes one of another kind may find no place, and is counted among those that are left out.
+    """
     knobs = settings.shadows
     suns, lamps, coarse = most_suns(scene, settings), most_lamps(scene, settings), by_need(settings)
     cascades, side = int(knobs.shadow_cascades), -(-int(knobs.shadow_sun_size) // TILE)
@@ -164,32 +168,32 @@ def pool_limit(settings: Any) -> int:
     return max(1, int(settings.shadows.shadow_pool * 2**20) // TILE_BYTES)
 
 
-def pool_tiles(scene: Scene, settings: Any) -> int:
+def pool_tiles(held: Places, settings: Any) -> int:
     """Return the tiles of the pages: as many as the table has words, or as the pool holds.
 
     With memory by need there may be a second tile for each word, without casters that move.
     """
-    words = places(scene, settings).words * (2 if by_need(settings) else 1)
+    words = held.words * (2 if by_need(settings) else 1)
     return max(1, min(words, pool_limit(settings)))
 
 
-def most_copies(scene: Scene, settings: Any) -> int:
+def most_copies(held: Places, settings: Any) -> int:
     """Return the most parts of faces that a frame copies: each tile and coarse face, and again with movers."""
-    return 2 * (pool_tiles(scene, settings) + places(scene, settings).faces)
+    return 2 * (pool_tiles(held, settings) + held.faces)
 
 
-def shadow_defines(scene: Scene, settings: Any) -> Defines:
+def shadow_defines(scene: Scene, settings: Any, held: Places) -> Defines:
     """Return the defines of all shaders of a scene with shadows: sizes of the buffer, and the filter."""
     if not needed(scene, settings):
         return ()
-    knobs, held = settings.shadows, places(scene, settings)
+    knobs = settings.shadows
     return (
         ("SHADOWS", 1),
         ("SHADOW_LIGHTS", padded(records_of(scene, settings))),
         ("SHADOW_FACES", padded(held.faces)),
         ("SHADOW_BLENDED", bit_words(len(scene.materials))),
         ("SHADOW_MOVING", bit_words(len(scene.instances))),
-        ("SHADOW_COPIES", most_copies(scene, settings)),
+        ("SHADOW_COPIES", most_copies(held, settings)),
         *((("SHADOW_COARSE", CUBE_FACES),) if held.coarse else ()),
         ("SHADOW_BIAS", get_args(Bias).index(knobs.shadow_bias)),
         ("SHADOW_CONSTANT", float(knobs.shadow_constant)),

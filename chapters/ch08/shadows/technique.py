@@ -97,13 +97,13 @@ class ShadowTechnique(Technique):
         if cloth.externals:  # its vertices are drawn, too
             own.reads = (*own.reads, Access(VERTICES, "storage", stages=("vertex",)))
         self._casters = Casters(parts, backend, own, cloth)
-        held = model.places(scene, settings)
+        held = parts.data.shadow_places
         memories = backend.part(page_table.__name__)
 
         def make(tiles: int) -> Any:
             return memories.make_pages(backend, tiles, held.words, model.by_need(settings))
 
-        self.pages = with_less(make, model.pool_tiles(scene, settings), scene.warnings)
+        self.pages = with_less(make, model.pool_tiles(held, settings), scene.warnings)
         pool = TilePool(self.pages.tiles, self.pages.columns_rows, held.words, self.pages.virtual)
 
         def reserve(tiles: int) -> int:
@@ -117,7 +117,7 @@ class ShadowTechnique(Technique):
             held.faces,
             len(scene.materials),
             len(scene.instances),
-            model.most_copies(scene, settings),
+            model.most_copies(held, settings),
             held.words,
         )
         self.memory = own.memory = backend.part(__package__).ShadowMemory(backend, layout, self.pages)
@@ -325,6 +325,7 @@ class ShadowTechnique(Technique):
             if self._report is not None:
                 self._report.forget()
             self._still = 0
+            self._casters.movers.forget()
             self._backend.frames.wait(
                 self._backend.frames.slots[self._slot]
             )  # its tiles are free from here on
