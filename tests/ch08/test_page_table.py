@@ -390,6 +390,7 @@ def test_a_walk_leaves_no_stale_texel(chapter):
             again = [renderer.render(view).image("color_linear").copy() for view in walk]
             assert all(map(np.array_equal, again, pictures))  # equal calls, equal pixels
     assert all(map(np.array_equal, *kinds))
+    assert all((before != after).any() for before, after in zip(kinds[0][:-2], kinds[0][1:-1], strict=True))
 
 
 def test_no_light_is_without_shadow_while_tiles_wait(chapter):
