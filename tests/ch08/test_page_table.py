@@ -516,3 +516,13 @@ def test_a_small_pool_comes_to_rest_after_something_has_moved(chapter, pool):
     with chapter.open(scene, SIZE, turned, outputs=("color_linear",)) as renderer:
         fresh = [renderer.render(view).image("color_linear").copy() for view in (ASIDE, ABOVE, ABOVE)]
     assert all(map(np.array_equal, views, fresh))
+
+
+def test_a_camera_that_was_nowhere_leaves_no_trace(chapter):
+    scene = yard(SUN, SPOT, POINT)
+    nowhere = replace(ASIDE, world_from_view=np.full((4, 4), np.nan))
+    with chapter.open(scene, SIZE, BASE, outputs=("color_linear",)) as renderer:
+        renderer.render(nowhere)
+        after, _ = settled(renderer, ASIDE)
+    with chapter.open(scene, SIZE, BASE, outputs=("color_linear",)) as renderer:
+        assert np.array_equal(settled(renderer, ASIDE)[0], after)

@@ -86,6 +86,11 @@ def test_boxes_touch_the_faces_that_see_any_of_their_points():
         missed += (truth & ~found).sum()
         extra += (found & ~truth).sum()
     assert missed == 0 and extra < 0.05 * 300 * 13
+    # Many boxes are tested against the reach of lights alone.
+    low = random.uniform(-6, 5, (3000, 3))
+    many = np.stack([low, low + 0.2], axis=1)
+    found = touched(records, used, many[:1000]) | touched(records, used, many[1000:])
+    assert (touched(records, used, many) >= found).all() and not touched(records, used, many + 100.0).any()
     assert touched(records, used, np.full((1, 2, 3), np.nan)).tolist() == used.tolist()
     assert not touched(records, used, np.zeros((0, 2, 3))).any()
 

@@ -14,6 +14,12 @@ from numpy.typing import NDArray
 Float64 = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
+MOST_PAIRS = 20_000
+"""Pairs of faces and boxes that are tested one by one."""
+
+STRETCH = 1024
+"""Boxes that are tested at a time against all lights, so that arrays stay small."""
+
 NO_BOXES: Float64 = np.zeros((0, 2, 3))
 
 
@@ -87,6 +93,19 @@ class Movers:
         return boxes
 
 
+def _near_lights(faces: np.ndarray, boxes: Float64) -> Bools:
+    """Return (F,) which faces have a light that reaches any of the boxes (M, 2, 3): too many, in less time."""
+    _, first, light = np.unique(faces["light"], return_index=True, return_inverse=True)
+    lights = faces[first]
+    far, near = lights["far"].astype(np.float64), lights["perspective"] == 0
+    for begin in range(0, len(boxes), STRETCH):
+        part = boxes[begin : begin + STRETCH]
+        origin = lights["origin"].astype(np.float64)[:, None]
+        away = np.maximum(np.maximum(part[None, :, 0] - origin, origin - part[None, :, 1]), 0.0)
+        near |= ((away * away).sum(axis=2) <= far[:, None] ** 2).any(axis=1)
+    return near[light]
+
+
 def touched(faces: np.ndarray, used: Bools, boxes: Float64) -> Bools:
     """Return (F,) which of the `used` faces (FACE records) any of the boxes (M, 2, 3) may be drawn to."""
     meets = np.zeros(len(faces), bool)
@@ -95,6 +114,9 @@ def touched(faces: np.ndarray, used: Bools, boxes: Float64) -> Bools:
     if np.isnan(boxes).any():
         return used.copy()
     at = np.flatnonzero(used)
+    if len(at) * len(boxes) > MOST_PAIRS:
+        meets[at] = _near_lights(faces[at], boxes)
+        return meets
     chosen = faces[at]
     centre, half = boxes.mean(axis=1), np.ptp(boxes, axis=1) / 2  # (M, 3)
     offset = np.abs(centre[None] - chosen["origin"].astype(np.float64)[:, None])  # (F, M, 3)

@@ -344,7 +344,7 @@ class ShadowLights:
 
 def _apart(view: View, other: View, step: float, count: int) -> bool:
     """Whether a view is `count` steps from another one, so that other lamps may matter: of a length, or a degree."""
-    if np.abs(view.eye - other.eye).max() > count * step or view.cut:
+    if not np.abs(view.eye - other.eye).max() <= count * step or view.cut:  # a NaN is apart from all
         return True
     cosines = (view.world_from_view[:3, :3] * other.world_from_view[:3, :3]).sum(axis=0)
-    return bool(cosines.min() < np.cos(count * TURN))
+    return not cosines.min() >= np.cos(count * TURN)

@@ -46,7 +46,8 @@ class Versions:
         """Return the number of the contents of a slot's `array`, or of a field of it; another object is compared."""
         if slot in self._of_slot and self._of_slot[slot][0] is array:
             return self._of_slot[slot][2]
-        content = array[field] if field else array
+        # As bytes: a NaN, which equals nothing, is the same content in the next frame.
+        content = np.ascontiguousarray(array[field] if field else array).view(np.uint8)
         same = [number for _, known, number in self._of_slot.values() if np.array_equal(known, content)]
         if not same:
             self._last += 1
@@ -78,7 +79,8 @@ class ShadowTechnique(Technique):
         self._asks: dict[int, Any] = {}
         self._pattern, self._keeps_rounds = Pattern(), False
         self._touched_for: Any = None
-        self._meets = (np.zeros(0, bool),) * 2
+        self._meets, self._met = (np.zeros(0, bool),) * 2, 0
+        self._met_for: Any = None
         self._lights, self._instances = Versions(), Versions()
 
     def create(self, parts: PassParts, backend: Backend, passes: Mapping[str, Pass]) -> None:
@@ -200,15 +202,14 @@ class ShadowTechnique(Technique):
             return 0
         wanted = self._still < model.REPORTED
         self._report.ask(frame.slot, wanted)
-        state = wanted and frame.size
+        asked = [need for need in self._needs if wanted and need in frame.passes]
+        state = frame.size, tuple(need.number for need in asked)
         if self._asks.get(frame.slot) == state:
             return 0
         self._asks[frame.slot] = state
         words = np.zeros((ASKS, ASK_BYTES // 4), np.uint32)
-        if wanted:
-            for need in self._needs:
-                if need in frame.passes:
-                    words[need.number, :3] = need.groups(frame.size)
+        for need in asked:
+            words[need.number, :3] = need.groups(frame.size)
         first = memory.layout.asks
         memory.blocks[frame.slot].mapped[first : first + words.nbytes] = words.view(np.uint8).reshape(-1)
         return words.nbytes
@@ -219,8 +220,13 @@ class ShadowTechnique(Technique):
             self._touched_for = faces = self.faces
             used = faces["light"] != UNUSED
             now = touched(faces, used, moves.now)
-            before = touched(faces, used, moves.before) if moves.moved else now
-            self._meets = now, now | before
+            before = now
+            if moves.moved:
+                # What was now in the last frame is before in this one, with what moves for the first time.
+                known = self._met_for is faces and len(moves.before) == self._met + len(moves.joined)
+                before = self._meets[0] if known else touched(faces, used, moves.before)
+                before = before | touched(faces, used, moves.joined) if known else before
+            self._meets, self._met, self._met_for = (now, now | before), len(moves.now), faces
         return self._meets[1]
 
     def _scheduled(self, moves: Moves) -> Schedule:
