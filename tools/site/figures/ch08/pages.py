@@ -156,4 +156,4 @@ def _pages(c: Canvas, at: Point, read: list[int]) -> None:
     c.note(x, bottom + 20, f"{len(faces)} faces, with the numbers of their tiles. The")
     c.note(x, bottom + 38, "marked one lies where others have gone:")
     c.note(x, bottom + 56, "neighbours in the face are none here.")
-    c.note(x, bottom + 80, "red: a kernel of 5x5 texels, larger than they are")
+    c.note(x, bottom + 80, "red: a kernel of 5x5 texels, enlarged")
