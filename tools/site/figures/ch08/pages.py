@@ -7,8 +7,8 @@ from functools import cache
 import numpy as np
 
 from chapters.ch08.page_table.lamps import COARSE, COARSE_STEP
-from chapters.ch08.page_table.pool import NONE, TilePool
-from chapters.ch08.shadows.layout import pages_size
+from chapters.ch08.page_table.pool import TilePool
+from chapters.ch08.shadows.layout import NONE, pages_size
 from chapters.ch08.shadows.model import CUBE_FACES, TILE
 from tools.site.figures.canvas import Canvas, Point
 
