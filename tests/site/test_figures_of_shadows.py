@@ -1,4 +1,4 @@
-"""The figures and the loop of chapter 8 are true: faces, bias, cascades, pages, texels by need and casters."""
+"""The figures and the loop of chapter 8 are true: faces, bias, cascades, pages, texels by need, casters and movers."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tools.site.figures.canvas import Canvas
-from tools.site.figures.ch08 import bias, cascades, casters, faces, need, pages, snapping
+from tools.site.figures.ch08 import bias, cascades, casters, faces, movers, need, pages, snapping
 
 
 def words_of(canvas: Canvas) -> str:
@@ -61,15 +61,28 @@ def test_only_whole_texels_keep_a_shadow_as_it_is():
 
 
 def test_tiles_of_the_figure_have_one_owner_and_lie_apart():
-    found = [word for face in range(pages.CHOSEN + 1) for word in pages.words_of(face)]
+    found = [word for face in range(pages.CHOSEN + 1) for word in pages.words_of(face).values()]
+    found.append(pages.coarse_word())
     assert len(found) == len({*found}) == pages.pool().used
     word = pages.words_of(pages.CHOSEN)
+    assert (*word,) == pages.NEEDED and {*pages.tiles_of_kernel()} <= {*word}, "a kernel has all of its tiles"
     assert pages.tiles_of_kernel() == [5, 6, 9, 10]
-    assert word[10] - word[6] not in (1, 1 << 16)
-    assert all(
-        f"{tile}: {one & 0xFFFF}, {one >> 16}" in words_of(pages.table_of_pages())
-        for tile, one in enumerate(word)
-    )
+    assert word[10] - word[6] not in (1, 1 << 8)
+    written = words_of(pages.table_of_pages())
+    for tile in range(pages.STRIDE):
+        named = f"{word[tile] & 0xFF}, {word[tile] >> 8}" if tile in word else "none"
+        assert f"{tile}: {named}" in written
+
+
+def test_movers_over_what_is_kept_are_all_casters_together():
+    frames = [movers.shown(place) for place in movers.PLACES]
+    for place, found in zip(movers.PLACES, frames, strict=True):
+        at = np.arange(movers.TEXELS) + 0.5
+        crate = (at > 4) & (at < 11)
+        wanted = np.where(crate, movers.CRATE, movers.GROUND)
+        covered = np.abs(at - place) < movers.RADIUS
+        assert (found[~covered] == wanted[~covered]).all() and (found[covered] < wanted[covered]).all()
+    assert not np.array_equal(*frames)
 
 
 def test_the_texels_of_a_cluster_are_those_of_the_formula():

@@ -32,6 +32,7 @@ def measure(given: Given) -> dict[str, Answer]:
     plane = knobs.shadows.shadow_constant + knobs.shadows.shadow_slope * slope
     view = View(pose_looking_at((0, 0, 0), (0, 0, -1)), Perspective(np.radians(60.0), 0.1))
     centre, radius = cascades.slice_sphere(view.projection, 2.0, 0.0, 10.0)
+    used = 1024 - 2 * guard
     return {
         "guard": int(model.guard(given.settings(shadow_kernel=7), 256)),
         "factors": 3 * 3 + 1,
@@ -42,5 +43,5 @@ def measure(given: Given) -> dict[str, Answer]:
         "gap": plane * np.cos(np.radians(60.0)),
         "centre": centre,
         "radius": radius,
-        "coarse": 2 * radius / (1024 - 2 * guard) * 1000,
+        "coarse": 2 * radius / (used - used // cascades.STEPS) * 1000,
     }

@@ -1,4 +1,4 @@
-"""Places of random points in the pages, by a table in random order."""
+"""Places of random points in the pages, by a table in random order, of which some words have no tile."""
 
 from __future__ import annotations
 
@@ -9,6 +9,9 @@ import numpy as np
 from common.numerics.transforms import pose_looking_at
 from common.view.camera import Perspective, View
 from tools.exercises.checking import Given
+
+NONE = 0xFFFFFFFF
+"""The word of a tile without memory."""
 
 BOX = np.array([(-8.0, 0.0, -8.0), (8.0, 6.0, 8.0)])
 
@@ -30,13 +33,14 @@ def check(given: Given) -> None:
             if wanted is None:
                 given.need(
                     answer is None,
-                    f"{where} is outside of the face or behind its light, and has the place {answer}.",
+                    f"{where} is outside of the face or behind its light, or its tile has no memory, and it has the "
+                    f"place {answer}.",
                 )
                 continue
             hits += 1
             given.need(
-                isinstance(answer, tuple) and len(answer) == 2,
-                f"{where} is in the face, and the result is {answer}, no column and row.",
+                isinstance(answer, tuple) and len(answer) == 3,
+                f"{where} is in the face, and the result is {answer}, no column, row and layer.",
             )
             given.need(
                 tuple(int(one) for one in answer) == wanted,
@@ -49,7 +53,6 @@ def _faces(given: Given) -> tuple[np.ndarray, np.ndarray]:
     """Return faces of a point light, a spot and a sun, and a table whose tiles lie anywhere."""
     faces: Any = given.module("shadows.faces")
     cascades: Any = given.module("shadows.cascades")
-    layout: Any = given.module("shadows.layout")
     packing: Any = given.module("scene.packing")
     lights = np.zeros(2, packing.LIGHT)
     lights["kind"] = packing.LIGHT_KINDS["point"], packing.LIGHT_KINDS["spot"]
@@ -66,19 +69,22 @@ def _faces(given: Given) -> tuple[np.ndarray, np.ndarray]:
     sun = np.array([(0.4, -1.0, 0.3)]) / np.sqrt(1.25)
     made = np.concatenate([cascades.directional_faces(sun, BOX, view, np.zeros(3), 1.5, 2, 512, 3), local])
     sizes = made["size"].astype(np.int64)
-    tiles = np.where(sizes < 128, 0, layout.tiles_of(sizes))
-    made["tiles"], made["first"] = -(-sizes // 128), np.cumsum(tiles) - tiles
+    side = np.where(sizes < 128, 0, sizes // 128)
+    tiles = side**2
+    made["tiles"], made["first"] = np.maximum(side, 1), np.cumsum(tiles) - tiles
     small = np.flatnonzero(sizes < 128)  # they share a tile, the last one
     made["first"][small] = tiles.sum()
     made["offset"][small] = np.stack(
         [42 * (np.arange(len(small)) % 3), 42 * (np.arange(len(small)) // 3)], axis=1
     )
     number = np.random.default_rng(3).permutation(int(tiles.sum()) + 1)
-    return made, (number % 9 | number // 9 << 16).astype(np.uint32)
+    table = (number % 5 | number // 5 % 3 << 8 | number // 15 << 16).astype(np.uint32)
+    table[1:-1:3] = NONE
+    return made, table
 
 
-def _place(face: np.ndarray, table: np.ndarray, position: np.ndarray) -> tuple[int, int] | None:
-    """Return column and row, in other words than a shader has."""
+def _place(face: np.ndarray, table: np.ndarray, position: np.ndarray) -> tuple[int, int, int] | None:
+    """Return column, row and layer, in other words than a shader has."""
     axes = np.stack([face["right"], face["down"], face["ahead"]]).astype(np.float64)
     p = axes @ (position - face["origin"])
     if p[2] <= face["near"]:
@@ -91,4 +97,7 @@ def _place(face: np.ndarray, table: np.ndarray, position: np.ndarray) -> tuple[i
         return None
     x, y = x + int(face["offset"][0]), y + int(face["offset"][1])
     word = int(table[face["first"] + y // 128 * face["tiles"] + x // 128])
-    return (word & 0xFFFF) * 128 + x % 128, (word >> 16) * 128 + y % 128
+    if word == NONE:
+        return None
+    column, row, layer = word % 256, word // 256 % 256, word // 65536
+    return column * 128 + x % 128, row * 128 + y % 128, layer

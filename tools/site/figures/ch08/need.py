@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 
-from chapters.ch08.page_table.lamps import size_above
+from chapters.ch08.page_table.lamps import level_above, level_of_side, sizes_of
 from chapters.ch08.page_table.rule import cluster_resolution, solid_angle
+from chapters.ch08.shadows.model import TILE
 from tools.site.figures.canvas import Canvas, Point
 
 RADIUS, PIXELS, LARGEST = 1.0, 4096.0, 1024
@@ -24,7 +25,8 @@ def asked(distance: float) -> float:
 def sizes(distances: np.ndarray) -> list[int]:
     """Return the sizes that point lights get."""
     wish = np.array([asked(one) for one in distances.tolist()])
-    found: list[int] = size_above(wish, np.full(len(wish), 6), LARGEST).tolist()
+    counts = np.full(len(wish), 6)
+    found: list[int] = sizes_of(level_above(wish, counts, level_of_side(LARGEST // TILE)), counts).tolist()
     return found
 
 
