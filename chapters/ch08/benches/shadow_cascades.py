@@ -65,7 +65,9 @@ def measure(subject: Subject, effort: Effort, step: Callable[[str, float], None]
             {
                 "cascades": count,
                 "texels": texels,
-                "texels_mm": [float(1e3 / min(face["scale_x"], face["scale_y"])) for face in found.faces],
+                "texels_mm": [
+                    float(1e3 / min(face["scale_x"], face["scale_y"])) for face in found.faces[:count]
+                ],
                 "mib": found.mib,
                 **errors_of(found.factor, hard),
                 "floor": errors_of(exact, hard)["error"],
