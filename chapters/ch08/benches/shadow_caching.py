@@ -161,7 +161,7 @@ def _row(state: str, frames: list[dict[str, Any]]) -> dict[str, Any]:
         row[f"{name}_ms"], row[f"{name}_noise_ms"] = middle(times)
         row[f"{name}_mean_ms"], row[f"{name}_most_ms"] = float(np.mean(times)), float(np.max(times))
     names = frames[0]["work"]
-    row["work"] = {name: float(np.mean([frame["work"][name] for frame in frames])) for name in names}
+    row["work"] = {name: float(np.mean([frame["work"].get(name, 0) for frame in frames])) for name in names}
     row["most_faces"] = max(frame["work"]["shadow_faces_drawn"] for frame in frames)
     return row
 
