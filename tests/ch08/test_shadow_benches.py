@@ -20,6 +20,7 @@ from chapters.ch08.benches import (
 )
 from common.reports.benches import Effort
 from common.scene.pose import evaluate_pose
+from tests.support.packages import BACKENDS
 from tests.support.scenes import quad_scene
 from tests.support.shadows import placed, point, spot, sun, yard
 from tools.bench import bench, figures
@@ -56,8 +57,9 @@ def shown(module, record) -> str:
 
 def drawn(module, record) -> list[str]:
     """Return the labels of the lines of a plot."""
-    figure = pytest.importorskip("matplotlib.figure").Figure()
-    axes = figure.add_subplot()
+    from matplotlib.figure import Figure
+
+    axes = Figure().add_subplot()
     module.plot(axes, record)
     return axes.get_legend_handles_labels()[1]
 
@@ -65,9 +67,8 @@ def drawn(module, record) -> list[str]:
 # --- memory -----------------------------------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module", params=["vulkan", "gl"])
+@pytest.fixture(scope="module", params=BACKENDS)
 def memory(request):
-    pytest.importorskip("mitsuba")
     return measured(request, shadow_memory)
 
 
@@ -88,7 +89,7 @@ def test_more_memory_has_less_error(memory):
 
 
 @pytest.mark.feature("tools/bench")
-@pytest.mark.needs("mitsuba")
+@pytest.mark.needs("mitsuba", "matplotlib")
 def test_the_table_of_memory_says_all_of_it(memory):
     text = shown(shadow_memory, memory)
     assert all(row["name"] in text for row in memory["rows"])
@@ -97,10 +98,9 @@ def test_the_table_of_memory_says_all_of_it(memory):
     assert len(dict(figures.PARTS["memory"]({"memory": memory}))) == len(memory["rows"])
 
 
-@pytest.fixture(scope="module", params=["vulkan", "gl"])
+@pytest.fixture(scope="module", params=BACKENDS)
 def sparse_memory(request):
     """Return the record of a chapter that is taken to have sparse memory."""
-    pytest.importorskip("mitsuba")
     return measured(
         request, shadow_memory, QUICK_SIZES=(128,), QUICK_POOLS=(), has_sparse=lambda subject: True
     )
@@ -139,14 +139,13 @@ def test_memory_at_equal_error_lies_on_a_line_of_logarithms():
 # --- filters ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module", params=["vulkan", "gl"])
+@pytest.fixture(scope="module", params=BACKENDS)
 def filters(request):
-    pytest.importorskip("mitsuba")
     return measured(request, shadow_filters, ANGLE=6.0, RADIUS=0.1, QUICK_RAYS=32)
 
 
 @pytest.mark.feature("shadows/pcf", "shadows/depth-bias", "tools/bench")
-@pytest.mark.needs("mitsuba")
+@pytest.mark.needs("mitsuba", "matplotlib")
 def test_filters_and_biases_have_the_errors_that_they_are_for(filters):
     for lights in shadow_filters.LIGHTS:
         rows = {row["name"]: row for row in filters["rows"] if row["lights"] == lights}
@@ -163,14 +162,13 @@ def test_filters_and_biases_have_the_errors_that_they_are_for(filters):
 # --- cascades ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module", params=["vulkan", "gl"])
+@pytest.fixture(scope="module", params=BACKENDS)
 def cascades(request):
-    pytest.importorskip("mitsuba")
     return measured(request, shadow_cascades, QUICK_SIZES=(256,))
 
 
 @pytest.mark.feature("shadows/aliasing-improvements", "tools/bench")
-@pytest.mark.needs("mitsuba")
+@pytest.mark.needs("mitsuba", "matplotlib")
 def test_cascades_have_their_texels_and_memory(cascades):
     one, three = cascades["rows"]
     page = 1 / 16  # the coarse one of the sun
@@ -189,12 +187,13 @@ def test_cascades_have_their_texels_and_memory(cascades):
 # --- caching ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module", params=["vulkan", "gl"])
+@pytest.fixture(scope="module", params=BACKENDS)
 def caching(request):
     return measured(request, shadow_caching, QUICK_FRAMES=5)
 
 
 @pytest.mark.feature("shadows/caching", "tools/bench")
+@pytest.mark.needs("matplotlib")
 def test_only_what_has_changed_is_drawn(caching):
     rows = {row["state"]: row for row in caching["rows"]}
     assert list(rows) == list(shadow_caching.STATES) and caching["lamps"] == 2
@@ -214,12 +213,13 @@ def test_only_what_has_changed_is_drawn(caching):
 # --- casters ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module", params=["vulkan", "gl"])
+@pytest.fixture(scope="module", params=BACKENDS)
 def casters(request):
     return measured(request, shadow_casters, QUICK_COUNTS=(1, 2), SOFTWARE_MOST=1)
 
 
 @pytest.mark.feature("shadows/instance-culling", "shadows/cull-toggles", "tools/bench")
+@pytest.mark.needs("matplotlib")
 def test_all_maps_are_drawn_in_each_frame_and_slow_ways_are_left_out(casters):
     rows = casters["rows"]
     software = len(rows) == 3

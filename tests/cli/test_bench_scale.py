@@ -272,7 +272,7 @@ def test_a_part_that_cannot_be_measured_is_one_sentence(words, said, strata, mon
 
 def test_opengl_has_no_pipelines_to_build():
     assert "pipelines" not in bench.parts_of(2, "gl")
-    assert bench.parts_of(7, "vulkan") == tuple(bench.PARTS)
+    assert bench.parts_of(8, "vulkan") == tuple(bench.PARTS)
     with pytest.raises(UserError, match="no pipeline objects"):
         bench.parts_of(2, "gl", ["pipelines"])
 
