@@ -18,19 +18,13 @@ from common.scene import Material
 from common.settings import replaced
 from common.view.camera import Orthographic, Perspective, View
 from tests.support.scenes import quad_scene
-from tests.support.shadows import all_faces, faces_of, placed, point, spot, sun, yard
+from tests.support.shadows import PLAIN, all_faces, faces_of, placed, point, spot, sun, yard
 
 pytestmark = pytest.mark.variants("vulkan", "gl")
 
 SIZE = (64, 64)
 BASE = Settings(
-    anisotropy=1.0,
-    color_format="rgba32f",
-    gbuffer_format="full",
-    default_light=False,
-    ambient=0.0,
-    background=0.0,
-    tone_curve="none",
+    **PLAIN,
     shadow_sun_size=256,
     shadow_size=256,
     shadow_cascades=1,
@@ -338,6 +332,11 @@ def test_all_kinds_of_memory_give_the_same_picture(chapter, graph):
         ) as renderer:
             picture, _ = settled(renderer, ASIDE)
             work = renderer.render(ASIDE).work
+            steps = {
+                step.name for step in renderer.graph.steps
+            }  # nothing is blended, and full memory asks for nothing
+            asks = {"shadow_need"} if memory == "pages" else set()
+            assert steps & {"shadow_need", "shadow_need_boxes"} == asks
             pictures.append(picture)
             bytes_.append(work["shadow_bytes"])
             assert work["shadow_lights_lowered"] == 0

@@ -13,20 +13,14 @@ from common.scene import Animation, AnimationChannel, Deformation, Light, Materi
 from common.settings import replaced
 from common.view.camera import Orthographic, Perspective, View
 from tests.support.scenes import nodes_at, quad_scene, translated
-from tests.support.shadows import box, faces_of, lit_taps, placed, read_face
+from tests.support.shadows import PLAIN, box, faces_of, lit_taps, placed, read_face
 from tests.twins import shadows as twin
 
 pytestmark = pytest.mark.variants("vulkan", "gl")
 
 SIZE = (32, 32)
 BASE = Settings(
-    anisotropy=1.0,
-    color_format="rgba32f",
-    gbuffer_format="full",
-    default_light=False,
-    ambient=0.0,
-    background=0.0,
-    tone_curve="none",
+    **PLAIN,
     shadow_memory="full",
     shadow_size=128,
 )

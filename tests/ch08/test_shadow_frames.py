@@ -17,6 +17,7 @@ from tests.support.bounds import snapping
 from tests.support.cloth_scenes import cloth, cloth_scene_of
 from tests.support.scenes import moved, quad_scene, scaled, texture
 from tests.support.shadows import (
+    PLAIN,
     all_faces,
     bending,
     bent,
@@ -36,13 +37,7 @@ pytestmark = pytest.mark.variants("vulkan", "gl")
 
 SIZE = (64, 64)
 BASE = Settings(
-    anisotropy=1.0,
-    color_format="rgba32f",
-    gbuffer_format="full",
-    default_light=False,
-    ambient=0.0,
-    background=0.0,
-    tone_curve="none",
+    **PLAIN,
     shadow_memory="full",
     shadow_sun_size=256,
     shadow_size=256,

@@ -17,20 +17,14 @@ from common.scene import Light
 from common.settings import apply_overrides, replaced
 from common.view.camera import Orthographic, View
 from tests.support.scenes import translated
-from tests.support.shadows import faces_of, lit_taps, point, spot, sun, yard
+from tests.support.shadows import PLAIN, faces_of, lit_taps, point, spot, sun, yard
 
 pytestmark = pytest.mark.variants("vulkan", "gl")
 
 SIZE = (32, 32)
 ABOVE = View(pose_looking_at((0, 6, 0), (0, 0, 0), (0, 0, -1)), Orthographic(3.0, 0.1, 20.0))
 BASE = Settings(
-    anisotropy=1.0,
-    color_format="rgba32f",
-    gbuffer_format="full",
-    default_light=False,
-    ambient=0.0,
-    background=0.0,
-    tone_curve="none",
+    **PLAIN,
     graph="forward",
     shadow_size=128,
     shadow_sun_size=256,

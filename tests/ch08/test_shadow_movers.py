@@ -16,19 +16,13 @@ from common.numerics.transforms import pose_looking_at
 from common.settings import replaced
 from common.view.camera import Orthographic, Perspective, View
 from tests.support.cloth_scenes import cloth, cloth_scene_of
-from tests.support.shadows import bending, point, spot, sun, yard
+from tests.support.shadows import PLAIN, bending, point, spot, sun, yard
 
 pytestmark = pytest.mark.variants("vulkan", "gl")
 
 SIZE = (64, 64)
 BASE = Settings(
-    anisotropy=1.0,
-    color_format="rgba32f",
-    gbuffer_format="full",
-    default_light=False,
-    ambient=0.0,
-    background=0.0,
-    tone_curve="none",
+    **PLAIN,
     shadow_sun_size=256,
     shadow_size=256,
     shadow_cascades=1,

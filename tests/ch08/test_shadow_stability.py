@@ -12,7 +12,7 @@ from common.numerics.transforms import pose_looking_at
 from common.settings import replaced
 from common.view.camera import Orthographic, Perspective, View
 from tests.support.scenes import moved, scaled
-from tests.support.shadows import lit_taps, placed, point, read_face, spot, sun, yard
+from tests.support.shadows import PLAIN, lit_taps, placed, point, read_face, spot, sun, yard
 from tests.twins import shadows as twin
 
 pytestmark = pytest.mark.variants("vulkan", "gl")
@@ -20,13 +20,7 @@ pytestmark = pytest.mark.variants("vulkan", "gl")
 SIZE, HALF = (64, 64), 3.0
 ABOVE = View(pose_looking_at((0, 6, 0), (0, 0, 0), (0, 0, -1)), Orthographic(HALF, 0.1, 20.0))
 BASE = Settings(
-    anisotropy=1.0,
-    color_format="rgba32f",
-    gbuffer_format="full",
-    default_light=False,
-    ambient=0.0,
-    background=0.0,
-    tone_curve="none",
+    **PLAIN,
     view="shadow-factor",
     shadow_memory="full",
     shadow_kernel=1,

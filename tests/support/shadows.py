@@ -14,6 +14,17 @@ from tests.support.scenes import nodes_at, quad_scene, translated
 
 TILE = 128
 
+PLAIN: dict[str, Any] = {
+    "anisotropy": 1.0,
+    "color_format": "rgba32f",
+    "gbuffer_format": "full",
+    "default_light": False,
+    "ambient": 0.0,
+    "background": 0.0,
+    "tone_curve": "none",
+}
+"""Settings in which a picture is the light of the lights alone, in 32 bits."""
+
 
 def placed(
     at: tuple[float, float, float], size: tuple[float, float], normal: tuple[float, float, float]

@@ -11,9 +11,6 @@ from ..pipelines.description import Built
 from .layout import BlockLayout
 from .lists import MOST_LAYERS, ShadowLists, layers_of, target_size
 
-STORED_TEXELS = 8
-"""Texels of a column that an invocation of store.comp copies."""
-
 NEAREST = Sampler("nearest", "nearest", None, "clamp", "clamp")
 
 TABLES = ("draws", "batches", "meshlets", "lists", "numbers", "commands")

@@ -11,6 +11,6 @@ SHADOWS = {
     "shadow-resolution": (
         "Texels of that map along a face: blue is 40, green 128, yellow 256, orange 512, white more; grey has no map."
     ),
-    "redrawn-pages": "Orange where that map was drawn in this frame, blue where it was kept, grey where there is none.",
+    "redrawn-pages": "Orange where the frame drew the tile of that map, blue where it kept the tile, grey for no map.",
 }
 """Names and sentences."""
