@@ -119,26 +119,15 @@ GIVEN_FROM_7 = {
     "EMISSION_FORMAT": "rgba16f",
 }
 GIVEN_FROM_8 = {
-    "FIRST_LAMP": 2,
-    "LAMPS": 4,
-    "LAMP_SIDE": 4,
-    "LAMP_WORD": 8,
     "MOST_TEXELS": 8192.0,
     "NEEDS_BINDING": 1,
     "SHADOW_BIAS": 0,
     "SHADOW_BLENDED": 4,
     "SHADOW_COARSE": 6,
-    "SHADOW_CONSTANT": 1.0,
-    "SHADOW_COPIES": 8,
     "SHADOW_FACES": 8,
-    "SHADOW_LAMP": 0.05,
+    "SHADOW_SOFT": 1,
     "SHADOW_LIGHTS": 8,
     "SHADOW_MOVING": 4,
-    "SHADOW_SLOPE": 1.0,
-    "SHADOW_SUN": 0.005,
-    "SHADOW_TESTS": 15,
-    "SUN_SIDE": 2,
-    "SUN_STRIDE": 2,
 }
 GIVEN_IN = {
     "ssao": {"STEP": "ivec2(1, 0)"},

@@ -28,6 +28,9 @@ from tools.bench.points import Subject
 
 SMALL = Effort(1, 2, 1, 1, 1, everything=False)
 SIZE = (48, 32)
+VULKAN, GL = BACKENDS
+DRIVEN = (VULKAN, pytest.param(*GL.values, marks=[*GL.marks, pytest.mark.long]))
+"""A bench drives what the tests of shadows draw with both, so OpenGL is measured with --long alone."""
 
 
 def measured(request, module, **patched):
@@ -67,7 +70,7 @@ def drawn(module, record) -> list[str]:
 # --- memory -----------------------------------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module", params=BACKENDS)
+@pytest.fixture(scope="module", params=DRIVEN)
 def memory(request):
     return measured(request, shadow_memory)
 
@@ -98,7 +101,7 @@ def test_the_table_of_memory_says_all_of_it(memory):
     assert len(dict(figures.PARTS["memory"]({"memory": memory}))) == len(memory["rows"])
 
 
-@pytest.fixture(scope="module", params=BACKENDS)
+@pytest.fixture(scope="module", params=DRIVEN)
 def sparse_memory(request):
     """Return the record of a chapter that is taken to have sparse memory."""
     return measured(
@@ -139,7 +142,7 @@ def test_memory_at_equal_error_lies_on_a_line_of_logarithms():
 # --- filters ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module", params=BACKENDS)
+@pytest.fixture(scope="module", params=DRIVEN)
 def filters(request):
     return measured(request, shadow_filters, ANGLE=6.0, RADIUS=0.1, QUICK_RAYS=32)
 
@@ -162,7 +165,7 @@ def test_filters_and_biases_have_the_errors_that_they_are_for(filters):
 # --- cascades ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module", params=BACKENDS)
+@pytest.fixture(scope="module", params=DRIVEN)
 def cascades(request):
     return measured(request, shadow_cascades, QUICK_SIZES=(256,))
 
@@ -187,7 +190,7 @@ def test_cascades_have_their_texels_and_memory(cascades):
 # --- caching ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module", params=BACKENDS)
+@pytest.fixture(scope="module", params=DRIVEN)
 def caching(request):
     return measured(request, shadow_caching, QUICK_FRAMES=5)
 
@@ -213,7 +216,7 @@ def test_only_what_has_changed_is_drawn(caching):
 # --- casters ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module", params=BACKENDS)
+@pytest.fixture(scope="module", params=DRIVEN)
 def casters(request):
     return measured(request, shadow_casters, QUICK_COUNTS=(1, 2), SOFTWARE_MOST=1)
 

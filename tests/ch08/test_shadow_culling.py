@@ -31,8 +31,8 @@ VIEW = walk()[0]
 
 @pytest.fixture(scope="module")
 def scene():
-    """Return a town of 300 objects under 9 lamps, three of them spots."""
-    return lit(town(count=300), *lamps(9))
+    """Return a town of 150 objects under 9 lamps, three of them spots."""
+    return lit(town(count=150), *lamps(9))
 
 
 def several(chapter):

@@ -167,7 +167,7 @@ def test_factors_are_multiples_of_one_tap(chapter, kernel):
 
 @pytest.mark.feature("shadows/depth-bias")
 @pytest.mark.parametrize("bias", ["plane", "slope"])
-@pytest.mark.parametrize("kernel", [1, 3])
+@pytest.mark.parametrize("kernel", [pytest.param(1, marks=pytest.mark.long), 3])
 @pytest.mark.parametrize("kind", ["sun", "spot", "point"])
 def test_a_plane_never_shades_itself(chapter, kind, kernel, bias):
     acne = 0

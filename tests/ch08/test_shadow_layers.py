@@ -151,7 +151,7 @@ def test_layers_hold_the_bits_of_maps_that_are_drawn_face_by_face(chapter, kind)
     "knobs",
     [
         {"shadow_memory": "pages", "shadow_detail": 0.05},
-        {"shadow_sides": "front"},
+        pytest.param({"shadow_sides": "front"}, marks=pytest.mark.long),
     ],
 )
 def test_sizes_and_sides_change_nothing_about_that(chapter, knobs):
@@ -221,7 +221,15 @@ def test_groups_cover_lists_of_any_length_and_know_their_layers(chapter, monkeyp
 
 
 @pytest.mark.feature("shadows/mesh-shader-layers", "shadows/cull-toggles")
-@pytest.mark.parametrize("off", ["", "instances", "meshlets", "cones", "faces"])
+@pytest.mark.parametrize(
+    "off",
+    [
+        "",
+        "cones",
+        "faces",
+        *(pytest.param(name, marks=pytest.mark.long) for name in ("instances", "meshlets")),
+    ],
+)
 def test_toggles_change_the_counts_of_both_paths_alike(chapter, off):
     scene = under(mixed(), POINT, SPOT, lamp("spot", (6.0, 2.0, -7.0)))
     found, flags = [], None

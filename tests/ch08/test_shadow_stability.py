@@ -171,7 +171,11 @@ def test_near_planes_keep_depth_precise(chapter):
 @pytest.mark.parametrize("bias", ["plane", "slope"])
 @pytest.mark.parametrize(
     ("kind", "degrees"),
-    [*((kind, degrees) for kind in ("sun", "spot", "point") for degrees in (0, 45, 75)), ("corner", 54.7)],
+    [
+        *((kind, degrees) for kind in ("sun", "spot", "point") for degrees in (0, 75)),
+        *(pytest.param(kind, 45, marks=pytest.mark.long) for kind in ("sun", "spot", "point")),
+        ("corner", 54.7),
+    ],
 )
 def test_the_contact_gap_is_two_texels_and_the_kernel(chapter, kind, degrees, bias, kernel):
     """A square at some height above a plane hides its light: with `plane`, at two texels and the kernel's radius.

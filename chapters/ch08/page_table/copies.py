@@ -1,4 +1,4 @@
-"""The parts of drawn faces that a frame copies into pages: entries of `shadow_copies`, round by round. No device."""
+"""The parts of drawn faces that a frame copies into pages: the copies of each round. No device."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Copies:
         self.faces = np.zeros(0, np.intp), np.zeros(0, np.intp)
         """The faces that are drawn: with casters that stand still, and with movers."""
         self.rounds = self.entries = _NO_ENTRIES
-        """(R, 4) and (N, 4) the words of `shadow_rounds` and `shadow_copies` (layout.py)."""
+        """(R, 4) and (N, 4) the words of rounds and of copies (layout.py)."""
 
     def choose(self, faces: np.ndarray, due: Due, assigned: Int, table: np.ndarray) -> None:
         """Choose what is drawn to which tiles; `assigned` are the words that have memory since this frame.

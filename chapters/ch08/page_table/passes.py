@@ -27,19 +27,6 @@ _HOST_IDLE = Touch("", frozenset(), frozenset())
 _HOST_READS = Touch("", frozenset({"host"}), frozenset({"host_read"}))
 
 
-def report_defines(held: model.Places) -> model.Defines:
-    """Return where words of a report are (report.glsl)."""
-    return (
-        ("FIRST_LAMP", held.first_lamp),
-        ("SUN_STRIDE", held.sun_stride),
-        ("SUN_SIDE", held.sun_side),
-        ("LAMPS", held.lamps),
-        ("LAMP_SIDE", held.lamp_side),
-        ("LAMP_WORD", held.lamp_word),
-        ("MOST_TEXELS", MOST),
-    )
-
-
 class NeedPass(Pass):
     """Reports what solid surfaces need."""
 
@@ -72,7 +59,7 @@ class NeedPass(Pass):
 
     def create(self) -> None:
         """Build the pipeline."""
-        defines = (*report_defines(self._places), *self._samples)
+        defines = (("MOST_TEXELS", MOST), *self._samples)
         self.pipelines = self._pipelines.get([ComputeDescription(self.shader, defines, name=self.name)])
 
     def extent(self, size: tuple[int, int]) -> tuple[int, ...]:

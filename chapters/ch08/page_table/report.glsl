@@ -3,6 +3,12 @@
 //
 // Maxima and unions of integers do not depend on the order of invocations.
 
+#define FIRST_LAMP shadow_places[0].x
+#define SUN_STRIDE shadow_places[0].y
+#define SUN_SIDE shadow_places[0].z
+#define LAMPS shadow_places[0].w
+#define LAMP_SIDE shadow_places[1].x
+#define LAMP_WORD shadow_places[1].y
 const float PI = 3.14159265;
 
 layout(BIND(1, NEEDS_BINDING, 4), std430) buffer Needs_ { uint needs[]; };

@@ -8,11 +8,12 @@ layout(BIND(0, SHADOW_BLOCK, 14), std430) readonly buffer Shadows_ {
     uint shadow_lists[4 * SHADOW_FACES];    // the lights to cull for: first face, and number of faces from bit 24 on
     uint shadow_blended[SHADOW_BLENDED];    // a bit for each material that is blended
     uint shadow_moving[SHADOW_MOVING];      // a bit for each instance that is a mover
-    uvec4 shadow_rounds[2 * SHADOW_FACES];  // xyz: work groups of the copy of a round, w: its first one of shadow_copies
+    uvec4 shadow_rounds[2 * SHADOW_FACES];  // xyz: work groups of the copy of a round, w: the first word of its first copy
     uvec4 shadow_asks[3];                   // xyz: work groups of the passes that report
+    vec4 shadow_filter;                     // bias in texels: x constant, y by slope; sizes: z of lamps, in length scales, w of suns, as a tangent
+    ivec4 shadow_places[2];                 // model.place_words: page_table/report.glsl and shadows/cull.glsl read them
     ShadowFace shadow_faces[SHADOW_FACES];
-    uvec4 shadow_copies[SHADOW_COPIES];     // layer and face, tile of the face, page, page of other casters
-    uint shadow_table[];                    // by tile of a face: its place in the pages, in tiles
+    uint shadow_table[];                    // by tile of a face: its place in the pages, in tiles; then the copies
 };
 
 const uint SHADOW_NONE = 0xffffffffu;    // no face, or no page

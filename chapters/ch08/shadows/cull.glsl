@@ -1,6 +1,6 @@
 // The tests of casters against lights: is a box within the reach of a light, and which of its faces can it be drawn to?
 //
-// Every test that cannot tell says that it is. SHADOW_TESTS has a bit for each of them: 1 spheres of instances, 2 spheres of
+// Every test that cannot tell says that it is. shadow_places has a bit for each of them: 1 spheres of instances, 2 spheres of
 // meshlets, 4 cones of meshlets, 8 faces. Without a test more is drawn, and the maps are the same.
 
 #include "masks.glsl"
@@ -12,6 +12,12 @@
 #include "shadows/block.glsl"
 
 layout(local_size_x = 256) in;
+
+#ifdef TESTS_NOTHING  // a kernel that counts what others have left
+bool tests(uint kind) { return false; }
+#else
+bool tests(uint kind) { return (uint(shadow_places[1].z) & kind) != 0u; }
+#endif
 
 struct Instance {
 #include "instance.glsl"
@@ -90,7 +96,7 @@ bool is_in_reach(ShadowFace face, Caster caster) {
 
 // A bit for each face of a light that a caster may be drawn to; `base` is the first face, of `count`.
 uint faces_of(uint base, uint count, Caster caster) {
-    if ((SHADOW_TESTS & 8) == 0) {
+    if (!tests(8u)) {
         return (1u << count) - 1u;
     }
     uint mask = 0u;

@@ -40,12 +40,12 @@ Receiver receiver_of(ShadowFace face, vec3 p, vec3 normal, int radius) {
 #if SHADOW_BIAS == 0
     // The plane of the surface at the centre of each tap. Depth was rasterised at centres, too, so a plane is compared with
     // itself. The depth of a plane is an affine function of the texel; in a perspective projection its inverse is.
-    float bias = footprint * (SHADOW_CONSTANT + SHADOW_SLOPE * slope);
+    float bias = footprint * (shadow_filter.x + shadow_filter.y * slope);
     vec2 gradient = perspective ? -n.xy / (scale * p.z * facing * length(p)) : n.xy / (scale * facing);
 #elif SHADOW_BIAS == 1
     // The depth of the plane at the corner of the kernel, to first order: where it is nearer, it changes by less than that.
     float change = length(n.xy) * ray.z / facing;
-    float bias = footprint * (SHADOW_CONSTANT + SHADOW_SLOPE * slope + 1.4143 * (float(radius) + 0.5) * change);
+    float bias = footprint * (shadow_filter.x + shadow_filter.y * slope + 1.4143 * (float(radius) + 0.5) * change);
     const vec2 gradient = vec2(0.0);
 #else
     const float bias = 0.0;
@@ -62,7 +62,7 @@ bool hides(ShadowFace face, Receiver receiver, ivec2 texel, out float stored) {
                                : stored < depth + change - receiver.bias;
 }
 
-#ifdef SHADOW_LAMP
+#ifdef SHADOW_SOFT
 // Percentage-closer soft shadows (Fernando, "Percentage-Closer Soft Shadows", SIGGRAPH sketches 2005): the mean depth of
 // what hides the light near the point says how wide its image is, through a hole at that depth, in texels.
 float soft_factor(ShadowFace face, Receiver receiver, float most) {
@@ -70,7 +70,7 @@ float soft_factor(ShadowFace face, Receiver receiver, float most) {
     bool perspective = face.ahead.w != 0.0;
     float depth = receiver.p.z, nearest = max(face.origin.w, 0.02 * depth), stored;
     // The radius of the image of the light, for each unit of 1 / depth, or of depth.
-    float width = perspective ? SHADOW_LAMP * frame.eye.w * face.right.w : SHADOW_SUN * min(receiver.scale.x, receiver.scale.y);
+    float width = perspective ? shadow_filter.z * frame.eye.w * face.right.w : shadow_filter.w * min(receiver.scale.x, receiver.scale.y);
     float widest = width * (perspective ? 1.0 / nearest - 1.0 / depth : depth);
     float search = clamp(widest, 1.0, most), sum = 0.0, hidden = 0.0;
     for (int y = -STEPS; y <= STEPS; ++y) {
@@ -110,7 +110,7 @@ float face_factor(ShadowFace face, vec3 position, vec3 normal) {
     }
     int radius = int(face.ends.y) - 1;  // read from memory: a loop that is unrolled takes long to compile
     Receiver receiver = receiver_of(face, p, normal, radius);
-#ifdef SHADOW_LAMP
+#ifdef SHADOW_SOFT
     return soft_factor(face, receiver, float(radius));
 #else
     float lit = 0.0, stored;

@@ -7,13 +7,17 @@
                    bit 24 on; 0 for none
     shadow_blended a bit for each material: whether it is blended
     shadow_moving  a bit for each instance: whether it is a mover (movers/model.py)
-    shadow_rounds  four words a round: the work groups of its copy, and its first one in shadow_copies
+    shadow_rounds  four words a round: the work groups of its copy, and the first word of its first copy in
+                   shadow_table
     shadow_asks    four words for each pass that reports what the picture needs: its work groups, 0 if it does not
+    shadow_filter  four numbers of the filter (model.filter_words)
+    shadow_places  eight numbers: where faces and tiles of suns and lamps are, and the tests of casters
+                   (model.place_words)
     shadow_faces   FACE records
-    shadow_copies  four words a part of a face that is copied into a page: the layer with the number of the face from
+    shadow_table   a word a tile of each face: its place in the pages, in tiles; NONE if it has no memory; behind them
+                   four words a part of a face that is copied into a page: the layer with the number of the face from
                    bit 16 on, the tile of the face (column, row from bit 16 on), the page, and the page of
                    which it takes the nearer depth, or NONE
-    shadow_table   a word a tile of each face: its place in the pages, in tiles; NONE if it has no memory
 
 A face of `size` texels has (size / TILE)^2 tiles, row by row. The table lets each tile lie anywhere in the pages. A
 word has the column in bits 0 to 7, the row in 8 to 15, the layer from 16 on, and COPIED if the frame draws the tile.
@@ -86,24 +90,29 @@ class BlockLayout:
         return self.rounds + 32 * padded(self.faces)
 
     @cached_property
-    def records(self) -> int:
-        """The first byte of the records."""
+    def filter(self) -> int:
+        """The first byte of `shadow_filter`."""
         return self.asks + ASK_BYTES * ASKS
 
     @cached_property
-    def copies(self) -> int:
-        """The first byte of `shadow_copies`."""
-        return self.records + FACE.itemsize * padded(self.faces)
+    def records(self) -> int:
+        """The first byte of the records."""
+        return self.filter + 48
 
     @cached_property
     def table(self) -> int:
         """The first byte of the table."""
-        return self.copies + 16 * self.copied
+        return self.records + FACE.itemsize * padded(self.faces)
+
+    @cached_property
+    def copies(self) -> int:
+        """The first byte of the copies."""
+        return self.table + 4 * max(1, self.tiles)
 
     @cached_property
     def size(self) -> int:
         """Bytes of the whole buffer."""
-        return self.table + 4 * max(1, self.tiles)
+        return self.copies + 16 * self.copied
 
 
 def pages_size(tiles: int) -> tuple[int, int]:

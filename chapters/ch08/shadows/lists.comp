@@ -49,7 +49,7 @@ void main() {
             Draw draw = draws[number];
             Caster caster = caster_of(instance_of(draw.instance));
             uint moves = shadow_moving[draw.instance >> 5] >> (draw.instance & 31u) & 1u;
-            bool left = (SHADOW_TESTS & 1) == 0 || is_in_reach(face, caster);
+            bool left = !tests(1u) || is_in_reach(face, caster);
             left = left && faces_of(base, count, caster) != 0u;
             units = left || (draw.flags & ALWAYS) != 0u ? draw.units : 0u;
             units = moves == pushed.sizes.z ? units : 0u;
@@ -74,8 +74,8 @@ void main() {
                 } else {
                     Meshlet meshlet = meshlets[draw.first_meshlet + unit];
                     Caster caster = caster_of(instance, meshlet);
-                    bool left = (SHADOW_TESTS & 2) == 0 || is_in_reach(face, caster);
-                    if ((SHADOW_TESTS & 4) != 0 && (draw.flags & TWO_SIDED) == 0u) {
+                    bool left = !tests(2u) || is_in_reach(face, caster);
+                    if (tests(4u) && (draw.flags & TWO_SIDED) == 0u) {
                         left = left && !faces_away(face, instance, caster, meshlet);
                     }
                     mask = left ? faces_of(base, count, caster) : 0u;

@@ -99,7 +99,7 @@ class ShadowMemory:
         """End drawing."""
 
     def store(self, commands: Commands, kernel: Built, size: int, number: int) -> None:
-        """Copy layers into the pages, as the entries of `shadow_copies` for a round say."""
+        """Copy layers into the pages, as the copies of a round say."""
         raise NotImplementedError
 
     def finish(self, commands: Any) -> None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from common.scene import Scene
 
@@ -23,6 +24,9 @@ CUBE_FACES = 6
 
 WIDEST_RADIUS = 16
 """Texels of the widest filter of soft shadows; an eighth of a face if that is less."""
+
+LEAST = 256
+"""Records and words that a buffer has at least."""
 
 REPORTED = 2
 """Frames from a report to its use: its slot's last frame, which is over."""
@@ -193,21 +197,26 @@ def shadow_defines(scene: Scene, settings: Any, held: Places) -> Defines:
         ("SHADOW_FACES", padded(held.faces)),
         ("SHADOW_BLENDED", bit_words(len(scene.materials))),
         ("SHADOW_MOVING", bit_words(len(scene.instances))),
-        ("SHADOW_COPIES", most_copies(held, settings)),
         *((("SHADOW_COARSE", CUBE_FACES),) if held.coarse else ()),
         ("SHADOW_BIAS", get_args(Bias).index(knobs.shadow_bias)),
-        ("SHADOW_CONSTANT", float(knobs.shadow_constant)),
-        ("SHADOW_SLOPE", float(knobs.shadow_slope)),
-        *(_soft(knobs) if knobs.shadow_filter == "pcss" else ()),
+        *((("SHADOW_SOFT", 1),) if knobs.shadow_filter == "pcss" else ()),
     )
 
 
-def _soft(knobs: Any) -> Defines:
-    """Return the sizes of lights: length scales of the scene, and the tangent of an angle."""
-    return (
-        ("SHADOW_LAMP", float(knobs.shadow_lamp)),
-        ("SHADOW_SUN", float(np.tan(np.radians(knobs.shadow_sun_angle)))),
-    )
+def filter_words(settings: Any) -> NDArray[np.float32]:
+    """Return (4,) the bias in texels, constant and by slope, the radius of lamps in length scales, and a sun's tangent.
+
+    They are data and no defines: a slider that moves compiles nothing.
+    """
+    knobs = settings.shadows
+    sun = np.tan(np.radians(knobs.shadow_sun_angle))
+    return np.array((knobs.shadow_constant, knobs.shadow_slope, knobs.shadow_lamp, sun), np.float32)
+
+
+def place_words(settings: Any, held: Places) -> NDArray[np.int32]:
+    """Return (8,) where words of a report are (page_table/report.glsl), and which tests casters undergo, as bits."""
+    suns = held.first_lamp, held.sun_stride, held.sun_side
+    return np.array((*suns, held.lamps, held.lamp_side, held.lamp_word, tests_of(settings), 0), np.int32)
 
 
 def bit_words(count: int) -> int:
@@ -216,8 +225,8 @@ def bit_words(count: int) -> int:
 
 
 def padded(count: int) -> int:
-    """Return `count`, at least 1, as a multiple of 4: vectors of four words follow."""
-    return -(-max(1, count) // 4) * 4
+    """Return the power of two that holds `count`, at least LEAST: scenes of most sizes then share compiled shaders."""
+    return max(LEAST, 1 << (count - 1).bit_length())
 
 
 def tests_of(settings: Any) -> int:

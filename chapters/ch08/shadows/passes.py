@@ -29,7 +29,7 @@ from ..shading.objects import ObjectsPass
 from .counts.model import ShadowCounts
 from .lists import NO_ROUNDS, Round, ShadowLists
 from .memory import ShadowMemory
-from .model import needed, tests_of
+from .model import needed
 
 PAGES = "shadow_pages"
 """The resource in the graph."""
@@ -103,13 +103,12 @@ class ShadowsPass(ObjectsPass):
     def create(self) -> None:
         """Build the pipelines of casters, and the kernels."""
         super().create()
-        tests = (("SHADOW_TESTS", tests_of(self._settings)),)
         cleared = () if self.counts_draws else (("CLEARED", 1),)
         described = [ComputeDescription("shadows/store.comp", name="store shadow faces")]
         if self.culls:
             described += [
-                ComputeDescription("shadows/lists.comp", tests, name="shadow lists"),
-                ComputeDescription("shadows/commands.comp", (*tests, *cleared), name="shadow commands"),
+                ComputeDescription("shadows/lists.comp", name="shadow lists"),
+                ComputeDescription("shadows/commands.comp", cleared, name="shadow commands"),
             ]
         self._store, *self._kernels = self._pipelines.get(described)
         if self.counts is not None:

@@ -1,5 +1,5 @@
-// Copies parts of faces that were drawn into pages: a slice of invocations for each entry of `shadow_copies`, one invocation
-// for eight texels of a column.
+// Copies parts of faces that were drawn into pages: a slice of invocations for each copy of the round, one invocation for
+// eight texels of a column.
 //
 // What is stored is linear: metres along the axis of the face. Filters then compare and average lengths, and a face may
 // lie in any pages. Where movers were drawn, the page of all other casters is joined with them: the nearer depth counts.
@@ -21,7 +21,9 @@ PUSH(Round, pushed)
 const int TEXELS = 8;
 
 void main() {
-    uvec4 copied = shadow_copies[shadow_rounds[pushed.number.x].w + gl_GlobalInvocationID.z];
+    uint word = shadow_rounds[pushed.number.x].w + 4u * gl_GlobalInvocationID.z;
+    // Layer and face, tile of the face, page, and page of other casters.
+    uvec4 copied = uvec4(shadow_table[word], shadow_table[word + 1u], shadow_table[word + 2u], shadow_table[word + 3u]);
     ShadowFace face = shadow_faces[copied.x >> 16];
     ivec2 tile = ivec2(copied.y & 0xffffu, copied.y >> 16);
     ivec2 inside = ivec2(gl_GlobalInvocationID.xy) * ivec2(1, TEXELS);

@@ -127,6 +127,10 @@ class ShadowTechnique(Technique):
         if own.culls:
             own.counts = backend.part(f"{__package__}.counts").ShadowCounts(backend)
         self._block = np.zeros(layout.size, np.uint8)
+        constants: tuple[np.ndarray, ...] = model.filter_words(settings), model.place_words(settings, held)
+        self._block[layout.filter : layout.records] = np.concatenate(
+            [part.view(np.uint8) for part in constants]
+        )
         self._copies = Copies(held)
         self._marks = settings.shading.view == "redrawn-pages"
         self._keeps_rounds = backend.name == "vulkan" and settings.graph.resubmit
@@ -284,9 +288,12 @@ class ShadowTechnique(Technique):
         rounds, entries = self._copies.rounds, self._copies.entries
         if not len(due.faces):
             rounds, entries = np.zeros((len(due.rounds), 4), np.uint32), entries[:0]
+        rounds = rounds.copy()
+        rounds[:, 3] = (layout.copies - layout.table) // 4 + 4 * rounds[:, 3]
         block[layout.rounds : layout.rounds + rounds.nbytes] = rounds.view(np.uint8).reshape(-1)
         block[layout.records : layout.records + faces.nbytes] = faces.view(np.uint8)
-        block[layout.copies : layout.copies + entries.nbytes] = entries.view(np.uint8).reshape(-1)
+        self._copied = layout.copies + entries.nbytes
+        block[layout.copies : self._copied] = entries.view(np.uint8).reshape(-1)
 
     def _write(self, memory: ShadowMemory, slot: int) -> int:
         """Write to the buffer of a slot what it holds otherwise; return the bytes written."""
@@ -296,9 +303,14 @@ class ShadowTechnique(Technique):
         self._written[slot] = self._revision, pool.revision
         block, table, written = memory.blocks[slot].mapped, memory.layout.table, 0
         if before[0] != self._revision:
-            asks, after = memory.layout.asks, memory.layout.records
-            block[:asks], block[after:table] = self._block[:asks], self._block[after:table]
-            written += table - (after - asks)
+            layout = memory.layout
+            for part in (
+                slice(layout.asks),
+                slice(layout.filter, table),
+                slice(layout.copies, self._copied),
+            ):
+                block[part] = self._block[part]
+                written += part.stop - (part.start or 0)
         if before[1] != pool.revision or self._marks:
             words = pool.table[: pool.shown].copy()
             if self._marks and len(self._pass.schedule.faces):

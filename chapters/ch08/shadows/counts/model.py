@@ -35,8 +35,9 @@ class ShadowCounts:
 
     def build(self, pipelines: Any) -> None:
         """Build the kernel."""
-        tests = (("SHADOW_TESTS", 0),)  # it tests nothing again
-        described = ComputeDescription("shadows/counts/counts.comp", tests, name="count shadow draws")
+        described = ComputeDescription(
+            "shadows/counts/counts.comp", (("TESTS_NOTHING", 1),), name="count shadow draws"
+        )
         (self._kernel,) = pipelines.get([described])
 
     # --- every frame ---
