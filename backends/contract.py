@@ -264,7 +264,8 @@ class Access:
     """One read or write of a pass: the name of the resource, its use, and for images format and size.
 
     `format` is a short name such as 'rgba16f'; None leaves it to the renderer. `scale` is relative to the output;
-    `size` is absolute and replaces it. `clear` is the value that an attachment is cleared to. `samples` is the number
+    `size` is absolute and replaces it. An image with a value for each `texel` of pixels covers the output: its size is
+    divided by that, and rounded up. `clear` is the value that an attachment is cleared to. `samples` is the number
     of samples per pixel of an attachment. A buffer has `bytes`, and neither format nor size.
 
     A name stands for the result of one pass. A pass that draws over the result of another pass writes a new name, and
@@ -287,6 +288,7 @@ class Access:
     instead: str = ""
     previous: bool = False
     stages: tuple[str, ...] = ()
+    texel: tuple[int, int] = (1, 1)
 
 
 @dataclass(frozen=True)

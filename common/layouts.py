@@ -117,6 +117,7 @@ HISTORY_FOG = 16
 HISTORY_SHADOWS = 32
 HISTORY_PROBES = 64
 HISTORY_REFLECTIONS = 128
+HISTORY_RATES = 256
 
 CONSTANTS = {name: value for name, value in globals().items() if name.startswith(("INSTANCE_", "HISTORY_"))}
 """The bits of the masks, by the name that both languages use."""

@@ -1,10 +1,10 @@
-"""Chapter 8: shadow maps of the sun and of 256 lamps, whose tiles have memory where a picture reads them."""
+"""Chapter 9: light that is evaluated once for a block of pixels, where nobody sees the difference."""
 
 from common.lessons import Lesson, Needs, Section
 
 LESSON = Lesson(
-    number=8,
-    title="Shadows",
+    number=9,
+    title="Variable rate shading",
     adds=(
         "shadows of spot, point and directional lights",
         "faces of lights that hold metres",

@@ -21,6 +21,7 @@ from .graph.settings import GraphSettings
 from .hdr.settings import HdrSettings
 from .loading.settings import LoadingSettings
 from .post.settings import PostSettings
+from .rates.settings import RateSettings
 from .scene.settings import SceneSettings
 from .shading.settings import ShadingSettings
 from .shadows.settings import ShadowSettings
@@ -137,6 +138,7 @@ class Settings(Grouped):
         "shadow_kernel shadow_filter shadow_lamp shadow_sun_angle shadow_bias shadow_constant shadow_slope "
         "page_budget shadow_near shadow_pool shadow_sides "
         "shadow_cull_instances shadow_cull_meshlets shadow_cull_cones shadow_cull_faces "
+        "rate_policy rate_coarse rate_threshold rate_surface rate_radius "
         "skip_unused"
     )
 
@@ -156,3 +158,4 @@ class Settings(Grouped):
     visibility: VisibilitySettings = group(VisibilitySettings)
     hdr: HdrSettings = group(HdrSettings)
     shadows: ShadowSettings = group(ShadowSettings)
+    rates: RateSettings = group(RateSettings)

@@ -87,7 +87,11 @@ def check_output(output: str, name: str, written: Access, size: tuple[int, int])
         raise GraphError(
             f"The output '{output}' cannot be '{name}' in {written.format}: it is read as {' or '.join(known)}."
         )
-    if written.scale != 1.0 or written.size not in (None, size) or written.samples > 1:
+    if (
+        (written.scale, *written.texel) != (1.0, 1, 1)
+        or written.size not in (None, size)
+        or written.samples > 1
+    ):
         raise GraphError(
             f"The output '{output}' cannot be '{name}': that is not as large as the picture, or has samples."
         )

@@ -182,8 +182,8 @@ def _resource(
     if "storage" in uses:
         check_stored(name, first_write.format, first_write.samples)
     pixels = first_write.size or (
-        max(1, round(size[0] * first_write.scale)),
-        max(1, round(size[1] * first_write.scale)),
+        -(-max(1, round(size[0] * first_write.scale)) // first_write.texel[0]),
+        -(-max(1, round(size[1] * first_write.scale)) // first_write.texel[1]),
     )
     if min(pixels) < 1:
         raise GraphError(

@@ -9,6 +9,7 @@ from ..post.circle_of_confusion import CircleOfConfusionPass
 from ..post.depth_of_field import DepthOfFieldPass
 from ..post.resolve import ResolvePass
 from ..post.tonemap import TonemapPass
+from ..rates.passes import RateEdgesPass, RateMaskPass
 from ..scene.pass_parts import PassParts
 from ..shading.depth_prepass import DepthPrepass
 from ..shading.forward import ForwardPass
@@ -33,6 +34,7 @@ def make_passes(parts: PassParts) -> dict[str, Pass]:
         SsaoPass(parts),
         SsaoBlurPass(parts, (1, 0)),
         SsaoBlurPass(parts, (0, 1)),
+        RateMaskPass(parts),
         LightingPass(parts),
         ComputeLightingPass(parts),
         TransparentPass(parts),
@@ -41,6 +43,7 @@ def make_passes(parts: PassParts) -> dict[str, Pass]:
         DepthOfFieldPass(parts),
         InstanceIdPass(parts),
         ResolvePass(parts),
+        RateEdgesPass(parts),
         TonemapPass(parts),
     )
     return {gpu_pass.name: gpu_pass for gpu_pass in passes}

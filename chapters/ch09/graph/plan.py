@@ -21,6 +21,7 @@ from common.names import suggest
 
 from ..culling.choice import overlay_of
 from ..frames.frame import OUTPUTS
+from ..rates.model import wanted as has_rates
 from ..shading.deferred import EMISSION, emits
 from ..shading.views import PICTURE
 from ..ssao.model import wanted as occludes
@@ -40,7 +41,7 @@ OFF = "switched off"
 
 
 def graph_name(settings: Any) -> str:
-    """Return the name of the graph that the settings select; "auto" is deferred, or forward with multisampling.
+    """Return the name of the graph that the settings select; "auto" is deferred, compute with shading rates, or forward with multisampling.
 
     A view always needs forward: it shows a quantity of each surface while the surface is drawn. Multisampling needs
     forward because a G-buffer holds one surface per pixel.
@@ -49,7 +50,9 @@ def graph_name(settings: Any) -> str:
         return "forward"
     if overlay_of(settings) != "off":  # drawn over the forward pass
         return "forward"
-    return "deferred" if settings.graph.name == "auto" else str(settings.graph.name)
+    if settings.graph.name != "auto":
+        return str(settings.graph.name)
+    return "compute" if has_rates(settings) else "deferred"
 
 
 def check_samples(file: GraphFile, settings: Any) -> None:

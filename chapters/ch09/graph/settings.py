@@ -15,7 +15,9 @@ class GraphSettings:
     """The settings of the frame graph: its file, memory, recordings and poison."""
 
     name: str = knob(
-        "auto", "deferred, compute, forward or a file; auto: deferred, but forward with msaa", flat="graph"
+        "auto",
+        "deferred, compute, forward or a file; auto: deferred, compute with rate_policy, forward with msaa",
+        flat="graph",
     )
     alias: bool = knob(True, "whether targets that are never needed at the same time share memory")
     resubmit: bool = knob(True, "whether frames are recorded once and sent again until something changes")
