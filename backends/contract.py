@@ -258,6 +258,9 @@ class PassWork:
 
 Use = Literal["color", "depth", "sampled", "storage", "copy", "uniform", "indirect"]
 
+RateUse = Literal["rate"]
+"""The use of a mask of shading rates by the rasteriser of a pass that draws. Only some frame graphs know it."""
+
 
 @dataclass(frozen=True)
 class Access:
@@ -277,7 +280,7 @@ class Access:
     """
 
     resource: str
-    use: Use
+    use: Use | RateUse
     format: str | None = None
     scale: float = 1.0
     clear: tuple[float, ...] | None = None

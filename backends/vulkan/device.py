@@ -248,7 +248,7 @@ def capabilities(physical: PhysicalDevice, believe: bool = False) -> Capabilitie
         kind=physical.kind,
         features=frozenset({*vf.OPTIONAL, "async-compute", "async-transfer"} - why_not.keys()),
         why_not=why_not,
-        limits={name: int(getattr(physical.limits, name)) for name in LIMITS},
+        limits={name: int(getattr(physical.limits, name)) for name in LIMITS} | dict(physical.rates),
     )
     if believe:
         return said

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any, Literal
 
@@ -15,6 +15,7 @@ from backends.vulkan.driver.debug import ValidationSink
 from common.errors import UnsupportedError, UserError
 
 VALIDATION_LAYER = "VK_LAYER_KHRONOS_validation"
+SHADING_RATE = "VK_KHR_fragment_shading_rate"
 PORTABILITY_ENUMERATION = (
     "VK_KHR_portability_enumeration"  # macOS: the loader lists MoltenVK only with this extension
 )
@@ -164,6 +165,8 @@ class PhysicalDevice:
     limits: Any
     cache_uuid: str
     properties: frozenset[str] = frozenset()
+    rates: Mapping[str, int] = field(default_factory=dict)
+    """The limits of shading rates; empty without them. See `shading_rates`."""
 
     def lacks(self, requirement: vf.Requirement) -> str | None:
         """Return what is missing for `requirement` in a few words, or None if nothing is."""
@@ -282,7 +285,29 @@ def describe(instance: Instance, handle: Any) -> PhysicalDevice:
         limits=vk.keep(vk.ffi.addressof(plain, "limits"), properties, driver),
         cache_uuid=bytes(plain.pipelineCacheUUID).hex(),
         properties=frozenset({vf.SUBGROUPS} if adds_up and everywhere else ()),
+        rates=shading_rates(fn, handle) if SHADING_RATE in extensions else {},
     )
+
+
+def shading_rates(fn: vk.Functions, handle: Any) -> dict[str, int]:
+    """Return what a device with VK_KHR_fragment_shading_rate says of rates at one sample a pixel.
+
+    "shadingRates" has bit `code` of each size of a fragment: 4 log2(width) + log2(height). The others are the least and
+    most pixels along a square texel of an attachment.
+    """
+    limits = vk.new("VkPhysicalDeviceFragmentShadingRatePropertiesKHR")
+    fn.vkGetPhysicalDeviceProperties2(handle, vk.new("VkPhysicalDeviceProperties2", pNext=limits))
+    least = limits.minFragmentShadingRateAttachmentTexelSize
+    most = limits.maxFragmentShadingRateAttachmentTexelSize
+    call = "vkGetPhysicalDeviceFragmentShadingRatesKHR"
+    offered = vk.listed(getattr(fn, call), call, "VkPhysicalDeviceFragmentShadingRateKHR", handle)
+    sizes = [it.fragmentSize for it in offered if it.sampleCounts & vk.VK_SAMPLE_COUNT_1_BIT]
+    codes = {(size.width.bit_length() - 1) << 2 | (size.height.bit_length() - 1) for size in sizes}
+    return {
+        "shadingRates": sum(1 << code for code in codes),
+        "minShadingRateTexel": max(int(least.width), int(least.height)),
+        "maxShadingRateTexel": min(int(most.width), int(most.height)),
+    }
 
 
 def _structs_of(extensions: frozenset[str]) -> list[str]:

@@ -23,6 +23,7 @@ FORMATS: dict[str, tuple[int, int, type, int]] = {
     "rgba8": (vk.VK_FORMAT_R8G8B8A8_UNORM, 4, np.uint8, 4),
     "rgba8_srgb": (vk.VK_FORMAT_R8G8B8A8_SRGB, 4, np.uint8, 4),
     "rgb10a2": (vk.VK_FORMAT_A2B10G10R10_UNORM_PACK32, 4, np.uint32, 1),
+    "r8ui": (vk.VK_FORMAT_R8_UINT, 1, np.uint8, 1),
     "r32ui": (vk.VK_FORMAT_R32_UINT, 4, np.uint32, 1),
     "rg32ui": (vk.VK_FORMAT_R32G32_UINT, 8, np.uint32, 2),
     "r32f": (vk.VK_FORMAT_R32_SFLOAT, 4, np.float32, 1),

@@ -35,6 +35,7 @@ LESSON = Lesson(
                 "draw-indirect-count",
                 "mesh-shader",
                 "multi-draw",
+                "shading-rate",
                 "sparse",
                 "subgroups",
             }

@@ -39,6 +39,8 @@ from .graph.passes import make_passes
 from .graph.plan import FramePlan, check_samples, graph_name
 from .graph.stream import GraphStream
 from .hdr.technique import HdrTechnique
+from .rates.native import settled
+from .rates.technique import RateTechnique
 from .scene.pass_parts import PassParts
 from .scene.scene_draws import SceneDrawLists
 from .shading.views import shown_exposure
@@ -58,6 +60,7 @@ class Renderer(GraphStream):
         HdrTechnique,
         VisibilityTechnique,
         ShadowTechnique,
+        RateTechnique,
     )
     """The work of each subject outside its passes. A lesson adds a folder, and one line here."""
 
@@ -65,12 +68,13 @@ class Renderer(GraphStream):
 
     def _create(self) -> None:
         scene, api = self.scene, self._api
-        self._settings = settings = replaced(self.settings, msaa=self.samples)
+        limits, settings = self.capabilities.limits, replaced(self.settings, msaa=self.samples)
+        self._settings = settings = settled(settings, self.plan, limits)
         api.create(scene, settings, self.plan, self._loading, self._pose(0.0))
         self._data, self._pipelines, self._frames = api.data, api.pipelines, api.frames
         self._begin_stream()
         self._draws = SceneDrawLists(scene, self._data, api.by_address)
-        self._parts = PassParts(scene, settings, self._data, self._draws, self._pipelines)
+        self._parts = PassParts(scene, settings, self._data, self._draws, self._pipelines, limits)
         passes = make_passes(self._parts)
         for technique in self.techniques.values():
             technique.create(self._parts, api, dict(passes))

@@ -74,7 +74,11 @@ OPTIONAL: dict[str, Requirement] = {
     "sampler-minmax": Requirement(bits=((V12, "samplerFilterMinmax"),)),
     "shading-rate": Requirement(
         ("VK_KHR_fragment_shading_rate",),
-        ((SHADING_RATE, "pipelineFragmentShadingRate"), (SHADING_RATE, "attachmentFragmentShadingRate")),
+        (
+            (SHADING_RATE, "pipelineFragmentShadingRate"),
+            (SHADING_RATE, "attachmentFragmentShadingRate"),
+            (CORE, "shaderStorageImageExtendedFormats"),  # a shader writes the bytes of the attachment
+        ),
     ),
     "sparse": Requirement(
         bits=((CORE, "sparseBinding"), (CORE, "sparseResidencyImage2D"), (CORE, "shaderResourceResidency"))

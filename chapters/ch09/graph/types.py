@@ -150,6 +150,14 @@ class Attachment:
 
 
 @dataclass(frozen=True)
+class Rate:
+    """The mask of shading rates that the rasteriser reads; each of its texels is for `texel` pixels."""
+
+    resource: str
+    texel: tuple[int, int]
+
+
+@dataclass(frozen=True)
 class Step:
     """A pass in the order of the frame. `reads` are the resources of its declared reads, in the same order."""
 
@@ -158,6 +166,7 @@ class Step:
     barriers: tuple[Barrier, ...] = ()
     colors: tuple[Attachment, ...] = ()
     depth: Attachment | None = None
+    rate: Rate | None = None
     size: tuple[int, int] | None = None
     reads: tuple[str, ...] = ()
     writes: tuple[str, ...] = ()

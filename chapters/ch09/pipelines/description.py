@@ -22,7 +22,7 @@ class PipelineDescription:
 
     `specialization` sets the values of specialization constants, by name or id. A pipeline that OpenGL builds, too,
     has defines instead. `dynamic` names buffers whose offset is given at each bind. `color` may be several formats, one
-    for each target; all targets have the same blending.
+    for each target; all targets have the same blending. `by_rates` is for draws with a mask of shading rates.
     """
 
     shaders: tuple[str, ...]
@@ -34,6 +34,7 @@ class PipelineDescription:
     blend: Literal["over", "add", "weighted"] | None = None
     samples: int = 1
     name: str = ""
+    by_rates: bool = False
 
     @property
     def title(self) -> str:

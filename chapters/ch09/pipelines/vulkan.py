@@ -18,6 +18,7 @@ from backends.vulkan.resources import FORMATS
 from backends.vulkan.shaders.live import Stages, check_fit, compile_stages
 from common.layouts import SNIPPETS
 
+from ..rates.vulkan import rates_of_attachment
 from .compute_description import ComputeDescription
 from .description import Built, Described, PipelineDescription
 from .vulkan_cache import PipelineCache
@@ -172,12 +173,14 @@ class Pipelines:
         ]
         rendering = vk.new(
             "VkPipelineRenderingCreateInfo",
+            pNext=rates_of_attachment() if described.by_rates else None,
             pColorAttachmentFormats=[FORMATS[name][0] for name in described.colors] or None,
             depthAttachmentFormat=FORMATS["d32f"][0] if described.depth else vk.VK_FORMAT_UNDEFINED,
         )
         info = vk.new(
             "VkGraphicsPipelineCreateInfo",
             pNext=rendering,
+            flags=vk.VK_PIPELINE_CREATE_RENDERING_FRAGMENT_SHADING_RATE_ATTACHMENT_BIT_KHR * described.by_rates,
             pStages=stages,
             # Shaders fetch their vertices; mesh shaders ignore both states.
             pVertexInputState=vk.new("VkPipelineVertexInputStateCreateInfo"),

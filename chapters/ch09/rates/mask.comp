@@ -5,7 +5,7 @@ layout(local_size_x = RATE_TEXEL, local_size_y = RATE_TEXEL) in;
 #include "scene/scene.glsl"
 #include "rates/codes.glsl"
 #ifdef RADIUS
-layout(BIND(1, 0, 0), r32ui) uniform writeonly uimage2D rates;
+layout(BIND(1, 0, 0), RATE_FORMAT) uniform writeonly uimage2D rates;
 #include "rates/radial.glsl"
 #else
 #include "shading/color_code.glsl"
@@ -15,7 +15,7 @@ layout(BIND(1, 1, 4)) uniform NORMAL_SAMPLER gbuffer_normal;
 layout(BIND(1, 2, 5)) uniform sampler2D gbuffer_material;
 layout(BIND(1, 3, 6)) uniform sampler2D depth;
 layout(BIND(1, 4, 7)) uniform usampler2D rates_before;
-layout(BIND(1, 5, 0), r32ui) uniform writeonly uimage2D rates;
+layout(BIND(1, 5, 0), RATE_FORMAT) uniform writeonly uimage2D rates;
 #include "rates/sobel.glsl"
 #endif
 

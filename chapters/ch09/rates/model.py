@@ -52,11 +52,11 @@ def wanted(settings: Any) -> bool:
     return bool(settings.rates.policy != "none" and shading.view == "picture" and shading.msaa == 1)
 
 
-def mask_defines(settings: Any) -> Defines:
+def mask_defines(settings: Any, texel: int = TEXEL) -> Defines:
     """Return what the kernels of the mask are built with."""
     rates = settings.rates
     return (
-        ("RATE_TEXEL", TEXEL),
+        ("RATE_TEXEL", texel),
         ("COARSE", f"{coarse_code(settings)}u"),
         *(
             (("RADIUS", rates.radius),)

@@ -1,6 +1,6 @@
 """The passes of the mask of shading rates.
 
-history_rates of the last frame, G-buffer -> rate_mask -> rates -> lighting_compute
+history_rates of the last frame, G-buffer -> rate_mask -> rates -> lighting_compute, or lighting (rates/native.py)
 the finished picture                      -> rate_edges -> history_rates, for the next frame
 """
 
@@ -19,8 +19,7 @@ from ..settings import Settings
 from ..shading.deferred import code_defines, sampled
 from ..shading.views import tonemap_defines
 from . import model
-
-_TEXELS = (model.TEXEL, model.TEXEL)
+from .native import mask_of
 
 
 def in_use(settings: Settings) -> bool:
@@ -40,6 +39,7 @@ class RatePass(Pass):
 
     def __init__(self, parts: PassParts) -> None:
         self._settings, self._pipelines, self._draws = parts.settings, parts.pipelines, parts.draws
+        self._mask = mask_of(parts.settings, parts.limits)
 
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:
@@ -58,11 +58,12 @@ class RateMaskPass(RatePass):
         if parts.settings.rates.policy == "sobel":
             before = Access(model.EDGES, "sampled", format="r32ui", previous=True)
             self.reads = (*sampled(parts.settings), Access("depth", "sampled"), before)
-        self.writes = (Access(model.RATES, "storage", format="r32ui", texel=_TEXELS),)
+        self.writes = (Access(model.RATES, "storage", format=self._mask.format, texel=self._mask.texels),)
 
     def create(self) -> None:
         """Build the pipeline."""
-        defines = (*model.mask_defines(self._settings), *code_defines(self._settings))
+        defines = (*model.mask_defines(self._settings, self._mask.texel), *code_defines(self._settings))
+        defines = (*defines, ("RATE_FORMAT", self._mask.format))
         self.pipelines = self._pipelines.get([ComputeDescription("rates/mask.comp", defines, name=self.name)])
 
     def record(self, commands: Commands) -> None:
@@ -81,7 +82,7 @@ class RateEdgesPass(RatePass):
     def __init__(self, parts: PassParts) -> None:
         super().__init__(parts)
         self.reads = (Access("color_hdr", "sampled"),)
-        self.writes = (Access(model.EDGES, "storage", format="r32ui", texel=_TEXELS),)
+        self.writes = (Access(model.EDGES, "storage", format="r32ui", texel=self._mask.texels),)
 
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:
@@ -90,7 +91,7 @@ class RateEdgesPass(RatePass):
 
     def create(self) -> None:
         """Build the pipeline."""
-        defines = (*model.mask_defines(self._settings), *tonemap_defines(self._settings))
+        defines = (*model.mask_defines(self._settings, self._mask.texel), *tonemap_defines(self._settings))
         self.pipelines = self._pipelines.get(
             [ComputeDescription("rates/edges.comp", defines, name=self.name)]
         )

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from common.scene import Scene
 
@@ -21,3 +22,5 @@ class PassParts:
     data: SceneData
     draws: SceneDrawLists
     pipelines: Pipelines
+    limits: Mapping[str, int] = field(default_factory=dict)
+    """The limits of the device, as in its capabilities."""

@@ -53,6 +53,8 @@ vec3 position_of(ivec2 pixel, float d) {
 
 #ifdef COMPUTED  // by lighting.comp, which calls what follows for the pixel of each invocation
 #define main light
+#elif defined(BY_RATES)  // the middle of a block that stands over the edge may lie outside
+#define PIXEL min(gl_FragCoord.xy, frame.size.xy - 0.5)
 #else
 #define PIXEL gl_FragCoord
 #endif

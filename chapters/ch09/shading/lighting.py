@@ -7,6 +7,7 @@ from common.scene import Scene
 
 from ..pipelines.description import PipelineDescription
 from ..post.fullscreen import FullscreenPass
+from ..rates.native import attached
 from ..scene.pass_parts import PassParts
 from ..settings import Settings
 from ..ssao import model as ssao
@@ -28,6 +29,8 @@ class LightingPass(FullscreenPass):
         self.reads = (*sampled(parts.settings), *others)
         self.writes = (Access("color_lit", "color", format=parts.settings.shading.color_format),)
         self._scene = parts.scene
+        self._attached = attached(parts.settings, parts.limits) if self.name == "lighting" else ()
+        self.reads = (*self.reads, *self._attached)
 
     def declare(self) -> None:
         """Read the emission, behind the depth, only while a material emits."""
@@ -49,8 +52,10 @@ class LightingPass(FullscreenPass):
             defines=(
                 *(*light_defines(variants, self._has_sky, self._settings), *self._occlusion),
                 *emission_defines(self._scene, self._settings),
+                *(("BY_RATES", 1),) * len(self._attached),
             ),
             color=self._settings.shading.color_format,
             depth=None,
             name="lighting",
+            by_rates=bool(self._attached),
         )

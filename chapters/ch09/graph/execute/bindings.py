@@ -26,6 +26,9 @@ OWNED = 4
 STORABLE = ("rgba8", "rgba16f", "rgba32f", "r32f", "r32ui")
 """Formats with shader stores on every device (Vulkan specification, "Required Format Support")."""
 
+STORED_RATES = "r8ui"
+"""The format of shading rates, which a device stores if it has attachments of them (backends/vulkan/driver/features.py)."""
+
 
 @dataclass(frozen=True)
 class Bound:
@@ -81,7 +84,7 @@ def check_table(step: str, bound: Sequence[Bound], table: Mapping[int, tuple[str
 
 def check_stored(name: str, format: str, samples: int) -> None:
     """Raise GraphError if shaders store to an image whose format some devices cannot store."""
-    if format not in STORABLE:
+    if format not in (*STORABLE, STORED_RATES):
         raise GraphError(
             f"A shader cannot store to '{name}' in {format}: images that are stored to are {', '.join(STORABLE)}."
         )

@@ -36,6 +36,7 @@ class Targets(Rendering):
         self.images = (*colors, depth)
         self.info = vk.new(
             "VkRenderingInfo",
+            pNext=self._rates(step, resources),
             renderArea={"extent": {"width": step.size[0], "height": step.size[1]}},
             layerCount=1,
             pColorAttachments=[
@@ -44,6 +45,21 @@ class Targets(Rendering):
             ]
             or None,
             pDepthAttachment=None if step.depth is None else self._target(step.depth, depth, "depth"),
+        )
+
+    @staticmethod
+    def _rates(step: Step, resources: Mapping[str, Image | Buffer]) -> Any:
+        """Return the attachment with the shading rates of the step; None for a step without."""
+        if step.rate is None:
+            return None
+        image = resources[step.rate.resource]
+        assert isinstance(image, Image), step.rate.resource
+        width, height = step.rate.texel
+        return vk.new(
+            "VkRenderingFragmentShadingRateAttachmentInfoKHR",
+            imageView=image.view,
+            imageLayout=layout_of("rate", image),
+            shadingRateAttachmentTexelSize={"width": width, "height": height},
         )
 
     @staticmethod

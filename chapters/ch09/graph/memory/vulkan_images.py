@@ -33,6 +33,7 @@ _IMAGE_USAGE: dict[str, int] = {
     "depth": vk.VK_IMAGE_USAGE_DEPTH_STENCIL_ATTACHMENT_BIT,
     "sampled": vk.VK_IMAGE_USAGE_SAMPLED_BIT,
     "storage": vk.VK_IMAGE_USAGE_STORAGE_BIT,
+    "rate": vk.VK_IMAGE_USAGE_FRAGMENT_SHADING_RATE_ATTACHMENT_BIT_KHR,
     "copy_source": vk.VK_IMAGE_USAGE_TRANSFER_SRC_BIT,
     "copy_target": vk.VK_IMAGE_USAGE_TRANSFER_DST_BIT,
 }

@@ -17,6 +17,7 @@ _USES: dict[str, tuple[str, str, str, str, str]] = {
     "storage": ("general", "fragment", "compute", "storage_read", "storage_write"),
     "copy": ("copy", "copy", "copy", "copy_read", "copy_write"),
     "uniform": ("", "vertex fragment", "compute", "uniform", ""),
+    "rate": ("rate", "rate", "", "rate_read", ""),
     "indirect": ("", "indirect", "indirect", "indirect", ""),
 }
 
