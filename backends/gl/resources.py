@@ -41,6 +41,7 @@ FORMATS: dict[str, Format] = {
     "rgba8": Format(gl.GL_RGBA8, gl.GL_RGBA, _BYTE, 4, np.uint8, 4),
     "rgba8_srgb": Format(gl.GL_SRGB8_ALPHA8, gl.GL_RGBA, _BYTE, 4, np.uint8, 4),
     "rgb10a2": Format(gl.GL_RGB10_A2, gl.GL_RGBA, gl.GL_UNSIGNED_INT_2_10_10_10_REV, 4, np.uint32, 1),
+    "r8ui": Format(gl.GL_R8UI, gl.GL_RED_INTEGER, _BYTE, 1, np.uint8, 1),
     "r32ui": Format(gl.GL_R32UI, gl.GL_RED_INTEGER, _UINT, 4, np.uint32, 1),
     "rg32ui": Format(gl.GL_RG32UI, gl.GL_RG_INTEGER, _UINT, 8, np.uint32, 2),
     "r32f": Format(gl.GL_R32F, gl.GL_RED, _FLOAT, 4, np.float32, 1),

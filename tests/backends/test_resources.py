@@ -32,6 +32,7 @@ from tests.support.drawing import draw
 
 NUMBERS = {
     "r8": 9,
+    "r8ui": 13,
     "rg8": 16,
     "rgba8": 37,
     "rgba8_srgb": 43,

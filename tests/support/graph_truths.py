@@ -21,6 +21,7 @@ READ_IN = {
     "copy": ("copy_source", "copy_read"),
     "uniform": ("", "uniform"),
     "indirect": ("", "indirect"),
+    "rate": ("rate", "rate_read"),
 }
 """Layout and access of what a pass reads, by the word it declares (Vulkan specification, "Image Layouts")."""
 
@@ -176,7 +177,7 @@ class Truth:
 
     def _use(self, node: Any, resource: str, access: Access, writes: bool) -> Use:
         shaders = access.stages or (("fragment",) if node.kind == "graphics" else ("compute",))
-        fixed = {"color": "color", "depth": "depth", "copy": "copy", "indirect": "indirect"}
+        fixed = {"color": "color", "depth": "depth", "copy": "copy", "indirect": "indirect", "rate": "rate"}
         stages = (fixed[access.use],) if access.use in fixed else shaders
         if writes:
             layout, kinds, before = WRITTEN_IN[access.use]
@@ -319,6 +320,7 @@ def _pairs(touch: Any) -> frozenset[tuple[str, str]]:
         "depth": {"depth_read", "depth_write"},
         "copy": {"copy_read", "copy_write"},
         "indirect": {"indirect"},
+        "rate": {"rate_read"},
         "host": {"host_read"},
     }
     shader = {"sampled", "storage_read", "storage_write", "uniform"}

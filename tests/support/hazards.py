@@ -40,6 +40,7 @@ ALL_STAGES = (
     "index",
     "task",
     "mesh",
+    "rate",
 )
 CHANGE = "change"
 WRITES = frozenset({"color_write", "depth_write", "storage_write", "copy_write", "host_write", CHANGE})

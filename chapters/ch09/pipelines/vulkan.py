@@ -180,7 +180,8 @@ class Pipelines:
         info = vk.new(
             "VkGraphicsPipelineCreateInfo",
             pNext=rendering,
-            flags=vk.VK_PIPELINE_CREATE_RENDERING_FRAGMENT_SHADING_RATE_ATTACHMENT_BIT_KHR * described.by_rates,
+            flags=vk.VK_PIPELINE_CREATE_RENDERING_FRAGMENT_SHADING_RATE_ATTACHMENT_BIT_KHR
+            * described.by_rates,
             pStages=stages,
             # Shaders fetch their vertices; mesh shaders ignore both states.
             pVertexInputState=vk.new("VkPipelineVertexInputStateCreateInfo"),

@@ -95,16 +95,16 @@ def _without(settings: Any, plan: Plan, limits: Mapping[str, int]) -> str:
         return ""
     passes, chosen = _passes(settings), f"graph={settings.graph.name}"
     if model.MASK not in passes or not {DRAWN, COMPUTED} & passes:
-        return f"{chosen}, which has no passes '{model.MASK}' and '{COMPUTED}': set graph=compute"
+        return f"{chosen}, which has no passes '{model.MASK}' and '{COMPUTED}', and graph=compute has both"
     why = "" if COMPUTED in passes else _why_not(settings, plan, limits)
-    return f"{chosen}, whose light is drawn, since {why}: set graph=compute" if why else ""
+    return f"{chosen}, since {why}, and graph=compute needs none" if why else ""
 
 
 def _why_not(settings: Any, plan: Plan, limits: Mapping[str, int]) -> str:
     """Return why the rasteriser cannot light by the mask; "" if it can."""
     if not plan.native(FEATURE):
         reasons = [choice.reason for choice in plan.choices if choice.feature == FEATURE]
-        return f"variable rate shading is missing ({reasons[0] if reasons else 'the plan has none'})"
+        return f"there is no variable rate shading ({reasons[0] if reasons else 'the plan has none'})"
     if not texel_of(limits):
         return "the texels of the device's shading rates have another size than a work group can have"
     if not limits.get("shadingRates", 0) >> model.coarse_code(settings) & 1:

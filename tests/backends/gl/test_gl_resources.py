@@ -197,6 +197,7 @@ NUMBERS = {
     "rgba8": (0x8058, RGBA, BYTE),
     "rgba8_srgb": (0x8C43, RGBA, BYTE),
     "rgb10a2": (0x8059, RGBA, PACKED_10),
+    "r8ui": (0x8232, RED_INTEGER, BYTE),
     "r32ui": (0x8236, RED_INTEGER, UINT),
     "rg32ui": (0x823C, RG_INTEGER, UINT),
     "r32f": (0x822E, RED, FLOAT),

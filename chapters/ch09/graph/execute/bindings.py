@@ -27,7 +27,8 @@ STORABLE = ("rgba8", "rgba16f", "rgba32f", "r32f", "r32ui")
 """Formats with shader stores on every device (Vulkan specification, "Required Format Support")."""
 
 STORED_RATES = "r8ui"
-"""The format of shading rates, which a device stores if it has attachments of them (backends/vulkan/driver/features.py)."""
+"""The format of an attachment of shading rates. A device counts as one with such attachments only if it stores them, too
+(backends/vulkan/driver/features.py)."""
 
 
 @dataclass(frozen=True)
