@@ -114,7 +114,7 @@ def texel_in(graph) -> int:
     return rates[0].texel[0] if rates else 16
 
 
-@pytest.mark.feature("vrs/attachment", "vrs/software")
+@pytest.mark.feature("vrs/attachment")
 @pytest.mark.parametrize("size", [WHOLE, SIZE])
 def test_blocks_of_one_pixel_are_the_picture_at_full_rate_bit_for_bit(chapter, scene, graph, size):
     if size == SIZE:
@@ -145,7 +145,7 @@ def test_a_block_has_the_light_of_its_middle_pixel(chapter, scene, graph, coarse
     assert np.abs(drawn - plain).max() > 0.1, "blocks differ from pixels, so a wrong pixel would be seen"
 
 
-@pytest.mark.feature("vrs/attachment", "vrs/software")
+@pytest.mark.feature("vrs/attachment")
 @pytest.mark.parametrize(
     "knobs", [BLOCKS, {"rate_policy": "radial", "rate_radius": 0.4}, {"rate_policy": "sobel"}]
 )

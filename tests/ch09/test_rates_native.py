@@ -354,9 +354,12 @@ def test_the_mask_of_the_rasteriser_is_that_of_the_kernel_in_bytes(chapter, scen
         y, x = np.mgrid[0:height, 0:width]
         away = np.hypot(x + 0.5 - width / 2, y + 0.5 - height / 2) / height
         rows, columns = -(-height // texel), -(-width // texel)
-        wanted = np.full((rows, columns), 5)
-        np.minimum.at(wanted, (y // texel, x // texel), np.where(away <= 0.3, 0, 5))
-        assert np.array_equal(codes, wanted) and np.ptp(codes)
+        finest, coarsest = np.full((rows, columns), 5), np.zeros((rows, columns), int)
+        asked = np.where(away <= 0.3, 0, 5)
+        np.minimum.at(finest, (y // texel, x // texel), asked)
+        np.maximum.at(coarsest, (y // texel, x // texel), asked)
+        assert np.array_equal(codes, finest)
+        assert not np.array_equal(codes, coarsest), "the rule of reduction would be seen"
 
 
 @pytest.mark.feature("vrs/attachment")

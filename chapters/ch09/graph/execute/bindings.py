@@ -27,7 +27,7 @@ STORABLE = ("rgba8", "rgba16f", "rgba32f", "r32f", "r32ui")
 """Formats with shader stores on every device (Vulkan specification, "Required Format Support")."""
 
 STORED_RATES = "r8ui"
-"""The format of an attachment of shading rates. A device counts as one with such attachments only if it stores them, too
+"""The format of an attachment of shading rates. A device counts as one with such attachments if shaders store it, too
 (backends/vulkan/driver/features.py)."""
 
 
