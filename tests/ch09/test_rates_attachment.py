@@ -95,7 +95,7 @@ def rendered(chapter, scene, size=SIZE, frames=1, **knobs):
         for _ in range(frames):
             frame = renderer.render(VIEW)
         mask = frame.image(f"{MASK}/{RATES}").astype(int) if RATES in renderer.graph.resources else None
-        return frame.image("color_linear").astype(np.float64), mask, renderer.graph
+        return frame.image("color_linear").astype(np.float64), mask, texel_in(renderer)
 
 
 def lit_pixels(codes: np.ndarray, texel: int, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
@@ -108,10 +108,10 @@ def lit_pixels(codes: np.ndarray, texel: int, size: tuple[int, int]) -> tuple[np
     return np.minimum(rows, height - 1), np.minimum(columns, width - 1)
 
 
-def texel_in(graph) -> int:
-    """Return the pixels along a texel of the mask, from the declarations of a frame."""
-    rates = [step.rate for step in graph.steps if step.rate is not None]
-    return rates[0].texel[0] if rates else 16
+def texel_in(renderer) -> int:
+    """Return the pixels along a texel of the mask, from what the rasteriser reads; 16 where a kernel reads it."""
+    texels = [access.texel[0] for node in renderer.nodes for access in node.reads if access.use == "rate"]
+    return texels[0] if texels else 16
 
 
 @pytest.mark.feature("vrs/attachment")
@@ -135,8 +135,7 @@ def test_a_block_has_the_light_of_its_middle_pixel(chapter, scene, graph, coarse
     if graph == "deferred" and coarse == "4x4" and not limits["shadingRates"] >> 10 & 1:
         pytest.skip("the device has no shading-rate of 4x4")
     plain, _, _ = rendered(chapter, scene, graph=graph)
-    drawn, codes, compiled = rendered(chapter, scene, graph=graph, rate_coarse=coarse, **BLOCKS)
-    texel = texel_in(compiled)
+    drawn, codes, texel = rendered(chapter, scene, graph=graph, rate_coarse=coarse, **BLOCKS)
     assert codes.shape == tuple(-(-side // texel) for side in SIZE[::-1])
     assert np.mean(codes != 0) > 0.9
     rows, columns = lit_pixels(codes, texel, SIZE)
@@ -151,8 +150,8 @@ def test_a_block_has_the_light_of_its_middle_pixel(chapter, scene, graph, coarse
 )
 def test_the_rasteriser_and_the_kernel_light_the_same_pixels(chapter, scene, knobs):
     has_attachment(chapter)
-    drawn, codes, compiled = rendered(chapter, scene, frames=4, graph="deferred", **knobs)
-    if texel_in(compiled) != 16:
+    drawn, codes, texel = rendered(chapter, scene, frames=4, graph="deferred", **knobs)
+    if texel != 16:
         pytest.skip("the device has no shading-rate for texels of 16 pixels")
     computed, of_kernel, _ = rendered(chapter, scene, frames=4, graph="compute", **knobs)
     assert np.array_equal(codes, of_kernel)
@@ -176,7 +175,7 @@ def test_half_a_mask_of_2x2_takes_a_quarter_of_its_fragments(chapter, scene, tmp
 
     pixels, half = WHOLE[0] * WHOLE[1], WHOLE[0] // 2 * WHOLE[1]
     with chapter.open(scene, WHOLE, replaced(BASE, graph="deferred", **FULL_RATE), inspect=True) as renderer:
-        texel = texel_in(renderer.graph)
+        texel = texel_in(renderer)
         counted = Counter(renderer, chapter.device)
         assert counted.fragments() == pytest.approx(pixels, rel=0.02)
         renderer.swap_pass(MASK, renderer.make_pass(Halves))

@@ -24,7 +24,7 @@ from chapters.ch09.graph.memory import vulkan_images
 from chapters.ch09.graph.plan import graph_name
 from chapters.ch09.graph.sync import vulkan as sync
 from chapters.ch09.graph.sync.states import touch_of
-from chapters.ch09.graph.types import GraphError, Node, Rate, Touch
+from chapters.ch09.graph.types import GraphError, Node, Touch
 from chapters.ch09.rates import native
 from chapters.ch09.rates.model import EDGES, MASK, RATES
 from chapters.ch09.rates.vulkan import rates_of_attachment
@@ -182,7 +182,7 @@ def test_without_the_capability_auto_lights_by_compute(chapter, scene):
         renderer.render(VIEW)
         graph = renderer.graph
     assert {MASK, native.COMPUTED} <= {step.name for step in graph.steps}
-    assert not any(step.rate for step in graph.steps)
+    assert "rate" not in graph.resources[RATES].uses
     assert graph.resources[RATES].size == (6, 4) and graph.resources[RATES].format == "r32ui"
     assert not scene.warnings
 
@@ -248,7 +248,7 @@ def test_the_mask_has_a_texel_for_each_part_of_the_picture_and_a_barrier_before_
     mask, light = graph.steps
     assert (mask.kind, light.kind) == ("compute", "graphics")
     assert graph.resources[RATES].size == texels and graph.resources[RATES].uses == {"storage", "rate"}
-    assert light.rate == Rate(RATES, (16, 8)) and mask.rate is None and light.size == size
+    assert light.rates((READS,)) == (RATES, (16, 8)) and mask.rates(()) is None and light.size == size
     (barrier,) = [it for it in light.barriers if it.resource == RATES]
     assert barrier.before == Touch("general", frozenset({"compute"}), barrier.before.access, writes=True)
     assert "storage_write" in barrier.before.access and barrier.after == RATE_TOUCH and not barrier.discard
@@ -294,7 +294,7 @@ def test_structs_have_the_numbers_of_the_specification():
     )  # compute, and the rasteriser's reads
     assert mask.srcAccessMask & 0x400000000 and mask.dstAccessMask == 0x00800000
     assert (mask.oldLayout, mask.newLayout) == (1, 1000164003)
-    info = vulkan_targets.Targets(light, images).info
+    info = vulkan_targets.Targets(light, images, (READS,)).info
     rates = vk.ffi.cast("VkRenderingFragmentShadingRateAttachmentInfoKHR *", info.pNext)
     assert rates.sType == 1000044006 and int(vk.ffi.cast("uintptr_t", rates.imageView)) == 17
     assert rates.imageLayout == 1000164003
@@ -345,9 +345,7 @@ def test_the_mask_of_the_rasteriser_is_that_of_the_kernel_in_bytes(chapter, scen
         with chapter.open(scene, SIZE, settings, outputs=("color_linear",), inspect=True) as renderer:
             frame = renderer.render(VIEW)
             found[graph] = frame.image(f"{MASK}/{RATES}")
-            assert [step.name for step in renderer.graph.steps if step.rate] == ["lighting"] * (
-                graph == "deferred"
-            )
+            assert ("rate" in renderer.graph.resources[RATES].uses) == (graph == "deferred")
     assert found["deferred"].dtype == np.uint8 and found["compute"].dtype == np.uint32
     for codes, texel in ((found["deferred"], pretended), (found["compute"], 16)):
         width, height = SIZE

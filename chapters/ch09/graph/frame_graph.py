@@ -37,7 +37,6 @@ from .types import (
     Graph,
     GraphError,
     Node,
-    Rate,
     Requirement,
     Requirements,
     Resource,
@@ -253,7 +252,6 @@ def _step(
     """Return the step of a pass with its attachments; barriers are added later."""
     colors: list[Attachment] = []
     depth: Attachment | None = None
-    rate = next((Rate(wiring.roots[it.resource], it.texel) for it in node.reads if it.use == "rate"), None)
     for access in node.writes:
         name = wiring.roots[access.resource]
         if access.use not in ("color", "depth"):
@@ -273,7 +271,6 @@ def _step(
         node.kind,
         colors=tuple(colors),
         depth=depth,
-        rate=rate,
         size=_size(node, [*colors, *([depth] if depth else [])], wiring, resources),
         reads=tuple(wiring.roots[a.resource] + PREVIOUS * a.previous for a in node.reads),
         writes=tuple(wiring.roots[a.resource] for a in node.writes),

@@ -150,14 +150,6 @@ class Attachment:
 
 
 @dataclass(frozen=True)
-class Rate:
-    """The mask of shading rates that the rasteriser reads; each of its texels is for `texel` pixels."""
-
-    resource: str
-    texel: tuple[int, int]
-
-
-@dataclass(frozen=True)
 class Step:
     """A pass in the order of the frame. `reads` are the resources of its declared reads, in the same order."""
 
@@ -166,7 +158,6 @@ class Step:
     barriers: tuple[Barrier, ...] = ()
     colors: tuple[Attachment, ...] = ()
     depth: Attachment | None = None
-    rate: Rate | None = None
     size: tuple[int, int] | None = None
     reads: tuple[str, ...] = ()
     writes: tuple[str, ...] = ()
@@ -178,6 +169,11 @@ class Step:
         """Return the resources that the shaders sample, in the order of the declared reads."""
         pairs = zip(declared, self.reads, strict=True)
         return [resource for access, resource in pairs if access.use == "sampled"]
+
+    def rates(self, declared: Sequence[Access]) -> tuple[str, tuple[int, int]] | None:
+        """Return the mask of shading rates that the rasteriser reads, and the pixels of its texels; None without one."""
+        pairs = zip(declared, self.reads, strict=True)
+        return next(((resource, it.texel) for it, resource in pairs if it.use == "rate"), None)
 
 
 @dataclass(frozen=True)

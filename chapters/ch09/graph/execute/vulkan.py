@@ -90,7 +90,7 @@ class GraphExecutor:
             _Ready(
                 step,
                 dependency(step.barriers, resources, queues.taking),
-                Targets(step, resources) if step.kind == "graphics" else None,
+                Targets(step, resources, self._passes[step.name].reads) if step.kind == "graphics" else None,
                 Poison(queues, step.barriers, resources, poison) if poison != "off" else None,
                 releases=dependency(step.releases, resources, queues.giving) if queues.families else None,
             )

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+from backends.contract import Access
 from backends.vulkan import api as vk
 from backends.vulkan.resources import Buffer, Image
 
@@ -28,7 +29,9 @@ _STORE = {
 class Targets(Rendering):
     """The VkRenderingInfo of one step; it avoids needless reads and writes of memory on tiled GPUs."""
 
-    def __init__(self, step: Step, resources: Mapping[str, Image | Buffer]) -> None:
+    def __init__(
+        self, step: Step, resources: Mapping[str, Image | Buffer], reads: Sequence[Access] | None = None
+    ) -> None:
         assert step.size is not None, f"'{step.name}' draws"
         self.size = step.size
         colors = [self._image(target, resources) for target in step.colors]
@@ -36,7 +39,7 @@ class Targets(Rendering):
         self.images = (*colors, depth)
         self.info = vk.new(
             "VkRenderingInfo",
-            pNext=self._rates(step, resources),
+            pNext=self._rates(step.rates(reads), resources) if reads else None,
             renderArea={"extent": {"width": step.size[0], "height": step.size[1]}},
             layerCount=1,
             pColorAttachments=[
@@ -48,13 +51,13 @@ class Targets(Rendering):
         )
 
     @staticmethod
-    def _rates(step: Step, resources: Mapping[str, Image | Buffer]) -> Any:
+    def _rates(mask: tuple[str, tuple[int, int]] | None, resources: Mapping[str, Image | Buffer]) -> Any:
         """Return the attachment with the shading rates of the step; None for a step without."""
-        if step.rate is None:
+        if mask is None:
             return None
-        image = resources[step.rate.resource]
-        assert isinstance(image, Image), step.rate.resource
-        width, height = step.rate.texel
+        name, (width, height) = mask
+        image = resources[name]
+        assert isinstance(image, Image), name
         return vk.new(
             "VkRenderingFragmentShadingRateAttachmentInfoKHR",
             imageView=image.view,
