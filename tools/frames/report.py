@@ -30,6 +30,7 @@ _STAGES = {
     "compute": "compute shaders",
     "copy": "copies",
     "indirect": "indirect draws",
+    "rate": "shading rates",
     "host": "programs on the CPU",
 }
 

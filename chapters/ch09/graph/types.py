@@ -171,7 +171,7 @@ class Step:
         return [resource for access, resource in pairs if access.use == "sampled"]
 
     def rates(self, declared: Sequence[Access]) -> tuple[str, tuple[int, int]] | None:
-        """Return the mask of shading rates that the rasteriser reads, and the pixels of its texels; None without one."""
+        """Return the mask of shading rates that the rasteriser reads, with the pixels of its texels, or None."""
         pairs = zip(declared, self.reads, strict=True)
         return next(((resource, it.texel) for it, resource in pairs if it.use == "rate"), None)
 
