@@ -39,6 +39,9 @@ class RateSettings:
         maximum=1,
         flat="rate_surface",
     )
+    tint: bool = knob(
+        False, "whether the picture is red where blocks of 2x2 share their light, and blue for 4x4", flat="rate_tint"
+    )
     radius: float = knob(
         0.6,
         "with rate_policy=radial: distance from the middle within which each pixel is lit, in heights of the picture",
