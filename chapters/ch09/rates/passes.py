@@ -30,6 +30,11 @@ def in_use(settings: Settings) -> bool:
     )
 
 
+def by_blocks(settings: Settings) -> bool:
+    """Whether fragments light by blocks, which is for devices without shading rates of their own."""
+    return in_use(settings) and "rate_spread" in read_graph(graph_path(graph_name(settings))).passes.values()
+
+
 def read(settings: Settings) -> tuple[Access, ...]:
     """Return the read of the mask, for a pass that lights by it."""
     return (Access(model.RATES, "sampled", format="r32ui"),) * in_use(settings)
