@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from backends.contract import Access, Sources
+from backends.contract import Access
 from common.scene import Scene
 
 from ..pipelines.description import PipelineDescription
@@ -29,9 +29,11 @@ _BLOCK_DEPTH, _PIXEL_DEPTH, _BLOCKS, _SPREAD = "block_depth", "pixel_depth", "co
 
 
 class MaskedPass(FullscreenPass):
-    """The common base of passes that turn the mask into a depth: what they draw passes everywhere, and writes it."""
+    """The common base of passes that turn the mask into a depth: what they draw passes everywhere, and writes it.
 
-    sources = Sources()
+    Nothing of the scene is read. But its textures are bound once in a frame on OpenGL, and lighting reads them next.
+    """
+
     shader: str
     color: str | None = None
 

@@ -2,7 +2,7 @@
 
 #include "codes.glsl"
 
-layout(BIND(0, 0, 0)) uniform usampler2D rates;
+layout(BIND(1, 0, 3)) uniform usampler2D rates;
 
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy) * block_of(COARSE);

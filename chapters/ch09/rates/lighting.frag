@@ -1,8 +1,8 @@
-// Deferred lighting for one pixel of each block: lighting.frag's own text, as lighting.comp calls it, so both give the same
-// bits. A fragment stands for a block of RATE. With RATE 0 it stands for itself.
+// Deferred lighting for one pixel of each block: lighting.frag's own text, as lighting.comp calls it, so both give the
+// same bits. A fragment stands for a block of RATE. With RATE 0 it stands for itself.
 //
-// Which fragments are run is in the depth that they are tested against (RateDepthPass): a test before the shader spends no
-// invocation on the others, where a discard would spend one, and the time of its whole group.
+// Which fragments are run is in the depth that they are tested against (rates/blocks.py). A test before the shader spends
+// no invocation on the others; a discard would.
 
 layout(early_fragment_tests) in;
 

@@ -31,8 +31,9 @@ def in_use(settings: Settings) -> bool:
 
 
 def by_blocks(settings: Settings) -> bool:
-    """Whether fragments light by blocks, which is for devices without shading rates of their own."""
-    return in_use(settings) and "rate_spread" in read_graph(graph_path(graph_name(settings))).passes.values()
+    """Whether fragments are lit in two passes, since the device has no shading rates of its own."""
+    passes = read_graph(graph_path(graph_name(settings))).passes.values()
+    return in_use(settings) and settings.rates.fragments != "device" and "rate_spread" in passes
 
 
 def read(settings: Settings) -> tuple[Access, ...]:

@@ -39,6 +39,13 @@ class RateSettings:
         maximum=1,
         flat="rate_surface",
     )
+    fragments: str = knob(
+        "auto",
+        "with graph=deferred: what lights blocks: the device's own shading rates, or two passes, one for blocks and "
+        "one for pixels; auto is the device where it can",
+        choices=("auto", "device", "passes"),
+        flat="rate_fragments",
+    )
     radius: float = knob(
         0.6,
         "with rate_policy=radial: distance from the middle within which each pixel is lit, in heights of the picture",

@@ -1,9 +1,10 @@
-// Gives each pixel of a coarse texel the light of its block, and the mask as a depth for the other pixels, which are lit next.
+// Gives each pixel of a coarse texel the light of its block. The mask becomes a depth, so that the other pixels are lit
+// next.
 
 #include "codes.glsl"
 
-layout(BIND(0, 0, 0)) uniform usampler2D rates;
-layout(BIND(0, 1, 1)) uniform sampler2D color_blocks;
+layout(BIND(1, 0, 3)) uniform usampler2D rates;
+layout(BIND(1, 1, 4)) uniform sampler2D color_blocks;
 
 layout(location = 0) out vec4 out_color;
 
