@@ -27,6 +27,7 @@ from chapters.ch09.graph.sync.states import touch_of
 from chapters.ch09.graph.types import GraphError, Node, Touch
 from chapters.ch09.rates import native
 from chapters.ch09.rates.model import EDGES, MASK, RATES
+from chapters.ch09.rates.passes import by_blocks
 from chapters.ch09.rates.vulkan import rates_of_attachment
 from chapters.ch09.settings import Settings
 from chapters.ch09.shading.lighting import LightingPass
@@ -48,6 +49,7 @@ LIMITS = {
     "maxComputeWorkGroupInvocations": 1024,
 }
 SOBEL = Settings(rate_policy="sobel")
+DRAWN = {"graph": "deferred", "rate_fragments": "device"}
 BASE = Settings(anisotropy=1.0, default_light=False, shadows="off", bloom=0.0, color_format="rgba32f")
 VIEW = View(pose_looking_at((0.2, 0.1, 2.0), (0.0, 0.0, 0.0)), Perspective(0.9, 0.1), ev100=0.0)
 SIZE = (83, 53)
@@ -87,28 +89,34 @@ def test_a_texel_is_as_near_to_16_pixels_as_the_device_allows(least, most, invoc
 
 @pytest.mark.feature("vrs/detection-and-fallback")
 @pytest.mark.runs_on("vulkan", "gl")
-def test_auto_is_deferred_on_devices_with_attachments_and_compute_elsewhere():
+def test_auto_is_the_device_where_it_can_and_compute_elsewhere():
     assert LESSON.needs.optional >= {"shading-rate"}
-    for plan, limits, coarse, graph in (
-        (WITH, LIMITS, "2x2", "deferred"),
-        (WITH, LIMITS, "4x4", "compute"),  # the device has no such fragments
-        (WITH, LIMITS | {"shadingRates": RATES_4X4}, "4x4", "deferred"),
-        (WITH, LIMITS | {"maxShadingRateTexel": 8}, "2x2", "compute"),
-        (WITH, {}, "2x2", "compute"),
-        (LACKING, LIMITS, "2x2", "compute"),
-        (OFF, LIMITS, "2x2", "compute"),
-        (Plan(()), LIMITS, "2x2", "compute"),
+    for plan, limits, knobs, native_light in (
+        (WITH, LIMITS, {}, True),
+        (WITH, LIMITS, {"rate_fragments": "device"}, True),
+        (WITH, LIMITS, {"rate_fragments": "passes"}, False),
+        (WITH, LIMITS, {"rate_coarse": "4x4"}, False),  # the device has no such fragments
+        (WITH, LIMITS | {"shadingRates": RATES_4X4}, {"rate_coarse": "4x4"}, True),
+        (WITH, LIMITS | {"maxShadingRateTexel": 8}, {}, False),
+        (WITH, {}, {}, False),
+        (LACKING, LIMITS, {}, False),
+        (LACKING, LIMITS, {"rate_fragments": "device"}, False),
+        (OFF, LIMITS, {}, False),
+        (Plan(()), LIMITS, {}, False),
     ):
-        settings = native.settled(replaced(SOBEL, rate_coarse=coarse), plan, limits)
-        assert (graph_name(settings), settings.rates.policy) == (graph, "sobel")
-        assert native.without_effect(replaced(SOBEL, rate_coarse=coarse), plan, limits) == ""
+        auto = replaced(SOBEL, **knobs)
+        assert native.without_effect(auto, plan, limits) == ""
+        settings = native.settled(auto, plan, limits)
+        assert (graph_name(settings), settings.rates.policy) == ("deferred" if native_light else "compute", "sobel")
         mask = native.mask_of(settings, limits)
-        assert (mask.drawn, mask.format) == ((True, "r8ui") if graph == "deferred" else (False, "r32ui"))
-        assert bool(native.attached(settings, limits)) == (graph == "deferred")
+        assert (mask.drawn, mask.format) == ((True, "r8ui") if native_light else (False, "r32ui"))
+        assert bool(native.attached(settings, limits)) == native_light and not by_blocks(settings)
+        if knobs.get("rate_fragments") != "device":  # with a graph of fragments the other way are two passes
+            drawn = native.settled(replaced(auto, graph="deferred"), plan, limits)
+            assert by_blocks(drawn) != native_light and bool(native.attached(drawn, limits)) == native_light
+        computed = native.settled(replaced(auto, graph="compute"), plan, limits)
+        assert not native.attached(computed, limits) and not native.mask_of(computed, limits).drawn
     assert native.settled(Settings(), WITH, LIMITS) == Settings(), "without a policy nothing changes"
-    for chosen in ("deferred", "compute"):
-        settings = replaced(SOBEL, graph=chosen)
-        assert native.settled(settings, WITH, LIMITS) == settings
 
 
 @pytest.mark.feature("vrs/detection-and-fallback")
@@ -149,7 +157,7 @@ def test_without_the_capability_no_mask_exists_and_the_frame_is_that_of_full_rat
     frames, names, work = [], [], []
     scene = replace(scene, warnings=[])
     for chosen in ("none", policy):
-        settings = replaced(BASE, graph="deferred", rate_policy=chosen)
+        settings = replaced(BASE, **DRAWN, rate_policy=chosen)
         for _ in range(2):
             with chapter.open(scene, SIZE, settings, outputs=("color", "color_linear")) as renderer:
                 frame = renderer.render(VIEW)

@@ -1,7 +1,7 @@
-"""What lights by the mask: the rasteriser of a device that reads it as an attachment, or a compute kernel. No device.
+"""What lights by the mask: the rasteriser of a device that reads it as an attachment, or what takes its place. No device.
 
-The mask decides which pixels are lit, so both light the same ones. The rasteriser reads a byte for each texel, and the
-device says how many pixels a texel has. The kernel reads 32 bits, which every device stores from a shader.
+The mask decides which pixels are lit, so all light the same ones. The rasteriser reads a byte for each texel, and the
+device says how many pixels a texel has. Shaders read 32 bits, which every device stores from a shader.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ S = TypeVar("S")
 FEATURE = "shading-rate"
 """The feature of the device, as the plan has it."""
 
-DRAWN, COMPUTED = "lighting", "lighting_compute"
-"""The passes that light by the rasteriser and by compute."""
+DRAWN, COMPUTED, SPREAD = "lighting", "lighting_compute", "rate_spread"
+"""The passes that light by the rasteriser and by compute, and one of those that light in two passes (blocks.py)."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,8 @@ def texel_of(limits: Mapping[str, int]) -> int:
 
 def mask_of(settings: Any, limits: Mapping[str, int]) -> Mask:
     """Return the mask of frames, if they have one; `settings` are `settled`."""
-    drawn = model.wanted(settings) and COMPUTED not in _passes(settings)
+    by_device = model.wanted(settings) and settings.rates.fragments == "device"
+    drawn = by_device and COMPUTED not in _passes(settings)
     return Mask("r8ui" if drawn else "r32ui", texel_of(limits) if drawn else model.TEXEL, drawn)
 
 
@@ -67,12 +68,16 @@ def attached(settings: Any, limits: Mapping[str, int]) -> tuple[Access, ...]:
 
 
 def settled(settings: S, plan: Plan, limits: Mapping[str, int]) -> S:
-    """Return the settings of a device: the graph of graph=auto, and no policy where it would have no effect."""
+    """Return the settings of a device: what "auto" of graph and rate_fragments is, and no policy without an effect."""
     if _without(settings, plan, limits):
         return replaced(settings, rate_policy="none")
-    if model.wanted(settings) and settings.graph.name == "auto" and graph_name(settings) != "forward":  # type: ignore[attr-defined]
-        return replaced(settings, graph="compute" if _why_not(settings, plan, limits) else "deferred")
-    return settings
+    if not model.wanted(settings):
+        return settings
+    graph, fragments = settings.graph.name, settings.rates.fragments  # type: ignore[attr-defined]
+    drawn = fragments != "passes" and not _why_not(settings, plan, limits)
+    if graph == "auto":
+        graph = "deferred" if drawn else "compute"
+    return replaced(settings, graph=graph, rate_fragments="device" if drawn else "passes")
 
 
 def without_effect(settings: Any, plan: Plan, limits: Mapping[str, int]) -> str:
@@ -96,8 +101,11 @@ def _without(settings: Any, plan: Plan, limits: Mapping[str, int]) -> str:
     passes, chosen = _passes(settings), f"graph={settings.graph.name}"
     if model.MASK not in passes or not {DRAWN, COMPUTED} & passes:
         return f"{chosen}, which has no passes '{model.MASK}' and '{COMPUTED}', and graph=compute has both"
-    why = "" if COMPUTED in passes else _why_not(settings, plan, limits)
-    return f"{chosen}, since {why}, and graph=compute needs none" if why else ""
+    twice = SPREAD in passes and settings.rates.fragments != "device"
+    why = "" if COMPUTED in passes or twice else _why_not(settings, plan, limits)
+    if why and SPREAD in passes:
+        return f"rate_fragments=device, since {why}, and rate_fragments=passes needs none"
+    return f"{chosen}, since {why}, and there is no pass '{SPREAD}'" if why else ""
 
 
 def _why_not(settings: Any, plan: Plan, limits: Mapping[str, int]) -> str:
