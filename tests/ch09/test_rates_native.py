@@ -107,7 +107,10 @@ def test_auto_is_the_device_where_it_can_and_compute_elsewhere():
         auto = replaced(SOBEL, **knobs)
         assert native.without_effect(auto, plan, limits) == ""
         settings = native.settled(auto, plan, limits)
-        assert (graph_name(settings), settings.rates.policy) == ("deferred" if native_light else "compute", "sobel")
+        assert (graph_name(settings), settings.rates.policy) == (
+            "deferred" if native_light else "compute",
+            "sobel",
+        )
         mask = native.mask_of(settings, limits)
         assert (mask.drawn, mask.format) == ((True, "r8ui") if native_light else (False, "r32ui"))
         assert bool(native.attached(settings, limits)) == native_light and not by_blocks(settings)

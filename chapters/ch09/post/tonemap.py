@@ -29,7 +29,10 @@ class TonemapPass(FullscreenPass):
         """Return the pipeline."""
         return PipelineDescription(
             shaders=("post/fullscreen.vert", "post/tonemap.frag"),
-            defines=(*tonemap_defines(self._settings), *((("RATE_TEXEL", self._texel),) if self._tint else ())),
+            defines=(
+                *tonemap_defines(self._settings),
+                *((("RATE_TEXEL", self._texel),) if self._tint else ()),
+            ),
             color="rgba8",
             depth=None,
             name="tonemap",
