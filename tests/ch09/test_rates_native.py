@@ -127,13 +127,9 @@ def test_auto_is_the_device_where_it_can_and_compute_elsewhere():
 @pytest.mark.parametrize(
     ("knobs", "plan", "why"),
     [
-        (
-            {"graph": "deferred"},
-            LACKING,
-            f"graph=deferred, since there is no variable rate shading ({REASON})",
-        ),
-        ({"graph": "deferred"}, OFF, "since there is no variable rate shading (switched off by --without)"),
-        ({"graph": "deferred", "rate_coarse": "4x4"}, WITH, "the device draws no fragments of 4x4 pixels"),
+        (DRAWN, LACKING, f"rate_fragments=device, since there is no variable rate shading ({REASON})"),
+        (DRAWN, OFF, "since there is no variable rate shading (switched off by --without)"),
+        (DRAWN | {"rate_coarse": "4x4"}, WITH, "the device draws no fragments of 4x4 pixels"),
         ({"graph": "forward"}, WITH, "graph=forward, which has no passes 'rate_mask' and 'lighting_compute'"),
         ({"msaa": 4}, WITH, "msaa=4, since a G-buffer holds one sample a pixel"),
         ({"view": "normal"}, WITH, "view=normal, which shows a quantity of surfaces while they are drawn"),
@@ -178,9 +174,10 @@ def test_without_the_capability_no_mask_exists_and_the_frame_is_that_of_full_rat
     assert not {RATES, EDGES, MASK, "rate_edges"} & set[str]().union(*names)
     assert all(one == work[0] for one in work)
     (said,) = scene.warnings
-    assert (
-        said.startswith(f"rate_policy={policy} has no effect with graph=deferred") and "graph=compute" in said
+    assert said.startswith(
+        f"rate_policy={policy} has no effect with rate_fragments=device, since there is no "
     )
+    assert said.endswith("rate_fragments=passes needs none.")
 
 
 @pytest.mark.feature("vrs/detection-and-fallback", "vrs/texel-size-reduction")

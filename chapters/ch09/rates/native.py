@@ -1,4 +1,4 @@
-"""What lights by the mask: the rasteriser of a device that reads it as an attachment, or what takes its place. No device.
+"""What lights by the mask: a rasteriser that reads it as an attachment, or what takes its place. No device.
 
 The mask decides which pixels are lit, so all light the same ones. The rasteriser reads a byte for each texel, and the
 device says how many pixels a texel has. Shaders read 32 bits, which every device stores from a shader.
