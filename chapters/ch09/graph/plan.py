@@ -41,8 +41,9 @@ OFF = "switched off"
 
 
 def graph_name(settings: Any) -> str:
-    """Return the name of the graph that the settings select; "auto" is deferred, compute with shading rates, or forward with multisampling.
+    """Return the name of the graph that the settings select; "auto" is deferred, or forward with multisampling.
 
+    With shading rates "auto" is compute; where the device lights by them, rates/native.py has replaced it.
     A view always needs forward: it shows a quantity of each surface while the surface is drawn. Multisampling needs
     forward because a G-buffer holds one surface per pixel.
     """

@@ -13,8 +13,8 @@ class RateSettings:
 
     policy: str = knob(
         "none",
-        "what chooses blocks of pixels that share their light: nothing, edges of the last picture, or the distance from "
-        "the middle; graph=auto is compute then",
+        "what chooses blocks of pixels that share their light: nothing, edges of the last picture, or the distance "
+        "from the middle; graph=auto is then deferred on a device with shading rates, and compute elsewhere",
         choices=("none", "sobel", "radial"),
         flat="rate_policy",
     )
