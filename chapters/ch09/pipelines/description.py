@@ -20,8 +20,9 @@ Front = Literal["counter_clockwise", "clockwise"]
 class PipelineDescription:
     """The description of a graphics pipeline. Its bindings are read from its shaders.
 
-    `specialization` sets the values of specialization constants, by name or id (specialization.py). `dynamic` names buffers whose offset is given at each bind. `color` may be several formats, one
-    for each target; all targets have the same blending.
+    `specialization` sets the values of specialization constants, by name or id (specialization.py). `dynamic` names
+    buffers whose offset is given at each bind. `color` may be several formats, one for each target; all targets have
+    the same blending.
     """
 
     shaders: tuple[str, ...]

@@ -27,7 +27,9 @@ _CONSTANT = re.compile(
     r"(?P<head>const\s+(?P<type>\w+)\s+(?P<name>\w+)\s*=)(?P<default>[^;]*);",
     re.M,
 )
-_GROUP = re.compile(r"^(?P<indent>[ \t]*)layout\s*\((?P<items>[^()]*\blocal_size_[xyz]_id\b[^()]*)\)\s*in\s*;", re.M)
+_GROUP = re.compile(
+    r"^(?P<indent>[ \t]*)layout\s*\((?P<items>[^()]*\blocal_size_[xyz]_id\b[^()]*)\)\s*in\s*;", re.M
+)
 _SIDE = re.compile(r"local_size_([xyz])(_id)?\s*=\s*(\w+)")
 
 
@@ -64,12 +66,18 @@ def _declared(source: ShaderSource) -> list[SpecConstant]:
     return list(found.values())
 
 
-def _rewritten(source: ShaderSource, constants: Sequence[SpecConstant], values: dict[int, Number]) -> ShaderSource:
+def _rewritten(
+    source: ShaderSource, constants: Sequence[SpecConstant], values: dict[int, Number]
+) -> ShaderSource:
     """Return a stage with ordinary constants. Lines keep their numbers, for the messages of the compiler."""
 
     def constant(match: re.Match[str]) -> str:
         default, number = match["default"], int(match["id"])
-        value = " " + _glsl(match["type"], values[number]) + "\n" * default.count("\n") if number in values else default
+        value = (
+            " " + _glsl(match["type"], values[number]) + "\n" * default.count("\n")
+            if number in values
+            else default
+        )
         return f"{match['indent']}{match['head']}{value};"
 
     def group(match: re.Match[str]) -> str:

@@ -99,7 +99,9 @@ class SpecConstant:
         """Return `value` as the bytes that the driver reads; raise ShaderError if the constant cannot have it."""
         try:
             value = value.item() if isinstance(value, np.generic) else value
-            if isinstance(value, bool) != (self.type == "bool"):  # VkBool32 is 0 or 1, and a number is no bool
+            if isinstance(value, bool) != (
+                self.type == "bool"
+            ):  # VkBool32 is 0 or 1, and a number is no bool
                 raise ValueError
             if isinstance(value, float) and not (self.type in ("float", "double") and math.isfinite(value)):
                 raise ValueError

@@ -1,12 +1,14 @@
-"""Study: one kernel whose loop has N steps, with N as a constant of the pipeline and as a number in a push constant.
+"""Study: one kernel whose loop has N steps, with N as a constant of the pipeline and as a number that is pushed.
 
-Each element is the mean of N neighbours of a row of noise. [`sum.comp`](sum.comp) declares N as the specialization
-constant TAPS with the default 0, which stands for the pushed number. So one compiled module gives a pipeline for each N,
-and one more for all of them. Where N is a constant, the driver may unroll the loop, keep no counter and test no end; it
-takes longer to compile the pipeline. Both ways add the same numbers in the same order.
+Each element is the mean of N neighbours of a row of noise, weighted by a parabola. [`sum.comp`](sum.comp) declares N as
+the specialization constant TAPS. Its default 0 stands for the pushed number. So one compiled module gives a pipeline
+for each N, and one more for all of them. Where N is a constant, the driver may unroll the loop and compute the weights
+itself; it takes longer to compile the pipeline. Both ways add the same numbers in the same order: they differ by
+rounding alone.
 
 The picture has a column for each N, 1 to 1,024 from left to right: the pushed number on the left of a column, the
-constant on its right. Elements that differ would be red. `timings` of a frame has the milliseconds of each dispatch.
+constant on its right. Elements that differ by more than rounding would be red. `timings` of a frame has the
+milliseconds of each dispatch.
 """
 
 from __future__ import annotations
@@ -56,7 +58,9 @@ def noise(settings: Settings) -> np.ndarray:
 
 def dispatches() -> list[tuple[str, int, int]]:
     """Return (name, N, constant TAPS) of each dispatch, in the order of their results; TAPS 0 takes N from the push."""
-    return [(f"{way} {taps}", taps, taps * (way == "constant")) for taps in TAPS for way in ("pushed", "constant")]
+    return [
+        (f"{way} {taps}", taps, taps * (way == "constant")) for taps in TAPS for way in ("pushed", "constant")
+    ]
 
 
 def push(settings: Settings, number: int, taps: int) -> np.ndarray:

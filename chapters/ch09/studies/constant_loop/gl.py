@@ -26,8 +26,12 @@ class Renderer(Stage):
         """Upload the noise, make room for all means, and build the programs."""
         self._noise = self.filled(noise(self.settings), "noise")
         self.means = self.empty(4 * self.settings.elements * 2 * len(TAPS), "means")
-        kernels = [ComputeDescription(KERNEL, specialization=(("TAPS", taps),)) for _, _, taps in dispatches()]
-        *self.kernels, self._show = self.pipelines.get([*kernels, PipelineDescription(SHADERS, depth=None, name="show")])
+        kernels = [
+            ComputeDescription(KERNEL, specialization=(("TAPS", taps),)) for _, _, taps in dispatches()
+        ]
+        *self.kernels, self._show = self.pipelines.get(
+            [*kernels, PipelineDescription(SHADERS, depth=None, name="show")]
+        )
 
     def draw(self, slot: FrameSlot, view: View, time: float) -> None:
         """Sum in each way, one dispatch after another with a time for each, and show."""

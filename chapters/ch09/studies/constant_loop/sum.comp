@@ -1,4 +1,6 @@
-// Study constant-loop: the mean of TAPS neighbours of each element.
+// Study constant-loop: the mean of TAPS neighbours of each element, weighted by a parabola that is 0 at both ends.
+//
+// With a constant TAPS each weight of an unrolled loop is a number that the compiler finds.
 
 layout(local_size_x = 64) in;
 
@@ -17,9 +19,11 @@ void main() {
     if (i >= push.numbers.x) {
         return;
     }
-    float sum = 0.0;
+    float sum = 0.0, weights = 0.0;
     for (uint k = 0u; k < taps; ++k) {
-        sum += noise[i + k];
+        float t = (float(k) + 0.5) / float(taps), weight = t * (1.0 - t);
+        sum += weight * noise[i + k];
+        weights += weight;
     }
-    means[push.numbers.y + i] = sum / float(taps);
+    means[push.numbers.y + i] = sum / weights;
 }

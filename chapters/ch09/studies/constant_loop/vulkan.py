@@ -29,7 +29,9 @@ class Renderer(Stage):
         """Upload the noise, make room for all means, and build the pipelines."""
         row = self.filled(noise(self.settings), ["storage"], "noise")
         self.means = self.empty(4 * self.settings.elements * 2 * len(TAPS), ["storage"], "means")
-        kernels = [ComputeDescription(KERNEL, specialization=(("TAPS", taps),)) for _, _, taps in dispatches()]
+        kernels = [
+            ComputeDescription(KERNEL, specialization=(("TAPS", taps),)) for _, _, taps in dispatches()
+        ]
         shown = PipelineDescription(SHADERS, color="rgba8", depth=None, name="show")
         *self.kernels, self._show = self.pipelines.get([*kernels, shown])
         held = {0: row, 1: self.means}
