@@ -112,6 +112,9 @@ void main() {
 """
 
 
+SIZE = (48, 32)
+
+
 @pytest.fixture(scope="module")
 def kernels(chapter):
     with kernels_on(chapter.device, ch09.__name__) as made:
@@ -365,6 +368,7 @@ def handed(device, build):
     return calls
 
 
+@reflection
 @constants
 @pytest.mark.variants("vulkan")
 def test_the_driver_gets_values_by_id_and_nothing_without_values(vulkan_device, shader, tmp_path):
@@ -424,21 +428,26 @@ def test_a_work_group_read_back_has_the_size_of_a_subgroup(chapter, kernels, sha
 
 
 @constants
-def test_the_report_of_shadows_is_copied_by_groups_of_a_subgroup(chapter):
-    """Every word is handed over, however many make up a group: as many tiles have memory as the picture reads."""
-    scene = yard(spot((1.5, 4.0, 1.0), (0.0, 0.0, 0.0)))
-    settings = Settings(**PLAIN, graph="forward")
-    with chapter.open(scene, (64, 48), settings, outputs=("color_linear",)) as renderer:
-        for _ in range(8):
-            frame = renderer.render(CAMERA)
-        (tell,) = (one for one in renderer._plan.implementations().values() if one.name == "shadow_need_tell")
-        assert tell.pipelines[0].group == (expected_group(chapter), 1, 1)
-        print(frame.work)
+@pytest.mark.variants("vulkan", "gl")
+def test_a_report_that_a_subgroup_copies_at_a_time_is_that_of_the_chapter_before(chapter):
+    """There a work group copies 64 words. Every word arrives: as many tiles get memory, and the picture is the same."""
+    scene = yard(spot((1.5, 4.0, 1.0), (0.0, 0.0, 0.0)), point((-1.5, 2.5, 1.0)))
+    found = []
+    for it in (chapter, Chapter(8, chapter.backend, chapter.device)):
+        settings = chapters.settings_class(it.which)(**PLAIN, graph="forward", shadow_detail=4.0)
+        with it.open(scene, SIZE, settings, outputs=("color_linear",)) as renderer:
+            for _ in range(6):
+                frame = renderer.render(CAMERA)
+            passes = renderer._plan.implementations().values()
+            (tell,) = (one for one in passes if one.name == "shadow_need_tell")
+            found.append(
+                (tell.pipelines[0].group[0], frame.work["shadow_pages"], frame.image("color_linear"))
+            )
+    assert [group for group, _, _ in found] == [expected_group(chapter), 64]
+    assert found[0][1] == found[1][1] > 2 and np.array_equal(found[0][2], found[1][2])
 
 
 # --- passes ---
-
-SIZE = (48, 32)
 
 
 def images(chapter, scene, view, names=("color_linear",), size=SIZE, frames=1, **turned):
@@ -468,14 +477,24 @@ def test_occlusion_by_constants_has_the_bits_of_the_chapter_before(chapter, meth
 @constants
 @pytest.mark.variants("vulkan", "gl")
 def test_more_points_on_a_ray_miss_less_of_a_wall(chapter):
-    """The foot of a wall sees half of the hemisphere (closed form); points that are far apart step over the wall."""
-    knobs = {"ambient": 0.5, "graph": "deferred", "ssao": "normals", "ssao_radius": 0.15}
-    means = []
+    """Points that are far apart step over the wall. The truth is the part of rays, distributed as the cosine, that meet a
+    wall at a distance within the radius: an integral over the hemisphere, by lot in float64."""
+    size, knobs = (64, 48), {"ambient": 0.5, "graph": "deferred", "ssao": "normals", "ssao_radius": 0.15}
+    rng = np.random.default_rng(2)
+    towards = np.sqrt(rng.random(100_000)) * np.cos(2 * np.pi * rng.random(100_000))
+    errors = []
     for steps in (1, 4, 16):
-        (found,) = images(chapter, room(), EYE_VIEW, (RAW,), (64, 48), **knobs, ssao_steps=steps)
-        means.append(found.mean())
-    print(means)
-    assert means[0] > means[1] > means[2]
+        found, depth = images(chapter, room(), EYE_VIEW, (RAW, "depth"), size, **knobs, ssao_steps=steps)
+        x, y = np.meshgrid((np.arange(64) + 0.5) / 32 - 1, (np.arange(48) + 0.5) / 24 - 1)
+        clip = np.stack([x, y, depth.astype(np.float64), np.ones_like(x)], axis=-1)
+        places = clip @ np.linalg.inv(EYE_VIEW.clip_from_view(64 / 48)).T
+        places = (places / places[..., 3:]) @ EYE_VIEW.world_from_view.T
+        away = places[..., 2] / (0.15 * room().length_scale)
+        band = (np.abs(places[..., 1]) < 1e-3) & (np.abs(places[..., 0]) < 2) & (away > 0.02) & (away < 0.8)
+        truth = np.mean([(towards < a).mean() for a in away[band]])
+        errors.append(found.reshape(size[::-1])[band].mean() / 255 - truth)
+    # Measured: 0.152, 0.044 and 0.002. Eight rays in sixteen turns leave a mean well within 0.02.
+    assert errors[0] > 0.1 > errors[1] > 0.02 > abs(errors[2])
 
 
 @constants
