@@ -477,8 +477,8 @@ def test_occlusion_by_constants_has_the_bits_of_the_chapter_before(chapter, meth
 @constants
 @pytest.mark.variants("vulkan", "gl")
 def test_more_points_on_a_ray_miss_less_of_a_wall(chapter):
-    """Points that are far apart step over the wall. The truth is the part of rays, distributed as the cosine, that meet a
-    wall at a distance within the radius: an integral over the hemisphere, by lot in float64."""
+    """Points that are far apart step over the wall. The truth is the part of rays, distributed as the cosine, that meet
+    a wall within the radius: an integral over the hemisphere, by lot in float64."""
     size, knobs = (64, 48), {"ambient": 0.5, "graph": "deferred", "ssao": "normals", "ssao_radius": 0.15}
     rng = np.random.default_rng(2)
     towards = np.sqrt(rng.random(100_000)) * np.cos(2 * np.pi * rng.random(100_000))

@@ -35,11 +35,3 @@ def test_both_loops_are_the_weighted_mean_within_rounding_and_the_picture_shows_
     assert len(handles) == len(TAPS) + 1, "one for each constant, and one for all numbers that are pushed"
     assert (work["dispatches"], work["draws"]) == (2 * len(TAPS), 1)
     assert timings.keys() >= {f"{way} {taps}" for way in ("pushed", "constant") for taps in TAPS}
-
-
-def test_elements_out_of_range_are_refused_in_a_sentence(stage):
-    from common.errors import UserError
-    from common.settings import apply_overrides
-
-    with pytest.raises(UserError, match="elements"):
-        apply_overrides(Settings(), ["elements=0"])
