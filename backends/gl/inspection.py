@@ -5,8 +5,9 @@ backends/vulkan/inspection.py is the same for Vulkan.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 from backends.contract import Access, Pass, PassWork
 from backends.gl import api as gl
@@ -18,7 +19,7 @@ from backends.gl.targets import Framebuffer, copy, create_framebuffer, destroy_f
 
 @dataclass
 class _Tap:
-    """One output of one pass, with one readback buffer per slot.
+    """One output of one pass in one slot.
 
     An output with several samples is resolved first, from `multisampled` to `resolved`. If a shader `stored` the
     output, the copy needs a barrier.
@@ -28,35 +29,44 @@ class _Tap:
     stored: bool
     multisampled: Framebuffer | None
     resolved: Framebuffer | None
-    readbacks: list[Readback]
+    source: Image
+    readback: Any = None  # a Readback
 
 
 class Inspection:
-    """Copies of what `passes` write to `targets`, for each of `slots` frames in flight.
+    """Copies of what `passes` write to the `targets` of each slot: a frame in flight may have images of its own.
 
     With several samples a pixel it is their mean that is copied, of a depth one sample.
     """
 
     def __init__(
-        self, context: Context, passes: Iterable[Pass], targets: Mapping[str, Image], slots: int
+        self, context: Context, passes: Iterable[Pass], targets: Sequence[Mapping[str, Image]]
     ) -> None:
         self._context = context
         self._resolved: list[Image] = []
         self._framebuffers: list[Framebuffer] = []
-        self.readbacks: list[dict[str, Readback]] = [{} for _ in range(slots)]
+        self.readbacks: list[dict[str, Readback]] = [{} for _ in targets]
         """For each slot what can be read, by "pass/resource"."""
         self.work = PassWork()
-        self._taps = {
-            gpu_pass.name: [
-                self._tap(gpu_pass.name, access, targets[access.resource]) for access in gpu_pass.writes
-            ]
-            for gpu_pass in passes
-        }
+        self._taps: list[dict[str, list[_Tap]]] = [{} for _ in targets]
+        for gpu_pass in passes:
+            for access in gpu_pass.writes:
+                self._tap_in_slots(gpu_pass.name, access, [images[access.resource] for images in targets])
 
     @property
     def names(self) -> tuple[str, ...]:
         """What can be read: "pass/resource"."""
         return tuple(self.readbacks[0])
+
+    def _tap_in_slots(self, name: str, access: Access, images: Sequence[Image]) -> None:
+        made: dict[int, _Tap] = {}  # by image: most are those of all slots
+        for slot, image in enumerate(images):
+            if id(image) not in made:
+                made[id(image)] = self._tap(name, access, image)
+            tap = made[id(image)]
+            readback = Readback(self._context, tap.source, f"{name} {image.name}, slot {slot}")
+            self._taps[slot].setdefault(name, []).append(replace(tap, readback=readback))
+            self.readbacks[slot][f"{name}/{access.resource}"] = readback
 
     def _tap(self, name: str, access: Access, image: Image) -> _Tap:
         depth, source, multisampled, resolved = access.use == "depth", image, None, None
@@ -66,13 +76,7 @@ class Inspection:
             )
             self._resolved.append(source)
             multisampled, resolved = self._framebuffer(image, depth), self._framebuffer(source, depth)
-        taken = [
-            Readback(self._context, source, f"{name} {image.name}, slot {slot}")
-            for slot in range(len(self.readbacks))
-        ]
-        for held, readback in zip(self.readbacks, taken, strict=True):
-            held[f"{name}/{access.resource}"] = readback
-        return _Tap(depth, access.use == "storage", multisampled, resolved, taken)
+        return _Tap(depth, access.use == "storage", multisampled, resolved, source)
 
     def _framebuffer(self, image: Image, depth: bool) -> Framebuffer:
         colors, deep = ([], image) if depth else ([image], None)
@@ -81,15 +85,15 @@ class Inspection:
 
     def record(self, slot: int, gpu_pass: Pass, work: Mapping[str, int]) -> None:
         """Copy what a pass wrote; `work` are the frame's counters so far. Without passes nothing is done."""
-        if not self._taps:
+        if not any(self._taps):
             return
         self.work.add(gpu_pass.name, work)
-        for tap in self._taps.get(gpu_pass.name, ()):
+        for tap in self._taps[slot].get(gpu_pass.name, ()):
             if tap.stored:
                 self._context.fn.glMemoryBarrier(gl.GL_TEXTURE_UPDATE_BARRIER_BIT)
             if tap.multisampled is not None and tap.resolved is not None:
                 copy(self._context, tap.multisampled, tap.resolved, depth=tap.depth)
-            tap.readbacks[slot].record()
+            tap.readback.record()
 
     def close(self) -> None:
         """Free everything."""
@@ -101,4 +105,4 @@ class Inspection:
             destroy_framebuffer(self._context, framebuffer)
         for image in self._resolved:
             destroy_image(self._context, image)
-        self._taps, self._framebuffers, self._resolved = {}, [], []
+        self._taps, self._framebuffers, self._resolved = [{} for _ in self._taps], [], []

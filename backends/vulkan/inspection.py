@@ -6,8 +6,8 @@ target is back in the state in which its pass left it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 from backends.contract import Access, Pass, PassWork
@@ -29,40 +29,49 @@ _ATTACHMENTS = {
 
 @dataclass
 class _Tap:
-    """One output of one pass, with one buffer per slot; of many samples first one is made (`rendering`)."""
+    """One output of one pass in one slot; of many samples first one is made (`rendering`)."""
 
     before: Any  # barriers
     rendering: Any
     between: Any
-    readbacks: list[Readback]
+    source: Image
     after: Any
+    readback: Any = None  # a Readback
 
 
 class Inspection:
-    """Copies of what `passes` write to `targets`, for each of `slots` frames in flight.
+    """Copies of what `passes` write to the `targets` of each slot: a frame in flight may have images of its own.
 
     With several samples a pixel it is their mean that is copied, of a depth the first sample.
     """
 
     def __init__(
-        self, device: Device, passes: Iterable[Pass], targets: Mapping[str, Image], slots: int
+        self, device: Device, passes: Iterable[Pass], targets: Sequence[Mapping[str, Image]]
     ) -> None:
         self._device = device
         self._resolved: list[Image] = []
-        self.readbacks: list[dict[str, Readback]] = [{} for _ in range(slots)]
+        self.readbacks: list[dict[str, Readback]] = [{} for _ in targets]
         """For each slot what can be read, by "pass/resource"."""
         self.work = PassWork()
-        self._taps = {
-            gpu_pass.name: [
-                self._tap(gpu_pass.name, access, targets[access.resource]) for access in gpu_pass.writes
-            ]
-            for gpu_pass in passes
-        }
+        self._taps: list[dict[str, list[_Tap]]] = [{} for _ in targets]
+        for gpu_pass in passes:
+            for access in gpu_pass.writes:
+                self._tap_in_slots(gpu_pass.name, access, [images[access.resource] for images in targets])
 
     @property
     def names(self) -> tuple[str, ...]:
         """What can be read: "pass/resource"."""
         return tuple(self.readbacks[0])
+
+    def _tap_in_slots(self, name: str, access: Access, images: Sequence[Image]) -> None:
+        made: dict[int, _Tap] = {}  # by image: most are those of all slots
+        for slot, image in enumerate(images):
+            if id(image) not in made:
+                made[id(image)] = self._tap(name, access, image)
+            tap = made[id(image)]
+            readback = Readback(self._device, tap.source, f"{name} {image.name}, slot {slot}")
+            self._taps[slot].setdefault(name, []).append(replace(tap, readback=readback))
+            self.readbacks[slot][f"{name}/{access.resource}"] = readback
 
     def _tap(self, name: str, access: Access, image: Image) -> _Tap:
         state = access.use
@@ -83,13 +92,7 @@ class Inspection:
             rendering = self._resolving(state, image, source)
             between = barriers(image_barrier(source.handle, source.aspect, state, "copy_source"))
             after = [image_barrier(image.handle, image.aspect, state, state)]
-        taken = [
-            Readback(self._device, source, f"{name} {image.name}, slot {slot}")
-            for slot in range(len(self.readbacks))
-        ]
-        for held, readback in zip(self.readbacks, taken, strict=True):
-            held[f"{name}/{access.resource}"] = readback
-        return _Tap(barriers(*before), rendering, between, taken, barriers(*after, memory=TO_HOST))
+        return _Tap(barriers(*before), rendering, between, source, barriers(*after, memory=TO_HOST))
 
     @staticmethod
     def _resolving(state: str, image: Image, resolved: Image) -> Any:
@@ -114,17 +117,17 @@ class Inspection:
 
     def record(self, commands: Any, slot: int, gpu_pass: Pass, work: Mapping[str, int]) -> None:
         """Record the copies of what a pass wrote; `work` are the frame's counters so far. Without passes do nothing."""
-        if not self._taps:
+        if not any(self._taps):
             return
         fn = self._device.fn
         self.work.add(gpu_pass.name, work)
-        for tap in self._taps.get(gpu_pass.name, ()):
+        for tap in self._taps[slot].get(gpu_pass.name, ()):
             fn.vkCmdPipelineBarrier2(commands, tap.before)
             if tap.rendering is not None:
                 fn.vkCmdBeginRendering(commands, tap.rendering)
                 fn.vkCmdEndRendering(commands)
                 fn.vkCmdPipelineBarrier2(commands, tap.between)
-            tap.readbacks[slot].record(commands)
+            tap.readback.record(commands)
             fn.vkCmdPipelineBarrier2(commands, tap.after)
 
     def close(self) -> None:
@@ -135,4 +138,4 @@ class Inspection:
             held.clear()
         for image in self._resolved:
             destroy_image(self._device, image)
-        self._taps, self._resolved = {}, []
+        self._taps, self._resolved = [{} for _ in self._taps], []

@@ -190,7 +190,7 @@ class Renderer(FrameStream):
             {name: Readback(self.device, target[SOURCES[name]], f"{name}, slot {slot}") for name in available}
             for slot in range(SLOTS)
         ]
-        self.inspection = Inspection(self.device, self.passes if self._inspects else [], target, SLOTS)
+        self.inspection = Inspection(self.device, self.passes if self._inspects else [], [target] * SLOTS)
 
     def _destroy_targets(self) -> None:
         self.device.wait_idle()  # a window may still copy from a target

@@ -98,7 +98,7 @@ class Renderer(FrameStream):
             for slot in range(SLOTS)
         ]
         watched = self.passes if self._inspects else []
-        self.inspection = Inspection(context, watched, target, SLOTS)
+        self.inspection = Inspection(context, watched, [target] * SLOTS)
 
     def _source(self, image: Image) -> Textures:
         """Return the texture binding with which a full-screen pass fetches texels of a target."""

@@ -43,8 +43,12 @@ void main() {
     int x = at.x, y = at.y;
     float across = tile[y][x] - tile[y][x + 2] + 2.0 * (tile[y + 1][x] - tile[y + 1][x + 2]) + tile[y + 2][x] - tile[y + 2][x + 2];
     float down = tile[y][x] + 2.0 * tile[y][x + 1] + tile[y][x + 2] - tile[y + 2][x] - 2.0 * tile[y + 2][x + 1] - tile[y + 2][x + 2];
+    // Sobel compares pixels that are two apart, so it does not see lines of one pixel. A step from a pixel to its neighbour
+    // counts as the gradient of an edge of that height.
+    float right = 4.0 * (tile[y + 1][x + 2] - tile[y + 1][x + 1]), below = 4.0 * (tile[y + 2][x + 1] - tile[y + 1][x + 1]);
+    float squared = max(across * across + down * down, max(right * right, below * below));
     bool inside = all(lessThan(first + 1 + at, textureSize(color_hdr, 0)));
-    if (inside && !(across * across + down * down <= THRESHOLD)) {  // what is no number is an edge
+    if (inside && !(squared <= THRESHOLD)) {  // what is no number is an edge
         atomicOr(edges, 1u);
     }
     barrier();

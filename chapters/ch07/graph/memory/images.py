@@ -23,7 +23,7 @@ class ImagesInSlots(Generic[AnImage, ABuffer]):
         assert isinstance(resource, self.kind), name
         return resource
 
-    def by_name(self, graph: Graph) -> dict[str, AnImage]:
-        """Return the images of the first slot by all of their names in the graph."""
-        resources = {name: self.in_slot[0].get(of) for name, of in graph.names.items()}
+    def by_name(self, graph: Graph, slot: int = 0) -> dict[str, AnImage]:
+        """Return the images of a slot by all of their names in the graph."""
+        resources = {name: self.in_slot[slot].get(of) for name, of in graph.names.items()}
         return {name: image for name, image in resources.items() if isinstance(image, self.kind)}

@@ -78,8 +78,8 @@ class Backend:
         passes = plan.implementations()
         self._passes = [passes[step.name] for step in graph.steps if step.name != COPY]
         self.executor = self._execute(graph, passes | {COPY: self.copies}, settings)
-        images = self.executor.images.by_name(graph)
-        self.inspection = self.inspector(self.device, plan.watched(graph), images, SLOTS)
+        images = [self.executor.images.by_name(graph, slot) for slot in range(SLOTS)]
+        self.inspection = self.inspector(self.device, plan.watched(graph), images)
 
     def _execute(self, graph: Graph, passes: Mapping[str, Pass], settings: Settings) -> Any:
         """Return the executor of a graph with these passes."""

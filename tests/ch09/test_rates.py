@@ -1,0 +1,193 @@
+"""Frames with shading rates: what a mask holds, which pixels are lit by it, and what a frame without one has."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from chapters.ch09.rates.model import TEXEL
+from chapters.ch09.settings import Settings
+from common.numerics.transforms import pose_looking_at
+from common.scene import Image, Light, Material
+from common.settings import replaced
+from common.view.camera import Perspective, View
+from tests.support.scenes import facing, quad_scene, texture
+from tests.support.shadows import PLAIN, point, spot, yard
+from tests.twins import rates as twin
+
+pytestmark = pytest.mark.variants("vulkan", "gl")
+
+SIZE = (151, 93)  # no multiple of a texel, a block or a work group
+BASE = Settings(**PLAIN, graph="compute", shadows="off", rate_policy="sobel")
+LAMPS = (spot((1.5, 4.0, 1.0), (0.0, 0.5, 0.0)), point((-1.2, 3.0, 0.8)))
+VIEW = View(pose_looking_at((3.0, 2.5, 4.0), (0.0, 0.4, 0.0)), Perspective(0.9, 0.05))
+MASK, EDGES, LIT = "rate_mask/rates", "rate_edges/history_rates", "lighting_compute/color_lit"
+
+
+def opened(chapter, scene, size=SIZE, inspect=True, **turned):
+    return chapter.open(
+        scene, size, replaced(BASE, **turned), outputs={"color", "color_linear"}, inspect=inspect
+    )
+
+
+def codes(frame, name=MASK):
+    """Return the codes of a mask, (rows, columns)."""
+    image = frame.image(name)
+    return image.reshape(image.shape[:2]).astype(np.int64)
+
+
+def frames(chapter, scene, count=3, **turned):
+    """Return the light, the mask and the edges of some frames of a view that stands still."""
+    found = []
+    with opened(chapter, scene, **turned) as renderer:
+        for _ in range(count):
+            frame = renderer.render(VIEW)
+            found.append((frame.image("color_linear"), codes(frame), codes(frame, EDGES)))
+    return found
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return yard(*LAMPS)
+
+
+def by_pixel(mask, size=SIZE):
+    """Return (H, W) the code of each pixel."""
+    return np.kron(mask, np.ones((TEXEL, TEXEL), np.int64))[: size[1], : size[0]]
+
+
+# --- what is lit ---
+
+
+@pytest.mark.feature("vrs/software")
+@pytest.mark.parametrize("coarse", ["2x2", "4x4"])
+def test_blocks_have_the_light_of_one_pixel_and_all_others_their_own(chapter, scene, coarse):
+    """Bit for bit, against a frame in which each pixel is lit."""
+    full = opened(chapter, scene, rate_policy="none", inspect=False)
+    with full as renderer:
+        whole = renderer.render(VIEW).image("color_linear")
+    found, mask, _ = frames(chapter, scene, rate_coarse=coarse, rate_threshold=2.0, rate_surface=0.5)[-1]
+    block = int(coarse[0])
+    assert set(np.unique(mask)) == {0, 5 if block == 2 else 10}
+    rate = by_pixel(mask)
+    y, x = np.indices(rate.shape)
+    rows, columns = (
+        np.where(rate > 0, np.minimum(at // block * block + block // 2, most - 1), at)
+        for at, most in ((y, SIZE[1]), (x, SIZE[0]))
+    )
+    assert np.array_equal(found, whole[rows, columns])
+    assert not np.array_equal(found, whole)
+
+
+@pytest.mark.feature("vrs/texel-size-reduction")
+@pytest.mark.parametrize("size", [(151, 93), (64, 48), (16, 16), (5, 3), (17, 1)])
+def test_a_mask_covers_the_picture(chapter, scene, size):
+    with opened(chapter, scene, size=size) as renderer:
+        mask = codes(renderer.render(VIEW))
+    assert mask.shape == (-(-size[1] // TEXEL), -(-size[0] // TEXEL))
+    assert (mask == 0).all()  # of a first frame: no picture came before it
+
+
+@pytest.mark.feature("vrs/detection-and-fallback")
+def test_without_a_policy_there_is_no_mask(chapter, scene):
+    with opened(chapter, scene, rate_policy="none") as renderer:
+        frame = renderer.render(VIEW)
+        assert not [name for name in renderer.inspection.names if "rate" in name]
+        assert not [name for name in renderer.graph.resources if "rates" in name]
+        bare = frame.image("color_linear")
+    with opened(chapter, scene, graph="compute", rate_threshold=0.0, rate_surface=0.0) as renderer:
+        for _ in range(2):
+            frame = renderer.render(VIEW)
+        assert np.array_equal(frame.image("color_linear"), bare) or (codes(frame) > 0).any()
+
+
+def test_views_and_multisampling_have_no_mask(chapter, scene):
+    for turned in ({"view": "normal"}, {"msaa": 4}):
+        with opened(chapter, scene, inspect=False, **turned, **{"graph": "auto"}) as renderer:
+            renderer.render(VIEW).image("color")
+            assert not [name for name in renderer.graph.resources if "rates" in name]
+
+
+# --- what the mask follows ---
+
+
+@pytest.mark.feature("vrs/sobel-mask")
+def test_edges_are_those_of_a_gradient_in_float64(chapter, scene):
+    """Texels in which no gradient is within 1e-5 of the threshold: codes of luminance are right to some units of 2^-24."""
+    with opened(chapter, scene) as renderer:
+        frame = renderer.render(VIEW)
+        light, edges = frame.image("color_linear").astype(np.float64), codes(frame, EDGES)
+    squared = twin.squared_gradient(twin.luminance_code(light))
+    most = twin.most_of_texels(squared, TEXEL)
+    sure = twin.most_of_texels(-abs(squared - 0.1), TEXEL) < -1e-5
+    assert sure.mean() > 0.8 and (edges == 0)[sure].any() and (edges == 5)[sure].any()
+    assert np.array_equal((edges == 0)[sure], (most > 0.1)[sure])
+
+
+@pytest.mark.feature("vrs/sobel-mask")
+def test_a_tile_shows_no_seam(chapter, scene):
+    """The gradient is that of the whole picture, borders included: a shifted threshold finds single pixels."""
+    with opened(chapter, scene) as renderer:
+        frame = renderer.render(VIEW)
+        squared = twin.squared_gradient(twin.luminance_code(frame.image("color_linear").astype(np.float64)))
+    most = np.sort(twin.most_of_texels(squared, TEXEL).reshape(-1))
+    # Between any two texels a threshold tells them apart, also where the greatest gradient lies at a border of a texel.
+    for low, high in zip(most[1:-1:3], most[2::3], strict=False):
+        if high - low > 1e-4 and low > 0:
+            with opened(chapter, scene, rate_threshold=float((low + high) / 2)) as renderer:
+                edges = codes(renderer.render(VIEW), EDGES)
+            assert (edges == 0).sum() == (most > (low + high) / 2).sum()
+
+
+@pytest.mark.feature("vrs/sobel-mask")
+def test_each_texel_is_lit_in_full_within_eight_frames(chapter, scene):
+    """And in no frame are all of those texels of which nothing else asks it."""
+    masks = [mask for _, mask, _ in frames(chapter, scene, 9, rate_threshold=32.0, rate_surface=1.0)][1:]
+    turns = np.stack([mask == 0 for mask in masks])
+    assert (turns.sum(axis=0) >= 1).all() and (turns.mean(axis=(1, 2)) < 0.9).all()
+
+
+@pytest.mark.feature("vrs/rate-policies")
+@pytest.mark.parametrize("radius", [0.0, 0.3, 4.0])
+def test_a_radial_mask_lights_each_pixel_near_the_middle(chapter, scene, radius):
+    with opened(chapter, scene, rate_policy="radial", rate_radius=radius) as renderer:
+        frame = renderer.render(VIEW)
+        mask = codes(frame)
+        assert EDGES not in renderer.inspection.names
+    y, x = np.indices((SIZE[1], SIZE[0])) + 0.5
+    away = np.hypot(x - SIZE[0] / 2, y - SIZE[1] / 2) / SIZE[1]
+    wanted = twin.most_of_texels(-away, TEXEL) >= -radius
+    assert np.array_equal(mask == 0, wanted)
+
+
+@pytest.mark.feature("vrs/sobel-mask")
+def test_a_texture_that_fades_in_is_found_within_eight_frames(chapter):
+    """A pattern of two pixels shows each block the same, so no coarse picture has an edge of it.
+
+    The G-buffer is not asked here. In its turn a texel is lit in full, its edges are found, and it stays so.
+    """
+    side = 64
+    codes_ = np.zeros((side, side, 4), np.uint8)
+    codes_[..., 3], codes_[:, ::2, :3] = 255, 255
+    material = Material(roughness=1.0, metallic=0.0, base_color_texture=texture(0))
+    scene = quad_scene(
+        material, lights=(Light("directional", 0, intensity=0.0),), images=(Image("lines", codes_),)
+    )
+    view, knobs = facing(), {"rate_surface": 1.0}
+    with opened(chapter, scene, size=(side, side), **knobs) as renderer:
+        for _ in range(3):
+            before = codes(renderer.render(view))
+        assert (before == 5).mean() > 0.5  # it is dark
+        with scene.edit() as edit:
+            edit.set_light(0, replace(scene.lights[0], intensity=3.0))
+        masks = []
+        for _ in range(10):
+            frame = renderer.render(view)
+            masks.append(codes(frame) == 0)
+        found = frame.image("color_linear")
+    stays = np.logical_and.accumulate(np.stack(masks)[::-1])[::-1]
+    assert stays[8].all() and not stays[0].all()
+    with opened(chapter, scene, size=(side, side), rate_policy="none", inspect=False) as renderer:
+        assert np.array_equal(renderer.render(view).image("color_linear"), found) and found.std() > 0.1
