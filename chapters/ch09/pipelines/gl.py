@@ -20,19 +20,17 @@ from .compute_description import ComputeDescription
 from .description import Built, Described, Front, PipelineDescription
 from .gl_compute import group_of, subgroup_sizes
 from .gl_specialization import specialized
-from .specialization import SUBGROUP_SIZE, Given
+from .specialization import SUBGROUP_SIZE, Values
 
 CHAPTER = Path(__file__).resolve().parents[1]
 
 
 class Pipelines:
-    """Builds pipelines at their first use and keeps them. All shaders get the additional `defines`.
-
-    Shaders that declare specialization constants of the names in `constants` get these values.
-    """
+    """Builds pipelines at their first use and keeps them. All shaders get the additional `defines`, and `constants` if
+    they declare specialization constants of these names."""
 
     def __init__(
-        self, context: Context, defines: Sequence[tuple[str, int | float | str]] = (), constants: Given = ()
+        self, context: Context, defines: Sequence[tuple[str, int | float | str]] = (), constants: Values = ()
     ) -> None:
         self._context, self._defines = context, defines
         self._constants = (*constants, *((SUBGROUP_SIZE, size) for size in subgroup_sizes(context)))

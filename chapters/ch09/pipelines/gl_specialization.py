@@ -18,7 +18,7 @@ import numpy as np
 from backends.shader_text import ShaderSource, literal
 from common.errors import ShaderError
 
-from .specialization import Given, assigned
+from .specialization import Values, assigned
 from .spirv.declared import Number, SpecConstant
 
 _SIZES = {"int": 4, "uint": 4, "float": 4, "bool": 4, "double": 8}
@@ -33,22 +33,22 @@ _GROUP = re.compile(
 _SIDE = re.compile(r"local_size_([xyz])(_id)?\s*=\s*(\w+)")
 
 
-def specialized(sources: Sequence[ShaderSource], given: Given, offered: Given = ()) -> list[ShaderSource]:
+def specialized(sources: Sequence[ShaderSource], values: Values, offered: Values = ()) -> list[ShaderSource]:
     """Return the stages of a program with values of their specialization constants; raises ShaderError as Vulkan does.
 
-    `given` values are of the program's description, `offered` ones are for shaders that declare their names.
+    `values` are of the program's description, `offered` are for shaders that declare their names.
     """
     declared = [_declared(source) for source in sources]
-    values = assigned(declared, given, offered)
+    chosen = assigned(declared, values, offered)
     return [
-        _rewritten(source, constants, dict(chosen)) if constants else source
-        for source, constants, chosen in zip(sources, declared, values, strict=True)
+        _rewritten(source, constants, dict(own)) if constants else source
+        for source, constants, own in zip(sources, declared, chosen, strict=True)
     ]
 
 
 def _declared(source: ShaderSource) -> list[SpecConstant]:
     """Return the constants of a stage. Defaults stay in the text, so they count as 0 here."""
-    found: dict[int, SpecConstant] = {}
+    constants: dict[int, SpecConstant] = {}
     for match in _CONSTANT.finditer(source.text):
         if match["type"] not in _SIZES:
             raise ShaderError(
@@ -56,14 +56,14 @@ def _declared(source: ShaderSource) -> list[SpecConstant]:
                 f"{', '.join(_SIZES)}.",
                 source.paths,
             )
-        found[int(match["id"])] = SpecConstant(
+        constants[int(match["id"])] = SpecConstant(
             int(match["id"]), match["name"], match["type"], _SIZES[match["type"]], 0
         )
     for match in _GROUP.finditer(source.text):
         for _, by_id, number in _SIDE.findall(match["items"]):
             if by_id:
-                found.setdefault(int(number), SpecConstant(int(number), "", "uint", 4, 1))
-    return list(found.values())
+                constants.setdefault(int(number), SpecConstant(int(number), "", "uint", 4, 1))
+    return list(constants.values())
 
 
 def _rewritten(

@@ -17,7 +17,7 @@ from common.names import suggest
 
 from .spirv.declared import Number, SpecConstant
 
-Given = Sequence[tuple[str | int, Number]]
+Values = Sequence[tuple[str | int, Number]]
 """Values by name or id, as a description has them."""
 
 SUBGROUP_SIZE = "SUBGROUP_SIZE"
@@ -25,17 +25,17 @@ SUBGROUP_SIZE = "SUBGROUP_SIZE"
 
 
 def assigned(
-    stages: Sequence[Sequence[SpecConstant]], given: Given, offered: Given = ()
+    stages: Sequence[Sequence[SpecConstant]], values: Values, offered: Values = ()
 ) -> list[tuple[tuple[int, Number], ...]]:
     """Return (id, value) of the constants that get a value, for each stage; `stages` are the declared constants.
 
-    Some stage must declare each `given` constant. `offered` values are for the shaders that declare constants of these
-    names; a given value comes before an offered one. Raises ShaderError for a name or an id that no stage declares, for
+    Some stage must declare each constant of `values`. `offered` are for the shaders that declare constants of these
+    names; what is in `values` comes first. Raises ShaderError for a name or an id that no stage declares, for
     two values of one constant, and for a value that does not fit the type.
     """
     names = {constant.name for constants in stages for constant in constants} - {""}
     known = {constant.id for constants in stages for constant in constants} | names
-    for key, _ in given:
+    for key, _ in values:
         if key not in known:
             near = suggest(str(key), names)
             near = near if near.endswith("?") else f"{near}."
@@ -44,20 +44,20 @@ def assigned(
         tuple(
             (constant.id, value)
             for constant in constants
-            for value in _value_of(constant, given) or _value_of(constant, offered)
+            for value in _value_of(constant, values) or _value_of(constant, offered)
         )
         for constants in stages
     ]
 
 
-def _value_of(constant: SpecConstant, values: Given) -> list[Number]:
+def _value_of(constant: SpecConstant, values: Values) -> list[Number]:
     """Return the value of a constant in a list, or an empty list if it has none."""
-    found = [value for key, value in values if key in (constant.id, constant.name)]
-    for value in found:
+    own = [value for key, value in values if key in (constant.id, constant.name)]
+    for value in own:
         constant.encoded(value)
-        if value != found[0]:
+        if value != own[0]:
             raise ShaderError(
-                f"The specialization constant '{constant.name or constant.id}' has two values, {found[0]} and {value}: "
+                f"The specialization constant '{constant.name or constant.id}' has two values, {own[0]} and {value}: "
                 "leave one of them out."
             )
-    return found[:1]
+    return own[:1]

@@ -20,7 +20,7 @@ from common.layouts import SNIPPETS
 
 from .compute_description import ComputeDescription
 from .description import Built, Described, PipelineDescription
-from .specialization import SUBGROUP_SIZE, Given
+from .specialization import SUBGROUP_SIZE, Values
 from .vulkan_cache import PipelineCache
 from .vulkan_compute import build_compute, group_of, subgroup_size
 from .vulkan_layouts import CAPACITY, Layouts
@@ -74,7 +74,7 @@ class Pipelines:
         cache: PipelineCache | None = None,
         capacity: int = CAPACITY,
         defines: Defines = (),
-        constants: Given = (),
+        constants: Values = (),
     ) -> None:
         self._device, self._cache, self._defines = device, cache, defines
         self._constants = (*constants, (SUBGROUP_SIZE, subgroup_size(device)))
@@ -250,7 +250,7 @@ class Pipelines:
         self.layouts.close()
 
 
-def _stages(described: Described, compiled: Stages, constants: Given) -> list[Stage]:
+def _stages(described: Described, compiled: Stages, constants: Values) -> list[Stage]:
     """Return the reflected stages of a pipeline, with the values of their specialization constants."""
     spirv = [Stage(code, source) for code, source in zip(compiled.codes, compiled.sources, strict=True)]
     for stage in spirv:

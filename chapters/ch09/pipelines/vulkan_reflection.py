@@ -18,7 +18,7 @@ from backends.vulkan import api as vk
 from common.errors import ShaderError
 from common.names import suggest
 
-from .specialization import Given, assigned
+from .specialization import Values, assigned
 from .spirv import parser
 from .spirv.declared import Kind, Module, Number, Resource
 from .spirv.words import SpirvError
@@ -250,7 +250,7 @@ def check_pulled(stage: Stage) -> None:
 # --- specialization -----------------------------------------------------------------------------------------
 
 
-def chosen(stages: Sequence[Stage], given: Given, offered: Given = ()) -> list[Stage]:
+def chosen(stages: Sequence[Stage], values: Values, offered: Values = ()) -> list[Stage]:
     """Return the stages with values of their specialization constants; see `specialization.assigned`."""
-    values = assigned([stage.module.constants for stage in stages], given, offered)
-    return [replace(stage, constants=own) for stage, own in zip(stages, values, strict=True)]
+    constants = assigned([stage.module.constants for stage in stages], values, offered)
+    return [replace(stage, constants=own) for stage, own in zip(stages, constants, strict=True)]
