@@ -118,6 +118,8 @@ class Device:
         for feature in self.features & vf.OPTIONAL.keys():
             enabled |= set(vf.OPTIONAL[feature].extensions)
             bits |= set(vf.OPTIONAL[feature].bits)
+        beside = {bit for bit, features in vf.BESIDE.items() if features <= self.features}
+        bits |= beside & self.physical.bits
         missing = sorted(enabled - self.physical.extensions)
         if missing:
             raise DeviceError(f"The device '{self.physical.name}' lacks the extension {missing[0]}.")

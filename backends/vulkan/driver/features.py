@@ -105,6 +105,12 @@ EXTRA_BITS: tuple[tuple[str, str], ...] = (
     (V12, "uniformBufferStandardLayout"),
 )
 
+BESIDE: dict[tuple[str, str], frozenset[str]] = {
+    # Enabled where they are there, beside features whose extensions they belong to; studies use them.
+    (SHADING_RATE, "primitiveFragmentShadingRate"): frozenset({"shading-rate"}),
+    (MESH, "primitiveFragmentShadingRateMeshShader"): frozenset({"shading-rate", "mesh-shader"}),
+}
+
 STRUCT_EXTENSIONS = {
     MESH: "VK_EXT_mesh_shader",
     ACCELERATION: "VK_KHR_acceleration_structure",

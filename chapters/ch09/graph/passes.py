@@ -9,6 +9,7 @@ from ..post.circle_of_confusion import CircleOfConfusionPass
 from ..post.depth_of_field import DepthOfFieldPass
 from ..post.resolve import ResolvePass
 from ..post.tonemap import TonemapPass
+from ..rates.blocks import BlockLightingPass, PixelLightingPass, RateDepthPass, RateSpreadPass
 from ..rates.passes import RateEdgesPass, RateMaskPass
 from ..scene.pass_parts import PassParts
 from ..shading.depth_prepass import DepthPrepass
@@ -35,6 +36,10 @@ def make_passes(parts: PassParts) -> dict[str, Pass]:
         SsaoBlurPass(parts, (1, 0)),
         SsaoBlurPass(parts, (0, 1)),
         RateMaskPass(parts),
+        RateDepthPass(parts),
+        BlockLightingPass(parts),
+        RateSpreadPass(parts),
+        PixelLightingPass(parts),
         LightingPass(parts),
         ComputeLightingPass(parts),
         TransparentPass(parts),

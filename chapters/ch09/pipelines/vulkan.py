@@ -196,7 +196,7 @@ class Pipelines:
             pDynamicState={"pDynamicStates": dynamic},
             layout=layout,
         )
-        infos = vk.array("VkGraphicsPipelineCreateInfo", [info])
+        infos = vk.array("VkGraphicsPipelineCreateInfo", [self._finished(described, info)])
         try:
             kept = cache.handle if cache else vk.NULL
             return self._device.create_pipelines("vkCreateGraphicsPipelines", infos, [described.title], kept)[
@@ -205,6 +205,11 @@ class Pipelines:
         finally:
             for module in modules:
                 self._device.destroy("VkShaderModule", module)
+
+    @staticmethod
+    def _finished(described: PipelineDescription, info: Any) -> Any:
+        """Return what a pipeline is created from; studies add state to it."""
+        return info
 
     @staticmethod
     def _depth(described: PipelineDescription) -> Any:

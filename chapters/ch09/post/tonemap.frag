@@ -9,6 +9,11 @@
 
 layout(BIND(0, 0, 0)) uniform sampler2D color_hdr;
 
+#ifdef RATE_TEXEL
+#include "rates/codes.glsl"
+layout(BIND(0, 1, 1)) uniform usampler2D rates;
+#endif
+
 layout(location = 0) in vec2 in_uv;
 layout(location = 0) out vec4 out_color;
 
@@ -28,5 +33,8 @@ void main() {
     out_color = vec4(color.r < 0.0 ? vec3(0.2) : heat(color.r / float(COUNT_FULL)), 1.0);
 #else
     out_color = vec4(color, 1.0);  // a view whose values are codes already
+#endif
+#ifdef RATE_TEXEL
+    out_color.rgb *= tint_of(texelFetch(rates, ivec2(gl_FragCoord.xy) / RATE_TEXEL, 0).r);
 #endif
 }

@@ -5,6 +5,9 @@ from __future__ import annotations
 from backends.contract import Access, Sources
 
 from ..pipelines.description import PipelineDescription
+from ..rates import passes as rates
+from ..rates.model import TEXEL
+from ..scene.pass_parts import PassParts
 from ..shading.views import tonemap_defines
 from .fullscreen import FullscreenPass
 
@@ -14,14 +17,18 @@ class TonemapPass(FullscreenPass):
 
     name = "tonemap"
     sources = Sources()
-    reads = (Access("color_hdr", "sampled"),)
     writes = (Access("color", "color", format="rgba8"),)
+
+    def __init__(self, parts: PassParts) -> None:
+        super().__init__(parts)
+        self._tint = rates.read(parts.settings) if parts.settings.rates.tint else ()
+        self.reads = (Access("color_hdr", "sampled"), *self._tint)
 
     def describe(self) -> PipelineDescription:
         """Return the pipeline."""
         return PipelineDescription(
             shaders=("post/fullscreen.vert", "post/tonemap.frag"),
-            defines=tonemap_defines(self._settings),
+            defines=(*tonemap_defines(self._settings), *((("RATE_TEXEL", TEXEL),) if self._tint else ())),
             color="rgba8",
             depth=None,
             name="tonemap",

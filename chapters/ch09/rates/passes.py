@@ -30,6 +30,12 @@ def in_use(settings: Settings) -> bool:
     )
 
 
+def by_blocks(settings: Settings) -> bool:
+    """Whether fragments are lit in two passes, since the device has no shading rates of its own."""
+    passes = read_graph(graph_path(graph_name(settings))).passes.values()
+    return in_use(settings) and settings.rates.fragments != "device" and "rate_spread" in passes
+
+
 def read(settings: Settings) -> tuple[Access, ...]:
     """Return the read of the mask, for a pass that lights by it."""
     return (Access(model.RATES, "sampled", format="r32ui"),) * in_use(settings)

@@ -39,6 +39,16 @@ class RateSettings:
         maximum=1,
         flat="rate_surface",
     )
+    tint: bool = knob(
+        False, "whether the picture is red where blocks of 2x2 share their light, and blue for 4x4", flat="rate_tint"
+    )
+    fragments: str = knob(
+        "auto",
+        "with graph=deferred: what lights blocks: the device's own shading rates, or two passes, one for blocks and "
+        "one for pixels; auto is the device where it can",
+        choices=("auto", "device", "passes"),
+        flat="rate_fragments",
+    )
     radius: float = knob(
         0.6,
         "with rate_policy=radial: distance from the middle within which each pixel is lit, in heights of the picture",

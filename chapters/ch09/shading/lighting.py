@@ -7,6 +7,7 @@ from common.scene import Scene
 
 from ..pipelines.description import PipelineDescription
 from ..post.fullscreen import FullscreenPass
+from ..rates import passes as rates
 from ..scene.pass_parts import PassParts
 from ..settings import Settings
 from ..ssao import model as ssao
@@ -38,8 +39,8 @@ class LightingPass(FullscreenPass):
 
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:
-        """Even an empty scene has a background."""
-        return True
+        """Even an empty scene has a background; with shading rates it is lit by blocks (rates/blocks.py)."""
+        return not rates.by_blocks(settings)
 
     def describe(self) -> PipelineDescription:
         """Return the pipeline, with the lights and the environment that any of the materials takes part in."""
