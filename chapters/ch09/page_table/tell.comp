@@ -1,6 +1,7 @@
 // Hands the report of a frame over to the CPU, and empties it for the next one.
 
-layout(local_size_x = 64) in;
+layout(constant_id = 0) const uint SUBGROUP_SIZE = 64u;  // from the device: words are copied one by one
+layout(local_size_x = 64, local_size_x_id = 0) in;
 
 #define NEEDS_BINDING 0
 layout(BIND(1, 0, 4), std430) buffer Needs_ { uint needs[]; };

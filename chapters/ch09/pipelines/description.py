@@ -20,9 +20,9 @@ Front = Literal["counter_clockwise", "clockwise"]
 class PipelineDescription:
     """The description of a graphics pipeline. Its bindings are read from its shaders.
 
-    `specialization` sets the values of specialization constants, by name or id. A pipeline that OpenGL builds, too,
-    has defines instead. `dynamic` names buffers whose offset is given at each bind. `color` may be several formats, one
-    for each target; all targets have the same blending. `by_rates` is for draws with a mask of shading rates.
+    `specialization` sets the values of specialization constants, by name or id (specialization.py). `dynamic` names
+    buffers whose offset is given at each bind. `color` may be several formats, one for each target; all targets have
+    the same blending. `by_rates` is for draws with a mask of shading rates.
     """
 
     shaders: tuple[str, ...]

@@ -18,16 +18,22 @@ from common.layouts import SNIPPETS
 
 from .compute_description import ComputeDescription
 from .description import Built, Described, Front, PipelineDescription
-from .gl_compute import group_of
+from .gl_compute import group_of, subgroup_sizes
+from .gl_specialization import specialized
+from .specialization import SUBGROUP_SIZE, Values
 
 CHAPTER = Path(__file__).resolve().parents[1]
 
 
 class Pipelines:
-    """Builds pipelines at their first use and keeps them. All shaders get the additional `defines`."""
+    """Builds pipelines at their first use and keeps them. All shaders get the additional `defines`, and `constants` if
+    they declare specialization constants of these names."""
 
-    def __init__(self, context: Context, defines: Sequence[tuple[str, int | float | str]] = ()) -> None:
+    def __init__(
+        self, context: Context, defines: Sequence[tuple[str, int | float | str]] = (), constants: Values = ()
+    ) -> None:
         self._context, self._defines = context, defines
+        self._constants = (*constants, *((SUBGROUP_SIZE, size) for size in subgroup_sizes(context)))
         self._programs = Programs(context)
         self._built: dict[Described, Built] = {}
         self.no_vertices = create_vertex_array(context, [], None, None, "no vertices")
@@ -52,10 +58,11 @@ class Pipelines:
 
     def _sources(self, described: Described) -> list[ShaderSource]:
         defines = dict((*described.defines, *self._defines))
-        return [
+        sources = [
             shader_text.build(CHAPTER / file, "gl", roots=(CHAPTER,), defines=defines, snippets=SNIPPETS)
             for file in described.shaders
         ]
+        return specialized(sources, described.specialization, self._constants)
 
     @property
     def files(self) -> frozenset[Path]:

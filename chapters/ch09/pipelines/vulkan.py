@@ -21,8 +21,9 @@ from common.layouts import SNIPPETS
 from ..rates.vulkan import rates_of_attachment
 from .compute_description import ComputeDescription
 from .description import Built, Described, PipelineDescription
+from .specialization import SUBGROUP_SIZE, Values
 from .vulkan_cache import PipelineCache
-from .vulkan_compute import build_compute, group_of
+from .vulkan_compute import build_compute, group_of, subgroup_size
 from .vulkan_layouts import CAPACITY, Layouts
 from .vulkan_reflection import STAGES, Stage, check_pulled, chosen, merge
 
@@ -63,7 +64,10 @@ def source_of(file: str, defines: Defines) -> shader_text.ShaderSource:
 
 
 class Pipelines:
-    """Builds pipelines at their first use and keeps them. All shaders get the additional `defines`."""
+    """Builds pipelines at their first use and keeps them. All shaders get the additional `defines`.
+
+    Shaders that declare specialization constants of the names in `constants` get these values.
+    """
 
     def __init__(
         self,
@@ -71,8 +75,10 @@ class Pipelines:
         cache: PipelineCache | None = None,
         capacity: int = CAPACITY,
         defines: Defines = (),
+        constants: Values = (),
     ) -> None:
         self._device, self._cache, self._defines = device, cache, defines
+        self._constants = (*constants, (SUBGROUP_SIZE, subgroup_size(device)))
         self._built: dict[Described, Built] = {}
         self.layouts = Layouts(device, capacity)
 
@@ -83,7 +89,7 @@ class Pipelines:
         """Return one pipeline per description; the shaders of new pipelines are compiled together, on threads."""
         new = [described for described in dict.fromkeys(descriptions) if described not in self._built]
         for described, stages in zip(new, self._compile(new), strict=True):
-            spirv = _stages(described, stages)
+            spirv = _stages(described, stages, self._constants)
             signature = merge(spirv, described.dynamic)
             layout, sets = self.layouts.pipeline(signature)
             push_stages = self.layouts.stages(signature.stages) if signature.push else 0
@@ -123,7 +129,7 @@ class Pipelines:
             for described in anew:
                 # With the old layout: it has all that the new shaders use, and the bound sets were made for it.
                 # Without the cache, which would keep every edit for ever.
-                spirv = _stages(described, new[described])
+                spirv = _stages(described, new[described], self._constants)
                 handles[described] = self._build(described, spirv, old[described].layout)
         except BaseException:
             for handle in handles.values():
@@ -134,7 +140,7 @@ class Pipelines:
             old[described].handle = handles[described]
         for described, built in old.items():
             built.code = new[described]
-            built.group = group_of(_stages(described, new[described])[0])
+            built.group = group_of(_stages(described, new[described], self._constants)[0])
         return tuple(described.title for described in anew)
 
     def _build(
@@ -253,12 +259,12 @@ class Pipelines:
         self.layouts.close()
 
 
-def _stages(described: Described, compiled: Stages) -> list[Stage]:
+def _stages(described: Described, compiled: Stages, constants: Values) -> list[Stage]:
     """Return the reflected stages of a pipeline, with the values of their specialization constants."""
     spirv = [Stage(code, source) for code, source in zip(compiled.codes, compiled.sources, strict=True)]
     for stage in spirv:
         check_pulled(stage)
-    return chosen(spirv, dict(described.specialization))
+    return chosen(spirv, described.specialization, constants)
 
 
 def _specialization(stage: Stage) -> Any:

@@ -27,6 +27,14 @@ def group_of(stage: Stage) -> tuple[int, int, int]:
     return stage.module.entries[0].local_size or (1, 1, 1)
 
 
+def subgroup_size(device: Device) -> int:
+    """Return how many invocations of a device run together, as its driver prefers it."""
+    subgroup = vk.new("VkPhysicalDeviceSubgroupProperties")
+    properties = vk.new("VkPhysicalDeviceProperties2", pNext=subgroup)
+    device.instance.fn.vkGetPhysicalDeviceProperties2(device.physical.handle, properties)
+    return int(subgroup.subgroupSize)
+
+
 def build_compute(
     device: Device,
     described: ComputeDescription,

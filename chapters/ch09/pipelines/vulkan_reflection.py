@@ -9,7 +9,7 @@ creates the Vulkan objects from a signature.
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -18,6 +18,7 @@ from backends.vulkan import api as vk
 from common.errors import ShaderError
 from common.names import suggest
 
+from .specialization import Values, assigned
 from .spirv import parser
 from .spirv.declared import Kind, Module, Number, Resource
 from .spirv.words import SpirvError
@@ -249,30 +250,7 @@ def check_pulled(stage: Stage) -> None:
 # --- specialization -----------------------------------------------------------------------------------------
 
 
-def chosen(stages: Sequence[Stage], values: Mapping[str | int, Number]) -> list[Stage]:
-    """Return the stages with these values of their specialization constants, by name or by id.
-
-    Raises ShaderError for a constant that no stage has.
-    """
-    constant_keys = {
-        key
-        for stage in stages
-        for declaration in stage.module.constants
-        for key in (declaration.name, declaration.id)
-    }
-    for key in values:
-        if key not in constant_keys:
-            names = {str(name) for name in constant_keys if name != "" and not isinstance(name, int)}
-            raise ShaderError(f"No stage has a specialization constant {key!r}{_near(str(key), names)}")
-    return [
-        replace(
-            stage,
-            constants=tuple(
-                (declaration.id, values[key])
-                for declaration in stage.module.constants
-                for key in (declaration.id, declaration.name)
-                if key in values
-            ),
-        )
-        for stage in stages
-    ]
+def chosen(stages: Sequence[Stage], values: Values, offered: Values = ()) -> list[Stage]:
+    """Return the stages with values of their specialization constants; see `specialization.assigned`."""
+    constants = assigned([stage.module.constants for stage in stages], values, offered)
+    return [replace(stage, constants=own) for stage, own in zip(stages, constants, strict=True)]

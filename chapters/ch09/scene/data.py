@@ -22,7 +22,7 @@ from ..loading.importance import material_sizes
 from ..loading.loading import Loading, report_failures
 from ..settings import Settings
 from ..shading import views
-from ..shadows.model import places, shadow_defines
+from ..shadows.model import places, shadow_constants, shadow_defines
 from ..visibility.model import index_defines
 from . import geometry, packing, pages
 from .draw_lists import COMMAND
@@ -91,6 +91,11 @@ class SceneData:
             *shadow_defines(self._scene, self._settings, self.shadow_places),
         )
         return (("INSTANCES_PER_PAGE", first // RECORD_BYTES), *lists) if more else lists
+
+    @property
+    def constants(self) -> tuple[tuple[str, int], ...]:
+        """The specialization constants of all shaders that declare these names."""
+        return shadow_constants(self._settings)
 
     def _choose_variants(self) -> None:
         # First: an edit that cannot be followed says so until another one mends it.

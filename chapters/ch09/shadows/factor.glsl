@@ -7,6 +7,10 @@
 #ifdef SHADOWS
 #include "shadows/choice.glsl"
 
+// Texels on each side of the kernel. If it is below 0 they are read from the face: a loop that is unrolled runs faster, and
+// takes longer to compile.
+layout(constant_id = 9) const int SHADOW_RADIUS = -1;
+
 const float SHADOW_LEAST_FACING = 0.01;  // cosine beyond which slopes count no more: 89.4 degrees
 
 float shadow_stored(ShadowFace face, ivec2 texel) {
@@ -108,7 +112,7 @@ float face_factor(ShadowFace face, vec3 position, vec3 normal) {
     if (p.z <= face.origin.w) {
         return 1.0;  // nearer than any caster
     }
-    int radius = int(face.ends.y) - 1;  // read from memory: a loop that is unrolled takes long to compile
+    int radius = SHADOW_RADIUS < 0 ? int(face.ends.y) - 1 : SHADOW_RADIUS;
     Receiver receiver = receiver_of(face, p, normal, radius);
 #ifdef SHADOW_SOFT
     return soft_factor(face, receiver, float(radius));

@@ -25,6 +25,9 @@ CUBE_FACES = 6
 WIDEST_RADIUS = 16
 """Texels of the widest filter of soft shadows; an eighth of a face if that is less."""
 
+MOST_UNROLLED = 6
+"""Texels of the widest radius for which `shadow_loop=auto` makes the loop over taps a constant."""
+
 LEAST = 256
 """Records and words that a buffer has at least."""
 
@@ -201,6 +204,13 @@ def shadow_defines(scene: Scene, settings: Any, held: Places) -> Defines:
         ("SHADOW_BIAS", get_args(Bias).index(knobs.shadow_bias)),
         *((("SHADOW_SOFT", 1),) if knobs.shadow_filter == "pcss" else ()),
     )
+
+
+def shadow_constants(settings: Any) -> tuple[tuple[str, int], ...]:
+    """Return the specialization constants of shaders that filter shadows: a radius for which loops are unrolled."""
+    knobs, radius = settings.shadows, settings.shadows.shadow_kernel // 2
+    most = {"auto": MOST_UNROLLED, "constant": radius, "record": -1}[knobs.shadow_loop]
+    return (("SHADOW_RADIUS", radius),) if knobs.shadow_filter == "pcf" and radius <= most else ()
 
 
 def filter_words(settings: Any) -> NDArray[np.float32]:

@@ -58,6 +58,12 @@ class ShadowSettings:
         "texels along the box over which comparisons are averaged; 1: a hard edge",
         choices=(1, 3, 5, 7, 9, 11, 13),
     )
+    shadow_loop: str = knob(
+        "auto",
+        "what the loop over the kernel takes its length from: a constant of the pipeline, by which the driver unrolls "
+        "it, or the record of a face; auto: the constant where this gains",
+        choices=("auto", "constant", "record"),
+    )
     shadow_filter: str = knob(
         "pcf",
         "edges of one width, the kernel's, or as wide as the light and the way from the caster make them",

@@ -7,6 +7,7 @@ from typing import Any
 from common.scene import Scene
 
 Defines = tuple[tuple[str, int | float | str], ...]
+Constants = tuple[tuple[str, int | float], ...]
 
 RESULT = "ambient_occlusion"
 """The image that the lighting pass reads: the part of the light from everywhere that reaches each pixel."""
@@ -47,17 +48,20 @@ def _is_surrounded(scene: Scene, settings: Any) -> bool:
 
 
 def trace_defines(settings: Any) -> Defines:
-    """Return what ssao.frag is built with."""
-    normals: Defines = (("NORMALS", 1),) if settings.ssao.mode == "normals" else ()
-    return (*normals, ("RADIUS", settings.ssao.radius))
+    """Return what ssao.frag is built with; the mode decides which images it reads, so it is no constant."""
+    return (("NORMALS", 1),) if settings.ssao.mode == "normals" else ()
 
 
-def blur_defines(settings: Any, step: tuple[int, int]) -> Defines:
-    """Return what ssao_blur.frag is built with; `step` is from tap to tap, in pixels."""
-    return (
-        ("STEP", "ivec2({}, {})".format(*step)),
-        ("TOLERANCE", BLUR_TOLERANCE * settings.ssao.radius),
-    )
+def trace_constants(settings: Any) -> Constants:
+    """Return the specialization constants of ssao.frag: numbers alone, so that a slider compiles no text again."""
+    rays: Constants = (("RAY_STEPS", settings.ssao.steps),) if settings.ssao.mode == "normals" else ()
+    return (("OCCLUSION_RADIUS", settings.ssao.radius), *rays)
+
+
+def blur_constants(settings: Any, step: tuple[int, int]) -> Constants:
+    """Return the specialization constants of ssao_blur.frag; `step` is from tap to tap, in pixels."""
+    tolerance = BLUR_TOLERANCE * settings.ssao.radius
+    return (("STEP_X", step[0]), ("STEP_Y", step[1]), ("DISTANCE_TOLERANCE", tolerance))
 
 
 def light_defines(scene: Scene, settings: Any) -> Defines:

@@ -33,13 +33,17 @@ class OcclusionPass(FullscreenPass):
 
     def defines(self) -> model.Defines:
         """Return what the shader is built with."""
+        return ()
+
+    def constants(self) -> model.Constants:
+        """Return the specialization constants of the pipeline."""
         raise NotImplementedError
 
     def describe(self) -> PipelineDescription:
         """Return the pipeline."""
         shaders = "post/fullscreen.vert", f"ssao/{self.shader}"
         return PipelineDescription(
-            shaders, defines=self.defines(), color=model.FORMAT, depth=None, name=self.name
+            shaders, self.defines(), self.constants(), color=model.FORMAT, depth=None, name=self.name
         )
 
 
@@ -55,8 +59,12 @@ class SsaoPass(OcclusionPass):
         self.reads = (_DEPTH, sampled(parts.settings)[1]) if normals else (_DEPTH,)
 
     def defines(self) -> model.Defines:
-        """Return the mode, the radius, and how normals are stored."""
+        """Return the mode, and how normals are stored."""
         return (*model.trace_defines(self._settings), *code_defines(self._settings))
+
+    def constants(self) -> model.Constants:
+        """Return the radius, and the points along each ray."""
+        return model.trace_constants(self._settings)
 
 
 class SsaoBlurPass(OcclusionPass):
@@ -79,6 +87,6 @@ class SsaoBlurPass(OcclusionPass):
         """Whether there is anything to blur."""
         return settings.ssao.blur and model.needed(scene, settings)
 
-    def defines(self) -> model.Defines:
+    def constants(self) -> model.Constants:
         """Return the step from tap to tap, and what is of one surface."""
-        return model.blur_defines(self._settings, self._step)
+        return model.blur_constants(self._settings, self._step)

@@ -26,6 +26,13 @@ class SsaoSettings:
         maximum=10,
         flat="ssao_radius",
     )
+    steps: int = knob(
+        4,
+        "points that are tested along each of eight rays, with ssao=normals",
+        minimum=1,
+        maximum=16,
+        flat="ssao_steps",
+    )
     scale: float = knob(
         1.0, "how much of the occlusion counts; 0: none is computed", minimum=0, maximum=1, flat="ssao_scale"
     )

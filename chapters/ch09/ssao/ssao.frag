@@ -1,6 +1,6 @@
 // Ambient occlusion from what is seen around a pixel: the depth alone, or with the normals of the G-buffer.
 //
-// RADIUS: how far surfaces occlude, in length scales of the scene. The picture shows the part that is visible.
+// The picture shows the part that is visible.
 
 #include "places.glsl"
 
@@ -10,12 +10,14 @@ layout(BIND(1, 0, 3)) uniform sampler2D depth;
 layout(BIND(1, 1, 4)) uniform NORMAL_SAMPLER gbuffer_normal;
 #endif
 
+layout(constant_id = 0) const float OCCLUSION_RADIUS = 0.03;  // how far surfaces occlude, in length scales of the scene
+
 layout(location = 0) out float out_visibility;
 
 #ifdef NORMALS
-const uint STEPS = 4u;
+layout(constant_id = 1) const uint RAY_STEPS = 4u;
 
-// The part of eight rays that end behind no surface that is seen, to be tested at STEPS points each. These lie closer
+// The part of eight rays that end behind no surface that is seen, to be tested at RAY_STEPS points each. These lie closer
 // together near the pixel, where a small thing hides much, and elsewhere in each pixel of a block.
 float visible_part(ivec2 pixel, vec3 place, float radius) {
     vec3 stored = found_normal(gbuffer_normal, pixel);
@@ -29,8 +31,8 @@ float visible_part(ivec2 pixel, vec3 place, float radius) {
     for (uint ray = 0u; ray < 8u; ++ray) {
         vec3 direction = around_normal(hemisphere_direction(ray, turn), n);
         float shift = (float((index * 5u + ray * 11u) & 15u) + 0.5) / 16.0;
-        for (uint number = 0u; number < STEPS; ++number) {
-            float part = (float(number) + shift) / float(STEPS);
+        for (uint number = 0u; number < RAY_STEPS; ++number) {
+            float part = (float(number) + shift) / float(RAY_STEPS);
             vec3 at = place + radius * part * sqrt(part) * direction;
             vec2 seen = floor(seen_at(at));
             if (any(lessThan(seen, vec2(0.0))) || any(greaterThanEqual(seen, frame.size.xy))) {
@@ -70,5 +72,5 @@ void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     float d = texelFetch(depth, pixel, 0).r;
     // Infinitely far nothing is hidden, and nothing may be divided by this depth.
-    out_visibility = d == 0.0 ? 1.0 : visible_part(pixel, place_of(pixel, d), RADIUS * frame.eye.w);
+    out_visibility = d == 0.0 ? 1.0 : visible_part(pixel, place_of(pixel, d), OCCLUSION_RADIUS * frame.eye.w);
 }

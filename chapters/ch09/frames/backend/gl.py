@@ -60,7 +60,7 @@ class GlBackend(Backend):
         self.frames = Recordings(context)
         anisotropy = settings.scene.anisotropy if plan.native("anisotropy") else 1.0
         self.data = GlSceneData(context, scene, settings, anisotropy, loading)
-        self.pipelines = Pipelines(context, self.data.defines)
+        self.pipelines = Pipelines(context, self.data.defines, self.data.constants)
         self.workers = Workers(settings.frames.recording_threads)
         multi_draw = plan.native("multi-draw")
         self.commands = open_commands(context, self.pipelines, multi_draw, self.workers, settings.frames)

@@ -82,7 +82,8 @@ class VulkanBackend(Backend):
         rehearse(loading, device, self.frames.slots, self.data, pose)
         self._cache = PipelineCache.on_disk(device)
         defines = (*self.data.defines, *loop_defines(settings, plan.native("subgroups")))
-        self.pipelines = Pipelines(device, self._cache, self.data.slot_count or CAPACITY, defines)
+        capacity = self.data.slot_count or CAPACITY
+        self.pipelines = Pipelines(device, self._cache, capacity, defines, self.data.constants)
         poisoned = ["copy_target"] * (settings.graph.poison != "off")
         self.memory = GraphMemory(device, poisoned, self._queues.families)
         self.requirement = self.memory.requirement

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -97,12 +98,17 @@ class SpecConstant:
     def encoded(self, value: Number) -> bytes:
         """Return `value` as the bytes that the driver reads; raise ShaderError if the constant cannot have it."""
         try:
-            if isinstance(value, float) and self.type not in ("float", "double"):
+            value = value.item() if isinstance(value, np.generic) else value
+            if isinstance(value, bool) != (
+                self.type == "bool"
+            ):  # VkBool32 is 0 or 1, and a number is no bool
+                raise ValueError
+            if isinstance(value, float) and not (self.type in ("float", "double") and math.isfinite(value)):
                 raise ValueError
             return struct.pack("<" + number_format(self.type, self.size), value)
         except (struct.error, ValueError, OverflowError):
             raise ShaderError(
-                f"The specialization constant '{self.name}' is {self.type}: it cannot be {value}."
+                f"The specialization constant '{self.name}' is {self.type}: it cannot be {value!r}."
             ) from None
 
 
