@@ -57,8 +57,11 @@ float box_mean(vec3 start, vec3 end, vec3 center, vec3 half_size) {
 // (After Hillaire 2015, without his division by the extinction, which loses the light of thin media.)
 vec4 through_segment(vec4 fog, vec3 scattered, float extinction, float metres) {
     float depth = extinction * metres;
-    vec3 light = fog.rgb + fog.a * metres * mean_transmittance(depth) * scattered;
-    return vec4(light, fog.a * exp(-depth));
+    float mean = mean_transmittance(depth);
+    vec3 light = fog.rgb + fog.a * metres * mean * scattered;
+    // exp(-depth) by the series too: a device's exp may be below 1 at 0, and a hundred slices multiply it.
+    float left = depth < 0.5 ? 1.0 - depth * mean : exp(-depth);
+    return vec4(light, fog.a * left);
 }
 
 // What a surface's colour becomes behind fog.

@@ -19,6 +19,13 @@ float slice_begin(uint index, uint count, float near, float octaves) {
     return index == 0u ? 0.0 : slice_depth(float(index) / float(count), near, octaves);
 }
 
+// The depth a part (0 to 1) of the way through slice `index`, where it takes its sample: by ratio, but for the first,
+// which begins at the eye.
+float slice_sample(uint index, float part, uint count, float near, float octaves) {
+    float depth = slice_depth((float(index) + (index == 0u ? 1.0 : part)) / float(count), near, octaves);
+    return index == 0u ? part * depth : depth;
+}
+
 // The point of view space at uv and a depth in metres, for perspective and orthographic views, with jitter or without.
 // `clip_from_view` has its scales on the diagonal and, in its third and fourth columns, what shifts the picture.
 vec3 view_from_volume(vec2 uv, float depth, mat4 clip_from_view) {

@@ -110,7 +110,7 @@ class Medium:
             with np.errstate(divide="ignore", invalid="ignore"):
                 found.append((self.height.base - start[:, 1]) / direction[:, 1])
         for box in self.boxes:
-            found += crossing(start, direction * length[:, None], box) * length
+            found.extend(crossing(start, direction * length[:, None], box) * length)
         at = np.stack(found, axis=1)
         return np.sort(np.clip(np.where(np.isfinite(at), at, 0.0), 0.0, length[:, None]), axis=1)
 

@@ -20,7 +20,7 @@ Float64 = NDArray[np.float64]
 class Grid:
     """Froxels of a view: `size` is (X, Y, Z); slice s ends at depth near * (far / near)^(s / Z) in metres.
 
-    The first slice begins at the eye. `clip_from_view` and `world_from_view` (4, 4) are those of the picture.
+    The first slice begins at the eye, so its middle lies in front of `near`. `clip_from_view` and `world_from_view` (4, 4) are those of the picture.
     """
 
     size: tuple[int, int, int]
@@ -40,6 +40,16 @@ class Grid:
     def edges(self) -> Float64:
         """Return (Z + 1,) depths between slices, 0 in front of the first."""
         return np.concatenate([[0.0], self.depth(np.arange(1, self.size[2] + 1) / self.size[2])])
+
+    def depths(self, part: ArrayLike = 0.5) -> Float64:
+        """Return (Z,) depths at which slices take their samples: `part` of the way through, the first linearly."""
+        index = np.arange(self.size[2])
+        return np.where(index == 0, self.edges()[1] * part, self.depth((index + np.asarray(part)) / self.size[2]))
+
+    def samples(self, part: ArrayLike = 0.5) -> Float64:
+        """Return the points (Z, Y, X, 3) of the world at which froxels take their samples."""
+        depth = np.broadcast_to(self.depths(part)[:, None, None], self.size[::-1])
+        return self.world_from_uvw(self.centers(), depth)
 
     def view_from_uvw(self, uvw: ArrayLike, depth: ArrayLike | None = None) -> Float64:
         """Return points (..., 3) of view space, at `depth` (...) instead of the third coordinate if it is given."""
@@ -82,9 +92,9 @@ class Grid:
         return near, (far - near) / np.linalg.norm(far - near, axis=-1, keepdims=True)
 
 
-def injected(grid: Grid, medium: fog.Medium, jitter: ArrayLike = (0.0, 0.0, 0.0)) -> Float64:
-    """Return scattering and extinction (Z, Y, X, 4) per metre at the centres."""
-    return medium.at(grid.world_from_uvw(grid.centers(jitter)))
+def injected(grid: Grid, medium: fog.Medium, part: float = 0.5) -> Float64:
+    """Return scattering and extinction (Z, Y, X, 4) per metre, a `part` of the way through the slices."""
+    return medium.at(grid.samples(part))
 
 
 def scattered(
@@ -96,9 +106,8 @@ def scattered(
     attenuated: bool = True,
 ) -> Float64:
     """Return light scattered to the eye per metre and extinction (Z, Y, X, 4): lamps, and `ambient` nits all around."""
-    centers = grid.centers()
-    points = grid.world_from_uvw(centers)
-    _, direction = grid.rays(centers[..., :2])
+    points = grid.samples()
+    _, direction = grid.rays(grid.centers()[..., :2])
     data = medium.at(points)
     light = data[..., :3] * np.asarray(ambient)
     for lamp in lights:
