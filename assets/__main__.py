@@ -58,7 +58,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     writing.add_argument("name", metavar="NAME", help="such as atrium or atrium:large")
     writing.add_argument("folder", metavar="FOLDER", type=Path)
     writing.add_argument("--glb", action="store_true", help="one .glb file instead")
-    commands.add_parser("remake", help="make the files in assets/models and assets/tables anew, after a change of a generator")
+    commands.add_parser(
+        "remake", help="make the files in assets/models and assets/tables anew, after a change of a generator"
+    )
     chosen = parser.parse_args(arguments)
     try:
         if chosen.command == "write":

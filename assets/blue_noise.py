@@ -44,8 +44,10 @@ def gaussian(size: int) -> Int64:
     near = np.minimum(np.arange(size), size - np.arange(size))
     squared = near[:, None] ** 2 + near**2
     scale = Decimal(1 << ENERGY_BITS)
-    energies = {int(d): int((scale * (-Decimal(int(d)) / (2 * SIGMA**2)).exp()).to_integral_value())
-                for d in np.unique(squared)}
+    energies = {
+        int(d): int((scale * (-Decimal(int(d)) / (2 * SIGMA**2)).exp()).to_integral_value())
+        for d in np.unique(squared)
+    }
     return np.vectorize(energies.__getitem__, otypes=[np.int64])(squared) << TIE_BITS
 
 

@@ -16,7 +16,6 @@ FREQUENCY = np.hypot(*np.meshgrid(np.fft.fftfreq(SIZE), np.fft.fftfreq(SIZE)))
 """Cycles per texel of each bin of a spectrum of the table; 0.5 is the highest along an axis."""
 
 
-
 def power(values):
     """Return the spectrum (H, W): white noise has a mean of 1 in all bins but the constant's, which is 0 here."""
     values = np.asarray(values, np.float64)
@@ -114,7 +113,7 @@ def blue(table):
     """Fail unless the spectrum of ranks is that of blue noise, by bounds that white noise cannot meet."""
     spectrum = power(table)
     for radius, most in ((0.1, 0.001), (0.2, 0.01), (0.25, 0.02)):
-        low = (FREQUENCY > 0) & (FREQUENCY <= radius)
+        low = (FREQUENCY > 0) & (radius >= FREQUENCY)
         assert spectrum[low].mean() <= most, f"below {radius} cycles a texel"
         assert improbable(most, low.sum()) > 1000, "a bound that white noise might meet says nothing"
     # The power that is missing there is above: the mean of all bins is 1.
@@ -151,7 +150,7 @@ def test_no_direction_is_preferred():
     for channel in range(2):
         spectrum = power(ranks()[..., channel])
         for inner in (0.25, 0.3, 0.35, 0.4, 0.45):
-            ring = (FREQUENCY > inner) & (FREQUENCY <= inner + 0.05)
+            ring = (inner < FREQUENCY) & (inner + 0.05 >= FREQUENCY)
             bins = np.array([(ring & (eighth == k)).sum() for k in range(8)])
             means = np.array([spectrum[ring & (eighth == k)].mean() for k in range(8)])
             # The mean of n / 2 independent exponential numbers of mean 1 deviates by sqrt(2 / n).
@@ -161,17 +160,20 @@ def test_no_direction_is_preferred():
 def test_a_preferred_direction_is_found():
     """Every second column of another table: its ring differs from direction to direction."""
     spectrum = power(np.repeat(ranks()[::2, ..., 0], 2, axis=0))
-    rows, columns = spectrum[SIZE // 2 - 8 : SIZE // 2 + 8, :8].mean(), spectrum[:8, SIZE // 2 - 8 :][:, :16].mean()
+    rows, columns = (
+        spectrum[SIZE // 2 - 8 : SIZE // 2 + 8, :8].mean(),
+        spectrum[:8, SIZE // 2 - 8 :][:, :16].mean(),
+    )
     assert abs(rows / columns - 1) > 0.5
 
 
 @pytest.mark.feature("noise/blue-noise")
 @pytest.mark.parametrize("level", [1 / 64, 1 / 32, 1 / 16])
 def test_texels_below_a_low_level_are_spread_evenly_across_seams_too(level):
-    """Counted on the torus no two lie nearer than half the distance in a hexagonal lattice, sqrt(2 / (sqrt(3) density)).
+    """No two on the torus lie nearer than half the distance of a hexagonal lattice, sqrt(2 / (sqrt(3) density)).
 
-    Of n texels at random, n^2 / 2 * 8 / SIZE^2 pairs are neighbours: 16 for a 64th. At higher levels half the distance is
-    that of neighbours.
+    Of n texels at random, n^2 / 2 * 8 / SIZE^2 pairs are neighbours: 16 for a 64th. At higher levels half the distance
+    is that of neighbours.
     """
     for table in np.moveaxis(ranks(), -1, 0):
         places = np.argwhere(table < level * SIZE**2)
@@ -200,7 +202,9 @@ def test_a_seam_is_a_row_like_any_other():
 
 def alike(first, second):
     """Return the largest correlation of two tables, over all shifts of one against the other."""
-    spectra = [np.fft.fft2(table - np.mean(table)) for table in (np.asarray(first, float), np.asarray(second, float))]
+    spectra = [
+        np.fft.fft2(table - np.mean(table)) for table in (np.asarray(first, float), np.asarray(second, float))
+    ]
     scale = np.std(first) * np.std(second) * np.size(first)
     return np.abs(np.fft.ifft2(spectra[0] * np.conj(spectra[1])).real).max() / scale
 

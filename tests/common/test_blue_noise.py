@@ -94,6 +94,7 @@ def test_one_channel_used_twice_is_no_triangle():
 
 
 @animation
+@pytest.mark.feature("noise/blue-noise")
 def test_shaders_have_the_same_numbers_to_the_bit(either_device):
     from tests.support.either import evaluate
 

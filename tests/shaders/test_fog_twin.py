@@ -7,7 +7,7 @@ from decimal import Decimal, localcontext
 import numpy as np
 import pytest
 
-from common.numerics.transforms import pose_looking_at, orthographic, perspective
+from common.numerics.transforms import orthographic, perspective, pose_looking_at
 from tests.twins import fog, fog_grid
 from tests.twins.fog_grid import Grid
 
@@ -79,9 +79,9 @@ def test_light_and_transmittance_of_a_lit_slab_are_no_more_than_there_was():
 @pytest.mark.parametrize("medium", [HAZE, LAYERS], ids=["haze", "layers"])
 def test_optical_depth_is_the_sum_over_many_points(medium):
     rng = np.random.default_rng(3)
-    start, end = rng.uniform(-6, 6, (2, 60, 3)) + (0, 1, -3)
+    start, end = rng.uniform(-6, 6, (2, 60, 3)) + np.array((0, 1, -3))
     end[:10, 1] = start[:10, 1]
-    end[10:12] = start[10:12] + (0, 0, 5)
+    end[10:12] = start[10:12] + np.array((0, 0, 5))
     along = (np.arange(20_000) + 0.5) / 20_000
     points = start[:, None] + along[:, None] * (end - start)[:, None]
     summed = medium.at(points)[..., 3].mean(axis=1) * np.linalg.norm(end - start, axis=1)
@@ -95,7 +95,9 @@ def test_height_fog_above_a_point_is_rho_over_k():
     up = medium.optical_depth((0, 1.4, 0), (0, 3.4, 0))
     assert up == pytest.approx(0.08 / 0.6 * (np.exp(-0.6) - np.exp(-1.8)), rel=1e-14)
     assert medium.optical_depth((0, -2.6, 0), (0, 0.4, 0)) == pytest.approx(0.24, rel=1e-14)
-    assert medium.optical_depth((5, 1.4, 0), (0, 1.4, 12)) == pytest.approx(13 * 0.08 * np.exp(-0.6), rel=1e-12)
+    assert medium.optical_depth((5, 1.4, 0), (0, 1.4, 12)) == pytest.approx(
+        13 * 0.08 * np.exp(-0.6), rel=1e-12
+    )
 
 
 def test_a_box_has_its_chord_and_a_half_turned_segment_misses_it():
@@ -112,7 +114,7 @@ def test_a_box_has_its_chord_and_a_half_turned_segment_misses_it():
 @pytest.mark.parametrize("g", [0.0, 0.6, -0.4])
 @pytest.mark.parametrize("medium", [HAZE, LAYERS, WAVES], ids=["haze", "layers", "waves"])
 def test_single_scattering_is_the_sum_over_many_points(medium, g):
-    """Midpoints in equal steps of distance, nothing but the definition; 16 nodes in 8 panels are within what both err."""
+    """Midpoints in equal steps of distance, nothing but the definition: within what steps across a face err by."""
     start, direction, length = some_rays()
     light, seen = fog.single_scattering(start, direction, length, medium, LAMP, g)
     steps = 4000
@@ -126,7 +128,11 @@ def test_single_scattering_is_the_sum_over_many_points(medium, g):
     before = np.cumsum(depth, axis=1) - depth / 2
     value = value * np.exp(-before - medium.optical_depth(points, LAMP.position)) * length[:, None] / steps
     summed = (medium.at(points)[..., :3] * np.asarray(LAMP.candela) * value[..., None]).sum(axis=1)
-    assert np.abs(light / summed - 1).max() < 2e-3 if medium is LAYERS else np.abs(light / summed - 1).max() < 2e-4
+    assert (
+        np.abs(light / summed - 1).max() < 2e-3
+        if medium is LAYERS
+        else np.abs(light / summed - 1).max() < 2e-4
+    )
     assert np.abs(seen / np.exp(-depth.sum(axis=1)) - 1).max() < 1e-3
 
 
@@ -155,7 +161,9 @@ def test_a_lamp_out_of_reach_gives_no_light_and_a_denser_medium_less_of_what_is_
     start, direction, length = some_rays(30, seed=7)
     near = fog.Light(LAMP.position, LAMP.candela, reach=0.01)
     assert not fog.single_scattering(start, direction, length, HAZE, near, 0.3)[0].any()
-    windowed = fog.single_scattering(start, direction, length, HAZE, fog.Light(LAMP.position, LAMP.candela, 6.0), 0.3)
+    windowed = fog.single_scattering(
+        start, direction, length, HAZE, fog.Light(LAMP.position, LAMP.candela, 6.0), 0.3
+    )
     free = fog.single_scattering(start, direction, length, HAZE, LAMP, 0.3)
     assert (windowed[0] < free[0]).all()
     thick = fog.single_scattering(start, direction, length, fog.Medium(3.0), LAMP, 0.3)
@@ -165,14 +173,12 @@ def test_a_lamp_out_of_reach_gives_no_light_and_a_denser_medium_less_of_what_is_
 # --- filters ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.feature("fog/spatial-filter")
 def test_the_weights_of_the_filter():
     weights = fog.gaussian_weights()
     assert weights.shape == (5, 5) and weights.sum() == pytest.approx(19.6819, abs=5e-5)
     assert weights[0, 0] == pytest.approx(0.60653, abs=5e-6) and weights[2, 2] == 1.0
 
 
-@pytest.mark.feature("fog/spatial-filter")
 def test_the_filter_keeps_a_constant_and_spreads_an_impulse():
     volume = np.broadcast_to((1.0, 2.0, 3.0, 4.0), (3, 9, 11, 4))
     np.testing.assert_allclose(fog.spatially_filtered(volume), volume, rtol=1e-14)
@@ -185,10 +191,11 @@ def test_the_filter_keeps_a_constant_and_spreads_an_impulse():
     assert not filtered[[0, 2]].any() and np.count_nonzero(filtered[1, ..., 0]) == 25
     corner = np.zeros((1, 9, 11, 1))
     corner[0, 0, 0] = 1
-    assert fog.spatially_filtered(corner)[0, 0, 0, 0] == pytest.approx(1 / fog.gaussian_weights()[2:, 2:].sum())
+    assert fog.spatially_filtered(corner)[0, 0, 0, 0] == pytest.approx(
+        1 / fog.gaussian_weights()[2:, 2:].sum()
+    )
 
 
-@pytest.mark.feature("fog/temporal-filter")
 def test_a_blend_forgets_by_a_power_and_drops_what_is_not_finite():
     history, current = np.full(4, 7.0), np.full(4, 3.0)
     for frame in range(1, 30):
@@ -203,11 +210,14 @@ def test_a_blend_forgets_by_a_power_and_drops_what_is_not_finite():
 
 def grid_of(size, lens=None, eye=(0.0, 1.2, 0.0), to=(0.1, 1.0, -5.0), near=0.1, far=20.0):
     lens = perspective(1.0, 1.5, 0.1) if lens is None else lens
-    return Grid(size, near, far, lens, pose_looking_at(np.array(eye), np.array(to), np.array((0.0, 1.0, 0.0))))
+    return Grid(
+        size, near, far, lens, pose_looking_at(np.array(eye), np.array(to), np.array((0.0, 1.0, 0.0)))
+    )
 
 
-@pytest.mark.feature("fog/medium")
-@pytest.mark.parametrize("lens", [None, orthographic(3.0, 1.5, 0.1, 50.0)], ids=["perspective", "orthographic"])
+@pytest.mark.parametrize(
+    "lens", [None, orthographic(3.0, 1.5, 0.1, 50.0)], ids=["perspective", "orthographic"]
+)
 def test_a_homogeneous_medium_is_exact_at_every_slice_and_between(lens):
     """Along the ray, not along the axis: at a corner of the picture the way is longer."""
     grid = grid_of((6, 4, 24), lens)
@@ -227,7 +237,6 @@ def test_a_homogeneous_medium_is_exact_at_every_slice_and_between(lens):
     assert np.abs(linear[:, 3] - found[:, 3]).max() > 1e-3, "what a sampler gives is not exact between ends"
 
 
-@pytest.mark.feature("fog/temporal-filter")
 def test_histories_rest_shift_with_the_view_and_are_left_at_the_border():
     """The same grid: a fixed point. Moved by two froxels of an orthographic view: the history moves by two columns."""
     lens = orthographic(2.0, 1.0, 0.1, 50.0)
@@ -243,7 +252,6 @@ def test_histories_rest_shift_with_the_view_and_are_left_at_the_border():
     assert np.array_equal(fog_grid.reprojected(volume, current, behind, grid, 0.25), current)
 
 
-@pytest.mark.feature("fog/light-scattering")
 def test_a_froxel_s_light_is_albedo_extinction_phase_candela_and_the_square_of_the_distance():
     grid = grid_of((4, 4, 8))
     medium = fog.Medium(0.1, (1.0, 0.5, 0.25))
@@ -254,7 +262,9 @@ def test_a_froxel_s_light_is_albedo_extinction_phase_candela_and_the_square_of_t
     dimmed = fog_grid.scattered(grid, medium, [LAMP], 0.0)
     np.testing.assert_allclose(dimmed[..., 1] / volume[..., 1], np.exp(-0.1 * np.sqrt(square)), rtol=1e-12)
     both = fog_grid.scattered(grid, medium, [LAMP, LAMP], 0.4)
-    np.testing.assert_allclose(both[..., :3], 2 * fog_grid.scattered(grid, medium, [LAMP], 0.4)[..., :3], rtol=1e-12)
+    np.testing.assert_allclose(
+        both[..., :3], 2 * fog_grid.scattered(grid, medium, [LAMP], 0.4)[..., :3], rtol=1e-12
+    )
 
 
 def error_of(size, lamp, count=60):
@@ -264,7 +274,9 @@ def error_of(size, lamp, count=60):
     volume = fog_grid.scattered(grid, medium, [lamp], 0.4)
     ends = fog_grid.integrated(grid, volume)
     rng = np.random.default_rng(6)
-    uv = (np.column_stack([rng.integers(0, size[0], count), rng.integers(0, size[1], count)]) + 0.5) / size[:2]
+    uv = (np.column_stack([rng.integers(0, size[0], count), rng.integers(0, size[1], count)]) + 0.5) / size[
+        :2
+    ]
     depth = rng.uniform(4, 12, count)
     found = fog_grid.within_slice(grid, ends, volume, uv, depth)
     start, direction = grid.rays(uv)
@@ -272,19 +284,19 @@ def error_of(size, lamp, count=60):
     return np.sqrt(((found[:, :3] - truth) ** 2).mean() / (truth**2).mean())
 
 
-@pytest.mark.feature("fog/light-scattering")
 @pytest.mark.parametrize("place", [(-6.0, 4.0, -5.0), (1.0, 1.6, -2.0)], ids=["far", "near"])
 def test_slices_converge_to_quadrature_for_a_lamp_beside_the_rays(place):
     """Samples in the middle of slices: the error falls by their thickness squared, and 128 slices are within 1e-4.
 
     From 16 to 128 slices that is a factor of 64; the random depths leave a half of it certain.
     """
-    errors = [error_of((16, 12, slices), fog.Light(place, (10.0, 10.0, 10.0))) for slices in (16, 32, 64, 128)]
+    errors = [
+        error_of((16, 12, slices), fog.Light(place, (10.0, 10.0, 10.0))) for slices in (16, 32, 64, 128)
+    ]
     assert errors[2] < 0.01 and errors[3] < 1e-4
     assert errors[0] > 32 * errors[3] and errors == sorted(errors, reverse=True)
 
 
-@pytest.mark.feature("fog/light-scattering")
 def test_a_first_slice_sampled_at_its_texel_s_place_would_cost_accuracy():
     """That place is near its end, as the slice begins at the eye and not at `near`; the error stays for any grid."""
     grid = grid_of((4, 4, 64))

@@ -14,7 +14,7 @@ ULP = 2.0**-24
 
 ONE = 512 * ULP
 """Bound of one octave. The fade's sum t (6 t - 15) + 10 has terms of up to 15, each rounded: 40 ULP. It multiplies the
-difference of two products of up to 2 in size, so a step between corners adds up to 160 ULP, and there are three such steps."""
+difference of two products of up to 2 in size: a step between corners adds up to 160 ULP, and there are three of them."""
 
 
 def pcg3d(x, y, z):
@@ -76,7 +76,7 @@ def volume(device, uvw, octaves=7, frequency=4):
 
 
 def test_seven_octaves_tile_across_all_faces(either_device):
-    """The same bits one volume on, in each axis and all at once, also before zero; half a volume on is another value."""
+    """The same bits one volume on, in each axis and all at once, also before zero; not half a volume on."""
     uvw = texels(16)[::3]
     here = volume(either_device, uvw)
     for step in np.vstack([np.eye(3), -np.eye(3), [(1, 1, 1), (-1, 2, 0)]]):
@@ -87,7 +87,9 @@ def test_seven_octaves_tile_across_all_faces(either_device):
 
 def test_seven_octaves_are_those_of_float64(either_device):
     """Octaves err as one does: they are averaged. Sum, division and mapping round a few times more."""
-    uvw = np.concatenate([texels(64)[::61], np.float32(np.random.default_rng(2).integers(0, 4096, (2000, 3)) / 4096)])
+    uvw = np.concatenate(
+        [texels(64)[::61], np.float32(np.random.default_rng(2).integers(0, 4096, (2000, 3)) / 4096)]
+    )
     got = volume(either_device, uvw)
     assert np.abs(got - noise.octaves_of_noise(uvw, 4, 7, 5)).max() < ONE / 2 + 8 * ULP
     assert got.min() >= 0.0 and got.max() <= 1.0
@@ -95,7 +97,7 @@ def test_seven_octaves_are_those_of_float64(either_device):
 
 
 def test_a_face_goes_on_in_the_opposite_one(either_device):
-    """Steps between the last layer of texels and the first are as steps within: noise that does not tile has larger ones."""
+    """Steps from the last layer of texels to the first are as those within: without tiling they are larger."""
     size = 32
     values = volume(either_device, texels(size), octaves=3).reshape(size, size, size)
     for axis in range(3):

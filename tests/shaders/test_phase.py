@@ -16,8 +16,8 @@ ROUNDED = 28 * ULP
 """What Vulkan's precision of single steps lets the function be off by, relative.
 
 1 - g rounds once, its square twice that and once more, 2 g (1 - cos) once, their sum once: 4 in d, and all terms are
-positive. d sqrt(d) has that one and a half times, 2.5 + 2 units in the last place of the root (2 ULP each) and one of the
-product: 16. Numerator 4, the constant 2, the division 2.5 units: 5. Together 27 or 28.
+positive. d sqrt(d) has that one and a half times, 2.5 + 2 units in the last place of the root (2 ULP each) and one of
+the product: 16. Numerator 4, the constant 2, the division 2.5 units: 5. Together 27 or 28.
 """
 
 EVERY_G = [-0.99, -0.9, -0.5, 0.0, 1e-3, 0.3, 0.7, 0.9, 0.99]
@@ -65,7 +65,9 @@ def test_the_stable_form_is_the_printed_one():
 @pytest.mark.parametrize("g", EVERY_G)
 def test_a_shader_has_it_within_its_steps_rounding(either_device, g):
     """At every distance from the peak, down to 1 - cos = 1e-12."""
-    apart = np.float32(np.concatenate([[0.0, 2.0], np.geomspace(1e-12, 2, 3000), 2 - np.geomspace(1e-6, 2, 3000)]))
+    apart = np.float32(
+        np.concatenate([[0.0, 2.0], np.geomspace(1e-12, 2, 3000), 2 - np.geomspace(1e-6, 2, 3000)])
+    )
     size = np.full_like(apart, g)
     body = "density = henyey_greenstein(apart, g);"
     got = evaluate(either_device, PHASE, body, {"apart": apart, "g": size}, {"density": "float"})["density"]

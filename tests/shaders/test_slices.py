@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from common.numerics.transforms import pose_looking_at, orthographic, perspective
+from common.numerics.transforms import orthographic, perspective, pose_looking_at
 from tests.support.either import evaluate
 from tests.twins.fog_grid import Grid
 
@@ -26,7 +26,7 @@ every_lens = pytest.mark.parametrize("name", LENSES)
 def grid_of(name, size=(128, 128, 128), jitter=(0.0, 0.0), eye=(3.0, 1.0, -2.0)):
     lens = LENSES[name].copy()
     lens[:2] += np.outer(jitter, lens[3])
-    pose = pose_looking_at(np.array(eye), np.array(eye) + (1.0, -0.3, 0.7), np.array((0.0, 1.0, 0.0)))
+    pose = pose_looking_at(eye, np.add(eye, (1.0, -0.3, 0.7)))
     return Grid(size, NEAR, FAR, lens, pose)
 
 
@@ -133,7 +133,7 @@ def test_samples_within_slices(either_device, part):
 @froxels
 @every_lens
 def test_a_shader_s_places_are_those_of_float64_and_go_there_and_back(either_device, name):
-    """Less than 1e-4 of a cell of the 128^3 grid off after view space and back: rounding is a few ULP of the picture."""
+    """Less than 1e-4 of a cell of the 128^3 grid off after view space and back: a few ULP of the picture."""
     grid = grid_of(name, jitter=(0.013, -0.021))
     numbers = ", ".join(repr(float(number)) for number in np.float32(grid.clip_from_view).T.reshape(-1))
     uvw = np.float32(np.random.default_rng(5).uniform(0, 1, (4000, 3)))

@@ -21,7 +21,7 @@ GREY = (0.5, 0.5, 0.5)
 
 
 def henyey_greenstein(one_minus_cosine: ArrayLike, g: ArrayLike) -> Float64:
-    """Return the density per steradian (Henyey and Greenstein 1941), with 1 + g^2 - 2 g cos as a sum without cancelling.
+    """Return the density per steradian (Henyey and Greenstein 1941), 1 + g^2 - 2 g cos written as a sum.
 
     The cosine is that between the light's way before and after: 1 is straight on, where g > 0 has its peak.
     """
@@ -69,9 +69,7 @@ class Medium:
         found = [(np.full(points.shape[:-1], float(self.extinction)), self.albedo)]
         if self.height:
             above = np.maximum(points[..., 1] - self.height.base, 0.0)
-            found.append(
-                (self.height.extinction * np.exp(-self.height.falloff * above), self.height.albedo)
-            )
+            found.append((self.height.extinction * np.exp(-self.height.falloff * above), self.height.albedo))
         for box in self.boxes:
             inside = (np.abs(points - box.center) <= box.half).all(axis=-1)
             found.append((box.extinction * inside, box.albedo))

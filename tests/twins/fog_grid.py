@@ -20,7 +20,9 @@ Float64 = NDArray[np.float64]
 class Grid:
     """Froxels of a view: `size` is (X, Y, Z); slice s ends at depth near * (far / near)^(s / Z) in metres.
 
-    The first slice begins at the eye, so its middle lies in front of `near`. `clip_from_view` and `world_from_view` (4, 4) are those of the picture.
+    The first slice begins at the eye, so its middle lies in front of `near`.
+
+    `clip_from_view` and `world_from_view` (4, 4) are those of the picture.
     """
 
     size: tuple[int, int, int]
@@ -44,7 +46,9 @@ class Grid:
     def depths(self, part: ArrayLike = 0.5) -> Float64:
         """Return (Z,) depths at which slices take their samples: `part` of the way through, the first linearly."""
         index = np.arange(self.size[2])
-        return np.where(index == 0, self.edges()[1] * part, self.depth((index + np.asarray(part)) / self.size[2]))
+        return np.where(
+            index == 0, self.edges()[1] * part, self.depth((index + np.asarray(part)) / self.size[2])
+        )
 
     def samples(self, part: ArrayLike = 0.5) -> Float64:
         """Return the points (Z, Y, X, 3) of the world at which froxels take their samples."""
@@ -58,7 +62,8 @@ class Grid:
         m = self.clip_from_view
         clip_w = m[3, 2] * -depth + m[3, 3]
         x, y = (
-            ((2 * uvw[..., row] - 1) * clip_w - m[row, 2] * -depth - m[row, 3]) / m[row, row] for row in (0, 1)
+            ((2 * uvw[..., row] - 1) * clip_w - m[row, 2] * -depth - m[row, 3]) / m[row, row]
+            for row in (0, 1)
         )
         return np.stack(np.broadcast_arrays(x, y, -depth), axis=-1)
 
@@ -72,7 +77,9 @@ class Grid:
         view = (points - self.world_from_view[:3, 3]) @ self.world_from_view[:3, :3]
         clip = view @ self.clip_from_view[:, :3].T + self.clip_from_view[:, 3]
         with np.errstate(invalid="ignore"):
-            return np.concatenate([clip[..., :2] / clip[..., 3:] * 0.5 + 0.5, self.w(-view[..., 2:])], axis=-1)
+            return np.concatenate(
+                [clip[..., :2] / clip[..., 3:] * 0.5 + 0.5, self.w(-view[..., 2:])], axis=-1
+            )
 
     def centers(self, jitter: ArrayLike = (0.0, 0.0, 0.0)) -> Float64:
         """Return coordinates (Z, Y, X, 3) of the centres, moved by `jitter` (..., 3) froxels."""

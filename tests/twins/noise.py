@@ -1,4 +1,4 @@
-"""Gradient noise in float64, its hash in whole numbers of 64 bits that are cut (Perlin 2002; Jarzynski and Olano 2020)."""
+"""Gradient noise in float64, its hash in whole numbers (Perlin 2002; Jarzynski and Olano 2020)."""
 
 from __future__ import annotations
 
