@@ -54,7 +54,7 @@ float box_mean(vec3 start, vec3 end, vec3 center, vec3 half_size) {
 
 // Adds a segment of a ray: `fog` holds light so far and transmittance so far (0, 0, 0, 1 at the eye). `scattered` is
 // light scattered to the eye per metre, `extinction` per metre; both are constant over `metres` along the ray.
-// (After Hillaire 2015, without his division by the extinction, which loses the light of thin media.)
+// (After Hillaire 2015, without a division by the extinction, which loses the light of thin media.)
 vec4 through_segment(vec4 fog, vec3 scattered, float extinction, float metres) {
     float depth = extinction * metres;
     float mean = mean_transmittance(depth);

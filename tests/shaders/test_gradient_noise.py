@@ -14,7 +14,7 @@ ULP = 2.0**-24
 
 ONE = 512 * ULP
 """Bound of one octave. The fade's sum t (6 t - 15) + 10 has terms of up to 15, each rounded: 40 ULP. It multiplies the
-difference of two products of up to 2 in size: a step between corners adds up to 160 ULP, and there are three of them."""
+difference of two products of up to 2 in size: a step between corners adds up to 160 ULP, and there are three."""
 
 
 def pcg3d(x, y, z):

@@ -108,7 +108,7 @@ def test_a_slab_that_scatters_more_than_it_attenuates_is_seen(either_device):
     got = evaluate(either_device, MEDIUM, SLAB, {**shape, "albedo": albedo}, OUTPUTS)
     total = got["light"] + got["seen"]
     assert (total[:3] <= 1 + 1e-5).all()
-    assert not total[3] <= 1 + 1e-5
+    assert np.abs(total[3] - 1) > 5e-3
 
 
 @pytest.mark.feature("fog/integration")
@@ -123,7 +123,8 @@ def test_a_division_by_the_extinction_would_lose_light(either_device):
     got = evaluate(either_device, MEDIUM, body, {"beta": beta}, {"floored": "float", "stable": "float"})
     truth = -np.expm1(-80.0 * beta.astype(np.float64))
     assert (np.abs(got["stable"] / truth - 1) < 1e-6).all()
-    assert got["floored"][0] < 0.02 * truth[0] and got["floored"][1] < 0.11 * truth[1]
+    lost = 1 - got["floored"] / truth
+    assert lost[0] > 0.98 and lost[1] > 0.89
     assert got["floored"][2] == pytest.approx(truth[2], rel=1e-4)
 
 
