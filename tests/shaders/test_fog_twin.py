@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from common.numerics.transforms import orthographic, perspective, pose_looking_at
-from tests.twins import fog, fog_grid
+from tests.twins import fog, fog_grid, noise
 from tests.twins.fog_grid import Grid
 
 LAMP = fog.Light((0.5, 1.5, -4.0), (10.0, 5.0, 1.0))
@@ -106,6 +106,28 @@ def test_a_box_has_its_chord_and_a_half_turned_segment_misses_it():
     assert medium.optical_depth((0, 0, 0), (0, 0, 9)) == pytest.approx(1.5)
     assert medium.optical_depth((-1.0001, -9, 0), (-1.0001, 9, 0)) == 0.0
     assert medium.at([(0.99, 1.99, 2.99), (1.01, 0, 0)])[:, 3].tolist() == [0.5, 0.0]
+
+
+def test_a_volume_of_noise_repeats_and_moves_with_the_wind():
+    volume = np.random.default_rng(8).uniform(0, 1, (4, 5, 6))
+    z, y, x = np.indices(volume.shape)
+    centers = (np.stack([x, y, z], axis=-1) + 0.5) / (6, 5, 4)
+    np.testing.assert_allclose(noise.tiled(volume, centers), volume, rtol=1e-12)
+    points = np.random.default_rng(9).uniform(-20, 20, (200, 3))
+    here = noise.in_wind(volume, points, 0.1, (0, 0, 0), 0.0)
+    assert here.min() >= volume.min() and here.max() <= volume.max()
+    for step in np.diag([10.0, -20.0, 30.0]):
+        np.testing.assert_allclose(
+            noise.in_wind(volume, points + step, 0.1, (0, 0, 0), 0.0), here, atol=1e-12
+        )
+    # Ten minutes on, what was here is 600 velocities downwind: also half a texel, and after a whole number of turns.
+    wind = np.array((1.0, 0.1, 2.0))
+    then = noise.in_wind(volume, points + 600 * wind, 0.1, wind, 600.0)
+    np.testing.assert_allclose(then, here, atol=1e-10)
+    assert np.abs(noise.in_wind(volume, points, 0.1, wind, 3.0) - here).max() > 0.1
+    # Between two texels of opposite faces it is their mean.
+    seam = noise.tiled(volume, (0.0, 0.5 / 5, 0.5 / 4))
+    assert seam == pytest.approx((volume[0, 0, 0] + volume[0, 0, 5]) / 2)
 
 
 # --- single scattering ------------------------------------------------------------------------------------------------

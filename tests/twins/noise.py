@@ -59,3 +59,28 @@ def octaves_of_noise(uvw: ArrayLike, frequency: int, octaves: int, seed: int) ->
     weights = 0.5 ** np.arange(octaves)
     parts = [gradient_noise(uvw * (frequency << k), frequency << k, seed + k) for k in range(octaves)]
     return np.clip(0.5 + 0.5 * np.tensordot(weights, parts, 1) / weights.sum(), 0, 1)
+
+
+def tiled(volume: Float64, uvw: ArrayLike) -> Float64:
+    """Return (...) a volume (Z, Y, X) between texel centres by three linear steps; it repeats after 1 in every axis."""
+    volume, uvw = np.asarray(volume, np.float64), np.asarray(uvw, np.float64)
+    size = np.array(volume.shape[::-1])
+    place = uvw * size - 0.5
+    first = np.floor(place).astype(int)
+    part = place - first
+    total = np.zeros(uvw.shape[:-1])
+    for corner in np.ndindex(2, 2, 2):
+        x, y, z = np.moveaxis((first + corner) % size, -1, 0)
+        total += np.where(corner, part, 1 - part).prod(axis=-1) * volume[z, y, x]
+    return total
+
+
+def in_wind(
+    volume: Float64, points: ArrayLike, per_metre: float, velocity: ArrayLike, seconds: float
+) -> Float64:
+    """Return (...) noise at points (..., 3) of the world; the volume spans 1 / `per_metre` metres and moves with wind.
+
+    What is at a point was upwind before. The shift is wrapped before it meets a position, so it never grows.
+    """
+    shift = np.asarray(velocity, np.float64) * seconds * per_metre % 1.0
+    return tiled(volume, np.asarray(points, np.float64) * per_metre - shift)
