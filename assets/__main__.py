@@ -8,6 +8,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from assets import blue_noise
 from assets.scenes import SCENES, find, write
 from common.errors import UserError
 
@@ -31,7 +32,7 @@ def write_one(name: str, folder: Path, binary: bool) -> None:
 
 
 def remake() -> None:
-    """Write every scene of the clone at its default size, in place of what is there, and say how large it is."""
+    """Write every scene of the clone at its default size and the table of blue noise, and say how large they are."""
     total = 0
     for info in filter(lambda info: info.in_clone, SCENES.values()):
         start = time.perf_counter()
@@ -43,6 +44,9 @@ def remake() -> None:
         total += size
         print(f"{info.name:10} {size / 1e6:6.2f} MB  {time.perf_counter() - start:5.2f} s")
     print(f"{'together':10} {total / 1e6:6.2f} MB")
+    start = time.perf_counter()
+    size = blue_noise.write()
+    print(f"{'blue noise':10} {size / 1e6:6.2f} MB  {time.perf_counter() - start:5.2f} s")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -54,7 +58,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     writing.add_argument("name", metavar="NAME", help="such as atrium or atrium:large")
     writing.add_argument("folder", metavar="FOLDER", type=Path)
     writing.add_argument("--glb", action="store_true", help="one .glb file instead")
-    commands.add_parser("remake", help="make the files in assets/models anew, after a change of a generator")
+    commands.add_parser(
+        "remake", help="make the files in assets/models and assets/tables anew, after a change of a generator"
+    )
     chosen = parser.parse_args(arguments)
     try:
         if chosen.command == "write":
