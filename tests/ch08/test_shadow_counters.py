@@ -11,7 +11,7 @@ from tests.support.lamps import lamps, lit
 from tests.support.shadows import commanded, listed, point, yard
 from tests.support.towns import town, walk
 
-pytestmark = pytest.mark.variants("vulkan", "gl")
+pytestmark = pytest.mark.variants("vulkan", "gl", long=("gl",))
 
 SIZE = (48, 32)
 NAMES = ("shadow_units", "shadow_units_culled", "shadow_draws", "shadow_triangles")

@@ -129,7 +129,10 @@ def assert_same(one, other):
 
 
 @pytest.mark.feature("shadows/mesh-shader-layers", "shadows/per-face-fallback")
-@pytest.mark.parametrize("kind", SCENES)
+@pytest.mark.parametrize(
+    "kind",
+    [pytest.param(kind, marks=[pytest.mark.long] * (kind in ("sun", "spot", "masked"))) for kind in SCENES],
+)
 def test_layers_hold_the_bits_of_maps_that_are_drawn_face_by_face(chapter, kind):
     scene = SCENES[kind]()
     layered, own = drawn(chapter, scene, **MESH)
