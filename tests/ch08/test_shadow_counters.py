@@ -58,6 +58,7 @@ def test_counters_are_those_of_lists_and_commands(chapter, scene):
         assert told["shadow_triangles"] == int(commands[:, 0].sum()) // 3
 
 
+@pytest.mark.long
 @pytest.mark.feature("shadows/instance-culling", "shadows/cull-toggles")
 def test_equal_frames_have_equal_counts_and_toggles_raise_them(chapter, scene):
     several(chapter)

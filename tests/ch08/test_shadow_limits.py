@@ -122,7 +122,8 @@ def test_near_planes_behind_the_range_leave_the_light(chapter):
 
 
 @pytest.mark.feature("sparse/page-pool")
-@pytest.mark.parametrize(("side", "most"), [(8, 16), pytest.param(64, 256, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize(("side", "most"), [(8, 16), (64, 256)])
 def test_of_many_lights_the_chosen_ones_have_maps_and_the_others_light(chapter, side, most):
     places = np.linspace(-3.5, 3.5, side)
     near = {
