@@ -154,7 +154,10 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Run the tests of chapters that draw once per variant; the mark `variants` names others than the usual."""
+    """Run the tests of chapters that draw once per variant; the mark `variants` names others than the usual.
+
+    Its `long` names those of them that run with --long alone: the code under test is the same there.
+    """
     area = metafunc.definition.path.relative_to(HERE).parts[0]
     if not (area.startswith("ch") or area == "stability"):
         return
@@ -166,7 +169,9 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
             names = (*names, "deferred")
         later: Any = metafunc.config.pluginmanager.getplugin("strata-snapshots")
         names = later.variants_for(metafunc.definition, names)
-        metafunc.parametrize("variant", names, indirect=True, scope="module")
+        rare = mark.kwargs.get("long", ()) if mark else ()
+        variants = [pytest.param(name, marks=pytest.mark.long) if name in rare else name for name in names]
+        metafunc.parametrize("variant", variants, indirect=True, scope="module")
 
 
 @functools.cache

@@ -266,7 +266,7 @@ def tapped(face, points, radius) -> set[tuple[int, int]]:
 
 
 @pytest.mark.feature("shadows/per-light-resolution")
-@pytest.mark.parametrize("graph", ["forward", "deferred"])
+@pytest.mark.parametrize("graph", [pytest.param("forward", marks=pytest.mark.long), "deferred"])
 def test_reports_name_the_tiles_that_filters_read(chapter, graph):
     scene = yard(SUN, SPOT, POINT)
     size = (40, 30)
@@ -493,7 +493,7 @@ def test_edits_of_what_is_shown_and_of_kinds_of_lights_equal_a_new_renderer(chap
         assert np.array_equal(settled(renderer, ASIDE)[0], pointed)
 
 
-@pytest.mark.parametrize("pool", [0.5, 1.5])
+@pytest.mark.parametrize("pool", [0.5, pytest.param(1.5, marks=pytest.mark.long)])
 def test_a_small_pool_comes_to_rest_after_something_has_moved(chapter, pool):
     lamps_ = [point((x, 3.0, z), reach=9.0) for x in (-2.0, 0.0, 2.0) for z in (-2.0, 2.0)]
     scene = yard(SUN, *lamps_)

@@ -11,7 +11,7 @@ from tests.support.lamps import lamps, lit
 from tests.support.shadows import commanded, listed, point, yard
 from tests.support.towns import town, walk
 
-pytestmark = pytest.mark.variants("vulkan", "gl")
+pytestmark = pytest.mark.variants("vulkan", "gl", long=("gl",))
 
 SIZE = (48, 32)
 NAMES = ("shadow_units", "shadow_units_culled", "shadow_draws", "shadow_triangles")
@@ -58,6 +58,7 @@ def test_counters_are_those_of_lists_and_commands(chapter, scene):
         assert told["shadow_triangles"] == int(commands[:, 0].sum()) // 3
 
 
+@pytest.mark.long
 @pytest.mark.feature("shadows/instance-culling", "shadows/cull-toggles")
 def test_equal_frames_have_equal_counts_and_toggles_raise_them(chapter, scene):
     several(chapter)

@@ -444,7 +444,7 @@ def test_soft_shadows_are_those_of_a_disc_of_light(chapter):
     assert error.mean() < 0.05 and error.max() < 0.2 and not of_hard.mean() < 2 * error.mean()
 
 
-@pytest.mark.parametrize("before", [1, 2, 3])
+@pytest.mark.parametrize("before", [1, *(pytest.param(count, marks=pytest.mark.long) for count in (2, 3))])
 def test_a_reset_gives_the_shadows_of_a_new_renderer(chapter, before):
     """Whatever was drawn before: poses go back, and lamps take the slots that they would have had."""
     lamps = [point((x, 2.0, z)) for x in (-2.0, 0.0, 2.0) for z in (-2.0, 2.0)]

@@ -129,7 +129,10 @@ def assert_same(one, other):
 
 
 @pytest.mark.feature("shadows/mesh-shader-layers", "shadows/per-face-fallback")
-@pytest.mark.parametrize("kind", SCENES)
+@pytest.mark.parametrize(
+    "kind",
+    [pytest.param(kind, marks=[pytest.mark.long] * (kind in ("sun", "spot", "masked"))) for kind in SCENES],
+)
 def test_layers_hold_the_bits_of_maps_that_are_drawn_face_by_face(chapter, kind):
     scene = SCENES[kind]()
     layered, own = drawn(chapter, scene, **MESH)
@@ -150,7 +153,7 @@ def test_layers_hold_the_bits_of_maps_that_are_drawn_face_by_face(chapter, kind)
 @pytest.mark.parametrize(
     "knobs",
     [
-        {"shadow_memory": "pages", "shadow_detail": 0.05},
+        pytest.param({"shadow_memory": "pages", "shadow_detail": 0.05}, marks=pytest.mark.long),
         pytest.param({"shadow_sides": "front"}, marks=pytest.mark.long),
     ],
 )
@@ -254,7 +257,7 @@ def test_toggles_change_the_counts_of_both_paths_alike(chapter, off):
 
 
 @pytest.mark.feature("shadows/per-face-fallback")
-@pytest.mark.parametrize("most", [1, 3])
+@pytest.mark.parametrize("most", [pytest.param(1, marks=pytest.mark.long), 3])
 def test_a_device_with_fewer_layers_draws_the_same_maps(chapter, monkeypatch, most):
     scene = lit(town(count=120), *lamps(6, directional=1))
     every, _ = drawn(chapter, scene, **MESH)

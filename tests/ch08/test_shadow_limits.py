@@ -19,7 +19,7 @@ from common.view.camera import Orthographic, View
 from tests.support.scenes import translated
 from tests.support.shadows import PLAIN, faces_of, lit_taps, point, spot, sun, yard
 
-pytestmark = pytest.mark.variants("vulkan", "gl")
+pytestmark = pytest.mark.variants("vulkan", "gl", long=("gl",))
 
 SIZE = (32, 32)
 ABOVE = View(pose_looking_at((0, 6, 0), (0, 0, 0), (0, 0, -1)), Orthographic(3.0, 0.1, 20.0))
@@ -53,6 +53,11 @@ def drawn(chapter, scene, looking=ABOVE, **turned):
         np.isfinite(faces[name]).all() for name in ("origin", "far", "scale_x") if len(faces)
     )
     return picture, work, faces
+
+
+def but_for(first, others):
+    """Return parameters of which all but the first run with --long alone."""
+    return [first, *(pytest.param(other, marks=pytest.mark.long) for other in others)]
 
 
 def factors(chapter, scene, **turned):
@@ -117,7 +122,8 @@ def test_near_planes_behind_the_range_leave_the_light(chapter):
 
 
 @pytest.mark.feature("sparse/page-pool")
-@pytest.mark.parametrize(("side", "most"), [(8, 16), pytest.param(64, 256, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize(("side", "most"), [(8, 16), (64, 256)])
 def test_of_many_lights_the_chosen_ones_have_maps_and_the_others_light(chapter, side, most):
     places = np.linspace(-3.5, 3.5, side)
     near = {
@@ -140,10 +146,11 @@ BROKEN = {
     "an endless place": (0.0, math.inf, 0.0),
     "a place beyond float32": (1e300, 0.0, 0.0),
 }
+BROKEN_NAMES = (next(iter(BROKEN)), [*BROKEN][1:])
 
 
 @pytest.mark.parametrize("kind", ["directional", "spot", "point"])
-@pytest.mark.parametrize("place", BROKEN)
+@pytest.mark.parametrize("place", but_for(*BROKEN_NAMES))
 def test_lights_that_are_nowhere_harm_no_other_shadow(chapter, kind, place):
     light = Light(kind, 0, intensity=50.0, inner_cone=0.3, outer_cone=0.6)
     scene = yard((light, translated(*BROKEN[place])), spot(*SPOT), point((-1.2, 3.0, 0.8)))
@@ -153,7 +160,7 @@ def test_lights_that_are_nowhere_harm_no_other_shadow(chapter, kind, place):
     assert np.allclose(picture, wanted, rtol=1e-4, atol=1e-5) and work["shadow_lights"] >= 2
 
 
-@pytest.mark.parametrize("axis", ["zero", "nan", "inf"])
+@pytest.mark.parametrize("axis", but_for("zero", ["nan", "inf"]))
 @pytest.mark.parametrize("kind", ["directional", "spot"])
 def test_lights_without_a_direction_harm_no_other_shadow(chapter, kind, axis):
     pose = translated(0.0, 3.0, 0.0)
@@ -167,7 +174,7 @@ def test_lights_without_a_direction_harm_no_other_shadow(chapter, kind, axis):
 
 
 @pytest.mark.parametrize("kind", ["sun", "spot", "point"])
-@pytest.mark.parametrize("place", BROKEN)
+@pytest.mark.parametrize("place", but_for(*BROKEN_NAMES))
 def test_casters_that_are_nowhere_leave_the_shadows_of_others(chapter, kind, place):
     """One square of the cube is elsewhere: with another one in its place nothing changes but that it casts none."""
     light = {

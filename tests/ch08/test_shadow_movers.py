@@ -115,7 +115,7 @@ def test_what_has_moved_once_is_followed_from_then_on():
 
 
 @pytest.mark.feature("shadows/caching")
-@pytest.mark.parametrize("without", [(), ("sparse",), ("multi-draw",)])
+@pytest.mark.parametrize("without", [(), ("multi-draw",), pytest.param(("sparse",), marks=pytest.mark.long)])
 def test_movers_are_drawn_over_what_stands_still(chapter, without):
     """All pictures of a walk equal those of maps that are drawn anew as a whole."""
     scene, whole = yard(SUN, SPOT, POINT), yard(SUN, SPOT, POINT)

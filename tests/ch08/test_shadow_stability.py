@@ -15,7 +15,7 @@ from tests.support.scenes import moved, scaled
 from tests.support.shadows import PLAIN, lit_taps, placed, point, read_face, spot, sun, yard
 from tests.twins import shadows as twin
 
-pytestmark = pytest.mark.variants("vulkan", "gl")
+pytestmark = pytest.mark.variants("vulkan", "gl", long=("gl",))
 
 SIZE, HALF = (64, 64), 3.0
 ABOVE = View(pose_looking_at((0, 6, 0), (0, 0, 0), (0, 0, -1)), Orthographic(HALF, 0.1, 20.0))
@@ -167,7 +167,7 @@ def test_near_planes_keep_depth_precise(chapter):
 
 
 @pytest.mark.feature("shadows/depth-bias")
-@pytest.mark.parametrize("kernel", [1, 3])
+@pytest.mark.parametrize("kernel", [1, pytest.param(3, marks=pytest.mark.long)])
 @pytest.mark.parametrize("bias", ["plane", "slope"])
 @pytest.mark.parametrize(
     ("kind", "degrees"),
