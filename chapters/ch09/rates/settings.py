@@ -40,7 +40,9 @@ class RateSettings:
         flat="rate_surface",
     )
     tint: bool = knob(
-        False, "whether the picture is red where blocks of 2x2 share their light, and blue for 4x4", flat="rate_tint"
+        False,
+        "whether the picture is red where blocks of 2x2 share their light, and blue for 4x4",
+        flat="rate_tint",
     )
     fragments: str = knob(
         "auto",

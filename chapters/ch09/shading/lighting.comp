@@ -6,7 +6,7 @@
 layout(local_size_x = 8, local_size_y = 8) in;
 
 #define COMPUTED
-ivec2 lit_at;  // the pixel that is lit
+ivec2 lit_at = ivec2(0);  // the pixel that is lit
 #define PIXEL lit_at
 vec2 in_uv = vec2(0.0);  // what a fragment shader gets and gives
 vec4 out_color = vec4(0.0);
